@@ -1,0 +1,73 @@
+"""What can go wrong, as a tree.
+
+::
+
+    SelectorError
+    └── InputError              the input is unusable; the command line ends with exit code 2
+        ├── ReadError           a file cannot be read as a recording
+        ├── RecordingError      the tables are readable but do not make a recording
+        ├── UnitError           a unit is unknown, or has the wrong dimension for its role
+        ├── OptionError         an option has a value that cannot be used with this recording
+        └── ModelFileError      a model file does not follow its schema
+    Cancelled                   the user stopped long work; nothing was written
+
+Every message says what was found, what was expected, where, and what to do next.
+"""
+
+from __future__ import annotations
+
+
+class SelectorError(Exception):
+    """Root of every error that this package raises on purpose."""
+
+
+class InputError(SelectorError):
+    """The input is unusable.
+
+    Built from its parts so that no message can forget one of them.
+
+    Parameters
+    ----------
+    found : str
+        What was found.
+    expected : str
+        What was expected instead.
+    where : str
+        File, line, column, channel, option or JSON path.
+    advice : str
+        What the user should do next.
+    """
+
+    def __init__(self, found: str, *, expected: str, where: str, advice: str) -> None:
+        super().__init__(found, expected, where, advice)
+        self.found = found
+        self.expected = expected
+        self.where = where
+        self.advice = advice
+
+    def __str__(self) -> str:
+        return f"{self.where}: {self.found}. Expected: {self.expected}. What to do: {self.advice}"
+
+
+class ReadError(InputError):
+    """A file cannot be read as a recording."""
+
+
+class RecordingError(InputError):
+    """The tables are readable, but they do not make a recording."""
+
+
+class UnitError(InputError):
+    """A unit is unknown, or has the wrong dimension for its role."""
+
+
+class OptionError(InputError):
+    """An option has a value that cannot be used with this recording."""
+
+
+class ModelFileError(InputError):
+    """A model file does not follow its schema."""
+
+
+class Cancelled(SelectorError):
+    """The user stopped long work; nothing was written."""

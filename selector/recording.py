@@ -1,0 +1,211 @@
+"""Labelled, unit-carrying, immutable recordings of one or more runs; a simulation is held in the same type."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from selector.errors import RecordingError
+from selector.units import CANONICAL_UNITS, ROLES
+
+SENSOR_ROLES = ("temperature", "ambient")
+"""Roles that can be inputs of a thermal model without further options."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One recorded quantity.
+
+    Attributes
+    ----------
+    name : str
+        Unique in its recording.
+    role : str
+        One of `selector.units.ROLES`.
+    unit : str
+        The canonical unit of the role; values are converted when a file is read.
+    place : str or None
+        Where the sensor sits, in the user's words.
+    axis : str or None
+        Machine axis of a displacement, e.g. ``"Z"``.
+    xyz_m : tuple of three floats or None
+        Position on the machine [m].
+    """
+
+    name: str
+    role: str
+    unit: str
+    place: str | None = None
+    axis: str | None = None
+    xyz_m: tuple[float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if self.role not in ROLES:
+            raise RecordingError(
+                f"role {self.role!r}",
+                expected="one of " + ", ".join(ROLES),
+                where=f"channel {self.name!r}",
+                advice="correct the role in the machine file",
+            )
+        if self.unit != CANONICAL_UNITS[self.role]:
+            raise RecordingError(
+                f"unit {self.unit!r}",
+                expected=f"{CANONICAL_UNITS[self.role]!r}, the unit in which role {self.role!r} is held",
+                where=f"channel {self.name!r}",
+                advice="convert the values with selector.units.to_canonical before making the recording",
+            )
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One or more runs on a common set of channels.
+
+    Attributes
+    ----------
+    frame : DataFrame of shape (n_samples, n_channels)
+        Index (`run`, `time_s`): the rows of a run stand together, time [s] from the start of the run increases
+        strictly. Columns are float64 in canonical units; NaN = missing. Sampling may be irregular.
+    channels : tuple of Channel
+        One per column, in column order.
+    provenance : mapping
+        Where the data came from: per run the file name, its SHA-256, the absolute start if known, what was inferred.
+
+    Raises
+    ------
+    RecordingError
+        If the frame and the channels do not make a recording.
+    """
+
+    frame: pd.DataFrame
+    channels: tuple[Channel, ...]
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        names = [channel.name for channel in self.channels]
+        _require(len(set(names)) == len(names), f"channels {names}", "unique channel names")
+        _require(
+            list(self.frame.columns) == names,
+            f"columns {list(self.frame.columns)}",
+            f"one column per channel, in this order: {names}",
+        )
+        _require(
+            list(self.frame.index.names) == ["run", "time_s"],
+            f"index {list(self.frame.index.names)}",
+            "a MultiIndex (run, time_s)",
+        )
+        _require(len(self.frame) > 0, "no rows", "at least one sample")
+        values = self.frame.to_numpy(dtype=np.float64, copy=True)
+        values.setflags(write=False)
+        runs = self.frame.index.get_level_values("run").to_numpy()
+        time = self.frame.index.get_level_values("time_s").to_numpy(dtype=np.float64, copy=True)
+        time.setflags(write=False)
+        starts = np.flatnonzero(np.r_[True, runs[1:] != runs[:-1]])
+        order = [str(runs[start]) for start in starts]
+        _require(len(set(order)) == len(order), f"runs in the order {order}", "the rows of each run together")
+        stops = np.r_[starts[1:], len(runs)]
+        slices = {name: slice(int(a), int(b)) for name, a, b in zip(order, starts, stops, strict=True)}
+        for name, part in slices.items():
+            _require(
+                bool(np.all(np.diff(time[part]) > 0)) and bool(np.all(np.isfinite(time[part]))),
+                f"time stamps of run {name!r} that repeat, run backwards or are missing",
+                "strictly increasing time",
+            )
+        frame = pd.DataFrame(values, index=self.frame.index, columns=names, copy=False)
+        object.__setattr__(self, "frame", frame)
+        object.__setattr__(self, "_values", values)
+        object.__setattr__(self, "_time", time)
+        object.__setattr__(self, "_slices", slices)
+
+    @classmethod
+    def from_runs(
+        cls,
+        runs: Mapping[str, pd.DataFrame],
+        channels: Iterable[Channel],
+        provenance: Mapping[str, Any] | None = None,
+    ) -> Recording:
+        """A recording from one table per run, each indexed by time [s]; a channel that a run lacks becomes NaN."""
+        channels = tuple(channels)
+        names = [channel.name for channel in channels]
+        parts = {name: table.reindex(columns=names).astype(np.float64) for name, table in runs.items()}
+        frame = pd.concat(parts, names=["run", "time_s"])
+        return cls(frame, channels, dict(provenance or {}))
+
+    @property
+    def runs(self) -> tuple[str, ...]:
+        """Names of the runs, in the order in which they were read."""
+        return tuple(self._run_slices)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the channels."""
+        return tuple(channel.name for channel in self.channels)
+
+    @property
+    def _run_slices(self) -> dict[str, slice]:
+        slices: dict[str, slice] = self.__dict__["_slices"]
+        return slices
+
+    @cached_property
+    def _column(self) -> dict[str, int]:
+        return {name: i for i, name in enumerate(self.names)}
+
+    def channel(self, name: str) -> Channel:
+        """The channel of this name.
+
+        Raises
+        ------
+        RecordingError
+            If there is none; the message lists those that there are.
+        """
+        if name not in self._column:
+            raise RecordingError(
+                f"no channel {name!r}",
+                expected="one of " + ", ".join(self.names),
+                where="recording",
+                advice="correct the name, or list the channels with `selector describe`",
+            )
+        return self.channels[self._column[name]]
+
+    def with_role(self, *roles: str) -> tuple[str, ...]:
+        """Names of the channels that have one of these roles."""
+        return tuple(channel.name for channel in self.channels if channel.role in roles)
+
+    def time_s(self, run: str) -> NDArray[np.float64]:
+        """Time stamps of a run [s], shape (n_samples,), read-only."""
+        time: NDArray[np.float64] = self.__dict__["_time"]
+        return time[self._run_slices[run]]
+
+    def values(self, run: str, names: Iterable[str]) -> NDArray[np.float64]:
+        """Samples of some channels in a run, shape (n_samples, n_names), canonical units, NaN = missing."""
+        values: NDArray[np.float64] = self.__dict__["_values"]
+        return values[self._run_slices[run]][:, [self._column[name] for name in names]]
+
+    def chunks(
+        self, run: str, names: Iterable[str]
+    ) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        """(time_s, values) pieces of a run in order; here always one piece. See `readers.parquet` for many."""
+        yield self.time_s(run), self.values(run, names)
+
+    def only_runs(self, runs: Iterable[str]) -> Recording:
+        """The recording restricted to some runs, in the order given."""
+        wanted = list(runs)
+        parts = [self.frame.iloc[self._run_slices[run]] for run in wanted]
+        return dataclasses.replace(self, frame=pd.concat(parts))
+
+    def with_values(self, frame: pd.DataFrame) -> Recording:
+        """The same channels and provenance with another frame."""
+        return dataclasses.replace(self, frame=frame)
+
+
+def _require(holds: bool, found: str, expected: str) -> None:
+    if not holds:
+        raise RecordingError(
+            found, expected=expected, where="recording", advice="correct the table before making a Recording from it"
+        )
