@@ -1,0 +1,72 @@
+# The two doors of the project. Each sets up everything it needs; nothing has to be done before.
+#
+#   make demo    the patent's example and a placement study on a shipped recording; ends with the path of a report
+#   make test    every check there is; ends with one line that says that all of them passed
+#
+# Another interpreter:  make test PYTHON=python3.13
+# Fewer processes:      make test WORKERS=1
+# Part of the tests:    make test TESTS=tests/architecture
+
+PYTHON  ?= $(shell .ci/python)
+WORKERS ?= auto
+TESTS   ?=
+
+VENV  := .venv
+BIN   := $(VENV)/bin
+STAMP := $(VENV)/.installed
+
+# The tests run in several processes already; a thread pool in each of them only makes them wait for each other.
+TEST_ENVIRONMENT := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
+
+.PHONY: demo test setup lint types layers pytest reference constraints clean
+
+demo: $(STAMP)
+	@$(BIN)/selector demo
+
+# One after the other, so that `make -j` does not mix their output; the first failure stops the rest.
+test: $(STAMP)
+	@echo "== ruff check";    $(BIN)/ruff check .
+	@echo "== ruff format";   $(BIN)/ruff format --check .
+	@echo "== mypy --strict"; $(BIN)/mypy
+	@echo "== lint-imports";  $(BIN)/lint-imports
+	@echo "== pytest";        $(TEST_ENVIRONMENT) $(BIN)/python -m pytest -n $(WORKERS) --maxprocesses 8 $(TESTS)
+	@echo "make test: all checks passed (ruff, format, types, layers, tests)"
+
+lint: $(STAMP)
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+
+types: $(STAMP)
+	@$(BIN)/mypy
+
+layers: $(STAMP)
+	@$(BIN)/lint-imports
+
+pytest: $(STAMP)
+	@$(TEST_ENVIRONMENT) $(BIN)/python -m pytest -n $(WORKERS) --maxprocesses 8 $(TESTS)
+
+# Pages and lists that are written by the program and checked by the tests.
+reference: $(STAMP)
+	@$(BIN)/python docs/make_command_line.py
+	@$(BIN)/python docs/make_public_api.py
+
+setup: $(STAMP)
+
+$(STAMP): pyproject.toml constraints.txt
+	@test -n "$(PYTHON)" || { echo "no Python 3.11 or newer found; install one, or say make PYTHON=/path/to/python" >&2; exit 2; }
+	@echo "setting up $(VENV) with $(PYTHON) (once; minutes on a slow line)"
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@$(BIN)/python -m pip install --disable-pip-version-check --quiet -c constraints.txt -e ".[test,formats]"
+	@touch $@
+
+# Newest versions that pyproject.toml allows, tried in a fresh environment: read the result, run the tests, commit it.
+constraints:
+	@$(PYTHON) -m venv .venv-newest
+	@.venv-newest/bin/python -m pip install --disable-pip-version-check --quiet ".[test,formats]"
+	@{ sed '/^[^#]/,$$d' constraints.txt; .venv-newest/bin/python -m pip freeze | grep -E '^[A-Za-z0-9._-]+==' | grep -v '^selector=='; } \
+	  > constraints.new
+	@mv constraints.new constraints.txt
+	@rm -rf .venv-newest
+
+clean:
+	@rm -rf $(VENV) .venv-newest build dist out .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
