@@ -1,0 +1,285 @@
+"""A fitted model: coefficients with robust uncertainty, quality of fit, collinearity. Inference by statsmodels."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import statsmodels.api as sm
+from numpy.typing import NDArray
+from statsmodels.stats.diagnostic import acorr_ljungbox
+from statsmodels.stats.sandwich_covariance import S_nw_panel, weights_bartlett
+from statsmodels.stats.stattools import durbin_watson
+
+from selector.errors import OptionError
+from selector.models.terms import Scaling, Term, design_matrix, physical_transform
+
+
+@dataclass(frozen=True)
+class Diagnostics:
+    """What the residuals and the design say about the trust in a fit.
+
+    Attributes
+    ----------
+    durbin_watson : float
+        Near 2 = uncorrelated; near 0 = neighbouring residuals are alike. Within runs.
+    ljung_box_p : float
+        p-value of "no autocorrelation up to lag 10", smallest over runs.
+    condition_number : float
+        Of the centred, scaled columns.
+    max_cooks_distance : float
+        Largest influence of one sample, > 1 is a sample that bends the model alone.
+    most_influential : int
+        Its row.
+    """
+
+    durbin_watson: float
+    ljung_box_p: float
+    condition_number: float
+    max_cooks_distance: float
+    most_influential: int
+
+
+@dataclass(frozen=True)
+class FittedModel:
+    """A displacement as a polynomial of scaled variables, with all that is needed to use and to doubt it.
+
+    Attributes
+    ----------
+    response : str
+    scaling : Scaling
+        Centre and scale of the variables; fitted in z = (x − centre)/scale.
+    terms : tuple of Term
+    has_intercept : bool
+    coefficients : ndarray of shape (1 + n_terms,)
+        Intercept [µm], then one per term in z [µm].
+    covariance : ndarray of shape (1 + n_terms, 1 + n_terms)
+        Robust to autocorrelation within runs (HAC, Newey–West per run).
+    vif : ndarray of shape (n_terms,)
+        Variance inflation of each column.
+    valid_range : tuple of (low, high) per variable
+        Smallest and largest value met while fitting, in x.
+    n_samples : int
+    r2, adjusted_r2 : float
+        About the mean; about zero without an intercept: never rank the two together.
+    rmse_um : float
+        √(mean squared residual), in sample.
+    ridge : float
+        Penalty on the squared scaled coefficients, per sample; 0 = ordinary least squares.
+    """
+
+    response: str
+    scaling: Scaling
+    terms: tuple[Term, ...]
+    has_intercept: bool
+    coefficients: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    vif: NDArray[np.float64]
+    valid_range: tuple[tuple[float, float], ...]
+    n_samples: int
+    r2: float
+    adjusted_r2: float
+    rmse_um: float
+    diagnostics: Diagnostics
+    ridge: float = 0.0
+    notes: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        for array in (self.coefficients, self.covariance, self.vif):
+            array.setflags(write=False)
+
+    def predicted(self, variables: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Displacement [µm] for variables x of shape (n_samples, n_variables), in the order of `scaling`."""
+        scaled = self.scaling.scaled(variables)
+        columns = design_matrix(scaled, self.scaling.variables, self.terms)
+        return columns @ self.coefficients[1:] + self.coefficients[0]
+
+    def physical(self) -> tuple[tuple[Term, ...], NDArray[np.float64], NDArray[np.float64]]:
+        """Terms in x, coefficients (intercept first) and their standard errors: what people read.
+
+        E.g. µm per K for a linear term. The control gets the scaled form: it keeps its digits in 32 bits.
+        """
+        terms, matrix = physical_transform(self.terms, self.scaling)
+        errors = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", matrix, self.covariance, matrix), 0.0))
+        return terms, matrix @ self.coefficients, errors
+
+
+def fit(
+    variables: NDArray[np.float64],
+    response: NDArray[np.float64],
+    *,
+    scaling: Scaling,
+    terms: Sequence[Term],
+    name: str,
+    runs: NDArray[np.int64] | None = None,
+    intercept: bool = True,
+    ridge: float = 0.0,
+) -> FittedModel:
+    """Least squares (QR) of a response on the terms of some variables.
+
+    Parameters
+    ----------
+    variables : ndarray of shape (n_samples, n_variables)
+        In physical units, in the order of `scaling`; rows of a run stand together in time order; nothing missing.
+    response : ndarray of shape (n_samples,)
+    runs : ndarray of int of shape (n_samples,), optional
+        Run of each row, 0-based and non-decreasing: residuals of different runs are independent.
+    ridge : float
+        Penalty λ: minimises ‖y − Xb‖²/n + λ‖b‖² over the scaled coefficients, intercept free.
+
+    Raises
+    ------
+    OptionError
+        Fewer samples than coefficients.
+    """
+    terms = tuple(terms)
+    n, k = len(response), len(terms) + int(intercept)
+    if n <= k:
+        raise OptionError(
+            f"{n} complete samples for {k} coefficients of {name}",
+            expected=f"more than {k} samples at which nothing is missing",
+            where="fit",
+            advice="record longer, use a lower --degree, or fewer sensors (--max-sensors)",
+        )
+    columns = design_matrix(scaling.scaled(variables), scaling.variables, terms)
+    exogenous = np.column_stack([np.ones(n), columns]) if intercept else columns
+    groups = np.zeros(n, dtype=np.int64) if runs is None else runs
+    with warnings.catch_warnings():
+        # an exact fit divides by a zero residual variance; the numbers below say so themselves
+        warnings.simplefilter("ignore", RuntimeWarning)
+        result: Any = sm.OLS(response, exogenous).fit(method="qr" if _full_rank(exogenous) else "pinv")
+        beta = np.asarray(result.params, dtype=np.float64)
+        if ridge > 0:
+            beta = _ridge(exogenous, response, ridge, intercept)
+        residuals = response - exogenous @ beta
+        covariance = _robust_covariance(exogenous, residuals, groups, ridge, intercept)
+        diagnostics = _diagnostics(exogenous, columns, residuals, groups, intercept)
+    reference = response - response.mean() if intercept else response
+    total = float(reference @ reference)
+    rss = float(residuals @ residuals)
+    r2 = 1.0 - rss / total if total > 0 else float("nan")
+    if not intercept:
+        beta = np.r_[0.0, beta]
+        covariance = np.pad(covariance, ((1, 0), (1, 0)))
+    return FittedModel(
+        response=name,
+        scaling=scaling,
+        terms=terms,
+        has_intercept=intercept,
+        coefficients=beta,
+        covariance=covariance,
+        vif=variance_inflation(columns, intercept=intercept),
+        valid_range=tuple(zip(variables.min(axis=0).tolist(), variables.max(axis=0).tolist(), strict=True)),
+        n_samples=n,
+        r2=r2,
+        adjusted_r2=adjusted_r2(r2, n, len(terms), intercept=intercept),
+        rmse_um=float(np.sqrt(rss / n)),
+        diagnostics=diagnostics,
+        ridge=ridge,
+    )
+
+
+def adjusted_r2(r2: float, n_samples: float, n_terms: int, *, intercept: bool = True) -> float:
+    """1 − (m − 1)/(m − p − 1)·(1 − R²) (P step 5); without an intercept m/(m − p).
+
+    NaN when there are too few samples to say.
+    """
+    free = n_samples - n_terms - int(intercept)
+    if free <= 0:
+        return float("nan")
+    return 1.0 - (n_samples - int(intercept)) / free * (1.0 - r2)
+
+
+def variance_inflation(columns: NDArray[np.float64], *, intercept: bool = True) -> NDArray[np.float64]:
+    """1/(1 − R²_j) of each column on the others, shape (n_terms,); inf for a column that the others make up."""
+    if columns.shape[1] == 0:
+        return np.zeros(0)
+    centred = columns - columns.mean(axis=0) if intercept else columns
+    norm = np.sqrt((centred**2).sum(axis=0))
+    norm[norm == 0] = 1.0
+    _, singular, rotation = np.linalg.svd(centred / norm, full_matrices=False)
+    with np.errstate(divide="ignore", over="ignore"):
+        inverse = (rotation.T**2 / singular**2).sum(axis=1) if len(singular) else np.full(columns.shape[1], np.inf)
+    inverse[~np.isfinite(inverse) | (inverse > 1e15)] = np.inf
+    return np.maximum(inverse, 1.0)
+
+
+def _full_rank(exogenous: NDArray[np.float64]) -> bool:
+    diagonal = np.abs(np.diag(np.linalg.qr(exogenous / np.maximum(np.linalg.norm(exogenous, axis=0), 1e-300), mode="r")))
+    return bool(diagonal.min(initial=1.0) > 1e-12)
+
+
+def _ridge(
+    exogenous: NDArray[np.float64], response: NDArray[np.float64], ridge: float, intercept: bool
+) -> NDArray[np.float64]:
+    penalty = np.sqrt(ridge * len(response)) * np.eye(exogenous.shape[1])
+    if intercept:
+        penalty[0, 0] = 0.0
+    stacked = np.vstack([exogenous, penalty])
+    solution = np.linalg.lstsq(stacked, np.r_[response, np.zeros(len(penalty))], rcond=None)[0]
+    return np.asarray(solution, dtype=np.float64)
+
+
+def _robust_covariance(
+    exogenous: NDArray[np.float64],
+    residuals: NDArray[np.float64],
+    groups: NDArray[np.int64],
+    ridge: float,
+    intercept: bool,
+) -> NDArray[np.float64]:
+    """Newey–West within each run, Bartlett weights; the bread of the sandwich carries the ridge penalty."""
+    n, k = exogenous.shape
+    penalty = ridge * n * np.eye(k)
+    if intercept:
+        penalty[0, 0] = 0.0
+    bread = np.linalg.pinv(exogenous.T @ exogenous + penalty, hermitian=True)
+    parts = [(rows.start, rows.stop) for rows in _run_slices(groups)]
+    shortest = min(stop - start for start, stop in parts)
+    # 4(n/100)^(2/9) is the textbook bandwidth; thermal residuals stay correlated for much longer
+    bandwidth = max(min(int(np.sqrt(n / len(parts))), shortest - 1), 0)
+    meat = S_nw_panel(exogenous * residuals[:, None], weights_bartlett(bandwidth), parts)
+    covariance = bread @ meat @ bread * n / max(n - k, 1)
+    return (covariance + covariance.T) / 2.0
+
+
+def _diagnostics(
+    exogenous: NDArray[np.float64],
+    columns: NDArray[np.float64],
+    residuals: NDArray[np.float64],
+    groups: NDArray[np.int64],
+    intercept: bool,
+) -> Diagnostics:
+    n, k = exogenous.shape
+    rss = float(residuals @ residuals)
+    parts = _run_slices(groups)
+    steps = sum(float((np.diff(residuals[rows]) ** 2).sum()) for rows in parts)
+    watson = steps / rss if len(parts) > 1 and rss > 0 else float(durbin_watson(residuals)) if rss > 0 else 2.0
+    box = [
+        float(acorr_ljungbox(residuals[rows], lags=[min(10, (rows.stop - rows.start) // 3)])["lb_pvalue"].iloc[0])
+        for rows in parts
+        if rows.stop - rows.start >= 12 and np.ptp(residuals[rows]) > 0
+    ]
+    basis = np.linalg.qr(exogenous)[0]
+    leverage = np.minimum((basis**2).sum(axis=1), 1.0 - 1e-12)
+    variance = rss / max(n - k, 1)
+    cooks = residuals**2 * leverage / (k * max(variance, 1e-300) * (1.0 - leverage) ** 2)
+    centred = columns - columns.mean(axis=0) if intercept else columns
+    singular = np.linalg.svd(centred / np.maximum(np.linalg.norm(centred, axis=0), 1e-300), compute_uv=False)
+    condition = float(singular[0] / singular[-1]) if len(singular) and singular[-1] > 0 else float("inf")
+    return Diagnostics(
+        durbin_watson=watson,
+        ljung_box_p=min(box) if box else float("nan"),
+        condition_number=condition if columns.shape[1] else 1.0,
+        max_cooks_distance=float(cooks.max()) if rss > 0 else 0.0,
+        most_influential=int(cooks.argmax()),
+    )
+
+
+def _run_slices(groups: NDArray[np.int64]) -> list[slice]:
+    starts = np.flatnonzero(np.r_[True, groups[1:] != groups[:-1]])
+    stops = np.r_[starts[1:], len(groups)]
+    return [slice(int(a), int(b)) for a, b in zip(starts, stops, strict=True)]
+

@@ -1,0 +1,88 @@
+"""Memory of past heating: first-order lags of a variable.
+
+A mass that is heated through a resistance follows τ·s' = x − s (DIGEST C: thermal modes). A displacement that depends
+on such hidden temperatures is a function of lagged readings, which no static model of the readings can give.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Lag:
+    """A first-order lag of a channel with time constant `tau_s` [s]."""
+
+    source: str
+    tau_s: float
+
+    @property
+    def name(self) -> str:
+        """Name of the lagged variable, e.g. ``"T1.lag1800s"``."""
+        return f"{self.source}.lag{self.tau_s:.6g}s"
+
+
+def lagged(
+    values: NDArray[np.float64],
+    time_s: NDArray[np.float64],
+    tau_s: NDArray[np.float64],
+    state: NDArray[np.float64],
+    last_s: float,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """Lagged samples, the state after the last one and its time stamp, so that a run can be fed in pieces.
+
+    Backward Euler, s_k = s_{k−1} + Δt/(τ + Δt)·(x_k − s_{k−1}): stable for any step, and the control can compute it
+    with + − × ÷ alone, so that the model on the machine is the model that was fitted.
+
+    Parameters
+    ----------
+    values : ndarray of shape (n_samples, n_lags)
+        Source of each lag; where it is missing the state waits.
+    time_s : ndarray of shape (n_samples,)
+        Time stamps [s], increasing, not necessarily regular.
+    tau_s : ndarray of shape (n_lags,)
+        Time constants [s].
+    state : ndarray of shape (n_lags,)
+        State before the first sample; NaN = equilibrium with the first reading.
+    last_s : float
+        Time stamp of `state`; NaN = that of the first sample.
+
+    Returns
+    -------
+    ndarray of shape (n_samples, n_lags), ndarray of shape (n_lags,), float
+    """
+    state = np.array(state, dtype=np.float64)
+    result = np.empty(values.shape)
+    _lag_kernel(np.ascontiguousarray(values), time_s, np.asarray(tau_s, dtype=np.float64), state, last_s, result)
+    return result, state, float(time_s[-1]) if len(time_s) else last_s
+
+
+@njit(cache=True, nogil=True)
+def _lag_kernel(values, time_s, tau_s, state, last_s, result):  # type: ignore[no-untyped-def]
+    for k in range(values.shape[0]):
+        step = time_s[k] - last_s if k == 0 else time_s[k] - time_s[k - 1]
+        for j in range(values.shape[1]):
+            x = values[k, j]
+            if np.isnan(x):
+                result[k, j] = np.nan
+                continue
+            if np.isnan(state[j]):
+                state[j] = x
+            elif step > 0.0:
+                state[j] += step / (tau_s[j] + step) * (x - state[j])
+            result[k, j] = state[j]
+
+
+def time_constant_grid(period_s: float, duration_s: float, n: int = 9) -> NDArray[np.float64]:
+    """Time constants worth trying [s], evenly spaced in their logarithm.
+
+    From three sampling periods (a faster lag is noise) to twice the length of the run (a slower one is a straight
+    line there).
+    """
+    low = max(3.0 * period_s, duration_s / 200.0)
+    high = max(2.0 * duration_s, 2.0 * low)
+    return np.geomspace(low, high, n)

@@ -1,0 +1,214 @@
+"""Cross-products of regression columns, run by run: everything a selection needs, after one pass over the samples.
+
+Because runs add up, leaving one out is a subtraction: proof on unseen runs then costs no second look at the data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.models.design import Columns, Design
+from selector.models.reference import RunSource
+from selector.models.terms import Scaling
+
+_ROWS = 20_000
+
+
+@dataclass(frozen=True)
+class Fold:
+    """A part of the data that is left out as a whole: a run, a condition, or a block of a single run."""
+
+    name: str
+    runs: tuple[str, ...]
+    block: int | None = None
+
+
+@dataclass(frozen=True)
+class Moments:
+    """Cross-products of (1, columns, responses) in each fold.
+
+    Attributes
+    ----------
+    products : ndarray of shape (n_folds, 1 + n_columns + n_responses, same)
+        W'W of the fold's rows, W = [1, columns, responses].
+    folds : tuple of Fold
+    n_columns, n_responses : int
+    """
+
+    products: NDArray[np.float64]
+    folds: tuple[Fold, ...]
+    n_columns: int
+    n_responses: int
+
+    @property
+    def n_samples(self) -> NDArray[np.float64]:
+        """Samples in each fold, shape (n_folds,)."""
+        return self.products[:, 0, 0]
+
+    def only(self, folds: Sequence[int]) -> Moments:
+        """The moments of some folds."""
+        return Moments(
+            self.products[list(folds)], tuple(self.folds[i] for i in folds), self.n_columns, self.n_responses
+        )
+
+    def weighted(self, weights: Sequence[float]) -> Moments:
+        """Folds counted several times or not at all, as a bootstrap over runs does."""
+        keep = [i for i, weight in enumerate(weights) if weight > 0]
+        scale = np.array([weights[i] for i in keep])[:, None, None]
+        return Moments(
+            self.products[keep] * scale, tuple(self.folds[i] for i in keep), self.n_columns, self.n_responses
+        )
+
+    def centred(self) -> tuple[NDArray[np.float64], float]:
+        """Centred cross-products of (columns, responses) over all folds, and the number of samples."""
+        return centred(self.products.sum(axis=0))
+
+
+def centred(total: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Cross-products about the mean, from those of [1, ...]; and the number of samples."""
+    n = float(total[0, 0])
+    sums = total[0, 1:]
+    cross = total[1:, 1:] - np.outer(sums, sums) / max(n, 1.0)
+    return (cross + cross.T) / 2.0, n
+
+
+def scaling_of(source: RunSource, design: Design) -> Scaling:
+    """Centre (mean) and scale (standard deviation) of every variable over all complete samples, in one pass."""
+    n = 0.0
+    mean = np.zeros(len(design.variables))
+    spread = np.zeros(len(design.variables))
+    for run in source.runs:
+        for piece in design.pieces(source, run):
+            values = piece.variables
+            m = len(values)
+            here = values.mean(axis=0)
+            delta = here - mean
+            spread += ((values - here) ** 2).sum(axis=0) + delta**2 * n * m / (n + m)
+            mean += delta * m / (n + m)
+            n += m
+    deviation = np.sqrt(spread / max(n - 1.0, 1.0))
+    floor = 1e-12 * np.maximum(1.0, np.abs(mean))
+    scale = np.where(deviation > floor, deviation, 1.0)
+    return Scaling(design.variables, tuple(map(float, mean)), tuple(map(float, scale)))
+
+
+def moments(
+    source: RunSource,
+    design: Design,
+    columns: Columns,
+    *,
+    n_blocks: int = 1,
+    progress: Callable[[str], None] | None = None,
+) -> Moments:
+    """Cross-products of every run (`n_blocks` = 1), or of the blocks of every run.
+
+    Blocks are contiguous; an eighth of each block is purged at either side that touches another one, because
+    neighbouring samples of a warming machine are all but copies of each other.
+
+    One pass; memory O(n_folds · n_columns²), whatever the number of samples.
+    """
+    size = 1 + len(columns.terms) + len(design.responses)
+    folds: list[Fold] = []
+    products: list[NDArray[np.float64]] = []
+    for run in source.runs:
+        parts = _block_products(source, design, columns, run, size, n_blocks)
+        for i, product in enumerate(parts):
+            if product[0, 0] > 0:
+                folds.append(Fold(run if n_blocks == 1 else f"{run} block {i + 1}", (run,), i if n_blocks > 1 else None))
+                products.append(product)
+        if progress is not None:
+            progress(run)
+    stacked = np.array(products) if products else np.zeros((0, size, size))
+    return Moments(stacked, tuple(folds), len(columns.terms), len(design.responses))
+
+
+def _block_products(
+    source: RunSource, design: Design, columns: Columns, run: str, size: int, n_blocks: int
+) -> list[NDArray[np.float64]]:
+    if n_blocks == 1:
+        total = np.zeros((size, size))
+        for piece in design.pieces(source, run):
+            for rows in _row_slices(len(piece.time_s)):
+                _add(total, columns, piece.variables[rows], piece.responses[rows])
+        return [total]
+    n = sum(len(piece.time_s) for piece in design.pieces(source, run))
+    edges = np.linspace(0, n, n_blocks + 1).astype(int)
+    purge = max((n // n_blocks) // 8, 1)
+    starts = [edges[i] + (purge if i else 0) for i in range(n_blocks)]
+    stops = [edges[i + 1] - (purge if i < n_blocks - 1 else 0) for i in range(n_blocks)]
+    totals = [np.zeros((size, size)) for _ in range(n_blocks)]
+    first = 0
+    for piece in design.pieces(source, run):
+        for rows in _row_slices(len(piece.time_s)):
+            count = rows.stop - rows.start
+            for i in range(n_blocks):
+                low, high = max(starts[i] - first, 0), min(stops[i] - first, count)
+                if low < high:
+                    part = slice(rows.start + low, rows.start + high)
+                    _add(totals[i], columns, piece.variables[part], piece.responses[part])
+            first += count
+    return totals
+
+
+def _row_slices(n: int) -> Iterable[slice]:
+    return (slice(start, min(start + _ROWS, n)) for start in range(0, n, _ROWS))
+
+
+def _add(
+    total: NDArray[np.float64], columns: Columns, variables: NDArray[np.float64], responses: NDArray[np.float64]
+) -> None:
+    rows = np.empty((len(variables), total.shape[0]), order="F")
+    rows[:, 0] = 1.0
+    rows[:, 1 : 1 + len(columns.terms)] = columns.matrix(variables)
+    rows[:, 1 + len(columns.terms) :] = responses
+    total += rows.T @ rows
+
+
+def coefficients(total: NDArray[np.float64], columns: Sequence[int], response: int) -> NDArray[np.float64]:
+    """(intercept, coefficients) of the least-squares fit on some columns.
+
+    Parameters
+    ----------
+    total : ndarray of shape (..., k, k)
+        Cross-products of [1, columns, responses], one matrix or a stack of them.
+    columns : sequence of int
+        Positions of the columns in `total` (the constant, position 0, is always in).
+    response : int
+        Position of the response in `total`.
+
+    Returns
+    -------
+    ndarray of shape (..., 1 + len(columns))
+        Minimum-norm solution where columns are linearly dependent.
+    """
+    index = np.array([0, *columns])
+    normal = total[..., index[:, None], index]
+    right = total[..., index, response]
+    diagonal = np.sqrt(np.maximum(np.einsum("...ii->...i", normal), 1e-300))
+    scaled = normal / diagonal[..., :, None] / diagonal[..., None, :]
+    rhs = right / diagonal
+    try:
+        # a pivot below the rounding of the cross-products would give noise for coefficients
+        factor = np.linalg.cholesky(scaled)
+        if np.all(np.einsum("...ii->...i", factor) > 1e-6):
+            return np.linalg.solve(scaled, rhs[..., None])[..., 0] / diagonal
+    except np.linalg.LinAlgError:
+        pass
+    solution = np.matmul(np.linalg.pinv(scaled, rcond=1e-12, hermitian=True), rhs[..., None])[..., 0]
+    return solution / diagonal
+
+
+def squared_error(product: NDArray[np.float64], columns: Sequence[int], response: int,
+                  beta: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Σ (y − ŷ)² of coefficients on rows that are known by their cross-products only.
+
+    `product` has shape (..., k, k) and `beta` (..., 1 + len(columns)); leading shapes broadcast.
+    """
+    index = np.array([0, *columns, response])
+    part = product[..., index[:, None], index]
+    direction = np.concatenate([-beta, np.ones((*beta.shape[:-1], 1))], axis=-1)
+    return np.maximum(np.einsum("...i,...ij,...j->...", direction, part, direction), 0.0)

@@ -1,0 +1,161 @@
+"""Proof on unseen runs: what a fixed set of columns predicts for folds that its fit has not seen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.models.moments import Moments, coefficients, squared_error
+
+Grouping = tuple[tuple[int, ...], ...]
+"""Folds (positions in `Moments.folds`) that are left out together."""
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Errors on folds that a fit has not seen.
+
+    Attributes
+    ----------
+    sse : ndarray of shape (n_groups, n_responses)
+        Sum of squared prediction errors [µm²] in each group left out.
+    n_samples : ndarray of shape (n_groups,)
+    """
+
+    sse: NDArray[np.float64]
+    n_samples: NDArray[np.float64]
+
+    @property
+    def mse(self) -> NDArray[np.float64]:
+        """Mean squared error [µm²] per group and response."""
+        return self.sse / np.maximum(self.n_samples, 1.0)[:, None]
+
+    @property
+    def rmse_um(self) -> NDArray[np.float64]:
+        """√ of the error pooled over all samples [µm], per response."""
+        return np.sqrt(self.sse.sum(axis=0) / max(float(self.n_samples.sum()), 1.0))
+
+
+def grouping_by_run(m: Moments) -> Grouping:
+    """One group per run."""
+    return _grouped(m, lambda runs: runs[0])
+
+
+def grouping_by_condition(m: Moments, conditions: dict[str, str]) -> Grouping:
+    """One group per condition; a run that has none stands for itself."""
+    return _grouped(m, lambda runs: conditions.get(runs[0], runs[0]))
+
+
+def inner_grouping(m: Moments) -> Grouping:
+    """Groups to leave out when a choice is made on these folds alone: runs, or blocks if there are fewer than three."""
+    by_run = grouping_by_run(m)
+    return by_run if len(by_run) >= 3 else tuple((i,) for i in range(len(m.folds)))
+
+
+def _grouped(m: Moments, key: Callable[[tuple[str, ...]], str]) -> Grouping:
+    groups: dict[str, list[int]] = {}
+    for i, fold in enumerate(m.folds):
+        groups.setdefault(key(fold.runs), []).append(i)
+    return tuple(tuple(members) for members in groups.values())
+
+
+@dataclass(frozen=True)
+class LeaveOneOut:
+    """Cross-products with each group left out, made once and used for every candidate.
+
+    Attributes
+    ----------
+    training : ndarray of shape (n_groups, k, k)
+    left_out : ndarray of shape (n_groups, k, k)
+    n_columns : int
+    """
+
+    training: NDArray[np.float64]
+    left_out: NDArray[np.float64]
+    n_columns: int
+
+    @classmethod
+    def of(cls, m: Moments, grouping: Grouping) -> LeaveOneOut:
+        """From the moments of all folds."""
+        left_out = np.array([m.products[list(group)].sum(axis=0) for group in grouping])
+        return cls(m.products.sum(axis=0) - left_out, left_out, m.n_columns)
+
+    def errors(self, columns: Sequence[int], n_responses: int) -> HeldOut:
+        """Errors of the least-squares fit on some columns (0 = first term), refitted without each group."""
+        at = [1 + column for column in columns]
+        sse = np.empty((len(self.left_out), n_responses))
+        for j in range(n_responses):
+            response = 1 + self.n_columns + j
+            beta = coefficients(self.training, at, response)
+            sse[:, j] = squared_error(self.left_out, at, response, beta)
+        return HeldOut(sse, self.left_out[:, 0, 0])
+
+
+def response_power(m: Moments) -> NDArray[np.float64]:
+    """Variance of each response over all folds [µm²], shape (n_responses,): what errors are compared to."""
+    total = m.products.sum(axis=0)
+    n = max(float(total[0, 0]), 1.0)
+    at = np.arange(1 + m.n_columns, total.shape[0])
+    return np.asarray(np.maximum(total[at, at] / n - (total[0, at] / n) ** 2, 1e-300))
+
+
+def within_one_standard_error(
+    errors: NDArray[np.float64], weights: NDArray[np.float64], *, cap: float = 0.10
+) -> NDArray[np.bool_]:
+    """Which candidates predict unseen groups as well as the best one does, as far as the groups can tell.
+
+    The differences to the best are taken group by group, which removes what makes a group hard for everyone; a
+    candidate is as good if its mean difference is within one standard error of zero. With few groups that error is
+    itself uncertain, so a candidate must also stay within `cap` of the best in root mean square.
+
+    Parameters
+    ----------
+    errors : ndarray of shape (n_candidates, n_groups)
+        Mean squared error of each candidate on each group.
+    weights : ndarray of shape (n_groups,)
+        Samples in each group.
+
+    Returns
+    -------
+    ndarray of bool of shape (n_candidates,)
+    """
+    share = weights / weights.sum()
+    mean = errors @ share
+    best = int(np.argmin(mean))
+    difference = errors - errors[best]
+    n = errors.shape[1]
+    spread = np.sqrt(((difference - (difference @ share)[:, None]) ** 2) @ share * n / max(n - 1, 1) / n)
+    as_good = (mean - mean[best] <= spread) & (mean <= mean[best] * (1.0 + cap) ** 2)
+    as_good[best] = True
+    return np.asarray(as_good)
+
+
+@dataclass(frozen=True)
+class ErrorCurvePoint:
+    """Held-out error of the best set of one size, chosen anew inside every fold.
+
+    `rmse_um` and its standard error over the groups are per response.
+    """
+
+    n_sensors: int
+    rmse_um: tuple[float, ...]
+    standard_error_um: tuple[float, ...]
+    per_group_um: tuple[tuple[float, ...], ...]
+
+
+def error_curve_point(n_sensors: int, held_out: HeldOut) -> ErrorCurvePoint:
+    """The point of the sensors-against-error curve that these errors make."""
+    rmse = held_out.rmse_um
+    per_group = np.sqrt(held_out.mse)
+    n = len(per_group)
+    # standard error of the mean square, carried through the root
+    error = held_out.mse.std(axis=0, ddof=1) / np.sqrt(n) / (2.0 * np.maximum(rmse, 1e-300)) if n > 1 else rmse * np.nan
+    return ErrorCurvePoint(
+        n_sensors,
+        tuple(map(float, rmse)),
+        tuple(map(float, error)),
+        tuple(tuple(map(float, row)) for row in per_group),
+    )
