@@ -48,7 +48,7 @@ pytest: $(STAMP)
 # Pages and lists that are written by the program and checked by the tests.
 reference: $(STAMP)
 	@$(BIN)/python docs/make_command_line.py
-	@$(BIN)/python docs/make_public_api.py
+	@$(BIN)/python -m tests.architecture.public_names
 
 setup: $(STAMP)
 
