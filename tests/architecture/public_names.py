@@ -14,7 +14,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "selector"
 SNAPSHOT = Path(__file__).with_name("public_api.txt")
-NOT_FOR_IMPORT = ("selector.cli", "selector.__main__")
+NOT_FOR_IMPORT = ("selector.cli",)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,9 @@ UPDATE = "Run `make reference` when the change is meant, and say so in CHANGELOG
 
 def test_public_names_are_those_of_the_list():
     written = SNAPSHOT.read_text(encoding="utf-8").splitlines()
-    difference = list(difflib.unified_diff(written, listing().splitlines(), "listed", "in the source", lineterm="", n=0))
+    difference = list(
+        difflib.unified_diff(written, listing().splitlines(), "listed", "in the source", lineterm="", n=0)
+    )
     assert not difference, "\n".join([*difference, UPDATE])
 
 

@@ -70,7 +70,9 @@ def test_layer_contract_is_kept():
 
 
 def test_layer_contract_is_exhaustive_and_has_no_exception():
-    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]["contracts"]
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"][
+        "contracts"
+    ]
     layers = [contract for contract in contracts if contract["type"] == "layers"]
     assert layers
     assert all(contract.get("exhaustive") for contract in layers)

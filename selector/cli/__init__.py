@@ -1,0 +1,57 @@
+"""The command line: read → call → write."""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+from selector import __version__
+from selector.cli import running
+
+__all__ = ["app", "exit_status", "main"]
+
+app = typer.Typer(
+    name="selector",
+    epilog="With --json only JSON goes to stdout. Exit codes: 0 done, 2 unusable input, 1 a defect, 130 stopped.",
+    add_completion=False,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    invoke_without_command=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"selector {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _selector(
+    context: typer.Context,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and stop.")
+    ] = False,
+) -> None:
+    """Choose temperature sensors of a machine tool, prove the model on runs it has not seen, and hand it over."""
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
+def exit_status(arguments: Sequence[str] | None = None) -> int:
+    """The exit code of one command line (default: that of this process), see `selector.cli.running`."""
+    return running.exit_status(app, arguments)
+
+
+def main() -> None:
+    """Runs the command line of this process and ends it."""
+    if not os.environ.get("SELECTOR_DEBUG"):
+        # what matters to the user is said as a finding; remarks of libraries about themselves are not
+        warnings.simplefilter("ignore")
+    sys.exit(exit_status())

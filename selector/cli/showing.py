@@ -1,0 +1,168 @@
+"""How are results shown: JSON on stdout for programs, tables and findings for people."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import os
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from selector.findings import Finding, Where
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+AsJson = Annotated[
+    bool, typer.Option("--json", help="Print only JSON to stdout; everything else goes to stderr.", show_default=False)
+]
+
+_WIDTH_WITHOUT_TERMINAL = 140
+_STYLES = {"info": "cyan", "warning": "yellow", "error": "bold red"}
+_ACTIONS = {
+    "none": "",
+    "leave-out-stretch": "this stretch is left out",
+    "leave-out-run": "this run is left out",
+    "leave-out-channel": "this channel is left out",
+}
+
+
+def json_text(value: Any) -> str:
+    """JSON with every number finite: NaN and infinity become null; other alphabets stay readable."""
+    return json.dumps(_plain(value), ensure_ascii=False, allow_nan=False, indent=1)
+
+
+def print_json(value: Any) -> None:
+    """Writes JSON and a line end to stdout, in UTF-8 whatever the terminal's code page is."""
+    text = json_text(value) + "\n"
+    sys.stdout.flush()
+    buffer = getattr(sys.stdout, "buffer", None)
+    if buffer is None:
+        sys.stdout.write(text)
+    else:
+        buffer.write(text.encode("utf-8", "backslashreplace"))
+    sys.stdout.flush()
+
+
+def screen(as_json: bool = False) -> Console:
+    """Where people read: stdout, or stderr when stdout belongs to the JSON."""
+    from rich.console import Console
+
+    stream = sys.stderr if as_json else sys.stdout
+    if isinstance(stream, io.TextIOWrapper):
+        # a code page that lacks a letter must not end the program
+        stream.reconfigure(errors="replace")
+    wide = None if stream.isatty() or "COLUMNS" in os.environ else _WIDTH_WITHOUT_TERMINAL
+    return Console(file=stream, width=wide, soft_wrap=False, highlight=False, emoji=False)
+
+
+def table(title: str, columns: Iterable[str], rows: Iterable[Iterable[object]], numeric: Iterable[str] = ()) -> Table:
+    """A table of plain text; columns named in `numeric` are aligned to the right."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    right = set(numeric)
+    shown = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    for column in columns:
+        shown.add_column(column, justify="right" if column in right else "left", overflow="fold")
+    for row in rows:
+        shown.add_row(*(Text(cell_text(cell)) for cell in row))
+    return shown
+
+
+def cell_text(value: object) -> str:
+    """A value as a person reads it in a table: four significant digits, a dash for "none"."""
+    if value is None:
+        return "–"
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            return "–"
+        return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.4g}"
+    return str(value)
+
+
+def show_findings(console: Console, findings: Iterable[Finding]) -> None:
+    """One paragraph for each finding: what, where, and what will be done or can be done."""
+    from rich.text import Text
+
+    for finding in findings:
+        line = Text()
+        line.append(f"{finding.level}", style=_STYLES[finding.level])
+        line.append(f" {finding.id}")
+        place = where_text(finding.where)
+        line.append(f" ({place}): " if place else ": ")
+        line.append(finding.statement)
+        for more in (_ACTIONS[finding.action], finding.suggestion):
+            if more:
+                line.append(f"\n    → {more}")
+        console.print(line)
+
+
+def where_text(where: Where) -> str:
+    """The place of a finding in a few words, empty when it speaks of everything."""
+    parts = [part for part in (where.file, where.run, where.channel) if part]
+    if where.from_s is not None or where.to_s is not None:
+        start, end = ("" if t is None else duration_text(t) for t in (where.from_s, where.to_s))
+        parts.append(f"{start}…{end}")
+    return ", ".join(parts)
+
+
+def duration_text(seconds: float) -> str:
+    """A time span in the unit that makes it readable, e.g. ``"1 h 30 min"``."""
+    if not math.isfinite(seconds):
+        return "–"
+    if seconds < 60:
+        return f"{seconds:.3g} s"
+    minutes = round(seconds / 60)
+    if minutes < 60:
+        return f"{seconds / 60:.3g} min"
+    return f"{minutes // 60} h {minutes % 60} min" if minutes % 60 else f"{minutes // 60} h"
+
+
+@contextmanager
+def progress(title: str) -> Iterator[Callable[[float, float, str], None]]:
+    """A line on stderr that shows how far long work has come; silent when stderr is not a terminal.
+
+    Yields
+    ------
+    callable
+        ``report(done, total, text)``, to be called as often as one likes.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("{task.fields[now]}"))
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(title, total=None, now="")
+
+        def report(done: float, total: float, text: str = "") -> None:
+            bar.update(task, completed=done, total=total, now=text)
+
+        yield report
+
+
+def _plain(value: Any) -> Any:
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Finding):
+        return _plain(value.as_dict())
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, PurePath):
+        return value.as_posix()
+    if hasattr(value, "tolist"):  # arrays and numbers of numpy
+        return _plain(value.tolist())
+    if isinstance(value, Iterable):
+        return [_plain(item) for item in value]
+    raise TypeError(f"{type(value).__name__} has no JSON form")
