@@ -1,0 +1,267 @@
+"""Which sensor stands for its group, round after round."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from selector.errors import InputError, OptionError
+from selector.findings import Finding, Where
+from selector.sensors.fuzzy import closure_chain, transitive_closure
+from selector.sensors.groups import Partition, lambda_cut
+from selector.sensors.similarity import sensor_names
+
+
+@dataclass(frozen=True)
+class Dropped:
+    """A sensor that a round lets go: who stands for it (None: nobody), and why, in plain words."""
+
+    sensor: int
+    stands_in: int | None
+    reason: str
+
+
+@dataclass(frozen=True)
+class ScreeningRound:
+    """One round of screening; sensors are indices into the full similarity.
+
+    Attributes
+    ----------
+    level : float
+        The λ of this round.
+    kept : tuple of int
+        Sensors that entered the round, ascending; `partition` is over these, in this order.
+    partition : Partition
+        Their groups.
+    representatives : tuple of int
+        Sensors that leave the round, in order of their groups.
+    dropped : tuple of Dropped
+        All the others, each with a reason.
+    findings : tuple of Finding
+        `round-without-effect`, `constant-must`.
+    """
+
+    level: float
+    kept: tuple[int, ...]
+    partition: Partition
+    representatives: tuple[int, ...]
+    dropped: tuple[Dropped, ...]
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def groups(self) -> tuple[tuple[int, ...], ...]:
+        """The groups as indices into the full similarity."""
+        return tuple(tuple(self.kept[i] for i in group) for group in self.partition.members)
+
+
+def representatives(
+    partition: Partition, relevance: ArrayLike, must: Iterable[int] = (), never: Iterable[int] = ()
+) -> tuple[int, ...]:
+    """The sensor of greatest relevance from each group, P step 4; ties go to the first.
+
+    Parameters
+    ----------
+    partition : Partition
+        Groups of n sensors.
+    relevance : array of shape (n_sensors,)
+        How much a sensor says about the displacement, e.g. |r| with it, or the mean r² over several responses.
+    must : iterable of int
+        Sensors that represent their group whatever their relevance; several in one group are all kept.
+    never : iterable of int
+        Sensors that represent no group; a group of such sensors alone ends without a representative.
+
+    Raises
+    ------
+    InputError
+        Relevance is missing or not finite for a sensor (give 0 to a sensor that cannot be compared).
+    OptionError
+        A sensor is in both lists, or there is no such sensor.
+    """
+    n = len(partition.labels)
+    values = _checked_relevance(relevance, n)
+    wanted, barred = _checked_options(must, never, n)
+    chosen: list[int] = []
+    for group in partition.members:
+        fixed = [sensor for sensor in group if sensor in wanted]
+        free = [sensor for sensor in group if sensor not in barred]
+        # max returns the first of equals
+        chosen += fixed or ([max(free, key=lambda sensor: values[sensor])] if free else [])
+    return tuple(chosen)
+
+
+def screen(
+    similarity: ArrayLike,
+    relevance: ArrayLike,
+    levels: Sequence[float],
+    must: Iterable[int] = (),
+    never: Iterable[int] = (),
+    *,
+    constant: Iterable[int] = (),
+    names: Sequence[str] = (),
+) -> tuple[ScreeningRound, ...]:
+    """Rounds of screening, P step 4: group, keep the representatives, regroup those. One round per level.
+
+    A round at a level λ' ≥ λ of the round before drops nothing. What entered it are representatives, one from each
+    group, and must-sensors, which always stay. Representatives of two groups have t < λ, where t is the widest
+    bottleneck over all paths; dropped sensors take their paths with them, so that t among the kept can only be lower,
+    and t < λ ≤ λ' still: no two groups merge. Such a round says so in the finding `round-without-effect`.
+
+    Parameters
+    ----------
+    similarity, relevance : arrays of shape (n_sensors, n_sensors) and (n_sensors,)
+    levels : sequence of float
+        λ of each round.
+    must, never : iterable of int
+        As for `representatives`; a never-sensor takes part in the grouping of the first round.
+    constant : iterable of int
+        Sensors that do not move; they represent nothing and are dropped in the first round unless in `must`.
+    names : sequence of str
+        Names of the sensors.
+
+    Raises
+    ------
+    InputError, OptionError
+        As for `representatives` and `selector.sensors.groups.lambda_cut`; or there is no level.
+    """
+    s = np.asarray(similarity, dtype=np.float64)
+    n = len(closure_chain(s).order)
+    values = _checked_relevance(relevance, n)
+    wanted, barred = _checked_options(must, never, n)
+    idle = _checked_options(constant, (), n)[0]
+    label = sensor_names(names, n)
+    if len(levels) == 0:
+        raise OptionError(
+            "no level", expected="one λ for each round", where="levels of screening", advice="give one λ at least"
+        )
+    rounds: list[ScreeningRound] = []
+    kept = tuple(range(n))
+    for level in levels:
+        if not kept:
+            break
+        done = _round(s, values, level, kept, wanted, barred | (idle - wanted), idle - wanted, label)
+        if not rounds:
+            done = replace(done, findings=_constant_musts(wanted & idle, label) + done.findings)
+        rounds.append(done)
+        kept = tuple(sorted(done.representatives))
+    return tuple(rounds)
+
+
+def _round(
+    s: NDArray[np.float64],
+    values: NDArray[np.float64],
+    level: float,
+    kept: tuple[int, ...],
+    must: frozenset[int],
+    never: frozenset[int],
+    idle: frozenset[int],
+    label: tuple[str, ...],
+) -> ScreeningRound:
+    among = s[np.ix_(kept, kept)]
+    partition = lambda_cut(among, level, [label[i] for i in kept])
+    local = representatives(
+        partition,
+        values[list(kept)],
+        [i for i, sensor in enumerate(kept) if sensor in must],
+        [i for i, sensor in enumerate(kept) if sensor in never],
+    )
+    closure = transitive_closure(among)
+    dropped = []
+    for i in sorted(set(range(len(kept))) - set(local)):
+        candidates = [j for j in local if partition.labels[j] == partition.labels[i]]
+        reasons = []
+        if kept[i] in idle:
+            reasons.append("it does not move in these recordings, so it can stand for nothing")
+        elif kept[i] in never:
+            reasons.append("it is not to be used")
+        by = max(candidates, key=lambda j: among[i, j], default=None)  # the first of equals
+        if by is not None:
+            direct, linked = float(among[i, by]), float(closure[i, by])
+            if direct >= level:
+                reasons.append(f"{label[kept[by]]} stands for it: r = {_compared(direct, level)}")
+            else:
+                reasons.append(
+                    f"{label[kept[by]]} stands for it through links: r = {_compared(direct, level)}, "
+                    f"but t = {_compared(linked, level)}"
+                )
+        dropped.append(Dropped(kept[i], None if by is None else kept[by], "; ".join(reasons)))
+    findings = () if dropped else (_without_effect(level, closure),)
+    return ScreeningRound(float(level), kept, partition, tuple(kept[i] for i in local), tuple(dropped), findings)
+
+
+def _without_effect(level: float, closure: NDArray[np.float64]) -> Finding:
+    n = len(closure)
+    below = closure[closure < level]
+    nearest = float(below.max()) if below.size else None
+    return Finding(
+        id="round-without-effect",
+        level="info",
+        statement=f"Screening {n} sensors at λ = {level:g} drops none: no two of them that could be merged are linked "
+        "at this level. Sensors kept by an earlier round at the same or a lower λ never merge again.",
+        evidence={"lambda": float(level), "sensors": n, "next_level": nearest},
+        suggestion="leave the round out"
+        if nearest is None
+        # rounded down, so that the level suggested does merge
+        else f"leave the round out, or give it λ = {math.floor(nearest * 1e6) / 1e6:g} or less",
+    )
+
+
+def _constant_musts(sensors: Iterable[int], label: tuple[str, ...]) -> tuple[Finding, ...]:
+    return tuple(
+        Finding(
+            id="constant-must",
+            level="warning",
+            statement=f"{label[i]} must be kept, but it does not move in these recordings: no model can use it.",
+            where=Where(channel=label[i]),
+            suggestion=f"take {label[i]} off the must list, or record runs in which its place warms up",
+        )
+        for i in sorted(sensors)
+    )
+
+
+def _compared(value: float, level: float) -> str:
+    """The value beside λ with as many digits as it takes to read the comparison right."""
+    holds, shown = value >= level, f"{level:.6g}"
+    sign = "≥" if holds else "<"
+    for digits in range(4, 17):
+        text = f"{value:.{digits}f}"
+        if (float(text) >= float(shown)) == holds:
+            return f"{text} {sign} λ = {shown}"
+    return f"{value!r} {sign} λ = {level!r}"
+
+
+def _checked_relevance(relevance: ArrayLike, n_sensors: int) -> NDArray[np.float64]:
+    values = np.asarray(relevance, dtype=np.float64)
+    if values.shape != (n_sensors,) or not np.isfinite(values).all():
+        raise InputError(
+            f"relevance of shape {values.shape}, {int((~np.isfinite(values)).sum())} of them not finite",
+            expected=f"{n_sensors} finite numbers, one per sensor",
+            where="relevance of the sensors",
+            advice="give 0 to a sensor that cannot be compared with the displacement",
+        )
+    return values
+
+
+def _checked_options(
+    must: Iterable[int], never: Iterable[int], n_sensors: int
+) -> tuple[frozenset[int], frozenset[int]]:
+    wanted, barred = frozenset(int(i) for i in must), frozenset(int(i) for i in never)
+    unknown = sorted(i for i in wanted | barred if not 0 <= i < n_sensors)
+    if unknown:
+        raise OptionError(
+            f"sensors {unknown}",
+            expected=f"indices from 0 to {n_sensors - 1}",
+            where="must and never",
+            advice="name sensors that are in the recording",
+        )
+    if wanted & barred:
+        raise OptionError(
+            f"sensors {sorted(wanted & barred)} are in both lists",
+            expected="a sensor in one of the two at most",
+            where="must and never",
+            advice="take them off one of the lists",
+        )
+    return wanted, barred
