@@ -1,0 +1,232 @@
+"""What a model file means, sample by sample; and the same in blocks of samples, to the last bit.
+
+`Evaluator` is the meaning: float64 (IEEE 754 binary64, round to nearest), only + − × ÷ and comparisons, in the order
+written here. A program on a control that keeps the order computes the same bits. There is no guard here: readings are
+taken as they come.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from selector.controllers.model_file import Input, Output, State, Term
+from selector.errors import RecordingError
+
+Array = NDArray[np.float64]
+
+BLOCK_SAMPLES = 8192
+"""Samples worked on at a time: the values of 37 inputs stay in the processor's cache."""
+
+
+class Equations(Protocol):
+    """A `ModelFile` or one of its fallbacks."""
+
+    @property
+    def inputs(self) -> tuple[Input, ...]:
+        """The sensors."""
+
+    @property
+    def states(self) -> tuple[State, ...]:
+        """The memory."""
+
+    @property
+    def outputs(self) -> tuple[Output, ...]:
+        """The displacements."""
+
+
+class Evaluator:
+    """One sample after another: the executable meaning of `selector.model/1`.
+
+    A reading that is not a finite number is missing: outputs that need it are NaN, the memory of its sensor waits, and
+    time goes on for it when readings come back. A start reading that is not given is the first reading.
+
+    Parameters
+    ----------
+    model : ModelFile or Fallback
+    start_readings : mapping of str to float, optional
+        Readings at the start of the run, [unit of the input].
+    """
+
+    def __init__(self, model: Equations, start_readings: Mapping[str, float] | None = None) -> None:
+        self._model = model
+        self._start = {name: float(value) for name, value in (start_readings or {}).items()}
+        self._memory: dict[str, tuple[float, float]] = {}
+
+    def step(
+        self, time_s: float, readings: Mapping[str, float], positions_m: Mapping[str, float] | None = None
+    ) -> dict[str, float]:
+        """The outputs [µm] at the next sample; `positions_m` by axis [m], none = every axis at its reference."""
+        x: dict[str, float] = {}
+        z: dict[str, Any] = {}
+        for item in self._model.inputs:
+            value = float(readings[item.name])
+            if not math.isfinite(value):
+                value = math.nan
+            elif item.reference == "rise":
+                value = value - self._start.setdefault(item.name, value)
+            x[item.name] = value
+            z[item.name] = (value - item.centre) / item.scale
+        for state in self._model.states:
+            value = x[state.source]
+            if value == value:
+                if state.name in self._memory:
+                    before_s, lagged = self._memory[state.name]
+                    dt_s = time_s - before_s
+                    value = lagged + dt_s / (state.tau_s + dt_s) * (value - lagged)
+                self._memory[state.name] = (time_s, value)
+            z[state.name] = (value - state.centre) / state.scale
+        result = {}
+        for output in self._model.outputs:
+            y = polynomial(output.intercept, output.terms, z)
+            if output.position is not None and positions_m is not None:
+                slope = polynomial(output.position.intercept, output.position.terms, z)
+                y = y + slope * (positions_m[output.position.axis] - output.position.reference_m)
+            result[output.name] = y
+        return result
+
+
+def polynomial(intercept: float, terms: Iterable[Term], z: Mapping[str, Any]) -> Any:
+    """The sum intercept + Σ coefficient · Π z^power, powers by repeated multiplication, from left to right."""
+    total = intercept
+    for term in terms:
+        product = term.coefficient
+        for name, power in term.powers.items():
+            for _ in range(power):
+                product = product * z[name]
+        total = total + product
+    return total
+
+
+def evaluate(
+    model: Equations,
+    time_s: ArrayLike,
+    readings: Mapping[str, ArrayLike],
+    start_readings: Mapping[str, float] | None = None,
+    positions_m: Mapping[str, ArrayLike] | None = None,
+) -> dict[str, Array]:
+    """The outputs [µm] of a run, the same bits as `Evaluator` gives sample by sample.
+
+    Parameters
+    ----------
+    model : ModelFile or Fallback
+    time_s : array of shape (n_samples,)
+        Strictly increasing [s].
+    readings : mapping of str to array of shape (n_samples,)
+        Per input, [unit of the input]; what is not finite is missing.
+    start_readings : mapping of str to float, optional
+        Per input; default the first finite reading.
+    positions_m : mapping of str to array of shape (n_samples,), optional
+        Per axis [m]; default every axis at its reference.
+
+    Raises
+    ------
+    RecordingError
+        An input has no readings, lengths differ or time does not increase.
+    """
+    time = np.asarray(time_s, dtype=np.float64)
+    table = {item.name: _series(item.name, readings, time) for item in model.inputs}
+    axes = {output.position.axis for output in model.outputs if output.position is not None}
+    positions = None if positions_m is None else {axis: _series(axis, positions_m, time) for axis in axes}
+    if time.ndim != 1 or not bool(np.all(np.diff(time) > 0)):
+        raise _unusable("time that repeats, runs backwards or is missing", "strictly increasing time")
+    start = _starts(model, table, start_readings)
+    memory: dict[str, tuple[float, float]] = {}
+    result = {output.name: np.empty(len(time)) for output in model.outputs}
+    # overflow gives inf and NaN, as it does in Evaluator
+    with np.errstate(over="ignore", invalid="ignore"):
+        for first in range(0, len(time), BLOCK_SAMPLES):
+            block = slice(first, first + BLOCK_SAMPLES)
+            z = _scaled(model, time[block], {name: values[block] for name, values in table.items()}, start, memory)
+            for output in model.outputs:
+                y = polynomial(output.intercept, output.terms, z)
+                if output.position is not None and positions is not None:
+                    slope = polynomial(output.position.intercept, output.position.terms, z)
+                    y = y + slope * (positions[output.position.axis][block] - output.position.reference_m)
+                result[output.name][block] = y
+    return result
+
+
+def _scaled(
+    model: Equations,
+    time_s: Array,
+    readings: Mapping[str, Array],
+    start: Mapping[str, float],
+    memory: dict[str, tuple[float, float]],
+) -> dict[str, Array]:
+    x: dict[str, Array] = {}
+    z: dict[str, Array] = {}
+    for item in model.inputs:
+        values = readings[item.name]
+        finite = np.isfinite(values)
+        if not finite.all():
+            values = np.where(finite, values, np.nan)
+        x[item.name] = values - start[item.name] if item.reference == "rise" else values
+        z[item.name] = (x[item.name] - item.centre) / item.scale
+    for state in model.states:
+        lagged = _lagged(time_s, x[state.source], state, memory)
+        z[state.name] = (lagged - state.centre) / state.scale
+    return z
+
+
+def _lagged(time_s: Array, x: Array, state: State, memory: dict[str, tuple[float, float]]) -> Array:
+    """First-order lag, backward Euler: stable for any step, and needs no exponential function."""
+    lagged = np.full(len(x), np.nan)
+    there = np.flatnonzero(~np.isnan(x))
+    if len(there) == 0:
+        return lagged
+    times, values = time_s[there], x[there]
+    levels = []
+    if state.name not in memory:
+        memory[state.name] = (float(times[0]), float(values[0]))
+        levels.append(float(values[0]))
+        times, values = times[1:], values[1:]
+    before_s, level = memory[state.name]
+    dt_s = np.diff(times, prepend=before_s)
+    gains = dt_s / (state.tau_s + dt_s)
+    for gain, value in zip(gains.tolist(), values.tolist(), strict=True):
+        level = level + gain * (value - level)
+        levels.append(level)
+    lagged[there] = levels
+    memory[state.name] = (float(time_s[there[-1]]), level)
+    return lagged
+
+
+def _starts(
+    model: Equations, readings: Mapping[str, Array], start_readings: Mapping[str, float] | None
+) -> dict[str, float]:
+    start = {}
+    for item in model.inputs:
+        if start_readings is not None and item.name in start_readings:
+            start[item.name] = float(start_readings[item.name])
+        else:
+            start[item.name] = first_finite(readings[item.name])
+    return start
+
+
+def first_finite(values: Array) -> float:
+    """The first value that is a finite number, NaN if there is none."""
+    for first in range(0, len(values), BLOCK_SAMPLES):
+        finite = np.flatnonzero(np.isfinite(values[first : first + BLOCK_SAMPLES]))
+        if len(finite):
+            return float(values[first + finite[0]])
+    return math.nan
+
+
+def _series(name: str, table: Mapping[str, ArrayLike], time_s: Array) -> Array:
+    if name not in table:
+        raise _unusable(f"no values of {name!r}", "values of every input and axis of the model")
+    values = np.asarray(table[name], dtype=np.float64)
+    if values.shape != time_s.shape:
+        raise _unusable(f"{values.shape} values of {name!r}", f"shape {time_s.shape}, one value per time stamp")
+    return values
+
+
+def _unusable(found: str, expected: str) -> RecordingError:
+    return RecordingError(
+        found, expected=expected, where="evaluation of a model", advice="give one value per input and time stamp"
+    )

@@ -1,0 +1,380 @@
+"""`selector.model/1`: everything that a control needs to know about a model, as closed, checked values.
+
+The meaning of the numbers is in `selector.controllers.evaluator`. Displacements are in µm, positions in m, inputs in
+the canonical unit of their role (`selector.units.CANONICAL_UNITS`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Annotated, Any, Literal, Never
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+
+from selector.units import CANONICAL_UNITS
+
+SCHEMA = "selector.model/1"
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
+NonNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0)]
+Power = Annotated[int, Field(strict=True, ge=1, le=3)]
+# No control characters or line ends: names go into program comments, table headers and terminals.
+Name = Annotated[str, StringConstraints(min_length=1, max_length=100, pattern=r"^[^\x00-\x1f\x7f-\x9f\u2028\u2029]+$")]
+Text = Annotated[str, StringConstraints(max_length=4000)]
+Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
+Date = Annotated[
+    str,
+    StringConstraints(
+        pattern=r"^[0-9]{4}-[0-9]{2}-[0-9]{2}(T[0-9]{2}:[0-9]{2}(:[0-9]{2})?(Z|[+-][0-9]{2}:[0-9]{2})?)?$"
+    ),
+]
+Series = Annotated[tuple[Number, ...], Field(min_length=1, max_length=10_000)]
+Role = Literal[
+    "temperature", "ambient", "displacement", "spindle_speed", "feed_rate", "position_command", "position", "velocity",
+    "force", "current", "voltage", "acceleration", "flow", "state", "size", "amplitude", "frequency",
+]  # fmt: skip
+Sign = Literal["correction = -displacement"]
+Path = tuple[str | int, ...]
+
+
+class ContradictionError(ValueError):
+    """Two places of a model do not fit together; `path` leads from the value under validation to one of them."""
+
+    def __init__(self, path: Path, found: str, expected: str) -> None:
+        super().__init__(f"{found}, expected {expected}")
+        self.path = path
+        self.found = found
+        self.expected = expected
+
+
+class _Closed(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True, serialize_by_alias=True)
+
+
+class Input(_Closed):
+    """One sensor: x = reading − start reading (rise) or x = reading (absolute); z = (x − centre) / scale."""
+
+    name: Name
+    role: Role = "temperature"
+    unit: Name = Field(default="degC", description="canonical unit of the role; of readings, rises, ranges and rates")
+    reference: Literal["rise", "absolute"] = "rise"
+    centre: Number = Field(default=0.0, description="of x")
+    scale: Positive = Field(default=1.0, description="of x")
+    valid_min: Number = Field(description="smallest x that the model has seen")
+    valid_max: Number = Field(description="largest x that the model has seen")
+    rate_limit_per_min: Positive | None = Field(default=None, description="a faster change of the reading is a fault")
+    reading_min: Number | None = Field(
+        default=None, description="a reading below it is a fault, whatever the reference"
+    )
+    reading_max: Number | None = Field(
+        default=None, description="a reading above it is a fault, whatever the reference"
+    )
+    place: Text | None = None
+
+
+class State(_Closed):
+    """Memory: first-order lag of the x of a sensor, started at its first x; z = (lagged x − centre) / scale."""
+
+    name: Name
+    source: Name = Field(description="name of an input")
+    tau_s: Positive = Field(description="time constant [s]")
+    centre: Number = 0.0
+    scale: Positive = 1.0
+
+
+class Term(_Closed):
+    """coefficient · Π z^power; the keys of `powers` are names of inputs or states."""
+
+    powers: dict[Name, Power] = Field(min_length=1, max_length=8)
+    coefficient: Number
+    standard_error: NonNegative | None = None
+
+
+Terms = Annotated[tuple[Term, ...], Field(max_length=5000)]
+
+
+class PositionPart(_Closed):
+    """Position-dependent part: slope · (P − reference), slope = intercept + Σ terms [µm/m], P = axis position [m]."""
+
+    axis: Name = Field(description="machine axis whose position P is meant")
+    reference_m: Number = Field(description="P0 [m]: there the position-dependent part is zero")
+    valid_min_m: Number
+    valid_max_m: Number
+    intercept: Number = Field(description="[um/m]")
+    terms: Terms = ()
+
+
+class Output(_Closed):
+    """One displacement: intercept + Σ terms [µm] (+ the position-dependent part)."""
+
+    name: Name = Field(description="name of the displacement channel that was learnt")
+    axis: Name | None = None
+    unit: Literal["um"] = "um"
+    sign: Sign = Field(
+        default="correction = -displacement",
+        description="the output is the displacement of the tool against the workpiece, positive towards + of the axis; "
+        "the correction of the axis is its negative",
+    )
+    reference: Literal["rise", "absolute"] = Field(
+        default="absolute",
+        description="rise: displacement since the start of the run; absolute: displacement as recorded",
+    )
+    intercept: Number
+    intercept_standard_error: NonNegative | None = None
+    terms: Terms = ()
+    position: PositionPart | None = None
+
+
+class OutputLimits(_Closed):
+    """Limits of the correction of one output on the control; null = not decided, an export asks for it."""
+
+    output: Name
+    clamp_um: Positive | None = Field(default=None, description="largest magnitude of the correction")
+    slew_um_per_s: Positive | None = Field(default=None, description="largest change of the correction")
+    dead_band_um: NonNegative = Field(default=0.0, description="smaller changes of the correction are not passed on")
+    slope_clamp_um_per_m: Positive | None = Field(default=None, description="largest magnitude of the position slope")
+
+
+class Guard(_Closed):
+    """What the control does with bad readings and after a restart."""
+
+    limits: tuple[OutputLimits, ...] = Field(default=(), max_length=32)
+    on_fault: Literal["hold", "ramp-to-zero", "fallback"] = "hold"
+    without_fallback: Literal["hold", "ramp-to-zero"] = Field(
+        default="ramp-to-zero", description="with on_fault = fallback, when no fallback lacks the broken sensors"
+    )
+    hold_at_most_s: Positive | None = Field(default=None, description="after holding so long, ramp to zero")
+    recover_after_s: NonNegative = Field(default=60.0, description="good readings for so long end a fault")
+    stuck_after_s: Positive | None = Field(
+        default=None, description="a reading that does not change for so long is a fault"
+    )
+    break_codes: tuple[Number, ...] = Field(
+        default=(850.0, -9999.0, 9999.0, -999.0, 32767.0, -32768.0, 3276.7, -3276.8),
+        max_length=32,
+        description="readings of inputs in degC that mean a broken sensor",
+    )
+    outside_valid_range: Literal["limit-input", "fault"] = Field(
+        default="limit-input", description="an x outside its valid range is limited to it, or treated as a fault"
+    )
+    restart: Literal["keep-start", "new-start"] = Field(
+        default="keep-start",
+        description="after a restart of the control, keep the stored start readings or take new ones",
+    )
+    new_start_after_s: Positive | None = Field(
+        default=None, description="with keep-start: a standstill longer than this takes new start readings"
+    )
+
+
+class Fallback(_Closed):
+    """A complete model for the time when some sensors are broken."""
+
+    without: tuple[Name, ...] = Field(min_length=1, max_length=500)
+    inputs: tuple[Input, ...] = Field(min_length=1, max_length=500)
+    states: tuple[State, ...] = Field(default=(), max_length=500)
+    outputs: tuple[Output, ...] = Field(min_length=1, max_length=32)
+
+    @model_validator(mode="after")
+    def _hangs_together(self) -> Fallback:
+        _check_equations(self.inputs, self.states, self.outputs)
+        for i, item in enumerate(self.inputs):
+            if item.name in self.without:
+                _refuse(("inputs", i, "name"), item.name, "an input that this fallback is not without")
+        return self
+
+
+class Provenance(_Closed):
+    """Where the model comes from; nothing here is read from the clock or the machine."""
+
+    machine: Text | None = None
+    data_sha256: dict[Name, Sha256] = Field(
+        default_factory=dict, max_length=10_000, description="run → hash of its data"
+    )
+    version: Text | None = Field(default=None, description="version of selector that made the model")
+    date: Date | None = None
+    seed: Annotated[int, Field(strict=True, ge=0, le=2**53)] | None = None
+    method: Text | None = None
+    note: Text | None = None
+
+
+class Validation(_Closed):
+    """How good one output was, on its own data and on data that it had not seen."""
+
+    method: Text | None = Field(default=None, description="e.g. leave-one-run-out")
+    rmse_um: NonNegative | None = None
+    heldout_rmse_um: NonNegative | None = None
+    heldout_max_um: NonNegative | None = None
+    r2: Number | None = None
+    adjusted_r2: Number | None = None
+    n_runs: Annotated[int, Field(strict=True, ge=0)] | None = None
+    n_samples: Annotated[int, Field(strict=True, ge=0)] | None = None
+
+
+class CheckVector(_Closed):
+    """Readings with the outputs that they must give, so that any program can check itself."""
+
+    name: Name
+    time_s: Series
+    readings: dict[Name, Series]
+    start_readings: dict[Name, Number] | None = Field(
+        default=None, description="null: the first readings are the start"
+    )
+    positions_m: dict[Name, Series] | None = Field(default=None, description="axis → position; null: P = P0")
+    expected: dict[Name, Series]
+
+    @model_validator(mode="after")
+    def _hangs_together(self) -> CheckVector:
+        if any(b <= a for a, b in zip(self.time_s, self.time_s[1:], strict=False)):
+            _refuse(("time_s",), "time that repeats or runs backwards", "strictly increasing time")
+        for field, table in (
+            ("readings", self.readings),
+            ("positions_m", self.positions_m or {}),
+            ("expected", self.expected),
+        ):
+            for name, series in table.items():
+                if len(series) != len(self.time_s):
+                    _refuse((field, name), f"{len(series)} values", f"{len(self.time_s)}, as many as time_s has")
+        return self
+
+
+def _schema_is_required(schema: dict[str, Any]) -> None:
+    schema["required"] = ["schema", *schema["required"]]
+
+
+class ModelFile(_Closed):
+    """A model of the thermal displacement of a machine tool, for its control (selector.model/1)."""
+
+    model_config = ConfigDict(validate_by_name=True, validate_by_alias=True, json_schema_extra=_schema_is_required)
+
+    schema_: Literal["selector.model/1"] = Field(default="selector.model/1", alias="schema")
+    name: Name
+    inputs: tuple[Input, ...] = Field(min_length=1, max_length=500)
+    states: tuple[State, ...] = Field(default=(), max_length=500)
+    outputs: tuple[Output, ...] = Field(min_length=1, max_length=32)
+    guard: Guard = Guard()
+    fallbacks: tuple[Fallback, ...] = Field(default=(), max_length=500)
+    provenance: Provenance = Provenance()
+    validation: dict[Name, Validation] = Field(default_factory=dict, max_length=32, description="output → figures")
+    test_vectors: tuple[CheckVector, ...] = Field(default=(), max_length=100)
+
+    @model_validator(mode="after")
+    def _hangs_together(self) -> ModelFile:
+        _check_equations(self.inputs, self.states, self.outputs)
+        outputs = [item.name for item in self.outputs]
+        _check_guard(self, outputs)
+        _check_fallbacks(self, outputs)
+        for name in self.validation:
+            if name not in outputs:
+                _refuse(("validation", name), name, _one_of(outputs))
+        _check_vectors(self, outputs)
+        return self
+
+
+def model_json_schema() -> dict[str, Any]:
+    """The closed JSON Schema (draft 2020-12) of the model file, as shipped in ``schema/selector.model-1.json``."""
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": "urn:selector:model:1"}
+    return head | ModelFile.model_json_schema(by_alias=True)
+
+
+def _refuse(path: Path, found: str, expected: str) -> Never:
+    raise ContradictionError(path, found, expected)
+
+
+def _one_of(names: Iterable[str]) -> str:
+    return "one of " + ", ".join(names)
+
+
+def _check_unique(names: Iterable[tuple[Path, str]]) -> None:
+    seen: set[str] = set()
+    for path, name in names:
+        if name in seen:
+            _refuse(path, f"{name!r} a second time", "unique names")
+        seen.add(name)
+
+
+def _check_range(low: float | None, high: float | None, path: Path) -> None:
+    if low is not None and high is not None and low > high:
+        _refuse(path, f"minimum {low!r} above maximum {high!r}", "minimum ≤ maximum")
+
+
+def _check_equations(inputs: tuple[Input, ...], states: tuple[State, ...], outputs: tuple[Output, ...]) -> None:
+    named = [(("inputs", i, "name"), item.name) for i, item in enumerate(inputs)]
+    _check_unique([*named, *((("states", i, "name"), item.name) for i, item in enumerate(states))])
+    _check_unique((("outputs", i, "name"), item.name) for i, item in enumerate(outputs))
+    for i, item in enumerate(inputs):
+        _check_range(item.valid_min, item.valid_max, ("inputs", i, "valid_min"))
+        _check_range(item.reading_min, item.reading_max, ("inputs", i, "reading_min"))
+        if item.unit != CANONICAL_UNITS[item.role]:
+            _refuse(
+                ("inputs", i, "unit"), repr(item.unit), f"{CANONICAL_UNITS[item.role]!r}, the unit of {item.role!r}"
+            )
+    sources = [item.name for item in inputs]
+    for i, state in enumerate(states):
+        if state.source not in sources:
+            _refuse(("states", i, "source"), repr(state.source), _one_of(sources))
+    known = {*sources, *(state.name for state in states)}
+    for i, output in enumerate(outputs):
+        _check_terms(output.terms, known, ("outputs", i, "terms"))
+        if output.position is not None:
+            _check_terms(output.position.terms, known, ("outputs", i, "position", "terms"))
+            _check_range(
+                output.position.valid_min_m, output.position.valid_max_m, ("outputs", i, "position", "valid_min_m")
+            )
+
+
+def _check_terms(terms: tuple[Term, ...], known: set[str], path: Path) -> None:
+    seen: set[frozenset[tuple[str, int]]] = set()
+    for i, term in enumerate(terms):
+        for name in term.powers:
+            if name not in known:
+                _refuse((*path, i, "powers", name), repr(name), "the name of an input or a state")
+        product = frozenset(term.powers.items())
+        if product in seen:
+            _refuse((*path, i, "powers"), "the same product a second time", "every product once in an output")
+        seen.add(product)
+
+
+def _check_guard(model: ModelFile, outputs: list[str]) -> None:
+    _check_unique((("guard", "limits", i, "output"), item.output) for i, item in enumerate(model.guard.limits))
+    for i, limits in enumerate(model.guard.limits):
+        if limits.output not in outputs:
+            _refuse(("guard", "limits", i, "output"), repr(limits.output), _one_of(outputs))
+    if model.guard.on_fault == "fallback" and not model.fallbacks:
+        _refuse(("guard", "on_fault"), "'fallback' without any fallback", "at least one entry in fallbacks")
+
+
+def _check_fallbacks(model: ModelFile, outputs: list[str]) -> None:
+    inputs = {item.name: (item.role, item.unit, item.reference) for item in model.inputs}
+    seen: set[frozenset[str]] = set()
+    for i, fallback in enumerate(model.fallbacks):
+        for j, name in enumerate(fallback.without):
+            if name not in inputs:
+                _refuse(("fallbacks", i, "without", j), repr(name), _one_of(inputs))
+        if frozenset(fallback.without) in seen:
+            _refuse(("fallbacks", i, "without"), "the same sensors a second time", "one fallback for a set of sensors")
+        seen.add(frozenset(fallback.without))
+        for j, item in enumerate(fallback.inputs):
+            if inputs.get(item.name) != (item.role, item.unit, item.reference):
+                expected = "an input of the model with the same role, unit and reference"
+                _refuse(("fallbacks", i, "inputs", j), repr(item.name), expected)
+        if [item.name for item in fallback.outputs] != outputs:
+            _refuse(("fallbacks", i, "outputs"), "other outputs", "the outputs of the model in the same order")
+
+
+def _check_vectors(model: ModelFile, outputs: list[str]) -> None:
+    inputs = [item.name for item in model.inputs]
+    axes = {item.position.axis for item in model.outputs if item.position is not None}
+    for i, vector in enumerate(model.test_vectors):
+        for field, given, wanted in (
+            ("readings", set(vector.readings), set(inputs)),
+            ("expected", set(vector.expected), set(outputs)),
+            ("positions_m", axes if vector.positions_m is None else set(vector.positions_m), axes),
+        ):
+            if given != wanted:
+                found = (
+                    "no " + ", ".join(sorted(wanted - given)) if wanted - given else ", ".join(sorted(given - wanted))
+                )
+                _refuse(("test_vectors", i, field), found, "exactly " + (", ".join(sorted(wanted)) or "no entry"))
+        for name in vector.start_readings or {}:
+            if name not in inputs:
+                _refuse(("test_vectors", i, "start_readings", name), repr(name), _one_of(inputs))

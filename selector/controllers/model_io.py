@@ -1,0 +1,131 @@
+"""Model files on disk: read with suspicion, written whole and always in the same bytes."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from selector.controllers.atomic_file import write_whole
+from selector.controllers.model_file import SCHEMA, ContradictionError, ModelFile
+from selector.controllers.strict_json import json_path, json_text, parsed_json, shown
+from selector.errors import ModelFileError
+
+LARGEST_FILE_BYTES = 16 * 1024 * 1024
+"""A model of 37 sensors with all pair products and 37 fallbacks takes half of it."""
+
+_EXPORT_AGAIN = "correct this place, or export the model again"
+
+
+def read_model(path: str | Path) -> ModelFile:
+    """The model in a file.
+
+    Raises
+    ------
+    ModelFileError
+        The file cannot be read, is too large, is cut off, is of another version or does not follow the schema; the
+        message has the JSON path and the value.
+    """
+    place = Path(path)
+    try:
+        with place.open("rb") as file:
+            content = file.read(LARGEST_FILE_BYTES + 1)
+    except OSError as error:
+        raise ModelFileError(
+            f"the file cannot be read: {error.strerror or error}",
+            expected=f"a model file ({SCHEMA})",
+            where=str(place),
+            advice="check the path; `selector select --out DIR` writes DIR/model.json",
+        ) from error
+    if len(content) > LARGEST_FILE_BYTES:
+        raise ModelFileError(
+            f"more than {LARGEST_FILE_BYTES // 2**20} MiB",
+            expected=f"a model file ({SCHEMA}) of at most {LARGEST_FILE_BYTES // 2**20} MiB",
+            where=str(place),
+            advice="give the model file, not a recording",
+        )
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ModelFileError(
+            f"byte {content[error.start]:#04x} at offset {error.start} is not UTF-8",
+            expected="a JSON text in UTF-8",
+            where=str(place),
+            advice="give the model file as selector wrote it; an editor may have saved it in another encoding",
+        ) from None
+    return parsed_model(text, where=str(place))
+
+
+def parsed_model(text: str, *, where: str = "model") -> ModelFile:
+    """The model in a JSON text; `where` names the text in messages.
+
+    Raises
+    ------
+    ModelFileError
+        As `read_model`.
+    """
+    value = parsed_json(text, where=where)
+    if not isinstance(value, dict):
+        raise ModelFileError(
+            shown(value),
+            expected=f'an object with "schema": "{SCHEMA}"',
+            where=f"{where}, $",
+            advice="give a model file; `selector select --out DIR` writes DIR/model.json",
+        )
+    if value.get("schema") != SCHEMA:
+        raise ModelFileError(
+            f"schema {shown(value['schema'])}" if "schema" in value else "no field 'schema'",
+            expected=f'"{SCHEMA}"',
+            where=f"{where}, $.schema",
+            advice="give a model file of this version, or use the version of selector that wrote the file",
+        )
+    try:
+        return ModelFile.model_validate(value)
+    except ValidationError as error:
+        raise _model_file_error(error, where) from None
+
+
+def model_text(model: ModelFile) -> str:
+    """The JSON text of a model: field order of the schema, shortest float text, the same for equal models."""
+    return json_text(model.model_dump(by_alias=True)) + "\n"
+
+
+def write_model(model: ModelFile, path: str | Path) -> None:
+    """Write a model file, whole or not at all.
+
+    Raises
+    ------
+    OptionError
+        Nothing can be written at this path.
+    """
+    write_whole(Path(path), model_text(model).encode("utf-8"))
+
+
+def model_sha256(model: ModelFile) -> str:
+    """SHA-256 of the bytes that `write_model` writes, 64 hexadecimal digits."""
+    return hashlib.sha256(model_text(model).encode("utf-8")).hexdigest()
+
+
+def _model_file_error(error: ValidationError, where: str) -> ModelFileError:
+    errors = error.errors(include_url=False)
+    # pydantic also counts an array as too short when one of its entries is bad
+    errors = [
+        one for one in errors if not (one["type"] == "too_short" and one["ctx"]["actual_length"] != len(one["input"]))
+    ]
+    first: dict[str, Any] = dict(errors[0])
+    cause = first.get("ctx", {}).get("error")
+    inner = cause.path if isinstance(cause, ContradictionError) else ()
+    path = json_path([part for part in (*first["loc"], *inner) if part != "[key]"])
+    if first["type"] == "missing":
+        found, expected = f"no field {first['loc'][-1]!r}", "this field"
+    elif first["type"] == "extra_forbidden":
+        found, expected = f"unknown field with value {shown(first['input'])}", "only the fields of the schema"
+    elif isinstance(cause, ContradictionError):
+        found, expected = cause.found, cause.expected
+    else:
+        message = first["msg"].removeprefix("Input should be ").removeprefix("String should ")
+        found, expected = shown(first["input"]), message
+    more = "" if len(errors) == 1 else f" (and {len(errors) - 1} more)"
+    return ModelFileError(f"{found}{more}", expected=expected, where=f"{where}, {path}", advice=_EXPORT_AGAIN)

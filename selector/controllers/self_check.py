@@ -1,0 +1,296 @@
+"""Does a model file keep its word? Test vectors made and recomputed, values bounded, ranges looked at."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from selector.controllers.evaluator import Equations, Evaluator
+from selector.controllers.model_file import CheckVector, Input, ModelFile, Output, Term
+from selector.controllers.model_io import read_model
+from selector.findings import Finding
+
+TOLERANCE = 1e-9
+"""Relative to the largest contribution to an output: 1e6 times the rounding of float64, so that a program that adds in
+another order passes, and 1e-7 µm at 100 µm, far below what any control resolves."""
+
+START_DEGC = 20.0
+STEP_S = 60.0
+CORNERS_OF_ALL_UP_TO = 5
+RAMP_SAMPLES = 25
+RECORDED_SAMPLES = 50
+
+_READING_DECIMALS = 6
+
+
+def check_model(path: str | Path) -> tuple[Finding, ...]:
+    """What is wrong with a model file that follows the schema; the first finding says how the test vectors went.
+
+    Findings of level ``error``: ``test-vector-mismatch`` and ``output-not-finite``; the model must not be used.
+
+    Raises
+    ------
+    ModelFileError
+        The file cannot be read or does not follow the schema.
+    """
+    return model_findings(read_model(path))
+
+
+def model_findings(model: ModelFile) -> tuple[Finding, ...]:
+    """As `check_model`, for a model in memory."""
+    return (*_vector_findings(model), *_size_findings(model), *_range_findings(model), *_unused_findings(model))
+
+
+def check_vectors(
+    model: ModelFile, recorded: tuple[ArrayLike, Mapping[str, ArrayLike]] | None = None
+) -> tuple[CheckVector, ...]:
+    """Test vectors with the outputs of the reference evaluator.
+
+    ``start`` (start readings not given), ``corners`` of the valid ranges (all of them for up to five inputs, else each
+    input alone and all together), ``ramp`` (up, hold, back at uneven steps as long as the slowest memory), and, if
+    given, up to 50 samples of a recording.
+
+    Parameters
+    ----------
+    model : ModelFile
+        Its own test vectors are not looked at.
+    recorded : tuple of time_s [s] and readings per input, optional
+        Rows with a missing reading are left out.
+    """
+    start = {item.name: START_DEGC for item in model.inputs if item.reference == "rise"}
+    corners = list(_corners(model.inputs))
+    ramp_s, ramp = _ramp(model)
+    vectors = [
+        _vector(model, "start", [0.0, STEP_S], [{item.name: _at(item, 0.0) for item in model.inputs}] * 2, None),
+        _vector(model, "corners", [STEP_S * k for k in range(len(corners))], corners, start),
+        _vector(model, "ramp", ramp_s, ramp, start),
+    ]
+    if recorded is not None:
+        time = np.asarray(recorded[0], dtype=np.float64)
+        table = np.column_stack([np.asarray(recorded[1][item.name], dtype=np.float64) for item in model.inputs])
+        whole = np.flatnonzero(np.isfinite(table).all(axis=1))
+        if len(whole):
+            chosen = whole[np.unique(np.linspace(0, len(whole) - 1, RECORDED_SAMPLES).round().astype(np.int64))]
+            names = [item.name for item in model.inputs]
+            rows = [dict(zip(names, row, strict=True)) for row in table[chosen].tolist()]
+            vectors.append(_vector(model, "recorded", time[chosen].tolist(), rows, None))
+    return tuple(vectors)
+
+
+def output_bound_um(model: Equations, output: Output) -> float:
+    """A bound [µm] on the magnitude of an output while every input is in its valid range (inf = overflow possible).
+
+    The sum of the largest magnitudes of the terms: never too small, usually too large. Lagged inputs stay inside the
+    range of their source. A position-dependent part counts at the far end of its valid positions.
+    """
+    bound = _polynomial_bound(model, output.intercept, output.terms)
+    part = output.position
+    if part is not None:
+        reach_m = max(abs(part.valid_min_m - part.reference_m), abs(part.valid_max_m - part.reference_m))
+        bound += _polynomial_bound(model, part.intercept, part.terms) * reach_m
+    return bound if math.isfinite(bound) else math.inf
+
+
+def _polynomial_bound(model: Equations, intercept: float, terms: tuple[Term, ...]) -> float:
+    ranges = {item.name: (item.valid_min, item.valid_max) for item in model.inputs}
+    largest = {}
+    for item in model.inputs:
+        largest[item.name] = max(abs((x - item.centre) / item.scale) for x in ranges[item.name])
+    for state in model.states:
+        largest[state.name] = max(abs((x - state.centre) / state.scale) for x in ranges[state.source])
+    bound = abs(intercept)
+    for term in terms:
+        size = abs(term.coefficient)
+        for name, power in term.powers.items():
+            for _ in range(power):
+                size = size * largest[name]
+        bound += size
+    return bound
+
+
+def _vector(
+    model: ModelFile,
+    name: str,
+    time_s: list[float],
+    rows: list[dict[str, float]],
+    start: Mapping[str, float] | None,
+) -> CheckVector:
+    axes = {item.position.axis: item.position for item in model.outputs if item.position is not None}
+    # to and fro between the ends of the valid positions, so that the slope is seen at both
+    positions = {
+        axis: [(part.valid_min_m, part.valid_max_m)[k % 2] for k in range(len(rows))] for axis, part in axes.items()
+    }
+    expected = _recomputed(model, time_s, rows, start, positions)
+    return CheckVector(
+        name=name,
+        time_s=tuple(time_s),
+        readings={item.name: tuple(row[item.name] for row in rows) for item in model.inputs},
+        start_readings=None if start is None else dict(start),
+        positions_m={axis: tuple(series) for axis, series in positions.items()} or None,
+        expected={key: tuple(series) for key, series in expected.items()},
+    )
+
+
+def _recomputed(
+    model: ModelFile,
+    time_s: list[float],
+    rows: list[dict[str, float]],
+    start: Mapping[str, float] | None,
+    positions: Mapping[str, list[float]],
+) -> dict[str, list[float]]:
+    evaluator = Evaluator(model, start)
+    steps = [
+        evaluator.step(time_s[k], rows[k], {axis: series[k] for axis, series in positions.items()} or None)
+        for k in range(len(time_s))
+    ]
+    return {output.name: [step[output.name] for step in steps] for output in model.outputs}
+
+
+def _at(item: Input, share: float) -> float:
+    """A reading for which x stands at this share of the valid range."""
+    x = item.valid_min + share * (item.valid_max - item.valid_min)
+    return round(x + START_DEGC if item.reference == "rise" else x, _READING_DECIMALS)
+
+
+def _corners(inputs: tuple[Input, ...]) -> Iterator[dict[str, float]]:
+    if len(inputs) <= CORNERS_OF_ALL_UP_TO:
+        for ends in itertools.product((0.0, 1.0), repeat=len(inputs)):
+            yield {item.name: _at(item, end) for item, end in zip(inputs, ends, strict=True)}
+        return
+    for everywhere in (0.0, 0.5, 1.0):
+        yield {item.name: _at(item, everywhere) for item in inputs}
+    for one, end in itertools.product(inputs, (0.0, 1.0)):
+        yield {item.name: _at(item, end if item is one else 0.5) for item in inputs}
+
+
+def _ramp(model: ModelFile) -> tuple[list[float], list[dict[str, float]]]:
+    slowest_s = max((state.tau_s for state in model.states), default=STEP_S * RAMP_SAMPLES / 3.0)
+    shares = np.linspace(0.0, 1.0, RAMP_SAMPLES)
+    # uneven steps: a program that takes its own cycle time for the step is found out
+    time_s = np.round(3.0 * slowest_s * shares**1.5, 3)
+    level = np.interp(shares, [0.0, 0.4, 0.7, 1.0], [0.0, 1.0, 1.0, 0.2])
+    rows = []
+    for k in range(RAMP_SAMPLES):
+        # the inputs follow one another, as heat does
+        late = {item.name: level[max(0, k - i % 4)] for i, item in enumerate(model.inputs)}
+        rows.append({item.name: _at(item, float(late[item.name])) for item in model.inputs})
+    return _increasing(time_s), rows
+
+
+def _increasing(time_s: NDArray[np.float64]) -> list[float]:
+    return [round(float(value) + 0.001 * k, 3) for k, value in enumerate(time_s)]
+
+
+def _vector_findings(model: ModelFile) -> Iterator[Finding]:
+    if not model.test_vectors:
+        yield Finding(
+            "no-test-vectors",
+            "warning",
+            "The model file has no test vectors: a program on a control cannot check itself against it.",
+            suggestion="export the model again with selector",
+        )
+        return
+    largest, samples, wrong = 0.0, 0, []
+    for vector in model.test_vectors:
+        rows = [{name: series[k] for name, series in vector.readings.items()} for k in range(len(vector.time_s))]
+        positions = {axis: list(series) for axis, series in (vector.positions_m or {}).items()}
+        computed = _recomputed(model, list(vector.time_s), rows, vector.start_readings, positions)
+        for output in model.outputs:
+            given, found = np.asarray(vector.expected[output.name]), np.asarray(computed[output.name])
+            allowed = TOLERANCE * max(output_bound_um(model, output), float(np.max(np.abs(given))))
+            difference = np.abs(given - found)
+            samples += len(given)
+            # written so that NaN counts as wrong
+            bad = np.flatnonzero(~(difference <= allowed))
+            if len(bad):
+                wrong.append(
+                    (vector.name, output.name, int(bad[0]), float(given[bad[0]]), float(found[bad[0]]), len(bad))
+                )
+            else:
+                largest = max(largest, float(np.max(difference)))
+    for vector_name, output_name, k, given_um, found_um, count in wrong:
+        yield Finding(
+            "test-vector-mismatch",
+            "error",
+            f"Test vector {vector_name!r}: the coefficients give {output_name} = {found_um:.9g} µm at sample {k}, the "
+            f"file expects {given_um:.9g} µm ({count} such samples). The file was changed after it was exported.",
+            evidence={"vector": vector_name, "output": output_name, "sample": k, "expected_um": given_um,
+                      "computed_um": found_um if math.isfinite(found_um) else None, "samples": count},
+            suggestion="do not use this file; export the model again",
+        )  # fmt: skip
+    if not wrong:
+        yield Finding(
+            "test-vectors-agree",
+            "info",
+            f"All {samples} expected outputs were recomputed; the largest difference is {largest:.3g} µm.",
+            evidence={"samples": samples, "max_abs_difference_um": largest},
+        )
+
+
+def _size_findings(model: ModelFile) -> Iterator[Finding]:
+    for output in model.outputs:
+        if not math.isfinite(output_bound_um(model, output)):
+            yield Finding(
+                "output-not-finite",
+                "error",
+                f"{output.name} can overflow while every input is in its valid range.",
+                evidence={"output": output.name},
+                suggestion="do not use this file; a coefficient is far too large or a scale far too small",
+            )
+
+
+def _range_findings(model: ModelFile) -> Iterator[Finding]:
+    for item in model.inputs:
+        low, high = item.valid_min, item.valid_max
+        evidence = {"input": item.name, "valid_min": low, "valid_max": high, "centre": item.centre, "scale": item.scale}
+        if low == high:
+            yield Finding(
+                "valid-range-empty",
+                "warning",
+                f"{item.name} was {low:g} throughout: the model does not know what a change of it does.",
+                evidence=evidence,
+                suggestion="leave the sensor out, or record a run in which it changes",
+            )
+        elif not low <= item.centre <= high and any(item.name in term.powers for term in _all_terms(model)):
+            yield Finding(
+                "centre-outside-valid-range",
+                "info",
+                f"{item.name}: the centre {item.centre:g} is outside the valid range {low:g} … {high:g}.",
+                evidence=evidence,
+                suggestion="check that centre and range are both of the rise, or both of the reading",
+            )
+        codes = [code for code in model.guard.break_codes if low <= code <= high]
+        if item.unit == "degC" and item.reference == "absolute" and codes:
+            yield Finding(
+                "break-code-in-valid-range",
+                "warning",
+                f"{item.name}: the break code {codes[0]:g} °C is inside the valid range {low:g} … {high:g} °C.",
+                evidence=evidence | {"break_code": codes[0]},
+                suggestion="remove the code from guard.break_codes, or clean the recording and fit again",
+            )
+
+
+def _unused_findings(model: ModelFile) -> Iterator[Finding]:
+    used = {name for term in _all_terms(model) for name in term.powers}
+    used |= {state.source for state in model.states if state.name in used}
+    for name in (*(item.name for item in model.inputs), *(state.name for state in model.states)):
+        if name not in used:
+            yield Finding(
+                "input-not-used",
+                "info",
+                f"{name} is in the model file, but no output depends on it.",
+                evidence={"input": name},
+                suggestion="leave it out, so that nobody wires a sensor for nothing",
+            )
+
+
+def _all_terms(model: ModelFile) -> Iterator[Term]:
+    for output in model.outputs:
+        yield from output.terms
+        if output.position is not None:
+            yield from output.position.terms
