@@ -13,9 +13,22 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import fdtri
 
 from selector.errors import InputError, OptionError
-from selector.sensors.cohesion import FStatistic, f_of_scatter
+from selector.sensors.cohesion import FStatistic, chaining_findings, f_of_scatter, f_statistic
 from selector.sensors.fuzzy import closure_chain
 from selector.sensors.similarity import sensor_names
+
+__all__ = [
+    "Dendrogram",
+    "FStatistic",
+    "LambdaAxis",
+    "LambdaStep",
+    "Partition",
+    "chaining_findings",
+    "dendrogram",
+    "f_statistic",
+    "lambda_axis",
+    "lambda_cut",
+]
 
 
 @dataclass(frozen=True)
