@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated
 
 import typer
 
 from selector import __version__
-from selector.cli import running
+from selector.cli import applying, models, reading, running
 
 __all__ = ["app", "exit_status", "main"]
 
@@ -36,12 +37,30 @@ def _print_version(wanted: bool) -> None:
 def _selector(
     context: typer.Context,
     version: Annotated[
-        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and stop.")
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, metavar="", help="Print the version and stop."
+        ),
     ] = False,
 ) -> None:
     """Choose temperature sensors of a machine tool, prove the model on runs it has not seen, and hand it over."""
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
+
+
+def _command(name: str, command: Callable[..., None], group: typer.Typer = app) -> None:
+    """Adds a command; line breaks inside a paragraph of its docstring are not line breaks on the screen."""
+    paragraphs = inspect.cleandoc(command.__doc__ or "").split("\n\n")
+    group.command(name, help="\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs))(command)
+
+
+_command("describe", reading.describe)
+_command("convert", reading.convert)
+_command("apply", applying.apply)
+_model = typer.Typer(help="Look at a model file.")
+_command("show", models.show, _model)
+_command("check", models.check, _model)
+app.add_typer(_model, name="model")
 
 
 def exit_status(arguments: Sequence[str] | None = None) -> int:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 AsJson = Annotated[
-    bool, typer.Option("--json", help="Print only JSON to stdout; everything else goes to stderr.", show_default=False)
+    bool, typer.Option("--json", help="Print only JSON to stdout; everything else goes to stderr.", metavar="")
 ]
 
 _WIDTH_WITHOUT_TERMINAL = 140

@@ -7,7 +7,7 @@ import inspect
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 
@@ -43,8 +43,29 @@ TimeUnit = Annotated[
     str | None,
     typer.Option("--time-unit", metavar="UNIT", help="Unit of the time, or `datetime`.", rich_help_panel=_PANEL),
 ]
+HeaderRow = Annotated[
+    int | None,
+    typer.Option(
+        "--header-row",
+        metavar="N",
+        min=0,
+        help="Line with the channels' names, counted from 1; 0 if there is none.",
+        rich_help_panel=_PANEL,
+    ),
+]
+DateOrder = Annotated[
+    str | None,
+    typer.Option("--date-order", metavar="ORDER", help="`dmy`, `mdy` or `ymd`.", rich_help_panel=_PANEL),
+]
+Period = Annotated[
+    float | None,
+    typer.Option(
+        "--period", metavar="SECONDS", help="Sampling period of recordings without a time.", rich_help_panel=_PANEL
+    ),
+]
 Sheet = Annotated[
-    str | None, typer.Option("--sheet", metavar="NAME", help="Sheet of a workbook.", rich_help_panel=_PANEL)
+    str | None,
+    typer.Option("--sheet", metavar="NAME", help="Excel sheet, TDMS group, MAT variable.", rich_help_panel=_PANEL),
 ]
 Units = Annotated[
     list[str] | None,
@@ -65,11 +86,39 @@ class Source:
     encoding: Encoding = None
     separator: Separator = None
     decimal: Decimal = None
+    header_row: HeaderRow = None
+    sheet: Sheet = None
     time_column: TimeColumn = None
     time_unit: TimeUnit = None
-    sheet: Sheet = None
+    date_order: DateOrder = None
+    period: Period = None
     unit: Units = None
     role: Roles = None
+
+    def reading(self) -> Reading:
+        """The recordings, and how they were read.
+
+        Raises
+        ------
+        InputError
+            A file cannot be read, the machine file does not fit, or an option cannot be used.
+        """
+        from selector.readers import Overrides, read
+
+        overrides = Overrides(
+            encoding=self.encoding,
+            separator=self.separator,
+            decimal=self.decimal,
+            header_row=self.header_row,
+            sheet=self.sheet,
+            time_column=self.time_column,
+            time_unit=self.time_unit,
+            date_order=_one_of(self.date_order, ("dmy", "mdy", "ymd"), "--date-order"),
+            period_s=_positive(self.period, "--period"),
+            units=pairs(self.unit, "--unit"),
+            roles=pairs(self.role, "--role"),
+        )
+        return read(self.runs, machine=self.machine, overrides=overrides)
 
 
 def with_source(command: Callable[..., None]) -> Callable[..., None]:
@@ -81,7 +130,10 @@ def with_source(command: Callable[..., None]) -> Callable[..., None]:
     (['runs', 'machine'], 'quiet')
     """
     hints = inspect.get_annotations(Source, eval_str=True)
-    own = list(inspect.signature(command, eval_str=True).parameters.values())[1:]
+    own = [
+        part.replace(kind=inspect.Parameter.KEYWORD_ONLY)
+        for part in list(inspect.signature(command, eval_str=True).parameters.values())[1:]
+    ]
     shared = [
         inspect.Parameter(
             field.name,
@@ -96,10 +148,16 @@ def with_source(command: Callable[..., None]) -> Callable[..., None]:
     def spread(**values: Any) -> None:
         command(Source(**{part.name: values.pop(part.name) for part in shared}), **values)
 
-    parameters = [*shared, *(part.replace(kind=inspect.Parameter.KEYWORD_ONLY) for part in own)]
+    # RUN... takes all words that are left, so what a command itself takes by position stands before it
+    leading = [part for part in own if _is_argument(part.annotation)]
+    parameters = [*leading, *shared, *(part for part in own if part not in leading)]
     spread.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     spread.__annotations__ = {part.name: part.annotation for part in parameters}
     return spread
+
+
+def _is_argument(annotation: Any) -> bool:
+    return any(isinstance(note, type(typer.Argument())) for note in get_args(annotation))
 
 
 def pairs(values: list[str] | None, option: str) -> dict[str, str]:
@@ -130,3 +188,25 @@ def pairs(values: list[str] | None, option: str) -> dict[str, str]:
             )
         found[name] = right
     return found
+
+
+def _one_of(value: str | None, choices: tuple[str, ...], option: str) -> str | None:
+    if value is not None and value not in choices:
+        raise OptionError(
+            f"{value!r}",
+            expected="one of " + ", ".join(choices),
+            where=option,
+            advice=f"choose one, or leave {option} out",
+        )
+    return value
+
+
+def _positive(value: float | None, option: str) -> float | None:
+    if value is not None and not 0 < value < float("inf"):
+        raise OptionError(
+            f"{value}",
+            expected="a positive number of seconds",
+            where=option,
+            advice="e.g. --period 60 for one a minute",
+        )
+    return value

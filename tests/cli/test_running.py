@@ -1,0 +1,107 @@
+"""How commands end."""
+
+from __future__ import annotations
+
+import errno
+
+import pytest
+import typer
+
+from selector.cli.running import exit_status
+from selector.errors import Cancelled, OptionError
+
+
+def program(error: BaseException | None = None) -> typer.Typer:
+    app = typer.Typer(pretty_exceptions_enable=False)
+
+    @app.command()
+    def work(number: int = 0) -> None:
+        if error is not None:
+            raise error
+
+    @app.command()
+    def rest() -> None:
+        pass
+
+    return app
+
+
+def test_done():
+    assert exit_status(program(), ["work"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["work", "--nonsense"], "--nonsense"),
+        (["nonsense"], "nonsense"),
+        (["work", "--number", "many"], "--number"),
+        (["work", "--number"], "--number"),
+        (["work", "extra"], "extra"),
+    ],
+)
+def test_a_wrong_command_line_says_what_to_do(arguments, named, capfd):
+    assert exit_status(program(), arguments) == 2
+    out, err = capfd.readouterr()
+    assert out == ""
+    assert "What to do" in err
+    assert named in err
+    assert "Traceback" not in err
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (OptionError("λ = 2", expected="0 to 1", where="--lambda", advice="choose 0.995"), "choose 0.995"),
+        (FileNotFoundError(errno.ENOENT, "No such file", "r1.csv"), "r1.csv"),
+        (PermissionError(errno.EACCES, "Permission denied", "r1.csv"), "close the program"),
+        (IsADirectoryError(errno.EISDIR, "Is a directory", "runs"), "name a file"),
+        (OSError(errno.ENOSPC, "No space left on device", "out.csv"), "free some space"),
+        (OSError("something of the system"), "something of the system"),
+        (UnicodeDecodeError("utf-8", b"\xff", 0, 1, "invalid start byte"), "--encoding"),
+        (MemoryError(), "fewer runs"),
+        (ModuleNotFoundError("No module named 'nptdms'", name="nptdms"), "selector[formats]"),
+    ],
+    ids=lambda value: type(value).__name__ if isinstance(value, Exception) else None,
+)
+def test_what_the_user_can_solve_ends_with_2(error, said, capfd):
+    assert exit_status(program(error), ["work"]) == 2
+    out, err = capfd.readouterr()
+    assert out == ""
+    assert said in err
+    for part in ("Where:", "Expected:", "What to do:"):
+        assert part in err
+    assert "Traceback" not in err
+
+
+@pytest.mark.parametrize(
+    "error", [ValueError("no"), KeyError("T1"), ZeroDivisionError(), ModuleNotFoundError("x", name="x")]
+)
+def test_a_defect_of_ours_ends_with_1(error, capfd, monkeypatch):
+    monkeypatch.delenv("SELECTOR_DEBUG", raising=False)
+    assert exit_status(program(error), ["work"]) == 1
+    err = capfd.readouterr().err
+    assert "defect of the program" in err
+    assert type(error).__name__ in err
+    assert "Traceback" not in err
+
+    monkeypatch.setenv("SELECTOR_DEBUG", "1")
+    assert exit_status(program(error), ["work"]) == 1
+    assert "Traceback" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), Cancelled("stopped after 3 of 10 folds. Nothing was written.")])
+def test_stopped_by_the_user(error, capfd):
+    assert exit_status(program(error), ["work"]) == 130
+    err = capfd.readouterr().err
+    assert err.count("\n") == 1
+    assert "Nothing was written" in err
+
+
+def test_messages_survive_a_code_page_that_lacks_letters(monkeypatch, tmp_path):
+    error = OptionError("通道 T1 и µ", expected="x", where="温度.csv", advice="y")
+    path = tmp_path / "stderr.txt"
+    with path.open("w", encoding="cp1252") as stream:
+        monkeypatch.setattr("sys.stderr", stream)
+        assert exit_status(program(error), ["work"]) == 2
+    assert "What to do: y" in path.read_text(encoding="cp1252")

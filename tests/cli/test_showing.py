@@ -1,0 +1,110 @@
+"""JSON for programs, text for people."""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from selector.cli import showing
+from selector.findings import Finding, Where
+
+FINDING = Finding(
+    "stuck-channel",
+    "warning",
+    "T4 does not change.",
+    Where("T4", "r2", 3600.0, 9000.0),
+    {"samples": np.int64(90), "level": np.float64("nan")},
+    "Check the cable.",
+    "leave-out-stretch",
+)
+
+
+def test_numbers_that_json_lacks_become_null():
+    value = {"a": float("nan"), "b": [np.inf, np.float32(0.5)], "c": np.array([1, 2]), "d": (True, None, "µm")}
+    assert json.loads(showing.json_text(value)) == {"a": None, "b": [None, 0.5], "c": [1, 2], "d": [True, None, "µm"]}
+    assert "µm" in showing.json_text(value)
+
+
+def test_findings_and_paths_have_a_json_form():
+    shown = json.loads(showing.json_text({"findings": (FINDING,), "file": Path("runs") / "r1.csv"}))
+    assert shown["file"] == "runs/r1.csv"
+    assert shown["findings"][0]["where"] == {"channel": "T4", "run": "r2", "from_s": 3600.0, "to_s": 9000.0}
+    assert shown["findings"][0]["evidence"] == {"samples": 90, "level": None}
+
+
+def test_what_has_no_json_form_is_refused():
+    with pytest.raises(TypeError, match="object"):
+        showing.json_text({"a": object()})
+
+
+json_values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(), inner, max_size=4),
+    max_leaves=12,
+)
+
+
+@given(json_values)
+def test_json_round_trip_is_exact(value):
+    assert json.loads(showing.json_text(value)) == value
+
+
+def test_json_is_utf8_whatever_the_terminal_speaks(monkeypatch):
+    raw = io.BytesIO()
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(raw, encoding="cp1252"))
+    # a lone surrogate is what the system makes of a file name that is not UTF-8
+    showing.print_json({"温度": "λ", "file": "r\udcff.csv"})
+    assert json.loads(raw.getvalue().decode("utf-8")) == {"温度": "λ", "file": "r\udcff.csv"}
+
+
+def test_tables_degrade_on_a_code_page_that_lacks_letters(monkeypatch):
+    raw = io.BytesIO()
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(raw, encoding="cp1252", write_through=True))
+    console = showing.screen()
+    console.print(showing.table("通道", ["name", "value"], [["主轴温度", 1.23456], ["T[2]", None]], numeric=["value"]))
+    showing.show_findings(console, [FINDING])
+    text = raw.getvalue().decode("cp1252")
+    assert "1.235" in text
+    assert "T[2]" in text
+    assert "this stretch is left out" in text
+
+
+def test_people_read_stderr_when_stdout_is_json(capfd):
+    showing.screen(as_json=True).print("progress")
+    assert capfd.readouterr() == ("", "progress\n")
+
+
+def test_no_colours_in_a_file(capfd):
+    showing.show_findings(showing.screen(), [FINDING])
+    out = capfd.readouterr().out
+    assert "\x1b" not in out
+    assert out.startswith("warning stuck-channel (r2, T4, 1 h…2 h 30 min): T4 does not change.\n")
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [(0.5, "0.5 s"), (59.0, "59 s"), (90.0, "1.5 min"), (3600.0, "1 h"), (5400.0, "1 h 30 min"), (float("nan"), "–")],
+)
+def test_duration_text(seconds, text):
+    assert showing.duration_text(seconds) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(None, "–"), (float("nan"), "–"), (3, "3"), (0.123456, "0.1235"), ("a", "a")]
+)
+def test_cell_text(value, text):
+    assert showing.cell_text(value) == text
+
+
+def test_progress_says_nothing_without_a_terminal(capfd):
+    with showing.progress("search") as report:
+        report(1, 10, "first")
+        report(10, 10)
+    assert capfd.readouterr() == ("", "")

@@ -1,0 +1,57 @@
+"""Options that many commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import typer
+
+from selector.cli.running import exit_status
+from selector.cli.source import Source, pairs, with_source
+from selector.errors import OptionError
+
+
+def test_pairs():
+    assert pairs(["T1=degC", " T 2 = degF "], "--unit") == {"T1": "degC", "T 2": "degF"}
+    assert pairs(["a=b=um"], "--unit") == {"a=b": "um"}
+    assert pairs(None, "--unit") == {}
+
+
+@pytest.mark.parametrize("values", [["T1"], ["=degC"], ["T1="], ["T1=degC", "T1=degF"]])
+def test_pairs_that_cannot_be_used(values):
+    with pytest.raises(OptionError, match="--unit"):
+        pairs(values, "--unit")
+
+
+def test_a_command_gets_the_options_as_one_value():
+    seen = []
+    app = typer.Typer(pretty_exceptions_enable=False)
+
+    @app.command()
+    @with_source
+    def count(source: Source, twice: bool = False) -> None:
+        seen.append((source, twice))
+
+    @app.command()
+    def rest() -> None:
+        pass
+
+    line = ["count", "r1.csv", "runs", "--machine", "m.toml", "--unit", "T1=degF", "--unit", "Z=mm", "--twice"]
+    assert exit_status(app, line) == 0
+    [(source, twice)] = seen
+    assert twice
+    assert source.runs == [Path("r1.csv"), Path("runs")]
+    assert source.machine == Path("m.toml")
+    assert source.unit == ["T1=degF", "Z=mm"]
+    assert source.encoding is None
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"date_order": "ymdh"}, {"period": 0.0}, {"period": float("nan")}, {"period": float("inf")}, {"unit": ["T1"]}],
+    ids=str,
+)
+def test_options_that_cannot_be_used(wrong):
+    with pytest.raises(OptionError):
+        Source(runs=[Path("r1.csv")], **wrong).reading()
