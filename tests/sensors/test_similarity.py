@@ -75,7 +75,11 @@ def test_constant_is_relative_to_the_magnitude(spread, constant):
     other = np.cos(np.arange(1000.0))
     for magnitude in (1e-6, 1.0, 3e5):
         samples = np.column_stack([magnitude * (1 + spread * wave), other])
-        assert correlation_similarity(samples).constant == constant
+        similarity = correlation_similarity(samples)
+        assert similarity.constant == constant
+        if constant:
+            # its rounding noise may correlate with anything; none of that is passed on
+            assert np.array_equal(similarity.matrix, np.eye(2))
 
 
 def test_all_constant_sensors():
@@ -83,6 +87,15 @@ def test_all_constant_sensors():
     assert similarity.constant == (0, 1, 2)
     assert np.array_equal(similarity.matrix, np.eye(3))
     assert similarity.duplicates == ()
+    assert similarity_from_cross_products(np.zeros((2, 2))).constant == (0, 1)
+
+
+def test_constant_by_a_given_limit_hides_even_a_perfect_correlation():
+    cross = [[4.0, 2e-10], [2e-10, 1e-20]]
+    assert similarity_from_cross_products(cross, constant_at=0.0).duplicates == ((0, 1),)
+    hidden = similarity_from_cross_products(cross, constant_at=constant_limit([20.0, 20.0], 100))
+    assert hidden.constant == (1,)
+    assert np.array_equal(hidden.matrix, np.eye(2))
 
 
 def test_duplicates_up_to_scale_stand_once_with_the_first(warming):
