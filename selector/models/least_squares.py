@@ -208,7 +208,9 @@ def variance_inflation(columns: NDArray[np.float64], *, intercept: bool = True) 
 
 
 def _full_rank(exogenous: NDArray[np.float64]) -> bool:
-    diagonal = np.abs(np.diag(np.linalg.qr(exogenous / np.maximum(np.linalg.norm(exogenous, axis=0), 1e-300), mode="r")))
+    diagonal = np.abs(
+        np.diag(np.linalg.qr(exogenous / np.maximum(np.linalg.norm(exogenous, axis=0), 1e-300), mode="r"))
+    )
     return bool(diagonal.min(initial=1.0) > 1e-12)
 
 
@@ -282,4 +284,3 @@ def _run_slices(groups: NDArray[np.int64]) -> list[slice]:
     starts = np.flatnonzero(np.r_[True, groups[1:] != groups[:-1]])
     stops = np.r_[starts[1:], len(groups)]
     return [slice(int(a), int(b)) for a, b in zip(starts, stops, strict=True)]
-

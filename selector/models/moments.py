@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from selector.models.design import Columns, Design
 from selector.models.reference import RunSource
+from selector.models.rows import block_bounds
 from selector.models.terms import Scaling
 
 _ROWS = 20_000
@@ -106,8 +107,7 @@ def moments(
 ) -> Moments:
     """Cross-products of every run (`n_blocks` = 1), or of the blocks of every run.
 
-    Blocks are contiguous; an eighth of each block is purged at either side that touches another one, because
-    neighbouring samples of a warming machine are all but copies of each other.
+    Blocks are those of `rows.block_bounds`.
 
     One pass; memory O(n_folds · n_columns²), whatever the number of samples.
     """
@@ -118,7 +118,9 @@ def moments(
         parts = _block_products(source, design, columns, run, size, n_blocks)
         for i, product in enumerate(parts):
             if product[0, 0] > 0:
-                folds.append(Fold(run if n_blocks == 1 else f"{run} block {i + 1}", (run,), i if n_blocks > 1 else None))
+                folds.append(
+                    Fold(run if n_blocks == 1 else f"{run} block {i + 1}", (run,), i if n_blocks > 1 else None)
+                )
                 products.append(product)
         if progress is not None:
             progress(run)
@@ -136,17 +138,14 @@ def _block_products(
                 _add(total, columns, piece.variables[rows], piece.responses[rows])
         return [total]
     n = sum(len(piece.time_s) for piece in design.pieces(source, run))
-    edges = np.linspace(0, n, n_blocks + 1).astype(int)
-    purge = max((n // n_blocks) // 8, 1)
-    starts = [edges[i] + (purge if i else 0) for i in range(n_blocks)]
-    stops = [edges[i + 1] - (purge if i < n_blocks - 1 else 0) for i in range(n_blocks)]
+    bounds = block_bounds(n, n_blocks)
     totals = [np.zeros((size, size)) for _ in range(n_blocks)]
     first = 0
     for piece in design.pieces(source, run):
         for rows in _row_slices(len(piece.time_s)):
             count = rows.stop - rows.start
-            for i in range(n_blocks):
-                low, high = max(starts[i] - first, 0), min(stops[i] - first, count)
+            for i, (start, stop) in enumerate(bounds):
+                low, high = max(start - first, 0), min(stop - first, count)
                 if low < high:
                     part = slice(rows.start + low, rows.start + high)
                     _add(totals[i], columns, piece.variables[part], piece.responses[part])
@@ -202,8 +201,9 @@ def coefficients(total: NDArray[np.float64], columns: Sequence[int], response: i
     return solution / diagonal
 
 
-def squared_error(product: NDArray[np.float64], columns: Sequence[int], response: int,
-                  beta: NDArray[np.float64]) -> NDArray[np.float64]:
+def squared_error(
+    product: NDArray[np.float64], columns: Sequence[int], response: int, beta: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Σ (y − ŷ)² of coefficients on rows that are known by their cross-products only.
 
     `product` has shape (..., k, k) and `beta` (..., 1 + len(columns)); leading shapes broadcast.

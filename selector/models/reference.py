@@ -24,9 +24,7 @@ class RunSource(Protocol):
     def channels(self) -> tuple[Channel, ...]:
         """The channels."""
 
-    def chunks(
-        self, run: str, names: Sequence[str]
-    ) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    def chunks(self, run: str, names: Sequence[str]) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
         """(time_s, values) pieces of a run, in order."""
 
 

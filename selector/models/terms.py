@@ -113,7 +113,7 @@ class Scaling:
     scale: tuple[float, ...]
 
     def scaled(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """z for samples x of shape (n_samples, n_variables)."""
+        """Z for samples x of shape (n_samples, n_variables)."""
         return (values - np.asarray(self.centre)) / np.asarray(self.scale)
 
     def only(self, variables: Iterable[str]) -> Scaling:

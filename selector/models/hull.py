@@ -1,0 +1,60 @@
+"""Where a model may be trusted: the hull of the recorded inputs, and how far a run lies outside it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+MAX_POINTS = 400
+
+
+@dataclass(frozen=True)
+class ValidityHull:
+    """The convex hull of recorded inputs, held as points in units of `scale`.
+
+    Attributes
+    ----------
+    points : ndarray of shape (n_points, n_variables)
+    scale : ndarray of shape (n_variables,)
+        Standard deviation of each input.
+    low, high : ndarray of shape (n_variables,)
+        The box around the hull, in the unit of the inputs.
+    """
+
+    points: NDArray[np.float64]
+    scale: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+
+    def distance(self, inputs: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Euclidean distance of each input to the hull, in standard deviations; 0 inside. Shape (n_samples,).
+
+        The nearest point of the hull is a convex combination of its points, found by non-negative least squares with
+        the weights' sum as a heavy row.
+        """
+        scaled = np.atleast_2d(inputs) / self.scale
+        heavy = 1e4 * max(1.0, float(np.abs(self.points).max(initial=1.0)))
+        system = np.vstack([self.points.T, np.full(len(self.points), heavy)])
+        found = np.empty(len(scaled))
+        for i, point in enumerate(scaled):
+            weights, _ = nnls(system, np.r_[point, heavy], maxiter=50 * system.shape[1])
+            found[i] = float(np.linalg.norm(self.points.T @ weights - point))
+        # the heavy row is met to rounding only, and so is zero
+        return np.where(found < 1e-6, 0.0, found)
+
+
+def validity_hull(inputs: NDArray[np.float64]) -> ValidityHull:
+    """The hull of samples of shape (n_samples, n_variables), thinned to its outermost points.
+
+    Extreme samples in many directions span the hull; `MAX_POINTS` of them leave out slivers only.
+    """
+    scale = inputs.std(axis=0)
+    scale = np.where(scale > 0, scale, 1.0)
+    scaled = inputs / scale
+    directions = np.random.default_rng(0).normal(size=(4 * MAX_POINTS, inputs.shape[1]))
+    directions = np.vstack([np.eye(inputs.shape[1]), -np.eye(inputs.shape[1]), directions])
+    extreme = np.unique(np.concatenate([(scaled @ part.T).argmax(axis=0) for part in np.array_split(directions, 16)]))
+    return ValidityHull(scaled[extreme[:MAX_POINTS]], scale, inputs.min(axis=0), inputs.max(axis=0))

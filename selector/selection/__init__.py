@@ -1,0 +1,7 @@
+"""Which sensors to keep, which model to use, and how far to trust it: the workflow over `sensors` and `models`."""
+
+from selector.selection.options import Options
+from selector.selection.result import Selection
+from selector.selection.workflow import select
+
+__all__ = ["Options", "Selection", "select"]

@@ -1,0 +1,206 @@
+"""Which sets of sensors deserve a closer look: groups, representatives, and exact best subsets."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.models.subsets import best_sensor_sets, best_subsets
+from selector.models.validation import within_one_standard_error
+from selector.selection.library import Bench, Shape
+from selector.selection.options import MAX_CANDIDATES, Question
+from selector.sensors.groups import FStatistic, LambdaAxis, lambda_axis
+from selector.sensors.screening import ScreeningRound, screen
+from selector.sensors.similarity import Similarity, similarity_from_cross_products
+
+Origin = Literal["representatives", "all sensors"]
+PER_SIZE = 3
+LINEAR = Shape()
+
+
+@dataclass(frozen=True)
+class SensorSet:
+    """A set of sensors under test, and where it comes from."""
+
+    sensors: tuple[str, ...]
+    origin: Origin
+
+
+@dataclass(frozen=True)
+class Screening:
+    """One way of grouping, carried through to representatives.
+
+    Attributes
+    ----------
+    level : float
+        λ of the first round.
+    rounds : tuple of ScreeningRound
+    representatives : tuple of str
+        Those of the last round.
+    f : FStatistic or None
+        Of the first round's partition.
+    error : float
+        Held-out error of the best linear set of representatives, relative to the spread of the displacement; NaN
+        until it is known.
+    """
+
+    level: float
+    rounds: tuple[ScreeningRound, ...]
+    representatives: tuple[str, ...]
+    f: FStatistic | None
+    error: float = float("nan")
+
+
+@dataclass(frozen=True)
+class Grouping:
+    """What the correlation of the sensors says: all ways of grouping, and the one chosen."""
+
+    similarity: Similarity
+    axis: LambdaAxis
+    relevance: tuple[float, ...]
+    screenings: tuple[Screening, ...]
+    chosen: Screening
+    because: str
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """Sets worth testing with every shape, on some folds."""
+
+    grouping: Grouping
+    sets: tuple[SensorSet, ...]
+
+
+def candidates(question: Question, bench: Bench) -> Candidates:
+    """Group, screen and search on some folds only.
+
+    The bench holds the linear terms of all sensors. With a given λ only subsets of the representatives are searched,
+    as the patent does; otherwise every distinct λ-cut competes, and the exact best subsets of all sensors too.
+    """
+    options = question.options
+    sensors = question.sensors
+    cross = bench.cross(sensors, LINEAR, 0)[:-1, :-1]
+    similarity = similarity_from_cross_products(cross, absolute=options.absolute_similarity)
+    relevance = _relevance(bench, sensors)
+    axis = lambda_axis(similarity.matrix, sensors)
+    screenings = _screenings(question, similarity, axis, relevance)
+    pools = list(dict.fromkeys(screening.representatives for screening in screenings))
+    found = {pool: _linear_sets(question, bench, pool) for pool in pools}
+    everything: list[tuple[str, ...]] = []
+    if options.level is None:
+        everything = _linear_sets(question, bench, sensors)
+    tested = list(dict.fromkeys(s for sets in (*found.values(), everything) for s in sets))
+    row = {s: bench.errors(s, LINEAR) for s in tested}
+    share = bench.samples / bench.samples.sum()
+    mean = {s: float(errors @ share) for s, errors in row.items()}
+    scored = []
+    for screening in screenings:
+        best = min(found[screening.representatives], key=lambda s: mean[s])
+        scored.append((screening, row[best], mean[best]))
+    chosen, because = _chosen_screening(question, scored, bench.samples)
+    sets = {s: SensorSet(s, "representatives") for s in found[chosen.representatives]}
+    for s in everything:
+        sets.setdefault(s, SensorSet(s, "all sensors"))
+    screened = tuple(
+        Screening(s.level, s.rounds, s.representatives, s.f, float(np.sqrt(error))) for s, _, error in scored
+    )
+    number = screenings.index(chosen)
+    grouping = Grouping(similarity, axis, tuple(relevance), screened, screened[number], because)
+    return Candidates(grouping, tuple(sets.values()))
+
+
+def sets_with_terms(question: Question, bench: Bench, pool: Sequence[str], shape: Shape) -> list[tuple[str, ...]]:
+    """Exact best sets of every size among the representatives when each sensor brings all terms of a shape."""
+    options = question.options
+    owners = bench.library.owners(pool, shape)
+    # the search wants terms that belong to no sensor last
+    order = sorted(range(len(owners)), key=lambda i: not owners[i])
+    n_owned = sum(bool(owner) for owner in owners)
+    sets: dict[tuple[str, ...], None] = {}
+    for j in range(len(bench.library.responses)):
+        search = best_sensor_sets(
+            bench.cross(pool, shape, j)[np.ix_([*order, len(order)], [*order, len(order)])],
+            bench.n_samples,
+            [owners[i] for i in order],
+            n_sensors=len(pool),
+            max_sensors=min(options.max_sensors, len(pool)),
+            n_best=PER_SIZE,
+            must=tuple(pool.index(name) for name in options.must if name in pool),
+            always=tuple(range(n_owned, len(order))),
+        )
+        for found in search.by_size.values():
+            sets.update(dict.fromkeys(tuple(pool[i] for i in best.sensors) for best in found if best.sensors))
+    return list(sets)
+
+
+def _relevance(bench: Bench, sensors: Sequence[str]) -> NDArray[np.float64]:
+    """Mean over the responses of the squared correlation of each sensor with the displacement."""
+    total = np.zeros(len(sensors))
+    for j in range(len(bench.library.responses)):
+        cross = bench.cross(sensors, LINEAR, j)
+        spread = np.diag(cross)[:-1] * cross[-1, -1]
+        total += np.divide(cross[:-1, -1] ** 2, spread, out=np.zeros(len(sensors)), where=spread > 0)
+    return total / len(bench.library.responses)
+
+
+def _screenings(
+    question: Question, similarity: Similarity, axis: LambdaAxis, relevance: NDArray[np.float64]
+) -> list[Screening]:
+    options = question.options
+    must = tuple(question.sensors.index(name) for name in options.must)
+    if options.levels is not None:
+        levels: Iterable[tuple[float, ...]] = [options.levels]
+    else:
+        steps = [step for step in axis if len(step.partition.members) <= MAX_CANDIDATES]
+        # a lone step means that nothing can be told apart: then every sensor is the same one
+        levels = [(step.high,) * options.rounds for step in steps]
+    screenings = []
+    for level in levels:
+        rounds = screen(similarity.matrix, relevance, level, must=must, names=question.sensors)
+        kept = tuple(question.sensors[i] for i in sorted(rounds[-1].representatives))
+        f = next((s.f for s in axis if s.partition == rounds[0].partition), None)
+        screenings.append(Screening(level[0], tuple(rounds), kept, f))
+    return screenings
+
+
+def _linear_sets(question: Question, bench: Bench, pool: Sequence[str]) -> list[tuple[str, ...]]:
+    options = question.options
+    sets: dict[tuple[str, ...], None] = {}
+    for j in range(len(bench.library.responses)):
+        search = best_subsets(
+            bench.cross(pool, LINEAR, j),
+            bench.n_samples,
+            max_size=min(options.max_sensors, len(pool)),
+            n_best=PER_SIZE,
+            must=tuple(pool.index(name) for name in options.must if name in pool),
+        )
+        for found in search.by_size.values():
+            sets.update(dict.fromkeys(tuple(pool[i] for i in best.columns) for best in found if best.columns))
+    return list(sets)
+
+
+def _chosen_screening(
+    question: Question, scored: Sequence[tuple[Screening, NDArray[np.float64], float]], weights: NDArray[np.float64]
+) -> tuple[Screening, str]:
+    if len(scored) == 1:
+        given = question.options.level is not None
+        return scored[0][0], "λ was given" if given else "there is only one way to group these sensors"
+    as_good = within_one_standard_error(np.array([errors for _, errors, _ in scored]), weights)
+    eligible = [entry for entry, good in zip(scored, as_good, strict=True) if good]
+
+    def rank(entry: tuple[Screening, NDArray[np.float64], float]) -> tuple[float, float]:
+        screening, _, error = entry
+        return (screening.f.value if screening.f is not None else -1.0, -error)
+
+    best = max(eligible, key=rank)[0]
+    groups = len(best.rounds[0].partition.members)
+    f = f"the largest F-statistic, {best.f.value:.3g}," if best.f is not None else "the smallest held-out error"
+    because = (
+        f"λ = {best.level:.6g} makes {groups} groups; of the {len(scored)} ways to group, {len(eligible)} lead to sensors "
+        f"that predict unseen runs equally well within one standard error, and this one has {f} among them"
+    )
+    return best, because

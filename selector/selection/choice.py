@@ -1,0 +1,175 @@
+"""The choice of sensors and shape, on some folds only: the same function for the result and inside every fold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.models.memory import time_constant_grid
+from selector.models.validation import within_one_standard_error
+from selector.selection.candidates import Candidates, SensorSet, sets_with_terms
+from selector.selection.library import Bench, Shape
+from selector.selection.options import MAX_CANDIDATES, Question
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A set with a shape, and how it did.
+
+    Attributes
+    ----------
+    set : SensorSet
+    shape : Shape
+    n_terms : int
+    errors : ndarray of shape (n_groups,)
+        Held-out mean squared error of each inner group, relative to the variance of the displacement.
+    error : float
+        The same over all groups, as a root.
+    adjusted_r2 : float
+        In sample, mean over the responses.
+    """
+
+    set: SensorSet
+    shape: Shape
+    n_terms: int
+    errors: NDArray[np.float64]
+    error: float
+    adjusted_r2: float
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What was chosen, the best without memory, the best of every size, and all that was tried."""
+
+    trial: Trial
+    static: Trial
+    by_size: dict[int, Trial]
+    trials: tuple[Trial, ...]
+
+
+def shapes_on_offer(question: Question, period_s: float, duration_s: float) -> tuple[list[Shape], list[Shape]]:
+    """(shapes without memory, shapes with one time constant); the second list is empty unless memory is offered."""
+    static = [Shape(form) for form in question.options.form.simpler()]
+    if not question.options.memory:
+        return static, []
+    taus = [float(f"{tau:.3g}") for tau in time_constant_grid(period_s, duration_s, 13)]
+    lagged = [Shape(sensor_taus_s=(tau,)) for tau in taus]
+    if question.speeds:
+        lagged += [Shape(speed_taus_s=(tau,)) for tau in taus]
+    return static, lagged
+
+
+def library_requests(
+    question: Question, found: Sequence[Candidates], static: Sequence[Shape], lagged: Sequence[Shape]
+) -> list[tuple[tuple[str, ...], Shape]]:
+    """Every (sensors, shape) whose terms a choice on any of these candidates may ask for."""
+    requests: dict[tuple[tuple[str, ...], Shape], None] = {}
+    for one in found:
+        pools = [one.grouping.chosen.representatives] if _searchable(one) else []
+        for sensors in [*pools, *(s.sensors for s in one.sets)]:
+            for shape in (*static, *lagged):
+                requests[(sensors, shape)] = None
+    return list(requests)
+
+
+def choose(
+    question: Question,
+    found: Candidates,
+    bench: Bench,
+    static: Sequence[Shape],
+    lagged: Sequence[Shape],
+) -> Choice:
+    """Test candidates × shapes on the inner groups of these folds and take the cheapest of the good ones.
+
+    Lags are added one time constant at a time: the best single one is tried with every form, then a second one beside
+    it. The bench must hold all of `library_requests`, for every set that any of these candidates leads to.
+    """
+    origin = {s.sensors: s for s in found.sets}
+    pool = found.grouping.chosen.representatives
+    trials: dict[tuple[tuple[str, ...], Shape], Trial] = {}
+
+    def test(shape: Shape, *, search: bool) -> None:
+        if search and _searchable(found) and (shape.form.interactions or shape.form.degree > 1 or shape.has_memory):
+            for sensors in sets_with_terms(question, bench, pool, shape):
+                origin.setdefault(sensors, SensorSet(sensors, "representatives"))
+        new = [(sensors, shape) for sensors in origin if (sensors, shape) not in trials]
+        for trial in _trials(bench, new, origin):
+            trials[(trial.set.sensors, trial.shape)] = trial
+
+    for shape in static:
+        test(shape, search=True)
+    for shape in lagged:
+        test(shape, search=True)
+    if lagged:
+        first = min((t for t in trials.values() if t.shape.has_memory), key=lambda t: t.error).shape
+        for shape in static[1:]:
+            test(Shape(shape.form, first.sensor_taus_s, first.speed_taus_s), search=False)
+        for other in lagged:
+            both = Shape(
+                first.form,
+                tuple(sorted({*first.sensor_taus_s, *other.sensor_taus_s})),
+                tuple(sorted({*first.speed_taus_s, *other.speed_taus_s})),
+            )
+            if both not in (first, other):
+                test(both, search=False)
+    tested = tuple(trials.values())
+    by_size: dict[int, Trial] = {}
+    for trial in tested:
+        size = len(trial.set.sensors)
+        if size not in by_size or trial.error < by_size[size].error:
+            by_size[size] = trial
+    return Choice(
+        _best(question, tested, bench.samples),
+        _best(question, [trial for trial in tested if not trial.shape.has_memory], bench.samples),
+        dict(sorted(by_size.items())),
+        tested,
+    )
+
+
+def _best(question: Question, trials: Sequence[Trial], samples: NDArray[np.float64]) -> Trial:
+    options = question.options
+    if options.tolerance is not None:
+        top = max(trial.adjusted_r2 for trial in trials)
+        good = [trial for trial in trials if trial.adjusted_r2 >= top - options.tolerance]
+    else:
+        as_good = within_one_standard_error(np.array([trial.errors for trial in trials]), samples)
+        good = [trial for trial, is_good in zip(trials, as_good, strict=True) if is_good]
+
+    def rank(trial: Trial) -> tuple[float, int, int, float]:
+        from_groups = 0 if trial.set.origin == "representatives" else 1
+        return (options.total_cost(trial.set.sensors), trial.n_terms, from_groups, trial.error)
+
+    if options.tolerance is not None:
+        # the patent ranks sensors, then fit; the shape is the richest on offer that the tolerance asks for
+        return min(good, key=lambda t: (options.total_cost(t.set.sensors), t.n_terms, -t.adjusted_r2))
+    # among sets of the same cost and size the better predictor, not the first
+    cheapest = min(rank(trial)[:2] for trial in good)
+    return min((trial for trial in good if rank(trial)[:2] == cheapest), key=lambda t: (t.error, rank(t)))
+
+
+def _trials(
+    bench: Bench, tests: Sequence[tuple[tuple[str, ...], Shape]], origin: dict[tuple[str, ...], SensorSet]
+) -> list[Trial]:
+    share = bench.samples / bench.samples.sum()
+    trials = []
+    for sensors, shape in tests:
+        errors = bench.errors(sensors, shape)
+        trials.append(
+            Trial(
+                origin[sensors],
+                shape,
+                len(shape.terms(sensors, bench.library.speeds)),
+                errors,
+                float(np.sqrt(errors @ share)),
+                bench.mean_adjusted_r2(sensors, shape),
+            )
+        )
+    return trials
+
+
+def _searchable(found: Candidates) -> bool:
+    """Whether products of all representatives are few enough to hold."""
+    return len(found.grouping.chosen.representatives) <= MAX_CANDIDATES

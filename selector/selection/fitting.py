@@ -1,0 +1,165 @@
+"""From a choice to coefficients: the final fit, and the predictions for what a fit has not seen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from selector.models.design import Datum, Design
+from selector.models.least_squares import FittedModel, fit
+from selector.models.reference import RunSource
+from selector.models.rows import Rows, rows_of
+from selector.models.terms import Scaling, Term, design_matrix
+from selector.selection.choice import Trial
+from selector.selection.library import Shape
+from selector.selection.options import Question
+
+MAX_ROWS = 400_000
+"""Samples of the final fit. A warming machine says nothing new between neighbours; 10⁷ samples are thinned to this."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """What is left out together: whole runs, or a block of a run when there is no other run to leave out."""
+
+    name: str
+    runs: tuple[str, ...]
+    block: int | None = None
+    n_blocks: int = 1
+
+    def unseen(self, rows: Rows) -> NDArray[np.bool_]:
+        """Which samples are left out."""
+        mine = np.isin(rows.run, [i for i, run in enumerate(rows.runs) if run in self.runs])
+        return mine if self.block is None else mine & (rows.blocks(self.n_blocks) == self.block)
+
+    def training(self, rows: Rows) -> NDArray[np.bool_]:
+        """Which samples may be learnt from: all others, but for the purged edges of blocks."""
+        others = ~self.unseen(rows)
+        return others if self.block is None else others & (rows.blocks(self.n_blocks) >= 0)
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """All that is needed to compute the columns of a chosen model."""
+
+    sensors: tuple[str, ...]
+    shape: Shape
+    design: Design
+    terms: tuple[Term, ...]
+
+    @classmethod
+    def of(cls, question: Question, datum: Datum, sensors: tuple[str, ...], shape: Shape) -> Recipe:
+        """The recipe for a set of sensors and a shape."""
+        speeds = question.speeds if shape.speed_taus_s else ()
+        design = Design((*sensors, *speeds), question.responses, datum, shape.lags(sensors, question.speeds))
+        return cls(sensors, shape, design, shape.terms(sensors, question.speeds))
+
+    def scaling(self, rows: Rows) -> Scaling:
+        """Centre and scale of the variables over these samples."""
+        mean, deviation = rows.variables.mean(axis=0), rows.variables.std(axis=0)
+        scale = np.where(deviation > 1e-12 * np.maximum(1.0, np.abs(mean)), deviation, 1.0)
+        return Scaling(self.design.variables, tuple(map(float, mean)), tuple(map(float, scale)))
+
+
+def refined(
+    question: Question,
+    source: RunSource,
+    datum: Datum,
+    trial: Trial,
+    stride: int,
+    training: Callable[[Rows], NDArray[np.bool_]] | None = None,
+) -> Recipe:
+    """The recipe of a trial, its time constants moved off the grid to where they fit the training samples best."""
+    recipe = Recipe.of(question, datum, trial.set.sensors, trial.shape)
+    if not trial.shape.has_memory:
+        return recipe
+    n_sensor = len(trial.shape.sensor_taus_s)
+    start = np.log([*trial.shape.sensor_taus_s, *trial.shape.speed_taus_s])
+
+    def with_taus(log_taus: NDArray[np.float64]) -> Recipe:
+        taus = [float(f"{tau:.4g}") for tau in np.exp(log_taus)]
+        shape = Shape(trial.shape.form, tuple(taus[:n_sensor]), tuple(taus[n_sensor:]))
+        return Recipe.of(question, datum, trial.set.sensors, shape)
+
+    def misfit(log_taus: NDArray[np.float64]) -> float:
+        bounded = np.clip(log_taus, start - 0.5, start + 0.5)
+        trial_recipe = with_taus(bounded)
+        rows = rows_of(source, trial_recipe.design, source.runs, stride=stride)
+        rows = rows if training is None else rows.only(training(rows))
+        columns = _columns(trial_recipe, rows)
+        residuals = rows.responses - columns @ np.linalg.lstsq(columns, rows.responses, rcond=None)[0]
+        return float((residuals.var(axis=0) / rows.responses.var(axis=0)).mean()) + 1e-3 * float(
+            np.abs(log_taus - bounded).sum()
+        )
+
+    best = minimize(misfit, start, method="Nelder-Mead", options={"maxfev": 30 * len(start), "xatol": 0.02})
+    return with_taus(np.clip(best.x, start - 0.5, start + 0.5))
+
+
+def final_models(recipe: Recipe, rows: Rows, *, ridge: float = 0.0) -> dict[str, FittedModel]:
+    """One model per response on the same terms."""
+    scaling = recipe.scaling(rows)
+    return {
+        name: fit(
+            rows.variables,
+            rows.responses[:, j],
+            scaling=scaling,
+            terms=recipe.terms,
+            name=name,
+            runs=rows.run,
+            ridge=ridge,
+        )
+        for j, name in enumerate(recipe.design.responses)
+    }
+
+
+def predictions(recipe: Recipe, training: Rows, unseen: Rows, *, ridge: float = 0.0) -> NDArray[np.float64]:
+    """Displacements [µm] of unseen samples from a fit on others, shape (n_unseen, n_responses)."""
+    scaling = recipe.scaling(training)
+    columns = _columns(recipe, training, scaling)
+    if ridge:
+        n = len(columns)
+        penalty = np.sqrt(ridge * n) * np.eye(columns.shape[1])
+        penalty[0, 0] = 0.0
+        columns = np.vstack([columns, penalty])
+        responses = np.vstack([training.responses, np.zeros((len(penalty), training.responses.shape[1]))])
+    else:
+        responses = training.responses
+    beta = np.linalg.lstsq(columns, responses, rcond=None)[0]
+    return np.asarray(_columns(recipe, unseen, scaling) @ beta)
+
+
+def ridge_penalty(recipe: Recipe, rows: Rows, parts: Sequence[Part]) -> tuple[float, float, float]:
+    """The ridge penalty that predicts left-out groups best, and what it costs.
+
+    Returns
+    -------
+    penalty, held-out rmse with it, held-out rmse of ordinary least squares [µm, over all responses]
+    """
+    best = (0.0, np.inf)
+    plain = np.inf
+    for penalty in (0.0, *np.geomspace(1e-6, 1.0, 13)):
+        sse = 0.0
+        n = 0
+        for part in parts:
+            unseen = rows.only(part.unseen(rows))
+            training = rows.only(part.training(rows))
+            error = unseen.responses - predictions(recipe, training, unseen, ridge=float(penalty))
+            sse += float((error**2).sum())
+            n += error.size
+        rmse = float(np.sqrt(sse / max(n, 1)))
+        if penalty == 0.0:
+            plain = rmse
+        if rmse < best[1]:
+            best = (float(penalty), rmse)
+    return best[0], best[1], plain
+
+
+def _columns(recipe: Recipe, rows: Rows, scaling: Scaling | None = None) -> NDArray[np.float64]:
+    scaling = scaling or recipe.scaling(rows)
+    columns = design_matrix(scaling.scaled(rows.variables), scaling.variables, recipe.terms)
+    return np.column_stack([np.ones(len(columns)), columns])

@@ -1,0 +1,201 @@
+"""Shapes of a model, and the cross-products of every term that the shapes under test may need."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.models.design import Columns, Datum, Design
+from selector.models.least_squares import adjusted_r2
+from selector.models.memory import Lag
+from selector.models.moments import Moments, centred, coefficients, moments, scaling_of, squared_error
+from selector.models.reference import RunSource
+from selector.models.terms import Form, Term
+from selector.models.validation import LeaveOneOut, inner_grouping, response_power
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What a set of sensors brings into the model.
+
+    Attributes
+    ----------
+    form : Form
+        Polynomial terms in the sensors.
+    sensor_taus_s : tuple of float
+        Each sensor brings a lag with each of these time constants [s].
+    speed_taus_s : tuple of float
+        The spindle speed comes in, at once and lagged with these time constants [s].
+    """
+
+    form: Form = Form()
+    sensor_taus_s: tuple[float, ...] = ()
+    speed_taus_s: tuple[float, ...] = ()
+
+    @property
+    def has_memory(self) -> bool:
+        """Whether any lag is in."""
+        return bool(self.sensor_taus_s or self.speed_taus_s)
+
+    def lags(self, sensors: Iterable[str], speeds: Iterable[str]) -> tuple[Lag, ...]:
+        """The lags of a set of sensors."""
+        of_sensors = (Lag(sensor, tau) for sensor in sensors for tau in self.sensor_taus_s)
+        of_speeds = (Lag(speed, tau) for speed in speeds for tau in self.speed_taus_s)
+        return (*of_sensors, *of_speeds)
+
+    def terms(self, sensors: Sequence[str], speeds: Sequence[str]) -> tuple[Term, ...]:
+        """Polynomial terms in the sensors, then the speed, then the lags (linear)."""
+        direct = tuple(Term(((speed, 1),)) for speed in speeds) if self.speed_taus_s else ()
+        lags = tuple(Term(((lag.name, 1),)) for lag in self.lags(sensors, speeds))
+        return (*self.form.terms(sensors), *direct, *lags)
+
+    def __str__(self) -> str:
+        parts = [str(self.form)]
+        if self.sensor_taus_s:
+            parts.append("lags of " + " and ".join(f"{tau:.0f} s" for tau in self.sensor_taus_s))
+        if self.speed_taus_s:
+            parts.append("spindle speed lagged by " + " and ".join(f"{tau:.0f} s" for tau in self.speed_taus_s))
+        return ", ".join(parts)
+
+
+def key_of(term: Term) -> tuple[tuple[str, int], ...]:
+    """The term whatever the order of its factors."""
+    return tuple(sorted(term.powers))
+
+
+@dataclass(frozen=True)
+class Library:
+    """Cross-products of many terms on every fold.
+
+    Attributes
+    ----------
+    moments : Moments
+    position : dict
+        Column of each term.
+    responses : tuple of str
+    speeds : tuple of str
+    """
+
+    moments: Moments
+    position: dict[tuple[tuple[str, int], ...], int]
+    responses: tuple[str, ...]
+    speeds: tuple[str, ...]
+
+    def columns(self, sensors: Sequence[str], shape: Shape) -> list[int]:
+        """Positions of the terms of a set of sensors."""
+        return [self.position[key_of(term)] for term in shape.terms(sensors, self.speeds)]
+
+    def owners(self, sensors: Sequence[str], shape: Shape) -> list[tuple[int, ...]]:
+        """Sensors that each term needs, as positions in `sensors`; none for terms of the spindle speed."""
+        number = {sensor: i for i, sensor in enumerate(sensors)}
+        number.update({lag.name: number[lag.source] for lag in shape.lags(sensors, ())})
+        return [
+            tuple(sorted({number[name] for name in term.variables if name in number}))
+            for term in shape.terms(sensors, self.speeds)
+        ]
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A library restricted to the folds that a choice may see, ready to test sets on them.
+
+    Attributes
+    ----------
+    library : Library
+    total : ndarray of shape (k, k)
+        Cross-products of [1, terms, responses] over the folds.
+    leave_one_out : LeaveOneOut
+    power : ndarray of shape (n_responses,)
+        Variance of each response [µm²].
+    """
+
+    library: Library
+    total: NDArray[np.float64]
+    leave_one_out: LeaveOneOut
+    power: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, library: Library, folds: Sequence[int]) -> Bench:
+        """The bench for these folds."""
+        part = library.moments.only(folds)
+        return cls(
+            library,
+            part.products.sum(axis=0),
+            LeaveOneOut.of(part, inner_grouping(part)),
+            response_power(part),
+        )
+
+    @property
+    def samples(self) -> NDArray[np.float64]:
+        """Samples of each inner group, shape (n_groups,)."""
+        return self.leave_one_out.left_out[:, 0, 0]
+
+    def cross(self, sensors: Sequence[str], shape: Shape, response: int) -> NDArray[np.float64]:
+        """Centred cross-products of the terms of a set and one response, the response last."""
+        at = [*self.library.columns(sensors, shape), self.library.moments.n_columns + response]
+        index = np.array(at)
+        return self._centred[index[:, None], index]
+
+    @cached_property
+    def _centred(self) -> NDArray[np.float64]:
+        return centred(self.total)[0]
+
+    @property
+    def n_samples(self) -> int:
+        """Samples over all folds."""
+        return round(float(self.total[0, 0]))
+
+    def errors(self, sensors: Sequence[str], shape: Shape) -> NDArray[np.float64]:
+        """Held-out mean squared error per inner group, relative to each response's variance, mean over responses."""
+        held_out = self.leave_one_out.errors(self.library.columns(sensors, shape), len(self.library.responses))
+        return np.asarray((held_out.mse / self.power).mean(axis=1))
+
+    def r2(self, sensors: Sequence[str], shape: Shape) -> list[tuple[float, float]]:
+        """(R², adjusted R²) of the fit over all folds, per response."""
+        at = [1 + column for column in self.library.columns(sensors, shape)]
+        found = []
+        for j in range(len(self.library.responses)):
+            response = 1 + self.library.moments.n_columns + j
+            beta = coefficients(self.total, at, response)
+            rss = float(squared_error(self.total, at, response, beta))
+            sst = float(self._centred[response - 1, response - 1])
+            r2 = 1.0 - rss / sst if sst > 0 else float("nan")
+            found.append((r2, adjusted_r2(r2, self.n_samples, len(at))))
+        return found
+
+    def mean_adjusted_r2(self, sensors: Sequence[str], shape: Shape) -> float:
+        """Adjusted R² averaged over the responses; −∞ where there are too few samples to say."""
+        values = [adjusted for _, adjusted in self.r2(sensors, shape)]
+        return float(np.mean(values)) if np.all(np.isfinite(values)) else float("-inf")
+
+
+def library_of(
+    source: RunSource,
+    sets: Iterable[tuple[tuple[str, ...], Shape]],
+    *,
+    responses: Sequence[str],
+    speeds: Sequence[str],
+    datum: Datum,
+    n_blocks: int,
+) -> Library:
+    """One pass over the samples for all terms of these sets of sensors and shapes."""
+    inputs: dict[str, None] = {}
+    lags: dict[Lag, None] = {}
+    terms: dict[tuple[tuple[str, int], ...], Term] = {}
+    for sensors, shape in sets:
+        inputs.update(dict.fromkeys(sensors))
+        if shape.speed_taus_s:
+            inputs.update(dict.fromkeys(speeds))
+        lags.update(dict.fromkeys(shape.lags(sensors, speeds)))
+        for term in shape.terms(sensors, speeds):
+            terms.setdefault(key_of(term), term)
+    ordered = sorted(terms.values(), key=lambda term: term.degree)
+    design = Design(tuple(inputs), tuple(responses), datum, tuple(lags))
+    columns = Columns(scaling_of(source, design), tuple(ordered))
+    found = moments(source, design, columns, n_blocks=n_blocks)
+    position = {key_of(term): i for i, term in enumerate(ordered)}
+    return Library(found, position, tuple(responses), tuple(speeds))

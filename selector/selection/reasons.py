@@ -1,0 +1,116 @@
+"""Reasons in plain words: which combinations were compared, why these sensors, why not the others."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from selector.models.least_squares import FittedModel
+from selector.selection.candidates import LINEAR, Candidates, Grouping
+from selector.selection.choice import Choice, Trial
+from selector.selection.library import Bench, Library
+from selector.selection.options import Question
+from selector.selection.result import Combination, Proof
+
+BOOTSTRAP_SAMPLES = 100
+
+
+def combinations_of(question: Question, bench: Bench, choice: Choice) -> tuple[Combination, ...]:
+    """Every set of sensors that was compared, in the chosen shape, best adjusted R² first within each response."""
+    shape = choice.trial.shape
+    sets = {trial.set.sensors: trial.set for trial in choice.trials if trial.shape == shape}
+    found: list[Combination] = []
+    for sensors, one in sets.items():
+        r2 = bench.r2(sensors, shape)
+        held_out = bench.leave_one_out.errors(bench.library.columns(sensors, shape), len(question.responses)).rmse_um
+        found.extend(
+            Combination(sensors, name, r2[j][0], r2[j][1], float(held_out[j]), one.origin)
+            for j, name in enumerate(question.responses)
+        )
+    order = {name: j for j, name in enumerate(question.responses)}
+    return tuple(sorted(found, key=lambda c: (order[c.response], -c.adjusted_r2)))
+
+
+def because_of(question: Question, choice: Choice, proof: Proof, models: Mapping[str, FittedModel]) -> str:
+    """One or two sentences: why these sensors."""
+    trial = choice.trial
+    options = question.options
+    sensors = _listed(trial.set.sensors)
+    errors = ", ".join(
+        f"{name} from {proof.baselines_um[name]['none']:.1f} to {proof.rmse_um(name):.1f} µm" for name in models
+    )
+    if options.tolerance is not None:
+        top = max(choice.trials, key=lambda t: t.adjusted_r2)
+        rule = (
+            f"the cheapest set whose adjusted R² ({trial.adjusted_r2:.5f}) is within {options.tolerance:g} of the best "
+            f"({top.adjusted_r2:.5f}, {_listed(top.set.sensors)})"
+        )
+    else:
+        top = min(choice.trials, key=lambda t: t.error)
+        rule = (
+            f"the cheapest set that predicts unseen data as well as the best one ({_listed(top.set.sensors)}), "
+            "within one standard error"
+            if top.set.sensors != trial.set.sensors
+            else "the set that predicts unseen data best"
+        )
+    source = {
+        "representatives": "representatives of their groups",
+        "all sensors": f"found by the exact search over all {len(question.sensors)} sensors",
+    }[trial.set.origin]
+    unit = {"run": "runs", "condition": "conditions", "block": "stretches of the only run"}[proof.left_out]
+    return (
+        f"{sensors} ({source}; {trial.shape}) is {rule}. "
+        f"On {unit} that the model has not seen, the root mean square error goes: {errors}."
+    )
+
+
+def reasons_of(grouping: Grouping, sensors: Sequence[str], chosen: Sequence[str], choice: Choice) -> dict[str, str]:
+    """Why each sensor was kept or dropped."""
+    reasons: dict[str, str] = {}
+    for one in grouping.chosen.rounds:
+        for dropped in one.dropped:
+            reasons.setdefault(sensors[dropped.sensor], f"dropped: {dropped.reason}")
+    best_error = choice.trial.error
+    for name in sensors:
+        if name in chosen:
+            without = [t for t in choice.trials if name not in t.set.sensors and t.shape == choice.trial.shape]
+            if without:
+                best = min(without, key=lambda t: t.error)
+                reasons[name] = (
+                    f"kept: without it the best of the compared sets ({_listed(best.set.sensors)}) has "
+                    f"{best.error / max(best_error, 1e-300):.2f} times the error on unseen data"
+                )
+            else:
+                reasons[name] = "kept: every compared set contains it"
+        else:
+            reasons.setdefault(name, "dropped: a representative that the chosen set does not need")
+    return {name: reasons[name] for name in sensors}
+
+
+def stability_of(question: Question, linear: Library, found: Candidates, trial: Trial) -> dict[str, float]:
+    """How often each chosen sensor, or one of its group, is in the best linear set of the same size.
+
+    Bootstrap over the folds (runs, or blocks of few runs): `BOOTSTRAP_SAMPLES` resamples with replacement; in each the
+    best of the compared sets of that size, by R², is taken. A choice that flips with the runs is no property of the
+    machine.
+    """
+    sets = [s.sensors for s in found.sets if len(s.sensors) == len(trial.set.sensors)]
+    if trial.set.sensors not in sets:
+        sets.append(trial.set.sensors)
+    group_of = {name: i for i, group in enumerate(found.grouping.chosen.rounds[0].partition.groups) for name in group}
+    rng = np.random.default_rng(question.options.seed)
+    n = len(linear.moments.folds)
+    hits = dict.fromkeys(trial.set.sensors, 0)
+    for _ in range(BOOTSTRAP_SAMPLES):
+        weights = np.bincount(rng.integers(0, n, n), minlength=n)
+        bench = Bench.of(linear, np.repeat(np.arange(n), weights).tolist())
+        scores = [bench.mean_adjusted_r2(sensors, LINEAR) for sensors in sets]
+        best = {group_of[name] for name in sets[int(np.argmax(scores))]}
+        for name in hits:
+            hits[name] += group_of[name] in best
+    return {name: count / BOOTSTRAP_SAMPLES for name, count in hits.items()}
+
+
+def _listed(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]

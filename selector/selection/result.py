@@ -1,0 +1,273 @@
+"""The result of a selection, and its JSON form (`selector.selection/1`)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.findings import Finding
+from selector.models.faults import FaultGain
+from selector.models.hull import ValidityHull
+from selector.models.least_squares import FittedModel
+from selector.models.validation import ErrorCurvePoint
+from selector.selection.candidates import Grouping
+from selector.selection.fitting import Recipe
+from selector.selection.options import Options
+
+SCHEMA = "selector.selection/1"
+
+
+@dataclass(frozen=True)
+class Combination:
+    """One set of sensors for one response; the error is that of the fixed set, refitted without each run."""
+
+    sensors: tuple[str, ...]
+    response: str
+    r2: float
+    adjusted_r2: float
+    heldout_rmse_um: float
+    origin: str
+
+
+@dataclass(frozen=True)
+class RunProof:
+    """Errors of a model on one run (or condition, or block) that its sensors, terms and coefficients never saw."""
+
+    name: str
+    sensors: tuple[str, ...]
+    rmse_um: float
+    max_um: float
+    mean_um: float
+    before_rmse_um: float
+    before_max_um: float
+    n_samples: int
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Measured and predicted displacement of one left-out part, for figures (thinned).
+
+    Attributes
+    ----------
+    run : str
+    time_s : ndarray of shape (n_samples,)
+    measured_um, predicted_um : ndarray of shape (n_samples, n_responses)
+    """
+
+    run: str
+    time_s: NDArray[np.float64]
+    measured_um: NDArray[np.float64]
+    predicted_um: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Proof:
+    """What unseen parts of the recording say.
+
+    Attributes
+    ----------
+    left_out : {"run", "condition", "block"}
+        What was left out in turn.
+    per_response : mapping of str to tuple of RunProof
+    traces : tuple of Trace
+    curve : tuple of ErrorCurvePoint
+        Number of sensors against held-out error, sets chosen anew inside each fold.
+    baselines_um : mapping of str to mapping of str to float
+        Held-out rmse of other ways, per response: "none" (no compensation), "mean", "all sensors" (linear regression
+        on every sensor), "static" (the same procedure without memory, when memory was asked for).
+    """
+
+    left_out: str
+    per_response: Mapping[str, tuple[RunProof, ...]]
+    traces: tuple[Trace, ...]
+    curve: tuple[ErrorCurvePoint, ...]
+    baselines_um: Mapping[str, Mapping[str, float]]
+
+    def rmse_um(self, response: str) -> float:
+        """Held-out rmse pooled over all samples [µm]."""
+        parts = self.per_response[response]
+        total = sum(part.n_samples for part in parts)
+        return math.sqrt(sum(part.rmse_um**2 * part.n_samples for part in parts) / max(total, 1))
+
+    def max_um(self, response: str) -> float:
+        """Largest held-out error [µm]."""
+        return max((part.max_um for part in self.per_response[response]), default=float("nan"))
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Sensors kept, models, proof and reasons.
+
+    Attributes
+    ----------
+    options : Options
+    sensors : tuple of str
+        Every sensor that was considered.
+    grouping : Grouping
+    combinations : tuple of Combination
+        Best first within each response.
+    chosen : tuple of str
+    because : str
+        Why these sensors.
+    reasons : mapping of str to str
+        Why each sensor was kept or dropped.
+    recipe : Recipe
+        How the model's columns are computed.
+    models : mapping of str to FittedModel
+        One per response.
+    fit_per_run : mapping of str to mapping of str to (float, float)
+        In-sample rmse and largest error [µm] of the final model, per response and run.
+    proof : Proof
+    faults : tuple of FaultGain
+    hull : ValidityHull
+        Of the model's inputs.
+    stability : mapping of str to float
+        Share of bootstrap resamples of the runs in which each sensor (or a group mate) was chosen.
+    findings : tuple of Finding
+    provenance : mapping
+    """
+
+    options: Options
+    sensors: tuple[str, ...]
+    grouping: Grouping
+    combinations: tuple[Combination, ...]
+    chosen: tuple[str, ...]
+    because: str
+    reasons: Mapping[str, str]
+    recipe: Recipe
+    models: Mapping[str, FittedModel]
+    fit_per_run: Mapping[str, Mapping[str, tuple[float, float]]]
+    proof: Proof
+    faults: tuple[FaultGain, ...]
+    hull: ValidityHull
+    stability: Mapping[str, float]
+    findings: tuple[Finding, ...]
+    provenance: Mapping[str, Any]
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON form of DESIGN 3.2; numbers that do not exist are null."""
+        from selector.sensors.fuzzy import transitive_closure
+
+        similarity = self.grouping.similarity.matrix
+        screening = self.grouping.chosen
+        document = {
+            "schema": SCHEMA,
+            "sensors": list(self.sensors),
+            "similarity": similarity.tolist(),
+            "closure": transitive_closure(similarity).tolist(),
+            "lambda": screening.level,
+            "lambda_because": self.grouping.because,
+            "rounds": [
+                {
+                    "lambda": one.level,
+                    "groups": [[self.sensors[one.kept[i]] for i in group] for group in one.partition.members],
+                    "representatives": [self.sensors[i] for i in one.representatives],
+                }
+                for one in screening.rounds
+            ],
+            "lambda_axis": [
+                {
+                    "lambda_low": step.low,
+                    "lambda_high": step.high,
+                    "groups": [list(group) for group in step.partition.groups],
+                    "f_statistic": step.f.value if step.f is not None else None,
+                    "heldout_relative": next(
+                        (s.error for s in self.grouping.screenings if s.rounds[0].partition == step.partition), None
+                    ),
+                }
+                for step in self.grouping.axis
+            ],
+            "combinations": [vars(combination) for combination in self.combinations],
+            "chosen": {
+                "sensors": list(self.chosen),
+                "because": self.because,
+                "reasons": dict(self.reasons),
+                "shape": str(self.recipe.shape),
+            },
+            "models": {name: self._model(name) for name in self.models},
+            "proof": {
+                "left_out": self.proof.left_out,
+                "curve": [
+                    {
+                        "n_sensors": point.n_sensors,
+                        "heldout_rmse_um": dict(zip(self.models, point.rmse_um, strict=True)),
+                        "standard_error_um": dict(zip(self.models, point.standard_error_um, strict=True)),
+                    }
+                    for point in self.proof.curve
+                ],
+                "baselines_um": {name: dict(values) for name, values in self.proof.baselines_um.items()},
+            },
+            "faults": [{**vars(gain), "worst_um": gain.worst_um} for gain in self.faults],
+            "stability": dict(self.stability),
+            "options": self.options.as_dict(),
+            "provenance": dict(self.provenance),
+            "findings": [finding.as_dict() for finding in self.findings],
+        }
+        cleaned: dict[str, Any] = finite(document)
+        return cleaned
+
+    def _model(self, name: str) -> dict[str, Any]:
+        model = self.models[name]
+        terms, coefficients, errors = model.physical()
+        vif = {tuple(sorted(term.powers)): float(v) for term, v in zip(model.terms, model.vif, strict=True)}
+        return {
+            "terms": [
+                {
+                    "powers": dict(term.powers),
+                    "coefficient": float(coefficients[1 + i]),
+                    "standard_error": float(errors[1 + i]),
+                    "vif": vif.get(tuple(sorted(term.powers))),
+                }
+                for i, term in enumerate(terms)
+            ],
+            "intercept": float(coefficients[0]),
+            "intercept_standard_error": float(errors[0]),
+            "lags": [{"name": lag.name, "source": lag.source, "tau_s": lag.tau_s} for lag in self.recipe.design.lags],
+            "r2": model.r2,
+            "adjusted_r2": model.adjusted_r2,
+            "rmse_um": model.rmse_um,
+            "heldout_rmse_um": self.proof.rmse_um(name),
+            "heldout_max_um": self.proof.max_um(name),
+            "per_run": self._per_run(name),
+            "n_samples": model.n_samples,
+            "ridge": model.ridge,
+            "condition_number": model.diagnostics.condition_number,
+            "durbin_watson": model.diagnostics.durbin_watson,
+            "ljung_box_p": model.diagnostics.ljung_box_p,
+            "max_cooks_distance": model.diagnostics.max_cooks_distance,
+        }
+
+    def _per_run(self, name: str) -> dict[str, dict[str, Any]]:
+        runs: dict[str, dict[str, Any]] = {
+            run: {"rmse_um": rmse, "max_um": largest} for run, (rmse, largest) in self.fit_per_run[name].items()
+        }
+        for part in self.proof.per_response[name]:
+            runs.setdefault(part.name, {}).update(
+                {
+                    "heldout_rmse_um": part.rmse_um,
+                    "heldout_max_um": part.max_um,
+                    "heldout_mean_um": part.mean_um,
+                    "before_rmse_um": part.before_rmse_um,
+                    "before_max_um": part.before_max_um,
+                    "heldout_sensors": list(part.sensors),
+                }
+            )
+        return runs
+
+
+def finite(value: Any) -> Any:
+    """The same value with every NaN and infinity replaced by None, and tuples by lists: strict JSON."""
+    if isinstance(value, Mapping):
+        return {str(key): finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(item) for item in value]
+    if isinstance(value, np.generic):
+        return finite(value.item())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,214 @@
+"""The main job: recordings in, sensors, models and proof out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.findings import Finding
+from selector.models.design import Datum, datum_of
+from selector.models.faults import fault_gains
+from selector.models.hull import validity_hull
+from selector.models.reference import RunSource
+from selector.models.rows import Rows, rows_of
+from selector.models.validation import Grouping as FoldGrouping
+from selector.models.validation import grouping_by_condition, grouping_by_run
+from selector.selection.candidates import LINEAR, Candidates, candidates
+from selector.selection.choice import Choice, choose, library_requests, shapes_on_offer
+from selector.selection.doubts import doubts
+from selector.selection.fitting import MAX_ROWS, Part, final_models, refined, ridge_penalty
+from selector.selection.library import Bench, Library, Shape, library_of
+from selector.selection.options import Options, Progress, Question, question_of
+from selector.selection.proving import baselines, error_curve, left_out_errors
+from selector.selection.reasons import because_of, combinations_of, reasons_of, stability_of
+from selector.selection.result import Proof, Selection
+from selector.selection.survey import RunsOf, survey
+
+BLOCKS_OF_A_SINGLE_RUN = 8
+BLOCKS_OF_FEW_RUNS = 5
+NO_RIDGE = (0.0, float("nan"), float("nan"))
+
+
+def select(
+    source: RunSource,
+    options: Options | None = None,
+    *,
+    findings: Sequence[Finding] = (),
+    provenance: Mapping[str, Any] | None = None,
+    progress: Progress | None = None,
+) -> Selection:
+    """Choose sensors, fit one model per response, and prove it on parts of the recording that it has not seen.
+
+    Everything that is chosen (groups, sensors, terms, time constants) is chosen again inside every fold, from the
+    other folds only; the error that is reported is the error of that whole procedure.
+
+    Parameters
+    ----------
+    source : RunSource
+        A `Recording`, or a `readers` source that reads its runs piece by piece.
+    options : Options, optional
+    findings : sequence of Finding
+        What was found so far (reading, quality); they lead the findings of the result.
+    provenance : mapping, optional
+        Where the data came from.
+    progress : callable, optional
+        Called with what is being done and the share of the work that is done.
+
+    Returns
+    -------
+    Selection
+
+    Raises
+    ------
+    OptionError
+        The options do not fit the recording, or the recording cannot support a model.
+    """
+    say = progress or (lambda _what, _share: None)
+    say("reading", 0.0)
+    surveyed = survey(source, question_of(source, options or Options()))
+    question = surveyed.question
+    runs = RunsOf(source, surveyed.runs)
+    datum = datum_of(runs, question.sensors, question.responses, question.options.reference)
+    n_blocks = _blocks(len(surveyed.runs), surveyed.n_samples)
+    folds = _Folds(question, runs, datum, n_blocks)
+
+    say("grouping sensors", 0.1)
+    found_all = candidates(question, folds.linear_bench(None))
+    found = [candidates(question, folds.linear_bench(group)) for group in folds.outer]
+    static, lagged = shapes_on_offer(question, surveyed.period_s, surveyed.duration_s)
+    say("forming terms", 0.3)
+    library = folds.library([found_all, *found], static, lagged)
+    say("choosing sensors", 0.4)
+    choice = choose(question, found_all, Bench.of(library, folds.all), static, lagged)
+    choices: list[Choice] = []
+    for i, (group, one) in enumerate(zip(folds.outer, found, strict=True)):
+        choices.append(choose(question, one, Bench.of(library, folds.without(group)), static, lagged))
+        say("choosing sensors without each run", 0.4 + 0.3 * (i + 1) / len(found))
+
+    say("fitting", 0.75)
+    stride = max(1, -(-surveyed.n_samples // MAX_ROWS))
+    recipe = refined(question, runs, datum, choice.trial, stride)
+    rows = rows_of(runs, recipe.design, surveyed.runs, stride=stride)
+    parts = [folds.part(group) for group in folds.outer]
+    ridge = ridge_penalty(recipe, rows, parts) if question.options.ridge else NO_RIDGE
+    models = final_models(recipe, rows, ridge=ridge[0])
+    say("proving on unseen runs", 0.85)
+    proof = Proof(
+        folds.left_out,
+        *left_out_errors(question, runs, datum, choices, parts, stride, ridge[0]),
+        error_curve(library, folds.outer, choices),
+        baselines(folds.linear, library, folds.outer, choices, memory=question.options.memory),
+    )
+    lag_source = {lag.name: lag.source for lag in recipe.design.lags}
+    gains = tuple(
+        gain
+        for model in models.values()
+        for gain in fault_gains(
+            model, rows.variables, recipe.sensors, lag_source, rise=question.options.reference == "rise"
+        )
+    )
+    hull = validity_hull(rows.variables)
+    stability = stability_of(question, folds.linear, found_all, choice.trial)
+    selection = Selection(
+        options=question.options,
+        sensors=question.sensors,
+        grouping=found_all.grouping,
+        combinations=combinations_of(question, Bench.of(library, folds.all), choice),
+        chosen=recipe.sensors,
+        because=because_of(question, choice, proof, models),
+        reasons=reasons_of(found_all.grouping, question.sensors, recipe.sensors, choice),
+        recipe=recipe,
+        models=models,
+        fit_per_run=_fit_per_run(recipe.design.responses, models, rows),
+        proof=proof,
+        faults=gains,
+        hull=hull,
+        stability=stability,
+        findings=(),
+        provenance=dict(provenance or {}),
+    )
+    say("looking for doubts", 0.95)
+    doubted = doubts(selection, surveyed, datum, rows, ridge, stride)
+    say("done", 1.0)
+    return replace(selection, findings=(*findings, *surveyed.findings, *doubted))
+
+
+class _Folds:
+    """Which folds are left out together, and the cross-products that every choice starts from."""
+
+    def __init__(self, question: Question, runs: RunSource, datum: Datum, n_blocks: int) -> None:
+        self.question, self.runs, self.datum, self.n_blocks = question, runs, datum, n_blocks
+        self.linear = self._library([(question.sensors, LINEAR)])
+        conditions = question.options.conditions
+        by_run = grouping_by_run(self.linear.moments)
+        self.outer: FoldGrouping
+        if conditions and len(set(conditions.values()) | (set(runs.runs) - set(conditions))) > 1:
+            self.outer = grouping_by_condition(self.linear.moments, dict(conditions))
+            self.left_out = "condition"
+        elif len(by_run) > 1:
+            self.outer, self.left_out = by_run, "run"
+        else:
+            self.outer, self.left_out = tuple((i,) for i in self.all), "block"
+
+    @property
+    def all(self) -> tuple[int, ...]:
+        return tuple(range(len(self.linear.moments.folds)))
+
+    def without(self, group: Sequence[int]) -> tuple[int, ...]:
+        return tuple(i for i in self.all if i not in group)
+
+    def part(self, group: Sequence[int]) -> Part:
+        folds = [self.linear.moments.folds[i] for i in group]
+        runs = tuple(dict.fromkeys(fold.runs[0] for fold in folds))
+        if self.left_out == "block":
+            return Part(folds[0].name, runs, folds[0].block, self.n_blocks)
+        return Part(self.question.options.conditions.get(runs[0], runs[0]) if len(runs) > 1 else runs[0], runs)
+
+    def linear_bench(self, group: Sequence[int] | None) -> Bench:
+        return Bench.of(self.linear, self.all if group is None else self.without(group))
+
+    def library(self, found: Sequence[Candidates], static: Sequence[Shape], lagged: Sequence[Shape]) -> Library:
+        if list(static) == [LINEAR] and not lagged:
+            return self.linear
+        full = self._library(library_requests(self.question, found, static, lagged))
+        # fewer sensors leave more complete samples, and perhaps a fold that the comparison of all sensors had lost
+        at = {fold: i for i, fold in enumerate(full.moments.folds)}
+        return replace(full, moments=full.moments.only([at[fold] for fold in self.linear.moments.folds]))
+
+    def _library(self, requests: Sequence[tuple[tuple[str, ...], Shape]]) -> Library:
+        return library_of(
+            self.runs,
+            requests,
+            responses=self.question.responses,
+            speeds=self.question.speeds,
+            datum=self.datum,
+            n_blocks=self.n_blocks,
+        )
+
+
+def _blocks(n_runs: int, n_samples: int) -> int:
+    """Blocks per run: with four runs or more a choice inside a fold still has three whole runs to leave out."""
+    if n_runs >= 4:
+        return 1
+    wanted = BLOCKS_OF_A_SINGLE_RUN if n_runs == 1 else BLOCKS_OF_FEW_RUNS
+    return max(2, min(wanted, n_samples // (10 * n_runs)))
+
+
+def _fit_per_run(
+    responses: Sequence[str], models: Mapping[str, Any], rows: Rows
+) -> dict[str, dict[str, tuple[float, float]]]:
+    found: dict[str, dict[str, tuple[float, float]]] = {}
+    for j, name in enumerate(responses):
+        error = rows.responses[:, j] - models[name].predicted(rows.variables)
+        found[name] = {
+            run: _rmse_and_max(error[rows.run == r]) for r, run in enumerate(rows.runs) if (rows.run == r).any()
+        }
+    return found
+
+
+def _rmse_and_max(error: NDArray[np.float64]) -> tuple[float, float]:
+    return float(np.sqrt(np.mean(error**2))), float(np.abs(error).max())
