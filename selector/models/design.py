@@ -90,10 +90,6 @@ class Design:
         source_of_lag = [self.inputs.index(lag.source) for lag in self.lags]
         tau_s = np.array([lag.tau_s for lag in self.lags])
         state = np.full(len(self.lags), np.nan)
-        if self.datum.reference == "rise":
-            # the datum is the machine at rest: every rise, and so every lag of one, starts at zero
-            is_rise = np.array([lag.source in self.datum.levels.get(run, {}) for lag in self.lags], dtype=bool)
-            state[is_rise] = 0.0
         last_s = np.nan
         for time_s, raw in source.chunks(run, channels):
             values = raw - levels

@@ -74,7 +74,7 @@ class Form:
         return polynomial_terms(variables, self.degree, interactions=self.interactions)
 
     def simpler(self) -> tuple[Form, ...]:
-        """This form and all forms nested in it, the simplest first."""
+        """All forms nested in it, the simplest first, and itself."""
         forms = [Form(degree, mixed) for degree in range(1, self.degree + 1) for mixed in (False, True)]
         return tuple(form for form in forms if self.interactions or not form.interactions)
 

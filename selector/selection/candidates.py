@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -155,16 +156,32 @@ def _screenings(
     if options.levels is not None:
         levels: Iterable[tuple[float, ...]] = [options.levels]
     else:
-        steps = [step for step in axis if len(step.partition.members) <= MAX_CANDIDATES]
-        # a lone step means that nothing can be told apart: then every sensor is the same one
-        levels = [(step.high,) * options.rounds for step in steps]
+        levels = [
+            _round_levels(axis, k, options.rounds)
+            for k, step in enumerate(axis)
+            if len(step.partition.members) <= MAX_CANDIDATES
+        ]
     screenings = []
     for level in levels:
-        rounds = screen(similarity.matrix, relevance, level, must=must, names=question.sensors)
+        rounds = screen(
+            similarity.matrix, relevance, level, must=must, constant=similarity.constant, names=question.sensors
+        )
         kept = tuple(question.sensors[i] for i in sorted(rounds[-1].representatives))
         f = next((s.f for s in axis if s.partition == rounds[0].partition), None)
         screenings.append(Screening(level[0], tuple(rounds), kept, f))
     return screenings
+
+
+def _round_levels(axis: LambdaAxis, final: int, rounds: int) -> tuple[float, ...]:
+    """λ of each round: the number of groups shrinks by about the same factor in each, down to step `final`.
+
+    With one λ for all rounds only the first would have any effect (see `screen`).
+    """
+    counts = np.array([len(step.partition.members) for step in axis], dtype=np.float64)
+    n = len(axis.names)
+    wanted = [n ** (1 - i / rounds) * counts[final] ** (i / rounds) for i in range(1, rounds)]
+    steps = [min(int(np.argmin(np.abs(np.log(counts / count)))), final) for count in wanted]
+    return tuple(axis[k].high for k in (*steps, final))
 
 
 def _linear_sets(question: Question, bench: Bench, pool: Sequence[str]) -> list[tuple[str, ...]]:
@@ -194,13 +211,19 @@ def _chosen_screening(
 
     def rank(entry: tuple[Screening, NDArray[np.float64], float]) -> tuple[float, float]:
         screening, _, error = entry
-        return (screening.f.value if screening.f is not None else -1.0, -error)
+        # groups of exact duplicates have no scatter, and an infinite F says nothing about the rest
+        f = screening.f.value if screening.f is not None and math.isfinite(screening.f.value) else -1.0
+        return (f, -error)
 
     best = max(eligible, key=rank)[0]
     groups = len(best.rounds[0].partition.members)
-    f = f"the largest F-statistic, {best.f.value:.3g}," if best.f is not None else "the smallest held-out error"
+    f = (
+        f"the largest F-statistic, {best.f.value:.3g},"
+        if best.f is not None and math.isfinite(best.f.value)
+        else "the smallest held-out error"
+    )
     because = (
-        f"λ = {best.level:.6g} makes {groups} groups; of the {len(scored)} ways to group, {len(eligible)} lead to sensors "
-        f"that predict unseen runs equally well within one standard error, and this one has {f} among them"
+        f"λ = {best.level:.6g} makes {groups} groups; of the {len(scored)} ways to group, {len(eligible)} lead to "
+        f"sensors that predict unseen runs equally well within one standard error, and this one has {f} among them"
     )
     return best, because

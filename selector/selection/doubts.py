@@ -58,7 +58,7 @@ def _datum_findings(selection: Selection, datum: Datum, surveyed: Survey) -> lis
                 Finding(
                     "gauge-not-zeroed",
                     "info",
-                    f"{name} does not start at zero ({listed}{more}); its displacements count from the start of the run.",
+                    f"{name} does not start at zero ({listed}{more}); displacements count from the start of the run.",
                     Where(channel=name),
                     {"start_um": starts},
                     "use --reference absolute if these starts are real displacements and not the zero of the gauge",
@@ -107,8 +107,8 @@ def _proof_findings(selection: Selection, surveyed: Survey, stride: int) -> list
                     "do not use it.",
                     Where(channel=name),
                     {"heldout_rmse_um": error, rival: best},
-                    "look for a condition that the recording does not hold (see the regimes, if any were found), record "
-                    "it, or try --memory",
+                    "look for a condition that the recording does not hold (see the regimes, if any were found), "
+                    "record it, or try --memory",
                 )
             )
         worst = max(proof.per_response[name], key=lambda part: part.rmse_um)
@@ -163,8 +163,8 @@ def _model_findings(selection: Selection, ridge: tuple[float, float, float]) -> 
                 Finding(
                     "correlated-residuals",
                     "info",
-                    f"Residuals of {name} follow each other (Durbin–Watson {diagnostics.durbin_watson:.2f}): the machine "
-                    "remembers something that the model does not. Standard errors allow for it.",
+                    f"Residuals of {name} follow each other (Durbin–Watson {diagnostics.durbin_watson:.2f}): the "
+                    "machine remembers something that the model does not. Standard errors allow for it.",
                     Where(channel=name),
                     {"durbin_watson": diagnostics.durbin_watson, "ljung_box_p": diagnostics.ljung_box_p},
                     "" if selection.recipe.shape.has_memory else "try --memory: lagged temperatures follow slow parts",

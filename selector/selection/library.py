@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -32,7 +32,7 @@ class Shape:
         The spindle speed comes in, at once and lagged with these time constants [s].
     """
 
-    form: Form = Form()
+    form: Form = field(default_factory=Form)
     sensor_taus_s: tuple[float, ...] = ()
     speed_taus_s: tuple[float, ...] = ()
 

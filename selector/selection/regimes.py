@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -14,7 +15,7 @@ MIN_RUNS = 6
 MIN_LENGTH = 2
 MAX_REGIMES = 5
 FALSE_ALARM = 0.01
-N_PERMUTATIONS = 1999
+N_PERMUTATIONS = 999
 
 
 def regime_findings(selection: Selection) -> list[Finding]:
@@ -43,8 +44,9 @@ def regime_findings(selection: Selection) -> list[Finding]:
 def regimes(means: NDArray[np.float64], seed: int) -> tuple[list[tuple[int, int]], float, float]:
     """Consecutive (start, stop) stretches of alike values, p-value of one split or more, share of variance explained.
 
-    Binary segmentation: the split that explains most is kept while shuffled values explain as much in fewer than 1 %
-    of the cases. Every stretch holds at least two values, so a single odd run is no regime.
+    The best segmentation into k = 2…5 stretches is found exactly (dynamic programming), k by BIC with two parameters
+    a split (a level and a place); its BIC gain is compared with that of shuffled values, which repeats the whole
+    search. Every stretch holds at least two values, so a single odd run is no regime.
     """
     n = len(means)
     whole = [(0, n)]
@@ -53,36 +55,42 @@ def regimes(means: NDArray[np.float64], seed: int) -> tuple[list[tuple[int, int]
     rng = np.random.default_rng(seed)
     # ranks would lose sizes and raw values let one odd run decide: pull outliers in to three robust deviations
     centre = np.median(means)
-    deviation = max(1.4826 * float(np.median(np.abs(means - centre))), 1e-12)
+    deviation = max(1.4826 * float(np.median(np.abs(means - centre))), 1e-9 * float(np.ptp(means)))
     values = np.clip(means, centre - 3 * deviation, centre + 3 * deviation)
-    bounds = whole
-    first_p = 1.0
-    while len(bounds) < MAX_REGIMES:
-        found = [(*_best_split(values[a:b]), a, b) for a, b in bounds if b - a >= 2 * MIN_LENGTH]
-        if not found:
-            break
-        gain, split, a, b = max(found)
-        part = values[a:b]
-        shuffled = np.array([_best_split(rng.permutation(part))[0] for _ in range(N_PERMUTATIONS)])
-        p_value = float((1 + np.sum(shuffled >= gain - 1e-12)) / (N_PERMUTATIONS + 1))
-        if len(bounds) == 1:
-            first_p = p_value
-        if p_value > FALSE_ALARM:
-            break
-        bounds = sorted([*(one for one in bounds if one != (a, b)), (a, a + split), (a + split, b)])
-    within = sum(float(((values[a:b] - values[a:b].mean()) ** 2).sum()) for a, b in bounds)
     total = float(((values - values.mean()) ** 2).sum())
-    return bounds, first_p, 1.0 - within / total if total > 0 else 0.0
+    gain, bounds, within = _best_segmentation(values, total)
+    shuffled = np.array([_best_segmentation(rng.permutation(values), total)[0] for _ in range(N_PERMUTATIONS)])
+    p_value = float((1 + np.sum(shuffled >= gain - 1e-12)) / (N_PERMUTATIONS + 1))
+    if gain <= 0 or p_value > FALSE_ALARM:
+        return whole, p_value, 0.0
+    return bounds, p_value, 1.0 - within / total
 
 
-def _best_split(values: NDArray[np.float64]) -> tuple[float, int]:
+def _best_segmentation(values: NDArray[np.float64], total: float) -> tuple[float, list[tuple[int, int]], float]:
+    """(BIC gain over one stretch, stretches, squared error within them) of the best segmentation."""
     n = len(values)
-    sums = np.cumsum(values)
-    at = np.arange(MIN_LENGTH, n - MIN_LENGTH + 1)
-    left, right = sums[at - 1] / at, (sums[-1] - sums[at - 1]) / (n - at)
-    gain = at * (n - at) / n * (left - right) ** 2
-    best = int(np.argmax(gain))
-    return float(gain[best]), int(at[best])
+    sums = np.r_[0.0, np.cumsum(values)]
+    squares = np.r_[0.0, np.cumsum(values**2)]
+    start, stop = np.arange(n + 1)[:, None], np.arange(n + 1)[None, :]
+    length = np.maximum(stop - start, 1)
+    cost = squares[None, :] - squares[:, None] - (sums[None, :] - sums[:, None]) ** 2 / length
+    cost = np.where(stop - start >= MIN_LENGTH, cost, np.inf)
+    error = cost[0]
+    origins: list[NDArray[np.int64]] = []
+    best = (0.0, [(0, n)], total)
+    for k in range(2, min(MAX_REGIMES, n // MIN_LENGTH) + 1):
+        candidates = error[:, None] + cost
+        origins.append(candidates.argmin(axis=0))
+        error = candidates.min(axis=0)
+        within = max(float(error[n]), 1e-12 * total)
+        gain = n * np.log(total / within) - 2.0 * (k - 1) * np.log(n)
+        if gain > best[0]:
+            edges = [n]
+            for origin in reversed(origins):
+                edges.append(int(origin[edges[-1]]))
+            edges = [0, *sorted(edges[:-1]), n] if edges[-1] == 0 else [0, *sorted(edges)]
+            best = (float(gain), list(itertools.pairwise(edges)), within)
+    return best
 
 
 def _finding(
@@ -98,8 +106,8 @@ def _finding(
     return Finding(
         "regimes",
         "warning",
-        f"The unseen error of {name} falls into {len(bounds)} regimes of consecutive runs ({listed}): {name} depends on "
-        "something that changed between them and is not in the recording.",
+        f"The unseen error of {name} falls into {len(bounds)} regimes of consecutive runs ({listed}): {name} depends "
+        "on something that changed between them and is not in the recording.",
         Where(channel=name),
         {
             "regimes": [{"runs": names[a:b], "mean_error_um": float(means[a:b].mean())} for a, b in bounds],

@@ -142,7 +142,7 @@ def _usable(
         if (gaps[name] > 0.5 or likeness >= REPLACEABLE_R2) and name not in must:
             reasons[name] = (
                 "sensor-missing",
-                f"is missing in {100 * gaps[name]:.0f} % of the samples; the others explain {100 * likeness:.1f} % of it",
+                f"is missing in {100 * gaps[name]:.0f} % of the samples; others explain {100 * likeness:.1f} % of it",
                 f"use --must {name} to keep it at the price of those samples",
             )
         else:

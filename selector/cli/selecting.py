@@ -1,0 +1,316 @@
+"""`select`: recordings in, sensors, a proven model, a model file and a report out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from selector.cli import showing
+from selector.cli.files import folder_written_whole
+from selector.cli.showing import AsJson
+from selector.cli.source import Source, pairs, with_source
+from selector.errors import OptionError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from selector.selection import Selection
+    from selector.selection.options import Options, Progress
+
+_SENSORS = "Which sensors"
+_MODEL = "Which model"
+
+Responses = Annotated[
+    list[str] | None,
+    typer.Option("--response", metavar="NAME", help="Displacement to predict; repeat. Default: all there are."),
+]
+Levels = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--lambda",
+        metavar="λ|auto",
+        help="Level of the cut, 0 to 1; repeat for one a round. Default: auto.",
+        rich_help_panel=_SENSORS,
+    ),
+]
+Rounds = Annotated[
+    int, typer.Option("--rounds", metavar="N", help="Rounds of screening.", rich_help_panel=_SENSORS, show_default=True)
+]
+MaxSensors = Annotated[
+    int, typer.Option("--max-sensors", metavar="K", help="Most sensors in a set.", rich_help_panel=_SENSORS)
+]
+Absolute = Annotated[
+    bool,
+    typer.Option(
+        "--absolute-similarity",
+        help="Group by |r|: a sensor and its mirror image stand together.",
+        metavar="",
+        rich_help_panel=_SENSORS,
+    ),
+]
+Must = Annotated[
+    list[str] | None,
+    typer.Option("--must", metavar="SENSOR", help="A sensor that must be kept; repeat.", rich_help_panel=_SENSORS),
+]
+Never = Annotated[
+    list[str] | None,
+    typer.Option("--never", metavar="SENSOR", help="A sensor that must not be used; repeat.", rich_help_panel=_SENSORS),
+]
+Cost = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--cost", metavar="SENSOR=COST", help="Cost of a sensor (default 1); repeat.", rich_help_panel=_SENSORS
+    ),
+]
+Tolerance = Annotated[
+    float | None,
+    typer.Option(
+        "--tolerance",
+        metavar="ΔR²",
+        help="Take the cheapest set whose adjusted R² is within this distance of the best. Default: the cheapest that "
+        "predicts unseen runs as well as the best, within one standard error.",
+        rich_help_panel=_SENSORS,
+    ),
+]
+Degree = Annotated[
+    int, typer.Option("--degree", metavar="1|2|3", help="Highest power offered to the model.", rich_help_panel=_MODEL)
+]
+Interactions = Annotated[
+    bool, typer.Option("--interactions", help="Offer products of sensors.", metavar="", rich_help_panel=_MODEL)
+]
+Memory = Annotated[
+    bool,
+    typer.Option(
+        "--memory", help="Offer lagged temperatures and lagged spindle speed.", metavar="", rich_help_panel=_MODEL
+    ),
+]
+Reference = Annotated[
+    str,
+    typer.Option(
+        "--reference",
+        metavar="rise|absolute",
+        help="Readings as differences to the start of the run, or as they are.",
+        rich_help_panel=_MODEL,
+    ),
+]
+Ridge = Annotated[
+    bool,
+    typer.Option(
+        "--ridge",
+        help="Shrink coefficients as far as unseen runs profit; shows the cost.",
+        metavar="",
+        rich_help_panel=_MODEL,
+    ),
+]
+Conditions = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--condition", metavar="RUN=NAME", help="Condition of a run; whole conditions are left out in turn. Repeat."
+    ),
+]
+Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Of the bootstrap over runs.")]
+Out = Annotated[
+    Path | None,
+    typer.Option("--out", metavar="DIR", help="Write selection.json, model.json and report.html, all or none."),
+]
+Date = Annotated[
+    str | None,
+    typer.Option("--date", metavar="YYYY-MM-DD", help="Date to write into the files; the clock is not read."),
+]
+
+
+@with_source
+def select(
+    source: Source,
+    response: Responses = None,
+    level: Levels = None,
+    rounds: Rounds = 1,
+    max_sensors: MaxSensors = 5,
+    absolute_similarity: Absolute = False,
+    must: Must = None,
+    never: Never = None,
+    cost: Cost = None,
+    tolerance: Tolerance = None,
+    degree: Degree = 1,
+    interactions: Interactions = False,
+    memory: Memory = False,
+    reference: Reference = "rise",
+    ridge: Ridge = False,
+    condition: Conditions = None,
+    seed: Seed = 0,
+    out: Out = None,
+    date: Date = None,
+    as_json: AsJson = False,
+) -> None:
+    """Chooses the sensors to keep, fits one model per displacement and proves it on runs that it has not seen.
+
+    Sensors are grouped by the correlation of their readings, one stands for each group, and sets of them are compared.
+    Everything is chosen anew inside every fold, so that the error which is reported is that of a day the model does
+    not know.
+    """
+    from selector.selection import Options
+
+    if reference not in ("rise", "absolute"):
+        raise OptionError(
+            repr(reference), expected="rise or absolute", where="--reference", advice="leave it out for rise"
+        )
+    options = Options(
+        responses=tuple(response or ()),
+        level=_levels(level, rounds),
+        rounds=max(rounds, len(level or ())),
+        max_sensors=max_sensors,
+        degree=degree,
+        interactions=interactions,
+        memory=memory,
+        reference="absolute" if reference == "absolute" else "rise",
+        absolute_similarity=absolute_similarity,
+        must=tuple(must or ()),
+        never=tuple(never or ()),
+        cost={name: _number(text, f"--cost {name}") for name, text in pairs(cost, "--cost").items()},
+        tolerance=tolerance,
+        ridge=ridge,
+        conditions=pairs(condition, "--condition"),
+        seed=_seed(seed),
+    )
+    console = showing.screen(as_json)
+    with progress_bar(as_json) as progress:
+        selection = study(source, options, out=out, date=date, progress=progress)
+    if as_json:
+        showing.print_json(selection.as_dict())
+    else:
+        show_selection(console, selection)
+    if out is not None:
+        console.print(f"wrote {out}: selection.json, model.json, report.html", markup=False)
+
+
+def study(
+    source: Source, options: Options, *, out: Path | None, date: str | None, progress: Progress | None = None
+) -> Selection:
+    """Read, inspect, select, and write the results if there is a place for them."""
+    from selector.quality import inspect, without_faults
+    from selector.selection import select as selected
+
+    say = progress or (lambda _what, _share: None)
+    say("reading", 0.0)
+    reading = source.reading()
+    say("inspecting", 0.0)
+    faults = inspect(reading.recording)
+    recording = without_faults(reading.recording, faults)
+    provenance = {
+        "machine": reading.recording.provenance.get("machine"),
+        "runs": {run.run: {"file": run.file, "sha256": run.sha256} for run in reading.runs},
+    }
+    selection = selected(
+        recording, options, findings=(*reading.findings, *faults), provenance=provenance, progress=progress
+    )
+    if out is not None:
+        from selector.controllers.from_selection import model_file_of
+        from selector.controllers.model_io import write_model
+        from selector.report import write_report
+
+        say("writing", 1.0)
+        model = model_file_of(selection, recording.channels, source=recording, date=date)
+        with folder_written_whole(out) as folder:
+            (folder / "selection.json").write_text(showing.json_text(selection.as_dict()) + "\n", encoding="utf-8")
+            write_model(model, folder / "model.json")
+            write_report([selection], folder / "report.html", description=reading.description(), date=date)
+    return selection
+
+
+def show_selection(console: Console, selection: Selection) -> None:
+    """The answer for people: what to keep, how good it is, and what to doubt."""
+    console.print(f"Keep {', '.join(selection.chosen)}.", style="bold", markup=False)
+    console.print(selection.because, markup=False)
+    rows = []
+    for name, model in selection.models.items():
+        baseline = selection.proof.baselines_um[name]
+        worst = max((gain.worst_um for gain in selection.faults if gain.response == name), default=None)
+        rows.append(
+            (
+                name,
+                baseline["none"],
+                selection.proof.rmse_um(name),
+                selection.proof.max_um(name),
+                model.rmse_um,
+                f"{model.adjusted_r2:.5f}",
+                worst,
+            )
+        )
+    columns = ["response", "as it is", "unseen RMS", "unseen largest", "in-sample RMS", "adjusted R²", "worst fault"]
+    console.print(showing.table("Error of the model [µm]", columns, rows, numeric=columns[1:]))
+    for name, model in selection.models.items():
+        terms, coefficients, errors = model.physical()
+        lines = [("1", coefficients[0], errors[0], None)]
+        vif = {tuple(sorted(t.powers)): float(v) for t, v in zip(model.terms, model.vif, strict=True)}
+        lines += [
+            (str(term), coefficients[1 + i], errors[1 + i], vif.get(tuple(sorted(term.powers))))
+            for i, term in enumerate(terms)
+        ]
+        columns = ["term", "coefficient", "standard error", "VIF"]
+        console.print(showing.table(f"{name} [µm; per K]", columns, lines, numeric=columns[1:]))
+    groups = selection.grouping.chosen.rounds[0]
+    rows_of_groups = [
+        (
+            ", ".join(selection.sensors[groups.kept[i]] for i in members),
+            ", ".join(selection.sensors[i] for i in groups.representatives if i in [groups.kept[k] for k in members]),
+        )
+        for members in groups.partition.members
+    ]
+    console.print(showing.table(f"Groups at λ = {groups.level:.6g}", ["sensors", "representative"], rows_of_groups))
+    points = [
+        (
+            point.n_sensors,
+            *(f"{rmse:.3g} ± {error:.2g}" for rmse, error in zip(point.rmse_um, point.standard_error_um, strict=True)),
+        )
+        for point in selection.proof.curve
+    ]
+    columns = ["sensors", *selection.models]
+    console.print(showing.table("Unseen RMS error against number of sensors [µm]", columns, points, numeric=columns))
+    showing.show_findings(console, selection.findings)
+
+
+@contextmanager
+def progress_bar(quiet_stdout: bool) -> Iterator[Progress]:
+    """A progress bar on stderr while the block runs; nothing when stderr is not a terminal."""
+    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bar
+
+    console = showing.screen(True)
+    if not console.is_terminal:
+        yield lambda _what, _share: None
+        return
+    with Bar(
+        TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=console, transient=True
+    ) as bar:
+        task = bar.add_task("", total=1.0)
+        yield lambda what, share: bar.update(task, description=what, completed=share)
+
+
+def _levels(given: list[str] | None, rounds: int) -> float | tuple[float, ...] | None:
+    if not given or given == ["auto"]:
+        return None
+    if "auto" in given:
+        raise OptionError(
+            ", ".join(given), expected="auto alone, or numbers", where="--lambda", advice="use one or the other"
+        )
+    levels = tuple(_number(text, "--lambda") for text in given)
+    return levels[0] if len(levels) == 1 else levels
+
+
+def _number(text: str, where: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise OptionError(
+            repr(text), expected="a number with a decimal point", where=where, advice="e.g. 0.995 or 2"
+        ) from None
+
+
+def _seed(seed: int) -> int:
+    if not 0 <= seed < 2**53:
+        raise OptionError(str(seed), expected="a whole number from 0", where="--seed", advice="e.g. --seed 0")
+    return seed

@@ -1,0 +1,156 @@
+"""From a selection to the model file that a control is given."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from selector import __version__
+from selector.controllers.model_file import (
+    Guard,
+    Input,
+    ModelFile,
+    Output,
+    OutputLimits,
+    Provenance,
+    State,
+    Term,
+    Validation,
+)
+from selector.controllers.self_check import check_vectors
+from selector.models.least_squares import FittedModel
+from selector.models.reference import RunSource
+from selector.recording import Channel
+from selector.selection import Selection
+
+RATE_MARGIN = 5.0
+LEAST_RATE_PER_MIN = 1.0
+
+
+def model_file_of(
+    selection: Selection, channels: tuple[Channel, ...], *, source: RunSource | None = None, date: str | None = None
+) -> ModelFile:
+    """The model file of a selection: all responses, with ranges, rate limits, validation and test vectors.
+
+    Parameters
+    ----------
+    channels : tuple of Channel
+        Those of the recording, for roles, units and places.
+    source : RunSource, optional
+        The recording; gives the fastest change of each sensor, of which five times (at least 1 K/min) is the limit.
+    date : str, optional
+        ISO date to write into the file; the clock is never read.
+    """
+    by_name = {channel.name: channel for channel in channels}
+    recipe = selection.recipe
+    scaling = next(iter(selection.models.values())).scaling
+    position = {name: i for i, name in enumerate(scaling.variables)}
+    rise = selection.options.reference == "rise"
+    rates = {} if source is None else fastest_changes(source, recipe.sensors)
+
+    def input_of(name: str) -> Input:
+        channel, i = by_name[name], position[name]
+        ranges = [model.valid_range[i] for model in selection.models.values()]
+        is_sensor = name in recipe.sensors
+        limit = max(RATE_MARGIN * rates[name], LEAST_RATE_PER_MIN) if name in rates else None
+        return Input(
+            name=name,
+            role=channel.role,
+            unit=channel.unit,
+            reference="rise" if rise and is_sensor else "absolute",
+            centre=scaling.centre[i],
+            scale=scaling.scale[i],
+            valid_min=min(low for low, _ in ranges),
+            valid_max=max(high for _, high in ranges),
+            rate_limit_per_min=limit,
+            place=channel.place,
+        )
+
+    states = tuple(
+        State(
+            name=lag.name,
+            source=lag.source,
+            tau_s=lag.tau_s,
+            centre=scaling.centre[position[lag.name]],
+            scale=scaling.scale[position[lag.name]],
+        )
+        for lag in recipe.design.lags
+    )
+    outputs = tuple(_output(model, by_name[name], rise=rise) for name, model in selection.models.items())
+    hashes = {
+        str(run): str(entry["sha256"])
+        for run, entry in selection.provenance.get("runs", {}).items()
+        if isinstance(entry, dict) and "sha256" in entry
+    }
+    model = ModelFile(
+        name=f"displacement {' and '.join(selection.models)}",
+        inputs=tuple(input_of(name) for name in recipe.design.inputs),
+        states=states,
+        outputs=outputs,
+        guard=Guard(limits=tuple(_limits(selection, name) for name in selection.models)),
+        provenance=Provenance(
+            machine=selection.provenance.get("machine"),
+            data_sha256=hashes,
+            version=__version__,
+            date=date,
+            seed=selection.options.seed,
+            method=f"{recipe.shape}; sensors {', '.join(recipe.sensors)}",
+            note=selection.because,
+        ),
+        validation={name: _validation(selection, name) for name in selection.models},
+    )
+    return model.model_copy(update={"test_vectors": check_vectors(model)})
+
+
+def fastest_changes(source: RunSource, sensors: tuple[str, ...]) -> dict[str, float]:
+    """Largest change of each sensor over one minute [unit/min]; over one sample where samples are further apart."""
+    found = np.zeros(len(sensors))
+    for run in source.runs:
+        for time_s, values in source.chunks(run, sensors):
+            if len(time_s) < 2:
+                continue
+            later = np.minimum(np.searchsorted(time_s, time_s + 60.0), len(time_s) - 1)
+            minutes = (time_s[later] - time_s) / 60.0
+            whole = minutes > 0
+            change = np.abs(values[later[whole]] - values[whole]) / np.maximum(minutes[whole], 1.0)[:, None]
+            if len(change):
+                found = np.fmax(found, np.nan_to_num(change, nan=0.0).max(axis=0))
+    return dict(zip(sensors, map(float, found), strict=True))
+
+
+def _output(model: FittedModel, channel: Channel, *, rise: bool) -> Output:
+    errors = np.sqrt(np.maximum(np.diag(model.covariance), 0.0))
+    return Output(
+        name=model.response,
+        axis=channel.axis,
+        reference="rise" if rise else "absolute",
+        intercept=float(model.coefficients[0]),
+        intercept_standard_error=float(errors[0]),
+        terms=tuple(
+            Term(
+                powers=dict(term.powers),
+                coefficient=float(model.coefficients[1 + i]),
+                standard_error=float(errors[1 + i]),
+            )
+            for i, term in enumerate(model.terms)
+        ),
+    )
+
+
+def _limits(selection: Selection, name: str) -> OutputLimits:
+    """The correction is held within what the machine was seen to do: the largest recorded displacement."""
+    largest = max((part.before_max_um for part in selection.proof.per_response[name]), default=0.0)
+    return OutputLimits(output=name, clamp_um=float(np.ceil(largest)) or None)
+
+
+def _validation(selection: Selection, name: str) -> Validation:
+    model, proof = selection.models[name], selection.proof
+    return Validation(
+        method=f"leave-one-{proof.left_out}-out, sensors and terms chosen inside each fold",
+        rmse_um=model.rmse_um,
+        heldout_rmse_um=proof.rmse_um(name),
+        heldout_max_um=proof.max_um(name),
+        r2=model.r2,
+        adjusted_r2=model.adjusted_r2 if np.isfinite(model.adjusted_r2) else None,
+        n_runs=len(selection.fit_per_run[name]),
+        n_samples=model.n_samples,
+    )
