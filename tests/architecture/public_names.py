@@ -1,4 +1,7 @@
-"""What is public: every name without an underscore that a module of the package defines, with its parameters.
+"""What is public, with its parameters.
+
+A package that says `__all__` promises those names and keeps its modules to itself. In any other module every name
+without an underscore is public.
 
 Read from the source, so that nothing has to be imported and no optional dependency is needed.
 `python -m tests.architecture.public_names` writes the list that `test_public_api.py` compares with.
@@ -32,25 +35,72 @@ class Public:
         return f"{self.module}.{self.name}{signature}"
 
 
-def modules() -> Iterator[tuple[str, Path]]:
-    """(dotted name, file) of every module whose name has no underscore in front."""
-    for path in sorted(PACKAGE.rglob("*.py")):
-        parts = path.relative_to(ROOT).with_suffix("").parts
-        if parts[-1] == "__init__":
-            parts = parts[:-1]
-        if any(part.startswith("_") for part in parts):
-            continue
-        yield ".".join(parts), path
-
-
 def public_names() -> list[Public]:
     """Every public function, class, method and constant outside the command line, sorted."""
-    names = []
-    for module, path in modules():
-        if module.startswith(NOT_FOR_IMPORT):
+    return sorted(_below("selector", PACKAGE), key=str)
+
+
+def _below(module: str, path: Path) -> Iterator[Public]:
+    """Public names of a module (a file) or of a package (a folder)."""
+    if module.startswith(NOT_FOR_IMPORT) or path.name.startswith("_"):
+        return
+    if path.is_file():
+        yield from _names_of(module, _tree(path))
+        return
+    tree = _tree(path / "__init__.py") if (path / "__init__.py").exists() else ast.Module([], [])
+    promised = _promised(tree)
+    if promised is not None:
+        yield from _promised_names(module, tree, promised)
+        return
+    yield from _names_of(module, tree)
+    for entry in sorted(path.iterdir()):
+        if entry.suffix == ".py" or (entry.is_dir() and any(entry.glob("*.py"))):
+            yield from _below(f"{module}.{entry.stem}", entry)
+
+
+def _promised(tree: ast.Module) -> list[str] | None:
+    for node in tree.body:
+        if isinstance(node, ast.Assign) and any(ast.unparse(target) == "__all__" for target in node.targets):
+            return list(ast.literal_eval(node.value))
+    return None
+
+
+def _promised_names(module: str, tree: ast.Module, promised: list[str]) -> Iterator[Public]:
+    """The names of `__all__`, followed to where they are defined."""
+    own = {name.name.split(".")[0]: name for name in _names_of(module, tree)}
+    source = {
+        alias.asname or alias.name: (node.module or "", alias.name)
+        for node in tree.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    for name in promised:
+        if name in own:
+            yield from (found for found in _names_of(module, tree) if found.name.split(".")[0] == name)
             continue
-        names += _names_of(module, ast.parse(path.read_text(encoding="utf-8")))
-    return sorted(names, key=str)
+        origin, original = source[name]
+        defined = _defined(origin, original)
+        assert defined, f"{module} promises {name!r}, which {origin} does not define"
+        for found in defined:
+            shown = found.name.replace(original, name, 1)
+            yield Public(module, shown, found.parameters, found.docstring, found.line)
+
+
+def _defined(module: str, name: str) -> list[Public]:
+    place = ROOT.joinpath(*module.split("."))
+    path = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
+    tree = _tree(path)
+    found = [public for public in _names_of(module, tree) if public.name.split(".")[0] == name]
+    if found:
+        return found
+    for node in tree.body:
+        if isinstance(node, ast.ImportFrom) and any((alias.asname or alias.name) == name for alias in node.names):
+            return _defined(node.module or "", next(a.name for a in node.names if (a.asname or a.name) == name))
+    return []
+
+
+def _tree(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
 
 
 def _names_of(module: str, tree: ast.Module) -> Iterator[Public]:
