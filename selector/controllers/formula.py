@@ -97,7 +97,7 @@ def _rounded(value: Fraction) -> float:
     try:
         return float(value)
     except OverflowError:
-        return math.copysign(math.inf, value)
+        return math.inf if value > 0 else -math.inf
 
 
 def _sum(model: Equations, intercept: float, terms: Mapping[Powers, float]) -> str:

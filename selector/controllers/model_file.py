@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal, Never
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
+from selector.controllers.strict_json import LARGEST_COLLECTION
 from selector.units import CANONICAL_UNITS
 
 SCHEMA = "selector.model/1"
@@ -29,7 +30,7 @@ Date = Annotated[
         pattern=r"^[0-9]{4}-[0-9]{2}-[0-9]{2}(T[0-9]{2}:[0-9]{2}(:[0-9]{2})?(Z|[+-][0-9]{2}:[0-9]{2})?)?$"
     ),
 ]
-Series = Annotated[tuple[Number, ...], Field(min_length=1, max_length=10_000)]
+Series = Annotated[tuple[Number, ...], Field(min_length=1, max_length=LARGEST_COLLECTION, fail_fast=True)]
 Role = Literal[
     "temperature", "ambient", "displacement", "spindle_speed", "feed_rate", "position_command", "position", "velocity",
     "force", "current", "voltage", "acceleration", "flow", "state", "size", "amplitude", "frequency",
@@ -91,7 +92,7 @@ class Term(_Closed):
     standard_error: NonNegative | None = None
 
 
-Terms = Annotated[tuple[Term, ...], Field(max_length=5000)]
+Terms = Annotated[tuple[Term, ...], Field(max_length=5000, fail_fast=True)]
 
 
 class PositionPart(_Closed):
@@ -139,7 +140,7 @@ class OutputLimits(_Closed):
 class Guard(_Closed):
     """What the control does with bad readings and after a restart."""
 
-    limits: tuple[OutputLimits, ...] = Field(default=(), max_length=32)
+    limits: tuple[OutputLimits, ...] = Field(default=(), max_length=32, fail_fast=True)
     on_fault: Literal["hold", "ramp-to-zero", "fallback"] = "hold"
     without_fallback: Literal["hold", "ramp-to-zero"] = Field(
         default="ramp-to-zero", description="with on_fault = fallback, when no fallback lacks the broken sensors"
@@ -152,6 +153,7 @@ class Guard(_Closed):
     break_codes: tuple[Number, ...] = Field(
         default=(850.0, -9999.0, 9999.0, -999.0, 32767.0, -32768.0, 3276.7, -3276.8),
         max_length=32,
+        fail_fast=True,
         description="readings of inputs in degC that mean a broken sensor",
     )
     outside_valid_range: Literal["limit-input", "fault"] = Field(
@@ -169,10 +171,10 @@ class Guard(_Closed):
 class Fallback(_Closed):
     """A complete model for the time when some sensors are broken."""
 
-    without: tuple[Name, ...] = Field(min_length=1, max_length=500)
-    inputs: tuple[Input, ...] = Field(min_length=1, max_length=500)
-    states: tuple[State, ...] = Field(default=(), max_length=500)
-    outputs: tuple[Output, ...] = Field(min_length=1, max_length=32)
+    without: tuple[Name, ...] = Field(min_length=1, max_length=500, fail_fast=True)
+    inputs: tuple[Input, ...] = Field(min_length=1, max_length=500, fail_fast=True)
+    states: tuple[State, ...] = Field(default=(), max_length=500, fail_fast=True)
+    outputs: tuple[Output, ...] = Field(min_length=1, max_length=32, fail_fast=True)
 
     @model_validator(mode="after")
     def _hangs_together(self) -> Fallback:
@@ -188,7 +190,7 @@ class Provenance(_Closed):
 
     machine: Text | None = None
     data_sha256: dict[Name, Sha256] = Field(
-        default_factory=dict, max_length=10_000, description="run → hash of its data"
+        default_factory=dict, max_length=LARGEST_COLLECTION, description="run → hash of its data"
     )
     version: Text | None = Field(default=None, description="version of selector that made the model")
     date: Date | None = None
@@ -248,14 +250,14 @@ class ModelFile(_Closed):
 
     schema_: Literal["selector.model/1"] = Field(default="selector.model/1", alias="schema")
     name: Name
-    inputs: tuple[Input, ...] = Field(min_length=1, max_length=500)
-    states: tuple[State, ...] = Field(default=(), max_length=500)
-    outputs: tuple[Output, ...] = Field(min_length=1, max_length=32)
+    inputs: tuple[Input, ...] = Field(min_length=1, max_length=500, fail_fast=True)
+    states: tuple[State, ...] = Field(default=(), max_length=500, fail_fast=True)
+    outputs: tuple[Output, ...] = Field(min_length=1, max_length=32, fail_fast=True)
     guard: Guard = Guard()
-    fallbacks: tuple[Fallback, ...] = Field(default=(), max_length=500)
+    fallbacks: tuple[Fallback, ...] = Field(default=(), max_length=500, fail_fast=True)
     provenance: Provenance = Provenance()
     validation: dict[Name, Validation] = Field(default_factory=dict, max_length=32, description="output → figures")
-    test_vectors: tuple[CheckVector, ...] = Field(default=(), max_length=100)
+    test_vectors: tuple[CheckVector, ...] = Field(default=(), max_length=100, fail_fast=True)
 
     @model_validator(mode="after")
     def _hangs_together(self) -> ModelFile:
@@ -314,6 +316,8 @@ def _check_equations(inputs: tuple[Input, ...], states: tuple[State, ...], outpu
             _refuse(("states", i, "source"), repr(state.source), _one_of(sources))
     known = {*sources, *(state.name for state in states)}
     for i, output in enumerate(outputs):
+        if output.name in ("run", "time_s"):
+            _refuse(("outputs", i, "name"), repr(output.name), "a name that is not taken in a table of predictions")
         _check_terms(output.terms, known, ("outputs", i, "terms"))
         if output.position is not None:
             _check_terms(output.position.terms, known, ("outputs", i, "position", "terms"))

@@ -16,6 +16,15 @@ from selector.errors import ModelFileError
 LARGEST_FILE_BYTES = 16 * 1024 * 1024
 """A model of 37 sensors with all pair products and 37 fallbacks takes half of it."""
 
+_EXPECTED = {
+    "model_type": "an object",
+    "dict_type": "an object",
+    "tuple_type": "an array",
+    "float_type": "a number",
+    "int_type": "an integer",
+    "string_type": "a text",
+}
+
 _EXPORT_AGAIN = "correct this place, or export the model again"
 
 
@@ -125,7 +134,12 @@ def _model_file_error(error: ValidationError, where: str) -> ModelFileError:
     elif isinstance(cause, ContradictionError):
         found, expected = cause.found, cause.expected
     else:
-        message = first["msg"].removeprefix("Input should be ").removeprefix("String should ")
-        found, expected = shown(first["input"]), message
+        found, expected = (
+            shown(first["input"]),
+            _EXPECTED.get(first["type"], first["msg"].removeprefix("Input should be ")),
+        )
+        for bound in ("min_length", "max_length"):
+            if first["type"] in ("too_short", "too_long") and bound in first["ctx"]:
+                expected = f"{'at least' if bound == 'min_length' else 'at most'} {first['ctx'][bound]} entries"
     more = "" if len(errors) == 1 else f" (and {len(errors) - 1} more)"
     return ModelFileError(f"{found}{more}", expected=expected, where=f"{where}, {path}", advice=_EXPORT_AGAIN)

@@ -18,6 +18,12 @@ from selector.errors import ModelFileError
 LARGEST_INTEGER = 2**53
 """Integers above it are not exact in a float64, so a control and a PC could read different numbers."""
 
+LARGEST_COLLECTION = 10_000
+"""Entries of one array or object. A hostile file of 16 MB can hold millions, each of which would cost an error."""
+
+LARGEST_DOCUMENT = 500_000
+"""Values in one document: 37 sensors with all pair products, two outputs and 37 fallbacks need about 320 000."""
+
 SHOWN_CHARACTERS = 80
 
 
@@ -62,7 +68,8 @@ def parsed_json(text: str, *, where: str) -> Any:
     Raises
     ------
     ModelFileError
-        The text is not JSON, is nested too deep, repeats a key, or holds a number that is not finite or not exact;
+        The text is not JSON, is nested too deep, repeats a key, or holds a number that is not finite or not exact or
+        a collection that is too large;
         `where` and the JSON path say the place.
     """
     try:
@@ -146,10 +153,16 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def _first_refused(value: Any) -> tuple[tuple[str | int, ...], _Refused] | None:
     stack: list[tuple[tuple[str | int, ...], Any]] = [((), value)]
+    count = 0
     while stack:
         path, item = stack.pop()
+        count += 1
+        if count > LARGEST_DOCUMENT:
+            return (), _Refused(f"more than {LARGEST_DOCUMENT} values", "a document that a control can work with")
         if isinstance(item, _Refused):
             return path, item
+        if isinstance(item, dict | list) and len(item) > LARGEST_COLLECTION:
+            return path, _Refused(shown(item), f"at most {LARGEST_COLLECTION} entries")
         if isinstance(item, dict):
             stack.extend(((*path, key), child) for key, child in reversed(item.items()))
         elif isinstance(item, list):

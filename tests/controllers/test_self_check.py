@@ -1,0 +1,157 @@
+"""A model file can be checked against itself."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from selector.controllers import self_check
+from selector.controllers.evaluator import evaluate
+from selector.controllers.model_file import Input, ModelFile, Output, Term
+from selector.controllers.model_io import model_text, write_model
+from selector.controllers.self_check import check_model, model_findings, output_bound_um
+from selector.errors import ModelFileError
+from tests.controllers.model_builders import rich_model, rise_model, warm_up
+
+
+def with_vectors(model: ModelFile, recorded=None) -> ModelFile:
+    return model.model_copy(update={"test_vectors": self_check.check_vectors(model, recorded)})
+
+
+def ids(findings) -> list[str]:
+    return [finding.id for finding in findings]
+
+
+@pytest.mark.parametrize("model", [rise_model(), rich_model()])
+def test_a_sound_file_passes(model, tmp_path):
+    write_model(with_vectors(model), tmp_path / "m.json")
+    findings = check_model(tmp_path / "m.json")
+    assert ids(findings) == ["test-vectors-agree"]
+    assert findings[0].evidence["max_abs_difference_um"] == 0.0
+
+
+def test_vectors_are_made_the_same_way_every_time_and_round_trip(tmp_path):
+    one = with_vectors(rich_model())
+    assert one == with_vectors(rich_model())
+    assert ModelFile.model_validate(json.loads(model_text(one))) == one
+
+
+def test_vectors_cover_start_corners_ramp_and_recording():
+    time_s, readings = warm_up(500)
+    readings["T1"][3] = np.nan
+    vectors = {one.name: one for one in self_check.check_vectors(rise_model(), (time_s, readings))}
+    assert list(vectors) == ["start", "corners", "ramp", "recorded"]
+    assert vectors["start"].start_readings is None
+    corners = {(a, b) for a, b in zip(*vectors["corners"].readings.values(), strict=True)}
+    assert corners == {(20.0, 19.0), (20.0, 28.0), (30.0, 19.0), (30.0, 28.0)}
+    assert len(vectors["recorded"].time_s) == 50
+    assert vectors["recorded"].time_s[-1] == time_s[-1]
+    assert len(set(np.diff(vectors["ramp"].time_s))) > 10
+
+
+def test_ramp_sees_the_memory():
+    """A program that forgets the memory, or takes a fixed step for it, must fail the vectors."""
+    model = with_vectors(rich_model())
+    forgetful = model.model_copy(
+        update={"states": tuple(state.model_copy(update={"tau_s": 1e-9}) for state in model.states)}
+    )
+    assert "test-vector-mismatch" in ids(model_findings(forgetful))
+
+
+def test_many_inputs_have_linearly_many_corners():
+    inputs = [Input(name=f"T{i}", valid_min=0, valid_max=1) for i in range(37)]
+    terms = [Term(powers={item.name: 1}, coefficient=1.0) for item in inputs]
+    model = ModelFile(name="37", inputs=inputs, outputs=[Output(name="Z", intercept=0, terms=terms)])
+    corners = self_check.check_vectors(model)[1]
+    assert len(corners.time_s) == 3 + 2 * 37
+    assert max(corners.expected["Z"]) == 37.0
+    assert min(corners.expected["Z"]) == 0.0
+
+
+@pytest.mark.parametrize("factor", [1.0 + 1e-6, -1.0, 2.0, 0.0])
+@pytest.mark.parametrize("term", [0, 1, 2])
+def test_a_changed_coefficient_is_found(factor, term, tmp_path):
+    document = json.loads(model_text(with_vectors(rise_model())))
+    document["outputs"][0]["terms"][term]["coefficient"] *= factor
+    (tmp_path / "m.json").write_text(json.dumps(document), encoding="utf-8")
+    wrong = [finding for finding in check_model(tmp_path / "m.json") if finding.id == "test-vector-mismatch"]
+    assert wrong
+    assert all(finding.level == "error" for finding in wrong)
+    assert "Z" in wrong[0].statement
+
+
+def test_rounding_in_another_order_is_not_a_mismatch():
+    model = with_vectors(rich_model())
+    nudged = tuple(
+        vector.model_copy(
+            update={
+                "expected": {
+                    name: tuple(math.nextafter(value, math.inf) for value in series)
+                    for name, series in vector.expected.items()
+                }
+            }
+        )
+        for vector in model.test_vectors
+    )
+    findings = model_findings(model.model_copy(update={"test_vectors": nudged}))
+    assert ids(findings) == ["test-vectors-agree"]
+    assert findings[0].evidence["max_abs_difference_um"] > 0.0
+
+
+def test_a_file_without_vectors_is_warned_about():
+    assert ids(model_findings(rise_model())) == ["no-test-vectors"]
+
+
+def test_overflow_inside_the_valid_range_is_an_error():
+    model = rise_model(
+        outputs=(Output(name="Z", intercept=0, terms=(Term(powers={"T1": 3, "T3": 3}, coefficient=1e308),)),)
+    )
+    errors = [finding for finding in model_findings(model) if finding.level == "error"]
+    assert ids(errors) == ["output-not-finite"]
+    assert output_bound_um(model, model.outputs[0]) == math.inf
+
+
+def test_bound_holds_and_is_reached():
+    model = rich_model()
+    rng = np.random.default_rng(0)
+    n = 4000
+    readings = {
+        item.name: rng.choice([item.valid_min, item.valid_max], n) + (20.0 if item.reference == "rise" else 0.0)
+        for item in model.inputs
+    }
+    positions = {"Y": rng.choice([-0.1, 0.6], n)}
+    y = evaluate(model, np.arange(n) * 60.0, readings, {"T1": 20.0}, positions)
+    for output in model.outputs:
+        assert np.max(np.abs(y[output.name])) <= output_bound_um(model, output)
+    one = rise_model(outputs=(Output(name="Z", intercept=-1.0, terms=(Term(powers={"T1": 1}, coefficient=2.0),)),))
+    # z1 runs from −2 to 3
+    assert output_bound_um(one, one.outputs[0]) == 7.0
+
+
+def test_ranges_are_looked_at():
+    inputs = (
+        Input(name="T1", centre=24.0, valid_min=0.0, valid_max=10.0),
+        Input(name="T2", valid_min=0.0, valid_max=0.0),
+        Input(name="T3", reference="absolute", centre=900.0, valid_min=800.0, valid_max=1000.0),
+        Input(name="T4", valid_min=0.0, valid_max=1.0),
+    )
+    terms = tuple(Term(powers={name: 1}, coefficient=1.0) for name in ("T1", "T2", "T3"))
+    model = with_vectors(rise_model(inputs=inputs, outputs=(Output(name="Z", intercept=0, terms=terms),)))
+    found = {
+        (finding.id, finding.evidence["input"]) for finding in model_findings(model) if "input" in finding.evidence
+    }
+    assert found == {
+        ("centre-outside-valid-range", "T1"),
+        ("valid-range-empty", "T2"),
+        ("break-code-in-valid-range", "T3"),
+        ("input-not-used", "T4"),
+    }
+
+
+def test_a_file_that_breaks_the_schema_is_refused(tmp_path):
+    (tmp_path / "m.json").write_text('{"schema": "selector.model/1"}', encoding="utf-8")
+    with pytest.raises(ModelFileError, match=r"\$\.name"):
+        check_model(tmp_path / "m.json")
