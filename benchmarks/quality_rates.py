@@ -1,0 +1,64 @@
+"""How often do the quality checks raise a false alarm on clean recordings, and find planted faults?
+
+    python -m benchmarks.quality_rates [seeds]
+
+A false alarm is a finding that leaves something out of a recording without a fault. A fault counts as found when a
+finding of the right kind names the channel and the run, leaves out what it should, and is right about the time by half.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import Counter
+
+import numpy as np
+
+from selector.quality import inspect
+from tests.quality.faults import KINDS, planted
+from tests.quality.workshop import clean_recording
+
+
+def false_alarms(seeds: range) -> tuple[int, Counter[str], list[str]]:
+    """(recordings with at least one, findings by id, where)."""
+    hit, kinds, places = 0, Counter[str](), []
+    for seed in seeds:
+        acting = [finding for finding in inspect(clean_recording(seed)) if finding.action != "none"]
+        hit += bool(acting)
+        kinds.update(finding.id for finding in acting)
+        places += [f"seed {seed}: {finding.id}: {finding.statement}" for finding in acting]
+    return hit, kinds, places
+
+
+def detections(kind: str, seeds: range) -> tuple[int, int, int, list[int]]:
+    """(found, planted, recordings where something without a fault was left out, seeds missed)."""
+    found = tried = beside = 0
+    missed = []
+    for seed in seeds:
+        case = planted(clean_recording(seed), kind, np.random.default_rng([seed, 1]))
+        if case is None:
+            continue
+        findings = inspect(case.recording)
+        told = any(case.is_told_by(finding) for finding in findings)
+        tried, found = tried + 1, found + told
+        beside += any(case.is_beside_the_fault(finding) for finding in findings)
+        if not told:
+            missed.append(seed)
+    return found, tried, beside, missed
+
+
+def main(count: int = 200, kinds: tuple[str, ...] = tuple(KINDS)) -> None:
+    begin = time.perf_counter()
+    hit, by_kind, places = false_alarms(range(10_000, 10_000 + count))
+    print(f"clean recordings with a false alarm: {hit} of {count} ({hit / count:.1%}); {dict(by_kind)}")
+    for place in places:
+        print("  ", place)
+    print(f"{'planted':24} {'found':>12}       beside   missed seeds")
+    for kind in kinds:
+        found, tried, beside, missed = detections(kind, range(20_000, 20_000 + count))
+        print(f"{kind:24} {found:5} of {tried:4} {found / max(tried, 1):5.0%} {beside:6}   {missed[:8]}", flush=True)
+    print(f"{time.perf_counter() - begin:.0f} s")
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 200, tuple(sys.argv[2:]) or tuple(KINDS))

@@ -1,0 +1,103 @@
+"""What is wrong with a recording, as findings; and the recording without it.
+
+Each file answers one question. The checks run one after the other, and what one leaves out is blank for the next:
+a frozen stretch is not reported again as a step. Nothing is dropped in silence: `without_faults` leaves out exactly
+what the findings name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+
+import numpy as np
+
+from selector.findings import Finding
+from selector.quality.break_codes import broken_sensors, out_of_range
+from selector.quality.extent import empty_channels, few_values, short_runs, starts
+from selector.quality.frozen import frozen
+from selector.quality.gaps_and_clock import clock_jumps, gaps, pace_changes
+from selector.quality.identity import duplicates, swapped
+from selector.quality.jumps import spikes, steps
+from selector.quality.leave_out import stretches, without_faults
+from selector.quality.relations import Relations
+from selector.quality.siblings import leaving_group, stuck_beside_siblings
+from selector.quality.survey import Survey
+from selector.quality.wrong_units import wrong_length_units, wrong_temperature_units
+from selector.recording import Recording
+
+__all__ = ["inspect", "stretches", "without_faults"]
+
+Check = Callable[[Survey], Iterator[Finding]]
+
+_CHECKS: tuple[Check, ...] = (
+    short_runs,
+    empty_channels,
+    gaps,
+    broken_sensors,
+    wrong_temperature_units,
+    out_of_range,
+    wrong_length_units,
+    clock_jumps,
+    pace_changes,
+    few_values,
+    frozen,
+    lambda survey: stuck_beside_siblings(survey, Relations(survey)),
+    spikes,
+    steps,
+    lambda survey: duplicates(survey, Relations(survey)),
+    lambda survey: swapped(Relations(survey)),
+    lambda survey: leaving_group(Relations(survey)),
+    starts,
+)
+
+
+def inspect(recording: Recording, channels: Iterable[str] | None = None) -> tuple[Finding, ...]:
+    """What is wrong with a recording: where, since when, with which numbers, and what will be left out.
+
+    Parameters
+    ----------
+    recording : Recording
+    channels : iterable of str, optional
+        Report on these channels only (and on what concerns whole runs); the others still serve as siblings.
+
+    Returns
+    -------
+    tuple of Finding
+        Sorted by run, channel, time and id; the same for the same recording. Ids: ``gap``, ``clock-jump``,
+        ``period-change``, ``sensor-break``, ``out-of-range``, ``wrong-unit``, ``stuck``, ``saturated``, ``spike``,
+        ``step``, ``drifts-from-group``, ``swapped-channels``, ``duplicate-channel``, ``few-values``,
+        ``constant-channel``, ``empty-channel``, ``short-run``, ``run-starts-warm``.
+
+        Cost O(samples · log samples of a run), and O(channels²) for the comparison of channels.
+
+    Raises
+    ------
+    RecordingError
+        A name in `channels` is not in the recording.
+    """
+    wanted = None if channels is None else {recording.channel(name).name for name in channels}
+    survey = Survey(recording)
+    found: list[Finding] = []
+    with np.errstate(all="ignore"):
+        for check in _CHECKS:
+            new = list(check(survey))
+            survey.leave_out(new)
+            found += new
+    runs = {name: k for k, name in enumerate(recording.runs)}
+    order = {name: k for k, name in enumerate(recording.names)}
+
+    def place(finding: Finding) -> tuple[int, int, float, float, str]:
+        where = finding.where
+        return (
+            -1 if where.run is None else runs[where.run],
+            -1 if where.channel is None else order[where.channel],
+            -np.inf if where.from_s is None else where.from_s,
+            -np.inf if where.to_s is None else where.to_s,
+            finding.id,
+        )
+
+    return tuple(
+        finding
+        for finding in sorted(found, key=place)
+        if wanted is None or finding.where.channel is None or finding.where.channel in wanted
+    )

@@ -1,0 +1,134 @@
+"""Whether there is enough in a recording: samples in a run, values in a channel, different ones among them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from selector.findings import Finding, Where
+from selector.quality.survey import MEASURED_ROLES, Survey
+from selector.quality.wording import difference, reading
+
+_SHORT = 20
+_FEW_LEVELS = 8
+_COARSE = {"degC": 0.5, "um": 5.0}
+"""A resolution like this is a warning; a finer one with few values only means that the channel hardly moves."""
+_WARM_K = 4.0
+_WARM_UM = 10.0
+
+
+def short_runs(survey: Survey) -> Iterator[Finding]:
+    """Findings ``short-run``: fewer than 20 samples."""
+    for run in survey.runs:
+        rows = survey.time[run].size
+        if rows < _SHORT:
+            yield Finding(
+                "short-run",
+                "warning",
+                f"Run {run} has {rows} sample(s) only; fewer than {_SHORT} say little about a thermal process.",
+                Where(run=run),
+                {"samples": rows},
+                "Leave this run away, or check that the file is complete. Nothing is left out.",
+            )
+
+
+def empty_channels(survey: Survey) -> Iterator[Finding]:
+    """Findings ``empty-channel``: no value in any run, or none in one run."""
+    for column, channel in enumerate(survey.channels):
+        empty = [run for run in survey.runs if not np.isfinite(survey.values[run][column]).any()]
+        everywhere = len(empty) == len(survey.runs)
+        for run in empty[:1] if everywhere else empty:
+            yield Finding(
+                "empty-channel",
+                "warning" if everywhere else "info",
+                f"{channel.name} has no value in {'any run' if everywhere else 'run ' + run}.",
+                Where(channel.name, None if everywhere else run),
+                {"runs": len(empty)},
+                "Check the column's name in the machine file, or remove the channel from it.",
+            )
+
+
+def few_values(survey: Survey) -> Iterator[Finding]:
+    """Findings ``constant-channel`` and ``few-values``: one value, or fewer than eight, over all runs."""
+    for column, channel in enumerate(survey.channels):
+        scales = [survey.scale(run, column) for run in survey.runs]
+        scales = [scale for scale in scales if scale.count]
+        if sum(scale.count for scale in scales) < 2:
+            continue
+        low, high = min(s.low for s in scales), max(s.high for s in scales)
+        if high - low <= 1e-12 * max(abs(low), abs(high)):
+            yield Finding(
+                "constant-channel",
+                "info",
+                f"{channel.name} is {reading(low, channel)} in every sample of every run.",
+                Where(channel.name),
+                {"value": low},
+                "It cannot explain anything and is not used.",
+            )
+            continue
+        if channel.role not in MEASURED_ROLES or sum(scale.count for scale in scales) < _SHORT:
+            continue
+        values = np.unique(np.concatenate([_values(survey, run, column) for run in survey.runs]))
+        step = survey.quantum(column)
+        coarse = step >= _COARSE[channel.unit]
+        if max(scale.distinct for scale in scales) > _FEW_LEVELS and not (coarse and (high - low) < 12 * step):
+            continue
+        if values.size > _FEW_LEVELS and not coarse:
+            continue
+        yield Finding(
+            "few-values",
+            "warning" if coarse else "info",
+            f"{channel.name} takes {values.size} different values only, {difference(step, channel)} apart, over a "
+            f"range of {difference(high - low, channel)}.",
+            Where(channel.name),
+            {"distinct": int(values.size), "resolution": step, "range": high - low},
+            "Record it with a finer resolution."
+            if coarse
+            else "It hardly moves; its resolution limits what it can say.",
+        )
+
+
+def starts(survey: Survey) -> Iterator[Finding]:
+    """Findings ``run-starts-warm``: a run that starts far from where the other runs start, ambient taken off."""
+    if len(survey.runs) < 3:
+        return
+    ambient = survey.columns("ambient")
+    temperatures, displacements = survey.columns("temperature"), survey.columns("displacement")
+    level = {run: np.array([survey.scale(run, c).start for c in range(len(survey.channels))]) for run in survey.runs}
+    room = {run: _middle(level[run][ambient]) if ambient else 0.0 for run in survey.runs}
+    for run in survey.runs:
+        others = [other for other in survey.runs if other != run]
+        warm: dict[str, float] = {}
+        for columns, limit, thermal in ((temperatures, _WARM_K, True), (displacements, _WARM_UM, False)):
+            if thermal and not ambient:
+                continue  # without the room's temperature a warm day looks like a warm machine
+            for c in columns:
+                usual = _middle(np.array([level[o][c] - (room[o] if thermal else 0.0) for o in others]))
+                off = level[run][c] - (room[run] if thermal else 0.0) - usual
+                if np.isfinite(off) and abs(off) > limit:
+                    warm[survey.channels[c].name] = float(off)
+        if not warm:
+            continue
+        worst = max(warm, key=lambda name: abs(warm[name]))
+        said = difference(warm[worst], survey.recording.channel(worst))
+        yield Finding(
+            "run-starts-warm",
+            "info",
+            f"Run {run} does not start like the others: {len(warm)} channel(s) are off at its start, {worst} most "
+            f"({said}).",
+            Where(run=run, from_s=float(survey.time[run][0]), to_s=float(survey.time[run][0])),
+            {"channels": warm},
+            "Rises count from the start of the run: say so when comparing runs, or start from a cold machine.",
+        )
+
+
+def _values(survey: Survey, run: str, column: int) -> np.ndarray:
+    x = survey.series(run, column).x
+    # a few values show in any part of a long run
+    return np.unique(x) if survey.scale(run, column).distinct <= 64 else x[:64]
+
+
+def _middle(values: np.ndarray) -> float:
+    values = values[np.isfinite(values)]
+    return float(np.median(values)) if values.size else float("nan")

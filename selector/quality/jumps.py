@@ -1,0 +1,267 @@
+"""Where a measured channel jumps: for a few samples (spike), or for good (step).
+
+Thermal quantities do not jump. A displacement may, when the spindle changes its speed; a thin sensor may, when the
+coolant comes on. So a jump counts as a fault only when it is sharp against its neighbours in time and nothing else on
+the machine changes at that moment.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from selector.findings import Finding, Where
+from selector.quality.break_codes import told
+from selector.quality.coincidence import Moments, another_jump, commanded, kink_elsewhere
+from selector.quality.survey import MEASURED_ROLES, Floats, Ints, Series, Survey
+from selector.quality.wording import difference, moment, reading
+
+_SHARP = 5.0
+"""A jump is looked at when it exceeds so many standard deviations of single differences (6e-7 in normal noise)."""
+_CLEAR = 6.0
+"""A step is believed when it exceeds so many standard errors of the levels on its two sides."""
+_SMALLEST = {"degC": 0.35, "um": 2.0}
+"""Smaller jumps do no harm to a thermal model [K, µm]."""
+_STEPS = 3.5
+"""A jump spans more than so many steps of the resolution."""
+_LONGEST_SPIKE = 3
+_REACH = 12
+"""Samples on each side from which the levels beside a jump are taken."""
+_MOST = 400
+"""Jumps looked at per channel and run; a channel with more is not a measurement with jumps in it."""
+_REST = 0.35
+"""Share of a jump that other differences nearby may reach; a lag of one sampling period leaves 0.37 for the next."""
+
+
+@dataclass(frozen=True)
+class Jump:
+    """A level that changes for good: position of the last sample before it, height [unit], time [s]."""
+
+    at: int
+    height: float
+    time_s: float
+    error: float
+
+
+def sharp_differences(series: Series, survey: Survey) -> Ints:
+    """Positions i where x[i+1] - x[i] stands out from the noise around it, the largest if there are many; O(n)."""
+    x = series.x
+    scale = survey.scale(series.run, series.column)
+    if x.size < 6:
+        return np.empty(0, dtype=np.intp)
+    differences = np.abs(np.diff(x))
+    least = max(_SMALLEST[series.channel.unit], _STEPS * scale.quantum)
+    # the noise of each block or of its neighbours, whichever is largest: noise may change with the speed
+    local = _local_noise(scale.block_noise, differences.size)
+    limit = np.maximum(_SHARP * np.sqrt(2.0) * np.maximum(local, 0.3 * scale.quantum), least)
+    sharp = np.flatnonzero(differences > limit)
+    if sharp.size > _MOST:
+        sharp = np.sort(sharp[np.argpartition(-differences[sharp], _MOST)[:_MOST]])
+    return sharp
+
+
+def spikes(survey: Survey) -> Iterator[Finding]:
+    """Findings ``spike``: up to three samples off, the level before and after the same. O(samples)."""
+    for column in survey.columns(*MEASURED_ROLES):
+        found: list[tuple[Series, int, int, float]] = []
+        for run in survey.runs:
+            series, noise = survey.series(run, column), survey.scale(run, column).block_noise
+            widest = 5.0 * float(noise.max()) if noise.size else 0.0
+            found += [(series, *spike) for spike in _spike_samples(series, sharp_differences(series, survey), widest)]
+        moments: Moments = [(s.run, (float(s.time_s[a - 1]), float(s.time_s[a]))) for s, a, _, _ in found]
+        kept: dict[str, list[tuple[tuple[float, float], float]]] = {}
+        for (series, first, last, height), (run, moment_s) in zip(found, moments, strict=True):
+            # of a single sample no thermal process is the cause, of some the others would know
+            if commanded(survey, column, run, moment_s, moments) or (
+                last > first and another_jump(survey, column, run, moment_s)
+            ):
+                continue
+            kept.setdefault(run, []).append(((float(series.time_s[first]), float(series.time_s[last])), height))
+        for run, hits in kept.items():
+            yield from _told_spikes(survey, run, column, hits)
+
+
+def _told_spikes(
+    survey: Survey, run: str, column: int, hits: list[tuple[tuple[float, float], float]]
+) -> Iterator[Finding]:
+    channel = survey.channels[column]
+    worst = max((height for _, height in hits), key=abs)
+    many = f"has {len(hits)} spikes, the largest" if len(hits) > 1 else "has a spike"
+    yield from told(
+        Finding(
+            "spike",
+            "warning",
+            f"{channel.name} in run {run} {many} of {difference(worst, channel)}, {{when}}.",
+            Where(channel.name, run),
+            {"spikes": len(hits), "largest": worst, "noise": survey.scale(run, column).noise},
+            "Look for interference or a loose contact. The samples are left out.",
+            "leave-out-stretch",
+        ),
+        [window for window, _ in hits],
+        few=1,
+    )
+
+
+def steps(survey: Survey) -> Iterator[Finding]:
+    """Findings ``step``: the level shifts between two samples and stays. O(samples).
+
+    It is a fault when nothing else happens then. It is not when a command changes that goes with jumps of this
+    channel elsewhere too, when another channel jumps with it, or when the channel jumps up and down again and again.
+    It is in doubt when another channel changes its course just then, when it goes up and down once, or when it is a
+    displacement and no spindle speed is recorded: then it is a warning, and nothing is left out.
+    """
+    speed_known = bool(survey.columns("spindle_speed"))
+    for column in survey.columns(*MEASURED_ROLES):
+        found: list[tuple[Series, Jump]] = []
+        for run in survey.runs:
+            series = survey.series(run, column)
+            found += [(series, jump) for jump in _level_shifts(series, sharp_differences(series, survey))]
+        moments: Moments = [(s.run, (float(s.time_s[jump.at]), jump.time_s)) for s, jump in found]
+        causes = []
+        for run, moment_s in moments:
+            cause = commanded(survey, column, run, moment_s, moments)
+            causes.append(cause or another_jump(survey, column, run, moment_s))
+        role = survey.channels[column].role
+        # a displacement may jump with every change of speed and slip once; a thin sensor jumps by its nature
+        own = [jump for (_, jump), cause in zip(found, causes, strict=True) if not (cause and role == "displacement")]
+        ups, downs = sum(jump.height > 0 for jump in own), sum(jump.height < 0 for jump in own)
+        switching = min(ups, downs) >= 1 and ups + downs >= 3 and max(ups, downs) <= 4 * min(ups, downs)
+        lawful: dict[tuple[str, str], list[Jump]] = {}
+        alone = []
+        for (series, jump), cause in zip(found, causes, strict=True):
+            if cause or switching:
+                said = cause or "it jumps up and down repeatedly"
+                lawful.setdefault((series.run, said), []).append(jump)
+            else:
+                alone.append((series, jump))
+        for (run, cause), jumps in lawful.items():
+            yield _lawful(survey, column, run, cause, jumps)
+        doubt = "a change of spindle speed can do this, and none is recorded"
+        doubt = doubt if role == "displacement" and not speed_known else ""
+        if min(ups, downs) == 1 and not doubt:
+            doubt = "it goes up once and down once, as a thin sensor in the coolant does"
+        yield from _faults(survey, column, alone, doubt)
+
+
+def _faults(survey: Survey, column: int, alone: list[tuple[Series, Jump]], doubt: str) -> Iterator[Finding]:
+    channel = survey.channels[column]
+    for k, (series, jump) in enumerate(alone):
+        before = [other for s, other in alone[:k] if s.run == series.run]
+        after = [other for s, other in alone[k + 1 :] if s.run == series.run]
+        if any(_undoes(jump, other) for other in before):
+            continue
+        # the stretch ends where the level steps back
+        ends = [float(series.time_s[other.at]) for other in after if _undoes(other, jump)]
+        end = ends[0] if ends else float(series.time_s[-1])
+        moment_s = (float(series.time_s[jump.at]), jump.time_s)
+        unsure = doubt or kink_elsewhere(survey, column, series.run, moment_s)
+        yield Finding(
+            "step",
+            "warning" if unsure else "error",
+            f"{channel.name} in run {series.run} steps by {difference(jump.height, channel)} at {moment(jump.time_s)} "
+            f"(to {reading(float(series.x[jump.at + 1]), channel)}) and stays there; "
+            + (f"it may be real: {unsure}." if unsure else "no other channel changes then."),
+            Where(channel.name, series.run, jump.time_s, end),
+            {"height": jump.height, "standard_error": jump.error},
+            "Look for a sensor or gauge that slipped or was touched. "
+            + ("Nothing is left out." if unsure else "The stretch from there is left out."),
+            "none" if unsure else "leave-out-stretch",
+        )
+
+
+def _lawful(survey: Survey, column: int, run: str, cause: str, jumps: list[Jump]) -> Finding:
+    channel = survey.channels[column]
+    largest = max(jumps, key=lambda jump: abs(jump.height))
+    many = f"steps {len(jumps)} times, by up to" if len(jumps) > 1 else "steps by"
+    return Finding(
+        "step",
+        "info",
+        f"{channel.name} in run {run} {many} {difference(largest.height, channel)} (at {moment(largest.time_s)}); "
+        f"{cause}, so this is taken for real.",
+        Where(channel.name, run, jumps[0].time_s, jumps[-1].time_s),
+        {"steps": len(jumps), "height": largest.height, "standard_error": largest.error},
+        "Nothing is left out.",
+    )
+
+
+def _undoes(later: Jump, earlier: Jump) -> bool:
+    return later.height * earlier.height < 0 and abs(later.height + earlier.height) < 0.3 * abs(earlier.height)
+
+
+def _spike_samples(series: Series, candidates: Ints, widest: float) -> list[tuple[int, int, float]]:
+    """(first, last, height) of every spike; `widest` is how far apart noise can put the samples beside it."""
+    x, found, free = series.x, [], 0
+    for i in candidates:
+        if i + 1 < free:
+            continue
+        before = x[max(free, i - 3) : i + 1]
+        if before.size < 2:
+            continue
+        level = float(np.median(before))
+        jump = float(x[i + 1] - x[i])
+        spread = float(np.ptp(before))
+        for last in range(i + 1, min(i + 1 + _LONGEST_SPIKE, x.size - 2)):
+            off = x[i + 1 : last + 1] - level
+            after = x[last + 1 : last + 4]
+            if not np.all(off * np.sign(jump) > 0.5 * abs(jump)):
+                break
+            height = float(off[np.argmax(np.abs(off))])
+            back = float(np.median(after)) - level
+            # both sides level: the top of a real peak has slopes beside it
+            if (
+                abs(x[last + 1] - level) < _REST * abs(height)
+                and abs(back) < 0.25 * abs(height)
+                and max(spread, float(np.ptp(after))) < max(_REST * abs(height), min(widest, 0.6 * abs(height)))
+            ):
+                found.append((int(i + 1), int(last), height))
+                free = last + 1
+                break
+    return found
+
+
+def _level_shifts(series: Series, candidates: Ints) -> list[Jump]:
+    x, time, found = series.x, series.time_s, []
+    period = series.period_s
+    for i in candidates:
+        left = slice(max(0, i + 1 - _REACH), i + 1)
+        right = slice(i + 1, min(x.size, i + 1 + _REACH))
+        if left.stop - left.start < 5 or right.stop - right.start < 5:
+            continue
+        if time[i + 1] - time[i] > 3.5 * period:
+            continue  # behind a gap a level may be another one
+        middle = 0.5 * (time[i] + time[i + 1])
+        before, error_before = _line_at(time[left], x[left], float(middle))
+        after, error_after = _line_at(time[right], x[right], float(middle))
+        height, error = after - before, float(np.hypot(error_before, error_after))
+        around = np.abs(np.diff(x[left.start : right.stop]))
+        around[i - left.start] = 0.0
+        smallest = _SMALLEST[series.channel.unit]
+        if (
+            abs(height) > max(_CLEAR * error, smallest)
+            and 0.6 < height / float(x[i + 1] - x[i]) < 1.6
+            and float(around.max()) < max(_REST * abs(height), 1e-300)
+        ):
+            found.append(Jump(int(i), height, float(time[i + 1]), error))
+    return found
+
+
+def _line_at(time: Floats, x: Floats, at: float) -> tuple[float, float]:
+    """A straight line's value at a moment, with its standard error."""
+    centre = float(time.mean())
+    dt = time - centre
+    spread = max(float(dt @ dt), 1e-300)
+    slope = float(dt @ x) / spread
+    rest = x - x.mean() - slope * dt
+    sigma = float(np.sqrt(rest @ rest / max(x.size - 2, 1)))
+    return float(x.mean()) + slope * (at - centre), sigma * float(np.sqrt(1.0 / x.size + (at - centre) ** 2 / spread))
+
+
+def _local_noise(blocks: Floats, size: int) -> Floats:
+    if blocks.size == 0:
+        return np.zeros(size)
+    padded = np.r_[blocks[:1], blocks, blocks[-1:]]
+    widest = np.maximum(np.maximum(padded[:-2], padded[1:-1]), padded[2:])
+    width = size // blocks.size
+    return np.repeat(widest, np.r_[np.full(blocks.size - 1, width), size - width * (blocks.size - 1)].astype(np.intp))

@@ -1,0 +1,101 @@
+"""What the findings leave out of a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from selector.errors import RecordingError
+from selector.findings import Finding
+from selector.recording import Recording
+
+WINDOWS = "windows_s"
+"""Key in the evidence of a finding that speaks of several stretches: a list of (from_s, to_s)."""
+
+
+def stretches(finding: Finding) -> list[tuple[float, float]]:
+    """The stretches of time that a finding leaves out in a run, both ends included [s]; empty if it has no action.
+
+    A finding that sums up several stretches lists them in its evidence under ``"windows_s"``; only these are left
+    out, not what lies between them.
+    """
+    if finding.action == "none":
+        return []
+    if finding.action != "leave-out-stretch":
+        return [(-np.inf, np.inf)]
+    listed: Any = finding.evidence.get(WINDOWS)
+    if listed:
+        return [(float(begin), float(end)) for begin, end in listed]
+    where = finding.where
+    return [(-np.inf if where.from_s is None else where.from_s, np.inf if where.to_s is None else where.to_s)]
+
+
+def left_out_rows(finding: Finding, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which samples of a run a finding leaves out, shape (n_samples,)."""
+    out = np.zeros(time_s.size, dtype=np.bool_)
+    for begin, end in stretches(finding):
+        out[np.searchsorted(time_s, begin, "left") : np.searchsorted(time_s, end, "right")] = True
+    return out
+
+
+def without_faults(recording: Recording, findings: Iterable[Finding]) -> Recording:
+    """The recording with exactly that left out which the findings name in their action.
+
+    Parameters
+    ----------
+    recording : Recording
+    findings : iterable of Finding
+        ``leave-out-stretch``: the samples of the channel (of every channel, if none is named) in the stretch become
+        missing. ``leave-out-run``: the run is removed. ``leave-out-channel``: the channel becomes missing in the run
+        named; it is removed if it is left out of every run, or if no run is named. Others change nothing.
+
+    Returns
+    -------
+    Recording
+        Cost O(samples) and O(findings · log samples).
+
+    Raises
+    ------
+    RecordingError
+        If nothing would be left.
+    """
+    acting = [finding for finding in findings if finding.action != "none"]
+    if not acting:
+        return recording
+    gone_runs = {f.where.run for f in acting if f.action == "leave-out-run" and f.where.run is not None}
+    if any(f.action == "leave-out-run" and f.where.run is None for f in acting):
+        gone_runs = set(recording.runs)
+    runs = [run for run in recording.runs if run not in gone_runs]
+    whole: dict[str, set[str]] = {}
+    for finding in acting:
+        if finding.action == "leave-out-channel":
+            named = recording.names if finding.where.channel is None else (finding.where.channel,)
+            for name in named:
+                whole.setdefault(name, set()).update(
+                    recording.runs if finding.where.run is None else (finding.where.run,)
+                )
+    gone_channels = {name for name, where in whole.items() if where.issuperset(runs)}
+    channels = tuple(channel for channel in recording.channels if channel.name not in gone_channels)
+    if not runs or not channels:
+        raise RecordingError(
+            f"nothing of {len(recording.runs)} run(s) and {len(recording.channels)} channel(s) is left",
+            expected="at least one run and one channel without a fault that leaves it out",
+            where="faults found in the recording",
+            advice="look at the findings, correct the files, or keep some of what they leave out",
+        )
+    names = [channel.name for channel in channels]
+    parts: dict[str, pd.DataFrame] = {}
+    for run in runs:
+        time_s, values = recording.time_s(run), recording.values(run, names)
+        for finding in acting:
+            if finding.where.run in (None, run):
+                rows = left_out_rows(finding, time_s)
+                for column, name in enumerate(names):
+                    if finding.where.channel in (None, name):
+                        values[rows, column] = np.nan
+        parts[run] = pd.DataFrame(values, index=time_s, columns=names)
+    return Recording.from_runs(parts, channels, recording.provenance)

@@ -1,0 +1,276 @@
+"""Channels that part from their siblings: leave their group for good, or stand still while the others move."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.findings import Finding, Where
+from selector.quality.frozen import still_stretches
+from selector.quality.relations import Relations
+from selector.quality.survey import Floats, Survey
+from selector.quality.wording import difference, duration, moment, reading, stretch
+
+_LEAST_K = 1.5
+"""A departure below this is within what lags and duty do to a linear relation [K]."""
+_TIMES_USUAL = 3.5
+"""A departure is a fault when it exceeds so many times the largest one of the channel in the other runs, ..."""
+_TIMES_OTHERS = 2.0
+"""... and this excess is so many times that of every other channel in the same run (a new regime parts many)."""
+_WELL_KNOWN = 0.3
+"""The relation must have held in the other runs to within this share of the channel's movement."""
+_REFERENCES = 10
+_FLOOR_K = 0.15
+
+
+def leaving_group(relations: Relations) -> Iterator[Finding]:
+    """Findings ``drifts-from-group``: a temperature that from some time on no longer follows its siblings.
+
+    With three or more runs the relation is learned on the other runs, what is usual too, and the stretch is left out.
+    With fewer it is learned on the first half of the run, and the finding is a warning only. O(samples) for the block
+    means, then O(channels · runs) small systems.
+    """
+    temperatures = [i for i, role in enumerate(relations.roles) if role == "temperature"]
+    siblings = {i: relations.siblings(i) for i in temperatures}
+    if len(relations.runs) < 3:
+        for r in range(len(relations.runs)):
+            yield from _leaving_within(relations, temperatures, siblings, r)
+        return
+    departed = {i: _departures(relations, i, siblings[i]) for i in temperatures if len(siblings[i]) >= 2}
+    for r in range(len(relations.runs)):
+        suspects = []
+        for i, sizes in departed.items():
+            others = np.delete(sizes, r)
+            others = others[np.isfinite(others)]
+            if others.size >= 2 and sizes[r] > max(0.8 * _LEAST_K, float(np.median(others))):
+                suspects.append(i)
+        # the one that is farthest off first: it drags those along that are measured against it
+        suspects.sort(key=lambda i: -departed[i][r])
+        for i in suspects[:3]:
+            finding = _judged(relations, i, siblings, r)
+            if finding is not None:
+                yield finding
+                break
+
+
+def stuck_beside_siblings(survey: Survey, relations: Relations) -> Iterator[Finding]:
+    """Findings ``stuck`` of channels whose resolution hides their noise: still while the siblings move. O(samples).
+
+    A stretch of equal samples is a fault when the siblings say that the channel must have moved by several steps of
+    its resolution, and in other stretches of that length in which they said so, it did.
+    """
+    for i, column in enumerate(relations.columns):
+        quantum = survey.quantum(column)
+        if relations.roles[i] == "ambient" or quantum == 0.0:
+            continue
+        siblings: list[int] | None = None
+        scales = [survey.scale(run, column) for run in relations.runs]
+        extremes = (min(s.low for s in scales if s.count), max(s.high for s in scales if s.count))
+        for r, run in enumerate(relations.runs):
+            series = survey.series(run, column)
+            if not relations.present[i, r] or series.x.size < 40:
+                continue
+            still = still_stretches(series.x, quantum)
+            per_block = max(1.0, survey.time[run].size / relations.movement(r).shape[1])
+            for k in np.flatnonzero(still.length >= max(20.0, 5.0 * per_block)):
+                siblings = relations.siblings(i) if siblings is None else siblings
+                begin, end = float(series.time_s[still.first[k]]), float(series.time_s[still.last[k]])
+                railed = float(still.value[k]) in extremes
+                due = _due(relations, i, siblings, r, (begin, end), quantum, railed=railed)
+                if due is None:
+                    continue
+                channel = series.channel
+                to_end = bool(still.last[k] == series.x.size - 1)
+                rail = ", the end of its range," if railed else ""
+                yield Finding(
+                    "saturated" if railed else "stuck",
+                    "error",
+                    f"{channel.name} in run {run} is frozen at {reading(float(still.value[k]), channel)}{rail} for "
+                    f"{duration(end - begin)}, {stretch(begin, end)}{', the end of the run' if to_end else ''}, while "
+                    f"its siblings say that it moved by {difference(due, channel)}.",
+                    Where(channel.name, run, begin, end),
+                    {
+                        "samples": int(still.length[k]),
+                        "value": float(still.value[k]),
+                        "expected_movement": due,
+                        "resolution": quantum,
+                        "siblings": [survey.channels[relations.columns[j]].name for j in siblings],
+                    },
+                    "Check the sensor, its cable and the logger. The stretch is left out.",
+                    "leave-out-stretch",
+                )
+
+
+def _departures(relations: Relations, i: int, siblings: Sequence[int]) -> Floats:
+    """Size of the departure in each run, each against the relation of the other runs [K]; NaN where absent."""
+    runs = range(len(relations.runs))
+    sizes = np.full(len(relations.runs), np.nan)
+    for r in runs:
+        if relations.present[i, r]:
+            weights = relations.weights(i, siblings, [o for o in runs if o != r])
+            sizes[r] = _size(relations.departure(i, siblings, weights, r))
+    return sizes
+
+
+def _excess(relations: Relations, i: int, siblings: Sequence[int], r: int) -> tuple[Floats, float]:
+    """(departure in run r, largest departure in the other runs, each learned without run r and itself)."""
+    others = [o for o in range(len(relations.runs)) if o != r and relations.present[i, o]]
+    departure = relations.departure(i, siblings, relations.weights(i, siblings, others), r)
+    usual = [_FLOOR_K]
+    for o in others[:: max(1, len(others) // _REFERENCES)]:
+        weights = relations.weights(i, siblings, [p for p in others if p != o])
+        usual.append(_size(relations.departure(i, siblings, weights, o)))
+    return departure, max(usual)
+
+
+def _judged(relations: Relations, i: int, siblings: dict[int, list[int]], r: int) -> Finding | None:
+    departure, usual = _excess(relations, i, siblings[i], r)
+    others = [o for o in range(len(relations.runs)) if o != r and relations.present[i, o]]
+    movement = float(np.median([np.ptp(relations.movement(o)[i]) for o in others]))
+    excess = _size(departure) / usual
+    if _size(departure) < _LEAST_K or excess < _TIMES_USUAL or usual > _WELL_KNOWN * max(movement, _size(departure)):
+        return None
+    elsewhere = []
+    for j in siblings:
+        if j != i and relations.present[j, r]:
+            kept = relations.siblings(j, without=(i,))
+            if len(kept) >= 2:
+                off, common = _excess(relations, j, kept, r)
+                elsewhere.append(_size(off) / common)
+    if len(elsewhere) < 2 or excess < _TIMES_OTHERS * float(np.max(elsewhere)):
+        return None
+    onset = _onset(departure, 1.2 * usual)
+    if onset is None:
+        return None
+    return _drift_finding(relations, i, siblings[i], r, departure, usual, onset, "of the other runs", acts=True)
+
+
+def _leaving_within(
+    relations: Relations, temperatures: list[int], siblings: dict[int, list[int]], r: int
+) -> Iterator[Finding]:
+    count = relations.movement(r).shape[1]
+    if count < 60:
+        return
+    early = np.arange(count) < count // 2
+    sizes: dict[int, tuple[float, Floats, float]] = {}
+
+    def size_of(i: int, beside: Sequence[int]) -> tuple[float, Floats, float]:
+        departure = relations.departure(i, beside, relations.weights_on(i, beside, r, early), r)
+        departure = departure - np.median(departure[early])
+        usual = max(_size(departure[early]), _FLOOR_K)
+        return _size(departure[~early]), departure, usual
+
+    for i in temperatures:
+        if len(siblings[i]) >= 2 and relations.present[i, r]:
+            sizes[i] = size_of(i, siblings[i])
+    for i in sorted(sizes, key=lambda i: -sizes[i][0])[:1]:
+        size, departure, usual = sizes[i]
+        movement = float(np.ptp(relations.movement(r)[i]))
+        late = departure[~early]
+        growth = abs(float(np.corrcoef(np.arange(late.size), late)[0, 1])) if np.ptp(late) > 0 else 0.0
+        if size < max(2.0 * _LEAST_K, 0.3 * movement, 6.0 * usual) or growth < 0.85:
+            continue
+        others = [size_of(j, relations.siblings(j, without=(i,)))[0] for j in sizes if j != i]
+        onset = _onset(departure, 2.0 * usual)
+        if onset is not None and len(others) >= 2 and size > 4.0 * max(others):
+            yield _drift_finding(
+                relations, i, siblings[i], r, departure, usual, onset, "of the first half of the run", acts=False
+            )
+
+
+def _drift_finding(
+    relations: Relations,
+    i: int,
+    siblings: Sequence[int],
+    r: int,
+    departure: Floats,
+    usual: float,
+    onset: int,
+    learned: str,
+    *,
+    acts: bool,
+) -> Finding:
+    survey = relations.survey
+    channel, run = survey.channels[relations.columns[i]], relations.runs[r]
+    begin, end = float(relations.time_s(r)[onset]), float(relations.time_s(r)[-1])
+    last = float(np.median(departure[-max(3, departure.size // 20) :]))
+    return Finding(
+        "drifts-from-group",
+        "error" if acts else "warning",
+        f"{channel.name} in run {run} leaves its group for good from {moment(begin)}: at the end it is off by "
+        f"{difference(last, channel)} from what its siblings say by the relation {learned}, where it was never off by "
+        f"more than {difference(usual, channel)}.",
+        Where(channel.name, run, begin, end),
+        {
+            "departure_at_end": last,
+            "largest_departure": _size(departure),
+            "usual_departure": usual,
+            "siblings": [survey.channels[relations.columns[j]].name for j in siblings],
+        },
+        "Check whether the sensor came off or ages. "
+        + ("The stretch is left out." if acts else "One or two runs do not prove it: nothing is left out."),
+        "leave-out-stretch" if acts else "none",
+    )
+
+
+def _onset(departure: Floats, limit: float) -> int | None:
+    """First block of the last uninterrupted stretch beyond the limit; None unless it lasts, to the end."""
+    within = np.flatnonzero(np.abs(departure) <= limit)
+    onset = int(within[-1]) + 1 if within.size else 0
+    tail = departure[-max(3, departure.size // 20) :]
+    lasting = departure.size - onset >= max(5, departure.size // 12)
+    return onset if lasting and abs(float(np.median(tail))) > 0.6 * _size(departure) else None
+
+
+def _size(departure: Floats) -> float:
+    return float(np.quantile(np.abs(departure), 0.95)) if departure.size else 0.0
+
+
+def _due(
+    relations: Relations,
+    i: int,
+    siblings: Sequence[int],
+    r: int,
+    window: tuple[float, float],
+    quantum: float,
+    *,
+    railed: bool,
+) -> float | None:
+    """By how much a channel must have moved in a window in which it stood still; None if it may have done so."""
+    if len(siblings) < 1:
+        return None
+    borders = relations.time_s(r)
+    inside = (borders[:-1] >= window[0]) & (borders[1:] <= window[1])
+    count = int(inside.sum())
+    others = [o for o in range(len(relations.runs)) if o != r and relations.present[i, o]]
+    if count < 4:
+        return None
+    if others:
+        weights = relations.weights(i, siblings, others)
+    elif (~inside).sum() >= 20:
+        weights = relations.weights_on(i, siblings, r, ~inside)
+    else:
+        return None
+    due = _range(relations.prediction(siblings, weights, r)[inside])
+    unit = relations.survey.channels[relations.columns[i]].unit
+    if due < (2.0 if railed else 1.0) * max(3.0 * quantum, 0.5 if unit == "degC" else 3.0):
+        return None
+    compared = lawful = 0
+    for o in [*others, r]:
+        told, own = relations.prediction(siblings, weights, o), relations.movement(o)[i]
+        free = ~inside if o == r else np.ones(told.size, dtype=np.bool_)
+        for begin in range(0, told.size - min(count, told.size) + 1, max(1, count // 3)):
+            part = slice(begin, begin + count)
+            # at a rail, standing still there again proves nothing
+            if railed and _range(own[part]) < 1e-6 * due:
+                continue
+            if free[part].all() and _range(told[part]) >= 0.6 * due:
+                compared += 1
+                lawful += bool(_range(own[part]) < 0.3 * _range(told[part]))
+    return due if compared >= 2 and lawful == 0 else None
+
+
+def _range(course: NDArray[np.float64]) -> float:
+    return float(np.ptp(course)) if course.size else 0.0

@@ -1,0 +1,194 @@
+"""What the channels of a recording look like, run by run: level, resolution, noise.
+
+A survey is the working copy on which the checks are made one after the other: what an earlier check leaves out is
+blank for the later ones, so that one fault is reported once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.findings import Finding
+from selector.quality.leave_out import left_out_rows
+from selector.recording import Channel, Recording
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+THERMAL_ROLES = ("temperature", "ambient")
+MEASURED_ROLES = ("temperature", "ambient", "displacement")
+COMMAND_ROLES = (
+    "spindle_speed",
+    "feed_rate",
+    "position_command",
+    "position",
+    "velocity",
+    "acceleration",
+    "flow",
+    "state",
+    "force",
+    "current",
+)
+"""Roles whose change is a reason for a measured channel to jump."""
+
+IMPLAUSIBLE = 1e12
+"""No role has values of this size in its canonical unit; larger ones would only overflow."""
+
+_NOISE_BLOCK = 48
+"""Samples per block in which the noise is estimated: enough for a mean, short enough for changing conditions."""
+
+
+@dataclass(frozen=True)
+class Series:
+    """One channel in one run with the missing samples taken out; `rows` are positions in the run."""
+
+    channel: Channel
+    column: int
+    run: str
+    time_s: Floats
+    x: Floats
+    rows: Ints
+
+    @property
+    def period_s(self) -> float:
+        """Median distance of two samples [s]; 0 for fewer than two."""
+        return float(np.median(np.diff(self.time_s))) if self.time_s.size > 1 else 0.0
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Level, resolution and noise of one channel in one run [unit of the channel].
+
+    Attributes
+    ----------
+    count, distinct : int
+        Samples, and different values among them.
+    low, high : float
+        Smallest and largest value.
+    start : float
+        Median of the first twentieth of the run (at least five samples).
+    span : float
+        Distance of the 2nd and the 98th percentile.
+    quantum : float
+        Step of the resolution; far below the noise when the values are not on a grid.
+    noise : float
+        Robust standard deviation of the white part of the noise, from second differences; holds the rounding to the
+        resolution, up to 0.62 of it when a trend crosses one step in two samples.
+    block_noise : array
+        The same, block by block.
+    """
+
+    count: int
+    distinct: int
+    low: float
+    high: float
+    start: float
+    span: float
+    quantum: float
+    noise: float
+    block_noise: Floats
+
+    @property
+    def floor(self) -> float:
+        """The smallest difference that means anything: noise or resolution."""
+        return max(self.noise, 0.3 * self.quantum)
+
+
+class Survey:
+    """A working copy of a recording, channel by channel, with what is known of each channel's scale."""
+
+    def __init__(self, recording: Recording) -> None:
+        self.recording = recording
+        self.channels = recording.channels
+        self.runs = recording.runs
+        self.time = {run: recording.time_s(run) for run in self.runs}
+        # channels as rows: every check walks along time
+        self.values = {run: np.array(recording.values(run, recording.names).T, order="C") for run in self.runs}
+        self._scales: dict[tuple[str, int], Scale] = {}
+
+    def columns(self, *roles: str) -> list[int]:
+        """Positions of the channels that have one of these roles."""
+        return [i for i, channel in enumerate(self.channels) if channel.role in roles]
+
+    def series(self, run: str, column: int) -> Series:
+        """One channel in one run without its missing samples."""
+        x, time = self.values[run][column], self.time[run]
+        present = np.isfinite(x)
+        if present.all():
+            rows = np.arange(x.size)
+        else:
+            rows = np.flatnonzero(present)
+            x, time = x[rows], time[rows]
+        return Series(self.channels[column], column, run, time, x, rows)
+
+    def scale(self, run: str, column: int) -> Scale:
+        """Level, resolution and noise of one channel in one run, of what has not been left out so far."""
+        key = (run, column)
+        if key not in self._scales:
+            self._scales[key] = scale_of(self.series(run, column).x)
+        return self._scales[key]
+
+    def quantum(self, column: int, run: str | None = None) -> float:
+        """Resolution of a channel: in a run, or the median over its runs when it hardly moves there [unit]."""
+        if run is not None and self.scale(run, column).distinct > 5:
+            return self.scale(run, column).quantum
+        steps = [s.quantum for s in (self.scale(run, column) for run in self.runs) if s.distinct > 1]
+        return float(np.median(steps)) if steps else 0.0
+
+    def leave_out(self, findings: Iterable[Finding]) -> None:
+        """Blank what these findings leave out."""
+        for finding in findings:
+            if finding.action == "none":
+                continue
+            for run in self.runs if finding.where.run is None else (finding.where.run,):
+                rows = left_out_rows(finding, self.time[run])
+                for column, channel in enumerate(self.channels):
+                    if finding.where.channel in (None, channel.name):
+                        self.values[run][column, rows] = np.nan
+                        self._scales.pop((run, column), None)
+
+
+def scale_of(x: Floats) -> Scale:
+    """Level, resolution and noise of samples without missing values; O(n log n) for one sort."""
+    if x.size == 0:
+        return Scale(0, 0, np.nan, np.nan, np.nan, 0.0, 0.0, 0.0, np.empty(0))
+    ordered = np.sort(x)
+    low, high = float(ordered[0]), float(ordered[-1])
+    steps = np.diff(ordered)
+    steps = steps[steps > 1e-9 * max(abs(low), abs(high))]
+    if steps.size:
+        # not the smallest: one value off the grid (a mean, an interpolated sample) must not define the grid
+        nth = steps.size // 10
+        quantum = float(np.partition(steps, nth)[nth])
+    else:
+        quantum = 0.0
+    blocks = block_noise(x)
+    return Scale(
+        count=int(x.size),
+        distinct=int(steps.size) + 1,
+        low=low,
+        high=high,
+        start=float(np.median(x[: max(5, x.size // 20)])),
+        span=float(ordered[int(0.98 * (x.size - 1))] - ordered[int(0.02 * (x.size - 1))]),
+        quantum=quantum,
+        noise=float(np.median(blocks)) if blocks.size else 0.0,
+        block_noise=blocks,
+    )
+
+
+def block_noise(x: Floats) -> Floats:
+    """Robust standard deviation of white noise per block of samples; second differences cancel level and trend."""
+    if x.size < 6:
+        return np.empty(0)
+    second = np.abs(x[2:] - 2.0 * x[1:-1] + x[:-2])
+    width = min(_NOISE_BLOCK, max(12, second.size // 8), second.size)
+    whole = second[: second.size // width * width].reshape(-1, width)
+    # the lower nine tenths, so that a spike does not count; their mean is 0.657 standard deviations for normal noise,
+    # and var(second difference) = 6 sigma^2
+    kept = int(np.ceil(0.9 * width))
+    lower = np.partition(whole, kept - 1, axis=1)[:, :kept]
+    return np.asarray(lower.mean(axis=1) / (0.657 * np.sqrt(6.0)), dtype=np.float64)

@@ -1,0 +1,222 @@
+"""Channels that are recorded in another unit than the one they are declared in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from selector.findings import Finding, Where
+from selector.quality.relations import Relations
+from selector.quality.survey import THERMAL_ROLES, Floats, Survey
+from selector.quality.wording import difference, reading
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """Recorded value = gain · true value + offset."""
+
+    name: str
+    gain: float
+    offset: float
+    remedy: str
+
+    def undone(self, value: float) -> float:
+        """The true value behind a recorded one."""
+        return (value - self.offset) / self.gain
+
+
+_THERMAL = (
+    Mistake("°F taken for °C", 1.8, 32.0, 'declare unit = "degF"'),
+    Mistake("K taken for °C", 1.0, 273.15, 'declare unit = "K"'),
+    Mistake("tenths of a degree taken for °C", 10.0, 0.0, "divide the column by 10"),
+    Mistake("hundredths of a degree taken for °C", 100.0, 0.0, "divide the column by 100"),
+    Mistake("°C taken for °F", 1 / 1.8, -32 / 1.8, 'declare unit = "degC"'),
+    Mistake("°C taken for K", 1.0, -273.15, 'declare unit = "degC"'),
+)
+_LENGTH = (
+    Mistake("mm taken for µm", 1e-3, 0.0, 'declare unit = "mm"'),
+    Mistake("µm taken for mm", 1e3, 0.0, 'declare unit = "um"'),
+    Mistake("inch taken for µm", 1 / 25400.0, 0.0, 'declare unit = "inch"'),
+    Mistake("mil taken for µm", 1 / 25.4, 0.0, 'declare unit = "mil"'),
+    Mistake("m taken for µm", 1e-6, 0.0, 'declare unit = "m"'),
+    Mistake("nm taken for µm", 1e3, 0.0, 'declare unit = "nm"'),
+)
+_OFF_K = 12.0
+"""Days and warm starts move the level of a machine by less [K]; the smallest mistake (°C for °F) moves 20 °C by 27."""
+_NEAR_K = 8.0
+"""A level that is right again agrees this well with the other runs or channels at the start [K]."""
+_ROOM_C = (0.0, 50.0)
+"""Where a machine starts [°C]; what starts elsewhere is no reference."""
+_ALL_ALIKE_C = {"°F taken for °C": (57.0, 110.0), "K taken for °C": (270.0, 325.0), "°C taken for °F": (-14.0, -1.0)}
+"""Where the coldest channel starts when every channel of every run has the mistake [°C]: 14–43 °C seen through it."""
+
+
+def wrong_temperature_units(survey: Survey) -> Iterator[Finding]:
+    """Findings ``wrong-unit`` for temperatures, by the level at the start of each run. O(samples)."""
+    columns = survey.columns(*THERMAL_ROLES)
+    level = np.array([[survey.scale(run, c).start for run in survey.runs] for c in columns]).reshape(len(columns), -1)
+    if not np.isfinite(level).any():
+        return
+    coldest = float(np.nanmin(level))
+    for mistake in _THERMAL:
+        low, high = _ALL_ALIKE_C.get(mistake.name, (np.inf, np.inf))
+        if low <= coldest <= high and (level.size > 1 or mistake.gain == 1.0):
+            yield Finding(
+                "wrong-unit",
+                "warning",
+                f"All temperatures start at {coldest:.4g} °C or more, in every run: this looks like {mistake.name} "
+                f"(then the coldest starts at {mistake.undone(coldest):.3g} °C).",
+                Where(),
+                {"coldest_start": coldest, "gain": mistake.gain, "offset": mistake.offset, "mistake": mistake.name},
+                f"If so, {mistake.remedy} for these channels in the machine file. Nothing is left out.",
+            )
+            return
+    suspects: list[tuple[int, int, Mistake, float, str]] = []
+    for i in range(len(columns)):
+        for r in range(len(survey.runs)):
+            others = _finite(np.delete(level[i], r))
+            siblings = _finite(np.delete(level[:, r], i))
+            for reference, source in ((others, "in the other runs"), (siblings, "beside the other channels")):
+                middle = float(np.median(reference)) if reference.size else np.nan
+                if _ROOM_C[0] <= middle <= _ROOM_C[1]:
+                    found = _explaining(float(level[i, r]), middle, _THERMAL)
+                    if found is not None:
+                        suspects.append((i, r, found, middle, source))
+                        break
+    yield from _told_temperatures(survey, columns, level, suspects)
+
+
+def _told_temperatures(
+    survey: Survey, columns: list[int], level: Floats, suspects: list[tuple[int, int, Mistake, float, str]]
+) -> Iterator[Finding]:
+    if not suspects:
+        return
+    relations = Relations(survey)
+    affected = np.zeros(level.shape, dtype=np.bool_)
+    for i, r, *_ in suspects:
+        affected[i, r] = True
+    for i, r, mistake, middle, source in suspects:
+        channel, run = survey.channels[columns[i]], survey.runs[r]
+        healthy = np.isfinite(level[i]) & ~affected[i]
+        beside = [columns[j] for j in np.flatnonzero(affected[:, r]) if j != i]
+        gain = _gain(relations, columns[i], r, beside)
+        whole_run = bool(affected[:, r][np.isfinite(level[:, r])].mean() > 0.7)
+        # a level alone could be a hot part; movement that is right as it stands says that it is one
+        if gain is not None and 0.75 < gain < 1.25 and mistake.gain not in (1.0, 10.0, 100.0) and not whole_run:
+            continue
+        acts = bool(healthy.any())
+        now = float(level[i, r])
+        yield Finding(
+            "wrong-unit",
+            "error" if acts else "warning",
+            f"{channel.name} in run {run} starts at {reading(now, channel)}, {source} it is {middle:.3g} °C: this "
+            f"looks like {mistake.name} (factor {mistake.gain:.4g}, offset {mistake.offset:.5g}; then it starts at "
+            f"{mistake.undone(now):.3g} °C).",
+            Where(channel.name, run),
+            {
+                "start": now,
+                "reference": middle,
+                "gain": mistake.gain,
+                "offset": mistake.offset,
+                "mistake": mistake.name,
+                "measured_gain": gain,
+            },
+            f"Correct the file of this run, or {mistake.remedy}. "
+            + ("The channel is left out of this run." if acts else "Nothing is left out."),
+            "leave-out-channel" if acts else "none",
+        )
+
+
+def _gain(relations: Relations, column: int, r: int, affected: list[int]) -> float | None:
+    """Movement of a channel over what its siblings say, learned on the other runs; None if it does not follow them."""
+    i = relations.columns.index(column)
+    siblings = relations.siblings(i, without=[relations.columns.index(other) for other in affected])
+    others = [o for o in range(len(relations.runs)) if o != r and relations.present[i, o]]
+    if not siblings or not others or not relations.present[i, r]:
+        return None
+    told = relations.prediction(siblings, relations.weights(i, siblings, others), r)
+    own = relations.movement(r)[i]
+    gain = float(told @ own / max(float(told @ told), 1e-300))
+    follows = float(np.sum((own - gain * told) ** 2)) < 0.1 * float(own @ own)
+    return gain if follows and np.ptp(told) > 1.0 else None
+
+
+def wrong_length_units(survey: Survey) -> Iterator[Finding]:
+    """Findings ``wrong-unit`` for displacements, by span and noise of each run. O(channels · runs)."""
+    warmed = {run: _largest_rise(survey, run) for run in survey.runs}
+    for column in survey.columns("displacement"):
+        channel = survey.channels[column]
+        scales = {run: survey.scale(run, column) for run in survey.runs}
+        usable = [run for run in survey.runs if scales[run].count >= 20 and scales[run].distinct > 5]
+        told = False
+        for run in usable:
+            others = [other for other in usable if other != run]
+            if not others:
+                continue
+            span = float(np.median([scales[other].span for other in others]))
+            floor = float(np.median([scales[other].floor for other in others]))
+            here = scales[run]
+            for mistake in _LENGTH[:5]:
+                # the noise of a gauge does not depend on what the machine did, the span does
+                decade = abs(np.log10(mistake.gain)) > 2
+                noise_off = here.floor / max(floor * mistake.gain, 1e-300)
+                span_off = here.span / max(span * mistake.gain, 1e-300)
+                fits = (
+                    (0.25 < noise_off < 8 and 0.05 < span_off < 20)
+                    if decade
+                    else (0.6 < noise_off < 1.6 and 0.2 < span_off < 5)
+                )
+                if fits:
+                    told = True
+                    yield _length_finding(channel.name, run, mistake, here.span, span, difference(span, channel))
+                    break
+        if told or not usable:
+            continue
+        largest = max(scales[run].span for run in usable)
+        rise = max(warmed[run] for run in usable)
+        if largest < 0.5 and rise >= 3.0:
+            mistake = _LENGTH[0]
+        elif largest > 20_000 and rise < 60.0:
+            mistake = _LENGTH[1]
+        else:
+            continue
+        yield Finding(
+            "wrong-unit",
+            "warning",
+            f"{channel.name} moves by {difference(largest, channel)} at most, in every run, while temperatures move by "
+            f"{rise:.3g} K: this looks like {mistake.name} (factor {mistake.gain:g}).",
+            Where(channel.name),
+            {"span_um": largest, "gain": mistake.gain, "mistake": mistake.name, "temperature_span_k": rise},
+            f"If so, {mistake.remedy} for this channel in the machine file. Nothing is left out.",
+        )
+
+
+def _length_finding(name: str, run: str, mistake: Mistake, span: float, usual: float, said: str) -> Finding:
+    return Finding(
+        "wrong-unit",
+        "error",
+        f"{name} in run {run} moves by {span:.3g} µm, in the other runs by {said}, and its noise is smaller or larger "
+        f"by the same factor: this looks like {mistake.name} (factor {mistake.gain:.3g}).",
+        Where(name, run),
+        {"span_um": span, "usual_span_um": usual, "gain": mistake.gain, "mistake": mistake.name},
+        f"Correct the file of this run, or {mistake.remedy} for it. The channel is left out of this run.",
+        "leave-out-channel",
+    )
+
+
+def _explaining(value: float, reference: float, mistakes: tuple[Mistake, ...]) -> Mistake | None:
+    """The mistake that takes a far-off level back to its reference, or None."""
+    if not np.isfinite(value) or abs(value - reference) < _OFF_K:
+        return None
+    best = min(mistakes, key=lambda mistake: abs(mistake.undone(value) - reference))
+    return best if abs(best.undone(value) - reference) < _NEAR_K else None
+
+
+def _largest_rise(survey: Survey, run: str) -> float:
+    return max((survey.scale(run, c).span for c in survey.columns(*THERMAL_ROLES)), default=0.0)
+
+
+def _finite(values: Floats) -> Floats:
+    return values[np.isfinite(values)]
