@@ -23,6 +23,10 @@ RANGE_SLACK = 1e-9
 CODE_SLACK = 1e-6
 """Relative: break codes pass through float32 (6e-8) and decimal text on their way into a recording."""
 
+SLIGHT_SHARE = 0.01
+SLIGHT_EXCESS = 0.05
+"""Shorter and less (of the width of the range) than both: noise at the edge, worth a note but no warning."""
+
 MISSING_SHARE = 0.05
 STUCK_SHARE_OF_RUN = 0.25
 STUCK_SAMPLES = 20
@@ -82,11 +86,14 @@ def outside_valid_range(
         unit = unit_of_difference(item)
         what = "rise" if item.reference == "rise" else "reading"
         when = np.flatnonzero(outside)
+        width = item.valid_max - item.valid_min
+        slight = share < SLIGHT_SHARE and float(excess[worst]) < SLIGHT_EXCESS * width
+        said = f"{share:.1%}" if share >= 0.001 else "less than 0.1%"
         yield Finding(
             "outside-valid-range",
-            "warning",
+            "info" if slight else "warning",
             f"{item.name} in run {run}: the {what} leaves the valid range {item.valid_min:.4g} … {item.valid_max:.4g} "
-            f"{unit} of the model since {time_s[when[0]]:.0f} s, by up to {excess[worst]:.3g} {unit}, for {share:.1%} "
+            f"{unit} of the model since {time_s[when[0]]:.0f} s, by up to {excess[worst]:.3g} {unit}, for {said} "
             "of the time. There the model extrapolates.",
             Where(channel=item.name, run=run, from_s=float(time_s[when[0]]), to_s=float(time_s[when[-1]])),
             {

@@ -123,6 +123,17 @@ def test_the_edge_of_the_valid_range_is_inside():
     assert "outside-valid-range" not in ids(apply_model(model, recording_of({"r": perfect_run()})))
 
 
+@pytest.mark.parametrize(
+    ("excess_k", "samples", "level"),
+    [(0.4, 1, "info"), (0.6, 1, "warning"), (0.4, 20, "warning"), (30.0, 1, "warning")],
+)
+def test_noise_at_the_edge_of_the_range_is_only_noted(excess_k, samples, level):
+    time_s, readings = warm_up()  # 200 samples; the range of T1 is 10 K wide
+    readings["T1"][100 : 100 + samples] = 30.0 + excess_k
+    application = apply_model(rise_model(), recording_of({"r": run_table(time_s, readings)}))
+    assert [f.level for f in application.findings if f.id == "outside-valid-range"] == [level]
+
+
 def test_share_is_of_time_not_of_samples():
     time_s = np.r_[np.arange(0.0, 100.0, 1.0), 1000.0, 2000.0]
     t1 = np.where(time_s < 1000.0, 20.0, 35.0)
