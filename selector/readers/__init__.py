@@ -1,0 +1,26 @@
+"""Files → Recording. One file a format; what was inferred is always told and can be overridden."""
+
+from __future__ import annotations
+
+from selector.readers.machine_file import Machine, machine, machine_text
+from selector.readers.reading import ChannelInfo, Reading, RunInfo, machine_of, read
+from selector.readers.stream import ParquetSource, is_large, stream_parquet
+from selector.readers.tables import Overrides
+from selector.readers.writing import convert, write_machine_file
+
+__all__ = [
+    "ChannelInfo",
+    "Machine",
+    "Overrides",
+    "ParquetSource",
+    "Reading",
+    "RunInfo",
+    "convert",
+    "is_large",
+    "machine",
+    "machine_of",
+    "machine_text",
+    "read",
+    "stream_parquet",
+    "write_machine_file",
+]

@@ -1,0 +1,329 @@
+"""Delimited text → tables."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as arrow_csv
+from numpy.typing import NDArray
+
+from selector.errors import ReadError
+from selector.findings import Finding
+from selector.readers.cell_findings import column_findings, no_header_finding
+from selector.readers.columns import numbers_or_text
+from selector.readers.encodings import decoded
+from selector.readers.layout import Layout, column_kinds, layout
+from selector.readers.lines import body
+from selector.readers.sniffing import Dialect, cells_of, decimal_doubts, dialect, is_comment
+from selector.readers.tables import Column, Overrides, Table, checked_size, checked_width, unique_headers
+
+MAX_TEXT_BYTES = 2_000_000_000
+_LONGEST_LINE = 4_000_000
+_HEAD_LINES = 6_000
+
+
+@dataclass(frozen=True)
+class _Sheet:
+    """The beginning of the file as cells, the dialect, and where things stand."""
+
+    rows: list[list[str]]
+    raw: list[str]
+    dialect: Dialect
+    kinds: list[str]
+    layout: Layout
+
+
+def read_delimited(path: Path, data: bytes, overrides: Overrides) -> list[Table]:
+    """The one table of a text file.
+
+    Raises
+    ------
+    ReadError
+        The text holds no table of numbers, or the header and the lines do not fit together.
+    """
+    where = path.name
+    if len(data) > MAX_TEXT_BYTES:
+        raise ReadError(
+            f"{len(data) / 1e9:.1f} GB of text",
+            expected=f"at most {MAX_TEXT_BYTES / 1e9:.0f} GB",
+            where=where,
+            advice="store the recording as Parquet (it is then read piece by piece), or split it into runs",
+        )
+    text = decoded(data, where, overrides.encoding)
+    _refuse_markup(text.utf8, where)
+    declared, utf8, skipped = _declared_separator(text.utf8)
+    utf8, joined = _quoted_line_ends(utf8)
+    skipped += joined
+    sheet = _sheet(utf8, overrides, overrides.separator or declared, skipped, where)
+    offset = _offset_of_line(utf8, sheet.layout.first)
+    headings = [
+        sheet.raw[i] for i in (sheet.layout.names, sheet.layout.units, sheet.layout.description) if i is not None
+    ]
+    headers, units, descriptions, n_columns, header_findings = _headers(sheet, where)
+    samples = body(
+        utf8[offset:], sheet.layout.first + 1 + skipped, sheet.dialect, sheet.dialect.n_columns, headings, where
+    )
+    checked_size(len(samples.lines) * n_columns, where)
+    cells = _cells(samples.text, samples.separator, sheet.dialect, where)
+    columns: list[Column] = []
+    findings = [*text.findings, *header_findings, *samples.findings]
+    numbers: list[str] = []
+    unnamed: list[int] = []
+    for position in range(len(cells)):
+        values, notes = numbers_or_text(cells[position], sheet.dialect.decimal)
+        if position >= n_columns:
+            if not _says_nothing(values):
+                unnamed.append(position)
+            continue
+        header = headers[position]
+        findings += column_findings(header, notes, samples.lines, where)
+        columns.append(Column(header, values, units[position] or notes.unit, notes.breaks, descriptions[position]))
+        if values.dtype.kind == "f" and len(numbers) < 4000:
+            numbers += [c for c in cells[position][:200].to_pylist() if c]
+    if unnamed:
+        raise _unnamed_columns(sheet, n_columns, unnamed, where)
+    findings += (
+        decimal_doubts([n.strip(' "') for n in numbers], sheet.dialect, where) if overrides.decimal is None else []
+    )
+    first_line = sheet.layout.first + 1 + skipped
+    reading: dict[str, Any] = {
+        "format": "delimited",
+        "encoding": text.encoding,
+        "separator": sheet.dialect.shown_separator,
+        "decimal": sheet.dialect.decimal,
+        "skipped_rows": skipped + (sheet.layout.first if sheet.layout.names is None else sheet.layout.names),
+        "unit_row": sheet.layout.units is not None,
+        "header_row": None if sheet.layout.names is None else sheet.layout.names + 1 + skipped,
+        "first_data_row": first_line,
+    }
+    if sheet.layout.names is None:
+        findings.append(no_header_finding(where, headers))
+    return [Table(path.stem, path, tuple(columns), reading, tuple(findings), samples.lines)]
+
+
+def _refuse_markup(utf8: bytes, where: str) -> None:
+    start = utf8[:400].lstrip().lower()
+    if start.startswith((b"<!doctype", b"<html", b"<?xml", b"<table", b"<svg", b"{", b"[{", b"%pdf", b"{\\rtf")):
+        raise ReadError(
+            "a web page, XML, JSON or PDF document",
+            expected="a table with one row per sample",
+            where=where,
+            advice="open it in the program that wrote it and save it as CSV or xlsx",
+        )
+
+
+def _declared_separator(utf8: bytes) -> tuple[str | None, bytes, int]:
+    """The separator of an Excel ``sep=;`` line, the text behind it, and how many lines that is."""
+    match = re.match(rb'"?sep=(.)"?[ ]*\n', utf8, re.IGNORECASE)
+    if match is None:
+        return None, utf8, 0
+    mark = match[1].decode("latin-1")
+    return (mark if not mark.isalnum() else None), utf8[match.end() :], 1
+
+
+def _quoted_line_ends(utf8: bytes) -> tuple[bytes, int]:
+    """The text with line ends inside quoted header cells as blanks, and how many lines were joined."""
+    head = utf8[:100_000].split(b"\n")
+    joined = 0
+    i = 0
+    while i < min(len(head) - 1, 100):
+        if head[i].count(b'"') % 2:
+            piece = b" ".join(head[i : i + 6])
+            for length in range(2, 7):
+                piece = b" ".join(head[i : i + length])
+                if piece.count(b'"') % 2 == 0 and i + length < len(head):
+                    head[i : i + length] = [piece]
+                    joined += length - 1
+                    break
+        i += 1
+    return (b"\n".join(head) + utf8[100_000:], joined) if joined else (utf8, 0)
+
+
+def _offset_of_line(utf8: bytes, line: int) -> int:
+    offset = 0
+    for _ in range(line):
+        offset = utf8.find(b"\n", offset) + 1
+    return offset
+
+
+def _sheet(utf8: bytes, overrides: Overrides, separator: str | None, skipped: int, where: str) -> _Sheet:
+    raw = _first_lines(utf8, where)
+    told = [line for line in raw if line.strip()]
+    if not told:
+        raise ReadError(
+            "an empty file",
+            expected="a header and at least two rows of numbers",
+            where=where,
+            advice="check whether the logger wrote the file, or leave it out",
+        )
+    sample = _inner_lines(utf8, raw)
+    chosen = dialect(sample, told[:60], where, separator, overrides.decimal)
+    checked_width(chosen.n_columns, where)
+    kinds = column_kinds(
+        [cells_of(line, chosen.separator, chosen.quoted) for line in sample], chosen.n_columns, chosen.decimal
+    )
+    rows: list[list[str]] = []
+    for line in raw:
+        bare = re.sub(r"^\s*(#|%|//|!)+\s*", "", line) if is_comment(line) else line
+        cells = cells_of(bare, chosen.separator, chosen.quoted) if bare.strip() else []
+        rows.append(_other_cut(bare, cells, chosen))
+    header_row = None if overrides.header_row is None else overrides.header_row - 1 - skipped
+    found = layout(rows, kinds, chosen.decimal, header_row, where)
+    return _Sheet(rows[: found.first + 1], raw, chosen, kinds, found)
+
+
+def _other_cut(line: str, cells: list[str], chosen: Dialect) -> list[str]:
+    """Header lines of blank-separated files may be cut otherwise ("Temp 1<tab>Temp 2", "t, T1, T2")."""
+    if chosen.separator not in ("blank", "blanks") or len(cells) == chosen.n_columns or not cells:
+        return cells
+    for other in ("\t", ",", ";", "blanks", "|", "blank"):
+        parts = cells_of(line, other, chosen.quoted)
+        if len(parts) == chosen.n_columns:
+            return parts
+    return cells
+
+
+def _first_lines(utf8: bytes, where: str) -> list[str]:
+    lines: list[str] = []
+    offset = 0
+    while offset < len(utf8) and len(lines) < _HEAD_LINES:
+        end = utf8.find(b"\n", offset)
+        end = len(utf8) if end < 0 else end
+        if end - offset > _LONGEST_LINE:
+            marks = max(utf8.count(mark, offset, end) for mark in (b",", b";", b"\t", b"|", b" "))
+            checked_width(marks + 1, where)
+            raise ReadError(
+                f"a line of {(end - offset) / 1e6:.0f} million characters",
+                expected="one short line per sample",
+                where=f"{where}, line {len(lines) + 1}",
+                advice="export the recording as CSV from the program that wrote it",
+            )
+        lines.append(utf8[offset:end].decode("utf-8", "replace"))
+        offset = end + 1
+    return lines
+
+
+def _inner_lines(utf8: bytes, raw: list[str]) -> list[str]:
+    """Lines from inside of the file, where samples are: from its middle and before its end."""
+    if len(raw) < _HEAD_LINES:
+        usable = [line for line in raw if line.strip() and not is_comment(line)] or [
+            line for line in raw if line.strip()
+        ]
+        n = len(usable)
+        if n <= 3:
+            return usable[-1:] if n < 3 else usable[-2:]
+        half = usable[n // 2 :]
+        return half[:150] + half[150:][-50:]
+    lines: list[str] = []
+    for place in (len(utf8) // 2, (len(utf8) * 3) // 4):
+        begin = utf8.find(b"\n", place) + 1
+        piece = utf8[begin : begin + 200_000].split(b"\n")[:-1][:120]
+        lines += [line.decode("utf-8", "replace") for line in piece]
+    usable = [line for line in lines if line.strip() and not is_comment(line)]
+    return usable or [line for line in raw if line.strip()][-100:]
+
+
+def _headers(sheet: _Sheet, where: str) -> tuple[list[str], list[str | None], list[str | None], int, list[Finding]]:
+    """Header cells, units and descriptions of the columns, the number of columns that count, and what was noticed."""
+    n = sheet.dialect.n_columns
+    if sheet.layout.names is None:
+        while n > 1 and sheet.kinds[n - 1] == "empty":
+            n -= 1
+        return [f"col{k + 1}" for k in range(n)], [None] * n, [None] * n, n, []
+    names = list(sheet.rows[sheet.layout.names])
+    while names and not names[-1]:
+        names.pop()
+    findings: list[Finding] = []
+    if len(names) == n - 1 and sheet.kinds[0] == "number" and sheet.kinds[-1] != "empty" and _counts_up(sheet):
+        names.insert(0, "index")
+    if len(names) > n:
+        findings.append(
+            Finding(
+                "header-too-long",
+                "warning",
+                f"The header of {where} names {len(names)} columns, but the lines have {n} cells; "
+                f"{', '.join(names[n:][:5])} are left out.",
+                evidence={"named": len(names), "cells": n},
+                suggestion="check that each name stands above its column",
+            )
+        )
+        names = names[:n]
+    count = len(names)
+    headers, repeated = unique_headers(names, where)
+    findings += repeated
+    return (
+        headers,
+        _row(sheet, sheet.layout.units, count),
+        _row(sheet, sheet.layout.description, count),
+        count,
+        findings,
+    )
+
+
+def _row(sheet: _Sheet, index: int | None, count: int) -> list[str | None]:
+    if index is None:
+        return [None] * count
+    cells = [cell or None for cell in sheet.rows[index][:count]]
+    return cells + [None] * (count - len(cells))
+
+
+def _counts_up(sheet: _Sheet) -> bool:
+    """Whether the cells of the first column count the samples, as a table with unnamed row numbers has it."""
+    head = [line for line in sheet.raw[sheet.layout.first : sheet.layout.first + 20] if line.strip()]
+    first = [cells_of(line, sheet.dialect.separator, sheet.dialect.quoted)[0].strip('"') for line in head]
+    return first in ([str(k) for k in range(len(first))], [str(k + 1) for k in range(len(first))])
+
+
+def _cells(text: bytes, separator: str, chosen: Dialect, where: str) -> list[pa.ChunkedArray]:
+    names = [str(k) for k in range(chosen.n_columns)]
+    if not text.strip():
+        raise ReadError(
+            "no samples below the header",
+            expected="at least two rows of numbers",
+            where=where,
+            advice="check whether the logger wrote any samples, or leave this file out",
+        )
+    if chosen.n_columns == 1:
+        lines = text.decode("utf-8", "replace").split("\n")[:-1]
+        return [pa.chunked_array([pa.array(lines, pa.string())])]
+    try:
+        table = arrow_csv.read_csv(
+            pa.BufferReader(text),
+            read_options=arrow_csv.ReadOptions(column_names=names, block_size=1 << 24, use_threads=len(text) > 1 << 24),
+            parse_options=arrow_csv.ParseOptions(
+                delimiter=separator, quote_char='"' if chosen.quoted else False, ignore_empty_lines=False
+            ),
+            convert_options=arrow_csv.ConvertOptions(
+                column_types=dict.fromkeys(names, pa.string()), strings_can_be_null=False, check_utf8=True
+            ),
+        )
+    except (pa.ArrowInvalid, pa.ArrowCapacityError) as error:
+        raise ReadError(
+            f"lines that cannot be cut into cells ({str(error)[:200]})",
+            expected=f"{chosen.n_columns} cells set apart by {chosen.shown_separator!r} on every line",
+            where=where,
+            advice="check the quotation marks in the file, or export it again",
+        ) from error
+    return list(table.columns)
+
+
+def _says_nothing(values: NDArray[Any]) -> bool:
+    if values.dtype.kind == "f":
+        return bool(np.isnan(values).all())
+    return all(value is None for value in values)
+
+
+def _unnamed_columns(sheet: _Sheet, named: int, unnamed: list[int], where: str) -> ReadError:
+    decimal_commas = sheet.dialect.separator == "," and sheet.dialect.decimal == "."
+    hint = "the file may use ',' both as separator and as decimal mark: export it with ';' or tab between the columns"
+    return ReadError(
+        f"{named + len(unnamed)} columns of values under {named} names",
+        expected="one name above each column",
+        where=f"{where}, line {(sheet.layout.names or 0) + 1}",
+        advice=hint if decimal_commas else "complete the header, or name the row that holds the names (--header-row)",
+    )

@@ -1,0 +1,284 @@
+"""Excel and OpenDocument workbooks → tables; cached values only, no formula is evaluated."""
+
+from __future__ import annotations
+
+import datetime
+import io
+import zipfile
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import python_calamine
+from numpy.typing import NDArray
+
+from selector.errors import InputError, ReadError
+from selector.findings import Finding
+from selector.readers.cell_findings import column_findings, no_header_finding
+from selector.readers.columns import numbers_or_text
+from selector.readers.layout import column_kinds, layout
+from selector.readers.tables import Column, Overrides, Table, checked_size, checked_width, unique_headers
+
+MAX_UNPACKED_BYTES = 1_500_000_000
+"""Size of the unpacked parts of a workbook beyond which it is taken for a zip bomb."""
+
+
+def read_excel(path: Path, data: bytes, overrides: Overrides) -> list[Table]:
+    """One table per sheet that looks like a run.
+
+    Sheets with the same column names are runs; if there are several kinds of sheets, the kind with the most cells is
+    read and the others are named in a finding.
+
+    Raises
+    ------
+    ReadError
+        The workbook is protected, damaged, too large, or has no sheet with a table of numbers.
+    """
+    where = path.name
+    workbook = _workbook(data, where)
+    names = _wanted_sheets(workbook.sheet_names, overrides.sheet, where)
+    tables: list[Table] = []
+    refused: dict[str, InputError] = {}
+    for name in names:
+        rows = _rows(workbook, name, where)
+        if not any(any(cell != "" for cell in row) for row in rows):
+            continue
+        try:
+            tables.append(_table(path, name, rows, overrides))
+        except InputError as error:
+            refused[name] = error
+    if not tables:
+        if len(refused) == 1:
+            raise next(iter(refused.values()))
+        raise ReadError(
+            f"no sheet with a table of numbers (sheets: {', '.join(names[:10]) or 'none'})",
+            expected="a row of names above rows of numbers",
+            where=where,
+            advice="name the sheet (--sheet) and the row of the names (--header-row)",
+        )
+    chosen, findings = _runs(tables, list(refused), where)
+    if len(chosen) == 1:
+        only = chosen[0]
+        return [_renamed(only, path.stem, (*findings, *only.findings))]
+    return [
+        _renamed(table, f"{path.stem}_{table.reading['sheet']}", (*(findings if i == 0 else ()), *table.findings))
+        for i, table in enumerate(chosen)
+    ]
+
+
+def _renamed(table: Table, name: str, findings: tuple[Finding, ...]) -> Table:
+    return Table(name, table.file, table.columns, table.reading, findings, table.lines)
+
+
+def _workbook(data: bytes, where: str) -> python_calamine.CalamineWorkbook:
+    if data.startswith(b"\xd0\xcf\x11\xe0") and "EncryptedPackage".encode("utf-16-le") in data:
+        raise _protected(where)
+    if data.startswith(b"PK"):
+        try:
+            with zipfile.ZipFile(io.BytesIO(data)) as archive:
+                unpacked = sum(entry.file_size for entry in archive.infolist())
+        except (zipfile.BadZipFile, ValueError, OSError, NotImplementedError) as error:
+            raise _damaged(where, str(error)) from error
+        if unpacked > MAX_UNPACKED_BYTES or unpacked > 400 * len(data) + 50_000_000:
+            raise ReadError(
+                f"a workbook of {len(data) / 1e6:.1f} MB that unpacks to {unpacked / 1e9:.1f} GB",
+                expected=f"at most {MAX_UNPACKED_BYTES / 1e9:.1f} GB unpacked",
+                where=where,
+                advice="export the sheet as CSV or Parquet",
+            )
+    try:
+        return python_calamine.CalamineWorkbook.from_filelike(io.BytesIO(data))
+    except python_calamine.PasswordError as error:
+        raise _protected(where) from error
+    except (python_calamine.CalamineError, OSError, ValueError) as error:
+        raise _damaged(where, str(error)) from error
+    except BaseException as error:
+        if type(error).__name__ != "PanicException":  # the parser's own defect on a damaged file
+            raise
+        raise _damaged(where, "the parser gave up") from error
+
+
+def _protected(where: str) -> ReadError:
+    return ReadError(
+        "a workbook protected by a password",
+        expected="a workbook without a password",
+        where=where,
+        advice="save it without a password (File > Info > Protect Workbook), or export the sheet as CSV",
+    )
+
+
+def _damaged(where: str, reason: str) -> ReadError:
+    return ReadError(
+        f"a workbook that cannot be opened ({reason[:160]})",
+        expected="xlsx, xlsm, xlsb, xls or ods",
+        where=where,
+        advice="open it in a spreadsheet program and save it again as xlsx or CSV",
+    )
+
+
+def _wanted_sheets(names: Sequence[str], wanted: str | None, where: str) -> list[str]:
+    if wanted is None:
+        return list(names)
+    if wanted in names:
+        return [wanted]
+    folded = {name.strip().casefold(): name for name in names}
+    if wanted.strip().casefold() in folded:
+        return [folded[wanted.strip().casefold()]]
+    if wanted.isascii() and wanted.isdigit() and 1 <= int(wanted) <= len(names):
+        return [names[int(wanted) - 1]]
+    raise ReadError(
+        f"no sheet {wanted!r}; the sheets are {', '.join(names[:20])}",
+        expected="the name of a sheet, or its number from 1",
+        where=where,
+        advice="correct the sheet (--sheet)",
+    )
+
+
+def _rows(workbook: python_calamine.CalamineWorkbook, name: str, where: str) -> list[list[Any]]:
+    place = f"{where}, sheet {name!r}"
+    try:
+        sheet = workbook.get_sheet_by_name(name)
+        checked_width(int(sheet.total_width), place)
+        checked_size(int(sheet.total_width) * int(sheet.total_height), place)
+        rows: list[list[Any]] = sheet.to_python(skip_empty_area=False)
+    except (python_calamine.CalamineError, OSError, ValueError) as error:
+        raise _damaged(place, str(error)) from error
+    except BaseException as error:
+        if type(error).__name__ != "PanicException":
+            raise
+        raise _damaged(place, "the parser gave up") from error
+    return rows
+
+
+def _table(path: Path, sheet: str, rows: list[list[Any]], overrides: Overrides) -> Table:
+    where = f"{path.name}, sheet {sheet!r}"
+    told = [i for i, row in enumerate(rows) if any(cell != "" for cell in row)]
+    width = max(len(row) for row in rows)
+    half = told[len(told) // 2 :][:200]
+    sample = [[_shown(cell) for cell in rows[i]] for i in half]
+    commas = sum(cell.count(",") for row in sample for cell in row if cell.replace(",", "").lstrip("-").isdigit())
+    decimal = overrides.decimal or ("," if commas else ".")
+    kinds = column_kinds(sample, width, decimal)
+    head = [[_shown(cell) for cell in row] for row in rows[:2000]]
+    head = [row if any(row) else [] for row in head]
+    header_row = None if overrides.header_row is None else overrides.header_row - 1
+    found = layout(head, kinds, decimal, header_row, where)
+    names = head[found.names] if found.names is not None else []
+    used = [k for k in range(width) if kinds[k] != "empty" or (k < len(names) and names[k])]
+    lines = np.array([i for i in range(found.first, len(rows)) if any(cell != "" for cell in rows[i])], dtype=np.int64)
+    heading = [cell for cell in names if cell]
+    repeated = [
+        int(i)
+        for i in lines
+        if heading and [s for s in (_shown(c) for c in rows[i] if isinstance(c, str)) if s] == heading
+    ]
+    lines = lines[~np.isin(lines, repeated)]
+    findings: list[Finding] = []
+    if repeated:
+        findings.append(
+            Finding(
+                "repeated-header",
+                "info",
+                f"The header of {where} is repeated in row(s) {', '.join(str(i + 1) for i in repeated[:6])}; these "
+                f"rows "
+                "were left out.",
+                evidence={"lines": [i + 1 for i in repeated[:50]]},
+            )
+        )
+    headers, told_names = unique_headers([names[k] if k < len(names) else "" for k in used], where)
+    if found.names is None:
+        headers = [f"col{k + 1}" for k in used]
+        findings.append(no_header_finding(where, headers))
+    else:
+        findings += told_names
+    units = head[found.units] if found.units is not None else []
+    columns = []
+    for header, k in zip(headers, used, strict=True):
+        values, notes = _values([rows[i][k] if k < len(rows[i]) else "" for i in lines], decimal)
+        findings += column_findings(header, notes, lines + 1, where) if notes is not None else []
+        unit = units[k] if k < len(units) and units[k] else None
+        columns.append(Column(header, values, unit or (notes.unit if notes else None), notes.breaks if notes else ()))
+    reading = {
+        "format": "excel",
+        "encoding": None,
+        "separator": None,
+        "decimal": decimal if any(isinstance(c, str) and c for i in half for c in rows[i]) and commas else None,
+        "skipped_rows": found.first if found.names is None else found.names,
+        "unit_row": found.units is not None,
+        "sheet": sheet,
+        "header_row": None if found.names is None else found.names + 1,
+        "first_data_row": found.first + 1,
+    }
+    return Table(path.stem, path, tuple(columns), reading, tuple(findings), lines + 1)
+
+
+def _shown(cell: Any) -> str:
+    """A cell as text, the way the layout is judged."""
+    if isinstance(cell, bool):
+        return "1" if cell else "0"
+    if isinstance(cell, float):
+        return repr(int(cell)) if cell.is_integer() and abs(cell) < 1e15 else repr(cell)
+    if isinstance(cell, datetime.datetime):
+        return cell.isoformat(sep=" ")
+    if isinstance(cell, datetime.timedelta):
+        whole = cell.total_seconds()
+        return f"{int(whole // 3600)}:{int(whole % 3600 // 60):02d}:{whole % 60:09.6f}"
+    return str(cell).strip()
+
+
+def _values(cells: list[Any], decimal: str) -> tuple[NDArray[Any], Any]:
+    kinds = Counter(type(cell) for cell in cells if cell != "")
+    if all(kind in (int, float, bool) for kind in kinds):
+        return np.array([np.nan if cell == "" else float(cell) for cell in cells], dtype=np.float64), None
+    if kinds and all(kind in (datetime.datetime, datetime.date) for kind in kinds):
+        try:
+            return np.array(
+                [np.datetime64("NaT") if c == "" else np.datetime64(c) for c in cells], dtype="datetime64[ns]"
+            ), None
+        except (ValueError, OverflowError):
+            pass
+    text = pa.array([_number_text(cell, decimal) for cell in cells], pa.string())
+    return numbers_or_text(text, decimal)
+
+
+def _number_text(cell: Any, decimal: str) -> str | None:
+    if cell == "":
+        return None
+    if isinstance(cell, (int, float)) and not isinstance(cell, bool):
+        return repr(cell).replace(".", decimal)
+    return _shown(cell).encode("utf-8", "replace").decode()
+
+
+def _runs(tables: list[Table], refused: list[str], where: str) -> tuple[list[Table], tuple[Finding, ...]]:
+    groups: dict[tuple[str, ...], list[Table]] = {}
+    for table in tables:
+        groups.setdefault(tuple(c.header for c in table.columns), []).append(table)
+    best = max(groups.values(), key=lambda group: sum(len(t) * len(t.columns) for t in group))
+    left = [str(t.reading["sheet"]) for t in tables if t not in best] + refused
+    findings: list[Finding] = []
+    if len(best) > 1:
+        findings.append(
+            Finding(
+                "sheets-are-runs",
+                "info",
+                f"{len(best)} sheets of {where} have the same columns; each was read as a run of its own.",
+                evidence={"sheets": [t.reading["sheet"] for t in best]},
+                suggestion="name one sheet (--sheet) to read only that one",
+            )
+        )
+    if left:
+        findings.append(
+            Finding(
+                "sheets-left-out",
+                "warning" if len(left) > len(refused) else "info",
+                f"Of {where} the sheet(s) {', '.join(left[:8])} were not read: they have other columns or no table "
+                f"of numbers.",
+                evidence={"sheets": left},
+                suggestion="name the sheet to read (--sheet)",
+                action="leave-out-run",
+            )
+        )
+    return best, tuple(findings)

@@ -1,0 +1,234 @@
+"""Which files are recordings, and in which format each of them is."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from selector.errors import InputError, ReadError
+from selector.findings import Finding, Where
+from selector.readers.delimited import MAX_TEXT_BYTES, read_delimited
+from selector.readers.excel import read_excel
+from selector.readers.mat import read_mat
+from selector.readers.mdf import read_mdf
+from selector.readers.names import closest
+from selector.readers.parquet import read_parquet
+from selector.readers.tables import Overrides, Table
+from selector.readers.tdms import read_tdms
+
+MACHINE_FILE = "machine.toml"
+
+_READERS: dict[str, Callable[[Path, bytes, Overrides], list[Table]]] = {
+    "delimited": read_delimited,
+    "excel": read_excel,
+    "parquet": read_parquet,
+    "mat": read_mat,
+    "tdms": read_tdms,
+    "mdf": read_mdf,
+}
+_ENDINGS = (
+    ".csv .tsv .txt .dat .asc .log .lvm .prn .tab .xlsx .xlsm .xlsb .xls .ods .parquet .pq .feather .arrow .mat "
+    ".h5 .hdf5 "
+    ".hdf .tdms .mdf .mf4 .mf3"
+)
+_EXTENSIONS = frozenset(_ENDINGS.split())
+_FOREIGN = (
+    (b"\x1f\x8b", "a gzip archive", "unpack it first"),
+    (b"BZh", "a bzip2 archive", "unpack it first"),
+    (b"\xfd7zXZ", "an xz archive", "unpack it first"),
+    (b"7z\xbc\xaf", "a 7-Zip archive", "unpack it first"),
+    (b"Rar!", "a RAR archive", "unpack it first"),
+    (b"%PDF", "a PDF document", "export the recording as CSV or xlsx from the program that made it"),
+    (b"\x89PNG", "a picture", "export the recording as CSV or xlsx"),
+    (b"\xff\xd8\xff", "a picture", "export the recording as CSV or xlsx"),
+    (b"TDSh", "the index of a TDMS file", "give the .tdms file beside it"),
+    (b"SQLite format 3", "a database", "export the recording as CSV"),
+)
+
+
+@dataclass(frozen=True)
+class Found:
+    """Files to read, the machine file beside them if there is one, and what was skipped."""
+
+    files: tuple[Path, ...]
+    machine: Path | None
+    findings: tuple[Finding, ...]
+
+
+def recording_files(paths: Sequence[Path]) -> Found:
+    """The files that `paths` mean; a folder means the recordings in it, in natural order (r2 before r10).
+
+    Raises
+    ------
+    ReadError
+        A path does not exist, a folder holds no recording, or no path is given.
+    """
+    if not paths:
+        raise ReadError(
+            "no recording", expected="one file or folder per run", where="arguments", advice="name the files"
+        )
+    files: list[Path] = []
+    findings: list[Finding] = []
+    machine: Path | None = None
+    for path in paths:
+        try:
+            if path.is_dir():
+                inside, skipped = _inside(path)
+                files += inside
+                findings += skipped
+                if machine is None and (path / MACHINE_FILE).is_file():
+                    machine = path / MACHINE_FILE
+            elif path.is_file():
+                files.append(path)
+            else:
+                raise _nothing_there(path)
+        except (OSError, ValueError) as error:
+            raise ReadError(
+                f"a path that cannot be opened ({error})", expected="a readable file or folder", where=str(path)[:300],
+                advice="check the path and the rights to read it",
+            ) from error  # fmt: skip
+    unique: list[Path] = []
+    seen: set[Path] = set()
+    for path in files:
+        resolved = path.resolve()
+        if resolved not in seen:
+            unique.append(path)
+        seen.add(resolved)
+    return Found(tuple(unique), machine, tuple(findings))
+
+
+def _nothing_there(path: Path) -> ReadError:
+
+    try:
+        near = closest(path.name, [p.name for p in path.parent.iterdir()]) if path.parent.is_dir() else None
+    except OSError:
+        near = None
+    return ReadError(
+        "no such file or folder",
+        expected="a recording" + (f" (nearest name there: {near!r})" if near else ""),
+        where=str(path)[:300],
+        advice="correct the path",
+    )
+
+
+def _inside(folder: Path) -> tuple[list[Path], list[Finding]]:
+    files: list[Path] = []
+    skipped: list[str] = []
+    for path in sorted(folder.iterdir(), key=lambda p: natural_key(p.name)):
+        if path.name.startswith((".", "~$")) or path.name == MACHINE_FILE or path.is_dir():
+            continue
+        if path.suffix.lower() in _EXTENSIONS and path.is_file():
+            files.append(path)
+        else:
+            skipped.append(path.name)
+    if not files:
+        folders = [p.name for p in folder.iterdir() if p.is_dir()]
+        raise ReadError(
+            "a folder without recordings"
+            + (f" (files: {', '.join(skipped[:6])})" if skipped else "")
+            + (f" (folders inside: {', '.join(sorted(folders)[:6])})" if folders else ""),
+            expected="files that end in " + ", ".join(sorted(_EXTENSIONS)),
+            where=str(folder),
+            advice="name the folder that holds the recordings, or the files themselves",
+        )
+    findings = []
+    if skipped:
+        findings.append(
+            Finding(
+                "files-skipped",
+                "info",
+                f"In {folder.name}/ {len(skipped)} file(s) are no recordings by their ending and were skipped: "
+                f"{', '.join(skipped[:6])}" + (" …" if len(skipped) > 6 else "") + ".",
+                Where(file=str(folder)),
+                {"files": skipped[:50]},
+                "name a file itself to read it whatever its ending",
+            )
+        )
+    return files, findings
+
+
+def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
+    """Key under which ``r2`` sorts before ``r10``."""
+    parts = re.split(r"(\d{1,18})", name.casefold())
+    return tuple((1, int(part), "") if part.isascii() and part.isdigit() else (0, 0, part) for part in parts)
+
+
+def tables_of(path: Path, overrides: Overrides) -> tuple[list[Table], str]:
+    """The tables of a file, and its SHA-256.
+
+    Raises
+    ------
+    ReadError
+        Whatever is wrong with the file.
+    """
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(4096)
+            form = file_format(path, head)
+            size = path.stat().st_size
+            if form == "delimited" and size > MAX_TEXT_BYTES:
+                _refuse_size(path, size)
+            stream.seek(0)
+            digest = hashlib.file_digest(stream, "sha256").hexdigest()
+            stream.seek(0)
+            data = head if form == "parquet" else stream.read()
+        tables = _READERS[form](path, data, overrides)
+    except InputError:
+        raise
+    except OSError as error:
+        raise ReadError(
+            f"a file that cannot be read ({error.strerror or error})", expected="a readable file", where=str(path),
+            advice="check the path, the rights to read it, and that no other program has it open",
+        ) from error  # fmt: skip
+    except MemoryError as error:
+        raise ReadError(
+            "a file that does not fit into memory", expected="less data at once", where=str(path),
+            advice="store it as Parquet, which is read piece by piece, or split it into runs",
+        ) from error  # fmt: skip
+    return tables, digest
+
+
+def _refuse_size(path: Path, size: int) -> None:
+    """Refuse text that is too large before it is read."""
+    raise ReadError(
+        f"{size / 1e9:.1f} GB of text",
+        expected=f"at most {MAX_TEXT_BYTES / 1e9:.0f} GB",
+        where=path.name,
+        advice="store the recording as Parquet (it is then read piece by piece), or split it into runs",
+    )
+
+
+def file_format(path: Path, head: bytes) -> str:
+    """One of ``delimited``, ``excel``, ``parquet``, ``mat``, ``tdms``, ``mdf``, by the first bytes, not by the ending.
+
+    Raises
+    ------
+    ReadError
+        The file is empty, or an archive, a picture or another format that is no recording.
+    """
+    if not head.strip(b"\0 \t\r\n\xef\xbb\xbf\xff\xfe"):
+        raise ReadError(
+            "an empty file" if not head else "a file of blanks",
+            expected="a header and at least two rows of numbers",
+            where=path.name,
+            advice="check whether the logger wrote the file, or leave it out",
+        )
+    for magic, what, advice in _FOREIGN:
+        if head.startswith(magic):
+            raise ReadError(what, expected="a recording", where=path.name, advice=advice)
+    if head.startswith((b"PAR1", b"ARROW1", b"FEA1")):
+        return "parquet"
+    if head.startswith((b"PK\x03\x04", b"PK\x05\x06", b"\xd0\xcf\x11\xe0")):
+        return "excel"
+    if head.startswith(b"TDSm"):
+        return "tdms"
+    if head.startswith((b"MDF     ", b"UnFinMF ")):
+        return "mdf"
+    if head.startswith(b"MATLAB 5.0 MAT-file") or b"\x89HDF\r\n\x1a\n" in head[:2048]:
+        return "mat"
+    if path.suffix.lower() == ".mat" and b"\0" in head[:20]:
+        return "mat"
+    return "delimited"

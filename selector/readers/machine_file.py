@@ -1,0 +1,263 @@
+"""machine.toml: what the user says about the machine, the time column and the channels."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+
+from selector.errors import ReadError, RecordingError, UnitError
+from selector.readers.names import closest
+from selector.readers.numeric_clock import time_unit
+from selector.units import ROLES, unit_for_role
+
+_MAX_BYTES = 20_000_000
+
+
+class _Entry(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class MachineSection(_Entry):
+    """``[machine]``: the machine itself."""
+
+    name: str | None = None
+
+
+class TimeSection(_Entry):
+    """``[time]``: which column is the time (a date and a time column may be listed) and in which unit.
+
+    Without a time column, `period_s` is the sampling period [s]. `date_order` says how dates such as 03/04/2026 are to
+    be read.
+    """
+
+    column: str | Annotated[tuple[str, ...], Field(min_length=1, max_length=2, strict=False)] | None = None
+    unit: str | None = None
+    period_s: Annotated[float, Field(gt=0, allow_inf_nan=False, strict=False)] | None = None
+    date_order: Literal["dmy", "mdy", "ymd"] | None = None
+
+    @field_validator("unit")
+    @classmethod
+    def _unit_of_time(cls, value: str | None) -> str | None:
+        if value is not None and value != "datetime" and time_unit(value) is None:
+            raise ValueError(f"{value!r} is no unit of time; expected s, ms, min, h, d or 'datetime'")
+        return value
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the time columns, possibly none."""
+        return () if self.column is None else (self.column,) if isinstance(self.column, str) else self.column
+
+
+class ChannelSection(_Entry):
+    """``[channels.NAME]``: one channel; what is left out is inferred and shown as guessed."""
+
+    column: str | None = None
+    role: str | None = None
+    unit: str | None = None
+    place: str | None = None
+    axis: str | None = None
+    xyz: Annotated[tuple[float, float, float], Field(strict=False)] | None = None
+
+    @field_validator("role")
+    @classmethod
+    def _known_role(cls, value: str | None) -> str | None:
+        if value is not None and value not in ROLES:
+            near = closest(value, ROLES)
+            raise ValueError(
+                f"role {value!r} is not known"
+                + (f"; nearest: {near!r}" if near else "")
+                + f"; roles: {', '.join(ROLES)}"
+            )
+        return value
+
+    @field_validator("xyz")
+    @classmethod
+    def _finite(cls, value: tuple[float, float, float] | None) -> tuple[float, float, float] | None:
+        if value is not None and not all(abs(v) < 1e6 for v in value):
+            raise ValueError("xyz must be three finite numbers [m]")
+        return value
+
+
+class Machine(_Entry):
+    """A machine file. Round trip: ``machine(path)`` of what ``write_machine_file`` wrote is equal."""
+
+    machine: MachineSection = MachineSection()
+    time: TimeSection = TimeSection()
+    channels: Annotated[Mapping[str, ChannelSection], Field(strict=False)] = Field(default_factory=dict)
+
+    @field_validator("channels")
+    @classmethod
+    def _usable_names(cls, value: Mapping[str, ChannelSection]) -> Mapping[str, ChannelSection]:
+        for name in value:
+            if not name.strip() or not name.isprintable() or len(name) > 200:
+                raise ValueError(f"channel name {name[:60]!r} is empty, too long or has control characters")
+        return value
+
+
+def machine(path: Path) -> Machine:
+    """The machine file at `path`.
+
+    Raises
+    ------
+    ReadError
+        The file cannot be read, is not TOML, has an unknown key, or a value of the wrong kind; the message names the
+        line and, for a key, the nearest one that is valid.
+    UnitError
+        The unit of a channel is unknown or does not fit its role.
+    RecordingError
+        Two channels are read from the same column.
+    """
+    where = str(path)
+    try:
+        if path.stat().st_size > _MAX_BYTES:
+            raise _unreadable(where, "a file of more than 20 MB", "check whether this is the machine file")
+        text = path.read_bytes().decode("utf-8-sig").replace("\r\n", "\n")
+    except OSError as error:
+        raise _unreadable(where, f"a file that cannot be opened ({error.strerror})", "check the path") from error
+    except UnicodeDecodeError as error:
+        raise _unreadable(
+            f"{where}, byte {error.start}", "text that is not UTF-8", "save the machine file as UTF-8"
+        ) from error
+    return machine_from_text(text, where)
+
+
+def machine_from_text(text: str, where: str) -> Machine:
+    """The machine file with this content; see `machine`."""
+    try:
+        parsed = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
+        raise ReadError(
+            f"text that is not TOML ({error})",
+            expected="a machine file: [machine], [time], [channels.NAME] with key = value lines",
+            where=where,
+            advice="correct this line; texts need quotation marks, numbers a decimal point",
+        ) from error
+    try:
+        read = Machine.model_validate(parsed)
+    except ValidationError as error:
+        raise _invalid(error, text, where) from error
+    used: dict[str, str] = {}
+    for name, channel in read.channels.items():
+        column = channel.column or name
+        if column in used:
+            raise RecordingError(
+                f"channels {used[column]!r} and {name!r} are both read from column {column!r}",
+                expected="one channel per column",
+                where=_place(where, text, ("channels", name, "column")),
+                advice="correct the column of one of them",
+            )
+        used[column] = name
+        if channel.unit is not None and channel.role is not None:
+            try:
+                unit_for_role(channel.unit, channel.role, where=_place(where, text, ("channels", name, "unit")))
+            except UnitError as error:
+                raise error from None
+    return read
+
+
+def machine_text(values: Machine, undeclared: Mapping[str, str] | None = None) -> str:
+    """The machine file as TOML text.
+
+    Parameters
+    ----------
+    undeclared : mapping of str to str, optional
+        Columns that are not channels and why; they are written as comments, to be completed by hand.
+    """
+    lines: list[str] = []
+    if values.machine.name is not None:
+        lines += ["[machine]", f"name = {_toml(values.machine.name)}", ""]
+    time = values.time.model_dump(exclude_none=True)
+    if time:
+        lines.append("[time]")
+        lines += [f"{key} = {_toml(value)}" for key, value in time.items()] + [""]
+    for name, channel in values.channels.items():
+        lines.append(f"[channels.{_key(name)}]")
+        content = channel.model_dump(exclude_none=True)
+        lines += [f"{key} = {_toml(value)}" for key, value in content.items()] + [""]
+    for name, reason in (undeclared or {}).items():
+        shown = " ".join(reason.split())
+        lines += [f"# not a channel: {shown}", f"# [channels.{_key(name)}]", "# role = ", "# unit = ", ""]
+    return "\n".join(lines)
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _toml(name)
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_toml(v) for v in value) + "]"
+    if isinstance(value, (int, float)):
+        return repr(value)
+    escapes = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r", "\b": "\\b", "\f": "\\f"}
+    out = "".join(escapes.get(c) or (c if c.isprintable() or ord(c) > 0x9F else f"\\u{ord(c):04x}") for c in str(value))
+    return f'"{out}"'
+
+
+def _unreadable(where: str, found: str, advice: str) -> ReadError:
+    return ReadError(found, expected="a machine file (TOML text)", where=where, advice=advice)
+
+
+def _invalid(error: ValidationError, text: str, where: str) -> ReadError:
+    """The first thing that is wrong, in words; the number of others is told."""
+    problems = error.errors(include_url=False)
+    first = problems[0]
+    path = tuple(
+        str(part) for part in first["loc"] if not str(part).startswith(("function-", "constrained-", "tuple["))
+    )
+    if path and path[-1] == "str":
+        path = path[:-1]
+    dotted = ".".join(path) or "the file"
+    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    if first["type"] == "extra_forbidden":
+        keys = _valid_keys(path[:-1])
+        near = closest(path[-1], keys)
+        return ReadError(
+            f"unknown key {path[-1]!r}{more}",
+            expected=(f"{near!r} perhaps; " if near else "") + "one of " + ", ".join(keys),
+            where=_place(where, text, path),
+            advice="correct the spelling, or remove the line",
+        )
+    message = str(first["msg"]).removeprefix("Value error, ")
+    found = first.get("input")
+    return ReadError(
+        f"{dotted} = {str(found)[:80]!r}{more}" if not isinstance(found, dict) else f"{dotted}{more}",
+        expected=message[0].lower() + message[1:] if message else "a valid value",
+        where=_place(where, text, path),
+        advice="correct this value in the machine file",
+    )
+
+
+def _valid_keys(path: tuple[str, ...]) -> list[str]:
+    if not path:
+        return list(Machine.model_fields)
+    section: dict[str, type[BaseModel]] = {"machine": MachineSection, "time": TimeSection, "channels": ChannelSection}
+    return list(section[path[0]].model_fields) if path[0] in section else list(Machine.model_fields)
+
+
+def _place(where: str, text: str, path: tuple[str, ...]) -> str:
+    """The file and, as far as it can be told, the line of a key."""
+    section = -1
+    lines = text.split("\n")
+    headers = [".".join(path[:depth]) for depth in range(len(path), 0, -1)]
+    for header in headers:
+        for number, line in enumerate(lines):
+            bare = re.sub(r"[\s\"']", "", line.split("#")[0])
+            if bare == f"[{header.replace(' ', '')}]":
+                section = number
+                break
+        if section >= 0:
+            break
+    for number in range(section + 1, len(lines)):
+        if number > section + 1 and lines[number].lstrip().startswith("["):
+            break
+        if path and re.match(rf"\s*[\"']?{re.escape(path[-1])}[\"']?\s*=", lines[number]):
+            return f"{where}, line {number + 1}, key {'.'.join(path)}"
+    return f"{where}, line {section + 1}, key {'.'.join(path)}" if section >= 0 else f"{where}, key {'.'.join(path)}"

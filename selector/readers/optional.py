@@ -1,0 +1,33 @@
+"""Modules that are installed only with ``pip install "selector[formats]"``."""
+
+from __future__ import annotations
+
+import importlib
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from selector.errors import ReadError
+
+
+def optional_module(name: str, what: str, where: str) -> Any:
+    """The module, or a ReadError that says how to install it."""
+    try:
+        with quiet():
+            return importlib.import_module(name)
+    except ImportError as error:
+        raise ReadError(
+            f"{what}, and the package {name} that reads it is not installed",
+            expected=f"the optional package {name}",
+            where=where,
+            advice='pip install "selector[formats]", or export the recording as CSV',
+        ) from error
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Other packages' warnings (deprecations, odd but harmless files) are no concern of the user here."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield

@@ -1,0 +1,375 @@
+"""Which channels the recording has, from which columns, with which role and unit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from selector.errors import InputError, OptionError, RecordingError
+from selector.findings import Finding, Where
+from selector.readers.layout import is_counter_name, is_time_name
+from selector.readers.machine_file import ChannelSection, Machine
+from selector.readers.names import closest, found_header, name_and_unit
+from selector.readers.roles import RoleGuess, known_unit, role_guess
+from selector.readers.runs import TimedRun
+from selector.readers.tables import Column, Overrides
+from selector.units import ROLES, same_dimension, unit_for_role
+
+
+@dataclass(frozen=True)
+class Planned:
+    """One channel and the column it comes from in every run.
+
+    Attributes
+    ----------
+    headers : mapping of run name to header
+        Runs that do not have the channel are not in it.
+    units : mapping of run name to pint unit
+        Unit of the values in that run's file.
+    guessed : tuple of str
+        Which of "role", "unit", "axis" were guessed.
+    """
+
+    name: str
+    role: str
+    headers: dict[str, str]
+    units: dict[str, str]
+    place: str | None
+    axis: str | None
+    xyz_m: tuple[float, float, float] | None
+    guessed: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All channels; columns that are no channels and why; what is to be said."""
+
+    channels: tuple[Planned, ...]
+    undeclared: dict[str, str] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
+
+
+def plan(runs: Sequence[TimedRun], machine: Machine | None, overrides: Overrides) -> Plan:
+    """The channels of the recording.
+
+    Raises
+    ------
+    RecordingError
+        A channel of the machine file is in no file, or no column is a channel.
+    UnitError
+        A unit is unknown or does not fit the role.
+    OptionError
+        An override names a channel or role that does not exist.
+    """
+    _checked_overrides(runs, machine, overrides)
+    result = (
+        _declared(runs, machine, overrides) if machine is not None and machine.channels else _inferred(runs, overrides)
+    )
+    if not result.channels:
+        columns = [c.header for c in runs[0].columns]
+        raise RecordingError(
+            f"no column whose meaning could be inferred (columns of numbers: {', '.join(columns[:20]) or 'none'})",
+            expected="temperatures, displacements, spindle speed, ...",
+            where=runs[0].file.name,
+            advice="say what the columns are in a machine file: [channels.NAME] with role and unit",
+        )
+    return result
+
+
+def _declared(runs: Sequence[TimedRun], machine: Machine, overrides: Overrides) -> Plan:
+    findings: list[Finding] = []
+    channels: list[Planned] = []
+    used: dict[str, set[str]] = {run.name: set() for run in runs}
+    for name, section in machine.channels.items():
+        wanted = section.column or name
+        headers: dict[str, str] = {}
+        for run in runs:
+            own = [c.header for c in run.columns]
+            position = found_header(own, wanted)
+            if position is not None and own[position] not in used[run.name]:
+                headers[run.name] = own[position]
+                used[run.name].add(own[position])
+        if not headers:
+            raise _missing_everywhere(runs, name, wanted)
+        absent = [run.name for run in runs if run.name not in headers]
+        if absent:
+            findings.append(
+                Finding(
+                    "channel-missing-in-run",
+                    "warning",
+                    f"Channel {name!r} (column {wanted!r}) is missing in run(s) {', '.join(absent[:8])}; its "
+                    f"samples there "
+                    "are missing values.",
+                    Where(channel=name),
+                    {"runs": absent, "column": wanted},
+                    "leave the channel or these runs out if a model needs it",
+                    "leave-out-stretch",
+                )
+            )
+        channels.append(_planned(name, section, headers, runs, overrides, findings, strict=True))
+    ignored: dict[str, str] = {}
+    for run in runs:
+        for column in run.columns:
+            if column.header not in used[run.name] and not _is_auxiliary(column):
+                ignored.setdefault(column.header, "not in the machine file")
+    if ignored:
+        findings.append(
+            Finding(
+                "columns-ignored",
+                "info",
+                f"{len(ignored)} column(s) of the files are not in the machine file and were not read: "
+                f"{', '.join(list(ignored)[:10])}" + (" …" if len(ignored) > 10 else "") + ".",
+                evidence={"columns": list(ignored)[:200]},
+                suggestion="declare them in the machine file to use them",
+            )
+        )
+    return Plan(tuple(channels), ignored, tuple(findings))
+
+
+def _missing_everywhere(runs: Sequence[TimedRun], name: str, wanted: str) -> RecordingError:
+    columns = list(dict.fromkeys(c.header for run in runs for c in run.columns))
+    texts = {t for run in runs for t in run.texts}
+    stripped = {name_and_unit(h)[0]: h for h in columns}
+    near = closest(wanted, [*columns, *stripped])
+    found = f"no column {wanted!r} in any of the {len(runs)} run(s); the columns are {', '.join(columns[:30])}"
+    if wanted in texts:
+        found = f"column {wanted!r} holds text, not numbers"
+    elif any(wanted in run.clock.columns for run in runs):
+        found = f"column {wanted!r} is the time column"
+    return RecordingError(
+        found + (" …" if len(columns) > 30 else ""),
+        expected=f"the column of channel {name!r}" + (f" (nearest: {stripped.get(near, near)!r})" if near else ""),
+        where=f"machine file, channels.{name}",
+        advice="correct `column` of this channel in the machine file, or remove the channel",
+    )
+
+
+def _inferred(runs: Sequence[TimedRun], overrides: Overrides) -> Plan:
+    findings: list[Finding] = []
+    names: dict[str, dict[str, str]] = {}
+    auxiliary: dict[str, None] = {}
+    for run in runs:
+        bare = [name_and_unit(c.header)[0] for c in run.columns]
+        for column, name in zip(run.columns, bare, strict=True):
+            own = name if bare.count(name) == 1 else column.header
+            if _is_auxiliary(column) and own not in overrides.roles:
+                auxiliary.setdefault(column.header, None)
+            else:
+                names.setdefault(own, {})[run.name] = column.header
+    channels: list[Planned] = []
+    undeclared: dict[str, str] = {}
+    for name, headers in names.items():
+        planned = _planned_or_none(name, headers, runs, overrides, findings)
+        if planned is None:
+            undeclared[name] = "its role could not be inferred"
+            continue
+        channels.append(planned)
+        absent = [run.name for run in runs if run.name not in headers]
+        if absent:
+            findings.append(
+                Finding(
+                    "channel-missing-in-run",
+                    "warning",
+                    f"Channel {name!r} is missing in run(s) {', '.join(absent[:8])}; its samples there are missing "
+                    f"values.",
+                    Where(channel=name),
+                    {"runs": absent},
+                    "leave the channel or these runs out if a model needs it",
+                    "leave-out-stretch",
+                )
+            )
+    if auxiliary:
+        findings.append(
+            Finding(
+                "auxiliary-columns",
+                "info",
+                f"Column(s) {', '.join(list(auxiliary)[:8])} number the samples or are further clocks; they are no "
+                f"channels.",
+                evidence={"columns": list(auxiliary)},
+            )
+        )
+    guessed = [c for c in channels if c.guessed]
+    if guessed:
+        shown = ", ".join(f"{c.name}: {c.role} [{next(iter(c.units.values()))}]" for c in guessed[:12])
+        findings.append(
+            Finding(
+                "roles-guessed",
+                "info",
+                f"No machine file says what the channels are; they were guessed from names, units and numbers: {shown}"
+                + (" …" if len(guessed) > 12 else "")
+                + ".",
+                evidence={c.name: {"role": c.role, "guessed": list(c.guessed)} for c in guessed},
+                suggestion="check them: selector describe FILE --write machine.toml writes a machine file to correct",
+            )
+        )
+    if undeclared:
+        findings.append(
+            Finding(
+                "columns-without-role",
+                "warning",
+                f"Nothing tells what {len(undeclared)} column(s) measure; they were not read: "
+                f"{', '.join(list(undeclared)[:10])}" + (" …" if len(undeclared) > 10 else "") + ".",
+                evidence={"columns": list(undeclared)[:200]},
+                suggestion="give them a role in a machine file",
+                action="leave-out-channel",
+            )
+        )
+    return Plan(tuple(channels), undeclared, tuple(findings))
+
+
+def _planned_or_none(
+    name: str, headers: dict[str, str], runs: Sequence[TimedRun], overrides: Overrides, findings: list[Finding]
+) -> Planned | None:
+    try:
+        return _planned(name, ChannelSection(), headers, runs, overrides, findings, strict=False)
+    except _NoRoleError:
+        return None
+
+
+class _NoRoleError(InputError):
+    """Nothing speaks for any role."""
+
+
+def _planned(
+    name: str,
+    section: ChannelSection,
+    headers: dict[str, str],
+    runs: Sequence[TimedRun],
+    overrides: Overrides,
+    findings: list[Finding],
+    *,
+    strict: bool,
+) -> Planned:
+    with_channel = [run for run in runs if run.name in headers]
+    columns = {run.name: _column(run, headers[run.name]) for run in with_channel}
+    first = columns[with_channel[0].name]
+    asked_role = _asked(overrides.roles, name, first.header) or section.role
+    asked_unit = _asked(overrides.units, name, first.header) or section.unit
+    in_file = {run: _unit_in_file(column, findings, run) for run, column in columns.items()}
+    sample = np.concatenate([column.values[:5000] for column in columns.values()][:5])
+    hint = known_unit(asked_unit) or in_file[with_channel[0].name]
+    guess = role_guess(name_and_unit(name)[0], hint, sample, asked_role)
+    if guess.role is None:
+        raise _NoRoleError("no role", expected="a role", where=name, advice="name the role in the machine file")
+    if guess.doubt is not None:
+        findings.append(_doubtful(name, guess))
+    units: dict[str, str] = {}
+    unit_guessed = False
+    for run, found in in_file.items():
+        where = f"channel {name!r}" + (" of the machine file" if strict else "")
+        if asked_unit is not None:
+            units[run] = unit_for_role(asked_unit, guess.role, where=where)
+            if found is not None and found != "1" and found != units[run]:
+                findings.append(_conflict(name, units[run], found, run))
+        elif found is not None and same_dimension(found, unit_for_role(guess.unit, guess.role, where=where)):
+            units[run] = found
+        elif found is not None and found != "1":
+            units[run] = unit_for_role(found, guess.role, where=f"{where}, run {run!r}")
+        else:
+            units[run] = guess.unit
+            unit_guessed = unit_guessed or guess.role != "state"
+    guessed = []
+    if asked_role is None:
+        guessed.append("role")
+    if unit_guessed:
+        guessed.append("unit")
+    axis = section.axis or guess.axis
+    if section.axis is None and guess.axis is not None:
+        guessed.append("axis")
+    if unit_guessed and strict and asked_role is not None:
+        findings.append(
+            Finding(
+                "unit-guessed",
+                "warning",
+                f"Neither the machine file nor the files say the unit of channel {name!r}; {guess.unit} is assumed.",
+                Where(channel=name),
+                {"unit": guess.unit},
+                "add unit = ... to this channel in the machine file",
+            )
+        )
+    return Planned(
+        name, guess.role, headers, units, section.place or first.description, axis, section.xyz, tuple(guessed)
+    )
+
+
+def _unit_in_file(column: Column, findings: list[Finding], run: str) -> str | None:
+    text = column.unit if column.unit is not None and column.unit.strip() else name_and_unit(column.header)[1]
+    known = known_unit(text)
+    if text is not None and text.strip() and known is None:
+        findings.append(
+            Finding(
+                "unknown-unit",
+                "warning",
+                f"The unit {text!r} of column {column.header!r} in run {run!r} is not known; it was not used.",
+                Where(channel=column.header, run=run),
+                {"unit": text},
+                "name the unit in the machine file",
+            )
+        )
+    return known
+
+
+def _doubtful(name: str, guess: RoleGuess) -> Finding:
+    return Finding(
+        "ambiguous-role",
+        "warning",
+        f"Channel {name!r} was taken for {guess.role} in {guess.unit}, but this is uncertain: {guess.doubt}.",
+        Where(channel=name),
+        {"role": guess.role, "unit": guess.unit},
+        "say what it is in a machine file: role and unit of this channel",
+    )
+
+
+def _conflict(name: str, asked: str, found: str, run: str) -> Finding:
+    return Finding(
+        "unit-conflict",
+        "warning",
+        f"The machine file (or the option) says that {name!r} is in {asked}, but run {run!r} says {found}; it was "
+        f"read in "
+        f"{asked}.",
+        Where(channel=name, run=run),
+        {"asked": asked, "in_file": found},
+        "correct the unit of this channel in the machine file if the file is right",
+    )
+
+
+def _column(run: TimedRun, header: str) -> Column:
+    return next(c for c in run.columns if c.header == header)
+
+
+def _asked(values: Mapping[str, str], name: str, header: str) -> str | None:
+    return values.get(name, values.get(header))
+
+
+def _is_auxiliary(column: Column) -> bool:
+    """Whether a column only numbers the samples or is a further clock."""
+    name = name_and_unit(column.header, time=True)[0]
+    if is_counter_name(name):
+        steps = np.diff(column.values[np.isfinite(column.values)])
+        return len(steps) > 0 and bool(np.all(steps == np.round(steps))) and float(np.mean(steps == 1)) > 0.9
+    return (is_time_name(name) and name.casefold() != "t") or name.casefold() in ("ms", "msec")
+
+
+def _checked_overrides(runs: Sequence[TimedRun], machine: Machine | None, overrides: Overrides) -> None:
+    headers = [c.header for run in runs for c in run.columns]
+    known = {*headers, *(name_and_unit(h)[0] for h in headers), *(machine.channels if machine is not None else ())}
+    for option, mapping in (("--unit", overrides.units), ("--role", overrides.roles)):
+        for name in mapping:
+            if name not in known:
+                near = closest(name, known)
+                raise OptionError(
+                    f"no channel or column {name!r}",
+                    expected="one of " + ", ".join(sorted(known)[:20]) + (f" (nearest: {near!r})" if near else ""),
+                    where=option,
+                    advice="correct the name",
+                )
+    for name, role in overrides.roles.items():
+        if role not in ROLES:
+            raise OptionError(
+                f"role {role!r} for {name!r}",
+                expected="one of " + ", ".join(ROLES),
+                where="--role",
+                advice="correct the role",
+            )

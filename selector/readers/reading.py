@@ -1,0 +1,249 @@
+"""Files → a Recording, with everything that was found and guessed on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from selector.errors import OptionError
+from selector.findings import Finding, Where
+from selector.readers.assemble import assembled, condensed, placed
+from selector.readers.clock import TimeOptions
+from selector.readers.files import recording_files, tables_of
+from selector.readers.machine_file import ChannelSection, Machine, MachineSection, TimeSection
+from selector.readers.machine_file import machine as machine_at
+from selector.readers.numeric_clock import time_unit
+from selector.readers.optional import quiet
+from selector.readers.plan import Plan, plan
+from selector.readers.runs import TimedRun, split_runs, timed_run, uniquely_named
+from selector.readers.tables import Overrides
+from selector.recording import Recording
+from selector.units import CANONICAL_UNITS
+
+_SHOWN_READING = ("format", "encoding", "separator", "decimal", "skipped_rows", "unit_row")
+
+_OPTION_VALUES = {
+    "--time-unit": "a unit of time (s, ms, min, h, d) or 'datetime'",
+    "--period-s": "a period above zero in seconds",
+    "--date-order": "dmy, mdy or ymd",
+}
+
+
+@dataclass(frozen=True)
+class RunInfo:
+    """One run: name, file, hash, number of rows, length, median period [s], absolute start (ISO 8601) if known."""
+
+    name: str
+    file: str
+    sha256: str
+    rows: int
+    duration_s: float
+    period_s: float
+    start: str | None
+
+
+@dataclass(frozen=True)
+class ChannelInfo:
+    """One channel: the column and unit in the file, what it became, and which of that was guessed."""
+
+    name: str
+    column: str
+    role: str
+    unit: str
+    unit_in_file: str
+    guessed: tuple[str, ...]
+    place: str | None = None
+    axis: str | None = None
+    xyz_m: tuple[float, float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What was read and how.
+
+    Attributes
+    ----------
+    recording : Recording
+        All runs.
+    findings : tuple of Finding
+        The worst first.
+    runs : tuple of RunInfo
+    channels : tuple of ChannelInfo
+    reading : mapping
+        Format, encoding, separator, decimal mark, skipped_rows, unit_row of the first file; `per_run` holds the others
+        where they differ; `time` says which column is the clock, its unit, and what of it was guessed.
+    machine : Machine or None
+        The machine file that was used.
+    undeclared : mapping of str to str
+        Columns that are no channels, and why.
+    machine_file : str or None
+        Where the machine file was read.
+    """
+
+    recording: Recording
+    findings: tuple[Finding, ...]
+    runs: tuple[RunInfo, ...]
+    channels: tuple[ChannelInfo, ...]
+    reading: Mapping[str, Any]
+    machine: Machine | None = None
+    undeclared: Mapping[str, str] = field(default_factory=dict)
+    machine_file: str | None = None
+
+    def description(self) -> dict[str, Any]:
+        """The `selector.description/1` contract as JSON values."""
+        from selector.readers.description import description
+
+        return description(self)
+
+
+def read(paths: Sequence[Path], machine: Path | Machine | None = None, overrides: Overrides | None = None) -> Reading:
+    """The recording in some files and folders.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Files, or folders whose recordings are read in natural order. A run is called after its file.
+    machine : Path, Machine or None
+        The machine file. None: ``machine.toml`` of a folder in `paths`, if there is one; otherwise roles and units are
+        inferred.
+    overrides : Overrides, optional
+        What the user decides instead of the reader.
+
+    Raises
+    ------
+    ReadError, RecordingError, UnitError, OptionError
+        The input is unusable; the message says what was found, what was expected, where, and what to do.
+    """
+    overrides = overrides or Overrides()
+    found = recording_files([Path(path) for path in paths])
+    findings = list(found.findings)
+    declared = machine_at(Path(machine)) if isinstance(machine, Path | str) else machine
+    machine_file = str(machine) if isinstance(machine, Path | str) else None
+    if declared is None and found.machine is not None:
+        declared, machine_file = machine_at(found.machine), str(found.machine)
+        findings.append(_machine_found(found.machine))
+    options = time_options(declared, overrides)
+    timed: list[TimedRun] = []
+    columns = [c.column or n for n, c in declared.channels.items()] if declared is not None else []
+    with quiet(), np.errstate(all="ignore"):
+        for path in found.files:
+            tables, sha256 = tables_of(path, overrides)
+            for whole in tables:
+                timed += [timed_run(table, sha256, options) for table in split_runs(whole, columns)]
+        runs, renamed = uniquely_named(timed)
+        planned = plan(runs, declared, overrides)
+        recording, told = assembled(runs, planned)
+    findings += [*renamed, *placed(runs, planned), *planned.findings, *told]
+    return Reading(
+        recording,
+        condensed(findings),
+        tuple(_run_info(run) for run in runs),
+        tuple(_channel_info(planned, runs)),
+        _how(runs),
+        declared,
+        planned.undeclared,
+        machine_file,
+    )
+
+
+def _machine_found(path: Path) -> Finding:
+    return Finding(
+        "machine-file-found",
+        "info",
+        f"The machine file {path.name} in the folder {path.parent.name}/ was used.",
+        Where(file=str(path)),
+        suggestion="name another one (--machine) to use that instead",
+    )
+
+
+def time_options(declared: Machine | None, overrides: Overrides) -> TimeOptions:
+    """What the machine file and the user say about the time; the user's word counts more.
+
+    Raises
+    ------
+    OptionError
+        An option has a value that is no unit of time, period or order of dates.
+    """
+    section = declared.time if declared is not None else TimeSection()
+    columns = (overrides.time_column,) if overrides.time_column is not None else section.columns
+    unit = overrides.time_unit or section.unit
+    period_s = overrides.period_s if overrides.period_s is not None else section.period_s
+    for option, value, fine in (
+        ("--time-unit", overrides.time_unit, unit == "datetime" or time_unit(unit) is not None),
+        ("--period-s", overrides.period_s, period_s is None or (np.isfinite(period_s) and period_s > 0)),
+        ("--date-order", overrides.date_order, overrides.date_order in ("dmy", "mdy", "ymd")),
+    ):
+        if value is not None and not fine:
+            raise OptionError(
+                f"{value!r}", expected=_OPTION_VALUES[option], where=option, advice="correct the value of the option"
+            )
+    return TimeOptions(columns, unit, period_s, overrides.date_order or section.date_order)
+
+
+def _run_info(run: TimedRun) -> RunInfo:
+    return RunInfo(run.name, str(run.file), run.sha256, len(run.time_s), float(run.time_s[-1]), run.period_s, run.start)
+
+
+def _channel_info(planned: Plan, runs: Sequence[TimedRun]) -> list[ChannelInfo]:
+    out = []
+    for channel in planned.channels:
+        first = next(run.name for run in runs if run.name in channel.headers)
+        out.append(
+            ChannelInfo(
+                channel.name,
+                channel.headers[first],
+                channel.role,
+                CANONICAL_UNITS[channel.role],
+                channel.units[first],
+                channel.guessed,
+                channel.place,
+                channel.axis,
+                channel.xyz_m,
+            )
+        )
+    return out
+
+
+def _how(runs: Sequence[TimedRun]) -> dict[str, Any]:
+    def shown(run: TimedRun) -> dict[str, Any]:
+        told = {key: run.table.reading.get(key) for key in _SHOWN_READING}
+        told.update({k: v for k, v in run.table.reading.items() if k in ("sheet", "header_row", "first_data_row")})
+        time = {"columns": list(run.clock.columns), "unit": run.clock.unit, "guessed": list(run.clock.guessed)}
+        return {**told, "time": time}
+
+    first = shown(runs[0])
+    differing = {run.name: own for run in runs[1:] if (own := shown(run)) != first}
+    return {**first, "per_run": differing} if differing else first
+
+
+def machine_of(reading: Reading) -> Machine:
+    """The machine file that says in so many words how this was read, guesses included: for the user to correct."""
+    time = reading.reading["time"]
+    columns = tuple(time["columns"])
+    section = TimeSection(
+        column=None if not columns else columns[0] if len(columns) == 1 else columns,
+        unit=None
+        if time["unit"] == "sample"
+        else "datetime"
+        if time["unit"] == "datetime"
+        else time_unit(time["unit"]),
+        period_s=reading.runs[0].period_s if time["unit"] == "sample" else None,
+        date_order=reading.machine.time.date_order if reading.machine is not None else None,
+    )
+    channels = {
+        c.name: ChannelSection(
+            column=c.column if c.column != c.name else None,
+            role=c.role,
+            unit=c.unit_in_file,
+            place=c.place,
+            axis=c.axis,
+            xyz=c.xyz_m,
+        )
+        for c in reading.channels
+    }
+    name = reading.machine.machine.name if reading.machine is not None else None
+    return Machine(machine=MachineSection(name=name), time=section, channels=channels)

@@ -1,0 +1,255 @@
+"""Tables with a clock → runs: samples in order of time, and what was noticed, each with its place in the run."""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.errors import ReadError
+from selector.findings import Finding, Where
+from selector.readers.clock import Clock, TimeOptions, clock
+from selector.readers.names import folded_name
+from selector.readers.tables import BreakWord, Column, Table
+from selector.readers.ticking import ticks
+
+_RUN_COLUMNS = frozenset({"run", "runid", "runno", "runname", "lauf"})
+
+
+@dataclass(frozen=True)
+class TimedRun:
+    """One run before roles and units.
+
+    Attributes
+    ----------
+    name, file, sha256 : str, Path, str
+        Name of the run, where it was read, and the hash of that file.
+    time_s : ndarray of shape (n_samples,)
+        Strictly increasing, 0 at the first sample.
+    columns : tuple of Column
+        Those with numbers, on these samples; without `breaks`.
+    texts : tuple of str
+        Headers of the columns without numbers.
+    clock : Clock
+        Where the time came from.
+    first_s : float
+        The file's own relative clock at the first sample [s].
+    start : str or None
+        Absolute start, ISO 8601.
+    """
+
+    name: str
+    file: Path
+    sha256: str
+    time_s: NDArray[np.float64]
+    columns: tuple[Column, ...]
+    texts: tuple[str, ...]
+    clock: Clock
+    first_s: float
+    start: str | None
+    table: Table
+    findings: tuple[Finding, ...]
+
+    @property
+    def period_s(self) -> float:
+        """Median step of time [s]."""
+        return float(np.median(np.diff(self.time_s)))
+
+
+def timed_run(table: Table, sha256: str, options: TimeOptions) -> TimedRun:
+    """The run of a table.
+
+    Raises
+    ------
+    ReadError
+        It has fewer than two samples, or a time column that was named is missing.
+    """
+    if len(table) == 0:
+        raise _too_short(table, 0)
+    told = clock(table, options)
+    seconds = np.where(np.abs(told.seconds) < 1e13, told.seconds, np.nan)
+    numeric = [c for c in table.columns if c.kind == "number" and c.header not in told.columns]
+    matrix = np.column_stack([c.values for c in numeric]) if numeric else np.empty((len(table), 0))
+    local = told.base_s if told.base_s is not None and told.zone_s is None and _is_local(table, told) else None
+    result = ticks(seconds, table, matrix, told.time_of_day, local)
+    if len(result.time_s) < 2:
+        raise _too_short(table, len(result.time_s))
+    values = _averaged(matrix[result.rows], result.groups, len(result.time_s))
+    findings = [*table.findings, *told.findings, *result.findings]
+    sample_of_row = np.full(len(table), -1, dtype=np.int64)
+    sample_of_row[result.rows] = result.groups
+    columns: list[Column] = []
+    for k, column in enumerate(numeric):
+        columns.append(Column(column.header, values[:, k], column.unit, (), column.description))
+        findings += _breaks(column, sample_of_row, result.time_s, table)
+    first_s = result.first_s
+    start = None
+    if told.base_s is not None:
+        start = _iso(told.base_s + first_s, told.zone_s)
+        first_s = 0.0
+    texts = tuple(c.header for c in table.columns if c.kind != "number" and c.header not in told.columns)
+    return TimedRun(
+        table.name,
+        table.file,
+        sha256,
+        result.time_s,
+        tuple(columns),
+        texts,
+        told,
+        first_s,
+        start,
+        table,
+        tuple(findings),
+    )
+
+
+def _is_local(table: Table, told: Clock) -> bool:
+    return any(c.header in told.columns and c.kind != "number" for c in table.columns)
+
+
+def _averaged(values: NDArray[np.float64], groups: NDArray[np.int64], n_samples: int) -> NDArray[np.float64]:
+    """One row per group: the mean of the values that are there; equal values stay bit for bit what they are."""
+    if len(values) == n_samples:
+        return values
+    starts = np.flatnonzero(np.r_[True, np.diff(groups) > 0])
+    known = np.isfinite(values)
+    counts = np.add.reduceat(known.astype(np.int64), starts, axis=0)
+    low = np.minimum.reduceat(np.where(known, values, np.inf), starts, axis=0)
+    high = np.maximum.reduceat(np.where(known, values, -np.inf), starts, axis=0)
+    sums = np.add.reduceat(np.where(known, values, 0.0), starts, axis=0)
+    mean = np.where(low == high, low, sums / np.maximum(counts, 1))
+    out: NDArray[np.float64] = np.where(counts > 0, mean, np.nan)
+    return out
+
+
+def _breaks(
+    column: Column, sample_of_row: NDArray[np.int64], time_s: NDArray[np.float64], table: Table
+) -> list[Finding]:
+    findings: list[Finding] = []
+    for broken in column.breaks:
+        samples = sample_of_row[broken.rows]
+        samples = samples[samples >= 0]
+        if len(samples) == 0:
+            continue
+        first, last = int(samples.min()), int(samples.max())
+        to_end = last == len(time_s) - 1
+        findings.append(
+            Finding(
+                "sensor-break",
+                "warning",
+                f"Column {column.header!r} of {table.file.name} says {broken.word!r} {len(samples)} time(s), first at "
+                f"{time_s[first]:g} s ({table.line(int(broken.rows[0]))})"
+                + (", up to the end of the run" if to_end and len(samples) > 1 else f", last at {time_s[last]:g} s")
+                + "; these samples are missing values.",
+                Where(channel=column.header, from_s=float(time_s[first]), to_s=float(time_s[last])),
+                {"word": broken.word, "count": len(samples), "share": len(samples) / len(time_s)},
+                "check the sensor and its cable; leave the channel out if it is broken for long",
+                "leave-out-stretch",
+            )
+        )
+    return findings
+
+
+def _too_short(table: Table, n_samples: int) -> ReadError:
+    return ReadError(
+        f"{'one sample' if n_samples == 1 else 'no samples'} with a time",
+        expected="at least two rows of numbers with different times",
+        where=table.file.name,
+        advice="check the recording, its time column and decimal mark, or leave this file out",
+    )
+
+
+def _iso(seconds: float, zone_s: float | None) -> str | None:
+    try:
+        moment = datetime.datetime(1970, 1, 1) + datetime.timedelta(seconds=round(seconds + (zone_s or 0.0), 6))
+        zone = None if zone_s is None else datetime.timezone(datetime.timedelta(seconds=zone_s))
+    except (OverflowError, ValueError):
+        return None
+    whole = moment.microsecond == 0
+    return moment.replace(tzinfo=zone).isoformat(timespec="seconds" if whole else "milliseconds")
+
+
+def split_runs(table: Table, declared: Sequence[str]) -> list[Table]:
+    """One table per value of a column called "run" whose equal values stand together; otherwise the table itself."""
+    column = next(
+        (c for c in table.columns if folded_name(c.header) in _RUN_COLUMNS and c.header not in declared), None
+    )
+    if column is None or column.kind == "datetime" or len(table) < 4 or table.time_s is not None:
+        return [table]
+    labels = [_label(value) for value in column.values]
+    if any(label is None for label in labels):
+        return [table]
+    array = np.array(labels, dtype=object)
+    starts = np.flatnonzero(np.r_[True, array[1:] != array[:-1]])
+    names = [str(array[i]) for i in starts]
+    stops = [*starts[1:], len(array)]
+    if len(set(names)) != len(names) or any(b - a < 2 for a, b in zip(starts, stops, strict=True)):
+        return [table]
+    findings = (
+        *table.findings,
+        Finding(
+            "run-column",
+            "info",
+            f"Column {column.header!r} of {table.file.name} tells {len(names)} runs apart: {', '.join(names[:8])}"
+            + (" …" if len(names) > 8 else "")
+            + ".",
+            evidence={"runs": names[:100]},
+        ),
+    )
+    tables = []
+    for i, (name, a, b) in enumerate(zip(names, starts, stops, strict=True)):
+        columns = tuple(
+            replace(c, values=c.values[a:b], breaks=tuple(_cut(broken, int(a), int(b)) for broken in c.breaks))
+            for c in table.columns
+            if c is not column
+        )
+        run_name = name if column.kind == "text" else f"{table.name}_{name}"
+        lines = None if table.lines is None else table.lines[a:b]
+        tables.append(replace(table, name=run_name, columns=columns, lines=lines, findings=findings if i == 0 else ()))
+    return tables
+
+
+def _cut(broken: BreakWord, a: int, b: int) -> BreakWord:
+    inside = broken.rows[(broken.rows >= a) & (broken.rows < b)] - a
+    return BreakWord(broken.word, inside)
+
+
+def _label(value: object) -> str | None:
+    if isinstance(value, str):
+        return value.strip() or None
+    number = float(value) if isinstance(value, (float, np.floating)) else np.nan
+    return str(int(number)) if np.isfinite(number) and number == int(number) else None
+
+
+def uniquely_named(runs: Sequence[TimedRun]) -> tuple[list[TimedRun], list[Finding]]:
+    """The runs with names that differ: file stem, or with the folder where two files have the same stem."""
+    names = [run.name for run in runs]
+    findings: list[Finding] = []
+    out: list[TimedRun] = []
+    taken: set[str] = set()
+    for run in runs:
+        name = run.name
+        if names.count(name) > 1:
+            name = f"{run.file.parent.name}_{name}" if run.file.parent.name else name
+        base, count = name, 1
+        while name in taken:
+            count += 1
+            name = f"{base}_{count}"
+        taken.add(name)
+        out.append(replace(run, name=name))
+    renamed = {old.file.name: new.name for old, new in zip(runs, out, strict=True) if old.name != new.name}
+    if renamed:
+        findings.append(
+            Finding(
+                "runs-renamed",
+                "info",
+                "Several files have the same name; the runs are called " + ", ".join(run.name for run in out[:8]) + ".",
+                evidence={"runs": [run.name for run in out]},
+                suggestion="give the files different names",
+            )
+        )
+    return out, findings

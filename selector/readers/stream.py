@@ -1,0 +1,331 @@
+"""Recordings in Parquet that do not fit into memory: read piece by piece, only the columns that are asked for."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from selector.errors import InputError, ReadError, RecordingError
+from selector.findings import Finding, Where
+from selector.readers.assemble import channel_of, condensed, placed
+from selector.readers.files import recording_files
+from selector.readers.machine_file import Machine
+from selector.readers.machine_file import machine as machine_at
+from selector.readers.optional import quiet
+from selector.readers.parquet import column_of, damaged, field_unit
+from selector.readers.plan import Planned, plan
+from selector.readers.reading import time_options
+from selector.readers.runs import TimedRun, timed_run, uniquely_named
+from selector.readers.tables import Column, Overrides, Table, checked_width, unique_headers
+from selector.recording import Channel
+from selector.units import convert, to_canonical
+
+LARGE_BYTES = 400_000_000
+"""Size of the float64 table beyond which reading piece by piece pays."""
+
+CHUNK_ROWS = 200_000
+_HEAD_ROWS = 5_000
+
+
+def is_large(paths: Sequence[Path]) -> bool:
+    """Whether all files are Parquet and their table of float64 would take more than `LARGE_BYTES`.
+
+    Only the metadata is read. Files that cannot be opened are not large: `read` says what is wrong with them.
+    """
+    total = 0
+    try:
+        for path in recording_files([Path(p) for p in paths]).files:
+            with path.open("rb") as stream:
+                if stream.read(4) != b"PAR1":
+                    return False
+            metadata = pq.read_metadata(path)
+            total += metadata.num_rows * metadata.num_columns * 8
+    except (InputError, OSError, pa.ArrowException, ValueError):
+        return False
+    return total > LARGE_BYTES
+
+
+class ParquetSource:
+    """Runs on disk that can be read in pieces; stands in for a `Recording` where a method needs one pass only.
+
+    Attributes
+    ----------
+    runs, names : tuple of str
+        Runs in the order of the files, channels in the order of the machine file or the columns.
+    channels : tuple of Channel
+    findings : tuple of Finding
+        What is known so far; rows that were left out are told once the run has been read.
+    """
+
+    def __init__(self, runs: Sequence[TimedRun], planned: Sequence[Planned], findings: Sequence[Finding]) -> None:
+        self._runs = {run.name: run for run in runs}
+        self._planned = {channel.name: channel for channel in planned}
+        self._findings = list(findings)
+        self._told: set[tuple[str, str]] = set()
+        self.channels: tuple[Channel, ...] = tuple(channel_of(p) for p in planned)
+
+    @property
+    def runs(self) -> tuple[str, ...]:
+        """Names of the runs."""
+        return tuple(self._runs)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the channels."""
+        return tuple(self._planned)
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What there is to say so far."""
+        return tuple(self._findings)
+
+    @cached_property
+    def provenance(self) -> Mapping[str, Any]:
+        """File, SHA-256 (the files are read once for it) and absolute start of every run."""
+        return {
+            "runs": {
+                name: {
+                    "file": str(run.file),
+                    "sha256": _sha256(run.file),
+                    "start": run.start,
+                    "first_stamp_s": run.first_s,
+                    "time_columns": list(run.clock.columns),
+                    "time_unit": run.clock.unit,
+                }
+                for name, run in self._runs.items()
+            }
+        }
+
+    def channel(self, name: str) -> Channel:
+        """The channel of this name.
+
+        Raises
+        ------
+        RecordingError
+            If there is none; the message lists those that there are.
+        """
+        for channel in self.channels:
+            if channel.name == name:
+                return channel
+        raise RecordingError(
+            f"no channel {name!r}",
+            expected="one of " + ", ".join(self.names),
+            where="recording",
+            advice="correct the name, or list the channels with `selector describe`",
+        )
+
+    def with_role(self, *roles: str) -> tuple[str, ...]:
+        """Names of the channels that have one of these roles."""
+        return tuple(channel.name for channel in self.channels if channel.role in roles)
+
+    def rows(self, run: str) -> int:
+        """Number of rows in the file of a run."""
+        return int(pq.read_metadata(self._runs[run].file).num_rows)
+
+    def chunks(self, run: str, names: Iterable[str]) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        """(time_s, values) pieces of a run in order, at most `CHUNK_ROWS` rows each, canonical units, NaN = missing.
+
+        Raises
+        ------
+        RecordingError
+            The time runs backwards: such a file has to be sorted first.
+        ReadError
+            The file is damaged.
+        """
+        timed = self._runs[run]
+        wanted = [self.channel(name).name for name in names]
+        headers = {name: self._planned[name].headers.get(run) for name in wanted}
+        positions = _positions(timed)
+        asked = [*timed.clock.columns, *dict.fromkeys(h for h in headers.values() if h is not None)]
+        schema_names = [positions[header] for header in asked]
+        clock = _Ticker(timed)
+        try:
+            with pq.ParquetFile(timed.file, buffer_size=1 << 20, pre_buffer=False) as file:
+                if not schema_names:  # no clock and no column of this run: only its length matters
+                    schema_names = [file.schema_arrow.names[0]]
+                for batch in file.iter_batches(batch_size=CHUNK_ROWS, columns=schema_names):
+                    time_s, keep = clock.time_s(batch, asked)
+                    values = np.full((len(time_s), len(wanted)), np.nan)
+                    for k, name in enumerate(wanted):
+                        header = headers[name]
+                        if header is None:
+                            continue
+                        raw = column_of(batch.column(positions[header]))
+                        if raw is None or raw.dtype.kind != "f":
+                            continue
+                        planned = self._planned[name]
+                        with np.errstate(all="ignore"):
+                            values[:, k] = to_canonical(raw[keep], planned.units[run], planned.role)
+                    del batch
+                    if len(time_s):
+                        yield time_s, values
+        except (pa.ArrowException, OSError) as error:
+            raise damaged(timed.file.name, error) from error
+        self._tell(run, clock)
+
+    def _tell(self, run: str, clock: _Ticker) -> None:
+        for kind, count, statement in (
+            ("missing-stamps", clock.missing, "have no time"),
+            ("repeated-stamps", clock.repeated, "have the stamp of the row before"),
+        ):
+            if count and (run, kind) not in self._told:
+                self._told.add((run, kind))
+                name = self._runs[run].file.name
+                self._findings.append(
+                    Finding(
+                        kind,
+                        "warning",
+                        f"{count} row(s) of {name} {statement}; they were left out.",
+                        Where(run=run, file=name),
+                        {"count": count},
+                        "convert the file to clean recordings first if these rows matter",
+                        "leave-out-stretch",
+                    )
+                )
+
+
+class _Ticker:
+    """Seconds from the start of a run, one piece after the other."""
+
+    def __init__(self, run: TimedRun) -> None:
+        self._run = run
+        self._last = -np.inf
+        self._first: Any = None
+        self._rows = 0
+        self.missing = 0
+        self.repeated = 0
+
+    def time_s(self, batch: pa.RecordBatch, asked: Sequence[str]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Time of the rows that are kept, and which rows these are."""
+        told = self._run.clock
+        n_rows = batch.num_rows
+        if not told.columns:
+            seconds = (self._rows + np.arange(n_rows, dtype=np.float64)) * _sample_period_s(self._run)
+        else:
+            raw = column_of(batch.column(0))
+            if raw is None or raw.dtype.kind == "O":
+                raise _no_stream_clock(self._run)
+            if raw.dtype.kind == "M":
+                first = self._first if self._first is not None else next(iter(raw[~np.isnat(raw)]), None)
+                self._first = first
+                seconds = np.full(n_rows, np.nan)
+                if first is not None:
+                    known = ~np.isnat(raw)
+                    seconds[known] = (raw[known] - first).astype(np.int64) / 1e9
+            else:
+                seconds = convert(raw, told.unit, "s")
+                known_s = seconds[np.isfinite(seconds)]
+                if self._first is None and len(known_s):
+                    self._first = known_s[0]
+                seconds = seconds - (0.0 if self._first is None else self._first)
+        self._rows += n_rows
+        finite = np.isfinite(seconds)
+        self.missing += int((~finite).sum())
+        with np.errstate(invalid="ignore"):
+            before = np.r_[self._last, np.fmax.accumulate(seconds)[:-1]] if n_rows else seconds
+            before = np.where(np.isnan(before), self._last, before)
+            back = finite & (seconds < before)
+            repeated = finite & (seconds == before)
+        if back.any():
+            row = self._rows - n_rows + int(np.flatnonzero(back)[0])
+            raise RecordingError(
+                f"time runs backwards at row {row + 1} ({float(before[back][0]):g} s, then "
+                f"{float(seconds[back][0]):g} s)",
+                expected="rows in order of time, because the file is read piece by piece",
+                where=self._run.file.name,
+                advice="sort the file by its time column, or split it where a new recording begins",
+            )
+        self.repeated += int(repeated.sum())
+        keep = finite & ~repeated
+        if keep.any():
+            self._last = float(seconds[keep][-1])
+        return seconds[keep], keep
+
+
+def stream_parquet(
+    paths: Sequence[Path], machine: Path | Machine | None = None, overrides: Overrides | None = None
+) -> ParquetSource:
+    """A source over Parquet files, one per run; roles and units are settled on the first rows of each.
+
+    Raises
+    ------
+    ReadError, RecordingError, UnitError, OptionError
+        As `selector.readers.read`; also if a file is not Parquet or its time is text.
+    """
+    overrides = overrides or Overrides()
+    found = recording_files([Path(path) for path in paths])
+    declared = machine_at(machine) if isinstance(machine, Path | str) else machine
+    if declared is None and found.machine is not None:
+        declared = machine_at(found.machine)
+    options = time_options(declared, overrides)
+    with quiet(), np.errstate(all="ignore"):
+        heads = [timed_run(_head(path), "", options) for path in found.files]
+        runs, renamed = uniquely_named(heads)
+        planned = plan(runs, declared, overrides)
+    for run in runs:
+        if len(run.clock.columns) > 1 or run.clock.time_of_day or run.clock.unit not in _streamable(run):
+            raise _no_stream_clock(run)
+    told = [*found.findings, *renamed, *placed(runs, planned), *planned.findings]
+    return ParquetSource(runs, planned.channels, condensed(told))
+
+
+def _streamable(run: TimedRun) -> set[str]:
+    numeric = any(c.header in run.clock.columns and c.kind == "number" for c in run.table.columns)
+    # epoch numbers would need their zero; a unit of time or a timestamp column is all that is read piece by piece
+    return {"s", "ms", "us", "ns", "min", "hour", "day"} if numeric else {"datetime", "sample"}
+
+
+def _no_stream_clock(run: TimedRun) -> ReadError:
+    return ReadError(
+        f"time column(s) {', '.join(run.clock.columns)} that cannot be read piece by piece",
+        expected="one column of numbers in a unit of time, or of timestamps",
+        where=run.file.name,
+        advice="store the time as float64 seconds (column time_s) or as Parquet timestamps",
+    )
+
+
+def _head(path: Path) -> Table:
+    try:
+        with path.open("rb") as stream:
+            if stream.read(4) != b"PAR1":
+                raise ReadError(
+                    "a file that is not Parquet", expected="Parquet files only", where=path.name,
+                    advice="convert it first: selector convert FILE --format parquet --out DIR",
+                )  # fmt: skip
+        with pq.ParquetFile(path, buffer_size=1 << 20, pre_buffer=False) as file:
+            schema = file.schema_arrow
+            checked_width(len(schema), path.name)
+            batch = next(file.iter_batches(batch_size=_HEAD_ROWS), None)
+    except (pa.ArrowException, OSError, ValueError) as error:
+        raise damaged(path.name, error) from error
+    headers, findings = unique_headers([str(n) for n in schema.names], path.name)
+    columns = []
+    for position, header in enumerate(headers):
+        values = column_of(batch.column(position)) if batch is not None else np.empty(0)
+        if values is not None:
+            columns.append(Column(header, values, field_unit(schema.field(position))))
+    utc = [h for h, f in zip(headers, schema, strict=True) if pa.types.is_timestamp(f.type) and f.type.tz is not None]
+    reading = {"format": "parquet", "utc_columns": utc, "positions": dict(zip(headers, schema.names, strict=True))}
+    return Table(path.stem, path, tuple(columns), reading, tuple(findings))
+
+
+def _positions(run: TimedRun) -> dict[str, str]:
+    names: dict[str, str] = run.table.reading["positions"]
+    return names
+
+
+def _sample_period_s(run: TimedRun) -> float:
+    return float(run.time_s[1] - run.time_s[0])
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -1,0 +1,193 @@
+"""What a format reader hands on: a table as it stands in the file, before clock, roles and units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.errors import ReadError
+from selector.findings import Finding
+
+MAX_COLUMNS = 10_000
+"""A recording with more columns than this is a mistake in the separator or a matrix stored the wrong way round."""
+
+MAX_CELLS = 600_000_000
+"""Cells (8 bytes each) beyond which a file is not read into memory at once: 4.8 GB."""
+
+
+@dataclass(frozen=True)
+class Overrides:
+    """What the user decides instead of the reader; None or empty = the reader finds out.
+
+    Attributes
+    ----------
+    encoding, separator, decimal : str or None
+        Of delimited text. `separator` may be ``"tab"`` or ``"blank"``.
+    header_row : int or None
+        Line (text) or row (Excel) of the channel names, counted from 1; 0 = there is none.
+    sheet : str or None
+        Excel sheet, TDMS group or MAT variable to read.
+    time_column, time_unit : str or None
+        Name of the time column; a unit of time or ``"datetime"``.
+    date_order : {"dmy", "mdy", "ymd"} or None
+        Order of day, month and year in dates.
+    period_s : float or None
+        Sampling period [s] of a recording without a time column.
+    units, roles : mapping
+        Unit and role by channel or column name.
+    """
+
+    encoding: str | None = None
+    separator: str | None = None
+    decimal: str | None = None
+    header_row: int | None = None
+    sheet: str | None = None
+    time_column: str | None = None
+    time_unit: str | None = None
+    date_order: str | None = None
+    period_s: float | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
+    roles: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class BreakWord:
+    """A word such as ``OPEN`` that stood where a number was due: which rows."""
+
+    word: str
+    rows: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column as it stands in the file.
+
+    Attributes
+    ----------
+    header : str
+        The header cell, blanks at the ends removed; unique in its table.
+    values : ndarray of shape (n_rows,)
+        float64 with NaN = missing, datetime64[ns], or object (str or None) for text.
+    unit : str or None
+        Unit as written in a unit row or in the metadata of the file (not in the header cell).
+    breaks : tuple of BreakWord
+        Sensor-break words that became NaN.
+    description : str or None
+        Comment or place that the file gives for this column.
+    """
+
+    header: str
+    values: NDArray[Any]
+    unit: str | None = None
+    breaks: tuple[BreakWord, ...] = ()
+    description: str | None = None
+
+    @property
+    def kind(self) -> str:
+        """``"number"``, ``"datetime"`` or ``"text"``."""
+        return {"f": "number", "M": "datetime"}.get(self.values.dtype.kind, "text")
+
+
+@dataclass(frozen=True)
+class Table:
+    """One table of a file, which is one run.
+
+    Attributes
+    ----------
+    name : str
+        Name proposed for the run.
+    file : Path
+        Where it was read.
+    columns : tuple of Column
+        All of the same length.
+    reading : mapping
+        How the file was read: format, encoding, separator, decimal, skipped_rows, unit_row, ...
+    findings : tuple of Finding
+        What was noticed; `where.run` is filled in by the assembly.
+    lines : ndarray of shape (n_rows,) or None
+        Line or row number in the file of every row, for messages.
+    time_s : ndarray or None
+        Seconds of the file's own clock, if the format has one outside of its columns (TDMS, MDF).
+    start : numpy.datetime64 or None
+        Absolute time of ``time_s == 0`` in that case.
+    """
+
+    name: str
+    file: Path
+    columns: tuple[Column, ...]
+    reading: Mapping[str, Any]
+    findings: tuple[Finding, ...] = ()
+    lines: NDArray[np.int64] | None = None
+    time_s: NDArray[np.float64] | None = None
+    start: np.datetime64 | None = None
+
+    def __len__(self) -> int:
+        return len(self.columns[0].values) if self.columns else 0
+
+    def line(self, row: int) -> str:
+        """Place of a row for messages: ``line 12`` or ``row 12``."""
+        return f"line {self.lines[row]}" if self.lines is not None else f"row {row + 1}"
+
+
+def checked_width(n_columns: int, where: str) -> None:
+    """Raise unless the table has a number of columns that can be channels."""
+    if n_columns > MAX_COLUMNS:
+        raise ReadError(
+            f"{n_columns} columns",
+            expected=f"one column per channel, at most {MAX_COLUMNS}",
+            where=where,
+            advice="store one row per sample (transpose the table), or name the right separator",
+        )
+
+
+def checked_size(n_cells: int, where: str) -> None:
+    """Raise if a table would not fit into memory."""
+    if n_cells > MAX_CELLS:
+        raise ReadError(
+            f"{n_cells:.3g} numbers in one table",
+            expected=f"at most {MAX_CELLS:.3g} numbers in memory",
+            where=where,
+            advice="store the recording as Parquet, which is read piece by piece, or split it into runs",
+        )
+
+
+def unique_headers(headers: list[str], where: str) -> tuple[list[str], list[Finding]]:
+    """Headers without blanks at the ends, empty ones as ``col3``, repeated ones as ``T1.2``, and what was changed."""
+    findings: list[Finding] = []
+    taken: set[str] = set()
+    unique: list[str] = []
+    repeated: dict[str, list[str]] = {}
+    for position, raw in enumerate(headers, start=1):
+        text = clean_name(raw) or f"col{position}"
+        name, count = text, 1
+        while name in taken:
+            count += 1
+            name = f"{text}.{count}"
+        if name != text:
+            repeated.setdefault(text, []).append(name)
+        taken.add(name)
+        unique.append(name)
+    for text, names in repeated.items():
+        findings.append(
+            Finding(
+                "duplicate-header",
+                "warning",
+                f"{len(names) + 1} columns of {where} are called {text!r}; the later ones are read as "
+                + ", ".join(names)
+                + ".",
+                evidence={"column": text, "read_as": names},
+                suggestion="give every channel its own name in the file, or refer to the new names in the machine file",
+            )
+        )
+    return unique, findings
+
+
+def clean_name(text: str) -> str:
+    """A header cell on one line: control characters are blanks, blanks at the ends removed, at most 200 characters."""
+    shown = "".join(c if c.isprintable() else " " for c in text)
+    return " ".join(shown.split())[:200]

@@ -1,0 +1,173 @@
+"""Writing clean recordings and machine files: whole or not at all, and never over an input."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+import re
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.csv as arrow_csv
+import pyarrow.parquet as pq
+
+from selector.errors import OptionError
+from selector.readers.machine_file import ChannelSection, Machine, MachineSection, TimeSection, machine_text
+from selector.readers.reading import Reading
+from selector.readers.tables import unique_headers
+from selector.recording import Recording
+
+_RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
+
+
+def write_machine_file(machine: Machine, path: Path, undeclared: Mapping[str, str] | None = None) -> Path:
+    """Write a machine file (UTF-8); reading it back gives an equal `Machine`. `undeclared`: see `machine_text`.
+
+    Raises
+    ------
+    OptionError
+        The path cannot be written.
+    """
+    text = machine_text(machine, undeclared)
+    _write_whole({path: lambda target: target.write_text(text, encoding="utf-8", newline="\n")})
+    return path
+
+
+def convert(reading: Reading, out_dir: Path, format: str = "csv") -> list[Path]:  # noqa: A002 - the contract's word
+    """Write clean recordings and their ``machine.toml`` (contract 3.9); reading them back gives bit-identical values.
+
+    One file per run, called after it: UTF-8, comma, decimal point, one header row, first column ``time_s`` from the
+    start of the run, canonical units, missing values empty. A header that a spreadsheet would take for a formula (it
+    starts with ``= + - @``) gets an apostrophe in front; the machine file maps it back to the channel's name.
+
+    Returns
+    -------
+    list of Path
+        The recordings, then the machine file.
+
+    Raises
+    ------
+    OptionError
+        The format is unknown, a file to be written is one of the inputs, or the folder cannot be written.
+    """
+    if format not in ("csv", "parquet"):
+        raise OptionError(
+            f"format {format!r}", expected="csv or parquet", where="--format", advice="correct the option"
+        )
+    recording = reading.recording
+    headers = _headers(recording)
+    targets = {run: out_dir / f"{stem}.{format}" for run, stem in _stems(recording.runs).items()}
+    machine_path = out_dir / "machine.toml"
+    inputs = {Path(run.file).resolve() for run in reading.runs}
+    if reading.machine_file is not None:
+        inputs.add(Path(reading.machine_file).resolve())
+    for path in (*targets.values(), machine_path):
+        if path.resolve() in inputs:
+            raise OptionError(
+                f"{path.name} in the output folder is one of the inputs",
+                expected="a folder in which nothing that was read is overwritten",
+                where=str(out_dir),
+                advice="choose another output folder (--out)",
+            )
+    writers: dict[Path, Callable[[Path], Any]] = {}
+    for run, path in targets.items():
+        writers[path] = _run_writer(recording, run, headers, format)
+    text = machine_text(_machine(reading, headers))
+    writers[machine_path] = lambda target: target.write_text(text, encoding="utf-8", newline="\n")
+    _write_whole(writers)
+    return [*targets.values(), machine_path]
+
+
+def _headers(recording: Recording) -> list[str]:
+    """Header cells of the channels: their names, unless these cannot stand in a header."""
+    wanted = ["time_s", *(("'" + name) if name[:1] in ("=", "+", "-", "@") else name for name in recording.names)]
+    headers, _ = unique_headers(wanted, "the output")
+    return headers[1:]
+
+
+def _machine(reading: Reading, headers: list[str]) -> Machine:
+    channels = {
+        channel.name: ChannelSection(
+            column=header if header != channel.name else None,
+            role=channel.role,
+            unit=channel.unit,
+            place=channel.place,
+            axis=channel.axis,
+            xyz=channel.xyz_m,
+        )
+        for channel, header in zip(reading.recording.channels, headers, strict=True)
+    }
+    name = reading.machine.machine.name if reading.machine is not None else None
+    return Machine(machine=MachineSection(name=name), time=TimeSection(column="time_s", unit="s"), channels=channels)
+
+
+def _stems(runs: tuple[str, ...]) -> dict[str, str]:
+    """File names without ending that every file system takes, different even where case does not count."""
+    stems: dict[str, str] = {}
+    taken: set[str] = set()
+    for run in runs:
+        stem = re.sub(r'[<>:"/\\|?*\x00-\x1f]', "_", run).strip(" .")[:150] or "run"
+        if _RESERVED.fullmatch(stem) or stem.startswith("~$") or stem.casefold() == "machine":
+            stem = f"run_{stem}"
+        base, count = stem, 1
+        while stem.casefold() in taken:
+            count += 1
+            stem = f"{base}_{count}"
+        taken.add(stem.casefold())
+        stems[run] = stem
+    return stems
+
+
+def _run_writer(recording: Recording, run: str, headers: list[str], form: str) -> Callable[[Path], None]:
+    def write(target: Path) -> None:
+        values = recording.values(run, recording.names)
+        arrays = [pa.array(recording.time_s(run))]
+        arrays += [pa.array(values[:, k], from_pandas=True) for k in range(values.shape[1])]
+        if form == "parquet":
+            units = ["s", *(channel.unit for channel in recording.channels)]
+            fields = [
+                pa.field(name, pa.float64(), metadata={"unit": unit})
+                for name, unit in zip(["time_s", *headers], units, strict=True)
+            ]
+            pq.write_table(pa.table(arrays, schema=pa.schema(fields)), target, row_group_size=200_000)
+            return
+        head = io.StringIO()
+        csv.writer(head, lineterminator="\n").writerow(["time_s", *headers])
+        with target.open("wb") as stream:
+            stream.write(head.getvalue().encode("utf-8"))
+            names = [str(k) for k in range(len(arrays))]
+            options = arrow_csv.WriteOptions(include_header=False, quoting_style="none")
+            arrow_csv.write_csv(pa.table(arrays, names=names), stream, options)
+
+    return write
+
+
+def _write_whole(writers: Mapping[Path, Callable[[Path], Any]]) -> None:
+    """Write every file beside its place first, then move all of them there; after an error nothing is left behind."""
+    beside: dict[Path, Path] = {}
+    try:
+        try:
+            for path, write in writers.items():
+                path.parent.mkdir(parents=True, exist_ok=True)
+                handle, name = tempfile.mkstemp(prefix=".selector-", suffix=".part", dir=path.parent)
+                os.close(handle)
+                beside[path] = Path(name)
+                write(Path(name))
+            for path, temporary in beside.items():
+                temporary.chmod(0o644)
+                temporary.replace(path)
+        finally:
+            for temporary in beside.values():
+                temporary.unlink(missing_ok=True)
+    except OSError as error:
+        place = next(iter(writers))
+        raise OptionError(
+            f"the output cannot be written ({error.strerror or error})",
+            expected="a folder that can be written, and enough space",
+            where=str(place.parent),
+            advice="choose another output folder (--out)",
+        ) from error
