@@ -90,7 +90,7 @@ class Design:
         source_of_lag = [self.inputs.index(lag.source) for lag in self.lags]
         tau_s = np.array([lag.tau_s for lag in self.lags])
         state = np.full(len(self.lags), np.nan)
-        last_s = np.nan
+        last_s = np.full(len(self.lags), np.nan)
         for time_s, raw in source.chunks(run, channels):
             values = raw - levels
             variables = values[:, :n_inputs]

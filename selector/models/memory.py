@@ -31,9 +31,9 @@ def lagged(
     time_s: NDArray[np.float64],
     tau_s: NDArray[np.float64],
     state: NDArray[np.float64],
-    last_s: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """Lagged samples, the state after the last one and its time stamp, so that a run can be fed in pieces.
+    last_s: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Lagged samples, the states after the last one and their time stamps, so that a run can be fed in pieces.
 
     Backward Euler, s_k = s_{k−1} + Δt/(τ + Δt)·(x_k − s_{k−1}): stable for any step, and the control can compute it
     with + − × ÷ alone, so that the model on the machine is the model that was fitted.
@@ -41,30 +41,29 @@ def lagged(
     Parameters
     ----------
     values : ndarray of shape (n_samples, n_lags)
-        Source of each lag; where it is missing the state waits.
+        Source of each lag; where it is missing the state waits, and then takes the whole gap in one step.
     time_s : ndarray of shape (n_samples,)
         Time stamps [s], increasing, not necessarily regular.
     tau_s : ndarray of shape (n_lags,)
         Time constants [s].
     state : ndarray of shape (n_lags,)
         State before the first sample; NaN = equilibrium with the first reading.
-    last_s : float
-        Time stamp of `state`; NaN = that of the first sample.
+    last_s : ndarray of shape (n_lags,)
+        Time stamp of each state; anything where the state is NaN.
 
     Returns
     -------
-    ndarray of shape (n_samples, n_lags), ndarray of shape (n_lags,), float
+    ndarray of shape (n_samples, n_lags), ndarray of shape (n_lags,), ndarray of shape (n_lags,)
     """
-    state = np.array(state, dtype=np.float64)
+    state, last_s = np.array(state, dtype=np.float64), np.array(last_s, dtype=np.float64)
     result = np.empty(values.shape)
     _lag_kernel(np.ascontiguousarray(values), time_s, np.asarray(tau_s, dtype=np.float64), state, last_s, result)
-    return result, state, float(time_s[-1]) if len(time_s) else last_s
+    return result, state, last_s
 
 
 @njit(cache=True, nogil=True)
 def _lag_kernel(values, time_s, tau_s, state, last_s, result):  # type: ignore[no-untyped-def]
     for k in range(values.shape[0]):
-        step = time_s[k] - last_s if k == 0 else time_s[k] - time_s[k - 1]
         for j in range(values.shape[1]):
             x = values[k, j]
             if np.isnan(x):
@@ -72,8 +71,10 @@ def _lag_kernel(values, time_s, tau_s, state, last_s, result):  # type: ignore[n
                 continue
             if np.isnan(state[j]):
                 state[j] = x
-            elif step > 0.0:
+            else:
+                step = time_s[k] - last_s[j]
                 state[j] += step / (tau_s[j] + step) * (x - state[j])
+            last_s[j] = time_s[k]
             result[k, j] = state[j]
 
 

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from selector.recording import Channel
 
 START_SAMPLES = 15
+NOISE_SAMPLES = 30
 
 
 class RunSource(Protocol):
@@ -28,42 +32,63 @@ class RunSource(Protocol):
         """(time_s, values) pieces of a run, in order."""
 
 
-def start_reading(samples: NDArray[np.float64]) -> tuple[float, float]:
+def start_reading(time_s: NDArray[np.float64], samples: NDArray[np.float64]) -> tuple[float, float]:
     """Level at the start of a run and its standard error, from the first samples.
 
-    One sample carries the whole noise of the gauge into every later rise. The mean of the first k samples carries
-    less, and stays right as long as the reading has not begun to move: the largest k ≤ 15 is taken for which the two
-    halves of the stretch agree within twice the standard error of their difference. A noise-free recording that
-    moves at once gives the first sample itself.
+    One sample carries the whole noise of the gauge into every later rise of the run. A straight line or a parabola
+    through the first k samples, read off at the first of them, carries less. Of all orders 0 to 2 and k up to 15, the
+    one with the smallest standard error is taken among those that the samples do not contradict (χ² at 10 %, noise
+    from second differences). A noise-free recording contradicts all and gives the first sample itself.
 
     Parameters
     ----------
-    samples : ndarray of shape (n_samples,)
-        The run's first samples (15 are enough); NaN = missing.
+    time_s, samples : ndarray of shape (n_samples,)
+        The run's first samples (30 are enough); NaN = missing.
 
     Returns
     -------
     float, float
         Start level and its standard error, NaN if there is no reading. The error is NaN if it cannot be estimated.
     """
-    found = samples[np.isfinite(samples)][:START_SAMPLES]
+    known = np.isfinite(samples)
+    found, time = samples[known][:NOISE_SAMPLES], time_s[known][:NOISE_SAMPLES]
     if len(found) == 0:
         return np.nan, np.nan
     if len(found) < 4:
         return float(found[0]), np.nan
     # second differences see the noise and not the warming
     noise = float(np.sqrt(np.median(np.diff(found, 2) ** 2) / (0.4549 * 6.0)))
-    quantum = _quantum(found)
-    noise = max(noise, quantum / np.sqrt(12.0))
-    best = 1
-    for k in range(2, len(found) + 1):
-        half = k // 2
-        difference = abs(float(found[k - half : k].mean() - found[:half].mean()))
-        if difference <= 2.0 * noise * np.sqrt(2.0 / half) * 0.5:
-            best = k
-        elif difference > 4.0 * noise:
-            break
-    return float(found[:best].mean()), noise / np.sqrt(best)
+    noise = max(noise, _quantum(found) / np.sqrt(12.0))
+    best = (float(found[0]), noise)
+    head = time[:START_SAMPLES]
+    for fit in _start_fits(tuple((head - head[0]).tolist())):
+        values = found[: fit.basis.shape[0]]
+        coefficients = fit.solver @ values
+        misfit = float(((values - fit.basis @ coefficients) ** 2).sum())
+        if noise * fit.gain < best[1] and misfit <= noise**2 * fit.limit:
+            best = (float(coefficients[0]), noise * fit.gain)
+    return best
+
+
+@dataclass(frozen=True)
+class _StartFit:
+    """A polynomial through the first samples: its least squares, done once for each pattern of time stamps."""
+
+    basis: NDArray[np.float64]
+    solver: NDArray[np.float64]
+    gain: float
+    limit: float
+
+
+@functools.lru_cache(maxsize=256)
+def _start_fits(time: tuple[float, ...]) -> tuple[_StartFit, ...]:
+    fits = []
+    for k in range(2, len(time) + 1):
+        for order in range(min(3, k - 1)):
+            basis = np.vander(np.array(time[:k]) / time[k - 1], order + 1, increasing=True)
+            solver = np.linalg.pinv(basis)
+            fits.append(_StartFit(basis, solver, float(np.linalg.norm(solver[0])), float(chi2.ppf(0.9, k - order - 1))))
+    return tuple(fits)
 
 
 def start_readings(source: RunSource, names: Sequence[str]) -> dict[str, dict[str, tuple[float, float]]]:
@@ -72,12 +97,13 @@ def start_readings(source: RunSource, names: Sequence[str]) -> dict[str, dict[st
     for run in source.runs:
         missing = dict.fromkeys(names)
         found: dict[str, tuple[float, float]] = {}
-        for _, values in source.chunks(run, tuple(missing)):
+        for time_s, values in source.chunks(run, tuple(missing)):
             for j, name in enumerate(missing):
                 if name not in found or not np.isfinite(found[name][0]):
                     column = values[:, j]
                     first = np.flatnonzero(np.isfinite(column))[:1]
-                    found[name] = start_reading(column[int(first[0]) :]) if len(first) else (np.nan, np.nan)
+                    rows = slice(int(first[0]), int(first[0]) + 2 * NOISE_SAMPLES) if len(first) else slice(0)
+                    found[name] = start_reading(time_s[rows], column[rows])
             if all(np.isfinite(level) for level, _ in found.values()):
                 break
         starts[run] = found

@@ -1,0 +1,1 @@
+"""Which model: terms, least squares, exact subset search, validation."""
