@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,13 +15,12 @@ from selector.cli import showing
 from selector.cli.models import Model
 from selector.cli.showing import AsJson
 from selector.cli.source import Source, with_source
+from selector.findings import Finding, Where
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from selector.controllers.application import Accuracy, Application
-    from selector.findings import Finding
-    from selector.recording import Recording
 
 
 @with_source
@@ -39,20 +40,24 @@ def apply(
     """
     from selector.controllers.application import apply_model, write_predictions
     from selector.controllers.model_io import read_model
+    from selector.models.design import datum_of
     from selector.quality import inspect, without_faults
 
     read = read_model(model)
     reading = source.reading()
     outputs = [output.name for output in read.outputs]
-    used = {*outputs, *(item.name for item in read.inputs)}
-    quality = [_of_comparison(finding, outputs) for finding in inspect(reading.recording) if _concerns(finding, used)]
+    # what is missing altogether, apply_model says in the words of the model
+    used = {*outputs, *(item.name for item in read.inputs)} & set(reading.recording.names)
+    quality = [_of_comparison(finding, outputs) for finding in inspect(reading.recording, used)]
     compared = without_faults(reading.recording, quality)
     rises = [item.name for item in read.inputs if item.reference == "rise" and item.name in compared.names]
     zeros = [item.name for item in read.outputs if item.reference == "rise" and item.name in compared.names]
+    levels = datum_of(compared, rises, zeros, "rise").levels
     application = apply_model(
-        read, compared, start_readings=_levels(compared, rises), displacement_start=_levels(compared, zeros)
+        read, compared, start_readings=_only(levels, rises), displacement_start=_only(levels, zeros)
     )
-    findings = (*reading.findings, *quality, *application.findings)
+    told = [finding for finding in quality if not any(_says_the_same(other, finding) for other in application.findings)]
+    findings = (*reading.findings, *told, *_without_start(levels, rises), *application.findings)
     application = dataclasses.replace(application, findings=findings)
     if out is not None:
         write_predictions(application, out)
@@ -65,25 +70,45 @@ def apply(
         console.print(f"wrote {out}", markup=False)
 
 
-def _concerns(finding: Finding, used: set[str]) -> bool:
-    return finding.where.channel is None or finding.where.channel in used
-
-
 def _of_comparison(finding: Finding, outputs: list[str]) -> Finding:
     """The finding with the action that it has here: only faulty displacement is left out."""
-    if finding.action == "leave-out-stretch" and finding.where.channel in outputs:
+    if finding.action == "none" or (finding.action == "leave-out-stretch" and finding.where.channel in outputs):
         return finding
-    return dataclasses.replace(finding, action="none")
+    suggestion = re.sub(r" *\bThe \w+ (is|are) left out\.", "", finding.suggestion)
+    return dataclasses.replace(finding, action="none", suggestion=suggestion)
 
 
-def _levels(recording: Recording, names: list[str]) -> dict[str, dict[str, float]]:
-    """Start readings per run, counted as the model's own runs were; a channel without a reading is left out."""
-    from selector.models.reference import start_readings
+def _says_the_same(said: Finding, finding: Finding) -> bool:
+    """Whether the model's own look at a sensor covers what the quality check found there."""
+    a, b = said.where, finding.where
+    if said.id != "sensor-looks-broken" or (a.channel, a.run) != (b.channel, b.run):
+        return False
+    if a.from_s is None or a.to_s is None or b.from_s is None or b.to_s is None:
+        return True
+    return a.from_s <= b.to_s and b.from_s <= a.to_s
 
+
+def _only(levels: Mapping[str, Mapping[str, float]], names: list[str]) -> dict[str, dict[str, float]]:
     return {
-        run: {name: level for name, (level, _) in levels.items() if math.isfinite(level)}
-        for run, levels in start_readings(recording, names).items()
+        run: {name: level for name, level in found.items() if name in names and math.isfinite(level)}
+        for run, found in levels.items()
     }
+
+
+def _without_start(levels: Mapping[str, Mapping[str, float]], rises: list[str]) -> Iterator[Finding]:
+    """Sensors that have no reading at the start of a run: their rise counts from a later time."""
+    for run, found in levels.items():
+        for name in rises:
+            if not math.isfinite(found.get(name, math.nan)):
+                yield Finding(
+                    "start-missing",
+                    "warning",
+                    f"{name} has no reading at the start of run {run}; its rise counts from its first reading, and the "
+                    "prediction is too small by what happened before.",
+                    Where(channel=name, run=run),
+                    {},
+                    "record from the start of the run, or use a model that was selected with --reference absolute",
+                )
 
 
 def _show(console: Console, application: Application) -> None:

@@ -202,7 +202,7 @@ def study(
     recording = without_faults(reading.recording, faults)
     provenance = {
         "machine": reading.recording.provenance.get("machine"),
-        "runs": {run.run: {"file": run.file, "sha256": run.sha256} for run in reading.runs},
+        "runs": {run.name: {"file": run.file, "sha256": run.sha256} for run in reading.runs},
     }
     selection = selected(
         recording, options, findings=(*reading.findings, *faults), provenance=provenance, progress=progress
@@ -244,7 +244,7 @@ def show_selection(console: Console, selection: Selection) -> None:
     console.print(showing.table("Error of the model [µm]", columns, rows, numeric=columns[1:]))
     for name, model in selection.models.items():
         terms, coefficients, errors = model.physical()
-        lines = [("1", coefficients[0], errors[0], None)]
+        lines: list[tuple[str, float, float, float | None]] = [("1", coefficients[0], errors[0], None)]
         vif = {tuple(sorted(t.powers)): float(v) for t, v in zip(model.terms, model.vif, strict=True)}
         lines += [
             (str(term), coefficients[1 + i], errors[1 + i], vif.get(tuple(sorted(term.powers))))

@@ -60,7 +60,8 @@ class Application:
     overall : mapping of output to Accuracy
         All samples of all runs together.
     predictions : DataFrame
-        Columns ``run``, ``time_s`` and one per output: the predicted displacement [µm], NaN = no prediction.
+        Columns ``run``, ``time_s`` and one per output: the predicted displacement [µm], counted from the zero of the
+        recording so that the two can be laid over each other; NaN = no prediction.
     findings : tuple of Finding
     """
 
@@ -117,20 +118,22 @@ def apply_model(
     per_run: dict[str, dict[str, Accuracy]] = {}
     tables: list[pd.DataFrame] = []
     recorded: dict[str, list[Array]] = {output.name: [] for output in model.outputs}
+    modelled: dict[str, list[Array]] = {output.name: [] for output in model.outputs}
     for run in recording.runs:
         start = (start_readings or {}).get(run, {})
         predicted, about_run = _predictions(model, recording, run, start)
         findings.extend(about_run)
         per_run[run] = {}
         for output in model.outputs:
-            zero = (displacement_start or {}).get(run, {}).get(output.name)
-            recorded[output.name].append(_recorded(output, recording, run, zero))
+            zero = _zero(output, recording, run, (displacement_start or {}).get(run, {}).get(output.name))
+            recorded[output.name].append(_displacement(output, recording, run) - zero)
+            modelled[output.name].append(predicted[output.name])
             per_run[run][output.name] = Accuracy.of(predicted[output.name], recorded[output.name][-1])
+            predicted[output.name] = predicted[output.name] + zero
         tables.append(pd.DataFrame({"run": run, "time_s": recording.time_s(run), **predicted}))
     predictions = pd.concat(tables, ignore_index=True)
     overall = {
-        name: Accuracy.of(predictions[name].to_numpy(dtype=np.float64), np.concatenate(parts))
-        for name, parts in recorded.items()
+        name: Accuracy.of(np.concatenate(modelled[name]), np.concatenate(parts)) for name, parts in recorded.items()
     }
     findings.extend(_without_displacement(recording.runs, recorded))
     findings.extend(_worse_than_nothing(overall))
@@ -191,13 +194,18 @@ def _predictions(
     return predicted, found
 
 
-def _recorded(output: Output, recording: Recording, run: str, zero: float | None) -> Array:
+def _displacement(output: Output, recording: Recording, run: str) -> Array:
     if output.name not in recording.names:
         return np.full(len(recording.time_s(run)), np.nan)
-    values = recording.values(run, [output.name])[:, 0]
-    if zero is None:
-        zero = first_finite(values) if output.reference == "rise" else 0.0
-    return values - zero
+    return recording.values(run, [output.name])[:, 0]
+
+
+def _zero(output: Output, recording: Recording, run: str, given: float | None) -> float:
+    """What the recorded displacement counts from; 0 where there is none."""
+    if given is not None:
+        return given
+    first = first_finite(_displacement(output, recording, run)) if output.reference == "rise" else 0.0
+    return first if math.isfinite(first) else 0.0
 
 
 def _require_channels(model: ModelFile, recording: Recording) -> None:

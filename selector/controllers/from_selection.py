@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, cast
+
 import numpy as np
 
 from selector import __version__
@@ -54,7 +56,7 @@ def model_file_of(
         limit = max(RATE_MARGIN * rates[name], LEAST_RATE_PER_MIN) if name in rates else None
         return Input(
             name=name,
-            role=channel.role,
+            role=cast(Any, channel.role),
             unit=channel.unit,
             reference="rise" if rise and is_sensor else "absolute",
             centre=scaling.centre[i],

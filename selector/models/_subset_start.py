@@ -10,7 +10,7 @@ from numba import njit
 from selector.models._subset_algebra import CONTRACT, DROPPED, FREE, KEPT, PIVOT_TOLERANCE, insert, set_rss
 
 
-@njit(cache=True, nogil=True, fastmath=CONTRACT)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, fastmath=CONTRACT)
 def _sweep(v: Any, k: int) -> None:
     """Exchange variable k between the inside and the outside of the set, in place (the sweep operator)."""
     n = v.shape[0]
@@ -30,7 +30,7 @@ def _sweep(v: Any, k: int) -> None:
     row[k] = inverse
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def swept(gram: Any, cross: Any, state: Any, v: Any) -> bool:
     """Fill `v` with the matrix swept on the columns of the set; False when they depend on each other."""
     p = state.size
@@ -48,7 +48,7 @@ def swept(gram: Any, cross: Any, state: Any, v: Any) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def descend(
     gram: Any,
     cross: Any,
@@ -118,7 +118,7 @@ def descend(
             insert(best_rss, best_state, state, rss)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def starting_sets(
     gram: Any, cross: Any, root: Any, costs: Any, budget: float, max_size: int, best_rss: Any, best_state: Any
 ) -> None:
@@ -164,7 +164,7 @@ def starting_sets(
             _fill_up(gram, cross, root, costs, budget, size, state, best_rss, best_state, a, order)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _step_forward(root: Any, costs: Any, budget: float, state: Any, v: Any) -> bool:
     p = state.size
     spent = 0.0
@@ -186,7 +186,7 @@ def _step_forward(root: Any, costs: Any, budget: float, state: Any, v: Any) -> b
     return True
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _step_backward(root: Any, state: Any, v: Any) -> bool:
     p = state.size
     leave = -1
@@ -204,7 +204,7 @@ def _step_backward(root: Any, state: Any, v: Any) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _fill_up(
     gram: Any,
     cross: Any,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -19,121 +19,41 @@ from selector.models._subset_algebra import (
     set_rss,
 )
 from selector.models._subset_bound import inverse, largest_scale, relax, root_diagonal, spread_shares
+from selector.models._subset_nodes import (
+    CHOSEN,
+    CURRENT,
+    DIAGONAL,
+    FREE_COLUMNS,
+    HEAP,
+    INV,
+    NODES,
+    ORDER,
+    PM,
+    RANKING,
+    STACK,
+    TRIAL,
+    WHOLE,
+    WORK,
+    H,
+    M,
+    U,
+    X,
+    Y,
+    Z,
+    pop,
+    push,
+)
 
 DONE, PAUSED, FULL = 0, 1, 2
 PROOF_TOLERANCE = 1e-9
 """A node is closed when its bound reaches the best RSS less this share of it (or 1e-14 of the total)."""
 
 MAX_SOLVES = 15
-MIN_PROGRESS = 0.02
+MIN_PROGRESS = 0.05
 """Solves of one node stop when the last one closed less than this share of what was left."""
 
-HEAP, STACK, NODES, HELD, WORK = 0, 1, 2, 3, 4
-"""Places of the counters: nodes in the heap, on the stack, visited in all, slots ever used, work left in this chunk."""
 
-
-class Tree(NamedTuple):
-    """Open nodes of one size; slots are shared by a heap (best bound first) and, when that is full, a stack."""
-
-    counters: Any  # int64 (5,)
-    slots: Any  # int64 (3, capacity): the heap, the stack, and the slots that are free again
-    bound: Any  # float64 (capacity,)
-    scale: Any  # float64 (capacity,): valid factor on the diagonal
-    state: Any  # int8 (capacity, p)
-    share: Any  # float32 (capacity, p): z of the parent, where the next solve starts
-
-
-class Scratch(NamedTuple):
-    """Work space of one search, by rows: few arrays, because every one of them costs compile time in every kernel."""
-
-    matrices: Any  # float64 (4, (p + 1) · (p + 2)): all columns of the node, its free ones (P), work, inverse
-    vectors: Any  # float64 (6, p + 1)
-    integers: Any  # int64 (4, p + 1)
-    states: Any  # int8 (2, p): the node, a set to try
-
-
-WHOLE, PM, M, INV = 0, 1, 2, 3
-DIAGONAL, Z, U, H, X, Y = 0, 1, 2, 3, 4, 5
-RANKING, ORDER, FREE_COLUMNS, CHOSEN = 0, 1, 2, 3
-CURRENT, TRIAL = 0, 1
-
-
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def push(tree: Any, state: Any, z: Any, bound: float, scale: float, depth_first: bool) -> None:
-    """Open a node."""
-    heap = tree.slots[0]
-    stack = tree.slots[1]
-    unused = tree.slots[2]
-    n = tree.counters
-    if n[HELD] > n[HEAP] + n[STACK]:
-        slot = unused[n[HELD] - n[HEAP] - n[STACK] - 1]
-    else:
-        slot = n[HELD]
-        n[HELD] += 1
-    tree.bound[slot] = bound
-    tree.scale[slot] = scale
-    for j in range(state.size):
-        tree.state[slot, j] = state[j]
-        tree.share[slot, j] = z[j]
-    if depth_first:
-        stack[n[STACK]] = slot
-        n[STACK] += 1
-        return
-    i = n[HEAP]
-    n[HEAP] += 1
-    while i > 0:
-        parent = (i - 1) // 2
-        if tree.bound[heap[parent]] <= bound:
-            break
-        heap[i] = heap[parent]
-        i = parent
-    heap[i] = slot
-
-
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _pop(tree: Any) -> int:
-    heap = tree.slots[0]
-    stack = tree.slots[1]
-    unused = tree.slots[2]
-    n = tree.counters
-    if n[STACK] > 0:
-        n[STACK] -= 1
-        slot = stack[n[STACK]]
-    else:
-        slot = heap[0]
-        n[HEAP] -= 1
-        last = heap[n[HEAP]]
-        i = 0
-        while True:
-            child = 2 * i + 1
-            if child >= n[HEAP]:
-                break
-            if child + 1 < n[HEAP] and tree.bound[heap[child + 1]] < tree.bound[heap[child]]:
-                child += 1
-            if tree.bound[heap[child]] >= tree.bound[last]:
-                break
-            heap[i] = heap[child]
-            i = child
-        heap[i] = last
-    unused[n[HELD] - n[HEAP] - n[STACK] - 1] = slot
-    return int(slot)
-
-
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def open_bound(tree: Any) -> float:
-    """The smallest bound of the nodes that are still open; infinite when there are none."""
-    heap = tree.slots[0]
-    stack = tree.slots[1]
-    n = tree.counters
-    least = np.inf
-    if n[HEAP] > 0:
-        least = tree.bound[heap[0]]
-    for i in range(n[STACK]):
-        least = min(least, tree.bound[stack[i]])
-    return float(least)
-
-
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def offer(gram: Any, cross: Any, costs: Any, budget: float, best_rss: Any, best_state: Any, state: Any, w: Any) -> None:
     """Record a complete set if the budget allows it and it is among the best."""
     big = w.matrices[WHOLE]
@@ -148,7 +68,7 @@ def offer(gram: Any, cross: Any, costs: Any, budget: float, best_rss: Any, best_
             insert(best_rss, best_state, state, rss)
 
 
-@njit(cache=True, nogil=True, fastmath=CONTRACT)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, fastmath=CONTRACT)
 def enumerate_leaves(
     gram: Any,
     cross: Any,
@@ -196,7 +116,7 @@ def enumerate_leaves(
                 offer(gram, cross, costs, budget, best_rss, best_state, trial, w)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def expand(
     gram: Any,
     cross: Any,
@@ -228,7 +148,7 @@ def expand(
     current = w.states[CURRENT]
     p = gram.shape[0]
     n = tree.counters
-    slot = _pop(tree)
+    slot = pop(tree)
     bound0 = tree.bound[slot]
     threshold = best_rss[-1] * (1.0 - PROOF_TOLERANCE) - 1e-14
     if bound0 >= threshold:
@@ -374,10 +294,8 @@ def expand(
     _open(tree, w, t, a, bound, now, scale, depth_first, fixed)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _open(
-    tree: Any, w: Any, t: int, a: int, bound: float, now: float, scale: float, depth: bool, fixed: int
-) -> None:
+@njit(cache=True, nogil=True)
+def _open(tree: Any, w: Any, t: int, a: int, bound: float, now: float, scale: float, depth: bool, fixed: int) -> None:
     """Choose the column to branch on, or go on with the same node after many columns were fixed."""
     wz = w.vectors[Z]
     h = w.vectors[H]
@@ -411,7 +329,7 @@ def _open(
     _branch(tree, w, column, z, keep, drop, scale, depth)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _branch(tree: Any, w: Any, column: int, z: Any, keep: float, drop: float, scale: float, depth: bool) -> None:
     wx = w.vectors[X]
     current = w.states[CURRENT]
@@ -423,7 +341,7 @@ def _branch(tree: Any, w: Any, column: int, z: Any, keep: float, drop: float, sc
     push(tree, current, wx, keep, scale, depth)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _affordable(costs: Any, left: float, state: Any, a: int, x: Any) -> bool:
     """Whether the `a` cheapest free columns fit into what is left of the budget."""
     t = 0
@@ -441,7 +359,7 @@ def _affordable(costs: Any, left: float, state: Any, a: int, x: Any) -> bool:
     return bool(cheapest <= left + 1e-12 * abs(left))
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def search(
     gram: Any,
     cross: Any,

@@ -24,27 +24,21 @@ class Datum:
     levels: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def level(self, run: str, channel: str) -> float:
-        """The level of one channel in one run; 0 where none was found."""
+        """The level of one channel in one run: 0 if it has no datum, NaN if it needs one and its start is missing."""
         return self.levels.get(run, {}).get(channel, 0.0)
 
 
-def datum_of(
-    source: RunSource, inputs: Sequence[str], responses: Sequence[str], reference: Reference, speeds: Sequence[str] = ()
-) -> Datum:
+def datum_of(source: RunSource, inputs: Sequence[str], responses: Sequence[str], reference: Reference) -> Datum:
     """The datum of every run.
 
-    Temperatures count from the start of the run. A displacement does too, unless its gauge was zeroed already
-    (`gauge_start`). A speed is never a rise.
+    Temperatures count from the start of the run; one that has no reading there has no rise in that run. A displacement
+    counts from the start too, unless its gauge was zeroed already (`gauge_start`). A speed is never a rise.
     """
     if reference == "absolute":
         return Datum("absolute")
-    wanted = [name for name in (*inputs, *responses) if name not in speeds]
-    found = start_readings(source, wanted)
+    found = start_readings(source, (*inputs, *responses))
     levels = {
-        run: {
-            name: gauge_start(*reading) if name in responses else (reading[0] if np.isfinite(reading[0]) else 0.0)
-            for name, reading in readings.items()
-        }
+        run: {name: gauge_start(*reading) if name in responses else reading[0] for name, reading in readings.items()}
         for run, readings in found.items()
     }
     return Datum("rise", levels)

@@ -5,17 +5,19 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-import statsmodels.api as sm
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 from statsmodels.stats.diagnostic import acorr_ljungbox
 from statsmodels.stats.sandwich_covariance import S_nw_panel, weights_bartlett
 from statsmodels.stats.stattools import durbin_watson
 
 from selector.errors import OptionError
 from selector.models.terms import Scaling, Term, design_matrix, physical_transform
+
+_RANK = 1e-12
+"""Unit columns that are nearer than this to depending on each other are taken to do so: what is left is noise."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,8 @@ class FittedModel:
         Intercept [µm], then one per term in z [µm].
     covariance : ndarray of shape (1 + n_terms, 1 + n_terms)
         Robust to autocorrelation within runs (HAC, Newey–West per run).
+    classical_covariance : ndarray of shape (1 + n_terms, 1 + n_terms)
+        σ²(X'X)⁻¹, right for independent residuals only: what other programs print.
     vif : ndarray of shape (n_terms,)
         Variance inflation of each column.
     valid_range : tuple of (low, high) per variable
@@ -67,6 +71,8 @@ class FittedModel:
         About the mean; about zero without an intercept: never rank the two together.
     rmse_um : float
         √(mean squared residual), in sample.
+    residual_sd_um : float
+        √(rss/(n − coefficients)).
     ridge : float
         Penalty on the squared scaled coefficients, per sample; 0 = ordinary least squares.
     """
@@ -77,18 +83,20 @@ class FittedModel:
     has_intercept: bool
     coefficients: NDArray[np.float64]
     covariance: NDArray[np.float64]
+    classical_covariance: NDArray[np.float64]
     vif: NDArray[np.float64]
     valid_range: tuple[tuple[float, float], ...]
     n_samples: int
     r2: float
     adjusted_r2: float
     rmse_um: float
+    residual_sd_um: float
     diagnostics: Diagnostics
     ridge: float = 0.0
     notes: tuple[str, ...] = field(default=())
 
     def __post_init__(self) -> None:
-        for array in (self.coefficients, self.covariance, self.vif):
+        for array in (self.coefficients, self.covariance, self.classical_covariance, self.vif):
             array.setflags(write=False)
 
     def predicted(self, variables: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -97,13 +105,15 @@ class FittedModel:
         columns = design_matrix(scaled, self.scaling.variables, self.terms)
         return columns @ self.coefficients[1:] + self.coefficients[0]
 
-    def physical(self) -> tuple[tuple[Term, ...], NDArray[np.float64], NDArray[np.float64]]:
+    def physical(self, *, robust: bool = True) -> tuple[tuple[Term, ...], NDArray[np.float64], NDArray[np.float64]]:
         """Terms in x, coefficients (intercept first) and their standard errors: what people read.
 
-        E.g. µm per K for a linear term. The control gets the scaled form: it keeps its digits in 32 bits.
+        E.g. µm per K for a linear term. The control gets the scaled form: it keeps its digits in 32 bits. With
+        `robust` the errors allow for autocorrelation, without it they are the classical ones.
         """
         terms, matrix = physical_transform(self.terms, self.scaling)
-        errors = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", matrix, self.covariance, matrix), 0.0))
+        covariance = self.covariance if robust else self.classical_covariance
+        errors = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", matrix, covariance, matrix), 0.0))
         return terms, matrix @ self.coefficients, errors
 
 
@@ -147,23 +157,25 @@ def fit(
     columns = design_matrix(scaling.scaled(variables), scaling.variables, terms)
     exogenous = np.column_stack([np.ones(n), columns]) if intercept else columns
     groups = np.zeros(n, dtype=np.int64) if runs is None else runs
+    penalty = np.sqrt(ridge * n) * np.eye(k)
+    if intercept:
+        penalty[0, 0] = 0.0
+    beta, bread = _solution(np.vstack([exogenous, penalty]), np.r_[response, np.zeros(k)])
+    residuals = response - exogenous @ beta
+    rss = float(residuals @ residuals)
+    residual_sd = float(np.sqrt(rss / (n - k)))
+    covariance = _robust_covariance(exogenous, residuals, groups, bread)
+    classical = residual_sd**2 * (bread - bread @ penalty**2 @ bread)
     with warnings.catch_warnings():
-        # an exact fit divides by a zero residual variance; the numbers below say so themselves
+        # an exact fit divides by a zero residual variance; the numbers say so themselves
         warnings.simplefilter("ignore", RuntimeWarning)
-        result: Any = sm.OLS(response, exogenous).fit(method="qr" if _full_rank(exogenous) else "pinv")
-        beta = np.asarray(result.params, dtype=np.float64)
-        if ridge > 0:
-            beta = _ridge(exogenous, response, ridge, intercept)
-        residuals = response - exogenous @ beta
-        covariance = _robust_covariance(exogenous, residuals, groups, ridge, intercept)
         diagnostics = _diagnostics(exogenous, columns, residuals, groups, intercept)
     reference = response - response.mean() if intercept else response
     total = float(reference @ reference)
-    rss = float(residuals @ residuals)
     r2 = 1.0 - rss / total if total > 0 else float("nan")
     if not intercept:
         beta = np.r_[0.0, beta]
-        covariance = np.pad(covariance, ((1, 0), (1, 0)))
+        covariance, classical = (np.pad(one, ((1, 0), (1, 0))) for one in (covariance, classical))
     return FittedModel(
         response=name,
         scaling=scaling,
@@ -171,12 +183,14 @@ def fit(
         has_intercept=intercept,
         coefficients=beta,
         covariance=covariance,
+        classical_covariance=classical,
         vif=variance_inflation(columns, intercept=intercept),
         valid_range=tuple(zip(variables.min(axis=0).tolist(), variables.max(axis=0).tolist(), strict=True)),
         n_samples=n,
         r2=r2,
         adjusted_r2=adjusted_r2(r2, n, len(terms), intercept=intercept),
         rmse_um=float(np.sqrt(rss / n)),
+        residual_sd_um=residual_sd,
         diagnostics=diagnostics,
         ridge=ridge,
     )
@@ -198,46 +212,49 @@ def variance_inflation(columns: NDArray[np.float64], *, intercept: bool = True) 
     if columns.shape[1] == 0:
         return np.zeros(0)
     centred = columns - columns.mean(axis=0) if intercept else columns
-    norm = np.sqrt((centred**2).sum(axis=0))
-    norm[norm == 0] = 1.0
-    _, singular, rotation = np.linalg.svd(centred / norm, full_matrices=False)
-    with np.errstate(divide="ignore", over="ignore"):
-        inverse = (rotation.T**2 / singular**2).sum(axis=1) if len(singular) else np.full(columns.shape[1], np.inf)
-    inverse[~np.isfinite(inverse) | (inverse > 1e15)] = np.inf
-    return np.maximum(inverse, 1.0)
+    norm = np.linalg.norm(centred, axis=0)
+    # what centring leaves of a constant column is rounding
+    constant = norm <= 1e-14 * np.linalg.norm(columns, axis=0)
+    _, singular, rotation = np.linalg.svd(centred[:, ~constant] / norm[~constant], full_matrices=False)
+    independent = singular > _RANK * singular.max(initial=0.0)
+    inflation = (rotation[independent].T ** 2 / singular[independent] ** 2).sum(axis=1)
+    made_up = 1.0 - (rotation[independent] ** 2).sum(axis=0) > 1e-8
+    result = np.full(columns.shape[1], np.inf)
+    result[~constant] = np.where(made_up, np.inf, np.maximum(inflation, 1.0))
+    return result
 
 
-def _full_rank(exogenous: NDArray[np.float64]) -> bool:
-    diagonal = np.abs(
-        np.diag(np.linalg.qr(exogenous / np.maximum(np.linalg.norm(exogenous, axis=0), 1e-300), mode="r"))
-    )
-    return bool(diagonal.min(initial=1.0) > 1e-12)
+def _solution(
+    stacked: NDArray[np.float64], right: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Least-squares solution and (X'X)⁻¹ by orthogonal factors; minimum norm where columns depend on each other.
 
-
-def _ridge(
-    exogenous: NDArray[np.float64], response: NDArray[np.float64], ridge: float, intercept: bool
-) -> NDArray[np.float64]:
-    penalty = np.sqrt(ridge * len(response)) * np.eye(exogenous.shape[1])
-    if intercept:
-        penalty[0, 0] = 0.0
-    stacked = np.vstack([exogenous, penalty])
-    solution = np.linalg.lstsq(stacked, np.r_[response, np.zeros(len(penalty))], rcond=None)[0]
-    return np.asarray(solution, dtype=np.float64)
+    The normal equations are never formed: they have the square of the condition number.
+    """
+    norm = np.linalg.norm(stacked, axis=0)
+    # a power of two divides without rounding
+    norm = np.exp2(np.round(np.log2(np.where(norm > 0, norm, 1.0))))
+    basis, triangle = np.linalg.qr(stacked / norm)
+    left, singular, rotation = np.linalg.svd(triangle)
+    keep = singular > _RANK * singular[0] if len(singular) else np.zeros(0, dtype=np.bool_)
+    if keep.all():
+        root = solve_triangular(triangle, np.eye(len(triangle)))
+        beta = solve_triangular(triangle, basis.T @ right)
+    else:
+        root = rotation[keep].T / singular[keep]
+        beta = root @ (left[:, keep].T @ (basis.T @ right))
+    root = root / norm[:, None]
+    return beta / norm, root @ root.T
 
 
 def _robust_covariance(
     exogenous: NDArray[np.float64],
     residuals: NDArray[np.float64],
     groups: NDArray[np.int64],
-    ridge: float,
-    intercept: bool,
+    bread: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Newey–West within each run, Bartlett weights; the bread of the sandwich carries the ridge penalty."""
     n, k = exogenous.shape
-    penalty = ridge * n * np.eye(k)
-    if intercept:
-        penalty[0, 0] = 0.0
-    bread = np.linalg.pinv(exogenous.T @ exogenous + penalty, hermitian=True)
     parts = [(rows.start, rows.stop) for rows in _run_slices(groups)]
     shortest = min(stop - start for start, stop in parts)
     # 4(n/100)^(2/9) is the textbook bandwidth; thermal residuals stay correlated for much longer

@@ -86,27 +86,34 @@ def _start_fits(time: tuple[float, ...]) -> tuple[_StartFit, ...]:
     for k in range(2, len(time) + 1):
         for order in range(min(3, k - 1)):
             basis = np.vander(np.array(time[:k]) / time[k - 1], order + 1, increasing=True)
-            solver = np.linalg.pinv(basis)
+            solver = np.asarray(np.linalg.pinv(basis), dtype=np.float64)
             fits.append(_StartFit(basis, solver, float(np.linalg.norm(solver[0])), float(chi2.ppf(0.9, k - order - 1))))
     return tuple(fits)
 
 
 def start_readings(source: RunSource, names: Sequence[str]) -> dict[str, dict[str, tuple[float, float]]]:
-    """`start_reading` of every channel in every run: {run: {channel: (level, standard error)}}."""
+    """`start_reading` of every channel in every run: {run: {channel: (level, standard error)}}.
+
+    A channel whose first reading comes later than `START_SAMPLES` samples into the run has no start: (NaN, NaN).
+    """
+    wanted = tuple(dict.fromkeys(names))
     starts: dict[str, dict[str, tuple[float, float]]] = {}
     for run in source.runs:
-        missing = dict.fromkeys(names)
-        found: dict[str, tuple[float, float]] = {}
-        for time_s, values in source.chunks(run, tuple(missing)):
-            for j, name in enumerate(missing):
-                if name not in found or not np.isfinite(found[name][0]):
-                    column = values[:, j]
-                    first = np.flatnonzero(np.isfinite(column))[:1]
-                    rows = slice(int(first[0]), int(first[0]) + 2 * NOISE_SAMPLES) if len(first) else slice(0)
-                    found[name] = start_reading(time_s[rows], column[rows])
-            if all(np.isfinite(level) for level, _ in found.values()):
+        times: list[NDArray[np.float64]] = []
+        parts: list[NDArray[np.float64]] = []
+        for time_s, values in source.chunks(run, wanted):
+            times.append(time_s[: 4 * NOISE_SAMPLES])
+            parts.append(values[: 4 * NOISE_SAMPLES])
+            if sum(map(len, times)) >= 4 * NOISE_SAMPLES:
                 break
-        starts[run] = found
+        if not times:
+            starts[run] = dict.fromkeys(wanted, (np.nan, np.nan))
+            continue
+        time, head = np.concatenate(times), np.concatenate(parts)
+        starts[run] = {
+            name: start_reading(time, head[:, j]) if np.isfinite(head[:START_SAMPLES, j]).any() else (np.nan, np.nan)
+            for j, name in enumerate(wanted)
+        }
     return starts
 
 

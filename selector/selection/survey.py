@@ -6,18 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.errors import OptionError
 from selector.findings import Finding, Where
-from selector.models.design import Columns, Datum, Design
-from selector.models.moments import moments, scaling_of
+from selector.models.design import Datum
 from selector.models.reference import RunSource
-from selector.models.terms import Term
 from selector.selection.options import Question
-
-FEW_MISSING = 0.01
-REPLACEABLE_R2 = 0.98
+from selector.selection.usable import usable_sensors
 
 
 @dataclass(frozen=True)
@@ -59,7 +54,7 @@ class RunsOf:
         return self._runs
 
 
-def survey(source: RunSource, question: Question) -> Survey:
+def survey(source: RunSource, question: Question, datum: Datum) -> Survey:
     """Decide which runs and sensors can be used.
 
     A sensor that is constant, that copies another one, or that is missing where others could stand in for it is not a
@@ -79,11 +74,13 @@ def survey(source: RunSource, question: Question) -> Survey:
     for run in source.runs:
         n, with_response, first_s, last_s, steps = 0, 0, np.nan, np.nan, []
         absent = np.zeros(len(names))
+        no_start = np.flatnonzero([np.isnan(datum.level(run, name)) for name in names])
         for time_s, values in source.chunks(run, names):
             found = np.isfinite(values)
             # samples without a displacement teach nothing, whatever the sensors say
             rows = found[:, n_sensors:].all(axis=1)
             absent += (~found[rows]).sum(axis=0)
+            absent[no_start] += found[rows][:, no_start].sum(axis=0)
             with_response += int(rows.sum())
             n += len(time_s)
             if np.isnan(first_s) and len(time_s):
@@ -108,96 +105,15 @@ def survey(source: RunSource, question: Question) -> Survey:
             where="--response",
             advice="check the column and the unit of the displacement with `selector describe`",
         )
-    kept = _usable(RunsOf(source, runs), question, missing / total, low, high, findings)
+    kept, about_sensors = usable_sensors(RunsOf(source, runs), question, missing / total, low, high)
     return Survey(
         tuple(runs),
         total,
         float(np.median(periods)) if periods else 1.0,
         float(max(durations)),
         replace(question, sensors=tuple(kept)),
-        tuple(findings),
+        (*findings, *about_sensors),
     )
-
-
-def _usable(
-    source: RunSource,
-    question: Question,
-    missing: NDArray[np.float64],
-    low: NDArray[np.float64],
-    high: NDArray[np.float64],
-    findings: list[Finding],
-) -> list[str]:
-    must = set(question.options.must)
-    reasons: dict[str, tuple[str, str, str]] = {}
-    for j, name in enumerate(question.sensors):
-        if not np.isfinite(low[j]) or missing[j] >= 1.0:
-            reasons[name] = ("sensor-missing", "has no reading where the displacement is known", "check its wiring")
-        elif high[j] - low[j] <= 1e-9 * max(1.0, abs(high[j])):
-            reasons[name] = ("constant-sensor", f"always reads {high[j]:.6g} °C", "a constant cannot explain anything")
-    gaps = {name: missing[j] for j, name in enumerate(question.sensors) if name not in reasons}
-    patchy = [name for name, share in gaps.items() if share > FEW_MISSING]
-    for name in sorted(patchy, key=lambda name: -gaps[name]):
-        others = [other for other in gaps if other != name and other not in reasons and gaps[other] <= FEW_MISSING]
-        likeness = _explained(source, name, others) if others else 0.0
-        if (gaps[name] > 0.5 or likeness >= REPLACEABLE_R2) and name not in must:
-            reasons[name] = (
-                "sensor-missing",
-                f"is missing in {100 * gaps[name]:.0f} % of the samples; others explain {100 * likeness:.1f} % of it",
-                f"use --must {name} to keep it at the price of those samples",
-            )
-        else:
-            findings.append(
-                Finding(
-                    "samples-lost",
-                    "warning",
-                    f"{name} is missing in {100 * gaps[name]:.0f} % of the samples and no other sensor can stand in "
-                    f"for it; those samples are not used for sets with {name}, nor for comparing sensors.",
-                    Where(channel=name),
-                    {"missing_share": float(gaps[name]), "explained_by_others": likeness},
-                    f"repair {name} and record again, or use --never {name}",
-                    "leave-out-stretch",
-                )
-            )
-    for name, (kind, why, advice) in reasons.items():
-        if name in must:
-            raise OptionError(
-                f"{name} {why}",
-                expected="a sensor that can be used",
-                where="--must",
-                advice=f"take {name} out of --must",
-            )
-        findings.append(
-            Finding(
-                kind,
-                "warning",
-                f"{name} {why}; it is not a candidate.",
-                Where(channel=name),
-                {},
-                advice,
-                "leave-out-channel",
-            )
-        )
-    kept = [name for name in question.sensors if name not in reasons]
-    if not kept:
-        raise OptionError(
-            "no usable sensor: " + "; ".join(f"{name} {why}" for name, (_, why, _) in reasons.items()),
-            expected="at least one temperature that changes",
-            where="recordings",
-            advice="record a run in which the machine warms up, and check the sensors with `selector describe`",
-        )
-    return kept
-
-
-def _explained(source: RunSource, name: str, others: Sequence[str]) -> float:
-    """R² of a sensor on the others, where all are there."""
-    design = Design((name, *others), (), Datum("absolute"))
-    columns = Columns(scaling_of(source, design), tuple(Term(((one, 1),)) for one in design.inputs))
-    cross, n = moments(source, design, columns).centred() if source.runs else (np.zeros((1, 1)), 0.0)
-    if n <= len(others) + 2 or cross[0, 0] <= 0:
-        return 0.0
-    within = cross[1:, 1:] + 1e-10 * np.trace(cross[1:, 1:]) / len(others) * np.eye(len(others))
-    explained = float(cross[0, 1:] @ np.linalg.solve(within, cross[1:, 0]))
-    return min(max(explained / float(cross[0, 0]), 0.0), 1.0)
 
 
 def _run_without_displacement(run: str, responses: Sequence[str]) -> Finding:

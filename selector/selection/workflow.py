@@ -69,10 +69,11 @@ def select(
     """
     say = progress or (lambda _what, _share: None)
     say("reading", 0.0)
-    surveyed = survey(source, question_of(source, options or Options()))
+    asked = question_of(source, options or Options())
+    datum = datum_of(source, asked.sensors, asked.responses, asked.options.reference)
+    surveyed = survey(source, asked, datum)
     question = surveyed.question
     runs = RunsOf(source, surveyed.runs)
-    datum = datum_of(runs, question.sensors, question.responses, question.options.reference)
     n_blocks = _blocks(len(surveyed.runs), surveyed.n_samples)
     folds = _Folds(question, runs, datum, n_blocks)
 

@@ -1,0 +1,155 @@
+"""Which sensors can be candidates at all, and why the others cannot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.errors import OptionError
+from selector.findings import Finding, Where
+from selector.models.design import Columns, Datum, Design
+from selector.models.moments import moments, scaling_of
+from selector.models.reference import RunSource
+from selector.models.terms import Term
+from selector.selection.options import Question
+
+FEW_MISSING = 0.01
+MOST_MISSING = 0.5
+ENOUGH_COMPLETE = 0.5
+REPLACEABLE_R2 = 0.998
+"""What is left of a sensor beyond the others must be of the size of its noise before it can be done without."""
+
+Reasons = dict[str, tuple[str, str, str]]
+"""Sensor → (finding id, why it cannot be used, advice)."""
+
+
+def usable_sensors(
+    source: RunSource,
+    question: Question,
+    missing: NDArray[np.float64],
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+) -> tuple[list[str], list[Finding]]:
+    """Sensors that can be candidates, and findings about those that cannot or that cost samples.
+
+    Sensors are compared on samples at which all of them are there. One that is missing often costs the others their
+    samples: it is left out if the others can stand in for it, or if fewer than half of the samples would remain.
+
+    Parameters
+    ----------
+    missing, low, high : ndarray of shape (≥ n_sensors,)
+        Share of samples without a reading, smallest and largest reading of each sensor, sensors first.
+
+    Raises
+    ------
+    OptionError
+        Nothing usable is left, or a sensor that must be kept cannot be.
+    """
+    reasons: Reasons = {}
+    for j, name in enumerate(question.sensors):
+        if not np.isfinite(low[j]) or missing[j] >= 1.0:
+            reasons[name] = ("sensor-missing", "has no reading where the displacement is known", "check its wiring")
+        elif high[j] - low[j] <= 1e-9 * max(1.0, abs(high[j])):
+            reasons[name] = ("constant-sensor", f"always reads {high[j]:.6g} °C", "a constant cannot explain anything")
+    gaps = {name: float(missing[j]) for j, name in enumerate(question.sensors) if name not in reasons}
+    likeness = _left_out_for_gaps(source, question.options.must, gaps, reasons)
+    for name, (_, why, _) in reasons.items():
+        if name in question.options.must:
+            raise OptionError(
+                f"{name} {why}",
+                expected="a sensor that can be used",
+                where="--must",
+                advice=f"take {name} out of --must",
+            )
+    kept = [name for name in question.sensors if name not in reasons]
+    if not kept:
+        raise OptionError(
+            "no usable sensor: " + "; ".join(f"{name} {why}" for name, (_, why, _) in reasons.items()),
+            expected="at least one temperature that changes",
+            where="recordings",
+            advice="record a run in which the machine warms up, and check the sensors with `selector describe`",
+        )
+    findings = [_not_a_candidate(name, *reason) for name, reason in reasons.items()]
+    findings += [_samples_lost(name, gaps[name], likeness[name]) for name in likeness if name in kept]
+    return kept, findings
+
+
+def _left_out_for_gaps(
+    source: RunSource, must: Sequence[str], gaps: Mapping[str, float], reasons: Reasons
+) -> dict[str, float]:
+    """Adds reasons for sensors that are missing too often; R² on the others of every sensor with gaps."""
+    likeness: dict[str, float] = {}
+    for name in sorted((n for n, share in gaps.items() if share > FEW_MISSING), key=lambda n: -gaps[n]):
+        others = [other for other in gaps if other != name and other not in reasons and gaps[other] <= FEW_MISSING]
+        likeness[name] = _explained(source, name, others) if others else 0.0
+        if name not in must and (gaps[name] > MOST_MISSING or likeness[name] >= REPLACEABLE_R2):
+            reasons[name] = (
+                "sensor-missing",
+                f"is missing in {100 * gaps[name]:.0f} % of the samples; others explain {likeness[name]:.1%} of it",
+                f"use --must {name} to keep it at the price of those samples",
+            )
+    spare = sorted((n for n in likeness if n not in reasons and n not in must), key=lambda n: -likeness[n])
+    while spare:
+        kept = [name for name in gaps if name not in reasons]
+        complete = _complete_share(source, kept)
+        if complete >= ENOUGH_COMPLETE:
+            break
+        name = spare.pop(0)
+        reasons[name] = (
+            "sensor-missing",
+            f"is missing in {100 * gaps[name]:.0f} % of the samples, and with the gaps of others only "
+            f"{100 * complete:.0f} % of the samples would be complete",
+            f"use --must {name} to keep it at the price of those samples",
+        )
+    return likeness
+
+
+def _explained(source: RunSource, name: str, others: Sequence[str]) -> float:
+    """R² of a sensor on the others, where all are there."""
+    design = Design((name, *others), (), Datum("absolute"))
+    columns = Columns(scaling_of(source, design), tuple(Term(((one, 1),)) for one in design.inputs))
+    found = moments(source, design, columns)
+    if not len(found.folds):
+        return 0.0
+    cross, n = found.centred()
+    if n <= len(others) + 2 or cross[0, 0] <= 0:
+        return 0.0
+    within = cross[1:, 1:] + 1e-10 * np.trace(cross[1:, 1:]) / len(others) * np.eye(len(others))
+    explained = float(cross[0, 1:] @ np.linalg.solve(within, cross[1:, 0]))
+    return min(max(explained / float(cross[0, 0]), 0.0), 1.0)
+
+
+def _complete_share(source: RunSource, names: Sequence[str]) -> float:
+    complete = total = 0
+    for run in source.runs:
+        for _, values in source.chunks(run, names):
+            complete += int(np.isfinite(values).all(axis=1).sum())
+            total += len(values)
+    return complete / max(total, 1)
+
+
+def _not_a_candidate(name: str, kind: str, why: str, advice: str) -> Finding:
+    return Finding(
+        kind,
+        "warning",
+        f"{name} {why}; it is not a candidate.",
+        Where(channel=name),
+        {},
+        advice,
+        "leave-out-channel",
+    )
+
+
+def _samples_lost(name: str, share: float, likeness: float) -> Finding:
+    return Finding(
+        "samples-lost",
+        "warning",
+        f"{name} is missing in {100 * share:.0f} % of the samples and no other sensor can stand in for it; those "
+        f"samples are not used for sets with {name}, nor for comparing sensors.",
+        Where(channel=name),
+        {"missing_share": share, "explained_by_others": likeness},
+        f"repair {name} and record again, or use --never {name}; --reference absolute needs no start reading",
+        "leave-out-stretch",
+    )
