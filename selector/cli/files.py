@@ -41,6 +41,18 @@ def folder_written_whole(folder: Path) -> Iterator[Path]:
         shutil.rmtree(part, ignore_errors=True)
 
 
+@contextmanager
+def folder_removed_if_empty(folder: Path) -> Iterator[None]:
+    """Takes away a folder that was made inside the block when the block fails and has left it empty."""
+    there_before = folder.exists()
+    try:
+        yield
+    except BaseException:
+        if not there_before and folder.is_dir() and not any(folder.iterdir()):
+            folder.rmdir()
+        raise
+
+
 def refuse_to_overwrite(path: Path, *, force: bool, option: str) -> None:
     """Ends with an error when the file exists and the user did not say ``--force``.
 

@@ -81,6 +81,8 @@ def _particulars(model: ModelFile) -> list[str]:
             f"proof of {name}: {proof.heldout_rmse_um:.3g} µm RMS{most} on unseen data ({proof.method or '?'})"
         )
     guard = model.guard
+    if not guard.limits:
+        lines.append("correction: no limit decided")
     for limit in guard.limits:
         clamp = "no limit decided" if limit.clamp_um is None else f"at most ±{limit.clamp_um:g} µm"
         slew = "" if limit.slew_um_per_s is None else f", {limit.slew_um_per_s:g} µm/s"

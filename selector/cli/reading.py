@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from selector.cli import showing
-from selector.cli.files import folder_written_whole, refuse_to_overwrite
+from selector.cli.files import folder_removed_if_empty, refuse_to_overwrite
 from selector.cli.showing import AsJson
 from selector.cli.source import Source, with_source
 
@@ -39,7 +39,7 @@ def describe(
     With --write the guesses become a machine file: correct it and give it to every other command with --machine.
     """
     from selector.quality import inspect
-    from selector.readers import write_machine_file
+    from selector.readers import machine_of, write_machine_file
 
     if write is not None:
         refuse_to_overwrite(write, force=force, option="--write")
@@ -47,7 +47,7 @@ def describe(
     findings = (*reading.findings, *inspect(reading.recording))
     description: dict[str, Any] = {**reading.description(), "findings": findings}
     if write is not None:
-        write_machine_file(reading, write)
+        write_machine_file(machine_of(reading), write, reading.undeclared)
     if as_json:
         showing.print_json(description)
     console = showing.screen(as_json)
@@ -62,13 +62,24 @@ def convert(
     source: Source,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder that receives the recordings.")],
     table_format: Annotated[TableFormat, typer.Option("--format", help="Format of the tables.")] = TableFormat.CSV,
-    force: Annotated[bool, typer.Option("--force", metavar="", help="Replace files of the same name in DIR.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Writes clean recordings: UTF-8, comma, decimal point, time in seconds, canonical units, and machine.toml."""
-    from selector.readers import convert as written_recordings
+    """Writes clean recordings: UTF-8, comma, decimal point, time in seconds, canonical units, and machine.toml.
+
+    What a file says is written as it was read; nothing is left out or filled in. Files of the same name in DIR are
+    replaced, unless they are among the recordings that were read.
+    """
+    from selector.readers import convert as converted
 
     reading = source.reading()
+    with folder_removed_if_empty(out):
+        paths = converted(reading, out, table_format.value)
+    if as_json:
+        showing.print_json({"schema": "selector.conversion/1", "files": paths, "findings": reading.findings})
+        return
+    console = showing.screen()
+    showing.show_findings(console, reading.findings)
+    console.print(f"wrote {len(paths)} files to {out}: {', '.join(path.name for path in paths)}", markup=False)
 
 
 def _show(console: Console, description: Mapping[str, Any]) -> None:
@@ -99,8 +110,37 @@ def _show(console: Console, description: Mapping[str, Any]) -> None:
     ]
     columns = ["channel", "column", "role", "unit", "unit in file", "guessed"]
     console.print(showing.table("Channels", columns, channels))
-    how = [f"{name.replace('_', ' ')} {showing.cell_text(value)}" for name, value in description["reading"].items()]
-    console.print("Read as: " + ", ".join(how), markup=False)
+    first, *others = _ways(description)
+    console.print(f"Read as: {first}", markup=False)
+    for other in others:
+        console.print(f"  but {other}", markup=False)
     findings = description["findings"]
     console.print(f"\n{len(findings)} finding{'' if len(findings) == 1 else 's'}", markup=False)
     showing.show_findings(console, findings)
+
+
+def _ways(description: Mapping[str, Any]) -> Iterator[str]:
+    """How the first file was read, then each run that was read in another way."""
+    reading = description["reading"]
+    yield _way(reading)
+    for run, own in reading.get("per_run", {}).items():
+        yield f"{run}: {_way(own)}"
+
+
+def _way(reading: Mapping[str, Any]) -> str:
+    names = {",": "comma", ".": "point", ";": "semicolon", "|": "bar"}
+    parts = [str(reading["format"])]
+    for key in ("encoding", "separator", "decimal"):
+        if reading.get(key) is not None:
+            parts.append(f"{key} {names.get(reading[key], reading[key])}")
+    if reading.get("sheet") is not None:
+        parts.append(f"sheet {reading['sheet']}")
+    if reading.get("header_row"):
+        parts.append(f"names in row {reading['header_row']}")
+    if reading.get("unit_row"):
+        parts.append("a row of units")
+    time = reading["time"]
+    clock = " and ".join(time["columns"])
+    guessed = f" ({' and '.join(time['guessed'])} guessed)" if time["guessed"] else ""
+    parts.append(f"time from {clock} [{time['unit']}]{guessed}" if clock else f"no time column{guessed}")
+    return ", ".join(parts)

@@ -100,7 +100,9 @@ def show_findings(console: Console, findings: Iterable[Finding]) -> None:
         place = where_text(finding.where)
         line.append(f" ({place}): " if place else ": ")
         line.append(finding.statement)
-        for more in (_ACTIONS[finding.action], finding.suggestion):
+        # many suggestions say themselves what is left out
+        action = "" if "left out" in finding.suggestion else _ACTIONS[finding.action]
+        for more in (action, finding.suggestion):
             if more:
                 line.append(f"\n    → {more}")
         console.print(line)

@@ -60,7 +60,7 @@ DateOrder = Annotated[
 Period = Annotated[
     float | None,
     typer.Option(
-        "--period", metavar="SECONDS", help="Sampling period of recordings without a time.", rich_help_panel=_PANEL
+        "--period-s", metavar="SECONDS", help="Sampling period of recordings without a time.", rich_help_panel=_PANEL
     ),
 ]
 Sheet = Annotated[
@@ -114,7 +114,7 @@ class Source:
             time_column=self.time_column,
             time_unit=self.time_unit,
             date_order=_one_of(self.date_order, ("dmy", "mdy", "ymd"), "--date-order"),
-            period_s=_positive(self.period, "--period"),
+            period_s=_positive(self.period, "--period-s"),
             units=pairs(self.unit, "--unit"),
             roles=pairs(self.role, "--role"),
         )
@@ -207,6 +207,6 @@ def _positive(value: float | None, option: str) -> float | None:
             f"{value}",
             expected="a positive number of seconds",
             where=option,
-            advice="e.g. --period 60 for one a minute",
+            advice="e.g. --period-s 60 for one a minute",
         )
     return value
