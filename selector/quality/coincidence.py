@@ -21,19 +21,27 @@ _FOLLOWED = 0.2
 """Share of a command's changes at which a channel must jump for the command to be a cause."""
 
 
-def commanded(survey: Survey, column: int, run: str, moment_s: tuple[float, float], moments: Moments) -> str:
+def commanded(
+    survey: Survey, column: int, run: str, moment_s: tuple[float, float], moments: Moments | None = None
+) -> str:
     """Which command or state of the machine causes a jump, in words; empty if none does.
 
-    One that changes at this moment, and either has changed at most twice in the recording, or has the channel jump
-    at a fifth of its changes at least: a change that is close by chance is no cause.
+    One that changes at this moment. When the moments of all jumps of the channel are given, it must have changed so
+    much at most twice in the recording, or have the channel jump at a fifth of these changes at least: a change that
+    is close by chance is no cause. A change of speed always is one for a displacement.
     """
     first, last = _rows_near(survey, run, moment_s, _NEAR_PERIODS)
     for other in survey.columns(*COMMAND_ROLES):
         if other == column or not _changes(survey.values[run][other], first, last):
             continue
+        speeding = survey.channels[column].role == "displacement" and survey.channels[other].role == "spindle_speed"
+        if moments is None or speeding:
+            return f"{survey.channels[other].name} changes at that moment"
         changes = jumped = 0
+        piece = survey.values[run][other][first:last]
+        size = 0.7 * float(np.nanmax(np.abs(np.diff(piece))))
         for each in survey.runs:
-            changed = _change_times(survey, each, other)
+            changed = _change_times(survey, each, other, size)
             changes += changed.size
             near = 4.0 * _period(survey, each)
             jumped += sum(
@@ -46,13 +54,14 @@ def commanded(survey: Survey, column: int, run: str, moment_s: tuple[float, floa
     return ""
 
 
-def another_jump(survey: Survey, column: int, run: str, moment_s: tuple[float, float]) -> str:
-    """Which other measured channel jumps at this moment, in words; empty if none does."""
+def jumping_with(survey: Survey, column: int, run: str, moment_s: tuple[float, float]) -> list[str]:
+    """Names of the other measured channels that jump at this moment."""
     first, last = _rows_near(survey, run, moment_s, _NEAR_PERIODS)
-    for other in survey.columns(*MEASURED_ROLES):
-        if other != column and _jumps(survey.values[run][other], first, last, survey.scale(run, other).floor):
-            return f"{survey.channels[other].name} jumps with it"
-    return ""
+    return [
+        survey.channels[other].name
+        for other in survey.columns(*MEASURED_ROLES)
+        if other != column and _jumps(survey.values[run][other], first, last, survey.scale(run, other).floor)
+    ]
 
 
 def kink_elsewhere(survey: Survey, column: int, run: str, moment_s: tuple[float, float]) -> str:
@@ -78,13 +87,13 @@ def _period(survey: Survey, run: str) -> float:
     return float(np.median(np.diff(time))) if time.size > 1 else 0.0
 
 
-def _change_times(survey: Survey, run: str, column: int) -> Floats:
-    """When a command changes [s]: differences far above its usual ones, those in a row counted once."""
+def _change_times(survey: Survey, run: str, column: int, size: float) -> Floats:
+    """When a command changes by so much [s]: differences far above its usual ones, those in a row counted once."""
     series = survey.series(run, column)
     if series.x.size < 2:
         return np.empty(0)
     differences = np.abs(np.diff(series.x))
-    least = max(6.0 * float(np.median(differences)), 0.02 * float(np.ptp(series.x)), 1e-300)
+    least = max(6.0 * float(np.median(differences)), 0.02 * float(np.ptp(series.x)), size, 1e-300)
     at = np.flatnonzero(differences > least)
     at = at[np.diff(at, prepend=-10) > 2]
     return np.asarray(series.time_s[at + 1], dtype=np.float64)

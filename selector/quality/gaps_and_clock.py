@@ -174,13 +174,21 @@ def _continuity(survey: Survey, run: str, at: int, reach: int = 8) -> tuple[int,
         if not (np.isfinite(left).all() and np.isfinite(right).all()):
             continue
         slopes = [_slope(time[before], left), _slope(time[after], right)]
+        # the two straight lines, each at its end of the leap
+        ends = [
+            x.mean() + slope * (at_s - t.mean())
+            for x, slope, t, at_s in (
+                (left, slopes[0], time[before], time[at]),
+                (right, slopes[1], time[after], time[at + 1]),
+            )
+        ]
         floor = max(survey.scale(run, column).floor, 1e-12)
         # the slower of two agreeing slopes, over half of the leap: what it must at least have moved
         due = 0.5 * min(abs(slopes[0]), abs(slopes[1])) * leap if slopes[0] * slopes[1] > 0 else 0.0
         if due < 10 * floor:
             continue
         moving += 1
-        agreeing += bool(abs(float(np.median(right[:3]) - np.median(left[-3:]))) < 0.25 * due + 3 * floor)
+        agreeing += bool(abs(float(ends[1] - ends[0])) < 0.25 * due + 3 * floor)
     return agreeing, moving
 
 

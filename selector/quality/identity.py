@@ -106,7 +106,11 @@ def _gains(
             usual.append(_mismatch(relations, own, beside, fitted, o, own))
         if after > 2.0 * max(usual):
             return None
-        proofs.append(before / max(after, *usual) if before > _least(relations, own) else 0.0)
+        # a near twin fits in every run: the other column must fit here as it does nowhere else
+        cross = [_mismatch(relations, own, beside, weights, o, other) for o in known]
+        fits_only_here = bool(cross) and after < 0.4 * float(np.median(cross))
+        proved = before > _least(relations, own) and fits_only_here
+        proofs.append(before / max(after, *usual) if proved else 0.0)
         result += [before, after]
     # one channel may be too independent of the rest to prove anything, if the other one proves it alone
     if min(proofs) < _TIMES and max(proofs) < _TIMES_ALONE:

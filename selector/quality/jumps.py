@@ -14,7 +14,7 @@ import numpy as np
 
 from selector.findings import Finding, Where
 from selector.quality.break_codes import told
-from selector.quality.coincidence import Moments, another_jump, commanded, kink_elsewhere
+from selector.quality.coincidence import Moments, commanded, jumping_with, kink_elsewhere
 from selector.quality.survey import MEASURED_ROLES, Floats, Ints, Series, Survey
 from selector.quality.wording import difference, moment, reading
 
@@ -22,7 +22,7 @@ _SHARP = 5.0
 """A jump is looked at when it exceeds so many standard deviations of single differences (6e-7 in normal noise)."""
 _CLEAR = 6.0
 """A step is believed when it exceeds so many standard errors of the levels on its two sides."""
-_SMALLEST = {"degC": 0.35, "um": 2.0}
+_SMALLEST = {"degC": 0.5, "um": 4.0}
 """Smaller jumps do no harm to a thermal model [K, µm]."""
 _STEPS = 3.5
 """A jump spans more than so many steps of the resolution."""
@@ -37,12 +37,16 @@ _REST = 0.35
 
 @dataclass(frozen=True)
 class Jump:
-    """A level that changes for good: position of the last sample before it, height [unit], time [s]."""
+    """A level that changes for good: position of the last sample before it, height [unit], time [s].
+
+    `bends`: the course has another slope from there.
+    """
 
     at: int
     height: float
     time_s: float
     error: float
+    bends: bool
 
 
 def sharp_differences(series: Series, survey: Survey) -> Ints:
@@ -66,19 +70,24 @@ def spikes(survey: Survey) -> Iterator[Finding]:
     """Findings ``spike``: up to three samples off, the level before and after the same. O(samples)."""
     for column in survey.columns(*MEASURED_ROLES):
         found: list[tuple[Series, int, int, float]] = []
+        shifts: list[float] = []
         for run in survey.runs:
             series, noise = survey.series(run, column), survey.scale(run, column).block_noise
             widest = 5.0 * float(noise.max()) if noise.size else 0.0
-            found += [(series, *spike) for spike in _spike_samples(series, sharp_differences(series, survey), widest)]
-        moments: Moments = [(s.run, (float(s.time_s[a - 1]), float(s.time_s[a]))) for s, a, _, _ in found]
+            sharp = sharp_differences(series, survey)
+            found += [(series, *spike) for spike in _spike_samples(series, sharp, widest)]
+            shifts += [abs(jump.height) for jump in _level_shifts(series, sharp)]
+        others = len(survey.columns(*MEASURED_ROLES)) - 1
         kept: dict[str, list[tuple[tuple[float, float], float]]] = {}
-        for (series, first, last, height), (run, moment_s) in zip(found, moments, strict=True):
-            # of a single sample no thermal process is the cause, of some the others would know
-            if commanded(survey, column, run, moment_s, moments) or (
-                last > first and another_jump(survey, column, run, moment_s)
-            ):
-                continue
-            kept.setdefault(run, []).append(((float(series.time_s[first]), float(series.time_s[last])), height))
+        for series, first, last, height in found:
+            moment_s = (float(series.time_s[first - 1]), float(series.time_s[last + 1]))
+            # a thin sensor that steps as high elsewhere, or a process that some other channels see; what all of them
+            # see in one sample is interference
+            steps_too = sum(shift > 0.6 * abs(height) for shift in shifts) >= 2
+            shared = 0 < len(jumping_with(survey, column, series.run, moment_s)) < 0.6 * others
+            if not steps_too and not shared and not commanded(survey, column, series.run, moment_s):
+                window = (float(series.time_s[first]), float(series.time_s[last]))
+                kept.setdefault(series.run, []).append((window, height))
         for run, hits in kept.items():
             yield from _told_spikes(survey, run, column, hits)
 
@@ -122,7 +131,12 @@ def steps(survey: Survey) -> Iterator[Finding]:
         causes = []
         for run, moment_s in moments:
             cause = commanded(survey, column, run, moment_s, moments)
-            causes.append(cause or another_jump(survey, column, run, moment_s))
+            together = "" if cause else ", ".join(jumping_with(survey, column, run, moment_s)[:3])
+            causes.append(cause or (f"{together} jumps with it" if together else ""))
+        causes = [
+            cause or ("its course bends there too" if jump.bends else "")
+            for (_, jump), cause in zip(found, causes, strict=True)
+        ]
         role = survey.channels[column].role
         # a displacement may jump with every change of speed and slip once; a thin sensor jumps by its nature
         own = [jump for (_, jump), cause in zip(found, causes, strict=True) if not (cause and role == "displacement")]
@@ -211,7 +225,7 @@ def _spike_samples(series: Series, candidates: Ints, widest: float) -> list[tupl
             back = float(np.median(after)) - level
             # both sides level: the top of a real peak has slopes beside it
             if (
-                abs(x[last + 1] - level) < _REST * abs(height)
+                abs(x[last + 1] - level) < max(0.15 * abs(height), min(widest, _REST * abs(height)))
                 and abs(back) < 0.25 * abs(height)
                 and max(spread, float(np.ptp(after))) < max(_REST * abs(height), min(widest, 0.6 * abs(height)))
             ):
@@ -232,30 +246,41 @@ def _level_shifts(series: Series, candidates: Ints) -> list[Jump]:
         if time[i + 1] - time[i] > 3.5 * period:
             continue  # behind a gap a level may be another one
         middle = 0.5 * (time[i] + time[i + 1])
-        before, error_before = _line_at(time[left], x[left], float(middle))
-        after, error_after = _line_at(time[right], x[right], float(middle))
+        before, error_before, slope_before = _line_at(time[left], x[left], float(middle))
+        after, error_after, slope_after = _line_at(time[right], x[right], float(middle))
+        # a sensor that slips goes on as before, at another level; what bends is a process
+        bend = abs(slope_after - slope_before) * 0.5 * _REACH * period
+        bends = bend > max(0.25 * abs(after - before), 3.0 * (error_before + error_after))
+        # ... and what is still on its way in the first sample is a lag
+        if x.size > i + 8:
+            rest = slice(i + 3, right.stop)
+            settled, error_settled, _ = _line_at(time[rest], x[rest], float(time[i + 1]))
+            late = (settled - float(x[i + 1])) / (after - before)
+            scatter = error_settled * float(np.hypot(1.0, np.sqrt(rest.stop - rest.start)))
+            bends |= late > max(0.08, 3.0 * scatter / abs(after - before))
         height, error = after - before, float(np.hypot(error_before, error_after))
         around = np.abs(np.diff(x[left.start : right.stop]))
         around[i - left.start] = 0.0
         smallest = _SMALLEST[series.channel.unit]
         if (
             abs(height) > max(_CLEAR * error, smallest)
-            and 0.6 < height / float(x[i + 1] - x[i]) < 1.6
+            and abs(height / float(x[i + 1] - x[i]) - 1.0) < 0.35
             and float(around.max()) < max(_REST * abs(height), 1e-300)
         ):
-            found.append(Jump(int(i), height, float(time[i + 1]), error))
+            found.append(Jump(int(i), height, float(time[i + 1]), error, bool(bends)))
     return found
 
 
-def _line_at(time: Floats, x: Floats, at: float) -> tuple[float, float]:
-    """A straight line's value at a moment, with its standard error."""
+def _line_at(time: Floats, x: Floats, at: float) -> tuple[float, float, float]:
+    """(value at a moment, its standard error, slope) of a straight line."""
     centre = float(time.mean())
     dt = time - centre
     spread = max(float(dt @ dt), 1e-300)
     slope = float(dt @ x) / spread
     rest = x - x.mean() - slope * dt
     sigma = float(np.sqrt(rest @ rest / max(x.size - 2, 1)))
-    return float(x.mean()) + slope * (at - centre), sigma * float(np.sqrt(1.0 / x.size + (at - centre) ** 2 / spread))
+    error = sigma * float(np.sqrt(1.0 / x.size + (at - centre) ** 2 / spread))
+    return float(x.mean()) + slope * (at - centre), error, slope
 
 
 def _local_noise(blocks: Floats, size: int) -> Floats:

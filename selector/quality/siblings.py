@@ -17,8 +17,12 @@ _LEAST_K = 1.5
 """A departure below this is within what lags and duty do to a linear relation [K]."""
 _TIMES_USUAL = 3.5
 """A departure is a fault when it exceeds so many times the largest one of the channel in the other runs, ..."""
-_TIMES_OTHERS = 2.0
-"""... and this excess is so many times that of every other channel in the same run (a new regime parts many)."""
+_TIMES_OTHERS, _OTHERS_USUAL = 1.8, 2.2
+"""... and this excess is so many times that of every other channel in the same run, none of which is beyond this
+limit when measured without the suspect: a new regime parts many."""
+_LEAST_OTHERS = 3
+"""Other runs from which it can be known what is usual, well enough to leave something out."""
+_SUSPECTS = 6
 _WELL_KNOWN = 0.3
 """The relation must have held in the other runs to within this share of the channel's movement."""
 _REFERENCES = 10
@@ -28,9 +32,9 @@ _FLOOR_K = 0.15
 def leaving_group(relations: Relations) -> Iterator[Finding]:
     """Findings ``drifts-from-group``: a temperature that from some time on no longer follows its siblings.
 
-    With three or more runs the relation is learned on the other runs, what is usual too, and the stretch is left out.
-    With fewer it is learned on the first half of the run, and the finding is a warning only. O(samples) for the block
-    means, then O(channels · runs) small systems.
+    With four or more runs the relation is learned on the other runs, what is usual too, and the stretch is left out.
+    With three the finding is a warning only; with fewer too, and the relation that of the first half. O(samples) for
+    the block means, then O(channels · runs) small systems.
     """
     temperatures = [i for i, role in enumerate(relations.roles) if role == "temperature"]
     siblings = {i: relations.siblings(i) for i in temperatures}
@@ -46,13 +50,11 @@ def leaving_group(relations: Relations) -> Iterator[Finding]:
             others = others[np.isfinite(others)]
             if others.size >= 2 and sizes[r] > max(0.8 * _LEAST_K, float(np.median(others))):
                 suspects.append(i)
-        # the one that is farthest off first: it drags those along that are measured against it
+        # one that leaves drags those along that are measured against it: only the clearest one is told
         suspects.sort(key=lambda i: -departed[i][r])
-        for i in suspects[:3]:
-            finding = _judged(relations, i, siblings, r)
-            if finding is not None:
-                yield finding
-                break
+        judged = [verdict for i in suspects[:_SUSPECTS] if (verdict := _judged(relations, i, siblings, r)) is not None]
+        if judged:
+            yield max(judged, key=lambda verdict: verdict[0])[1]
 
 
 def stuck_beside_siblings(survey: Survey, relations: Relations) -> Iterator[Finding]:
@@ -125,7 +127,8 @@ def _excess(relations: Relations, i: int, siblings: Sequence[int], r: int) -> tu
     return departure, max(usual)
 
 
-def _judged(relations: Relations, i: int, siblings: dict[int, list[int]], r: int) -> Finding | None:
+def _judged(relations: Relations, i: int, siblings: dict[int, list[int]], r: int) -> tuple[float, Finding] | None:
+    """(how many times the usual departure, the finding) if a channel left its group in a run, and only it."""
     departure, usual = _excess(relations, i, siblings[i], r)
     others = [o for o in range(len(relations.runs)) if o != r and relations.present[i, o]]
     movement = float(np.median([np.ptp(relations.movement(o)[i]) for o in others]))
@@ -139,12 +142,14 @@ def _judged(relations: Relations, i: int, siblings: dict[int, list[int]], r: int
             if len(kept) >= 2:
                 off, common = _excess(relations, j, kept, r)
                 elsewhere.append(_size(off) / common)
-    if len(elsewhere) < 2 or excess < _TIMES_OTHERS * float(np.max(elsewhere)):
+    if len(elsewhere) < 2 or max(elsewhere) > min(_OTHERS_USUAL, excess / _TIMES_OTHERS):
         return None
     onset = _onset(departure, 1.2 * usual)
     if onset is None:
         return None
-    return _drift_finding(relations, i, siblings[i], r, departure, usual, onset, "of the other runs", acts=True)
+    return excess, _drift_finding(
+        relations, i, siblings[i], r, departure, usual, onset, "of the other runs", acts=len(others) >= _LEAST_OTHERS
+    )
 
 
 def _leaving_within(
@@ -210,7 +215,7 @@ def _drift_finding(
             "siblings": [survey.channels[relations.columns[j]].name for j in siblings],
         },
         "Check whether the sensor came off or ages. "
-        + ("The stretch is left out." if acts else "One or two runs do not prove it: nothing is left out."),
+        + ("The stretch is left out." if acts else "So few runs do not prove it: nothing is left out."),
         "leave-out-stretch" if acts else "none",
     )
 
@@ -220,7 +225,8 @@ def _onset(departure: Floats, limit: float) -> int | None:
     within = np.flatnonzero(np.abs(departure) <= limit)
     onset = int(within[-1]) + 1 if within.size else 0
     tail = departure[-max(3, departure.size // 20) :]
-    lasting = departure.size - onset >= max(5, departure.size // 12)
+    # what is off from the start may be a warm start
+    lasting = departure.size - onset >= max(5, departure.size // 12) and onset >= max(3, departure.size // 15)
     return onset if lasting and abs(float(np.median(tail))) > 0.6 * _size(departure) else None
 
 
@@ -255,7 +261,7 @@ def _due(
         return None
     due = _range(relations.prediction(siblings, weights, r)[inside])
     unit = relations.survey.channels[relations.columns[i]].unit
-    if due < (2.0 if railed else 1.0) * max(3.0 * quantum, 0.5 if unit == "degC" else 3.0):
+    if due < (2.0 if railed else 1.0) * max(4.0 * quantum, 0.8 if unit == "degC" else 4.0):
         return None
     compared = lawful = 0
     for o in [*others, r]:

@@ -56,7 +56,7 @@ _ALL_ALIKE_C = {"°F taken for °C": (57.0, 110.0), "K taken for °C": (270.0, 3
 def wrong_temperature_units(survey: Survey) -> Iterator[Finding]:
     """Findings ``wrong-unit`` for temperatures, by the level at the start of each run. O(samples)."""
     columns = survey.columns(*THERMAL_ROLES)
-    level = np.array([[survey.scale(run, c).start for run in survey.runs] for c in columns]).reshape(len(columns), -1)
+    level = np.array([[survey.scale(run, c).start for run in survey.runs] for c in columns]).reshape(len(columns), len(survey.runs))
     if not np.isfinite(level).any():
         return
     coldest = float(np.nanmin(level))

@@ -14,7 +14,7 @@ from selector.recording import Recording
 
 @dataclass(frozen=True)
 class Planted:
-    """A recording with one fault: accepted finding ids, and where it is (channel and run None: anywhere)."""
+    """A recording with one fault: accepted finding ids, and where it is (run None: in several)."""
 
     recording: Recording
     ids: tuple[str, ...]
@@ -26,9 +26,9 @@ class Planted:
     def is_told_by(self, finding: Finding) -> bool:
         """Right kind and place, and at least half of what it leaves out of the channel is the fault."""
         where = finding.where
-        if finding.id not in self.ids or where.channel not in self.channels or where.run not in (None, self.run):
+        if finding.id not in self.ids or where.channel not in self.channels or not self._in_run(where.run):
             return False
-        if self.acts != (finding.action != "none"):
+        if finding.level == "info" and self.acts:
             return False
         if self.window_s is None or where.from_s is None or where.to_s is None:
             return True
@@ -38,8 +38,11 @@ class Planted:
     def is_beside_the_fault(self, finding: Finding) -> bool:
         """Something is left out that has no fault."""
         return finding.action != "none" and (
-            finding.where.channel not in self.channels or finding.where.run not in (None, self.run)
+            finding.where.channel not in self.channels or not self._in_run(finding.where.run)
         )
+
+    def _in_run(self, run: str | None) -> bool:
+        return self.run is None or run in (None, self.run)
 
 
 def planted(recording: Recording, kind: str, rng: np.random.Generator) -> Planted | None:
@@ -145,13 +148,11 @@ def _saturated(recording: Recording, rng: np.random.Generator, role: str) -> Pla
     rail = float(np.round(np.nanquantile(x, 0.7), 2))
     if np.nanmax(x) - rail < (1.5 if role == "temperature" else 8.0) or np.isnan(every).any():
         return None
-    time = recording.time_s(run)
     tables = {r: _table(recording, r) for r in recording.runs}
     for table in tables.values():
         table[name] = np.minimum(table[name], rail)
-    above = np.flatnonzero(x > rail)
     whole = Recording.from_runs(tables, recording.channels)
-    return Planted(whole, ("saturated", "stuck"), (name,), run, (time[above[0]], time[above[-1]]))
+    return Planted(whole, ("saturated", "stuck"), (name,), None, None)
 
 
 def _duplicate(recording: Recording, rng: np.random.Generator) -> Planted | None:
