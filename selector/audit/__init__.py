@@ -1,0 +1,64 @@
+"""Whether patent CN1868666 agrees with itself and with our results: its printed numbers, checked one by one."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from selector.audit.effects import effect_lines, symbol_lines
+from selector.audit.grouping import closure_lines, group_lines, representative_lines, similarity_lines
+from selector.audit.line import AuditLine, audit_table_text
+from selector.audit.printed import SENSORS
+from selector.audit.regression import model_lines, r2_lines
+from selector.errors import ReadError
+from selector.shipped import shipped
+
+__all__ = ["AuditLine", "audit_patent", "audit_table_text"]
+
+
+def audit_patent(recording: Path | None = None) -> tuple[AuditLine, ...]:
+    """Every number that the patent prints, next to ours, with a verdict and the reason.
+
+    Parameters
+    ----------
+    recording : Path, optional
+        Table with the columns of the shipped reconstruction ``patent8/recording.csv``, which is the default.
+
+    Raises
+    ------
+    InputError
+        The reconstruction is missing or damaged.
+    """
+    path = shipped("patent8") / "recording.csv" if recording is None else recording
+    table = _table(path)
+    rises = {name: table[name] - table[name][0] for name in SENSORS}
+    matrix = np.column_stack(list(rises.values()))
+    z, y, z_second = table["Z"], table["Y"], table["Z_embodiment2"]
+    return (
+        *similarity_lines(matrix),
+        *closure_lines(),
+        *group_lines(),
+        *representative_lines(matrix, z, y),
+        *r2_lines(rises, {"Z": z, "Y": y}),
+        *model_lines(rises, z, y, z_second),
+        *symbol_lines(rises, z),
+        *effect_lines(rises),
+    )
+
+
+def _table(path: Path) -> dict[str, np.ndarray[tuple[int], np.dtype[np.float64]]]:
+    # the readers stand above this layer, and this file is always the same plain table
+    wanted = (*SENSORS, "Y", "Z", "Z_embodiment2")
+    try:
+        with path.open(encoding="utf-8", newline="") as stream:
+            rows = list(csv.DictReader(stream))
+        return {name: np.array([float(row[name]) for row in rows]) for name in wanted}
+    except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
+        raise ReadError(
+            f"{type(error).__name__}: {error}",
+            expected="a table with the numeric columns " + ", ".join(wanted),
+            where=str(path),
+            advice="restore the file, or make it again with fixtures/make/patent8.py",
+        ) from error

@@ -1,0 +1,116 @@
+"""What patent CN1868666 prints: matrices, models, pairs of R², and what it claims of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+SENSORS = tuple(f"T{k}" for k in range(1, 9))
+"""Lower bearing, intermediate gear, upper bearing, hydraulic unit, gearbox, main motor, and others without a name."""
+
+ENTRY_HALF_UNIT = 0.5e-4
+"""Correlations, R² and most coefficients are printed with four decimals."""
+
+
+def _read_only(text: str) -> NDArray[np.float64]:
+    matrix = np.array([row.split() for row in text.strip().splitlines()], dtype=np.float64)
+    matrix.setflags(write=False)
+    return matrix
+
+
+SIMILARITY = _read_only("""
+1.0000 0.9968 0.9819 0.9984 0.9860 0.9761 0.9746 0.9968
+0.9968 1.0000 0.9832 0.9970 0.9884 0.9766 0.9755 0.9987
+0.9819 0.9832 1.0000 0.9887 0.9980 0.9992 0.9988 0.9838
+0.9984 0.9970 0.9887 1.0000 0.9921 0.9842 0.9831 0.9966
+0.9860 0.9884 0.9980 0.9921 1.0000 0.9963 0.9960 0.9888
+0.9761 0.9766 0.9992 0.9842 0.9963 1.0000 0.9998 0.9779
+0.9746 0.9755 0.9988 0.9831 0.9960 0.9998 1.0000 0.9765
+0.9968 0.9987 0.9838 0.9966 0.9888 0.9779 0.9765 1.0000
+""")
+"""R, the similarity matrix."""
+
+CLOSURE = _read_only("""
+1.0000 0.9970 0.9921 0.9984 0.9921 0.9921 0.9921 0.9970
+0.9970 1.0000 0.9921 0.9970 0.9921 0.9921 0.9921 0.9987
+0.9921 0.9921 1.0000 0.9921 0.9980 0.9992 0.9992 0.9921
+0.9984 0.9970 0.9921 1.0000 0.9921 0.9921 0.9921 0.9970
+0.9921 0.9921 0.9980 0.9921 1.0000 0.9980 0.9980 0.9921
+0.9921 0.9921 0.9992 0.9921 0.9980 1.0000 0.9998 0.9921
+0.9921 0.9921 0.9992 0.9921 0.9980 0.9998 1.0000 0.9921
+0.9970 0.9987 0.9921 0.9970 0.9921 0.9921 0.9921 1.0000
+""")
+"""t(R), the transitive closure."""
+
+LEVEL = 0.995
+CUT_ROWS = ("11010001", "11010001", "00101110", "11010001", "00101110", "00101110", "00101110", "11010001")
+GROUPS_CLAIMED = 3
+REPRESENTATIVES = ("T1", "T3", "T5")
+
+
+@dataclass(frozen=True)
+class PrintedPair:
+    """R² and adjusted R² of one combination of sensors, as printed."""
+
+    sensors: tuple[str, ...]
+    r2: float
+    adjusted_r2: float
+
+
+PAIRS = (PrintedPair(("T1", "T3"), 0.9989, 0.9988), PrintedPair(("T1", "T3", "T5"), 0.9990, 0.9989))
+
+
+@dataclass(frozen=True)
+class PrintedModel:
+    """A printed formula.
+
+    Attributes
+    ----------
+    direction : {"Z", "Y"}
+    name : str
+        In words, for tables.
+    terms : tuple of tuple of str
+        The variables that each term multiplies; () is the constant.
+    printed : tuple of str
+        The coefficients with all their printed decimals.
+    """
+
+    direction: str
+    name: str
+    terms: tuple[tuple[str, ...], ...]
+    printed: tuple[str, ...]
+
+    @property
+    def coefficients(self) -> NDArray[np.float64]:
+        """The coefficients as numbers [µm, µm/K, µm/K²], shape (n_terms,)."""
+        return np.array([float(text) for text in self.printed])
+
+    def columns(self, x1: NDArray[np.float64], x3: NDArray[np.float64], x5: NDArray[np.float64]) -> NDArray[np.float64]:
+        """One column per term, shape (n_samples, n_terms), from the rises of sensors 1, 3, 5 [K]."""
+        rise = {"T1": x1, "T3": x3, "T5": x5}
+        columns = []
+        for term in self.terms:
+            column = np.ones_like(x1)
+            for variable in term:
+                column = column * rise[variable]
+            columns.append(column)
+        return np.stack(columns, axis=1)
+
+
+_LINEAR = ((), ("T1",), ("T3",))
+Z_TWO_SENSORS = PrintedModel("Z", "Z, two sensors", _LINEAR, ("-1.871", "6.0476", "2.6667"))
+Y_TWO_SENSORS = PrintedModel("Y", "Y, two sensors", _LINEAR, ("0.5703", "4.7292", "-0.5908"))
+Z_THREE_SENSORS = PrintedModel(
+    "Z",
+    "Z, three sensors",
+    ((), ("T1",), ("T3",), ("T1", "T3"), ("T5",)),
+    ("1.0168", "11.5237", "4.4909", "-0.5527", "-3.6181"),
+)
+Y_THREE_SENSORS = PrintedModel(
+    "Y",
+    "Y, three sensors",
+    ((), ("T1",), ("T3",), ("T1", "T3"), ("T3", "T5"), ("T1", "T5"), ("T5",)),
+    ("-0.1298", "11.7861", "1.8778", "-0.8547", "1.0439", "-0.1995", "-10.4045"),
+)
