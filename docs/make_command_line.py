@@ -10,6 +10,7 @@ from typing import Any
 import typer
 
 from selector.cli import app
+from selector.cli.source import READING_PANEL
 
 PAGE = Path(__file__).parent / "reference" / "command-line.md"
 
@@ -17,6 +18,10 @@ HEAD = """# Command line
 
 Written by the program (`make reference`); do not edit. Rules that hold for every command, exit codes and the JSON that
 `--json` prints: [contracts](contracts.md).
+"""
+
+READING = """What is not said is inferred and shown by `selector describe`. Every command with `RUN...` takes these options;
+the machine file says the same things for good.
 """
 
 
@@ -27,7 +32,22 @@ def commands() -> Iterator[tuple[str, Any]]:
 
 def page() -> str:
     """The page as Markdown."""
-    return HEAD + "".join(_section(name, command) for name, command in commands())
+    found = list(commands())
+    reading = next(_panels(_options(command))[READING_PANEL] for _, command in found if _reads(command))
+    sections = [_section(name, command) for name, command in found]
+    return HEAD + "".join(sections) + "\n".join(["\n## How files are read\n", READING, *_table("option", reading)])
+
+
+def _options(command: Any) -> list[Any]:
+    return [p for p in command.params if p.param_type_name == "option" and "--help" not in p.opts]
+
+
+def _reads(command: Any) -> bool:
+    return READING_PANEL in _panels(_options(command))
+
+
+def _table(title: str, options: list[Any]) -> list[str]:
+    return [f"| {title} | |", "|---|---|", *(f"| {_option(p)} | {_help(p)} |" for p in options), ""]
 
 
 def _leaves(name: str, command: Any) -> Iterator[tuple[str, Any]]:
@@ -42,14 +62,17 @@ def _leaves(name: str, command: Any) -> Iterator[tuple[str, Any]]:
 
 def _section(name: str, command: Any) -> str:
     arguments = [p for p in command.params if p.param_type_name == "argument"]
-    options = [p for p in command.params if p.param_type_name == "option" and "--help" not in p.opts]
+    options = _options(command)
     words = [name, *(_argument(p) for p in arguments), *(["[options]"] if options else [])]
     text = inspect.cleandoc(command.help or "").replace("\b\n", "")
     lines = [f"\n## `{name}`\n", "```", " ".join(words), "```\n", text, ""]
     if arguments:
         lines += ["| argument | |", "|---|---|", *(f"| `{_argument(p)}` | {_help(p)} |" for p in arguments), ""]
     for panel, members in _panels(options).items():
-        lines += [f"| {panel} | |", "|---|---|", *(f"| {_option(p)} | {_help(p)} |" for p in members), ""]
+        if panel != READING_PANEL:
+            lines += _table(panel, members)
+    if _reads(command):
+        lines += ["Also: [how files are read](#how-files-are-read).", ""]
     return "\n".join(lines).rstrip() + "\n"
 
 
@@ -67,8 +90,7 @@ def _argument(parameter: Any) -> str:
 
 def _option(parameter: Any) -> str:
     names = [*parameter.opts, *parameter.secondary_opts]
-    choices = getattr(parameter.type, "choices", None)
-    value = parameter.metavar or ("\\|".join(map(str, choices)) if choices else parameter.type.name.upper())
+    value = (parameter.metavar or parameter.name.upper()).replace("|", "\\|")
     return ", ".join(f"`{name}`" if parameter.is_flag else f"`{name} {value}`" for name in names)
 
 

@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from selector import __version__
-from selector.cli import applying, models, reading, running
+from selector.cli import applying, models, patent, reading, running, selecting
 
 __all__ = ["app", "exit_status", "main"]
 
@@ -56,11 +56,13 @@ def _command(name: str, command: Callable[..., None], group: typer.Typer = app) 
 
 _command("describe", reading.describe)
 _command("convert", reading.convert)
+_command("select", selecting.select)
 _command("apply", applying.apply)
 _model = typer.Typer(help="Look at a model file.")
 _command("show", models.show, _model)
 _command("check", models.check, _model)
 app.add_typer(_model, name="model")
+_command("audit-patent", patent.audit_patent)
 
 
 def exit_status(arguments: Sequence[str] | None = None) -> int:

@@ -61,7 +61,9 @@ def describe(
 def convert(
     source: Source,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder that receives the recordings.")],
-    table_format: Annotated[TableFormat, typer.Option("--format", help="Format of the tables.")] = TableFormat.CSV,
+    table_format: Annotated[
+        TableFormat, typer.Option("--format", metavar="csv|parquet", help="Format of the tables.")
+    ] = TableFormat.CSV,
     as_json: AsJson = False,
 ) -> None:
     """Writes clean recordings: UTF-8, comma, decimal point, time in seconds, canonical units, and machine.toml.

@@ -16,7 +16,7 @@ from selector.errors import OptionError
 if TYPE_CHECKING:
     from selector.readers import Reading
 
-_PANEL = "How the files are read (what is not said is inferred and shown)"
+READING_PANEL = "How the files are read (what is not said is inferred and shown)"
 
 Runs = Annotated[
     list[Path],
@@ -27,21 +27,23 @@ MachineFile = Annotated[
     typer.Option("--machine", metavar="M.toml", help="Machine file: columns, roles and units of the channels."),
 ]
 Encoding = Annotated[
-    str | None, typer.Option("--encoding", metavar="NAME", help="Text encoding, e.g. cp1251.", rich_help_panel=_PANEL)
+    str | None,
+    typer.Option("--encoding", metavar="NAME", help="Text encoding, e.g. cp1251.", rich_help_panel=READING_PANEL),
 ]
 Separator = Annotated[
     str | None,
-    typer.Option("--separator", metavar="CHAR", help="Column separator, or `tab`.", rich_help_panel=_PANEL),
+    typer.Option("--separator", metavar="CHAR", help="Column separator, or `tab`.", rich_help_panel=READING_PANEL),
 ]
 Decimal = Annotated[
-    str | None, typer.Option("--decimal", metavar="CHAR", help="Decimal mark: `.` or `,`.", rich_help_panel=_PANEL)
+    str | None,
+    typer.Option("--decimal", metavar="CHAR", help="Decimal mark: `.` or `,`.", rich_help_panel=READING_PANEL),
 ]
 TimeColumn = Annotated[
-    str | None, typer.Option("--time-column", metavar="NAME", help="Column of the time.", rich_help_panel=_PANEL)
+    str | None, typer.Option("--time-column", metavar="NAME", help="Column of the time.", rich_help_panel=READING_PANEL)
 ]
 TimeUnit = Annotated[
     str | None,
-    typer.Option("--time-unit", metavar="UNIT", help="Unit of the time, or `datetime`.", rich_help_panel=_PANEL),
+    typer.Option("--time-unit", metavar="UNIT", help="Unit of the time, or `datetime`.", rich_help_panel=READING_PANEL),
 ]
 HeaderRow = Annotated[
     int | None,
@@ -50,30 +52,35 @@ HeaderRow = Annotated[
         metavar="N",
         min=0,
         help="Line with the channels' names, counted from 1; 0 if there is none.",
-        rich_help_panel=_PANEL,
+        rich_help_panel=READING_PANEL,
     ),
 ]
 DateOrder = Annotated[
     str | None,
-    typer.Option("--date-order", metavar="ORDER", help="`dmy`, `mdy` or `ymd`.", rich_help_panel=_PANEL),
+    typer.Option("--date-order", metavar="ORDER", help="`dmy`, `mdy` or `ymd`.", rich_help_panel=READING_PANEL),
 ]
 Period = Annotated[
     float | None,
     typer.Option(
-        "--period-s", metavar="SECONDS", help="Sampling period of recordings without a time.", rich_help_panel=_PANEL
+        "--period-s",
+        metavar="SECONDS",
+        help="Sampling period of recordings without a time.",
+        rich_help_panel=READING_PANEL,
     ),
 ]
 Sheet = Annotated[
     str | None,
-    typer.Option("--sheet", metavar="NAME", help="Excel sheet, TDMS group, MAT variable.", rich_help_panel=_PANEL),
+    typer.Option(
+        "--sheet", metavar="NAME", help="Excel sheet, TDMS group, MAT variable.", rich_help_panel=READING_PANEL
+    ),
 ]
 Units = Annotated[
     list[str] | None,
-    typer.Option("--unit", metavar="CHANNEL=UNIT", help="Unit of a channel; repeat.", rich_help_panel=_PANEL),
+    typer.Option("--unit", metavar="CHANNEL=UNIT", help="Unit of a channel; repeat.", rich_help_panel=READING_PANEL),
 ]
 Roles = Annotated[
     list[str] | None,
-    typer.Option("--role", metavar="CHANNEL=ROLE", help="Role of a channel; repeat.", rich_help_panel=_PANEL),
+    typer.Option("--role", metavar="CHANNEL=ROLE", help="Role of a channel; repeat.", rich_help_panel=READING_PANEL),
 ]
 
 
@@ -126,8 +133,8 @@ def with_source(command: Callable[..., None]) -> Callable[..., None]:
 
     >>> @with_source
     ... def count(source, quiet: bool = False): ...
-    >>> list(inspect.signature(count).parameters)[:2], list(inspect.signature(count).parameters)[-1]
-    (['runs', 'machine'], 'quiet')
+    >>> list(inspect.signature(count).parameters)[:3]
+    ['runs', 'machine', 'quiet']
     """
     hints = inspect.get_annotations(Source, eval_str=True)
     own = [
@@ -148,9 +155,10 @@ def with_source(command: Callable[..., None]) -> Callable[..., None]:
     def spread(**values: Any) -> None:
         command(Source(**{part.name: values.pop(part.name) for part in shared}), **values)
 
-    # RUN... takes all words that are left, so what a command itself takes by position stands before it
+    # RUN... takes all words that are left, so what a command itself takes by position stands before it;
+    # how files are read comes last on the help page
     leading = [part for part in own if _is_argument(part.annotation)]
-    parameters = [*leading, *shared, *(part for part in own if part not in leading)]
+    parameters = [*leading, *shared[:2], *(part for part in own if part not in leading), *shared[2:]]
     spread.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     spread.__annotations__ = {part.name: part.annotation for part in parameters}
     return spread
