@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,9 @@ from selector.readers.stamps import Stamps, stamps
 from selector.readers.tables import Column, Table
 
 _MILLISECOND_NAME = re.compile(r"^(ms|msec|millis(ec(ond)?s?)?|millisekunden?|毫秒|ミリ秒|мс)$", re.IGNORECASE)
+
+_Known: TypeAlias = dict[str, Stamps | None]
+"""Stamps of the columns of one table that have been read already, by header."""
 
 
 @dataclass(frozen=True)
@@ -70,9 +74,10 @@ def clock(table: Table, options: TimeOptions) -> Clock:
     ReadError
         A time column was named that the table does not have or that holds no times.
     """
+    known: _Known = {}
     if options.columns:
         columns = [_named(table, name) for name in options.columns]
-        result = _told_by(table, columns, options)
+        result = _told_by(table, columns, options, known)
         if result is None:
             raise ReadError(
                 f"no times in column {columns[0].header!r} (first cell: {str(columns[0].values[0])[:40]!r})",
@@ -86,13 +91,13 @@ def clock(table: Table, options: TimeOptions) -> Clock:
     if table.time_s is not None:
         base_s = None if table.start is None else float(table.start.astype("datetime64[us]").astype(np.int64)) / 1e6
         return Clock(table.time_s, base_s, None, (), "datetime" if base_s is not None else "s", False, (), ())
-    for columns in _candidates(table):
-        result = _told_by(table, columns, options)
+    for columns in _candidates(table, options, known):
+        result = _told_by(table, columns, options, known)
         if result is not None and np.isfinite(result.seconds).sum() >= 0.5 * len(result.seconds):
             return replace(result, guessed=("column", *result.guessed))
     rising = _rising_column(table)
     if rising is not None:
-        found = _told_by(table, [rising], options)
+        found = _told_by(table, [rising], options, known)
         if found is not None:
             finding = Finding(
                 "time-column-guessed",
@@ -143,11 +148,11 @@ def _listed(headers: Sequence[str]) -> str:
     return ", ".join(headers[:20]) + (" …" if len(headers) > 20 else "")
 
 
-def _candidates(table: Table) -> list[list[Column]]:
+def _candidates(table: Table, options: TimeOptions, known: _Known) -> list[list[Column]]:
     """Sets of columns that may hold the time, the likeliest first."""
     named = [c for c in table.columns if is_time_name(name_and_unit(c.header)[0]) or is_time_name(c.header)]
     texts = [c for c in table.columns if c.kind in ("text", "datetime")]
-    read = {id(c): _text_stamps(c, table, None) for c in texts}
+    read = {id(c): _text_stamps(c, table, options, known) for c in texts}
     full = [c for c in texts if _kind(c, read[id(c)]) == "datetime"]
     dates = [c for c in texts if _kind(c, read[id(c)]) == "date"]
     times = [c for c in texts if _kind(c, read[id(c)]) == "time"]
@@ -202,15 +207,19 @@ def _rising_column(table: Table) -> Column | None:
     return first if float(np.ptp(steps)) < 0.05 * float(np.median(steps)) else None
 
 
-def _text_stamps(column: Column, table: Table, order: str | None) -> Stamps | None:
+def _text_stamps(column: Column, table: Table, options: TimeOptions, known: _Known) -> Stamps | None:
     if column.kind != "text":
         return None
-    return stamps(column.values, column.header, table.file.name, order, table.reading.get("decimal") == ",")
+    if column.header not in known:
+        known[column.header] = stamps(
+            column.values, column.header, table.file.name, options.date_order, table.reading.get("decimal") == ","
+        )
+    return known[column.header]
 
 
-def _told_by(table: Table, columns: Sequence[Column], options: TimeOptions) -> Clock | None:
+def _told_by(table: Table, columns: Sequence[Column], options: TimeOptions, known: _Known) -> Clock | None:
     if len(columns) > 1:
-        return _date_and_time(table, columns, options)
+        return _date_and_time(table, columns, options, known)
     column = columns[0]
     headers = (column.header,)
     conflict: tuple[Finding, ...] = ()
@@ -227,7 +236,7 @@ def _told_by(table: Table, columns: Sequence[Column], options: TimeOptions) -> C
         zone_s = 0.0 if table.reading.get("utc_columns") and column.header in table.reading["utc_columns"] else None
         return Clock(seconds, base_s, zone_s, headers, "datetime", False, (), conflict)
     if column.kind == "text":
-        read = _text_stamps(column, table, options.date_order)
+        read = _text_stamps(column, table, options, known)
         if read is None:
             return None
         base_s_or_none = None if read.kind == "time" else read.base_s
@@ -305,9 +314,9 @@ def _unit_conflict(table: Table, column: Column, wanted: str, found: str) -> Fin
     )
 
 
-def _date_and_time(table: Table, columns: Sequence[Column], options: TimeOptions) -> Clock | None:
-    day = _told_by(table, columns[:1], replace(options, columns=(), unit=None))
-    time = _told_by(table, columns[1:2], replace(options, columns=(), unit=None))
+def _date_and_time(table: Table, columns: Sequence[Column], options: TimeOptions, known: _Known) -> Clock | None:
+    day = _told_by(table, columns[:1], replace(options, columns=(), unit=None), known)
+    time = _told_by(table, columns[1:2], replace(options, columns=(), unit=None), known)
     if day is None or time is None or day.base_s is None:
         return None
     findings = tuple(f for f in (*day.findings, *time.findings) if f.id != "time-unit-guessed")

@@ -257,7 +257,7 @@ def _runs(tables: list[Table], refused: list[str], where: str) -> tuple[list[Tab
     for table in tables:
         groups.setdefault(tuple(c.header for c in table.columns), []).append(table)
     best = max(groups.values(), key=lambda group: sum(len(t) * len(t.columns) for t in group))
-    left = [str(t.reading["sheet"]) for t in tables if t not in best] + refused
+    left = [str(t.reading["sheet"]) for t in tables if not any(t is chosen for chosen in best)] + refused
     findings: list[Finding] = []
     if len(best) > 1:
         findings.append(

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from selector.errors import ReadError
 from selector.findings import Finding
+from selector.readers.cells import cell_kind
 from selector.readers.sniffing import Dialect, cells_of, is_comment
 
 
@@ -69,9 +70,9 @@ def body(text: bytes, first_line: int, dialect: Dialect, n_columns: int, heading
     unbalanced = np.zeros(len(ends), dtype=bool)
     if dialect.quoted and b'"' in text:
         quotes = np.flatnonzero(buffer == 34)
-        before: NDArray[np.int64] = np.searchsorted(quotes, starts).astype(np.int64)
+        before = np.atleast_1d(np.searchsorted(quotes, starts))
         unbalanced = ((np.searchsorted(quotes, ends) - before) & 1).astype(bool)
-        line_of: NDArray[np.int64] = np.searchsorted(ends, marks).astype(np.int64)
+        line_of = np.atleast_1d(np.searchsorted(ends, marks))
         marks = marks[((np.searchsorted(quotes, marks) - before[line_of]) & 1) == 0]
     found = np.searchsorted(marks, ends) - np.searchsorted(marks, starts) + 1
     numbers = first_line + np.arange(len(ends), dtype=np.int64)
@@ -92,6 +93,7 @@ def body(text: bytes, first_line: int, dialect: Dialect, n_columns: int, heading
     too_long: list[int] = []
     repeated: list[int] = []
     comments: list[int] = []
+    remarks: list[int] = []
     n_filled = int((~empty).sum())
     for i in np.flatnonzero(suspect):
         line = text[starts[i] : ends[i]].decode("utf-8", "replace")
@@ -112,6 +114,9 @@ def body(text: bytes, first_line: int, dialect: Dialect, n_columns: int, heading
         if len(cells) > n_columns:
             too_long.append(int(numbers[i]))
             continue
+        if len(cells) == 1 and n_columns > 1 and cell_kind(cells[0], dialect.decimal) == "text":
+            remarks.append(int(numbers[i]))
+            continue
         if len(cells) < n_columns:
             ragged.append(int(numbers[i]))
             if cut_off and i == len(ends) - 1:
@@ -131,7 +136,9 @@ def body(text: bytes, first_line: int, dialect: Dialect, n_columns: int, heading
         )
     kept = np.flatnonzero(keep)
     clean = _joined(text, starts, ends, kept, replaced)
-    findings = _told(where, n_columns, ragged, too_long, repeated, comments, cut_off and not bool(keep[-1:].all()))
+    findings = _told(
+        where, n_columns, ragged, too_long, repeated, comments, remarks, cut_off and not bool(keep[-1:].all())
+    )
     return Body(clean, separator, numbers[kept], tuple(findings))
 
 
@@ -161,6 +168,7 @@ def _told(
     too_long: list[int],
     repeated: list[int],
     comments: list[int],
+    remarks: list[int],
     last_cut: bool,
 ) -> list[Finding]:
     findings: list[Finding] = []
@@ -198,6 +206,16 @@ def _told(
                 f"The header of {where} is repeated at {shown_lines(repeated)}; these lines were left out.",
                 evidence={"lines": repeated[:50], "count": len(repeated)},
                 suggestion="if two recordings were pasted into one file, split them into two runs",
+            )
+        )
+    if remarks:
+        findings.append(
+            Finding(
+                "text-lines",
+                "warning",
+                f"{len(remarks)} line(s) of {where} are text, no samples ({shown_lines(remarks)}); they are left out.",
+                evidence={"lines": remarks[:50], "count": len(remarks)},
+                suggestion="check whether they mark the beginning of another recording",
             )
         )
     if comments:

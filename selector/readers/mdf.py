@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from selector.errors import InputError, ReadError
-from selector.readers.optional import optional_module, quiet
+from selector.readers.optional import collect_quietly, optional_module, quiet
 from selector.readers.rates import Rate, one_clock
 from selector.readers.tables import Column, Overrides, Table, checked_size, checked_width, unique_headers
 from selector.readers.tdms import column_values
@@ -30,12 +30,14 @@ def read_mdf(path: Path, data: bytes, overrides: Overrides) -> list[Table]:
     except (InputError, MemoryError):
         raise
     except Exception as error:
-        raise ReadError(
-            f"an MDF file that cannot be read ({type(error).__name__}: {str(error)[:120]})",
-            expected="a complete MDF 3 or MDF 4 file",
-            where=path.name,
-            advice="check whether the measurement was closed properly, or export it as CSV",
-        ) from error
+        reason = f"{type(error).__name__}: {str(error)[:120]}"
+    collect_quietly()
+    raise ReadError(
+        f"an MDF file that cannot be read ({reason})",
+        expected="a complete MDF 3 or MDF 4 file",
+        where=path.name,
+        advice="check whether the measurement was closed properly, or export it as CSV",
+    )
 
 
 def _table(file: Any, path: Path) -> Table:
@@ -73,7 +75,7 @@ def _table(file: Any, path: Path) -> Table:
     time_s, columns, told = one_clock(rates, path)
     begun = getattr(file, "start_time", None)
     start = None
-    if begun is not None and begun.year > 1971:
+    if begun is not None and begun.year > 1980:
         if begun.tzinfo is not None:
             begun = begun.replace(tzinfo=None)
         start = np.datetime64(begun)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import importlib
+import logging
+import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -28,6 +31,24 @@ def optional_module(name: str, what: str, where: str) -> Any:
 @contextmanager
 def quiet() -> Iterator[None]:
     """Other packages' warnings (deprecations, odd but harmless files) are no concern of the user here."""
+    loggers = [logging.getLogger(name) for name in ("nptdms", "asammdf")]
+    levels = [logger.level for logger in loggers]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        yield
+        for logger in loggers:
+            logger.setLevel(logging.CRITICAL)
+        try:
+            yield
+        finally:
+            for logger, level in zip(loggers, levels, strict=True):
+                logger.setLevel(level)
+
+
+def collect_quietly() -> None:
+    """Let go of half-made objects of other packages whose finalisers fail on damaged files."""
+    hook = sys.unraisablehook
+    sys.unraisablehook = lambda _: None
+    try:
+        gc.collect()
+    finally:
+        sys.unraisablehook = hook

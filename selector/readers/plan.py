@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from selector.findings import Finding, Where
 from selector.readers.layout import is_counter_name, is_time_name
 from selector.readers.machine_file import ChannelSection, Machine
 from selector.readers.names import closest, found_header, name_and_unit
-from selector.readers.roles import RoleGuess, known_unit, role_guess
+from selector.readers.roles import RoleGuess, known_unit, role_guess, role_of_numbers
 from selector.readers.runs import TimedRun
 from selector.readers.tables import Column, Overrides
 from selector.units import ROLES, same_dimension, unit_for_role
@@ -180,6 +180,10 @@ def _inferred(runs: Sequence[TimedRun], overrides: Overrides) -> Plan:
                     "leave-out-stretch",
                 )
             )
+    if not channels:
+        for name, headers in names.items():
+            findings += _by_numbers(name, headers, runs, overrides, channels)
+        undeclared = {}
     if auxiliary:
         findings.append(
             Finding(
@@ -217,6 +221,27 @@ def _inferred(runs: Sequence[TimedRun], overrides: Overrides) -> Plan:
             )
         )
     return Plan(tuple(channels), undeclared, tuple(findings))
+
+
+def _by_numbers(
+    name: str, headers: dict[str, str], runs: Sequence[TimedRun], overrides: Overrides, channels: list[Planned]
+) -> list[Finding]:
+    """Where no column at all can be told by its name: a role by the numbers, so that there is something to correct."""
+    first = next(run for run in runs if run.name in headers)
+    role = role_of_numbers(_column(first, headers[first.name]).values)
+    told: list[Finding] = []
+    section = ChannelSection(role=role)
+    planned = _planned(name, section, headers, runs, overrides, told, strict=False)
+    channels.append(replace(planned, guessed=("role", *planned.guessed)))
+    finding = Finding(
+        "ambiguous-role",
+        "warning",
+        f"Nothing but its numbers tells what {name!r} is; it was taken for {role} in {planned.units[first.name]}.",
+        Where(channel=name),
+        {"role": role},
+        "say what it is in a machine file: column, role and unit of this channel",
+    )
+    return [*told, finding]
 
 
 def _planned_or_none(

@@ -22,9 +22,9 @@ class Rate:
 
 
 def one_clock(rates: Sequence[Rate], path: Path) -> tuple[NDArray[np.float64], tuple[Column, ...], list[Finding]]:
-    """Time, columns and what was done: all columns come onto the clock of the most columns (or the slower one).
+    """Time, columns and findings: all come onto the clock of the most columns (in a tie the slower one).
 
-    Columns of other clocks are interpolated linearly, not beyond their first and last sample and not over pauses of more
+    Columns of other clocks are interpolated linearly, not beyond their ends and not over pauses of more
     than ten of their periods; text is left out.
     """
     merged: list[Rate] = []

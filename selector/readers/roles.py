@@ -17,7 +17,7 @@ _PLACES = re.compile(
     r"spindle|spindel|bearing|lager|column|st[äa]nder|s[äa]ule|bed|bett|table|tisch|motor|coolant|k[üu]hl|oil|[öo]l\b|nut|mutter|"
     r"screw|housing|geh[äa]use|head(stock)?|nose|front|rear|vorn|hinten|wall|gear|getriebe|tank|hydraul|chiller|guide|"
     r"saddle|carriage|ram|turret|transf|cabinet|ref|主轴|轴承|床身|立柱|电机|丝杠|螺母|前|后|油|冷却|主軸|軸受|шпинд|подшип|станин|"
-    r"стойк|двигат|масл|vřeten|ložis|wrzec|łożys",
+    r"стойк|двигат|масл|vřeten|ložis|wrzec|łożys|palier|broche|b[âa]ti|arri[èe]re|avant|moteur|huile|cojinete|husillo|mandrino|cuscinetto",
     re.IGNORECASE,
 )
 _UNIT_ROLES: tuple[tuple[str, str], ...] = (
@@ -66,7 +66,8 @@ def role_guess(name: str, unit: str | None, values: NDArray[np.float64], role: s
     values : ndarray
         Its numbers, to tell a position in mm from an error in mm.
     """
-    folded = unicodedata.normalize("NFKC", name).strip()
+    # "T1.2" is the second column called T1
+    folded = re.sub(r"(?<=\w)\.\d{1,3}$", "", unicodedata.normalize("NFKC", name).strip())
     if role is not None:
         return _with_unit(role, folded, unit, None, ())
     named = [r for r, pattern in _PATTERNS if pattern.search(folded)]
@@ -93,6 +94,14 @@ def role_guess(name: str, unit: str | None, values: NDArray[np.float64], role: s
     if first == "spindle_speed" and _like_temperature(values) and _PLACES.search(folded) and not _is_speed_word(folded):
         return _with_unit("temperature", folded, unit, "the name says where, not what", ("role",))
     return _with_unit(first, folded, None, doubt, ("role",))
+
+
+def role_of_numbers(values: NDArray[np.float64]) -> str:
+    """The role that numbers alone speak for; to be told as a guess."""
+    known = values[np.isfinite(values)]
+    if _two_valued(values):
+        return "state"
+    return "temperature" if len(known) and known.min() >= 5 and known.max() <= 150 else "displacement"
 
 
 def _is_speed_word(name: str) -> bool:

@@ -79,7 +79,9 @@ def timed_run(table: Table, sha256: str, options: TimeOptions) -> TimedRun:
     if len(result.time_s) < 2:
         raise _too_short(table, len(result.time_s))
     values = _averaged(matrix[result.rows], result.groups, len(result.time_s))
-    findings = [*table.findings, *told.findings, *result.findings]
+    # what is wrong with cells of the time column is told by the rows that have no time
+    own = [f for f in table.findings if not (f.id == "unreadable-cells" and f.where.channel in told.columns)]
+    findings = [*own, *told.findings, *result.findings]
     sample_of_row = np.full(len(table), -1, dtype=np.int64)
     sample_of_row[result.rows] = result.groups
     columns: list[Column] = []

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from selector.errors import ReadError
 from selector.findings import Finding
-from selector.readers.cells import cell_kind
+from selector.readers.cells import cell_kind, is_grouped_number
 from selector.readers.tables import MAX_COLUMNS, checked_width
 
 SEPARATORS = (";", "\t", ",", "|", "blanks", "blank")
@@ -112,8 +112,10 @@ def dialect(
         best = single
     if best is None or best[0] < 0.1:
         raise ReadError(
-            "no table of numbers" + (f" when cut at {separator!r}" if separator else ""),
-            expected="one row per sample, the columns set apart by , ; tab | or blanks",
+            "no table of numbers"
+            + (f" when cut at {separator!r}" if separator else "")
+            + (f" in its {len(head)} line(s)" if len(head) < 60 else ""),
+            expected="a row of names above rows of numbers, the columns set apart by , ; tab | or blanks",
             where=where,
             advice="export the recording as CSV, or name the separator and the decimal mark (--separator, --decimal)",
         )
@@ -136,6 +138,7 @@ def _score(
     trailing = all(not row[-1] for row in usual)
     good = 0
     filled = 0
+    grouped = 0
     for position in range(min(n_columns, 200)):
         kinds = [cell_kind(row[position], decimal) for row in usual if position < len(row)]
         kinds = [kind for kind in kinds if kind != "empty"]
@@ -146,9 +149,11 @@ def _score(
         # a column of missing-value words alone is no evidence for a separator
         if known >= 0.5 * len(kinds) and any(kind in ("number", "time") for kind in kinds):
             good += 1
+        # 20,125 is rather a decimal than twenty thousand
+        grouped += any(is_grouped_number(row[position], decimal) for row in usual if position < len(row))
     if good == 0 or filled == 0:
         return 0.0
-    score = agreement * good / filled
+    score = agreement * (good - 0.1 * min(grouped, good)) / filled
     for line in head:
         words = cells_of(line, separator, quoted)
         fits = len(words) == n_columns or (trailing and len(words) == n_columns - 1)

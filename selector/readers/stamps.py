@@ -80,16 +80,24 @@ def stamps(cells: NDArray[np.object_], column: str, where: str, order: str | Non
     filled = len(text) - text.null_count
     if filled == 0:
         return None
-    both = _parts(text, _PATTERN_BOTH)
+    both = _parts(text, _PATTERN_BOTH) if _worth(text, _PATTERN_BOTH) else None
     if both is not None and _count(both) >= 0.5 * filled:
         return _with_date(both, column, where, order, comma_file)
-    time = _parts(text, _PATTERN_TIME)
+    time = _parts(text, _PATTERN_TIME) if _worth(text, _PATTERN_TIME) else None
     if time is not None and _count(time) >= 0.5 * filled:
         seconds = _time_of_day(time)
         zone = _zone(time)
         zone_s = _first(zone)
         return Stamps(seconds, 0.0, "time", zone_s, _has(time, "noon") or _has(time, "noonb"), "", ())
     return None
+
+
+def _worth(text: pa.Array, pattern: str) -> bool:
+    """Whether any of some hundred cells fits, so that all are worth the search."""
+    told = pc.drop_null(text)
+    some = pc.take(told, pa.array(np.unique(np.linspace(0, len(told) - 1, min(300, len(told))).astype(np.int64))))
+    parts = _parts(some, pattern)
+    return parts is not None and _count(parts) >= 0.3 * len(some)
 
 
 def _parts(text: pa.Array, pattern: str) -> pa.StructArray | None:
