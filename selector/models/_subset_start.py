@@ -31,8 +31,8 @@ def _sweep(v: Any, k: int) -> None:
 
 
 @njit(cache=True, nogil=True)
-def swept(gram: Any, cross: Any, state: Any, v: Any) -> bool:
-    """Fill `v` with the matrix swept on the columns of the set; False when they depend on each other."""
+def swept(gram: Any, cross: Any, state: Any, v: Any) -> None:
+    """Fill `v` with the matrix swept on the columns of the set, save those that depend on the ones before them."""
     p = state.size
     for i in range(p):
         for j in range(p):
@@ -41,11 +41,8 @@ def swept(gram: Any, cross: Any, state: Any, v: Any) -> bool:
         v[p, i] = cross[i]
     v[p, p] = 1.0
     for j in range(p):
-        if state[j] == KEPT:
-            if v[j, j] <= PIVOT_TOLERANCE:
-                return False
+        if state[j] == KEPT and v[j, j] > PIVOT_TOLERANCE:
             _sweep(v, j)
-    return True
 
 
 @njit(cache=True, nogil=True)
@@ -140,8 +137,7 @@ def starting_sets(
         improved = False
         for j in range(p):
             state[j] = root[j]
-        if not swept(gram, cross, state, v):
-            return
+        swept(gram, cross, state, v)
         size = first
         while True:
             before = best_rss[size, 0]

@@ -1,0 +1,112 @@
+"""Compiled store of the open nodes of a subset search: a heap by bound, and a stack for when the heap is full."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+
+HEAP, STACK, NODES, HELD, WORK = 0, 1, 2, 3, 4
+"""Places of the counters: nodes in the heap, on the stack, visited in all, slots ever used, work left in this chunk."""
+
+
+class Tree(NamedTuple):
+    """Open nodes of one size; slots are shared by a heap (best bound first) and, when that is full, a stack."""
+
+    counters: Any  # int64 (5,)
+    slots: Any  # int64 (3, capacity): the heap, the stack, and the slots that are free again
+    bound: Any  # float64 (capacity,)
+    scale: Any  # float64 (capacity,): valid factor on the diagonal
+    state: Any  # int8 (capacity, p)
+    share: Any  # float32 (capacity, p): z of the parent, where the next solve starts
+
+
+class Scratch(NamedTuple):
+    """Work space of one search, by rows: few arrays, because every one of them costs compile time in every kernel."""
+
+    matrices: Any  # float64 (4, (p + 1) · (p + 2)): all columns of the node, its free ones (P), work, inverse
+    vectors: Any  # float64 (6, p + 1)
+    integers: Any  # int64 (4, p + 1)
+    states: Any  # int8 (2, p): the node, a set to try
+
+
+WHOLE, PM, M, INV = 0, 1, 2, 3
+DIAGONAL, Z, U, H, X, Y = 0, 1, 2, 3, 4, 5
+RANKING, ORDER, FREE_COLUMNS, CHOSEN = 0, 1, 2, 3
+CURRENT, TRIAL = 0, 1
+
+
+@njit(cache=True, nogil=True)
+def push(tree: Any, state: Any, z: Any, bound: float, scale: float, depth_first: bool) -> None:
+    """Open a node."""
+    heap = tree.slots[0]
+    stack = tree.slots[1]
+    unused = tree.slots[2]
+    n = tree.counters
+    if n[HELD] > n[HEAP] + n[STACK]:
+        slot = unused[n[HELD] - n[HEAP] - n[STACK] - 1]
+    else:
+        slot = n[HELD]
+        n[HELD] += 1
+    tree.bound[slot] = bound
+    tree.scale[slot] = scale
+    for j in range(state.size):
+        tree.state[slot, j] = state[j]
+        tree.share[slot, j] = z[j]
+    if depth_first:
+        stack[n[STACK]] = slot
+        n[STACK] += 1
+        return
+    i = n[HEAP]
+    n[HEAP] += 1
+    while i > 0:
+        parent = (i - 1) // 2
+        if tree.bound[heap[parent]] <= bound:
+            break
+        heap[i] = heap[parent]
+        i = parent
+    heap[i] = slot
+
+
+@njit(cache=True, nogil=True)
+def pop(tree: Any) -> int:
+    heap = tree.slots[0]
+    stack = tree.slots[1]
+    unused = tree.slots[2]
+    n = tree.counters
+    if n[STACK] > 0:
+        n[STACK] -= 1
+        slot = stack[n[STACK]]
+    else:
+        slot = heap[0]
+        n[HEAP] -= 1
+        last = heap[n[HEAP]]
+        i = 0
+        while True:
+            child = 2 * i + 1
+            if child >= n[HEAP]:
+                break
+            if child + 1 < n[HEAP] and tree.bound[heap[child + 1]] < tree.bound[heap[child]]:
+                child += 1
+            if tree.bound[heap[child]] >= tree.bound[last]:
+                break
+            heap[i] = heap[child]
+            i = child
+        heap[i] = last
+    unused[n[HELD] - n[HEAP] - n[STACK] - 1] = slot
+    return int(slot)
+
+
+@njit(cache=True, nogil=True)
+def open_bound(tree: Any) -> float:
+    """The smallest bound of the nodes that are still open; infinite when there are none."""
+    heap = tree.slots[0]
+    stack = tree.slots[1]
+    n = tree.counters
+    least = np.inf
+    if n[HEAP] > 0:
+        least = tree.bound[heap[0]]
+    for i in range(n[STACK]):
+        least = min(least, tree.bound[stack[i]])
+    return float(least)
