@@ -50,9 +50,16 @@ def grouping_by_condition(m: Moments, conditions: dict[str, str]) -> Grouping:
 
 
 def inner_grouping(m: Moments) -> Grouping:
-    """Groups to leave out when a choice is made on these folds alone: runs, or blocks if there are fewer than three."""
+    """Groups to leave out when a choice is made on these folds alone.
+
+    Runs, if there are three or more. With two, leaving one out shows what does not carry over from day to day but is
+    only two numbers, so the blocks of the runs are left out as well; with one, its blocks.
+    """
     by_run = grouping_by_run(m)
-    return by_run if len(by_run) >= 3 else tuple((i,) for i in range(len(m.folds)))
+    by_block = tuple((i,) for i in range(len(m.folds)))
+    if len(by_run) >= 3 or len(by_run) == len(by_block):
+        return by_run
+    return by_block if len(by_run) == 1 else (*by_run, *by_block)
 
 
 def _grouped(m: Moments, key: Callable[[tuple[str, ...]], str]) -> Grouping:

@@ -49,6 +49,11 @@ class Choice:
     by_size: dict[int, Trial]
     trials: tuple[Trial, ...]
 
+    def without_memory(self) -> Choice:
+        """The choice among the shapes that have no lags."""
+        static = tuple(trial for trial in self.trials if not trial.shape.has_memory)
+        return Choice(self.static, self.static, best_by_size(static), static)
+
 
 def shapes_on_offer(question: Question, period_s: float, duration_s: float) -> tuple[list[Shape], list[Shape]]:
     """(shapes without memory, shapes with one time constant); the second list is empty unless memory is offered."""
@@ -116,17 +121,20 @@ def choose(
             if both not in (first, other):
                 test(both, search=False)
     tested = tuple(trials.values())
-    by_size: dict[int, Trial] = {}
-    for trial in tested:
-        size = len(trial.set.sensors)
-        if size not in by_size or trial.error < by_size[size].error:
-            by_size[size] = trial
     return Choice(
         _best(question, tested, bench.samples),
         _best(question, [trial for trial in tested if not trial.shape.has_memory], bench.samples),
-        dict(sorted(by_size.items())),
+        best_by_size(tested),
         tested,
     )
+
+
+def best_by_size(trials: Sequence[Trial]) -> dict[int, Trial]:
+    """The trial with the smallest held-out error for each number of sensors."""
+    found: dict[int, Trial] = {}
+    for trial in sorted(trials, key=lambda t: (len(t.set.sensors), t.error)):
+        found.setdefault(len(trial.set.sensors), trial)
+    return found
 
 
 def _best(question: Question, trials: Sequence[Trial], samples: NDArray[np.float64]) -> Trial:

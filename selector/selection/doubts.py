@@ -27,6 +27,7 @@ def doubts(
     datum: Datum,
     rows: Rows,
     ridge: tuple[float, float, float],
+    memory_errors: tuple[float, float] | None,
     stride: int,
 ) -> tuple[Finding, ...]:
     """Findings about the data that were used, the groups, the proof and the model."""
@@ -39,6 +40,7 @@ def doubts(
         *(finding for one in screening.rounds for finding in one.findings),
         *_proof_findings(selection, surveyed, stride),
         *regime_findings(selection),
+        *_memory_findings(memory_errors),
         *_model_findings(selection, ridge),
         *_range_findings(selection, rows),
         *_stability_findings(selection),
@@ -137,6 +139,35 @@ def _proof_findings(selection: Selection, surveyed: Survey, stride: int) -> list
             )
         )
     return found
+
+
+def _memory_findings(errors: tuple[float, float] | None) -> list[Finding]:
+    if errors is None:
+        return []
+    with_memory, static = errors
+    evidence = {"relative_error_with_memory": with_memory, "relative_error_static": static}
+    if with_memory >= static:
+        return [
+            Finding(
+                "memory-not-used",
+                "info",
+                f"Lagged terms do not help on unseen data (error {with_memory:.1%} of the spread of the displacement "
+                f"with them, {static:.1%} without); the model has none.",
+                Where(),
+                evidence,
+                "longer runs with heating and cooling show slow parts better",
+            )
+        ]
+    return [
+        Finding(
+            "memory-helps",
+            "info",
+            f"Lagged terms reduce the error on unseen data from {static:.1%} to {with_memory:.1%} of the spread of the "
+            "displacement.",
+            Where(),
+            evidence,
+        )
+    ]
 
 
 def _model_findings(selection: Selection, ridge: tuple[float, float, float]) -> list[Finding]:

@@ -9,7 +9,14 @@ import numpy as np
 from selector.models.design import Datum
 from selector.models.reference import RunSource
 from selector.models.rows import rows_of
-from selector.models.validation import ErrorCurvePoint, Grouping, HeldOut, LeaveOneOut, error_curve_point
+from selector.models.validation import (
+    ErrorCurvePoint,
+    Grouping,
+    HeldOut,
+    LeaveOneOut,
+    error_curve_point,
+    response_power,
+)
 from selector.selection.choice import Choice, Trial
 from selector.selection.fitting import Part, predictions, refined
 from selector.selection.library import Library
@@ -86,6 +93,15 @@ def baselines(
         static = LeaveOneOut.of(library.moments, outer)
         ways["static"] = _held_out(library, static, [choice.static for choice in choices]).rmse_um
     return {name: {way: float(rmse[j]) for way, rmse in ways.items()} for j, name in enumerate(linear.responses)}
+
+
+def memory_against_static(library: Library, outer: Grouping, choices: Sequence[Choice]) -> tuple[float, float]:
+    """Held-out error of the procedure with memory and without, relative to the spread of the displacements."""
+    loo = LeaveOneOut.of(library.moments, outer)
+    power = response_power(library.moments)
+    with_memory = _held_out(library, loo, [choice.trial for choice in choices]).rmse_um ** 2 / power
+    static = _held_out(library, loo, [choice.static for choice in choices]).rmse_um ** 2 / power
+    return float(np.sqrt(with_memory.mean())), float(np.sqrt(static.mean()))
 
 
 def _held_out(library: Library, loo: LeaveOneOut, trials: Sequence[Trial]) -> HeldOut:

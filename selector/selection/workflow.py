@@ -23,7 +23,7 @@ from selector.selection.doubts import doubts
 from selector.selection.fitting import MAX_ROWS, Part, final_models, refined, ridge_penalty
 from selector.selection.library import Bench, Library, Shape, library_of
 from selector.selection.options import Options, Progress, Question, question_of
-from selector.selection.proving import baselines, error_curve, left_out_errors
+from selector.selection.proving import baselines, error_curve, left_out_errors, memory_against_static
 from selector.selection.reasons import because_of, combinations_of, reasons_of, stability_of
 from selector.selection.result import Proof, Selection
 from selector.selection.survey import RunsOf, survey
@@ -90,6 +90,9 @@ def select(
         choices.append(choose(question, one, Bench.of(library, folds.without(group)), static, lagged))
         say("choosing sensors without each run", 0.4 + 0.3 * (i + 1) / len(found))
 
+    memory_errors = memory_against_static(library, folds.outer, choices) if lagged else None
+    if memory_errors is not None and memory_errors[0] >= memory_errors[1]:
+        choice, choices = choice.without_memory(), [one.without_memory() for one in choices]
     say("fitting", 0.75)
     stride = max(1, -(-surveyed.n_samples // MAX_ROWS))
     recipe = refined(question, runs, datum, choice.trial, stride)
@@ -133,7 +136,7 @@ def select(
         provenance=dict(provenance or {}),
     )
     say("looking for doubts", 0.95)
-    doubted = doubts(selection, surveyed, datum, rows, ridge, stride)
+    doubted = doubts(selection, surveyed, datum, rows, ridge, memory_errors, stride)
     say("done", 1.0)
     return replace(selection, findings=(*findings, *surveyed.findings, *doubted))
 
