@@ -21,21 +21,19 @@ _FOLLOWED = 0.2
 """Share of a command's changes at which a channel must jump for the command to be a cause."""
 
 
-def commanded(
-    survey: Survey, column: int, run: str, moment_s: tuple[float, float], moments: Moments | None = None
-) -> str:
+def commanded(survey: Survey, column: int, run: str, moment_s: tuple[float, float], moments: Moments) -> str:
     """Which command or state of the machine causes a jump, in words; empty if none does.
 
-    One that changes at this moment. When the moments of all jumps of the channel are given, it must have changed so
-    much at most twice in the recording, or have the channel jump at a fifth of these changes at least: a change that
-    is close by chance is no cause. A change of speed always is one for a displacement.
+    One that changes at this moment, and either has changed so much at most twice in the recording, or has the channel
+    jump at a fifth of these changes at least (`moments`: all jumps of the channel): a change that is close by chance
+    is no cause. A change of speed always is one for a displacement.
     """
     first, last = _rows_near(survey, run, moment_s, _NEAR_PERIODS)
     for other in survey.columns(*COMMAND_ROLES):
         if other == column or not _changes(survey.values[run][other], first, last):
             continue
         speeding = survey.channels[column].role == "displacement" and survey.channels[other].role == "spindle_speed"
-        if moments is None or speeding:
+        if speeding:
             return f"{survey.channels[other].name} changes at that moment"
         changes = jumped = 0
         piece = survey.values[run][other][first:last]
@@ -62,6 +60,23 @@ def jumping_with(survey: Survey, column: int, run: str, moment_s: tuple[float, f
         for other in survey.columns(*MEASURED_ROLES)
         if other != column and _jumps(survey.values[run][other], first, last, survey.scale(run, other).floor)
     ]
+
+
+def pulsing_with(survey: Survey, column: int, run: str, window_s: tuple[float, float]) -> tuple[list[str], list[str]]:
+    """Names of the commands, and of the other measured channels, that leave their level and return in a window."""
+    first, last = _rows_near(survey, run, window_s, 0.5)
+    pulsing: dict[bool, list[str]] = {True: [], False: []}
+    for roles, measured in ((COMMAND_ROLES, False), (MEASURED_ROLES, True)):
+        for other in survey.columns(*roles):
+            x = survey.values[run][other]
+            inside, before, after = x[first:last], x[max(0, first - 3) : first], x[last : last + 3]
+            if other == column or not (inside.size and before.size and after.size):
+                continue
+            off = float(np.median(inside) - 0.5 * (np.median(before) + np.median(after)))
+            limit = max(6.0 * survey.scale(run, other).floor, 2.0 * abs(float(np.median(after) - np.median(before))))
+            if abs(off) > max(limit, 1e-300):
+                pulsing[measured].append(survey.channels[other].name)
+    return pulsing[False], pulsing[True]
 
 
 def kink_elsewhere(survey: Survey, column: int, run: str, moment_s: tuple[float, float]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -53,11 +54,27 @@ def duplicates(survey: Survey, relations: Relations) -> Iterator[Finding]:
         )
 
 
+@dataclass(frozen=True)
+class _Proof:
+    """How well channel `own` of one run is replaced by the column of channel `other`.
+
+    `before`, `after`: mismatch with its siblings as recorded and exchanged [unit]; `strength`: by how much the first
+    exceeds the second and what is usual, 0 if nothing is proved; `at_once`: so already early in the run.
+    """
+
+    own: int
+    other: int
+    before: float
+    after: float
+    strength: float
+    at_once: bool
+
+
 def swapped(relations: Relations) -> Iterator[Finding]:
     """Findings ``swapped-channels``: in one run two channels of a kind stand in each other's place.
 
     After the exchange both must follow their siblings (the other one aside) as well as in the other runs; before it
-    both must clearly not, or one very clearly. Two findings a swap. O(channels · runs) small systems.
+    both must clearly not, or one very clearly. Two findings a swap. O(channels² · runs) at the most.
     """
     count = len(relations.runs)
     if count < 2:
@@ -65,85 +82,97 @@ def swapped(relations: Relations) -> Iterator[Finding]:
     siblings = [relations.siblings(i) for i in range(len(relations.columns))]
     for r in range(count) if count > 2 else [1]:
         training = [o for o in range(count) if o != r]
-        suspects = []
-        for i, beside in enumerate(siblings):
-            if beside and relations.present[i, r] and relations.present[i, training].any():
-                weights = relations.weights(i, beside, training)
-                if _mismatch(relations, i, beside, weights, r, i) > _least(relations, i):
-                    suspects.append(i)
+        here = [i for i, beside in enumerate(siblings) if beside and relations.present[i, r]]
+        here = [i for i in here if relations.present[i, training].any()]
+        suspects = {
+            i
+            for i in here
+            if _mismatch(relations, siblings[i], relations.weights(i, siblings[i], training), r, i)
+            > _least(relations, i)
+        }
         pairs = []
-        everyone = [i for i in range(len(relations.columns)) if siblings[i] and relations.present[i, r]]
-        for i, j in combinations(everyone, 2):
-            if (i in suspects or j in suspects) and _kind(relations, i) == _kind(relations, j):
-                gains = _gains(relations, i, j, r, training)
-                if gains is not None:
-                    pairs.append((gains, i, j))
+        for i, j in combinations(here, 2):
+            if suspects & {i, j} and _kind(relations, i) == _kind(relations, j):
+                proofs = _exchange(relations, i, j, r, training)
+                if proofs is not None:
+                    pairs.append(proofs)
         taken: set[int] = set()
-        for gains, i, j in sorted(pairs, key=lambda pair: -pair[0][0] / pair[0][1] * pair[0][2] / pair[0][3]):
-            if not taken & {i, j}:
-                taken |= {i, j}
-                yield from _swap_findings(relations, i, j, r, gains, acts=count > 2)
+        for strong, weak in sorted(pairs, key=lambda pair: -(pair[0].strength + pair[1].strength)):
+            if not taken & {strong.own, weak.own}:
+                taken |= {strong.own, weak.own}
+                yield from _told(relations, r, strong, acts=len(training) > (1 if weak.strength >= _TIMES else 2))
 
 
-def _gains(
-    relations: Relations, i: int, j: int, r: int, training: list[int]
-) -> tuple[float, float, float, float] | None:
-    """(mismatch of i, after the swap, mismatch of j, after the swap) if they prove a swap, else None."""
-    result: list[float] = []
-    proofs = []
-    for own, other in ((i, j), (j, i)):
-        beside = relations.siblings(own, without=(other,))
-        if len(beside) < 2:
-            return None
-        weights = relations.weights(own, beside, training)
-        before = _mismatch(relations, own, beside, weights, r, own)
-        after = _mismatch(relations, own, beside, weights, r, other)
-        known = [o for o in training if relations.present[own, o]]
-        usual = [0.3 * _least(relations, own)]
-        for o in known:
-            rest = [p for p in known if p != o]
-            fitted = relations.weights(own, beside, rest) if rest else weights
-            usual.append(_mismatch(relations, own, beside, fitted, o, own))
-        if after > 2.0 * max(usual):
-            return None
-        # a near twin fits in every run: the other column must fit here as it does nowhere else
-        cross = [_mismatch(relations, own, beside, weights, o, other) for o in known]
-        fits_only_here = bool(cross) and after < 0.4 * float(np.median(cross))
-        proved = before > _least(relations, own) and fits_only_here
-        proofs.append(before / max(after, *usual) if proved else 0.0)
-        result += [before, after]
-    # one channel may be too independent of the rest to prove anything, if the other one proves it alone
-    if min(proofs) < _TIMES and max(proofs) < _TIMES_ALONE:
+def _exchange(relations: Relations, i: int, j: int, r: int, training: list[int]) -> tuple[_Proof, _Proof] | None:
+    """The stronger and the weaker proof that two channels have changed places in a run, or None."""
+    one = _proof(relations, i, j, r, training)
+    two = _proof(relations, j, i, r, training) if one is not None else None
+    if one is None or two is None:
         return None
-    return result[0], result[1], result[2], result[3]
+    strong, weak = (one, two) if one.strength >= two.strength else (two, one)
+    # one channel may be too independent of the rest to prove anything, if the other one proves it alone
+    alone = strong.strength >= _TIMES_ALONE and strong.at_once
+    return (strong, weak) if weak.strength >= _TIMES or alone else None
 
 
-def _swap_findings(
-    relations: Relations, i: int, j: int, r: int, gains: tuple[float, float, float, float], *, acts: bool
-) -> Iterator[Finding]:
+def _proof(relations: Relations, own: int, other: int, r: int, training: list[int]) -> _Proof | None:
+    """What the exchange does to one channel; None if it then is farther off its siblings than in the other runs."""
+    beside = relations.siblings(own, without=(other,))
+    known = [o for o in training if relations.present[own, o]]
+    if len(beside) < 2 or not known:
+        return None
+    weights = relations.weights(own, beside, known)
+    before = _mismatch(relations, beside, weights, r, own)
+    after = _mismatch(relations, beside, weights, r, other)
+    usual = 0.3 * _least(relations, own)
+    for o in known:
+        rest = [p for p in known if p != o]
+        fitted = relations.weights(own, beside, rest) if rest else weights
+        usual = max(usual, _mismatch(relations, beside, fitted, o, own))
+    if after > 2.0 * usual:
+        return None
+    # a near twin fits in every run: the other column must fit here as it does nowhere else
+    cross = [_mismatch(relations, beside, weights, o, other) for o in known]
+    proved = before > _least(relations, own) and after < 0.4 * float(np.median(cross))
+    # one that drifts off later in the run fits at first
+    early = [_mismatch(relations, beside, weights, r, column, share=0.35) for column in (own, other)]
+    return _Proof(own, other, before, after, before / max(after, usual) if proved else 0.0, early[0] > 1.5 * early[1])
+
+
+def _told(relations: Relations, r: int, proof: _Proof, *, acts: bool) -> Iterator[Finding]:
     run = relations.runs[r]
-    channels = [relations.survey.channels[relations.columns[k]] for k in (i, j)]
-    for (own, other), (before, after) in zip((channels, channels[::-1]), (gains[:2], gains[2:]), strict=True):
+    own, other = (relations.survey.channels[relations.columns[k]] for k in (proof.own, proof.other))
+    for channel, partner in ((own, other), (other, own)):
         yield Finding(
             "swapped-channels",
             "error" if acts else "warning",
             f"{own.name} and {other.name} have changed places in run {run}: what stands under {own.name} is off by "
-            f"{difference(before, own)} from what its siblings say, what stands under {other.name} by only "
-            f"{difference(after, own)}.",
-            Where(own.name, run),
-            {"other": other.name, "mismatch": before, "mismatch_after_swap": after},
+            f"{difference(proof.before, own)} from what the siblings of {own.name} say, what stands under "
+            f"{other.name} by only {difference(proof.after, own)}.",
+            Where(channel.name, run),
+            {"other": partner.name, "mismatch": proof.before, "mismatch_after_swap": proof.after},
             f"Swap the two columns in the file of run {run}, or give that run a machine file in which the column of "
             f"{own.name} is that of {other.name} and the other way round. "
-            + ("Both channels are left out of this run." if acts else
-               "With two runs it may be the other one: nothing is left out."),
+            + (
+                "Both channels are left out of this run."
+                if acts
+                else "So few runs do not prove it: nothing is left out."
+            ),
             "leave-out-channel" if acts else "none",
-        )  # fmt: skip
+        )
 
 
-def _mismatch(relations: Relations, i: int, siblings: Sequence[int], weights: Floats, r: int, column: int) -> float:
-    """Root mean square of (column standing for channel i) minus what the siblings say."""
+def _mismatch(
+    relations: Relations,
+    siblings: Sequence[int],
+    weights: Floats,
+    r: int,
+    column: int,
+    share: float = 1.0,
+) -> float:
+    """Standard deviation of a column minus what a channel's siblings say, in the first part of a run."""
     off = relations.movement(r)[column] - relations.prediction(siblings, weights, r)
-    return float(np.sqrt(np.mean(off * off)))
+    return float(np.std(off[: max(1, int(share * off.size))]))
 
 
 def _copy(survey: Survey, run: str, i: int, j: int) -> tuple[float, float] | None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from selector.findings import Finding, Where
 from selector.quality.break_codes import told
-from selector.quality.coincidence import Moments, commanded, jumping_with, kink_elsewhere
+from selector.quality.coincidence import Moments, commanded, jumping_with, kink_elsewhere, pulsing_with
 from selector.quality.survey import MEASURED_ROLES, Floats, Ints, Series, Survey
 from selector.quality.wording import difference, moment, reading
 
@@ -80,13 +80,12 @@ def spikes(survey: Survey) -> Iterator[Finding]:
         others = len(survey.columns(*MEASURED_ROLES)) - 1
         kept: dict[str, list[tuple[tuple[float, float], float]]] = {}
         for series, first, last, height in found:
-            moment_s = (float(series.time_s[first - 1]), float(series.time_s[last + 1]))
             # a thin sensor that steps as high elsewhere, or a process that some other channels see; what all of them
             # see in one sample is interference
             steps_too = sum(shift > 0.6 * abs(height) for shift in shifts) >= 2
-            shared = 0 < len(jumping_with(survey, column, series.run, moment_s)) < 0.6 * others
-            if not steps_too and not shared and not commanded(survey, column, series.run, moment_s):
-                window = (float(series.time_s[first]), float(series.time_s[last]))
+            window = (float(series.time_s[first]), float(series.time_s[last]))
+            commands, measured = pulsing_with(survey, column, series.run, window)
+            if not steps_too and not commands and not 0 < len(measured) < 0.6 * others:
                 kept.setdefault(series.run, []).append((window, height))
         for run, hits in kept.items():
             yield from _told_spikes(survey, run, column, hits)
@@ -222,11 +221,14 @@ def _spike_samples(series: Series, candidates: Ints, widest: float) -> list[tupl
             if not np.all(off * np.sign(jump) > 0.5 * abs(jump)):
                 break
             height = float(off[np.argmax(np.abs(off))])
+            # a spike may sit on a slope
+            slope = float(max(np.abs(np.diff(before)).max(), np.abs(np.diff(after)).max(initial=0.0)))
+            drop = (last + 2 - i) * 2.0 * slope if slope < 0.1 * abs(height) else 0.0
             back = float(np.median(after)) - level
             # both sides level: the top of a real peak has slopes beside it
             if (
-                abs(x[last + 1] - level) < max(0.15 * abs(height), min(widest, _REST * abs(height)))
-                and abs(back) < 0.25 * abs(height)
+                abs(x[last + 1] - level) < max(0.15 * abs(height), min(max(widest, drop), _REST * abs(height)))
+                and abs(back) < max(0.25 * abs(height), min(drop, _REST * abs(height)))
                 and max(spread, float(np.ptp(after))) < max(_REST * abs(height), min(widest, 0.6 * abs(height)))
             ):
                 found.append((int(i + 1), int(last), height))

@@ -56,7 +56,9 @@ _ALL_ALIKE_C = {"°F taken for °C": (57.0, 110.0), "K taken for °C": (270.0, 3
 def wrong_temperature_units(survey: Survey) -> Iterator[Finding]:
     """Findings ``wrong-unit`` for temperatures, by the level at the start of each run. O(samples)."""
     columns = survey.columns(*THERMAL_ROLES)
-    level = np.array([[survey.scale(run, c).start for run in survey.runs] for c in columns]).reshape(len(columns), len(survey.runs))
+    level = np.array([[survey.scale(run, c).start for run in survey.runs] for c in columns]).reshape(
+        len(columns), len(survey.runs)
+    )
     if not np.isfinite(level).any():
         return
     coldest = float(np.nanmin(level))
@@ -168,7 +170,8 @@ def wrong_length_units(survey: Survey) -> Iterator[Finding]:
                     if decade
                     else (0.6 < noise_off < 1.6 and 0.2 < span_off < 5)
                 )
-                if fits:
+                # of two runs that differ, the implausible one is wrong
+                if fits and (len(others) > 1 or (here.span < 0.5 if mistake.gain < 1 else here.span > 5000.0)):
                     told = True
                     yield _length_finding(channel.name, run, mistake, here.span, span, difference(span, channel))
                     break
