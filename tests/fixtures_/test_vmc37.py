@@ -1,0 +1,113 @@
+"""The shipped 37-sensor runs are what their generator makes, look like a machine, and say that they are simulated."""
+
+import csv
+import importlib.util
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from selector.shipped import shipped
+
+ROOT = Path(__file__).parents[2]
+RUNS = tuple(f"r{i}" for i in range(1, 9))
+SENSORS = tuple(f"T{i:02d}" for i in range(1, 38))
+
+
+@pytest.fixture(scope="module")
+def tables():
+    found = {}
+    for run in RUNS:
+        with (shipped("vmc37") / f"{run}.csv").open(encoding="utf-8", newline="") as stream:
+            rows = list(csv.reader(stream))
+        values = np.array(rows[1:], dtype=np.float64)
+        found[run] = dict(zip(rows[0], values.T, strict=True))
+    return found
+
+
+@pytest.fixture(scope="module")
+def make():
+    spec = importlib.util.spec_from_file_location("make_vmc37", ROOT / "fixtures" / "make" / "vmc37.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["make_vmc37"] = module  # its dataclasses look their module up
+    spec.loader.exec_module(module)
+    yield module
+    del sys.modules["make_vmc37"]
+
+
+@pytest.mark.parametrize("number", [5, 8])
+def test_generator_makes_the_shipped_run(number, make, tables):
+    made = make.recorded(make.runs()[number - 1], number)
+    assert list(made) == list(tables[f"r{number}"])
+    for name, texts in made.items():
+        gap = np.abs(np.array(texts, dtype=np.float64) - tables[f"r{number}"][name])
+        # another exp() may tip a value to the next step of its instrument, at most 0.1, and rarely
+        assert gap.max() < 0.101, name
+        assert (gap > 0).mean() < 0.01, name
+
+
+def test_network_keeps_its_energy(make):
+    """Without losses a machine at hall temperature stays there; all conductances are positive."""
+    decay, gain = make._transition(coolant=True)
+    convection = np.array([node.convection for node in make.NODES])
+    at_rest = np.full(len(make.NODES), 20.0)
+    # 1e-9 of 20 K: rounding of a 98 × 98 matrix exponential
+    np.testing.assert_allclose(decay @ at_rest + gain @ (convection * 20.0), at_rest, rtol=1e-9)
+    assert all(watts > 0 for *_, watts in (*make.LINKS, *make.COOLANT_LINKS))
+    assert np.abs(np.linalg.eigvals(decay)).max() < 1
+
+
+def test_size_labels_and_machine_file(tables):
+    folder = shipped("vmc37")
+    assert sum(path.stat().st_size for path in folder.iterdir()) < 2_500_000
+    machine = tomllib.loads((folder / "machine.toml").read_text(encoding="utf-8"))
+    assert "simulated" in machine["machine"]["name"]
+    assert "SIMULATED" in (folder / "README.md").read_text(encoding="utf-8").splitlines()[0]
+    channels = machine["channels"]
+    for table in tables.values():
+        assert {machine["time"]["column"], *channels} == set(table)
+    assert [name for name in channels if channels[name]["role"] == "temperature"] == list(SENSORS)
+    assert all(channels[name]["place"] and len(channels[name]["xyz"]) == 3 for name in SENSORS)
+    assert len({tuple(channels[name]["xyz"]) for name in SENSORS}) == 37
+
+
+def test_looks_like_the_machine_of_the_patent(tables):
+    largest = {axis: max(table[axis].max() for table in tables.values()) for axis in "ZY"}
+    assert 80 < largest["Z"] < 110
+    assert 40 < largest["Y"] < 70
+    for table in tables.values():
+        assert 6 * 60 <= table["t_min"][-1] <= 8 * 60
+        assert (np.diff(table["t_min"]) == 1).all()
+    assert 6 < np.ptp(tables["r1"]["T01"]) < 12  # bearings rise 6–10 K; noise and the hall add to it
+
+
+def test_three_sensors_compensate_and_memory_helps(tables):
+    sensors, tau_min = ("T01", "T05", "T19"), 60.0
+
+    def lagged(rise):
+        out = np.zeros_like(rise)
+        for k in range(1, len(rise)):
+            out[k] = out[k - 1] + (1 - np.exp(-1 / tau_min)) * (rise[k] - out[k - 1])
+        return out
+
+    def held_out_um(memory):
+        parts = []
+        for table in tables.values():
+            rise = np.column_stack([table[name] - table[name][0] for name in sensors])
+            parts.append(np.column_stack([np.ones(len(rise)), rise, *([lagged(rise)] if memory else [])]))
+        squares = []
+        for i, run in enumerate(RUNS):
+            rest = [j for j in range(len(RUNS)) if j != i]
+            x, y = np.vstack([parts[j] for j in rest]), np.concatenate([tables[RUNS[j]]["Z"] for j in rest])
+            beta = np.linalg.lstsq(x, y, rcond=None)[0]
+            squares.append(np.mean((tables[run]["Z"] - parts[i] @ beta) ** 2))
+        return np.sqrt(np.mean(squares))
+
+    uncompensated = np.sqrt(np.mean([np.mean(table["Z"] ** 2) for table in tables.values()]))
+    static, memory = held_out_um(memory=False), held_out_um(memory=True)
+    # the README's 57.0, 3.6 and 2.0 µm
+    assert uncompensated == pytest.approx(57.0, abs=0.05)
+    assert static == pytest.approx(3.6, abs=0.05)
+    assert memory == pytest.approx(2.0, abs=0.05)
