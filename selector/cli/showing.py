@@ -70,7 +70,7 @@ def table(title: str, columns: Iterable[str], rows: Iterable[Iterable[object]], 
     from rich.text import Text
 
     right = set(numeric)
-    shown = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    shown = Table(title=title, title_justify="left", min_width=len(title), box=box.SIMPLE_HEAD, pad_edge=False)
     for column in columns:
         shown.add_column(column, justify="right" if column in right else "left", overflow="fold")
     for row in rows:
