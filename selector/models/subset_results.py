@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypeVar
+from types import MappingProxyType
+from typing import Any, TypeVar
 
 from selector.errors import InputError
 from selector.findings import Finding
@@ -84,6 +85,9 @@ class SubsetSearch:
     seconds: float
     findings: tuple[Finding, ...] = ()
 
+    def __getstate__(self) -> dict[str, Any]:
+        return _picklable(vars(self))
+
     def best(self, criterion: Criterion = "adjusted_r2") -> Subset:
         """The best subset over all sizes: largest adjusted R², or smallest AICc, BIC or Cp; ties to the smaller set.
 
@@ -129,9 +133,17 @@ class SensorSetSearch:
     seconds: float
     findings: tuple[Finding, ...] = ()
 
+    def __getstate__(self) -> dict[str, Any]:
+        return _picklable(vars(self))
+
     def best(self, criterion: Criterion = "adjusted_r2") -> SensorSet:
         """The best sensor set over all numbers of sensors; as `SubsetSearch.best`."""
         return best_of([found for _, sets in sorted(self.by_size.items()) for found in sets], criterion)
+
+
+def _picklable(fields: Mapping[str, Any]) -> dict[str, Any]:
+    """Read-only views cannot be pickled; what comes back has plain dictionaries in their place."""
+    return {name: dict(value) if isinstance(value, MappingProxyType) else value for name, value in fields.items()}
 
 
 S = TypeVar("S", bound=Subset)

@@ -122,7 +122,7 @@ def sets_with_terms(question: Question, bench: Bench, pool: Sequence[str], shape
     order = sorted(range(len(owners)), key=lambda i: not owners[i])
     n_owned = sum(bool(owner) for owner in owners)
     sets: dict[tuple[str, ...], None] = {}
-    for j in range(len(bench.library.responses)):
+    for j in _moving_responses(bench):
         search = best_sensor_sets(
             bench.cross(pool, shape, j)[np.ix_([*order, len(order)], [*order, len(order)])],
             bench.n_samples,
@@ -187,7 +187,7 @@ def _round_levels(axis: LambdaAxis, final: int, rounds: int) -> tuple[float, ...
 def _linear_sets(question: Question, bench: Bench, pool: Sequence[str]) -> list[tuple[str, ...]]:
     options = question.options
     sets: dict[tuple[str, ...], None] = {}
-    for j in range(len(bench.library.responses)):
+    for j in _moving_responses(bench):
         search = best_subsets(
             bench.cross(pool, LINEAR, j),
             bench.n_samples,
@@ -197,7 +197,23 @@ def _linear_sets(question: Question, bench: Bench, pool: Sequence[str]) -> list[
         )
         for found in search.by_size.values():
             sets.update(dict.fromkeys(tuple(pool[i] for i in best.columns) for best in found if best.columns))
+    if not sets:
+        # no displacement moves in these folds, so nothing can be ranked
+        must = tuple(name for name in pool if name in options.must)
+        return [must] if must else [(name,) for name in pool]
     return list(sets)
+
+
+def _moving_responses(bench: Bench) -> list[int]:
+    """Responses that are not constant in these folds."""
+    first = bench.library.moments.n_columns
+    found = []
+    for j in range(len(bench.library.responses)):
+        square = float(bench.total[1 + first + j, 1 + first + j])
+        # centring leaves rounding of a constant
+        if bench.cross((), LINEAR, j)[0, 0] > 1e-13 * square:
+            found.append(j)
+    return found
 
 
 def _chosen_screening(

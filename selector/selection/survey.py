@@ -105,6 +105,14 @@ def survey(source: RunSource, question: Question, datum: Datum) -> Survey:
             where="--response",
             advice="check the column and the unit of the displacement with `selector describe`",
         )
+    for name, lowest, highest in zip(question.responses, low[n_sensors:], high[n_sensors:], strict=True):
+        if highest - lowest <= 1e-12 * max(1.0, abs(highest)):
+            raise OptionError(
+                f"{name} always reads {highest:.6g} µm",
+                expected="a displacement that moves",
+                where="--response",
+                advice="leave it out (a direction that stays put needs no model), or check the gauge",
+            )
     kept, about_sensors = usable_sensors(RunsOf(source, runs), question, missing / total, low, high)
     return Survey(
         tuple(runs),
