@@ -6,7 +6,6 @@ the cross-products are used, so the cost does not depend on the number of sample
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
 from types import MappingProxyType
@@ -19,16 +18,30 @@ from selector.models._subset_algebra import DROPPED, KEPT
 from selector.models._subset_start import starting_sets
 from selector.models._subset_tree import DONE, FULL, PROOF_TOLERANCE, search
 from selector.models.cross_products import cross_products, factor_from_rows, factor_of, rss_from_factor
+from selector.models.search_limits import CHUNK_WORK, Cancel, is_set, relative_gap
+from selector.models.sensor_sets import best_sensor_sets
 from selector.models.subset_problem import Problem, valid_diagonal
-from selector.models.subset_results import SearchProgress, Statistics, Subset, SubsetSearch
+from selector.models.subset_results import (
+    Coverage,
+    SearchProgress,
+    SensorSet,
+    SensorSetSearch,
+    Statistics,
+    Subset,
+    SubsetSearch,
+)
 from selector.models.subset_scores import adjusted_r2, aicc, bic, mallows_cp
 
 __all__ = [
+    "Coverage",
     "SearchProgress",
+    "SensorSet",
+    "SensorSetSearch",
     "Subset",
     "SubsetSearch",
     "adjusted_r2",
     "aicc",
+    "best_sensor_sets",
     "best_subsets",
     "bic",
     "cross_products",
@@ -36,11 +49,6 @@ __all__ = [
     "factor_of",
     "mallows_cp",
 ]
-
-Cancel = threading.Event | Callable[[], bool]
-
-CHUNK_WORK = 30_000_000
-"""Multiplications between two looks at the clock and at `cancel`: about 0.02 s."""
 
 MAX_OPEN_NODES = 200_000
 """Open nodes of one size held in memory; beyond it the search goes depth first."""
@@ -101,29 +109,28 @@ def best_subsets(
     full_rss, rank = problem.full_rss_and_rank()
     bound = dict.fromkeys(open_sizes, full_rss / problem.sst * (1.0 - PROOF_TOLERANCE))
     visited = dict.fromkeys(open_sizes, 0)
-    stopped, chunks = False, 1
+    stopped, chunks = False, 0  # a short look at every size comes first
     while open_sizes and not stopped:
         for size in list(open_sizes):
             part = open_sizes[size]
-            for _ in range(chunks):
-                ended = part.run(problem, diagonal, scratch, best_rss[size], best_state[size])
+            for _ in range(max(chunks, 1)):
+                work = CHUNK_WORK if chunks else CHUNK_WORK // 20
+                ended = part.run(problem, diagonal, scratch, best_rss[size], best_state[size], work)
                 visited[size] = part.visited
                 bound[size] = np.inf if ended else max(bound[size], nodes.open_bound(part.tree))
                 if ended:
                     del open_sizes[size]
                 if progress is not None:
                     seconds = time.perf_counter() - started
-                    gap = _gap(best_rss[size, 0], bound[size])
+                    gap = relative_gap(best_rss[size, 0], bound[size])
                     done = len(bound) - len(open_sizes)
                     progress(SearchProgress(done, len(bound), size, gap, sum(visited.values()), seconds))
-                stopped = _is_set(cancel) or (
-                    time_limit_s is not None and time.perf_counter() - started >= time_limit_s
-                )
+                stopped = is_set(cancel) or (time_limit_s is not None and time.perf_counter() - started >= time_limit_s)
                 if ended or stopped:
                     break
             if stopped:
                 break
-        chunks *= 2
+        chunks = max(2 * chunks, 1)
     if problem.unconstrained:  # adding a column never raises the RSS
         for size in sorted(bound)[-2::-1]:
             above = min(bound[size + 1], float(best_rss[size + 1, 0]))
@@ -141,7 +148,7 @@ def best_subsets(
     return SubsetSearch(
         by_size=MappingProxyType(by_size),
         proved=not open_sizes,
-        gap=MappingProxyType({size: _gap(best_rss[size, 0], bound[size]) for size in bound}),
+        gap=MappingProxyType({size: relative_gap(best_rss[size, 0], bound[size]) for size in bound}),
         lower_bound=MappingProxyType(
             {size: problem.sst * min(float(best_rss[size, 0]), bound[size]) for size in bound}
         ),
@@ -170,6 +177,7 @@ class _SizeSearch:
         scratch: nodes.Scratch,
         best_rss: NDArray[np.float64],
         best_state: NDArray[np.int8],
+        work: int,
     ) -> bool:
         """Work for one chunk; whether no node is open any more."""
         while True:
@@ -184,25 +192,12 @@ class _SizeSearch:
                 scratch,
                 best_rss,
                 best_state,
-                max(MAX_OPEN_NODES, 8 * problem.n_columns + 64),
-                CHUNK_WORK,
+                max(MAX_OPEN_NODES, 2 * problem.n_columns + 40),
+                work,
             )
             if outcome != FULL:
                 return bool(outcome == DONE)
             self.tree = problem.larger(self.tree)
-
-
-def _gap(best: float, bound: float) -> float:
-    """How far the best may be above the optimum, as a share of it: 0 where proved, 1 where nothing is known."""
-    if bound >= best * (1.0 - PROOF_TOLERANCE) - 1e-14:
-        return 0.0
-    return 1.0 if not np.isfinite(best) else float((best - max(bound, 0.0)) / best)
-
-
-def _is_set(cancel: Cancel | None) -> bool:
-    if cancel is None:
-        return False
-    return cancel.is_set() if isinstance(cancel, threading.Event) else bool(cancel())
 
 
 def _variance(problem: Problem, full_rss: float, rank: int) -> float:
@@ -219,5 +214,5 @@ def _subset(
     factor: NDArray[np.float64] | None,
 ) -> Subset:
     columns = tuple(int(problem.allowed[j]) for j in np.flatnonzero(state == KEPT))
-    total = rss * problem.sst if factor is None else rss_from_factor(factor, columns)
+    total = float(rss) * problem.sst if factor is None else rss_from_factor(factor, columns)
     return Subset(columns, *statistics.of(total, len(columns)))

@@ -1,0 +1,341 @@
+"""The exact best subsets of columns and of sensors."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import threading
+import time
+
+import numpy as np
+import pytest
+import statsmodels.api as sm
+
+from selector.errors import InputError
+from selector.models import subsets
+from selector.models.cross_products import rss_from_factor
+from selector.models.subset_problem import Problem, valid_diagonal
+from selector.models.subsets import (
+    adjusted_r2,
+    aicc,
+    best_sensor_sets,
+    best_subsets,
+    bic,
+    cross_products,
+    factor_from_rows,
+    factor_of,
+    mallows_cp,
+)
+from tests.models.subset_cases import best_rss_of_every_size, rss_by_least_squares, warm_machine
+
+# cross-products hold squares: 1e-9 of the total leaves six digits for a condition number of 1e4
+CLOSE = 1e-9
+
+
+@pytest.mark.parametrize("intercept", [True, False])
+def test_criteria_agree_with_statsmodels(intercept):
+    columns, response = warm_machine(60, 5, seed=1)
+    response = response + 40.0
+    found = best_subsets(cross_products(columns, response, intercept=intercept), 60, intercept=intercept)
+    for one in (sets[0] for sets in found.by_size.values()):
+        design = columns[:, one.columns]
+        fit = sm.OLS(response, sm.add_constant(design) if intercept else design).fit()
+        assert one.r2 == pytest.approx(fit.rsquared, rel=CLOSE)
+        assert one.adjusted_r2 == pytest.approx(fit.rsquared_adj, rel=CLOSE)
+        # statsmodels keeps the constants of the likelihood and does not count the variance
+        constant = 60 * (math.log(2 * math.pi) + 1)
+        assert one.bic == pytest.approx(fit.bic + math.log(60) - constant, abs=1e-6)
+        k = len(one.columns) + intercept + 1
+        assert one.aicc == pytest.approx(fit.aic + 2 - constant + 2 * k * (k + 1) / (60 - k - 1), abs=1e-6)
+    full = found.by_size[5][0]
+    assert full.cp == pytest.approx(5 + intercept, abs=1e-6)  # by the definition of Cp
+
+
+def test_adjusted_r2_changes_its_definition_without_an_intercept():
+    assert adjusted_r2(0.9, 11, 4) == pytest.approx(1 - 10 / 6 * 0.1)
+    assert adjusted_r2(0.9, 11, 4, intercept=False) == pytest.approx(1 - 11 / 7 * 0.1)
+
+
+def test_criteria_without_degrees_of_freedom_are_not_numbers():
+    assert math.isnan(adjusted_r2(0.9, 5, 4))
+    assert math.isnan(aicc(1.0, 6, 4))
+    assert math.isnan(mallows_cp(1.0, 6, 4, math.nan))
+    assert bic(0.0, 6, 2) == -math.inf
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("kind", ["warm", "independent"])
+def test_same_optimum_as_all_65535_subsets(kind, seed):
+    rng = np.random.default_rng(seed)
+    columns, response = warm_machine(80, 16, seed)
+    if kind == "independent":
+        columns = rng.normal(size=(80, 16))
+        response = columns[:, :3].sum(axis=1) + 3 * rng.normal(size=80)
+    cross = cross_products(columns, response)
+    found = best_subsets(cross, 80)
+    assert found.proved
+    for size, rss in best_rss_of_every_size(cross).items():
+        assert found.by_size[size][0].rss == pytest.approx(rss, rel=1e-8)  # proof tolerance 1e-9, and rounding
+        assert found.gap[size] == 0.0
+        one = found.by_size[size][0]
+        centred = columns[:, one.columns] - columns[:, one.columns].mean(axis=0)
+        assert one.rss == pytest.approx(rss_by_least_squares(centred, response - response.mean()), rel=1e-8)
+
+
+def test_best_takes_the_best_value_of_a_criterion():
+    columns, response = warm_machine(100, 8, seed=3)
+    found = best_subsets(cross_products(columns, response), 100, n_best=3)
+    every = [one for sets in found.by_size.values() for one in sets]
+    assert found.best().adjusted_r2 == max(one.adjusted_r2 for one in every)
+    for criterion in ("aicc", "bic", "cp"):
+        assert getattr(found.best(criterion), criterion) == min(getattr(one, criterion) for one in every)
+    with pytest.raises(InputError, match="adjusted_r2, aicc, bic, cp"):
+        found.best("r2")
+
+
+def test_duplicates_constants_and_sums_are_explained_and_never_nan():
+    rng = np.random.default_rng(0)
+    x = rng.normal(size=(40, 3))
+    columns = np.column_stack([x, x[:, 0], np.full(40, 20.1), x[:, 1] + x[:, 2]])
+    response = x @ [1.0, 2.0, 3.0] + 0.1 * rng.normal(size=40)
+    found = best_subsets(cross_products(columns, response), 40)
+    assert found.proved
+    full = rss_by_least_squares(x - x.mean(axis=0), response - response.mean())
+    for size, sets in found.by_size.items():
+        for one in sets:
+            assert all(math.isfinite(v) for v in (one.rss, one.r2, one.adjusted_r2, one.aicc, one.bic, one.cp))
+        if size >= 3:
+            assert sets[0].rss == pytest.approx(full, rel=1e-9)
+    said = {finding.id: finding.evidence["columns"] for finding in found.findings}
+    assert said["constant-column"] == [4]
+    dependent = [f.evidence["columns"] for f in found.findings if f.id == "dependent-columns"]
+    assert sorted(dependent) == [[0, 3], [1, 2, 5]]
+
+
+def test_duplicate_columns_still_end_with_proof():
+    columns, response = warm_machine(150, 14, seed=5)
+    doubled = np.column_stack([columns, columns[:, :6]])
+    plain = best_subsets(cross_products(columns, response), 150)
+    found = best_subsets(cross_products(doubled, response), 150)
+    assert found.proved
+    for size in range(1, 15):
+        assert found.by_size[size][0].rss == pytest.approx(plain.by_size[size][0].rss, rel=1e-8)
+
+
+def test_fewer_samples_than_columns_end_with_proof():
+    rng = np.random.default_rng(4)
+    columns, response = rng.normal(size=(9, 12)), rng.normal(size=9)
+    found = best_subsets(cross_products(columns, response), 9)
+    assert found.proved
+    assert max(found.by_size) == 7  # one degree of freedom is left
+    centred, about = columns - columns.mean(axis=0), response - response.mean()
+    for size in (2, 4, 6):
+        least = min(rss_by_least_squares(centred[:, list(s)], about) for s in itertools.combinations(range(12), size))
+        assert found.by_size[size][0].rss == pytest.approx(least, rel=1e-7, abs=CLOSE * (about @ about))
+
+
+def test_stopped_search_brackets_the_optimum():
+    columns, response = warm_machine(200, 45, seed=2, noise_um=3.0)
+    cross = cross_products(columns, response)
+    proved = best_subsets(cross, 200)
+    stopped = best_subsets(cross, 200, time_limit_s=0.0)
+    assert proved.proved
+    assert not stopped.proved
+    assert max(stopped.gap.values()) > 0.0
+    for size, sets in proved.by_size.items():
+        optimum, best = sets[0].rss, stopped.by_size[size][0].rss
+        assert stopped.lower_bound[size] <= optimum * (1 + 1e-9)
+        assert optimum <= best * (1 + 1e-9)
+        assert best * (1 - stopped.gap[size]) <= optimum * (1 + 1e-9)
+
+
+def test_cancel_is_looked_at_often_and_progress_is_told():
+    columns, response = warm_machine(200, 60, seed=2, noise_um=3.0)
+    cross = cross_products(columns, response)
+    best_subsets(cross_products(columns[:, :9], response), 200)  # compile first
+    asked, told = [], []
+
+    def cancel():
+        asked.append(time.thread_time())
+        return len(asked) >= 90
+
+    found = best_subsets(cross, 200, cancel=cancel, progress=told.append)
+    assert len(asked) == 90
+    assert not found.proved
+    assert max(np.diff(asked)) < 0.2  # processor time between two looks: what Ctrl-C has to wait for
+    assert told[-1].nodes >= told[0].nodes > 0
+    assert 0 <= told[-1].proved_sizes < told[-1].sizes
+    event = threading.Event()
+    event.set()
+    assert not best_subsets(cross, 200, cancel=event).proved
+
+
+def test_keyboard_interrupt_passes_through():
+    columns, response = warm_machine(100, 12, seed=2)
+
+    def interrupt(progress):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        best_subsets(cross_products(columns, response), 100, progress=interrupt)
+
+
+def test_depth_first_when_memory_is_short_finds_the_same(monkeypatch):
+    columns, response = warm_machine(200, 50, seed=2, noise_um=3.0)
+    cross = cross_products(columns, response)
+    plain = best_subsets(cross, 200, max_size=20)
+    monkeypatch.setattr(subsets, "MAX_OPEN_NODES", 0)
+    short = best_subsets(cross, 200, max_size=20)
+    assert short.proved
+    assert short.nodes != plain.nodes  # otherwise the heap was never full and this test shows nothing
+    for size in plain.by_size:
+        assert short.by_size[size][0].rss == pytest.approx(plain.by_size[size][0].rss, rel=1e-9)
+
+
+def test_same_result_every_time():
+    columns, response = warm_machine(150, 25, seed=8)
+    cross = cross_products(columns, response)
+    first, second = best_subsets(cross, 150, n_best=2), best_subsets(cross, 150, n_best=2)
+    assert first.by_size == second.by_size
+    assert first.nodes == second.nodes
+
+
+def test_diagonal_leaves_the_matrix_positive_semidefinite():
+    for seed in range(3):
+        columns, response = warm_machine(100, 20, seed)
+        columns[:, 3] = columns[:, 4] + columns[:, 5] if seed == 2 else columns[:, 3]
+        problem = Problem.of(cross_products(columns, response), 100, (), (), None, None, True, 1, None)
+        diagonal, _ = valid_diagonal(problem)
+        assert np.linalg.eigvalsh(problem.gram - np.diag(diagonal))[0] > -1e-13  # rounding of the eigenvalues
+        assert np.count_nonzero(diagonal) == (17 if seed == 2 else 20)
+
+
+def test_factor_from_rows_keeps_the_digits_that_cross_products_lose():
+    rng = np.random.default_rng(0)
+    columns = rng.normal(size=(50, 4))
+    rest = rng.normal(size=50)
+    design = np.column_stack([np.ones(50), columns])
+    rest -= design @ np.linalg.lstsq(design, rest)[0]
+    response = columns.sum(axis=1) + 1e-7 * rest
+    exact = 1e-14 * float(rest @ rest)
+    factor = factor_from_rows(columns, response)
+    assert rss_from_factor(factor, (0, 1, 2, 3)) == pytest.approx(exact, rel=1e-6)  # 1e-16 of the response, squared
+    found = best_subsets(cross_products(columns, response), 50, factor=factor)
+    assert found.by_size[4][0].rss == pytest.approx(exact, rel=1e-6)
+    np.testing.assert_allclose(factor.T @ factor, cross_products(columns, response), rtol=1e-12, atol=1e-11)
+
+
+def test_factor_of_a_semidefinite_matrix():
+    rng = np.random.default_rng(0)
+    columns = rng.normal(size=(30, 4))
+    columns[:, 2] = columns[:, 0] - columns[:, 1]
+    cross = cross_products(columns, rng.normal(size=30))
+    factor = factor_of(cross)
+    assert not factor[2].any()
+    np.testing.assert_allclose(factor.T @ factor, cross, atol=1e-12 * cross.max())  # rounding of 5 columns
+    np.testing.assert_array_equal(factor, np.triu(factor))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"must": [9]}, "must has"),
+        ({"never": [-1]}, "never has"),
+        ({"must": [1], "never": [1]}, "in must and in never"),
+        ({"never": [0, 1, 2]}, "no column is allowed"),
+        ({"budget": 3.0}, "without costs"),
+        ({"costs": [1.0]}, "costs"),
+        ({"costs": [1.0, -1.0, 1.0], "budget": 1.0}, "negative"),
+        ({"n_best": 0}, "n_best"),
+        ({"max_size": 0}, "max_size"),
+    ],
+)
+def test_unusable_options_are_named(options, message):
+    columns, response = warm_machine(30, 3, seed=0)
+    with pytest.raises(InputError, match=message):
+        best_subsets(cross_products(columns, response), 30, **options)
+
+
+@pytest.mark.parametrize(
+    ("cross", "message"),
+    [
+        (np.zeros((3, 2)), "shape"),
+        (np.diag([1.0, 1.0, 0.0]), "does not vary"),
+        (np.array([[1.0, 0.5, 0.1], [0.2, 1.0, 0.1], [0.1, 0.1, 1.0]]), "not symmetric"),
+        (np.diag([1.0, np.nan, 1.0]), "missing"),
+    ],
+)
+def test_unusable_matrices_are_named(cross, message):
+    with pytest.raises(InputError, match=message):
+        best_subsets(cross, 30)
+
+
+def test_unusable_samples_are_named():
+    with pytest.raises(InputError, match="shape"):
+        cross_products(np.ones((3, 2)), np.ones(4))
+    with pytest.raises(InputError, match="1 missing"):
+        cross_products(np.array([[1.0], [np.nan]]), np.ones(2))
+
+
+def quadratic_case(n_sensors, seed):
+    rng = np.random.default_rng(seed)
+    rises = rng.normal(size=(120, n_sensors))
+    pairs = list(itertools.combinations(range(n_sensors), 2))
+    columns = np.column_stack([rises, rises**2, *[rises[:, a] * rises[:, b] for a, b in pairs]])
+    owners = [(i,) for i in range(n_sensors)] * 2 + pairs
+    response = rises[:, 1] + rises[:, 0] * rises[:, 3] + 0.5 * rng.normal(size=120)
+    return columns, response, owners
+
+
+def test_sensor_sets_bring_their_squares_and_products():
+    columns, response, owners = quadratic_case(6, seed=0)
+    centred, about = columns - columns.mean(axis=0), response - response.mean()
+    found = best_sensor_sets(cross_products(columns, response), 120, owners, n_sensors=6, max_sensors=6, n_best=4)
+    assert found.proved
+    for size in range(1, 7):
+        scores = []
+        for sensors in itertools.combinations(range(6), size):
+            brought = tuple(j for j, own in enumerate(owners) if set(own) <= set(sensors))
+            scores.append((rss_by_least_squares(centred[:, list(brought)], about), sensors, brought))
+        scores.sort()
+        assert len(found.by_size[size]) == min(4, len(scores))
+        for one, (rss, sensors, brought) in zip(found.by_size[size], scores, strict=False):
+            assert one.rss == pytest.approx(rss, rel=1e-9)
+            assert (one.sensors, one.columns) == (sensors, brought)
+        assert found.coverage[size].total == math.comb(6, size)
+        assert found.coverage[size].left == 0
+    assert found.best("bic").sensors == (0, 1, 3)
+
+
+def test_supersets_bound_and_every_sensor_set_is_accounted_for():
+    columns, response = warm_machine(120, 24, seed=3)
+    owners = [(j,) for j in range(24)]
+    found = best_sensor_sets(cross_products(columns, response), 120, owners, n_sensors=24, max_sensors=9)
+    plain = best_subsets(cross_products(columns, response), 120, max_size=9)
+    assert sum(c.bounded for c in found.coverage.values()) > 0
+    for size, coverage in found.coverage.items():
+        assert coverage.total == math.comb(24, size)
+        assert coverage.evaluated + coverage.bounded == coverage.total
+        assert found.by_size[size][0].columns == plain.by_size[size][0].columns
+
+
+def test_stopped_sensor_search_brackets_the_optimum():
+    columns, response, owners = quadratic_case(14, seed=1)
+    cross = cross_products(columns, response)
+    sizes = {"n_sensors": 14, "max_sensors": 4}
+    full = best_sensor_sets(cross, 120, owners, **sizes)
+    event = threading.Event()
+    event.set()
+    stopped = best_sensor_sets(cross, 120, owners, **sizes, cancel=event)
+    none = best_sensor_sets(cross, 120, owners, **sizes, time_limit_s=0.0)
+    for found in (stopped, none):
+        for size in full.by_size:
+            assert found.lower_bound[size] <= full.by_size[size][0].rss * (1 + 1e-9)
+            assert found.by_size[size][0].rss >= full.by_size[size][0].rss * (1 - 1e-9)
+            assert found.coverage[size].total == math.comb(14, size)
+
+
+def test_unknown_owner_is_named():
+    columns, response = warm_machine(30, 3, seed=0)
+    with pytest.raises(InputError, match=r"owners has \[9\]"):
+        best_sensor_sets(cross_products(columns, response), 30, [(0,), (1,), (9,)], n_sensors=2, max_sensors=2)
