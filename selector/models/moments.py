@@ -167,8 +167,8 @@ def _add(
     total += rows.T @ rows
 
 
-def coefficients(total: NDArray[np.float64], columns: Sequence[int], response: int) -> NDArray[np.float64]:
-    """(intercept, coefficients) of the least-squares fit on some columns.
+def coefficients(total: NDArray[np.float64], columns: Sequence[int], responses: Sequence[int]) -> NDArray[np.float64]:
+    """(intercept, coefficients) of the least-squares fit on some columns, for several responses at once.
 
     Parameters
     ----------
@@ -176,39 +176,41 @@ def coefficients(total: NDArray[np.float64], columns: Sequence[int], response: i
         Cross-products of [1, columns, responses], one matrix or a stack of them.
     columns : sequence of int
         Positions of the columns in `total` (the constant, position 0, is always in).
-    response : int
-        Position of the response in `total`.
+    responses : sequence of int
+        Positions of the responses in `total`.
 
     Returns
     -------
-    ndarray of shape (..., 1 + len(columns))
+    ndarray of shape (..., 1 + len(columns), n_responses)
         Minimum-norm solution where columns are linearly dependent.
     """
     index = np.array([0, *columns])
     normal = total[..., index[:, None], index]
-    right = total[..., index, response]
+    right = total[..., index[:, None], np.asarray(responses)]
     diagonal = np.sqrt(np.maximum(np.einsum("...ii->...i", normal), 1e-300))
     scaled = normal / diagonal[..., :, None] / diagonal[..., None, :]
-    rhs = right / diagonal
+    rhs = right / diagonal[..., :, None]
     try:
         # a pivot below the rounding of the cross-products would give noise for coefficients
         factor = np.linalg.cholesky(scaled)
         if np.all(np.einsum("...ii->...i", factor) > 1e-6):
-            return np.linalg.solve(scaled, rhs[..., None])[..., 0] / diagonal
+            return np.linalg.solve(scaled, rhs) / diagonal[..., :, None]
     except np.linalg.LinAlgError:
         pass
-    solution = np.matmul(np.linalg.pinv(scaled, rcond=1e-12, hermitian=True), rhs[..., None])[..., 0]
-    return solution / diagonal
+    solution = np.matmul(np.linalg.pinv(scaled, rcond=1e-12, hermitian=True), rhs)
+    return solution / diagonal[..., :, None]
 
 
 def squared_error(
-    product: NDArray[np.float64], columns: Sequence[int], response: int, beta: NDArray[np.float64]
+    product: NDArray[np.float64], columns: Sequence[int], responses: Sequence[int], beta: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Σ (y − ŷ)² of coefficients on rows that are known by their cross-products only.
+    """Σ (y − ŷ)² of coefficients on rows that are known by their cross-products only, shape (..., n_responses).
 
-    `product` has shape (..., k, k) and `beta` (..., 1 + len(columns)); leading shapes broadcast.
+    `product` has shape (..., k, k) and `beta` (..., 1 + len(columns), n_responses), as `coefficients` gives it.
     """
-    index = np.array([0, *columns, response])
+    index = np.array([0, *columns])
+    at = np.asarray(responses)
     part = product[..., index[:, None], index]
-    direction = np.concatenate([-beta, np.ones((*beta.shape[:-1], 1))], axis=-1)
-    return np.maximum(np.einsum("...i,...ij,...j->...", direction, part, direction), 0.0)
+    cross = product[..., index[:, None], at]
+    total = product[..., at, at]
+    return np.maximum(total - 2.0 * (beta * cross).sum(axis=-2) + (beta * (part @ beta)).sum(axis=-2), 0.0)

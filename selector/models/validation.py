@@ -93,12 +93,9 @@ class LeaveOneOut:
     def errors(self, columns: Sequence[int], n_responses: int) -> HeldOut:
         """Errors of the least-squares fit on some columns (0 = first term), refitted without each group."""
         at = [1 + column for column in columns]
-        sse = np.empty((len(self.left_out), n_responses))
-        for j in range(n_responses):
-            response = 1 + self.n_columns + j
-            beta = coefficients(self.training, at, response)
-            sse[:, j] = squared_error(self.left_out, at, response, beta)
-        return HeldOut(sse, self.left_out[:, 0, 0])
+        responses = range(1 + self.n_columns, 1 + self.n_columns + n_responses)
+        beta = coefficients(self.training, at, responses)
+        return HeldOut(squared_error(self.left_out, at, responses, beta), self.left_out[:, 0, 0])
 
 
 def response_power(m: Moments) -> NDArray[np.float64]:

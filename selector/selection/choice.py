@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,9 @@ from selector.models.validation import within_one_standard_error
 from selector.selection.candidates import Candidates, SensorSet, sets_with_terms
 from selector.selection.library import Bench, Shape
 from selector.selection.options import MAX_CANDIDATES, Question
+
+PROMISING = 40
+"""Sets on which a second time constant is tried."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +33,7 @@ class Trial:
     error : float
         The same over all groups, as a root.
     adjusted_r2 : float
-        In sample, mean over the responses.
+        In sample, mean over the responses; NaN unless sets are ranked by it.
     """
 
     set: SensorSet
@@ -42,17 +46,45 @@ class Trial:
 
 @dataclass(frozen=True)
 class Choice:
-    """What was chosen, the best without memory, the best of every size, and all that was tried."""
+    """What was chosen among some trials, and the best of every size."""
 
     trial: Trial
-    static: Trial
     by_size: dict[int, Trial]
     trials: tuple[Trial, ...]
 
-    def without_memory(self) -> Choice:
-        """The choice among the shapes that have no lags."""
-        static = tuple(trial for trial in self.trials if not trial.shape.has_memory)
-        return Choice(self.static, self.static, best_by_size(static), static)
+
+Offer = Literal["linear", "polynomial", "memory"]
+"""How rich a model may be; each offer holds all that come before it."""
+
+
+@dataclass(frozen=True)
+class Tested:
+    """All trials on some folds; a choice can be made for each offer."""
+
+    question: Question
+    trials: tuple[Trial, ...]
+    samples: NDArray[np.float64]
+
+    def choice(self, offer: Offer) -> Choice:
+        """The cheapest of the good trials that an offer allows."""
+        allowed = tuple(trial for trial in self.trials if _allows(offer, trial.shape))
+        return Choice(_best(self.question, allowed, self.samples), best_by_size(allowed), allowed)
+
+
+def offers(question: Question) -> tuple[Offer, ...]:
+    """The offers that the options make, the poorest first."""
+    options = question.options
+    found: list[Offer] = ["linear"]
+    if options.degree > 1 or options.interactions:
+        found.append("polynomial")
+    if options.memory:
+        found.append("memory")
+    return tuple(found)
+
+
+def _allows(offer: Offer, shape: Shape) -> bool:
+    linear = shape.form.degree == 1 and not shape.form.interactions
+    return offer == "memory" or (not shape.has_memory and (linear or offer == "polynomial"))
 
 
 def shapes_on_offer(question: Question, period_s: float, duration_s: float) -> tuple[list[Shape], list[Shape]]:
@@ -80,14 +112,14 @@ def library_requests(
     return list(requests)
 
 
-def choose(
+def tested(
     question: Question,
     found: Candidates,
     bench: Bench,
     static: Sequence[Shape],
     lagged: Sequence[Shape],
-) -> Choice:
-    """Test candidates × shapes on the inner groups of these folds and take the cheapest of the good ones.
+) -> Tested:
+    """Try candidates × shapes on the inner groups of these folds.
 
     Lags are added one time constant at a time: the best single one is tried with every form, then a second one beside
     it. The bench must hold all of `library_requests`, for every set that any of these candidates leads to.
@@ -96,12 +128,12 @@ def choose(
     pool = found.grouping.chosen.representatives
     trials: dict[tuple[tuple[str, ...], Shape], Trial] = {}
 
-    def test(shape: Shape, *, search: bool) -> None:
+    def test(shape: Shape, *, search: bool = False, among: Sequence[tuple[str, ...]] = ()) -> None:
         if search and _searchable(found) and (shape.form.interactions or shape.form.degree > 1 or shape.has_memory):
             for sensors in sets_with_terms(question, bench, pool, shape):
                 origin.setdefault(sensors, SensorSet(sensors, "representatives"))
-        new = [(sensors, shape) for sensors in origin if (sensors, shape) not in trials]
-        for trial in _trials(bench, new, origin):
+        new = [(sensors, shape) for sensors in (among or origin) if (sensors, shape) not in trials]
+        for trial in _trials(question, bench, new, origin):
             trials[(trial.set.sensors, trial.shape)] = trial
 
     for shape in static:
@@ -111,7 +143,10 @@ def choose(
     if lagged:
         first = min((t for t in trials.values() if t.shape.has_memory), key=lambda t: t.error).shape
         for shape in static[1:]:
-            test(Shape(shape.form, first.sensor_taus_s, first.speed_taus_s), search=False)
+            test(Shape(shape.form, first.sensor_taus_s, first.speed_taus_s))
+        promising = list(dict.fromkeys(t.set.sensors for t in sorted(trials.values(), key=lambda t: t.error)))[
+            :PROMISING
+        ]
         for other in lagged:
             both = Shape(
                 first.form,
@@ -119,14 +154,8 @@ def choose(
                 tuple(sorted({*first.speed_taus_s, *other.speed_taus_s})),
             )
             if both not in (first, other):
-                test(both, search=False)
-    tested = tuple(trials.values())
-    return Choice(
-        _best(question, tested, bench.samples),
-        _best(question, [trial for trial in tested if not trial.shape.has_memory], bench.samples),
-        best_by_size(tested),
-        tested,
-    )
+                test(both, among=promising)
+    return Tested(question, tuple(trials.values()), bench.samples)
 
 
 def best_by_size(trials: Sequence[Trial]) -> dict[int, Trial]:
@@ -159,7 +188,10 @@ def _best(question: Question, trials: Sequence[Trial], samples: NDArray[np.float
 
 
 def _trials(
-    bench: Bench, tests: Sequence[tuple[tuple[str, ...], Shape]], origin: dict[tuple[str, ...], SensorSet]
+    question: Question,
+    bench: Bench,
+    tests: Sequence[tuple[tuple[str, ...], Shape]],
+    origin: dict[tuple[str, ...], SensorSet],
 ) -> list[Trial]:
     share = bench.samples / bench.samples.sum()
     trials = []
@@ -169,10 +201,10 @@ def _trials(
             Trial(
                 origin[sensors],
                 shape,
-                len(shape.terms(sensors, bench.library.speeds)),
+                len(bench.library.columns(sensors, shape)),
                 errors,
                 float(np.sqrt(errors @ share)),
-                bench.mean_adjusted_r2(sensors, shape),
+                float("nan") if question.options.tolerance is None else bench.mean_adjusted_r2(sensors, shape),
             )
         )
     return trials

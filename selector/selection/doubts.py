@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from selector.findings import Finding, Where
 from selector.models.design import Datum
 from selector.models.hull import validity_hull
 from selector.models.rows import Rows
+from selector.selection.choice import Offer
 from selector.selection.regimes import regime_findings
 from selector.selection.result import Selection
 from selector.selection.survey import Survey
@@ -19,6 +20,7 @@ from selector.sensors.similarity import similarity_findings
 
 COLLINEAR_VIF = 10.0
 ILL_CONDITIONED = 30.0
+OUTSIDE = 1.0
 
 
 def doubts(
@@ -27,7 +29,8 @@ def doubts(
     datum: Datum,
     rows: Rows,
     ridge: tuple[float, float, float],
-    memory_errors: tuple[float, float] | None,
+    offer_errors: Mapping[Offer, float],
+    offer: Offer,
     stride: int,
 ) -> tuple[Finding, ...]:
     """Findings about the data that were used, the groups, the proof and the model."""
@@ -40,7 +43,7 @@ def doubts(
         *(finding for one in screening.rounds for finding in one.findings),
         *_proof_findings(selection, surveyed, stride),
         *regime_findings(selection),
-        *_memory_findings(memory_errors),
+        *_offer_findings(offer_errors, offer),
         *_model_findings(selection, ridge),
         *_range_findings(selection, rows),
         *_stability_findings(selection),
@@ -50,23 +53,27 @@ def doubts(
 def _datum_findings(selection: Selection, datum: Datum, surveyed: Survey) -> list[Finding]:
     if datum.reference == "absolute":
         return []
-    findings = []
-    for name in selection.models:
-        starts = {run: datum.level(run, name) for run in surveyed.runs if datum.level(run, name)}
-        if starts:
-            listed = ", ".join(f"{run} at {level:.4g} µm" for run, level in list(starts.items())[:6])
-            more = f" and {len(starts) - 6} more runs" if len(starts) > 6 else ""
-            findings.append(
-                Finding(
-                    "gauge-not-zeroed",
-                    "info",
-                    f"{name} does not start at zero ({listed}{more}); displacements count from the start of the run.",
-                    Where(channel=name),
-                    {"start_um": starts},
-                    "use --reference absolute if these starts are real displacements and not the zero of the gauge",
-                )
-            )
-    return findings
+    starts = {
+        f"{name} in {run}": datum.level(run, name)
+        for name in selection.models
+        for run in surveyed.runs
+        if datum.level(run, name)
+    }
+    if not starts:
+        return []
+    largest = sorted(starts, key=lambda key: -abs(starts[key]))
+    listed = ", ".join(f"{key}: {starts[key]:.3g} µm" for key in largest[:4])
+    more = f" and {len(largest) - 4} smaller ones" if len(largest) > 4 else ""
+    return [
+        Finding(
+            "gauge-not-zeroed",
+            "info",
+            f"Some displacements do not start at zero ({listed}{more}); they count from the start of the run.",
+            Where(),
+            {"start_um": starts},
+            "use --reference absolute if these starts are real displacements and not the zero of the gauge",
+        )
+    ]
 
 
 def _proof_findings(selection: Selection, surveyed: Survey, stride: int) -> list[Finding]:
@@ -141,75 +148,74 @@ def _proof_findings(selection: Selection, surveyed: Survey, stride: int) -> list
     return found
 
 
-def _memory_findings(errors: tuple[float, float] | None) -> list[Finding]:
-    if errors is None:
+def _offer_findings(errors: Mapping[Offer, float], taken: Offer) -> list[Finding]:
+    """What the richer terms that the user offered are worth on unseen data."""
+    if len(errors) == 1:
         return []
-    with_memory, static = errors
-    evidence = {"relative_error_with_memory": with_memory, "relative_error_static": static}
-    if with_memory >= static:
-        return [
-            Finding(
-                "memory-not-used",
-                "info",
-                f"Lagged terms do not help on unseen data (error {with_memory:.1%} of the spread of the displacement "
-                f"with them, {static:.1%} without); the model has none.",
-                Where(),
-                evidence,
-                "longer runs with heating and cooling show slow parts better",
-            )
-        ]
+    words = {"linear": "linear terms only", "polynomial": "powers and products", "memory": "lagged terms"}
+    listed = ", ".join(f"{words[offer]} {error:.1%}" for offer, error in errors.items())
+    richest = list(errors)[-1]
+    helped = taken == richest
     return [
         Finding(
-            "memory-helps",
+            "terms-that-help" if helped else "terms-not-used",
             "info",
-            f"Lagged terms reduce the error on unseen data from {static:.1%} to {with_memory:.1%} of the spread of the "
-            "displacement.",
+            f"Error on unseen data, in the spread of the displacement: {listed}. "
+            + (f"The model uses {words[taken]}." if helped else f"The model keeps to {words[taken]}."),
             Where(),
-            evidence,
+            {"relative_error": dict(errors), "taken": taken},
+            "" if helped else "more runs, longer and with heating and cooling, would let richer terms prove themselves",
         )
     ]
 
 
 def _model_findings(selection: Selection, ridge: tuple[float, float, float]) -> list[Finding]:
     found = []
-    for name, model in selection.models.items():
-        diagnostics = model.diagnostics
-        single = [(t, v) for t, v in zip(model.terms, model.vif, strict=True) if t.degree == 1]
-        worst, vif = max(single, key=lambda item: item[1])
-        if vif > COLLINEAR_VIF or diagnostics.condition_number > ILL_CONDITIONED:
-            found.append(
-                Finding(
-                    "collinear-terms",
-                    "warning",
-                    f"The terms of {name} move together (VIF of {worst} {vif:.3g}, condition number "
-                    f"{diagnostics.condition_number:.3g}): single coefficients are uncertain, and a sensor fault or "
-                    "another season is amplified.",
-                    Where(channel=name),
-                    {"vif": float(vif), "term": str(worst), "condition_number": diagnostics.condition_number},
-                    "use fewer sensors, or --ridge, which shrinks the coefficients and shows what that costs",
-                )
+    # every response has the same terms, so their collinearity is one statement
+    model = next(iter(selection.models.values()))
+    single = [(t, v) for t, v in zip(model.terms, model.vif, strict=True) if t.degree == 1]
+    worst, vif = max(single, key=lambda item: item[1])
+    condition = model.diagnostics.condition_number
+    if vif > COLLINEAR_VIF or condition > ILL_CONDITIONED:
+        found.append(
+            Finding(
+                "collinear-terms",
+                "warning",
+                f"The terms of the model move together (VIF of {worst} {vif:.3g}, condition number {condition:.3g}): "
+                "single coefficients are uncertain, and a sensor fault or another season is amplified.",
+                Where(),
+                {"vif": float(vif), "term": str(worst), "condition_number": condition},
+                "use fewer sensors, or --ridge, which shrinks the coefficients and shows what that costs",
             )
-        if diagnostics.durbin_watson < 1.0:
-            found.append(
-                Finding(
-                    "correlated-residuals",
-                    "info",
-                    f"Residuals of {name} follow each other (Durbin–Watson {diagnostics.durbin_watson:.2f}): the "
-                    "machine remembers something that the model does not. Standard errors allow for it.",
-                    Where(channel=name),
-                    {"durbin_watson": diagnostics.durbin_watson, "ljung_box_p": diagnostics.ljung_box_p},
-                    "" if selection.recipe.shape.has_memory else "try --memory: lagged temperatures follow slow parts",
-                )
+        )
+    watson = {name: one.diagnostics.durbin_watson for name, one in selection.models.items()}
+    low = {name: value for name, value in watson.items() if value < 1.0}
+    if low:
+        listed = ", ".join(f"{name} {value:.2f}" for name, value in low.items())
+        found.append(
+            Finding(
+                "correlated-residuals",
+                "info",
+                f"Residuals follow each other (Durbin–Watson: {listed}): the machine remembers something that the "
+                "model does not. Standard errors allow for it.",
+                Where(),
+                {
+                    "durbin_watson": watson,
+                    "ljung_box_p": {n: m.diagnostics.ljung_box_p for n, m in selection.models.items()},
+                },
+                "" if selection.options.memory else "try --memory: lagged temperatures follow slow parts",
             )
-        if diagnostics.max_cooks_distance > 1.0:
+        )
+    for name, one in selection.models.items():
+        cooks = one.diagnostics.max_cooks_distance
+        if cooks > 1.0:
             found.append(
                 Finding(
                     "influential-sample",
                     "warning",
-                    f"One sample bends the model of {name} by itself (Cook's distance "
-                    f"{diagnostics.max_cooks_distance:.3g}).",
+                    f"One sample bends the model of {name} by itself (Cook's distance {cooks:.3g}).",
                     Where(channel=name),
-                    {"cooks_distance": diagnostics.max_cooks_distance, "row": diagnostics.most_influential},
+                    {"cooks_distance": cooks, "row": one.diagnostics.most_influential},
                     "look for a spike in the recordings",
                 )
             )
@@ -231,33 +237,35 @@ def _model_findings(selection: Selection, ridge: tuple[float, float, float]) -> 
 
 def _range_findings(selection: Selection, rows: Rows) -> list[Finding]:
     """Runs whose inputs lie outside the hull of all the others: there the proof is an extrapolation."""
-    found = []
-    number = np.arange(len(rows.runs))
-    if len(number) < 2:
-        return []
+    beyond: dict[str, float] = {}
+    words: list[str] = []
     for r, run in enumerate(rows.runs):
         mine, others = rows.run == r, rows.run != r
         if not mine.any() or not others.any():
             continue
         hull = validity_hull(rows.variables[others])
+        distance = float(hull.distance(_thinned(rows.variables[mine], 40)).max())
+        if distance <= OUTSIDE:
+            continue
         outside = _box_excess(rows.variables[mine], hull.low, hull.high)
         j = int(np.argmax(outside / hull.scale))
-        distance = float(hull.distance(_thinned(rows.variables[mine], 40)).max())
-        if distance > 1.0:
-            name = selection.recipe.design.variables[j]
-            beyond = f", {name} by up to {outside[j]:.3g}" if outside[j] > 0 else ""
-            found.append(
-                Finding(
-                    "run-outside-the-others",
-                    "info",
-                    f"Run {run} goes {distance:.2g} standard deviations beyond what the other runs cover{beyond}; its "
-                    "error is that of an extrapolation.",
-                    Where(run=run, channel=name if outside[j] > 0 else None),
-                    {"distance": distance, "excess": float(outside[j])},
-                    "more runs of this kind would prove the model there",
-                )
-            )
-    return found
+        name = selection.recipe.design.variables[j]
+        beyond[run] = distance
+        far = f", {name} by up to {outside[j]:.3g}" if outside[j] > 0.1 * hull.scale[j] else ""
+        words.append(f"{run} by {distance:.2g}{far}")
+    if not beyond:
+        return []
+    return [
+        Finding(
+            "runs-outside-the-others",
+            "info",
+            f"Beyond what the other runs cover, in standard deviations of the inputs: {'; '.join(words)}. The unseen "
+            "error of these runs is that of an extrapolation.",
+            Where(),
+            {"distance": beyond},
+            "more runs of this kind would prove the model there",
+        )
+    ]
 
 
 def _stability_findings(selection: Selection) -> list[Finding]:

@@ -87,7 +87,14 @@ class Library:
 
     def columns(self, sensors: Sequence[str], shape: Shape) -> list[int]:
         """Positions of the terms of a set of sensors."""
-        return [self.position[key_of(term)] for term in shape.terms(sensors, self.speeds)]
+        asked = (tuple(sensors), shape)
+        if asked not in self._columns:
+            self._columns[asked] = [self.position[key_of(term)] for term in shape.terms(sensors, self.speeds)]
+        return self._columns[asked]
+
+    @cached_property
+    def _columns(self) -> dict[tuple[tuple[str, ...], Shape], list[int]]:
+        return {}
 
     def owners(self, sensors: Sequence[str], shape: Shape) -> list[tuple[int, ...]]:
         """Sensors that each term needs, as positions in `sensors`; none for terms of the spindle speed."""
@@ -157,13 +164,13 @@ class Bench:
     def r2(self, sensors: Sequence[str], shape: Shape) -> list[tuple[float, float]]:
         """(R², adjusted R²) of the fit over all folds, per response."""
         at = [1 + column for column in self.library.columns(sensors, shape)]
+        n = self.library.moments.n_columns
+        responses = range(1 + n, 1 + n + len(self.library.responses))
+        rss = squared_error(self.total, at, responses, coefficients(self.total, at, responses))
+        sst = np.diag(self._centred)[n:]
         found = []
-        for j in range(len(self.library.responses)):
-            response = 1 + self.library.moments.n_columns + j
-            beta = coefficients(self.total, at, response)
-            rss = float(squared_error(self.total, at, response, beta))
-            sst = float(self._centred[response - 1, response - 1])
-            r2 = 1.0 - rss / sst if sst > 0 else float("nan")
+        for j in range(len(responses)):
+            r2 = 1.0 - float(rss[j] / sst[j]) if sst[j] > 0 else float("nan")
             found.append((r2, adjusted_r2(r2, self.n_samples, len(at))))
         return found
 

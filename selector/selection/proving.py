@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from selector.models.validation import (
     error_curve_point,
     response_power,
 )
-from selector.selection.choice import Choice, Trial
+from selector.selection.choice import Choice, Offer, Trial
 from selector.selection.fitting import Part, predictions, refined
 from selector.selection.library import Library
 from selector.selection.options import Question
@@ -77,9 +77,9 @@ def error_curve(library: Library, outer: Grouping, choices: Sequence[Choice]) ->
 
 
 def baselines(
-    linear: Library, library: Library, outer: Grouping, choices: Sequence[Choice], *, memory: bool
+    linear: Library, library: Library, outer: Grouping, others: Mapping[Offer, Sequence[Choice]]
 ) -> dict[str, dict[str, float]]:
-    """What other ways reach on the same unseen parts [µm rmse], per response."""
+    """What other ways reach on the same unseen parts [µm rmse], per response; `others` are offers not taken."""
     loo = LeaveOneOut.of(linear.moments, outer)
     n = len(linear.responses)
     samples = loo.left_out[:, 0, 0]
@@ -89,19 +89,17 @@ def baselines(
         "mean": loo.errors([], n).rmse_um,
         "all sensors": loo.errors(list(range(linear.moments.n_columns)), n).rmse_um,
     }
-    if memory:
-        static = LeaveOneOut.of(library.moments, outer)
-        ways["static"] = _held_out(library, static, [choice.static for choice in choices]).rmse_um
+    rest = LeaveOneOut.of(library.moments, outer)
+    for offer, choices in others.items():
+        ways[f"chosen, {offer}"] = _held_out(library, rest, [choice.trial for choice in choices]).rmse_um
     return {name: {way: float(rmse[j]) for way, rmse in ways.items()} for j, name in enumerate(linear.responses)}
 
 
-def memory_against_static(library: Library, outer: Grouping, choices: Sequence[Choice]) -> tuple[float, float]:
-    """Held-out error of the procedure with memory and without, relative to the spread of the displacements."""
+def relative_error(library: Library, outer: Grouping, choices: Sequence[Choice]) -> float:
+    """Held-out root mean square error relative to the spread of the displacements, over all responses."""
     loo = LeaveOneOut.of(library.moments, outer)
-    power = response_power(library.moments)
-    with_memory = _held_out(library, loo, [choice.trial for choice in choices]).rmse_um ** 2 / power
-    static = _held_out(library, loo, [choice.static for choice in choices]).rmse_um ** 2 / power
-    return float(np.sqrt(with_memory.mean())), float(np.sqrt(static.mean()))
+    held_out = _held_out(library, loo, [choice.trial for choice in choices])
+    return float(np.sqrt((held_out.rmse_um**2 / response_power(library.moments)).mean()))
 
 
 def _held_out(library: Library, loo: LeaveOneOut, trials: Sequence[Trial]) -> HeldOut:

@@ -79,7 +79,8 @@ class Proof:
         Number of sensors against held-out error, sets chosen anew inside each fold.
     baselines_um : mapping of str to mapping of str to float
         Held-out rmse of other ways, per response: "none" (no compensation), "mean", "all sensors" (linear regression
-        on every sensor), "static" (the same procedure without memory, when memory was asked for).
+        on every sensor), and the same procedure with another offer: "chosen, linear", "chosen, polynomial", "chosen,
+        memory".
     """
 
     left_out: str

@@ -18,12 +18,12 @@ from selector.models.rows import Rows, rows_of
 from selector.models.validation import Grouping as FoldGrouping
 from selector.models.validation import grouping_by_condition, grouping_by_run
 from selector.selection.candidates import LINEAR, Candidates, candidates
-from selector.selection.choice import Choice, choose, library_requests, shapes_on_offer
+from selector.selection.choice import Offer, Tested, library_requests, offers, shapes_on_offer, tested
 from selector.selection.doubts import doubts
 from selector.selection.fitting import MAX_ROWS, Part, final_models, refined, ridge_penalty
 from selector.selection.library import Bench, Library, Shape, library_of
 from selector.selection.options import Options, Progress, Question, question_of
-from selector.selection.proving import baselines, error_curve, left_out_errors, memory_against_static
+from selector.selection.proving import baselines, error_curve, left_out_errors, relative_error
 from selector.selection.reasons import because_of, combinations_of, reasons_of, stability_of
 from selector.selection.result import Proof, Selection
 from selector.selection.survey import RunsOf, survey
@@ -84,15 +84,18 @@ def select(
     say("forming terms", 0.3)
     library = folds.library([found_all, *found], static, lagged)
     say("choosing sensors", 0.4)
-    choice = choose(question, found_all, Bench.of(library, folds.all), static, lagged)
-    choices: list[Choice] = []
+    all_trials = tested(question, found_all, Bench.of(library, folds.all), static, lagged)
+    fold_trials: list[Tested] = []
     for i, (group, one) in enumerate(zip(folds.outer, found, strict=True)):
-        choices.append(choose(question, one, Bench.of(library, folds.without(group)), static, lagged))
+        fold_trials.append(tested(question, one, Bench.of(library, folds.without(group)), static, lagged))
         say("choosing sensors without each run", 0.4 + 0.3 * (i + 1) / len(found))
+    offer_errors = {
+        offer: relative_error(library, folds.outer, [trials.choice(offer) for trials in fold_trials])
+        for offer in offers(question)
+    }
+    offer = _best_offer(question, offer_errors)
+    choice, choices = all_trials.choice(offer), [trials.choice(offer) for trials in fold_trials]
 
-    memory_errors = memory_against_static(library, folds.outer, choices) if lagged else None
-    if memory_errors is not None and memory_errors[0] >= memory_errors[1]:
-        choice, choices = choice.without_memory(), [one.without_memory() for one in choices]
     say("fitting", 0.75)
     stride = max(1, -(-surveyed.n_samples // MAX_ROWS))
     recipe = refined(question, runs, datum, choice.trial, stride)
@@ -105,7 +108,16 @@ def select(
         folds.left_out,
         *left_out_errors(question, runs, datum, choices, parts, stride, ridge[0]),
         error_curve(library, folds.outer, choices),
-        baselines(folds.linear, library, folds.outer, choices, memory=question.options.memory),
+        baselines(
+            folds.linear,
+            library,
+            folds.outer,
+            {
+                poorer: [trials.choice(poorer) for trials in fold_trials]
+                for poorer in offers(question)
+                if poorer != offer
+            },
+        ),
     )
     lag_source = {lag.name: lag.source for lag in recipe.design.lags}
     gains = tuple(
@@ -136,7 +148,7 @@ def select(
         provenance=dict(provenance or {}),
     )
     say("looking for doubts", 0.95)
-    doubted = doubts(selection, surveyed, datum, rows, ridge, memory_errors, stride)
+    doubted = doubts(selection, surveyed, datum, rows, ridge, offer_errors, offer, stride)
     say("done", 1.0)
     return replace(selection, findings=(*findings, *surveyed.findings, *doubted))
 
@@ -192,6 +204,16 @@ class _Folds:
             datum=self.datum,
             n_blocks=self.n_blocks,
         )
+
+
+def _best_offer(question: Question, errors: Mapping[Offer, float]) -> Offer:
+    """The offer whose whole procedure predicts unseen parts best: products and lags can also do harm.
+
+    With the patent's rule the richest offer stands, as its rule knows no unseen data.
+    """
+    if question.options.tolerance is not None:
+        return list(errors)[-1]
+    return min(errors, key=lambda offer: errors[offer])
 
 
 def _blocks(n_runs: int, n_samples: int) -> int:
