@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from selector.errors import InputError, ReadError
 from selector.findings import Finding
+from selector.readers.mat_check import readable_variables
 from selector.readers.optional import optional_module, quiet
 from selector.readers.tables import MAX_CELLS, Column, Overrides, Table, checked_size, checked_width, unique_headers
 from selector.readers.tdms import column_values
@@ -45,7 +46,7 @@ def read_mat(path: Path, data: bytes, overrides: Overrides) -> list[Table]:
             if b"\x89HDF\r\n\x1a\n" in data[:2048]:
                 content, opaque, form = _hdf(path, data)
             else:
-                content, opaque, form = _mat5(data)
+                content, opaque, form = _mat5(data, where)
             return _tables(content, opaque, form, path, overrides)
     except (InputError, MemoryError):
         raise
@@ -58,16 +59,16 @@ def read_mat(path: Path, data: bytes, overrides: Overrides) -> list[Table]:
         ) from error
 
 
-def _mat5(data: bytes) -> tuple[dict[str, Any], list[str], str]:
+def _mat5(data: bytes, where: str) -> tuple[dict[str, Any], list[str], str]:
     from scipy import io as scipy_io
 
     stream: Any = io.BytesIO(data)
-    total = sum(float(np.prod(shape, dtype=np.float64)) for _, shape, _ in scipy_io.whosmat(stream))
-    checked_size(int(min(total, 9e18)), "MAT file")
-    stream.seek(0)
-    content = scipy_io.loadmat(stream, struct_as_record=False, squeeze_me=True, chars_as_strings=True)
-    opaque = [k for k, v in content.items() if type(v).__name__ in ("MatlabOpaque", "MatlabFunction")]
-    plain = {k: v for k, v in content.items() if not k.startswith("__") and k not in opaque and k != "None"}
+    checked = readable_variables(data, where)
+    names, opaque = checked if checked is not None else (None, [])
+    content = scipy_io.loadmat(
+        stream, variable_names=names, struct_as_record=False, squeeze_me=True, chars_as_strings=True
+    )
+    plain = {k: v for k, v in content.items() if not k.startswith("__")}
     return _unpacked(plain, opaque, 0), opaque, "mat"
 
 

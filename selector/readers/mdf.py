@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from selector.errors import InputError, ReadError
-from selector.readers.optional import collect_quietly, optional_module, quiet
+from selector.readers.optional import collect_quietly, optional_module, quiet, silent
 from selector.readers.rates import Rate, one_clock
 from selector.readers.tables import Column, Overrides, Table, checked_size, checked_width, unique_headers
 from selector.readers.tdms import column_values
@@ -25,7 +25,7 @@ def read_mdf(path: Path, data: bytes, overrides: Overrides) -> list[Table]:
     """
     asammdf = optional_module("asammdf", "an MDF file", path.name)
     try:
-        with quiet(), asammdf.MDF(io.BytesIO(data)) as file:
+        with quiet(), silent(), asammdf.MDF(io.BytesIO(data)) as file:
             return [_table(file, path)]
     except (InputError, MemoryError):
         raise

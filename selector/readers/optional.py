@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import gc
 import importlib
+import io
 import logging
 import sys
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from typing import Any
 
 from selector.errors import ReadError
@@ -31,17 +32,21 @@ def optional_module(name: str, what: str, where: str) -> Any:
 @contextmanager
 def quiet() -> Iterator[None]:
     """Other packages' warnings (deprecations, odd but harmless files) are no concern of the user here."""
-    loggers = [logging.getLogger(name) for name in ("nptdms", "asammdf")]
-    levels = [logger.level for logger in loggers]
+    before = logging.root.manager.disable
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        for logger in loggers:
-            logger.setLevel(logging.CRITICAL)
+        logging.disable(logging.CRITICAL)
         try:
             yield
         finally:
-            for logger, level in zip(loggers, levels, strict=True):
-                logger.setLevel(level)
+            logging.disable(before)
+
+
+@contextmanager
+def silent() -> Iterator[None]:
+    """Nothing that another package prints reaches standard output, which belongs to ``--json``."""
+    with redirect_stdout(io.StringIO()):
+        yield
 
 
 def collect_quietly() -> None:

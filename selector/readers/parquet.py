@@ -12,7 +12,7 @@ import pyarrow.feather as feather
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from selector.errors import ReadError
+from selector.errors import InputError, ReadError
 from selector.findings import Finding
 from selector.readers.columns import numbers_or_text
 from selector.readers.tables import Column, Overrides, Table, checked_size, checked_width, unique_headers
@@ -27,15 +27,21 @@ def read_parquet(path: Path, data: bytes, overrides: Overrides) -> list[Table]:
         The file is damaged or cut off.
     """
     try:
-        if data[:4] == b"PAR1":
-            file = pq.ParquetFile(path)
+        return [_table(path, data)]
+    except (InputError, MemoryError):
+        raise
+    except Exception as error:
+        raise damaged(path.name, error) from error
+
+
+def _table(path: Path, data: bytes) -> Table:
+    if data[:4] == b"PAR1":
+        with pq.ParquetFile(path) as file:
             checked_width(len(file.schema_arrow), path.name)
             checked_size(file.metadata.num_rows * len(file.schema_arrow), path.name)
             table, form = file.read(), "parquet"
-        else:
-            table, form = feather.read_table(path), "feather"
-    except (pa.ArrowException, OSError, ValueError) as error:
-        raise damaged(path.name, error) from error
+    else:
+        table, form = feather.read_table(path, memory_map=False), "feather"
     checked_width(table.num_columns, path.name)
     headers, findings = unique_headers([str(n) for n in table.column_names], path.name)
     columns: list[Column] = []
@@ -67,7 +73,7 @@ def read_parquet(path: Path, data: bytes, overrides: Overrides) -> list[Table]:
         "format": form, "encoding": None, "separator": None, "decimal": None, "skipped_rows": 0, "unit_row": False,
         "utc_columns": utc,
     }  # fmt: skip
-    return [Table(path.stem, path, tuple(columns), reading, tuple(findings))]
+    return Table(path.stem, path, tuple(columns), reading, tuple(findings))
 
 
 def damaged(where: str, error: Exception) -> ReadError:
