@@ -20,8 +20,8 @@ Written by the program (`make reference`); do not edit. Rules that hold for ever
 `--json` prints: [contracts](contracts.md).
 """
 
-READING = """What is not said is inferred and shown by `selector describe`. Every command with `RUN...` takes these options;
-the machine file says the same things for good.
+READING = """What is not said is inferred and shown by `selector describe`. Every command with `RUN...` takes these
+options; the machine file says the same things for good.
 """
 
 

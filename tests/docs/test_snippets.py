@@ -164,16 +164,22 @@ def test_links_between_pages_lead_somewhere(page):
     assert not broken
 
 
+def linked_pages(page: Path) -> list[Path]:
+    """Pages that a page links to; a link to a folder leads to every page in it."""
+    targets = [
+        page.parent / t for t in re.findall(r"\]\(([^)\s#]+)", page.read_text(encoding="utf-8")) if "://" not in t
+    ]
+    return [p for target in targets for p in (target.glob("*.md") if target.is_dir() else [target])]
+
+
 def test_every_page_can_be_reached_from_the_index():
-    index = ROOT / "docs" / "index.md"
-    reached, todo = set(), [index]
+    reached, todo = set(), [ROOT / "docs" / "index.md"]
     while todo:
         page = todo.pop().resolve()
-        if page in reached or page.suffix != ".md" or not page.exists():
-            continue
-        reached.add(page)
-        todo += [page.parent / t for t in re.findall(r"\]\(([^)\s#]+\.md)", page.read_text(encoding="utf-8"))]
-    assert {page.resolve() for page in PAGES if page.name != "README.md"} <= reached
+        if page not in reached and page.suffix == ".md" and page.exists():
+            reached.add(page)
+            todo += linked_pages(page)
+    assert {page.resolve() for page in PAGES} - {ROOT / "README.md"} <= reached
 
 
 def test_the_checker_finds_a_page_that_lies(folder):
