@@ -21,13 +21,21 @@ from selector.quality.jumps import spikes, steps
 from selector.quality.leave_out import stretches, without_faults
 from selector.quality.relations import Relations
 from selector.quality.siblings import leaving_group, stuck_beside_siblings
+from selector.quality.streams import StreamWithoutFaults
 from selector.quality.survey import Survey
 from selector.quality.wrong_units import wrong_length_units, wrong_temperature_units
 from selector.recording import Recording
 
-__all__ = ["inspect", "stretches", "without_faults"]
+__all__ = ["StreamWithoutFaults", "inspect", "stretches", "without_faults"]
 
 Check = Callable[[Survey], Iterator[Finding]]
+
+
+def _copies_and_swaps(survey: Survey) -> Iterator[Finding]:
+    relations = Relations(survey)
+    yield from duplicates(survey, relations)
+    yield from swapped(relations)
+
 
 _CHECKS: tuple[Check, ...] = (
     short_runs,
@@ -44,8 +52,7 @@ _CHECKS: tuple[Check, ...] = (
     lambda survey: stuck_beside_siblings(survey, Relations(survey)),
     spikes,
     steps,
-    lambda survey: duplicates(survey, Relations(survey)),
-    lambda survey: swapped(Relations(survey)),
+    _copies_and_swaps,
     lambda survey: leaving_group(Relations(survey)),
     starts,
 )

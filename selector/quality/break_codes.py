@@ -169,8 +169,10 @@ def _reported(survey: Survey, run: str, column: int, broken: NDArray[np.bool_]) 
     seen, counts = np.unique(x[broken], return_counts=True)
     codes = [float(value) if np.isfinite(value) else str(value) for value in seen[np.argsort(-counts)][:5]]
     said = ", ".join(reading(float(code), channel) for code in codes)
-    rest = x[present & ~broken]
-    away = f", {difference(float(np.min(np.abs(seen[:, None] - np.median(rest)))), channel)} from its other readings"
+    rest, away = x[present & ~broken], ""
+    if rest.size and np.isfinite(seen).all():
+        nearest = float(np.min(np.abs(seen - np.median(rest))))
+        away = f", {difference(nearest, channel)} from its other readings"
     evidence = {"codes": codes, "samples": int(broken.sum()), "share": share}
     if share > 0.5:
         window = joined(survey.time[run], broken, present)
@@ -188,7 +190,7 @@ def _reported(survey: Survey, run: str, column: int, broken: NDArray[np.bool_]) 
         Finding(
             "sensor-break",
             "error",
-            f"{channel.name} in run {run} holds {said} {{when}}{away if rest.size and np.isfinite(seen).all() else ''}:"
+            f"{channel.name} in run {run} holds {said} {{when}}{away}:"
             " the code of a broken or open sensor, not a reading.",
             Where(channel.name, run),
             evidence,

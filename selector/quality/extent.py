@@ -95,7 +95,7 @@ def starts(survey: Survey) -> Iterator[Finding]:
         return
     ambient = survey.columns("ambient")
     temperatures, displacements = survey.columns("temperature"), survey.columns("displacement")
-    level = {run: np.array([survey.scale(run, c).start for c in range(len(survey.channels))]) for run in survey.runs}
+    level = {run: np.array([_start(survey, run, c) for c in range(len(survey.channels))]) for run in survey.runs}
     room = {run: _middle(level[run][ambient]) if ambient else 0.0 for run in survey.runs}
     for run in survey.runs:
         others = [other for other in survey.runs if other != run]
@@ -121,6 +121,13 @@ def starts(survey: Survey) -> Iterator[Finding]:
             {"channels": warm},
             "Rises count from the start of the run: say so when comparing runs, or start from a cold machine.",
         )
+
+
+def _start(survey: Survey, run: str, column: int) -> float:
+    """Level at the start of a run; NaN when nothing of the start is there."""
+    rows = survey.series(run, column).rows
+    there = rows.size > 0 and rows[0] <= 0.02 * survey.time[run].size
+    return survey.scale(run, column).start if there else float("nan")
 
 
 def _values(survey: Survey, run: str, column: int) -> np.ndarray:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import erf
 
 from selector.findings import Finding, Where
@@ -64,16 +65,32 @@ def frozen(survey: Survey) -> Iterator[Finding]:
             x = survey.series(run, column).x
             if x.size >= _LEAST:
                 stills[run] = still_stretches(x, survey.quantum(column, run))
+        rails = [end for end in extremes if sum(_rests_at(still, end) for still in stills.values()) >= 2]
+        # long stretches at the very ends of the channel's range may be a rail: left aside in every run
+        clear = {
+            run: _noise_beside(survey, run, column, still, (still.length >= _LEAST) & np.isin(still.value, extremes))
+            for run, still in stills.items()
+        }
         for run, still in stills.items():
             if int(still.length.max()) >= 4:
-                yield from _frozen_in(survey, run, column, stills, extremes)
+                yield from _frozen_in(survey, run, column, still, clear, extremes, rails)
 
 
 def _frozen_in(
-    survey: Survey, run: str, column: int, stills: dict[str, Still], extremes: tuple[float, float]
+    survey: Survey,
+    run: str,
+    column: int,
+    still: Still,
+    clear: dict[str, Floats],
+    extremes: tuple[float, float],
+    rails: list[float],
 ) -> Iterator[Finding]:
-    series, still, quantum = survey.series(run, column), stills[run], survey.quantum(column, run)
-    noise = _noise_elsewhere(survey, run, column, stills, extremes)
+    series, quantum = survey.series(run, column), survey.quantum(column, run)
+    length = still.length
+    aside = (length >= max(_LEAST, int(length.max()) // 4)) | ((length >= _LEAST) & np.isin(still.value, extremes))
+    blocks = [noise for other, noise in clear.items() if other != run]
+    every = np.concatenate([*blocks, _noise_beside(survey, run, column, still, aside)])
+    noise = float(np.quantile(every, 0.2)) if every.size >= 4 else None
     if noise is None or noise < _ABOVE_ROUNDING * quantum or noise == 0.0:
         return
     pure = np.sqrt(noise**2 - quantum**2 / 12.0)
@@ -85,7 +102,9 @@ def _frozen_in(
         # noise lets a healthy channel touch its own extreme, but not again and again
         at = np.isclose(still.value, rail, rtol=1e-9, atol=0.1 * quantum)
         counted = at & (evidence > _PER_TRY)
-        if counted.sum() < 2 or float((evidence[counted] - _PER_TRY).sum()) < _SURE or evidence[counted].max() < 10.0:
+        if not counted.any() or float((evidence[counted] - _PER_TRY).sum()) < _SURE or evidence[counted].max() < 10.0:
+            continue
+        if counted.sum() < 2 and rail not in rails:
             continue
         railed |= counted
         windows = [
@@ -121,26 +140,18 @@ def _frozen_in(
         )
 
 
-def _noise_elsewhere(
-    survey: Survey, run: str, column: int, stills: dict[str, Still], extremes: tuple[float, float]
-) -> float | None:
-    """Lower fifth of the block noise of a channel outside the long stretches of equal samples of this run.
+def _rests_at(still: Still, value: float) -> int:
+    """How many long stretches of equal samples have this value."""
+    return int(np.sum((still.length >= _LEAST) & (still.value == value)))
 
-    Long stretches at the very ends of the channel's range are left aside in every run: they may be a rail.
-    """
-    blocks = []
-    for other, still in stills.items():
-        noise = survey.scale(other, column).block_noise
-        if noise.size == 0:
-            continue
-        width = max(1, (int(still.last[-1]) - 1) // noise.size)
-        length = still.length
-        aside = (length >= _LEAST) & np.isin(still.value, extremes)
-        if other == run:
-            aside |= length >= max(_LEAST, int(length.max()) // 4)
-        covered = np.zeros(noise.size, dtype=np.bool_)
-        for k in np.flatnonzero(aside):
-            covered[max(0, still.first[k] - 2) // width : still.last[k] // width + 1] = True
-        blocks.append(noise[~covered])
-    every = np.concatenate(blocks) if blocks else np.empty(0)
-    return float(np.quantile(every, 0.2)) if every.size >= 4 else None
+
+def _noise_beside(survey: Survey, run: str, column: int, still: Still, aside: NDArray[np.bool_]) -> Floats:
+    """The block noise of a channel in a run outside some of its stretches of equal samples."""
+    noise = survey.scale(run, column).block_noise
+    if noise.size == 0 or not aside.any():
+        return noise
+    width = max(1, (int(still.last[-1]) - 1) // noise.size)
+    covered = np.zeros(noise.size, dtype=np.bool_)
+    for k in np.flatnonzero(aside):
+        covered[max(0, still.first[k] - 2) // width : still.last[k] // width + 1] = True
+    return noise[~covered]

@@ -82,7 +82,7 @@ def pace_changes(survey: Survey) -> Iterator[Finding]:
         blocks = np.median(steps[: steps.size // width * width].reshape(-1, width), axis=1)
         if blocks.size < 4:
             continue
-        best = max(range(1, blocks.size), key=lambda k: abs(_log_ratio(blocks, k)))
+        best = max(range(1, blocks.size), key=lambda k: _contrast(blocks, k))
         before, after = float(np.median(blocks[:best])), float(np.median(blocks[best:]))
         ratio = max(before / after, after / before)
         steady = _steady(blocks[:best]) and _steady(blocks[best:])
@@ -201,8 +201,10 @@ def _usual(steps: Floats | np.ndarray) -> float:
     return float(np.median(steps))
 
 
-def _log_ratio(blocks: Floats, k: int) -> float:
-    return float(np.log(np.median(blocks[:k]) / np.median(blocks[k:])))
+def _contrast(blocks: Floats, k: int) -> float:
+    """How well a change after k blocks explains their periods, as a two-sample t statistic does."""
+    logs = np.log(blocks)
+    return float(abs(logs[:k].mean() - logs[k:].mean()) * np.sqrt(k * (blocks.size - k)))
 
 
 def _steady(blocks: Floats) -> bool:

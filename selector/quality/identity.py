@@ -26,9 +26,11 @@ def duplicates(survey: Survey, relations: Relations) -> Iterator[Finding]:
 
     O(channels² · blocks) to find the pairs, then O(samples) for each pair.
     """
-    alike = [_correlation(relations.movement(r)) > _ALIKE for r in range(len(relations.runs))]
-    for i, j in combinations(range(len(relations.columns)), 2):
-        if not any(near[i, j] for near in alike) or _kind(relations, i) != _kind(relations, j):
+    alike = np.zeros((len(relations.columns), len(relations.columns)), dtype=np.bool_)
+    for r in range(len(relations.runs)):
+        alike |= _correlation(relations.movement(r)) > _ALIKE
+    for i, j in np.argwhere(np.triu(alike, 1)).tolist():
+        if _kind(relations, i) != _kind(relations, j):
             continue
         both = np.flatnonzero(relations.present[i] & relations.present[j])
         a, b = (survey.channels[relations.columns[k]] for k in (i, j))

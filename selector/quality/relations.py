@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from selector.quality.survey import Floats, Survey
 
 _BLOCKS = 240
-_PRESENT = 0.6
-"""A channel takes part in a run when so much of it is there; the rest is interpolated."""
+_PRESENT = 0.9
+"""A channel takes part in a run when so many of its blocks hold a sample; the rest is interpolated."""
 _RIDGE = {"degC": 0.05, "um": 0.5}
 """What a block mean may be off without being wrong [K, µm]: keeps weights of near-identical siblings small."""
 _SAME = 1e-7
@@ -39,11 +39,12 @@ class Relations:
         self.present = self.present.reshape(len(self.runs), len(self.columns)).T
         ridge = np.array([_RIDGE[survey.channels[c].unit] ** 2 for c in self.columns])
         self._ridge = ridge
+        self._movement = [np.nan_to_num(means) for means, _ in self._blocks]
+        self._sums: dict[bytes, tuple[Floats, int]] = {}
 
     def movement(self, r: int) -> Floats:
         """Block means of a run, centred, shape (n_channels, n_blocks); 0 where a channel is absent."""
-        blocks, _ = self._blocks[r]
-        return np.nan_to_num(blocks)
+        return self._movement[r]
 
     def time_s(self, r: int) -> Floats:
         """Start of each block of a run and the end of the last [s], shape (n_blocks + 1,)."""
@@ -71,14 +72,14 @@ class Relations:
         ]
         if runs.size == 0 or not pool:
             return []
-        gram = self._grams[runs].sum(axis=0)
+        gram, count = self._sum_with(i)
         size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
         unlike = 1.0 - np.abs(gram[i] / size / size[i])
         pool = [j for j in pool if unlike[j] > _SAME]
         chosen: list[int] = []
         while pool and len(chosen) < self.most:
             # with what is chosen so far taken out, the next is the one most like the rest
-            w = self._solved(gram, i, chosen, int(self._counts[runs].sum()))
+            w = _solved(gram, self._ridge, i, chosen, count)
             rest = gram[i, pool] - (gram[np.ix_(pool, chosen)] @ w if chosen else 0.0)
             gain = np.abs(rest) / size[pool]
             best = int(np.argmax(gain))
@@ -89,15 +90,22 @@ class Relations:
 
     def weights(self, i: int, siblings: Sequence[int], training: Sequence[int]) -> Floats:
         """Least-squares weights of the siblings for channel `i`, learned on these runs."""
-        usable = [r for r in training if self.present[i, r]]
-        gram = self._grams[usable].sum(axis=0)
-        return self._solved(gram, i, list(siblings), int(self._counts[usable].sum()))
+        # the sum over all runs less the few that are left out
+        apart = [r for r in set(range(len(self.runs))).difference(training) if self.present[i, r]]
+        gram, count = self._sum_with(i)
+        part = np.ix_([*siblings, i], [*siblings, i])
+        inner = gram[part]
+        for r in apart:
+            inner = inner - self._grams[r][part]
+        last = len(siblings)
+        ridge = self._ridge[[*siblings, i]]
+        return _solved(inner, ridge, last, list(range(last)), count - int(self._counts[apart].sum()))
 
     def weights_on(self, i: int, siblings: Sequence[int], r: int, blocks: NDArray[np.bool_]) -> Floats:
         """The same, learned on some blocks of one run."""
         part = self.movement(r)[:, blocks]
         part = part - part.mean(axis=1, keepdims=True)
-        return self._solved(part @ part.T, i, list(siblings), int(blocks.sum()))
+        return _solved(part @ part.T, self._ridge, i, list(siblings), int(blocks.sum()))
 
     def prediction(self, siblings: Sequence[int], weights: Floats, r: int) -> Floats:
         """Course of a channel in run `r` as its siblings have it, centred, shape (n_blocks,)."""
@@ -108,11 +116,20 @@ class Relations:
         off = self.movement(r)[i] - self.prediction(siblings, weights, r)
         return np.asarray(off - np.median(off[: max(3, off.size // 10)]), dtype=np.float64)
 
-    def _solved(self, gram: Floats, i: int, siblings: list[int], count: int) -> Floats:
-        if not siblings:
-            return np.empty(0)
-        inner = gram[np.ix_(siblings, siblings)] + np.diag(self._ridge[siblings] * max(count, 1))
-        return np.asarray(np.linalg.solve(inner, gram[siblings, i]), dtype=np.float64)
+    def _sum_with(self, i: int) -> tuple[Floats, int]:
+        """(Gram matrix, number of blocks) over the runs in which channel `i` is present."""
+        key = self.present[i].tobytes()
+        if key not in self._sums:
+            runs = np.flatnonzero(self.present[i])
+            self._sums[key] = self._grams[runs].sum(axis=0), int(self._counts[runs].sum())
+        return self._sums[key]
+
+
+def _solved(gram: Floats, ridge: Floats, i: int, siblings: list[int], count: int) -> Floats:
+    if not siblings:
+        return np.empty(0)
+    inner = gram[np.ix_(siblings, siblings)] + np.diag(ridge[siblings] * max(count, 1))
+    return np.asarray(np.linalg.solve(inner, gram[siblings, i]), dtype=np.float64)
 
 
 def block_means(survey: Survey, run: str, columns: Sequence[int]) -> tuple[Floats, Floats]:
@@ -127,11 +144,11 @@ def block_means(survey: Survey, run: str, columns: Sequence[int]) -> tuple[Float
     for k, column in enumerate(columns):
         x = values[column]
         present = np.isfinite(x)
-        if present.mean() < _PRESENT:
-            continue
         sums = np.add.reduceat(np.where(present, x, 0.0), borders[:-1])
         held = np.add.reduceat(present.astype(np.float64), borders[:-1])
         whole = held > 0
+        if whole.mean() < _PRESENT:
+            continue
         row = sums[whole] / held[whole]
         if not whole.all():
             row = np.interp(np.arange(count), np.flatnonzero(whole), row)

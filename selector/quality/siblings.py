@@ -48,7 +48,7 @@ def leaving_group(relations: Relations) -> Iterator[Finding]:
         for i, sizes in departed.items():
             others = np.delete(sizes, r)
             others = others[np.isfinite(others)]
-            if others.size >= 2 and sizes[r] > max(0.8 * _LEAST_K, float(np.median(others))):
+            if others.size >= 2 and sizes[r] > max(0.8 * _LEAST_K, 0.5 * float(np.median(others))):
                 suspects.append(i)
         # one that leaves drags those along that are measured against it: only the clearest one is told
         suspects.sort(key=lambda i: -departed[i][r])

@@ -50,7 +50,7 @@ _NEAR_K = 8.0
 _ROOM_C = (0.0, 50.0)
 """Where a machine starts [°C]; what starts elsewhere is no reference."""
 _ALL_ALIKE_C = {"°F taken for °C": (57.0, 110.0), "K taken for °C": (270.0, 325.0), "°C taken for °F": (-14.0, -1.0)}
-"""Where the coldest channel starts when every channel of every run has the mistake [°C]: 14–43 °C seen through it."""
+"""Where channels start when every one of them in every run has the mistake [°C]: 14–43 °C seen through it."""
 
 
 def wrong_temperature_units(survey: Survey) -> Iterator[Finding]:
@@ -61,10 +61,10 @@ def wrong_temperature_units(survey: Survey) -> Iterator[Finding]:
     )
     if not np.isfinite(level).any():
         return
-    coldest = float(np.nanmin(level))
+    coldest, hottest = float(np.nanmin(level)), float(np.nanmax(level))
     for mistake in _THERMAL:
         low, high = _ALL_ALIKE_C.get(mistake.name, (np.inf, np.inf))
-        if low <= coldest <= high and (level.size > 1 or mistake.gain == 1.0):
+        if low <= coldest and hottest <= high + _OFF_K and (level.size > 1 or mistake.gain == 1.0):
             yield Finding(
                 "wrong-unit",
                 "warning",

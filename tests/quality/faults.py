@@ -163,7 +163,9 @@ def _duplicate(recording: Recording, rng: np.random.Generator) -> Planted | None
     tables = {run: _table(recording, run) for run in recording.runs}
     for table in tables.values():
         table[b] = table[a]
-    return Planted(Recording.from_runs(tables, recording.channels), ("duplicate-channel",), (a, b), None, None, acts=False)
+    return Planted(
+        Recording.from_runs(tables, recording.channels), ("duplicate-channel",), (a, b), None, None, acts=False
+    )
 
 
 def _swapped(recording: Recording, rng: np.random.Generator) -> Planted | None:
@@ -182,7 +184,11 @@ def _swapped(recording: Recording, rng: np.random.Generator) -> Planted | None:
 
 def _fahrenheit(recording: Recording, rng: np.random.Generator) -> Planted | None:
     name, run = _choice(recording, rng, "temperature")
-    if len(recording.runs) < 2 or len(recording.with_role("temperature", "ambient")) < 3 or _span(recording, run, name) < 3:
+    if (
+        len(recording.runs) < 2
+        or len(recording.with_role("temperature", "ambient")) < 3
+        or _span(recording, run, name) < 3
+    ):
         return None
 
     def change(table: pd.DataFrame) -> None:

@@ -129,3 +129,34 @@ def _lag(source: np.ndarray, dt: float, tau: float, start: float) -> np.ndarray:
     keep = np.exp(-dt / tau)
     out, _ = lfilter([1 - keep], [1, -keep], source, zi=[keep * start])
     return np.asarray(out)
+
+
+def plain_tables(runs: int = 4, samples: int = 720, dt: float = 20.0) -> dict[str, pd.DataFrame]:
+    """Tables of a plain machine: six thermal channels, spindle speed, Z and Y; each run heats at another speed."""
+    rng = np.random.default_rng(7)
+    time = np.arange(samples) * dt
+    tables = {}
+    for k in range(runs):
+        speed = np.where((time > 900) & (time < (0.5 + 0.04 * k) * time[-1]), 1500.0 + 500 * (k % 3), 0.0)
+        speed[time > 0.8 * time[-1]] = 1000.0
+        room = 21.0 + 0.3 * k + 0.4 * np.sin(time / 9000 + k)
+        table = {"Tamb": room}
+        for i, (gain, tau) in enumerate([(9, 900), (8, 1100), (5, 2500), (3, 4000), (6, 700)]):
+            table[f"T{i + 1}"] = room + gain * _lag(speed / 2500, dt, tau, 0.0)
+        table["Z"] = 6.0 * (table["T1"] - room) + 2.0 * (table["T3"] - room)
+        table["Y"] = 3.0 * (table["T4"] - room) - 1.0 * (table["T5"] - room)
+        for name in table:
+            fine = 0.01 if name.startswith("T") else 0.1
+            noise = 0.03 if name.startswith("T") else 0.5
+            table[name] = np.round((table[name] + rng.normal(0, noise, samples)) / fine) * fine
+        tables[f"r{k + 1}"] = pd.DataFrame({**table, "n": speed}, index=time)
+    return tables
+
+
+def plain_recording(tables: dict[str, pd.DataFrame]) -> Recording:
+    """A recording of such tables."""
+    names = next(iter(tables.values())).columns
+    roles = {"Tamb": ("ambient", "degC"), "n": ("spindle_speed", "rpm"), "Z": ("displacement", "um")}
+    roles["Y"] = roles["Z"]
+    channels = [Channel(name, *roles.get(name, ("temperature", "degC"))) for name in names]
+    return Recording.from_runs(tables, channels)
