@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import pandas as pd
@@ -61,6 +61,21 @@ class Channel:
                 where=f"channel {self.name!r}",
                 advice="convert the values with selector.units.to_canonical before making the recording",
             )
+
+
+class RunSource(Protocol):
+    """What a study needs of recordings, be they whole in memory or read piece by piece."""
+
+    @property
+    def runs(self) -> tuple[str, ...]:
+        """Names of the runs."""
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """The channels."""
+
+    def chunks(self, run: str, names: Iterable[str]) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        """(time_s, values) pieces of a run, in order; values of shape (n_samples, n_names)."""
 
 
 @dataclass(frozen=True)
@@ -187,10 +202,8 @@ class Recording:
         values: NDArray[np.float64] = self.__dict__["_values"]
         return values[self._run_slices[run]][:, [self._column[name] for name in names]]
 
-    def chunks(
-        self, run: str, names: Iterable[str]
-    ) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-        """(time_s, values) pieces of a run in order; here always one piece. See `readers.parquet` for many."""
+    def chunks(self, run: str, names: Iterable[str]) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        """(time_s, values) pieces of a run in order; here always one piece. `readers.ParquetSource` has many."""
         yield self.time_s(run), self.values(run, names)
 
     def only_runs(self, runs: Iterable[str]) -> Recording:
@@ -202,6 +215,27 @@ class Recording:
     def with_values(self, frame: pd.DataFrame) -> Recording:
         """The same channels and provenance with another frame."""
         return dataclasses.replace(self, frame=frame)
+
+
+def thinned(source: RunSource, stride: int, runs: Iterable[str] | None = None) -> Recording:
+    """Every `stride`-th sample of a source, in memory; one pass over the runs, one piece at a time."""
+    names = [channel.name for channel in source.channels]
+    parts: list[pd.DataFrame] = []
+    kept: list[str] = []
+    for run in source.runs if runs is None else runs:
+        first = 0
+        pieces: list[pd.DataFrame] = []
+        for time_s, values in source.chunks(run, names):
+            take = slice((-first) % stride, None, stride)
+            first += len(time_s)
+            # a copy, or the slice would keep the whole piece alive
+            index = pd.Index(time_s[take].copy(), name="time_s")
+            pieces.append(pd.DataFrame(values[take].copy(), index=index, columns=names))
+        if pieces and any(map(len, pieces)):
+            parts.append(pd.concat(pieces))
+            kept.append(run)
+    frame = pd.concat(parts, keys=kept, names=["run", "time_s"])
+    return Recording(frame, tuple(source.channels), dict(getattr(source, "provenance", {})))
 
 
 def _require(holds: bool, found: str, expected: str) -> None:

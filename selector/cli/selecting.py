@@ -191,21 +191,14 @@ def study(
     source: Source, options: Options, *, out: Path | None, date: str | None, progress: Progress | None = None
 ) -> Selection:
     """Read, inspect, select, and write the results if there is a place for them."""
-    from selector.quality import inspect, without_faults
+    from selector.cli.material import material_of
     from selector.selection import select as selected
 
     say = progress or (lambda _what, _share: None)
     say("reading", 0.0)
-    reading = source.reading()
-    say("inspecting", 0.0)
-    faults = inspect(reading.recording)
-    recording = without_faults(reading.recording, faults)
-    provenance = {
-        "machine": reading.recording.provenance.get("machine"),
-        "runs": {run.name: {"file": run.file, "sha256": run.sha256} for run in reading.runs},
-    }
+    material = material_of(source)
     selection = selected(
-        recording, options, findings=(*reading.findings, *faults), provenance=provenance, progress=progress
+        material.source, options, findings=material.findings, provenance=material.provenance, progress=progress
     )
     if out is not None:
         from selector.controllers.from_selection import model_file_of
@@ -213,11 +206,11 @@ def study(
         from selector.report import write_report
 
         say("writing", 1.0)
-        model = model_file_of(selection, recording.channels, source=recording, date=date)
+        model = model_file_of(selection, material.source.channels, source=material.source, date=date)
         with folder_written_whole(out) as folder:
             (folder / "selection.json").write_text(showing.json_text(selection.as_dict()) + "\n", encoding="utf-8")
             write_model(model, folder / "model.json")
-            write_report([selection], folder / "report.html", description=reading.description(), date=date)
+            write_report([selection], folder / "report.html", description=material.description, date=date)
     return selection
 
 

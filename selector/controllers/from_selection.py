@@ -20,8 +20,7 @@ from selector.controllers.model_file import (
 )
 from selector.controllers.self_check import check_vectors
 from selector.models.least_squares import FittedModel
-from selector.models.reference import RunSource
-from selector.recording import Channel
+from selector.recording import Channel, RunSource
 from selector.selection import Selection
 
 RATE_MARGIN = 5.0

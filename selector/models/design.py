@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.models.memory import Lag, lagged
-from selector.models.reference import RunSource, gauge_start, start_readings
+from selector.models.reference import gauge_start, start_readings
 from selector.models.terms import Scaling, Term, design_matrix
+from selector.recording import RunSource
 
 Reference = Literal["rise", "absolute"]
 

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.models.design import Columns, Design
-from selector.models.reference import RunSource
 from selector.models.rows import block_bounds
 from selector.models.terms import Scaling
+from selector.recording import RunSource
 
 _ROWS = 20_000
 

@@ -3,33 +3,17 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from selector.recording import Channel
+from selector.recording import RunSource
 
 START_SAMPLES = 15
 NOISE_SAMPLES = 30
-
-
-class RunSource(Protocol):
-    """What a study needs from recordings, whole in memory or read piece by piece."""
-
-    @property
-    def runs(self) -> tuple[str, ...]:
-        """Names of the runs."""
-
-    @property
-    def channels(self) -> tuple[Channel, ...]:
-        """The channels."""
-
-    def chunks(self, run: str, names: Sequence[str]) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-        """(time_s, values) pieces of a run, in order."""
 
 
 def start_reading(time_s: NDArray[np.float64], samples: NDArray[np.float64]) -> tuple[float, float]:

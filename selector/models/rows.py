@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.models.design import Design
-from selector.models.reference import RunSource
+from selector.recording import RunSource
 
 
 @dataclass(frozen=True)
@@ -24,8 +24,6 @@ class Rows:
     time_s : ndarray of shape (n_samples,)
     variables : ndarray of shape (n_samples, n_variables)
     responses : ndarray of shape (n_samples, n_responses)
-    stride : int
-        Every how many-th sample was taken.
     """
 
     runs: tuple[str, ...]
@@ -33,13 +31,10 @@ class Rows:
     time_s: NDArray[np.float64]
     variables: NDArray[np.float64]
     responses: NDArray[np.float64]
-    stride: int = 1
 
     def only(self, keep: NDArray[np.bool_]) -> Rows:
         """The samples for which `keep` is true."""
-        return Rows(
-            self.runs, self.run[keep], self.time_s[keep], self.variables[keep], self.responses[keep], self.stride
-        )
+        return Rows(self.runs, self.run[keep], self.time_s[keep], self.variables[keep], self.responses[keep])
 
     def blocks(self, n_blocks: int) -> NDArray[np.int64]:
         """Block of each sample within its run, −1 = purged at an edge; shape (n_samples,)."""
@@ -67,18 +62,15 @@ def block_bounds(n: int, n_blocks: int) -> list[tuple[int, int]]:
     ]
 
 
-def rows_of(source: RunSource, design: Design, runs: Sequence[str], *, stride: int = 1) -> Rows:
-    """Every `stride`-th complete sample of some runs; lags are computed on all samples before."""
+def rows_of(source: RunSource, design: Design, runs: Sequence[str]) -> Rows:
+    """The complete samples of some runs."""
     number: list[NDArray[np.int64]] = []
     parts: list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]] = []
     for r, run in enumerate(runs):
-        first = 0
         for piece in design.pieces(source, run):
-            take = slice((-first) % stride, None, stride)
-            first += len(piece.time_s)
-            parts.append((piece.time_s[take], piece.variables[take], piece.responses[take]))
-            number.append(np.full(len(parts[-1][0]), r, dtype=np.int64))
+            parts.append((piece.time_s, piece.variables, piece.responses))
+            number.append(np.full(len(piece.time_s), r, dtype=np.int64))
     empty = (np.zeros(0), np.zeros((0, len(design.variables))), np.zeros((0, len(design.responses))))
     time_s, variables, responses = (np.concatenate(column) for column in zip(*(parts or [empty]), strict=True))
     run_number = np.concatenate(number) if number else np.zeros(0, dtype=np.int64)
-    return Rows(tuple(runs), run_number, time_s, variables, responses, stride)
+    return Rows(tuple(runs), run_number, time_s, variables, responses)

@@ -11,9 +11,9 @@ from scipy.optimize import minimize
 
 from selector.models.design import Datum, Design
 from selector.models.least_squares import FittedModel, fit
-from selector.models.reference import RunSource
 from selector.models.rows import Rows, rows_of
 from selector.models.terms import Scaling, Term, design_matrix
+from selector.recording import RunSource
 from selector.selection.choice import Trial
 from selector.selection.library import Shape
 from selector.selection.options import Question
@@ -70,7 +70,6 @@ def refined(
     source: RunSource,
     datum: Datum,
     trial: Trial,
-    stride: int,
     training: Callable[[Rows], NDArray[np.bool_]] | None = None,
 ) -> Recipe:
     """The recipe of a trial, its time constants moved off the grid to where they fit the training samples best."""
@@ -88,7 +87,7 @@ def refined(
     def misfit(log_taus: NDArray[np.float64]) -> float:
         bounded = np.clip(log_taus, start - 0.5, start + 0.5)
         trial_recipe = with_taus(bounded)
-        rows = rows_of(source, trial_recipe.design, source.runs, stride=stride)
+        rows = rows_of(source, trial_recipe.design, source.runs)
         rows = rows if training is None else rows.only(training(rows))
         columns = _columns(trial_recipe, rows)
         # only the misfit is wanted, and of scaled columns: normal equations are exact enough and much faster

@@ -9,9 +9,8 @@ from typing import Any
 
 from selector.errors import OptionError
 from selector.models.design import Reference
-from selector.models.reference import RunSource
 from selector.models.terms import Form
-from selector.recording import SENSOR_ROLES
+from selector.recording import SENSOR_ROLES, RunSource
 
 MAX_CANDIDATES = 12
 """Representatives that a search over products is made of; more are first thinned by the linear search."""

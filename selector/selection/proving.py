@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from selector.models.design import Datum
-from selector.models.reference import RunSource
 from selector.models.rows import rows_of
 from selector.models.validation import (
     ErrorCurvePoint,
@@ -17,6 +16,7 @@ from selector.models.validation import (
     error_curve_point,
     response_power,
 )
+from selector.recording import RunSource
 from selector.selection.choice import Choice, Offer, Trial
 from selector.selection.fitting import Part, predictions, refined
 from selector.selection.library import Library
@@ -32,15 +32,14 @@ def left_out_errors(
     datum: Datum,
     choices: Sequence[Choice],
     parts: Sequence[Part],
-    stride: int,
     ridge: float,
 ) -> tuple[dict[str, tuple[RunProof, ...]], tuple[Trace, ...]]:
     """Errors on each part, from the sensors, terms, time constants and coefficients that the others chose."""
     proofs: dict[str, list[RunProof]] = {name: [] for name in question.responses}
     traces: list[Trace] = []
     for choice, part in zip(choices, parts, strict=True):
-        recipe = refined(question, source, datum, choice.trial, stride, part.training)
-        rows = rows_of(source, recipe.design, source.runs, stride=stride)
+        recipe = refined(question, source, datum, choice.trial, part.training)
+        rows = rows_of(source, recipe.design, source.runs)
         unseen = rows.only(part.unseen(rows))
         if not len(unseen.run):
             continue
@@ -57,7 +56,7 @@ def left_out_errors(
                     float(error[:, j].mean()),
                     float(np.sqrt(np.mean(measured**2))),
                     float(np.abs(measured).max()),
-                    len(measured) * stride,
+                    len(measured),
                 )
             )
         for r in np.unique(unseen.run):

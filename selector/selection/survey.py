@@ -10,7 +10,7 @@ import numpy as np
 from selector.errors import OptionError
 from selector.findings import Finding, Where
 from selector.models.design import Datum
-from selector.models.reference import RunSource
+from selector.recording import RunSource
 from selector.selection.options import Question
 from selector.selection.usable import usable_sensors
 

@@ -11,8 +11,8 @@ from selector.errors import OptionError
 from selector.findings import Finding, Where
 from selector.models.design import Columns, Datum, Design
 from selector.models.moments import moments, scaling_of
-from selector.models.reference import RunSource
 from selector.models.terms import Term
+from selector.recording import RunSource
 from selector.selection.options import Question
 
 FEW_MISSING = 0.01

@@ -13,10 +13,10 @@ from selector.findings import Finding
 from selector.models.design import Datum, datum_of
 from selector.models.faults import fault_gains
 from selector.models.hull import validity_hull
-from selector.models.reference import RunSource
 from selector.models.rows import Rows, rows_of
 from selector.models.validation import Grouping as FoldGrouping
 from selector.models.validation import grouping_by_condition, grouping_by_run
+from selector.recording import RunSource, thinned
 from selector.selection.candidates import LINEAR, Candidates, candidates
 from selector.selection.choice import Offer, Tested, library_requests, offers, shapes_on_offer, tested
 from selector.selection.doubts import doubts
@@ -98,15 +98,16 @@ def select(
 
     say("fitting", 0.75)
     stride = max(1, -(-surveyed.n_samples // MAX_ROWS))
-    recipe = refined(question, runs, datum, choice.trial, stride)
-    rows = rows_of(runs, recipe.design, surveyed.runs, stride=stride)
+    fitted: RunSource = runs if stride == 1 else thinned(runs, stride)
+    recipe = refined(question, fitted, datum, choice.trial)
+    rows = rows_of(fitted, recipe.design, surveyed.runs)
     parts = [folds.part(group) for group in folds.outer]
     ridge = ridge_penalty(recipe, rows, parts) if question.options.ridge else NO_RIDGE
     models = final_models(recipe, rows, ridge=ridge[0])
     say("proving on unseen runs", 0.85)
     proof = Proof(
         folds.left_out,
-        *left_out_errors(question, runs, datum, choices, parts, stride, ridge[0]),
+        *left_out_errors(question, fitted, datum, choices, parts, ridge[0]),
         error_curve(library, folds.outer, choices),
         baselines(
             folds.linear,

@@ -1,0 +1,68 @@
+"""What does a study work on: recordings without their faults, in memory or read piece by piece."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from selector.cli.source import Source
+from selector.findings import Finding, Where
+from selector.quality import StreamWithoutFaults, inspect, without_faults
+from selector.readers import is_large, machine, stream_parquet
+from selector.recording import RunSource, thinned
+
+INSPECTED_ROWS = 200_000
+
+
+@dataclass(frozen=True)
+class Material:
+    """Recordings without their faults, what was found about them, where they come from, how they were read."""
+
+    source: RunSource
+    findings: tuple[Finding, ...]
+    provenance: dict[str, Any]
+    description: dict[str, Any] | None
+
+
+def material_of(source: Source) -> Material:
+    """The material that a command line names; large Parquet files are read piece by piece.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read, the machine file does not fit, or an option cannot be used.
+    """
+    if is_large(source.runs):
+        return _streamed(source)
+    reading = source.reading()
+    faults = inspect(reading.recording)
+    provenance = {
+        "machine": reading.recording.provenance.get("machine"),
+        "runs": {run.name: {"file": Path(run.file).name, "sha256": run.sha256} for run in reading.runs},
+    }
+    recording = without_faults(reading.recording, faults)
+    return Material(recording, (*reading.findings, *faults), provenance, reading.description())
+
+
+def _streamed(source: Source) -> Material:
+    named = None if source.machine is None else machine(source.machine)
+    stream = stream_parquet(source.runs, named)
+    rows = sum(stream.rows(run) for run in stream.runs)
+    stride = max(1, -(-rows // INSPECTED_ROWS))
+    faults = inspect(thinned(stream, stride))
+    found = Finding(
+        "read-in-pieces",
+        "info",
+        f"The recordings hold {rows} rows and were read in pieces; faults were looked for in every {stride}th row.",
+        Where(),
+        {"rows": rows, "stride": stride},
+    )
+    provenance = {
+        "machine": None if named is None or named.machine is None else named.machine.name,
+        "runs": {
+            run: {"file": Path(entry["file"]).name, "sha256": entry["sha256"]}
+            for run, entry in stream.provenance["runs"].items()
+        },
+    }
+    return Material(StreamWithoutFaults(stream, faults), (*stream.findings, found, *faults), provenance, None)
