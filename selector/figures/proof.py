@@ -1,0 +1,301 @@
+"""Pictures of the proof: what unseen runs say about the model."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+import plotly.graph_objects as go
+from numpy.typing import NDArray
+
+from selector.figures import style
+from selector.selection import Selection
+from selector.selection.result import Trace
+
+POINTS_PER_RUN = 400
+_WAYS = {
+    "none": "no compensation",
+    "mean": "a constant",
+    "all sensors": "linear regression on all sensors",
+}
+_DASHES = {"none": "dash", "mean": "dot", "all sensors": "dot"}
+_OTHER_DASHES = ("dashdot", "longdash", "longdashdot")
+_UNSEEN = {"run": "unseen runs", "condition": "unseen conditions", "block": "unseen stretches"}
+_ONE_FROM = 8.0
+
+
+def error_against_sensors(selection: Selection, response: str) -> go.Figure:
+    """Held-out error against the number of sensors, with its standard error, single runs, and other ways as lines."""
+    proof = selection.proof
+    j = list(selection.models).index(response)
+    sizes = [point.n_sensors for point in proof.curve]
+    error = [point.rmse_um[j] for point in proof.curve]
+    spread = [_or_zero(point.standard_error_um[j]) for point in proof.curve]
+    ways = proof.baselines_um[response]
+    size, achieved = len(selection.chosen), proof.rmse_um(response)
+    title = (
+        f"{style.label(response)}: {size} sensor{'s' * (size != 1)} reach{'es' * (size == 1)} "
+        f"{style.number(achieved)} µm on {_UNSEEN[proof.left_out]}, against {style.number(ways['none'])} µm "
+        "without compensation"
+    )
+    drawn = style.figure(title, 480)
+    parts = proof.per_response[response]
+    single = [
+        (point.n_sensors, value, parts[k].name if len(parts) == len(point.per_group_um) else str(k + 1))
+        for point in proof.curve
+        for k, value in enumerate(row[j] for row in point.per_group_um)
+    ]
+    last = max([*sizes, size]) + 0.5
+    others = [way for way in ways if way not in _WAYS]
+    dashes = _DASHES | {way: _OTHER_DASHES[i % len(_OTHER_DASHES)] for i, way in enumerate(others)}
+    for way, value in ways.items():
+        text = _WAYS.get(way) or f"the same procedure, {way.removeprefix('chosen, ')}"
+        drawn.add_scatter(
+            x=[0.5, last],
+            y=[value, value],
+            mode="lines",
+            line={"color": style.BASELINES.get(way, style.OTHER_BASELINE), "width": 2, "dash": dashes[way]},
+            name=f"{text}: {style.number(value)} µm",
+            hoverinfo="name",
+        )
+    drawn.add_scatter(
+        x=[x for x, _, _ in single],
+        y=[y for _, y, _ in single],
+        mode="markers",
+        name=f"single {_UNSEEN[proof.left_out].split()[1]}",
+        marker={"color": style.MUTED, "size": 5, "opacity": 0.6},
+        text=[style.label(name) for _, _, name in single],
+        hovertemplate="%{text}: %{y:.3g} µm<extra></extra>",
+    )
+    drawn.add_scatter(
+        x=sizes,
+        y=error,
+        error_y={"type": "data", "array": spread, "thickness": 1.5, "width": 5},
+        mode="lines+markers",
+        name="best set of each size, ± standard error",
+        line={"color": style.PREDICTED, "width": 2},
+        marker={"size": 8},
+        hovertemplate="%{x} sensors: %{y:.3g} µm<extra></extra>",
+    )
+    drawn.add_scatter(
+        x=[size],
+        y=[achieved],
+        mode="markers",
+        name=f"chosen: {style.number(achieved)} µm",
+        marker={"color": "rgba(0,0,0,0)", "size": 20, "line": {"color": style.CHOSEN, "width": 3}, "symbol": "circle"},
+        hovertemplate="chosen, the whole procedure: %{y:.3g} µm<extra></extra>",
+    )
+    values = [value for value in (*error, achieved, *ways.values(), *(y for _, y, _ in single)) if value > 0]
+    drawn.update_xaxes(title_text="sensors [–]", range=[0.5, last], dtick=1, showgrid=False)
+    drawn.update_yaxes(title_text=f"error of {style.label(response)}, rms [µm]", **_value_axis(values))
+    drawn.update_layout(margin={"b": 110}, legend={"yref": "container", "y": 0.0, "yanchor": "bottom"})
+    return drawn
+
+
+def measured_and_predicted(selection: Selection, response: str, runs: Sequence[str] | None = None) -> go.Figure:
+    """Measured and predicted displacement of each left-out run, with the residual below; thinned for drawing.
+
+    Parameters
+    ----------
+    runs : sequence of str, optional
+        Which runs to draw, in this order; all by default.
+    """
+    j = list(selection.models).index(response)
+    traces: dict[str, list[Trace]] = {}
+    for trace in selection.proof.traces:
+        traces.setdefault(trace.run, []).append(trace)
+    wanted = [run for run in (traces if runs is None else runs) if run in traces]
+    proofs = {part.name: part for part in selection.proof.per_response[response]}
+    columns = 1 if len(wanted) == 1 else 2
+    rows = max(1, math.ceil(len(wanted) / columns))
+    source = {
+        "run": "predicted from the other runs",
+        "condition": "predicted from other conditions",
+        "block": "predicted from the rest of the run",
+    }[selection.proof.left_out]
+    title = (
+        f"{style.label(response)} measured and {source}: "
+        f"largest residual {style.number(selection.proof.max_um(response))} µm"
+    )
+    drawn = style.figure(title, 90 + 260 * rows)
+    drawn.update_layout(margin={"b": 10})
+    longest = max((float(trace.time_s[-1]) for run in wanted for trace in traces[run]), default=1.0)
+    unit, seconds = style.time_unit(longest)
+    value_range, residual_range = _common_ranges(selection.proof.traces, j)
+    for k, run in enumerate(wanted):
+        row, column = divmod(k, columns)
+        x, upper, lower = f"x{k + 1}", f"y{2 * k + 1}", f"y{2 * k + 2}"
+        time_s, measured, predicted = _drawn_samples(traces[run], j)
+        common = {"x": (time_s / seconds).astype(np.float32), "mode": "lines", "xaxis": x}
+        for values, name, colour, yaxis in (
+            (measured, "measured", style.MEASURED, upper),
+            (predicted, "predicted", style.PREDICTED, upper),
+            (measured - predicted, "residual", style.RESIDUAL, lower),
+        ):
+            drawn.add_scatter(
+                **common,
+                y=values.astype(np.float32),
+                yaxis=yaxis,
+                name=name,
+                legendgroup=name,
+                showlegend=k == 0,
+                line={"color": colour, "width": 1.6},
+                hovertemplate=f"%{{x:.3g}} {unit}, {name} %{{y:.4g}} µm<extra></extra>",
+            )
+        top, bottom = 1 - row / rows, 1 - (row + 1) / rows
+        gap = min(0.30, 56 / 260) / rows
+        middle = bottom + gap + (top - bottom - gap) * 0.34
+        left = column / columns + (0.035 if column else 0.0)
+        right = (column + 1) / columns - (0.035 if columns == 2 and not column else 0.0)
+        is_first = column == 0
+        layout = drawn.layout
+        layout[f"xaxis{k + 1 if k else ''}"] = {
+            "domain": [left, right],
+            "anchor": lower,
+            "title": {"text": f"time [{unit}]", "standoff": 2},
+        }
+        layout[f"yaxis{2 * k + 1 if k else ''}"] = {
+            "domain": [middle + 0.012 / rows * 2, top - 0.085 / rows],
+            "anchor": x,
+            "title": {"text": f"{style.label(response, 12)} [µm]" if is_first else ""},
+            "range": value_range,
+        }
+        layout[f"yaxis{2 * k + 2}"] = {
+            "domain": [bottom + gap, middle],
+            "anchor": x,
+            "title": {"text": "residual [µm]" if is_first else ""},
+            "range": residual_range,
+            "zeroline": True,
+            "zerolinecolor": style.MUTED,
+            "nticks": 4,
+        }
+        part = proofs.get(run)
+        more = f": rms {style.number(part.rmse_um)} µm, largest {style.number(part.max_um)} µm" if part else ""
+        drawn.add_annotation(
+            text=f"<b>{style.label(run)}</b>{more}",
+            x=left,
+            y=top - 0.08 / rows,
+            xref="paper",
+            yref="paper",
+            xanchor="left",
+            yanchor="bottom",
+            showarrow=False,
+        )
+    return drawn
+
+
+def errors_per_run(selection: Selection, response: str) -> go.Figure:
+    """Error of every unseen run without compensation and with the model."""
+    parts = selection.proof.per_response[response]
+    kind = _UNSEEN[selection.proof.left_out].split()[1]
+    worse = [part.name for part in parts if part.rmse_um >= part.before_rmse_um]
+    if not worse:
+        title = f"{style.label(response)} is better with the model on all {len(parts)} {kind}"
+    else:
+        title = (
+            f"{style.label(response)} is worse with the model than without on {len(worse)} of {len(parts)} {kind}: "
+            f"{style.listed(worse)}"
+        )
+    n = len(parts)
+    drawn = style.figure(title, 150 + max(120, 34 * n))
+    rows = list(range(n))
+    for values, name, colour, offset in (
+        ([part.before_rmse_um for part in parts], "without compensation, rms", style.BEFORE, -0.38),
+        ([part.rmse_um for part in parts], "with the model, rms", style.PREDICTED, 0.0),
+    ):
+        drawn.add_bar(
+            x=values,
+            y=rows,
+            orientation="h",
+            offset=offset,
+            width=0.38,
+            name=name,
+            marker={"color": colour},
+            hovertemplate=f"{name}: %{{x:.4g}} µm<extra></extra>",
+        )
+    drawn.add_scatter(
+        x=[part.max_um for part in parts],
+        y=[row + 0.19 for row in rows],
+        mode="markers",
+        name="with the model, largest",
+        marker={"symbol": "diamond-open", "size": 9, "color": style.RESIDUAL, "line": {"width": 2}},
+        hovertemplate="with the model, largest: %{x:.4g} µm<extra></extra>",
+    )
+    for row, part in enumerate(parts):
+        drawn.add_annotation(
+            text=f"{style.number(part.before_rmse_um)} → <b>{style.number(part.rmse_um)}</b>",
+            x=1.01,
+            y=row,
+            xref="paper",
+            xanchor="left",
+            showarrow=False,
+        )
+    drawn.add_annotation(
+        text="rms [µm]", x=1.01, y=1.0, xref="paper", yref="paper", xanchor="left", yanchor="bottom", showarrow=False
+    )
+    drawn.update_layout(margin={"r": 120})
+    drawn.update_xaxes(title_text=f"error of {style.label(response)} [µm]", rangemode="tozero")
+    drawn.update_yaxes(
+        range=[n - 0.5, -0.5],
+        tickvals=rows,
+        ticktext=[style.label(part.name) for part in parts],
+        showgrid=False,
+        ticks="",
+    )
+    return drawn
+
+
+def _common_ranges(traces: Sequence[Trace], j: int) -> tuple[list[float], list[float]]:
+    """Ranges of displacement and residual that all runs of a recording fit in, so that pictures can be compared."""
+    values = [array for trace in traces for array in (trace.measured_um[:, j], trace.predicted_um[:, j])]
+    low, high = min(float(v.min()) for v in values), max(float(v.max()) for v in values)
+    errors = [trace.measured_um[:, j] - trace.predicted_um[:, j] for trace in traces]
+    least, most = min(0.0, *(float(e.min()) for e in errors)), max(0.0, *(float(e.max()) for e in errors))
+    rooms = 0.06 * max(high - low, 1e-9), 0.12 * max(most - least, 1e-9)
+    return [low - rooms[0], high + rooms[0]], [least - rooms[1], most + rooms[1]]
+
+
+def _drawn_samples(
+    traces: Sequence[Trace], j: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Time, measured, predicted of the parts of a run in order of time, a gap between parts."""
+    times, measured, predicted = [], [], []
+    for trace in sorted(traces, key=lambda trace: float(trace.time_s[0])):
+        keep = _telling_samples(
+            trace.measured_um[:, j] - trace.predicted_um[:, j], max(20, POINTS_PER_RUN // len(traces))
+        )
+        times += [trace.time_s[keep], trace.time_s[keep[-1:]]]
+        measured += [trace.measured_um[keep, j], [np.nan]]
+        predicted += [trace.predicted_um[keep, j], [np.nan]]
+    return np.concatenate(times)[:-1], np.concatenate(measured)[:-1], np.concatenate(predicted)[:-1]
+
+
+def _telling_samples(residual: NDArray[np.float64], points: int) -> NDArray[np.int64]:
+    """Of each of `points` / 2 stretches the first sample and the one with the largest residual: no peak is lost."""
+    n = len(residual)
+    if n <= points:
+        return np.arange(n)
+    edges = np.linspace(0, n, points // 2 + 1).astype(np.int64)
+    peaks = [a + int(np.argmax(np.abs(residual[a:b]))) for a, b in pairwise(edges.tolist())]
+    return np.unique([*edges[:-1].tolist(), *peaks, n - 1])
+
+
+def _value_axis(values: Sequence[float]) -> dict[str, object]:
+    """A linear axis from zero, or a logarithmic one where values part by more than a factor of eight."""
+    low, high = min(values, default=0.0), max(values, default=1.0)
+    if low <= 0 or high / low < _ONE_FROM:
+        return {"rangemode": "tozero"}
+    ticks = [digit * 10.0**power for power in range(-4, 7) for digit in (1, 2, 5)]
+    shown = [tick for tick in ticks if 0.8 * low <= tick <= 1.25 * high]
+    return {
+        "type": "log",
+        "range": [math.log10(0.8 * low), math.log10(1.25 * high)],
+        "tickvals": shown,
+        "ticktext": [f"{tick:g}" for tick in shown],
+    }
+
+
+def _or_zero(value: float) -> float:
+    return value if math.isfinite(value) else 0.0

@@ -1,0 +1,169 @@
+"""The visual language of every figure: colours by role, one template, safe labels, the axis of similarities."""
+
+from __future__ import annotations
+
+import html
+import math
+import textwrap
+from collections.abc import Sequence
+
+import numpy as np
+import plotly.graph_objects as go
+from numpy.typing import ArrayLike, NDArray
+
+# Okabe and Ito's palette (2008): told apart with every common kind of colour blindness, and in grey.
+INK = "#1a1a1a"
+MUTED = "#8c8c8c"
+GRID = "#e4e4e4"
+MEASURED = INK
+PREDICTED = "#0072B2"
+RESIDUAL = "#D55E00"
+BEFORE = "#a6a6a6"
+CHOSEN = "#009E73"
+BASELINES = {"none": "#7f7f7f", "mean": "#E69F00", "all sensors": "#CC79A7"}
+OTHER_BASELINE = "#56B4E9"
+GROUPS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+LIKENESS_SCALE = ((0.0, "#f7fbff"), (0.35, "#b5d4e9"), (0.7, "#3787c0"), (1.0, "#08306b"))
+HARM_SCALE = ((0.0, "#fffaf5"), (0.4, "#f9c08a"), (0.75, "#e0702a"), (1.0, "#8a3600"))
+
+WIDTH = 1000
+TITLE_MARGIN = 40
+"""Margin above the plot that a figure without its title needs [px]: for a legend."""
+LONGEST_LABEL = 28
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_TITLE_WIDTH = 95
+_MOST_NINES = 7.0
+_LEVEL_TICKS = (-1, -0.5, 0, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999, 0.9995, 0.9999, 0.99999)
+_LEAST_TICKS = 3
+_FONT = "system-ui, -apple-system, 'Segoe UI', 'DejaVu Sans', Arial, sans-serif"
+
+
+def template() -> go.layout.Template:
+    """The template that every figure is drawn with; colours of traces are given by role, never by order."""
+    axis = {
+        "automargin": True,
+        "gridcolor": GRID,
+        "linecolor": MUTED,
+        "showline": True,
+        "ticks": "outside",
+        "tickcolor": MUTED,
+        "ticklen": 4,
+        "title": {"standoff": 8, "font": {"size": 13}},
+        "zeroline": False,
+    }
+    return go.layout.Template(
+        layout={
+            "colorway": list(GROUPS),
+            "font": {"family": _FONT, "size": 12, "color": INK},
+            "hoverlabel": {"font": {"family": _FONT, "size": 12}},
+            "hovermode": "closest",
+            "legend": {"orientation": "h", "x": 0, "xanchor": "left", "y": 1.0, "yanchor": "bottom"},
+            "margin": {"l": 60, "r": 20, "t": 40, "b": 50},
+            "paper_bgcolor": "#ffffff",
+            "plot_bgcolor": "#ffffff",
+            "title": {"x": 0.01, "xanchor": "left", "yref": "container", "font": {"size": 15}},
+            "xaxis": axis,
+            "yaxis": axis,
+        }
+    )
+
+
+def figure(title: str, height: int) -> go.Figure:
+    """An empty figure with this title (plain text, as `label` makes it) and height [px]."""
+    lines = textwrap.wrap(title, _TITLE_WIDTH)
+    made = go.Figure()
+    made.update_layout(
+        template=template(),
+        width=WIDTH,
+        height=height,
+        title={"text": "<br>".join(lines), "y": 1.0, "yanchor": "top", "pad": {"t": 16}},
+        margin={"t": TITLE_MARGIN + 8 + 19 * len(lines)},
+    )
+    return made
+
+
+def title_text(drawn: go.Figure) -> str:
+    """The title of a figure as plain text, for captions."""
+    return html.unescape((drawn.layout.title.text or "").replace("<br>", " "))
+
+
+def label(name: str, longest: int = LONGEST_LABEL) -> str:
+    """A name as Plotly shows it letter by letter: Plotly reads text as markup, and names may hold anything."""
+    visible = "".join(letter if letter.isprintable() else " " for letter in name)
+    if len(visible) > longest:
+        visible = visible[: longest - 1] + "…"
+    return html.escape(visible, quote=False)
+
+
+def listed(names: Sequence[str], most: int = 6) -> str:
+    """Names in a sentence; from `most` on the rest is counted."""
+    shown = [label(name) for name in names[:most]]
+    if len(names) > most:
+        return ", ".join(shown) + f" and {len(names) - most} more"
+    return shown[0] if len(shown) == 1 else ", ".join(shown[:-1]) + " and " + shown[-1]
+
+
+def number(value: float, digits: int = 3) -> str:
+    """A number with some significant digits, a true minus sign and powers of ten written out; a dash for none.
+
+    >>> number(-83.64), number(1.5e-7), number(float("nan")), number(123456.0)
+    ('−83.6', '1.50·10⁻⁷', '–', '123456')
+    """
+    if not math.isfinite(value):
+        return "–"
+    if value == 0:
+        return "0"
+    if not 1e-4 <= abs(value) < 1e7:
+        mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+        return f"{mantissa}·10{str(int(exponent)).translate(SUPERSCRIPTS)}".replace("-", "−")
+    rounded = float(f"{value:.{digits - 1}e}")
+    decimals = max(0, digits - 1 - math.floor(math.log10(abs(rounded))))
+    return f"{value:.{decimals}f}".replace("-", "−")
+
+
+def level_text(level: float) -> str:
+    """λ with six digits: levels on one machine often part in the fifth."""
+    return f"{level:.6g}"
+
+
+def nines(level: ArrayLike) -> NDArray[np.float64]:
+    """−log₁₀(1 − level): 0.9, 0.99 and 0.999 are equally far apart, which is where sensors of a machine part.
+
+    Levels closer to 1 than 10⁻⁷ are held there.
+    """
+    distance = np.maximum(1.0 - np.asarray(level, dtype=np.float64), 10.0**-_MOST_NINES)
+    return np.asarray(-np.log10(distance))
+
+
+def level_axis(low: float, high: float, *, end: float | None = None, room: float = 0.07) -> dict[str, object]:
+    """Ticks for an axis in `nines` from level `low` to level `high`; `end` is where λ = 1 is drawn.
+
+    `room` is the least distance of two ticks, as a share of the axis.
+    """
+    first, last = float(nines(low)), float(nines(high))
+    stop = last if end is None else end
+    least = room * max(stop - first, 1e-9)
+    taken = {stop: "1"} if end is not None else {}
+    # round levels first, those between them where there is room
+    rounds = sorted(_LEVEL_TICKS, key=lambda tick: (f"{1 - tick:.6g}".strip("0.") != "1", tick))
+    inside = [tick for tick in rounds if first <= float(nines(tick)) <= last]
+    for level in inside if len(inside) >= _LEAST_TICKS else _evenly_rounded(low, high):
+        place = float(nines(level))
+        if all(abs(place - other) >= least for other in taken):
+            taken[place] = f"{level:.9g}"
+    return {"tickvals": list(taken), "ticktext": list(taken.values())}
+
+
+def _evenly_rounded(low: float, high: float) -> list[float]:
+    """Levels at a step of 1, 2 or 5 times a power of ten, for a span without round levels."""
+    span = max(high - low, 1e-9)
+    power = 10.0 ** math.floor(math.log10(span / 4))
+    step = next(factor * power for factor in (1, 2, 5, 10) if span / (factor * power) <= 5)
+    return [k * step for k in range(math.ceil(low / step), math.floor(high / step) + 1)]
+
+
+def time_unit(longest_s: float) -> tuple[str, float]:
+    """(unit, seconds in it) in which a time axis up to `longest_s` is read easily."""
+    if longest_s >= 2 * 3600:
+        return "h", 3600.0
+    return ("min", 60.0) if longest_s >= 120 else ("s", 1.0)

@@ -1,0 +1,67 @@
+"""Numbers, spans and places as a person reads them."""
+
+from __future__ import annotations
+
+import math
+
+from selector.figures.style import SUPERSCRIPTS, number
+from selector.findings import Where
+
+NONE = "–"
+
+
+def number_text(value: float | None, digits: int = 3) -> str:
+    """A number as in the figures, and a dash for none."""
+    return NONE if value is None else number(value, digits)
+
+
+def uncertain_text(value: float, error: float) -> str:
+    """A value ± its standard error: the error with two digits, the value with at least four.
+
+    >>> uncertain_text(6.04762, 0.0312)
+    '6.048 ± 0.031'
+    """
+    if not math.isfinite(value):
+        return NONE
+    if not math.isfinite(error) or error <= 0:
+        return number_text(value, 4)
+    if max(abs(value), error) < 1e-3 or max(abs(value), error) >= 1e7:
+        power = math.floor(math.log10(max(abs(value), error)))
+        inner = uncertain_text(value / 10.0**power, error / 10.0**power)
+        return f"({inner})·10{str(power).translate(SUPERSCRIPTS)}"
+    wanted = [1 - math.floor(math.log10(error))]
+    if value:
+        wanted.append(3 - math.floor(math.log10(abs(value))))
+    decimals = min(max(0, *wanted), 9)
+    return f"{value:.{decimals}f} ± {error:.{max(0, min(wanted[0], 9))}f}".replace("-", "−")
+
+
+def share_text(value: float) -> str:
+    """A share as a percentage."""
+    return f"{100 * value:.0f} %" if math.isfinite(value) else NONE
+
+
+def span_text(seconds: float | None) -> str:
+    """A time span in the unit that makes it readable, e.g. ``"1 h 30 min"``."""
+    if seconds is None or not math.isfinite(seconds):
+        return NONE
+    if abs(seconds) < 60:
+        return f"{seconds:.3g} s"
+    minutes = round(seconds / 60)
+    if minutes < 60:
+        return f"{seconds / 60:.3g} min"
+    return f"{minutes // 60} h {minutes % 60} min" if minutes % 60 else f"{minutes // 60} h"
+
+
+def place_text(where: Where) -> str:
+    """The place of a finding in a few words, empty when it speaks of everything."""
+    parts = [part for part in (where.file, where.run, where.channel) if part]
+    if where.from_s is not None or where.to_s is not None:
+        start, end = ("" if t is None else span_text(t) for t in (where.from_s, where.to_s))
+        parts.append(f"{start} to {end}" if end else f"from {start}")
+    return ", ".join(parts)
+
+
+def listed(names: tuple[str, ...] | list[str]) -> str:
+    """Names in a sentence."""
+    return "".join(names) if len(names) < 2 else ", ".join(names[:-1]) + " and " + names[-1]

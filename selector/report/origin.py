@@ -1,0 +1,123 @@
+"""Where the result comes from: files and their hashes, how they were read, what was asked, which version."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from selector import __version__
+from selector.report.numbers import NONE, number_text, span_text
+from selector.report.tables import Table, table
+from selector.selection import Selection
+
+_UNIT_TEXT = {"degC": "°C", "degF": "°F", "um": "µm", "kelvin": "K", "1": NONE}
+
+
+def files_table(provenance: Mapping[str, Any]) -> Table | None:
+    """One row per run: what is known of its file, SHA-256 last; None if nothing was said about runs."""
+    runs = provenance.get("runs")
+    if not isinstance(runs, Mapping) or not runs:
+        return None
+    entries = {str(run): entry if isinstance(entry, Mapping) else {"file": entry} for run, entry in runs.items()}
+    keys = list(dict.fromkeys(str(key) for entry in entries.values() for key in entry if _is_plain(entry[key])))
+    keys = [key for key in keys if key != "sha256"] + ["sha256"] * ("sha256" in keys)
+    names = {"sha256": "SHA-256"}
+    return table(
+        ["run", *(names.get(key, _words(key)) for key in keys)],
+        [[run, *(_cell(entry.get(key)) for key in keys)] for run, entry in entries.items()],
+    )
+
+
+def remaining_table(provenance: Mapping[str, Any]) -> Table | None:
+    """Everything else that the provenance says, one row a fact."""
+    rows = [(_words(key), value) for key, value in _facts({k: v for k, v in provenance.items() if k != "runs"})]
+    return table(["", ""], rows) if rows else None
+
+
+def options_table(selection: Selection) -> Table:
+    """What was asked, and the version that answered."""
+    rows = [(_words(key), _cell(value)) for key, value in selection.options.as_dict().items()]
+    return table(["option", "value"], [("selector version", __version__), *rows])
+
+
+def reading_tables(description: Mapping[str, Any]) -> list[tuple[str, Table]]:
+    """(caption, table) of the runs, the channels and the way of reading, as `selector describe` says them."""
+    found = []
+    runs = _entries(description.get("runs"))
+    rows: list[tuple[str, ...]]
+    if runs:
+        rows = [
+            (
+                _cell(run.get("run")),
+                _cell(run.get("file")),
+                _cell(run.get("rows")),
+                _span(run.get("duration_s")),
+                _span(run.get("period_s")),
+                _cell(run.get("start")),
+            )
+            for run in runs
+        ]
+        found.append(("Runs", table(["run", "file", ">rows", ">duration", ">step", "start"], rows)))
+    channels = _entries(description.get("channels"))
+    if channels:
+        rows = [
+            (
+                _cell(channel.get("name")),
+                _cell(channel.get("column")),
+                _cell(channel.get("role")),
+                _unit(channel.get("unit")),
+                _unit(channel.get("unit_in_file")),
+                _cell(channel.get("place")),
+                _cell(channel.get("guessed")) if channel.get("guessed") else "nothing",
+            )
+            for channel in channels
+        ]
+        headings = ["channel", "column", "role", "unit", "unit in file", "place", "guessed"]
+        found.append(("Channels", table(headings, rows)))
+    reading = description.get("reading")
+    if isinstance(reading, Mapping) and reading:
+        found.append(("Way of reading", table(["", ""], [(_words(key), value) for key, value in _facts(reading)])))
+    return found
+
+
+def _entries(value: Any) -> list[Mapping[str, Any]]:
+    return [item for item in value if isinstance(item, Mapping)] if isinstance(value, Sequence) else []
+
+
+def _facts(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
+    for key, value in values.items():
+        if isinstance(value, Mapping) and value:
+            yield from _facts(value, f"{prefix}{key}: ")
+        else:
+            yield f"{prefix}{key}", _cell(value)
+
+
+def _is_plain(value: Any) -> bool:
+    return not isinstance(value, Mapping)
+
+
+def _cell(value: Any) -> str:
+    if value is None or value == "":
+        return NONE
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return number_text(value, 6) if value != int(value) else str(int(value))
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key}: {_cell(item)}" for key, item in value.items()) or NONE
+    if isinstance(value, list | tuple | set | frozenset):
+        items = sorted(value, key=str) if isinstance(value, set | frozenset) else value
+        return ", ".join(_cell(item) for item in items) or NONE
+    return str(value)
+
+
+def _span(value: Any) -> str:
+    return span_text(float(value)) if isinstance(value, int | float) else _cell(value)
+
+
+def _unit(value: Any) -> str:
+    return _UNIT_TEXT.get(str(value), _cell(value))
+
+
+def _words(key: str) -> str:
+    return key.replace("_", " ")

@@ -1,0 +1,94 @@
+"""One HTML file: text, tables, figures and the program that draws them, with nothing to load from anywhere."""
+
+from __future__ import annotations
+
+import base64
+import functools
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import plotly.graph_objects as go
+from markupsafe import Markup
+
+from selector.figures import style
+
+TEMPLATES = Path(__file__).with_name("templates")
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure in the page: its title as a caption, how to read it, and the figure as JSON."""
+
+    id: str
+    title: str
+    text: str
+    height: int
+    json: Markup
+
+
+class Pictures:
+    """Figures of one page, numbered in order of appearance, so that equal results give equal bytes."""
+
+    def __init__(self) -> None:
+        self._count = 0
+
+    def add(self, drawn: go.Figure, text: str = "", *, title: str = "") -> Picture:
+        """The figure with its title lifted out of the drawing: text wraps, can be found, and can be copied."""
+        self._count += 1
+        own_title = style.title_text(drawn)
+        content = json.loads(drawn.to_json())
+        layout = content["layout"]
+        layout.pop("title", None)
+        layout.pop("width", None)
+        lifted = max(0, int(layout["margin"].get("t", 0)) - style.TITLE_MARGIN)
+        layout["margin"] = {**layout["margin"], "t": int(layout["margin"].get("t", 0)) - lifted}
+        layout["height"] -= lifted
+        # no "<" survives, so that no name can end the script element it stands in
+        text_json = json.dumps(content, ensure_ascii=False, separators=(",", ":"), sort_keys=True)
+        for sign in "<>&\u2028\u2029":
+            text_json = text_json.replace(sign, f"\\u{ord(sign):04x}")
+        return Picture(f"figure-{self._count}", title or own_title, text, layout["height"], Markup(text_json))  # noqa: S704
+
+
+def rendered(template: str, values: Mapping[str, Any]) -> str:
+    """The page of a template. Everything that is not a template is escaped.
+
+    The page forbids itself to load anything, and to run any program but the two that are in it.
+    """
+    plotly, drawing = _plotly_program(), (TEMPLATES / "page.js").read_text(encoding="utf-8")
+    policy = (
+        "default-src 'none'; base-uri 'none'; form-action 'none'; img-src data: blob:; style-src 'unsafe-inline'; "
+        f"script-src {_hashed(plotly)} {_hashed(drawing)}"
+    )
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES, encoding="utf-8"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    programs = {
+        "policy": Markup(policy),  # noqa: S704
+        "style": Markup((TEMPLATES / "page.css").read_text(encoding="utf-8")),  # noqa: S704
+        "plotly": Markup(plotly),  # noqa: S704
+        "drawing": Markup(drawing),  # noqa: S704
+    }
+    return environment.get_template(template).render(**values, **programs)
+
+
+@functools.cache
+def _plotly_program() -> str:
+    from plotly.offline import get_plotlyjs
+
+    program: str = get_plotlyjs()
+    return program.replace("\r\n", "\n").replace("</script", "<\\/script").replace("<!--", "<\\!--")
+
+
+def _hashed(program: str) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(program.encode('utf-8')).digest()).decode('ascii')}'"

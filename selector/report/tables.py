@@ -1,0 +1,244 @@
+"""The tables of a selection report: plain text cells, ready to be copied."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from selector.report.formula import coefficient_rows, unit_of, variable_text
+from selector.report.numbers import NONE, number_text, place_text, share_text
+from selector.selection import Selection
+from selector.selection.result import Combination
+
+MOST_COMBINATIONS = 12
+_ACTIONS = {
+    "none": "",
+    "leave-out-stretch": "this stretch is left out",
+    "leave-out-run": "this run is left out",
+    "leave-out-channel": "this channel is left out",
+}
+_LEVELS = ("error", "warning", "info")
+
+
+@dataclass(frozen=True)
+class Column:
+    """Heading of a column; numbers are aligned to the right."""
+
+    name: str
+    numeric: bool = False
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of text.
+
+    Attributes
+    ----------
+    columns : tuple of Column
+    rows : tuple of tuple of str
+    marked : frozenset of int
+        Rows that stand out.
+    note : str
+    """
+
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[str, ...], ...]
+    marked: frozenset[int] = frozenset()
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Remark:
+    """A finding, ready to be read."""
+
+    id: str
+    level: str
+    statement: str
+    place: str
+    action: str
+    suggestion: str
+
+
+def table(headings: Sequence[str], rows: Sequence[Sequence[str]], note: str = "", marked: Sequence[int] = ()) -> Table:
+    """A table whose headings say with a leading ``>`` that a column holds numbers."""
+    columns = tuple(Column(heading.removeprefix(">"), heading.startswith(">")) for heading in headings)
+    return Table(columns, tuple(tuple(row) for row in rows), frozenset(marked), note)
+
+
+def remarks(selection: Selection, *levels: str) -> tuple[Remark, ...]:
+    """Findings of these levels (all when none is given), the worst first."""
+    wanted = levels or _LEVELS
+    ordered = sorted(selection.findings, key=lambda finding: _LEVELS.index(finding.level))
+    return tuple(
+        Remark(one.id, one.level, one.statement, place_text(one.where), _ACTIONS[one.action], one.suggestion)
+        for one in ordered
+        if one.level in wanted
+    )
+
+
+def combinations_table(selection: Selection, response: str) -> Table:
+    """The best sets by adjusted R², the chosen one and the best on unseen data among them."""
+    compared = [one for one in selection.combinations if one.response == response]
+    shown: dict[Combination, None] = dict.fromkeys(compared[:MOST_COMBINATIONS])
+    finite = [one for one in compared if math.isfinite(one.heldout_rmse_um)]
+    shown |= dict.fromkeys([min(finite, key=lambda one: one.heldout_rmse_um)] if finite else [])
+    shown |= dict.fromkeys(one for one in compared if set(one.sensors) == set(selection.chosen))
+    rows = [one for one in compared if one in shown]
+    left = len(compared) - len(rows)
+    return table(
+        ["sensors", ">R²", ">adjusted R²", ">held-out rms [µm]", "from"],
+        [
+            (", ".join(one.sensors), _r2(one.r2), _r2(one.adjusted_r2), number_text(one.heldout_rmse_um), one.origin)
+            for one in rows
+        ],
+        f"{left} more sets were compared." if left else "",
+        [i for i, one in enumerate(rows) if set(one.sensors) == set(selection.chosen)],
+    )
+
+
+def groups_table(selection: Selection) -> Table:
+    """Groups of the first round, who represents them, and who was chosen."""
+    rows = []
+    representatives = set(selection.grouping.chosen.representatives)
+    for i, group in enumerate(selection.grouping.chosen.rounds[0].groups):
+        names = [selection.sensors[k] for k in group]
+        rows.append(
+            (
+                str(i + 1),
+                ", ".join(names),
+                ", ".join(name for name in names if name in representatives) or NONE,
+                ", ".join(name for name in names if name in selection.chosen) or NONE,
+            )
+        )
+    marked = [i for i, row in enumerate(rows) if row[3] != NONE]
+    return table([">group", "sensors", "representative", "chosen"], rows, marked=marked)
+
+
+def sensors_table(selection: Selection) -> Table:
+    """Every sensor: group, kept or dropped and why, and how stable that is."""
+    group_of = {k: i for i, group in enumerate(selection.grouping.chosen.rounds[0].groups) for k in group}
+    return table(
+        ["sensor", ">group", "why", ">chosen in resamples"],
+        [
+            (
+                name,
+                str(group_of[k] + 1) if k in group_of else NONE,
+                selection.reasons.get(name, NONE),
+                share_text(selection.stability[name]) if name in selection.stability else NONE,
+            )
+            for k, name in enumerate(selection.sensors)
+        ],
+        "Resamples: bootstrap over the runs; the share in which the sensor, or one of its group, is in the best linear "
+        "set of that size.",
+        [k for k, name in enumerate(selection.sensors) if name in selection.chosen],
+    )
+
+
+def runs_table(selection: Selection, response: str) -> Table:
+    """Errors of every left-out part, with the sensors that were chosen without it, and in sample."""
+    fitted = selection.fit_per_run[response]
+    proved = {part.name for part in selection.proof.per_response[response]}
+    rows: list[tuple[str, ...]] = [
+        (
+            part.name,
+            number_text(part.before_rmse_um),
+            number_text(part.before_max_um),
+            number_text(part.rmse_um),
+            number_text(part.max_um),
+            number_text(part.mean_um),
+            number_text(fitted[part.name][0]) if part.name in fitted else NONE,
+            ", ".join(part.sensors),
+        )
+        for part in selection.proof.per_response[response]
+    ]
+    rows += [(run, *[NONE] * 5, number_text(fit[0]), "") for run, fit in fitted.items() if run not in proved]
+    return table(
+        [
+            selection.proof.left_out,
+            ">before: rms [µm]",
+            ">before: largest [µm]",
+            ">unseen: rms [µm]",
+            ">unseen: largest [µm]",
+            ">unseen: mean [µm]",
+            ">in sample: rms [µm]",
+            "sensors chosen without it",
+        ],
+        rows,
+    )
+
+
+def coefficients_table(selection: Selection, response: str) -> Table:
+    """The model in physical units."""
+    return table(
+        ["term", ">coefficient ± standard error", "unit", ">VIF"],
+        coefficient_rows(selection, response),
+        "Standard errors are robust to autocorrelation within runs. VIF belongs to the centred, scaled terms in which "
+        "the model was fitted; above 10 a term moves together with the others. Where there are powers or products, the "
+        "coefficient of a single sensor is its slope where all variables are zero, and in the picture where they have "
+        "their means.",
+    )
+
+
+def quality_table(selection: Selection) -> Table:
+    """Fit, proof and diagnostics of every model."""
+    models, proof = selection.models, selection.proof
+    lines: list[tuple[str, list[str]]] = [
+        ("R²", [_r2(model.r2) for model in models.values()]),
+        ("adjusted R²", [_r2(model.adjusted_r2) for model in models.values()]),
+        ("error in sample, rms [µm]", [number_text(model.rmse_um) for model in models.values()]),
+        ("error unseen, rms [µm]", [number_text(proof.rmse_um(name)) for name in models]),
+        ("error unseen, largest [µm]", [number_text(proof.max_um(name)) for name in models]),
+        ("samples [–]", [str(model.n_samples) for model in models.values()]),
+        ("condition number [–]", [number_text(model.diagnostics.condition_number) for model in models.values()]),
+        ("Durbin–Watson [–]", [number_text(model.diagnostics.durbin_watson) for model in models.values()]),
+        ("Ljung–Box p [–]", [number_text(model.diagnostics.ljung_box_p, 2) for model in models.values()]),
+        (
+            "largest Cook's distance [–]",
+            [number_text(model.diagnostics.max_cooks_distance, 2) for model in models.values()],
+        ),
+        ("ridge penalty [–]", [number_text(model.ridge, 2) for model in models.values()]),
+    ]
+    return table(["", *(f">{name}" for name in models)], [(name, *values) for name, values in lines])
+
+
+def faults_table(selection: Selection) -> Table:
+    """What a fault of each sensor does."""
+    return table(
+        ["sensor", "response", ">1 K too high [µm]", ">stuck [µm]", ">open [µm]"],
+        [
+            (
+                one.sensor,
+                one.response,
+                number_text(one.per_kelvin_um),
+                number_text(one.stuck_um),
+                number_text(one.open_um),
+            )
+            for one in selection.faults
+        ],
+        "Largest change of the prediction over the recorded samples. Stuck: frozen at the reading of the start of the "
+        "run. Open: driven to the edge of the valid range, where a guard holds it.",
+    )
+
+
+def range_table(selection: Selection) -> Table:
+    """The inputs that the model has met."""
+    return table(
+        ["variable", ">lowest", ">highest", "unit"],
+        [
+            (
+                variable_text(selection, name),
+                number_text(float(low)),
+                number_text(float(high)),
+                unit_of(selection, name),
+            )
+            for name, low, high in zip(
+                selection.recipe.design.variables, selection.hull.low, selection.hull.high, strict=True
+            )
+        ],
+        "Outside these ranges, and where inputs combine as they never did, the model extrapolates.",
+    )
+
+
+def _r2(value: float) -> str:
+    return f"{value:.5f}".replace("-", "−") if math.isfinite(value) else NONE
