@@ -15,6 +15,7 @@ from selector.findings import Finding, Where
 from selector.readers.layout import is_counter_name, is_time_name
 from selector.readers.names import closest, found_column, name_and_unit
 from selector.readers.numeric_clock import numeric_clock, time_unit
+from selector.readers.roles import known_unit, role_guess
 from selector.readers.stamps import Stamps, stamps
 from selector.readers.tables import Column, Table
 
@@ -199,7 +200,8 @@ def _rising_column(table: Table) -> Column | None:
     first = table.columns[0] if table.columns else None
     if first is None or first.kind != "number" or len(table.columns) < 2 or len(table) < 5:
         return None
-    if is_counter_name(first.header):
+    name, unit = name_and_unit(first.header)
+    if is_counter_name(name) or role_guess(name, known_unit(unit), first.values).role is not None:
         return None
     steps = np.diff(first.values)
     if not np.all(np.isfinite(steps)) or not np.all(steps > 0):

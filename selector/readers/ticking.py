@@ -78,7 +78,7 @@ def ticks(
     steps = np.diff(t)
     usual = float(np.median(np.abs(steps[steps != 0]))) if np.any(steps != 0) else 1.0
     if np.any(steps < 0):
-        order, told = _in_order(t, usual, rows, table, local_base_s)
+        order, told = _in_order(t, usual, rows, values, table, local_base_s)
         t, rows = t[order], rows[order]
         findings += told
     if local_base_s is not None:
@@ -106,7 +106,7 @@ def _missing_stamps(seconds: NDArray[np.float64], table: Table) -> Finding:
 def _unwrapped(t: NDArray[np.float64], rows: NDArray[np.int64], table: Table) -> list[Finding]:
     """Add a day (or twelve hours) from every step back over midnight on; `t` is changed in place."""
     steps = np.diff(t)
-    wraps = np.flatnonzero(steps < -0.75 * _DAY_S)
+    wraps = np.flatnonzero(steps < -0.5 * _DAY_S)
     period = _DAY_S
     level = "info"
     if len(wraps) == 0 and t.max() < 13 * 3600 + 3600 and np.any(steps < -11 * 3600):
@@ -131,15 +131,24 @@ def _unwrapped(t: NDArray[np.float64], rows: NDArray[np.int64], table: Table) ->
 
 
 def _in_order(
-    t: NDArray[np.float64], usual: float, rows: NDArray[np.int64], table: Table, local_base_s: float | None
+    t: NDArray[np.float64],
+    usual: float,
+    rows: NDArray[np.int64],
+    values: NDArray[np.float64],
+    table: Table,
+    local_base_s: float | None,
 ) -> tuple[NDArray[np.int64], list[Finding]]:
     back = np.flatnonzero(np.diff(t) < 0) + 1
     order = np.argsort(t, kind="stable").astype(np.int64)
     ordered = np.diff(t[order])
     repeats_now = int((np.diff(t) == 0).sum())
-    crowded = int((ordered < 0.3 * usual).sum()) - repeats_now
+    new_repeats = int((ordered == 0).sum()) - repeats_now
+    near = int((ordered < 0.7 * usual).sum()) - int(((np.diff(t) >= 0) & (np.diff(t) < 0.7 * usual)).sum())
+    # one chance neighbour is no evidence, and rows that stand in the file twice are no other time
+    crowded = 0 if _same_rows(values[rows[order]], ordered == 0) and new_repeats else max(new_repeats, near - 1)
     n_pieces = len(back) + 1
-    few = n_pieces <= max(4, 0.002 * len(t))
+    # a clock that jumps leaves long stretches in order, shuffled rows do not
+    few = n_pieces <= max(4, 0.002 * len(t)) and len(t) >= 4 * n_pieces
     if not (few and crowded > 0 and _overlapping(t, back)):
         if crowded > 0 and len(back) < 0.1 * len(t) and _overlapping(t, back):
             level, extra = "warning", " Some of them then lie closer together than the usual period."
@@ -183,6 +192,12 @@ def _in_order(
             )
         )
     return np.arange(len(t), dtype=np.int64), findings
+
+
+def _same_rows(values: NDArray[np.float64], repeated: NDArray[np.bool_]) -> bool:
+    """Whether every row with the stamp of the row before says the same as that row."""
+    here, before = values[1:][repeated], values[:-1][repeated]
+    return bool(np.all((here == before) | (np.isnan(here) & np.isnan(before))))
 
 
 def _overlapping(t: NDArray[np.float64], back: NDArray[np.int64]) -> bool:
