@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from selector.models._subset_algebra import CONTRACT, DROPPED, KEPT, PIVOT_TOLERANCE, insert
+from selector.models._subset_algebra import DROPPED, INNER, KEPT, KERNEL, PIVOT_TOLERANCE, insert
 
 DEPTH, NEXT_FREE, WORK, EVALUATED, BOUNDED, UNAFFORDABLE, VISITED = 0, 1, 2, 3, 4, 5, 6
 LANES = 8
@@ -44,7 +44,7 @@ class Path(NamedTuple):
     trial: Any  # int8 (n_sensors,)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def brought(owners: Any, path: Any, sensor: int) -> int:
     """Collect in `path.fresh` the columns that `sensor`, marked as inside, adds to the set; returns how many."""
     n = 0
@@ -64,7 +64,7 @@ def brought(owners: Any, path: Any, sensor: int) -> int:
     return n
 
 
-@njit(cache=True, nogil=True, fastmath=CONTRACT)
+@njit(**INNER)
 def reduced(
     gram: Any, cross: Any, path: Any, held: int, first: int, n: int, rss: float, store: bool
 ) -> tuple[int, float]:
@@ -137,7 +137,7 @@ def reduced(
     return total, rss
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def joined(
     gram: Any, cross: Any, path: Any, held: int, n: int, rss: float, store: bool, floor: float
 ) -> tuple[int, float]:
@@ -151,7 +151,7 @@ def joined(
     return held, rss
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def combinations(n: int, k: int) -> int:
     """Number of ways to choose k of n."""
     if k < 0 or k > n:
@@ -162,7 +162,7 @@ def combinations(n: int, k: int) -> int:
     return ways
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def superset_rss(
     gram: Any, cross: Any, owners: Any, path: Any, depth: int, ranked: Any, after: int, floor: float
 ) -> float:
@@ -181,7 +181,7 @@ def superset_rss(
     return float(rss)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def search_sensors(
     gram: Any,
     cross: Any,

@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
+from selector.models._subset_algebra import INNER, KERNEL
+
 HEAP, STACK, NODES, HELD, WORK = 0, 1, 2, 3, 4
 """Places of the counters: nodes in the heap, on the stack, visited in all, slots ever used, work left in this chunk."""
 
@@ -37,7 +39,7 @@ RANKING, ORDER, FREE_COLUMNS, CHOSEN = 0, 1, 2, 3
 CURRENT, TRIAL = 0, 1
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def push(tree: Any, state: Any, z: Any, bound: float, scale: float, depth_first: bool) -> None:
     """Open a node."""
     heap = tree.slots[0]
@@ -69,7 +71,7 @@ def push(tree: Any, state: Any, z: Any, bound: float, scale: float, depth_first:
     heap[i] = slot
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def pop(tree: Any) -> int:
     heap = tree.slots[0]
     stack = tree.slots[1]
@@ -98,7 +100,7 @@ def pop(tree: Any) -> int:
     return int(slot)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def open_bound(tree: Any) -> float:
     """The smallest bound of the nodes that are still open; infinite when there are none."""
     heap = tree.slots[0]

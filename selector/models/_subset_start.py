@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from selector.models._subset_algebra import CONTRACT, DROPPED, FREE, KEPT, PIVOT_TOLERANCE, insert, set_rss
+from selector.models._subset_algebra import DROPPED, FREE, INNER, KEPT, KERNEL, PIVOT_TOLERANCE, insert, set_rss
 
 
-@njit(cache=True, nogil=True, fastmath=CONTRACT)
+@njit(**INNER)
 def _sweep(v: Any, k: int) -> None:
     """Exchange variable k between the inside and the outside of the set, in place (the sweep operator)."""
     n = v.shape[0]
@@ -30,7 +30,7 @@ def _sweep(v: Any, k: int) -> None:
     row[k] = inverse
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def swept(gram: Any, cross: Any, state: Any, v: Any) -> None:
     """Fill `v` with the matrix swept on the columns of the set, save those that depend on the ones before them."""
     p = state.size
@@ -45,7 +45,7 @@ def swept(gram: Any, cross: Any, state: Any, v: Any) -> None:
             _sweep(v, j)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def descend(
     gram: Any,
     cross: Any,
@@ -115,7 +115,7 @@ def descend(
             insert(best_rss, best_state, state, rss)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def starting_sets(
     gram: Any, cross: Any, root: Any, costs: Any, budget: float, max_size: int, best_rss: Any, best_state: Any
 ) -> None:
@@ -160,7 +160,7 @@ def starting_sets(
             _fill_up(gram, cross, root, costs, budget, size, state, best_rss, best_state, a, order)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _step_forward(root: Any, costs: Any, budget: float, state: Any, v: Any) -> bool:
     p = state.size
     spent = 0.0
@@ -182,7 +182,7 @@ def _step_forward(root: Any, costs: Any, budget: float, state: Any, v: Any) -> b
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _step_backward(root: Any, state: Any, v: Any) -> bool:
     p = state.size
     leave = -1
@@ -200,7 +200,7 @@ def _step_backward(root: Any, state: Any, v: Any) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _fill_up(
     gram: Any,
     cross: Any,

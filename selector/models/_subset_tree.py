@@ -8,10 +8,11 @@ import numpy as np
 from numba import njit
 
 from selector.models._subset_algebra import (
-    CONTRACT,
     DROPPED,
     FREE,
+    INNER,
     KEPT,
+    KERNEL,
     PIVOT_TOLERANCE,
     eliminate,
     gather,
@@ -53,7 +54,7 @@ MIN_PROGRESS = 0.05
 """Solves of one node stop when the last one closed less than this share of what was left."""
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def offer(gram: Any, cross: Any, costs: Any, budget: float, best_rss: Any, best_state: Any, state: Any, w: Any) -> None:
     """Record a complete set if the budget allows it and it is among the best."""
     big = w.matrices[WHOLE]
@@ -68,7 +69,7 @@ def offer(gram: Any, cross: Any, costs: Any, budget: float, best_rss: Any, best_
             insert(best_rss, best_state, state, rss)
 
 
-@njit(cache=True, nogil=True, fastmath=CONTRACT)
+@njit(**INNER)
 def enumerate_leaves(
     gram: Any,
     cross: Any,
@@ -116,7 +117,7 @@ def enumerate_leaves(
                 offer(gram, cross, costs, budget, best_rss, best_state, trial, w)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def expand(
     gram: Any,
     cross: Any,
@@ -294,7 +295,7 @@ def expand(
     _open(tree, w, t, a, bound, now, scale, depth_first, fixed)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _open(tree: Any, w: Any, t: int, a: int, bound: float, now: float, scale: float, depth: bool, fixed: int) -> None:
     """Choose the column to branch on, or go on with the same node after many columns were fixed."""
     wz = w.vectors[Z]
@@ -329,7 +330,7 @@ def _open(tree: Any, w: Any, t: int, a: int, bound: float, now: float, scale: fl
     _branch(tree, w, column, z, keep, drop, scale, depth)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _branch(tree: Any, w: Any, column: int, z: Any, keep: float, drop: float, scale: float, depth: bool) -> None:
     wx = w.vectors[X]
     current = w.states[CURRENT]
@@ -341,7 +342,7 @@ def _branch(tree: Any, w: Any, column: int, z: Any, keep: float, drop: float, sc
     push(tree, current, wx, keep, scale, depth)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _affordable(costs: Any, left: float, state: Any, a: int, x: Any) -> bool:
     """Whether the `a` cheapest free columns fit into what is left of the budget."""
     t = 0
@@ -359,7 +360,7 @@ def _affordable(costs: Any, left: float, state: Any, a: int, x: Any) -> bool:
     return bool(cheapest <= left + 1e-12 * abs(left))
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def search(
     gram: Any,
     cross: Any,

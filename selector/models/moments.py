@@ -5,7 +5,7 @@ Because runs add up, leaving one out is a subtraction: proof on unseen runs then
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,12 +38,15 @@ class Moments:
         W'W of the fold's rows, W = [1, columns, responses].
     folds : tuple of Fold
     n_columns, n_responses : int
+    whole : ndarray of shape (k, k)
+        The same over all rows of these folds; with blocks, rows purged between them are in here only.
     """
 
     products: NDArray[np.float64]
     folds: tuple[Fold, ...]
     n_columns: int
     n_responses: int
+    whole: NDArray[np.float64]
 
     @property
     def n_samples(self) -> NDArray[np.float64]:
@@ -51,22 +54,16 @@ class Moments:
         return self.products[:, 0, 0]
 
     def only(self, folds: Sequence[int]) -> Moments:
-        """The moments of some folds."""
-        return Moments(
-            self.products[list(folds)], tuple(self.folds[i] for i in folds), self.n_columns, self.n_responses
-        )
-
-    def weighted(self, weights: Sequence[float]) -> Moments:
-        """Folds counted several times or not at all, as a bootstrap over runs does."""
-        keep = [i for i, weight in enumerate(weights) if weight > 0]
-        scale = np.array([weights[i] for i in keep])[:, None, None]
-        return Moments(
-            self.products[keep] * scale, tuple(self.folds[i] for i in keep), self.n_columns, self.n_responses
-        )
+        """The moments of some folds; a fold may stand several times, as in a bootstrap over runs."""
+        if list(folds) == list(range(len(self.folds))):
+            return self
+        products = self.products[list(folds)]
+        names = tuple(self.folds[i] for i in folds)
+        return Moments(products, names, self.n_columns, self.n_responses, products.sum(axis=0))
 
     def centred(self) -> tuple[NDArray[np.float64], float]:
-        """Centred cross-products of (columns, responses) over all folds, and the number of samples."""
-        return centred(self.products.sum(axis=0))
+        """Centred cross-products of (columns, responses) over all rows, and the number of samples."""
+        return centred(self.whole)
 
 
 def centred(total: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
@@ -114,8 +111,15 @@ def moments(
     size = 1 + len(columns.terms) + len(design.responses)
     folds: list[Fold] = []
     products: list[NDArray[np.float64]] = []
+    whole = np.zeros((size, size))
     for run in source.runs:
-        parts = _block_products(source, design, columns, run, size, n_blocks)
+        if n_blocks == 1:
+            parts = [np.zeros((size, size))]
+            for _, variables, responses in _slices(source, design, run):
+                _add(parts[0], columns, variables, responses)
+            whole += parts[0]
+        else:
+            parts = _block_products(source, design, columns, run, whole, n_blocks)
         for i, product in enumerate(parts):
             if product[0, 0] > 0:
                 folds.append(
@@ -125,36 +129,34 @@ def moments(
         if progress is not None:
             progress(run)
     stacked = np.array(products) if products else np.zeros((0, size, size))
-    return Moments(stacked, tuple(folds), len(columns.terms), len(design.responses))
+    return Moments(stacked, tuple(folds), len(columns.terms), len(design.responses), whole)
 
 
 def _block_products(
-    source: RunSource, design: Design, columns: Columns, run: str, size: int, n_blocks: int
+    source: RunSource, design: Design, columns: Columns, run: str, whole: NDArray[np.float64], n_blocks: int
 ) -> list[NDArray[np.float64]]:
-    if n_blocks == 1:
-        total = np.zeros((size, size))
-        for piece in design.pieces(source, run):
-            for rows in _row_slices(len(piece.time_s)):
-                _add(total, columns, piece.variables[rows], piece.responses[rows])
-        return [total]
     n = sum(len(piece.time_s) for piece in design.pieces(source, run))
     bounds = block_bounds(n, n_blocks)
-    totals = [np.zeros((size, size)) for _ in range(n_blocks)]
-    first = 0
-    for piece in design.pieces(source, run):
-        for rows in _row_slices(len(piece.time_s)):
-            count = rows.stop - rows.start
-            for i, (start, stop) in enumerate(bounds):
-                low, high = max(start - first, 0), min(stop - first, count)
-                if low < high:
-                    part = slice(rows.start + low, rows.start + high)
-                    _add(totals[i], columns, piece.variables[part], piece.responses[part])
-            first += count
+    totals = [np.zeros_like(whole) for _ in bounds]
+    for first, variables, responses in _slices(source, design, run):
+        _add(whole, columns, variables, responses)
+        for total, (start, stop) in zip(totals, bounds, strict=True):
+            part = slice(max(start - first, 0), max(stop - first, 0))
+            if len(variables[part]):
+                _add(total, columns, variables[part], responses[part])
     return totals
 
 
-def _row_slices(n: int) -> Iterable[slice]:
-    return (slice(start, min(start + _ROWS, n)) for start in range(0, n, _ROWS))
+def _slices(
+    source: RunSource, design: Design, run: str
+) -> Iterator[tuple[int, NDArray[np.float64], NDArray[np.float64]]]:
+    """(position of the first row in the run, variables, responses) of at most `_ROWS` rows at a time."""
+    first = 0
+    for piece in design.pieces(source, run):
+        for start in range(0, len(piece.time_s), _ROWS):
+            rows = slice(start, start + _ROWS)
+            yield first + start, piece.variables[rows], piece.responses[rows]
+        first += len(piece.time_s)
 
 
 def _add(

@@ -22,7 +22,7 @@ def start_reading(time_s: NDArray[np.float64], samples: NDArray[np.float64]) -> 
     One sample carries the whole noise of the gauge into every later rise of the run. A straight line or a parabola
     through the first k samples, read off at the first of them, carries less. Of all orders 0 to 2 and k up to 15, the
     one with the smallest standard error is taken among those that the samples do not contradict (χ² at 10 %, noise
-    from second differences). A noise-free recording contradicts all and gives the first sample itself.
+    from second differences). A noise-free recording gives the first sample itself.
 
     Parameters
     ----------
@@ -43,6 +43,9 @@ def start_reading(time_s: NDArray[np.float64], samples: NDArray[np.float64]) -> 
     # second differences see the noise and not the warming
     noise = float(np.sqrt(np.median(np.diff(found, 2) ** 2) / (0.4549 * 6.0)))
     noise = max(noise, _quantum(found) / np.sqrt(12.0))
+    if noise < 0.1 * float(np.median(np.abs(np.diff(found)))):
+        # a smooth curve, whose second differences are its bend and not noise
+        return float(found[0]), noise
     best = (float(found[0]), noise)
     head = time[:START_SAMPLES]
     for fit in _start_fits(tuple((head - head[0]).tolist())):

@@ -100,7 +100,7 @@ class LeaveOneOut:
 
 def response_power(m: Moments) -> NDArray[np.float64]:
     """Variance of each response over all folds [µm²], shape (n_responses,): what errors are compared to."""
-    total = m.products.sum(axis=0)
+    total = m.whole
     n = max(float(total[0, 0]), 1.0)
     at = np.arange(1 + m.n_columns, total.shape[0])
     return np.asarray(np.maximum(total[at, at] / n - (total[0, at] / n) ** 2, 1e-300))

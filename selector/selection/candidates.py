@@ -129,7 +129,7 @@ def sets_with_terms(question: Question, bench: Bench, pool: Sequence[str], shape
             [owners[i] for i in order],
             n_sensors=len(pool),
             max_sensors=min(options.max_sensors, len(pool)),
-            n_best=PER_SIZE,
+            n_best=_per_size(pool),
             must=tuple(pool.index(name) for name in options.must if name in pool),
             always=tuple(range(n_owned, len(order))),
         )
@@ -172,6 +172,11 @@ def _screenings(
     return screenings
 
 
+def _per_size(pool: Sequence[str]) -> int:
+    """Sets of each size that are looked at: all of them where there are few sensors, as the patent does."""
+    return 20 if len(pool) <= 6 else PER_SIZE
+
+
 def _round_levels(axis: LambdaAxis, final: int, rounds: int) -> tuple[float, ...]:
     """λ of each round: the number of groups shrinks by about the same factor in each, down to step `final`.
 
@@ -192,7 +197,7 @@ def _linear_sets(question: Question, bench: Bench, pool: Sequence[str]) -> list[
             bench.cross(pool, LINEAR, j),
             bench.n_samples,
             max_size=min(options.max_sensors, len(pool)),
-            n_best=PER_SIZE,
+            n_best=_per_size(pool),
             must=tuple(pool.index(name) for name in options.must if name in pool),
         )
         for found in search.by_size.values():

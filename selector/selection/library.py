@@ -114,7 +114,7 @@ class Bench:
     ----------
     library : Library
     total : ndarray of shape (k, k)
-        Cross-products of [1, terms, responses] over the folds.
+        Cross-products of [1, terms, responses] over the rows of the folds.
     leave_one_out : LeaveOneOut
     power : ndarray of shape (n_responses,)
         Variance of each response [µm²].
@@ -131,7 +131,7 @@ class Bench:
         part = library.moments.only(folds)
         return cls(
             library,
-            part.products.sum(axis=0),
+            part.whole,
             LeaveOneOut.of(part, inner_grouping(part)),
             response_power(part),
         )

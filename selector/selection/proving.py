@@ -67,12 +67,21 @@ def left_out_errors(
 
 
 def error_curve(library: Library, outer: Grouping, choices: Sequence[Choice]) -> tuple[ErrorCurvePoint, ...]:
-    """Held-out error against the number of sensors, the set of every size chosen anew inside each fold."""
-    sizes = sorted(set.intersection(*(set(choice.by_size) for choice in choices)))
+    """Held-out error against the number of sensors, the set of every size chosen anew inside each fold.
+
+    A fold whose groups allow no set of a size takes its largest smaller one.
+    """
+    sizes = sorted({size for choice in choices for size in choice.by_size})
     loo = LeaveOneOut.of(library.moments, outer)
     return tuple(
-        error_curve_point(size, _held_out(library, loo, [choice.by_size[size] for choice in choices])) for size in sizes
+        error_curve_point(size, _held_out(library, loo, [_of_size(choice, size) for choice in choices]))
+        for size in sizes
+        if all(min(choice.by_size) <= size for choice in choices)
     )
+
+
+def _of_size(choice: Choice, size: int) -> Trial:
+    return choice.by_size[max(known for known in choice.by_size if known <= size)]
 
 
 def baselines(

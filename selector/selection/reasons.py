@@ -45,6 +45,8 @@ def because_of(question: Question, choice: Choice, proof: Proof, models: Mapping
         rule = (
             f"the cheapest set whose adjusted R² ({trial.adjusted_r2:.5f}) is within {options.tolerance:g} of the best "
             f"({top.adjusted_r2:.5f}, {_listed(top.set.sensors)})"
+            if top.set.sensors != trial.set.sensors
+            else f"the set with the best adjusted R², {trial.adjusted_r2:.5f}"
         )
     else:
         top = min(choice.trials, key=lambda t: t.error)

@@ -194,7 +194,8 @@ class _Folds:
         full = self._library(library_requests(self.question, found, static, lagged))
         # fewer sensors leave more complete samples, and perhaps a fold that the comparison of all sensors had lost
         at = {fold: i for i, fold in enumerate(full.moments.folds)}
-        return replace(full, moments=full.moments.only([at[fold] for fold in self.linear.moments.folds]))
+        kept = full.moments.only([at[fold] for fold in self.linear.moments.folds])
+        return replace(full, moments=kept)
 
     def _library(self, requests: Sequence[tuple[tuple[str, ...], Shape]]) -> Library:
         return library_of(
