@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from selector import __version__
-from selector.cli import applying, models, patent, reading, running, selecting
+from selector.cli import applying, demo, models, patent, reading, running, selecting
 
 __all__ = ["app", "exit_status", "main"]
 
@@ -57,6 +57,7 @@ def _command(name: str, command: Callable[..., None], group: typer.Typer = app) 
 _command("describe", reading.describe)
 _command("convert", reading.convert)
 _command("select", selecting.select)
+_command("demo", demo.demo)
 _command("apply", applying.apply)
 _model = typer.Typer(help="Look at a model file.")
 _command("show", models.show, _model)

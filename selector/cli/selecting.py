@@ -18,6 +18,7 @@ from selector.errors import OptionError
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from selector.cli.material import Material
     from selector.selection import Selection
     from selector.selection.options import Options, Progress
 
@@ -178,7 +179,14 @@ def select(
     )
     console = showing.screen(as_json)
     with progress_bar(as_json) as progress:
-        selection = study(source, options, out=out, date=date, progress=progress)
+        selection, material = study(source, options, progress)
+        if out is not None:
+            from selector.report import write_report
+
+            progress("writing", 1.0)
+            with folder_written_whole(out) as folder:
+                write_results(selection, material, folder, date=date)
+                write_report(selection, folder / "report.html", description=material.description, date=date)
     if as_json:
         showing.print_json(selection.as_dict())
     else:
@@ -187,10 +195,8 @@ def select(
         console.print(f"wrote {out}: selection.json, model.json, report.html", markup=False)
 
 
-def study(
-    source: Source, options: Options, *, out: Path | None, date: str | None, progress: Progress | None = None
-) -> Selection:
-    """Read, inspect, select, and write the results if there is a place for them."""
+def study(source: Source, options: Options, progress: Progress | None = None) -> tuple[Selection, Material]:
+    """Read, inspect and select; the result, and what it was made from."""
     from selector.cli.material import material_of
     from selector.selection import select as selected
 
@@ -200,18 +206,17 @@ def study(
     selection = selected(
         material.source, options, findings=material.findings, provenance=material.provenance, progress=progress
     )
-    if out is not None:
-        from selector.controllers.from_selection import model_file_of
-        from selector.controllers.model_io import write_model
-        from selector.report import write_report
+    return selection, material
 
-        say("writing", 1.0)
-        model = model_file_of(selection, material.source.channels, source=material.source, date=date)
-        with folder_written_whole(out) as folder:
-            (folder / "selection.json").write_text(showing.json_text(selection.as_dict()) + "\n", encoding="utf-8")
-            write_model(model, folder / "model.json")
-            write_report([selection], folder / "report.html", description=material.description, date=date)
-    return selection
+
+def write_results(selection: Selection, material: Material, folder: Path, *, date: str | None = None) -> None:
+    """selection.json and model.json, into a folder that exists."""
+    from selector.controllers.from_selection import model_file_of
+    from selector.controllers.model_io import write_model
+
+    model = model_file_of(selection, material.source.channels, source=material.source, date=date)
+    (folder / "selection.json").write_text(showing.json_text(selection.as_dict()) + "\n", encoding="utf-8")
+    write_model(model, folder / "model.json")
 
 
 def show_selection(console: Console, selection: Selection) -> None:

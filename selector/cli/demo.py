@@ -1,0 +1,58 @@
+"""`demo`: the main job on the recordings that come with the program."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from selector.cli import showing
+from selector.cli.files import folder_written_whole
+from selector.cli.selecting import progress_bar, show_selection, study, write_results
+from selector.cli.source import Source
+
+
+def demo(
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Where to write; the report is DIR/report.html.")
+    ] = Path("selector-demo"),
+) -> None:
+    """Runs the main job on two shipped recordings and ends with the path of a report.
+
+    First the eight-sensor example of patent CN1868666, on a reconstruction of its recording; then a placement study on
+    37 sensors of a simulated machining centre. Nothing here was measured on a real machine.
+    """
+    from selector.audit import audit_patent
+    from selector.report import write_report
+    from selector.selection import Options
+    from selector.shipped import shipped
+
+    console = showing.screen()
+    studies = {
+        "patent8": Options(responses=("Z", "Y"), level=0.995, must=("T1", "T3"), tolerance=0.001),
+        "vmc37": Options(responses=("Z", "Y"), memory=True),
+    }
+    headings = {
+        "patent8": "Eight sensors of patent CN1868666 (RECONSTRUCTED recording), with the patent's own T1 and T3",
+        "vmc37": "Placement study on 37 sensors of a machining centre (SIMULATED recording)",
+    }
+    selections, descriptions = [], []
+    with folder_written_whole(out) as folder:
+        for name, options in studies.items():
+            with progress_bar(True) as progress:
+                selection, material = study(Source(runs=[shipped(name)]), options, progress)
+            console.rule(headings[name])
+            show_selection(console, selection)
+            (folder / name).mkdir()
+            write_results(selection, material, folder / name)
+            selections.append(selection)
+            descriptions.append(material.description)
+        verdicts = Counter(line.verdict for line in audit_patent())
+        console.rule("The patent's printed numbers")
+        console.print(", ".join(f"{count} {verdict}" for verdict, count in verdicts.items()), markup=False)
+        console.print("`selector audit-patent` lists every one of them.", markup=False)
+        write_report(selections, folder / "report.html", title="selector demo", description=descriptions)
+    console.rule()
+    typer.echo(out / "report.html")
