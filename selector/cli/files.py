@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import errno
 import os
+import secrets
 import shutil
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,11 +24,12 @@ def folder_written_whole(folder: Path) -> Iterator[Path]:
     folder.parent.mkdir(parents=True, exist_ok=True)
     if folder.exists() and not folder.is_dir():
         raise NotADirectoryError(errno.ENOTDIR, "not a folder", str(folder))
-    part = Path(tempfile.mkdtemp(prefix=f".{folder.name[:60]}.", suffix=".part", dir=folder.parent))
+    # named before it is made, so that a Ctrl-C at any moment finds it again
+    part = folder.parent / f".{folder.name[:60]}.{secrets.token_hex(8)}.part"
     try:
+        part.mkdir()
         yield part
         if not folder.exists():
-            part.chmod(0o777 & ~_umask())
             part.rename(folder)
             return
         for source in sorted(part.rglob("*")):
@@ -39,18 +40,6 @@ def folder_written_whole(folder: Path) -> Iterator[Path]:
                 source.replace(target)
     finally:
         shutil.rmtree(part, ignore_errors=True)
-
-
-@contextmanager
-def folder_removed_if_empty(folder: Path) -> Iterator[None]:
-    """Takes away a folder that was made inside the block when the block fails and has left it empty."""
-    there_before = folder.exists()
-    try:
-        yield
-    except BaseException:
-        if not there_before and folder.is_dir() and not any(folder.iterdir()):
-            folder.rmdir()
-        raise
 
 
 def refuse_to_overwrite(path: Path, *, force: bool, option: str) -> None:
@@ -68,9 +57,3 @@ def refuse_to_overwrite(path: Path, *, force: bool, option: str) -> None:
             where=f"{option} {path}",
             advice="choose another name, or add --force to replace the file",
         )
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

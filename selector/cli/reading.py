@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from selector.cli import showing
-from selector.cli.files import folder_removed_if_empty, refuse_to_overwrite
+from selector.cli.files import folder_written_whole, refuse_to_overwrite
 from selector.cli.showing import AsJson
 from selector.cli.source import Source, with_source
 
@@ -74,8 +74,12 @@ def convert(
     from selector.readers import convert as converted
 
     reading = source.reading()
-    with folder_removed_if_empty(out):
+    if out.exists():
+        # it may hold what was read, which `converted` refuses to replace
         paths = converted(reading, out, table_format.value)
+    else:
+        with folder_written_whole(out) as folder:
+            paths = [out / path.name for path in converted(reading, folder, table_format.value)]
     if as_json:
         showing.print_json({"schema": "selector.conversion/1", "files": paths, "findings": reading.findings})
         return

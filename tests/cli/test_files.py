@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from selector.cli.files import folder_removed_if_empty, folder_written_whole, refuse_to_overwrite
+from selector.cli.files import folder_written_whole, refuse_to_overwrite
 from selector.errors import OptionError
 
 
@@ -64,18 +64,3 @@ def test_nothing_is_overwritten_by_accident(tmp_path):
     refuse_to_overwrite(path, force=True, option="--write")
     with pytest.raises(OptionError, match="--force"):
         refuse_to_overwrite(path, force=False, option="--write")
-
-
-def test_an_empty_folder_is_taken_away_when_the_work_fails(tmp_path):
-    def work(folder, name=None):
-        with folder_removed_if_empty(folder):
-            folder.mkdir(exist_ok=True)
-            if name:
-                (folder / name).write_text("", encoding="utf-8")
-            raise ValueError
-
-    (tmp_path / "old").mkdir()
-    for folder, name in (("new", None), ("full", "a.csv"), ("old", None)):
-        with pytest.raises(ValueError, match=r"^$"):
-            work(tmp_path / folder, name)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["full", "old"]
