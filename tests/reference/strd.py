@@ -193,7 +193,7 @@ def _from_cross_products(one: ReferenceSet) -> float:
     columns = design_matrix(one.scaling.scaled(one.x), one.variables, one.terms)
     rows = np.column_stack([np.ones(len(columns)), columns, one.y])
     k = columns.shape[1]
-    return fewest_digits(coefficients(rows.T @ rows, range(1, 1 + k), 1 + k), one.exact_scaled)
+    return fewest_digits(coefficients(rows.T @ rows, range(1, 1 + k), [1 + k])[:, 0].tolist(), one.exact_scaled)
 
 
 def raw_digits(one: ReferenceSet) -> tuple[float, float]:
