@@ -47,12 +47,11 @@ def advice(selection: Selection) -> Advice:
     warnings = tuple(_uselessness(selection, name) for name in useless)
     if not useful:
         return Advice("do not use", f"Do not use this model{_of(useless, selection)}.", warnings)
-    proof = tuple(_improvement(selection, name) for name in useful)
-    faults = tuple(_fault(selection, name) for name in useful)
+    proof, faults = _improvement(selection, useful), _faults(selection, useful)
     if useless:
         first = f"Do not use the model of {listed(useless)}; for {listed(useful)}, {keep[0].lower()}{keep[1:]}{rest}."
-        return Advice("part", first, (*warnings, *proof, *faults))
-    return Advice("use", f"{keep}{rest}.", (*proof, *faults))
+        return Advice("part", first, (*warnings, proof, faults))
+    return Advice("use", f"{keep}{rest}.", (proof, faults))
 
 
 def useless_responses(selection: Selection) -> frozenset[str]:
@@ -91,19 +90,27 @@ def _of(names: tuple[str, ...], selection: Selection) -> str:
     return f" of {listed(names)}" if len(selection.models) == 1 else ""
 
 
-def _improvement(selection: Selection, name: str) -> str:
+def _improvement(selection: Selection, names: tuple[str, ...]) -> str:
     proof = selection.proof
-    parts = proof.per_response[name]
-    before, after = proof.baselines_um[name]["none"], proof.rmse_um(name)
-    least, most = min(part.rmse_um for part in parts), max(part.rmse_um for part in parts)
-    worse = sum(part.rmse_um >= part.before_rmse_um for part in parts)
-    but = f" On {worse} of {len(parts)} it is larger than without compensation." if worse else ""
-    spread = f"; {number_text(least, 2)} to {number_text(most, 2)} µm on {_SINGLE[proof.left_out]}" * (len(parts) > 1)
-    largest = number_text(proof.max_um(name), 2)
-    return (
-        f"{_UNSEEN[proof.left_out]} the {name} error falls from {number_text(before, 2)} to "
-        f"{number_text(after, 2)} µm (root mean square{spread}; largest error {largest} µm).{but}"
-    )
+    falls, worse = [], []
+    for name in names:
+        parts = proof.per_response[name]
+        before, after = proof.baselines_um[name]["none"], proof.rmse_um(name)
+        least, most = min(part.rmse_um for part in parts), max(part.rmse_um for part in parts)
+        spread = f"{number_text(least, 2)} to {number_text(most, 2)} µm on {_SINGLE[proof.left_out]}, "
+        falls.append(
+            f"from {number_text(before, 2)} to {number_text(after, 2)} µm "
+            f"({spread * (len(parts) > 1)}largest {number_text(proof.max_um(name), 2)} µm)"
+        )
+        larger = sum(part.rmse_um >= part.before_rmse_um for part in parts)
+        if larger:
+            worse.append(f"that of {name} on {larger} of {len(parts)}")
+    if len(names) == 1:
+        text = f"{_UNSEEN[proof.left_out]} the {names[0]} error falls {falls[0]}, root mean square."
+    else:
+        text = f"{_UNSEEN[proof.left_out]} the errors fall, root mean square: "
+        text += "; ".join(f"{name} {fall}" for name, fall in zip(names, falls, strict=True)) + "."
+    return text + (f" The error is larger than without compensation: {listed(worse)}." if worse else "")
 
 
 def _uselessness(selection: Selection, name: str) -> str:
@@ -115,20 +122,27 @@ def _uselessness(selection: Selection, name: str) -> str:
     )
 
 
-def _fault(selection: Selection, name: str) -> str:
-    gains = [gain for gain in selection.faults if gain.response == name]
-    if not gains:
+def _faults(selection: Selection, names: tuple[str, ...]) -> str:
+    worst = {}
+    for name in names:
+        gains = [gain for gain in selection.faults if gain.response == name]
+        if gains:
+            worst[name] = max(gains, key=lambda gain: gain.worst_um)
+    if not worst:
         return ""
-    worst = max(gains, key=lambda gain: gain.worst_um)
-    how = "broken (open)" if worst.open_um >= worst.stuck_um else "stuck"
-    without = max(part.before_max_um for part in selection.proof.per_response[name])
-    more = (
-        f" That is more than the largest error without any compensation ({number_text(without, 2)} µm): such a fault "
-        "must be noticed before the correction is used."
-        if worst.worst_um > without
-        else ""
-    )
-    return (
-        f"Worst single sensor fault for {name}: {number_text(worst.worst_um, 2)} µm, {worst.sensor} {how}; a reading "
-        f"1 K too high costs at most {number_text(max(gain.per_kelvin_um for gain in gains), 2)} µm.{more}"
-    )
+    said = []
+    for name, gain in worst.items():
+        how = "broken (open)" if gain.open_um >= gain.stuck_um else "stuck"
+        said.append(f"{number_text(gain.worst_um, 2)} µm in {name} with {gain.sensor} {how}")
+    kelvin = max(gain.per_kelvin_um for gain in selection.faults if gain.response in worst)
+    text = f"Worst single sensor fault: {'; '.join(said)}. "
+    text += f"A reading 1 K too high costs at most {number_text(kelvin, 2)} µm."
+    without = {name: max(part.before_max_um for part in selection.proof.per_response[name]) for name in worst}
+    beyond = [name for name, gain in worst.items() if gain.worst_um > without[name]]
+    if beyond:
+        limits = ", ".join(f"{number_text(without[name], 2)} µm in {name}" for name in beyond)
+        text += (
+            f" The worst fault is larger than any error without compensation ({limits}): it must be noticed before its "
+            "correction reaches the axis."
+        )
+    return text

@@ -93,11 +93,29 @@ def test_what_to_do_comes_first():
     said = advice(selection)
     assert said.verdict == "use"
     assert said.first.startswith(f"Keep sensors {listed(selection.chosen)}")
-    z = next(sentence for sentence in said.more if "the Z error falls" in sentence)
-    before, after = selection.proof.baselines_um["Z"]["none"], selection.proof.rmse_um("Z")
-    assert f"from {number_text(before, 2)} to {number_text(after, 2)} µm" in z
-    worst = max(gain.worst_um for gain in selection.faults if gain.response == "Z")
-    assert any(f"Worst single sensor fault for Z: {number_text(worst, 2)} µm" in sentence for sentence in said.more)
+    text = " ".join(said.more)
+    for name in ("Z", "Y"):
+        before, after = selection.proof.baselines_um[name]["none"], selection.proof.rmse_um(name)
+        assert f"{name} from {number_text(before, 2)} to {number_text(after, 2)} µm" in text
+        worst = max(gain.worst_um for gain in selection.faults if gain.response == name)
+        assert f"{number_text(worst, 2)} µm in {name} with " in text
+
+
+def test_one_displacement_is_said_in_the_singular():
+    said = advice(studies.single_run())
+    assert said.more[0].startswith("On stretches of the only run that the model has not seen the Z error falls from ")
+    assert said.more[1].startswith("Worst single sensor fault: ")
+
+
+def test_runs_that_get_worse_are_said():
+    selection = studies.small()
+    proofs = dict(selection.proof.per_response)
+    proofs["Y"] = tuple(dataclasses.replace(part, before_rmse_um=0.1) for part in proofs["Y"][:1]) + proofs["Y"][1:]
+    proof = dataclasses.replace(selection.proof, per_response=proofs)
+    assert "The error is larger than without compensation: that of Y on 1 of 4." in " ".join(
+        advice(dataclasses.replace(selection, proof=proof)).more
+    )
+    assert "larger than without" not in " ".join(advice(selection).more)
 
 
 def test_a_model_that_is_no_better_than_nothing_is_not_to_be_used():
