@@ -69,4 +69,4 @@ constraints:
 	@rm -rf .venv-newest
 
 clean:
-	@rm -rf $(VENV) .venv-newest build dist out .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	@rm -rf $(VENV) .venv-newest build dist out selector-demo .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
