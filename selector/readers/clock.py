@@ -116,12 +116,15 @@ def clock(table: Table, options: TimeOptions) -> Clock:
 
 def _sample_clock(table: Table, period_s: float, *, named: bool) -> Clock:
     findings: tuple[Finding, ...] = ()
+    unread = [c.header for c in table.columns if c.kind == "text" and is_time_name(name_and_unit(c.header)[0])]
     if not named:
         findings = (
             Finding(
                 "no-clock",
                 "warning",
-                f"{table.file.name} has no time column; one row per second is assumed, so times and time constants are "
+                f"{table.file.name} has no time column"
+                + (f" (the cells of {unread[0]!r} are no times)" if unread else "")
+                + "; one row per second is assumed, so times and time constants are "
                 "counted in samples.",
                 evidence={"period_s": period_s},
                 suggestion="set the sampling period: period_s = 60 under [time] in the machine file (or --period-s 60)",

@@ -239,8 +239,20 @@ def _headers(sheet: _Sheet, where: str) -> tuple[list[str], list[str | None], li
     while names and not names[-1]:
         names.pop()
     findings: list[Finding] = []
-    if len(names) == n - 1 and sheet.kinds[0] == "number" and sheet.kinds[-1] != "empty" and _counts_up(sheet):
+    # with commas a missing name and an unquoted decimal comma look alike: no guess there
+    unnamed_first = len(names) == n - 1 and sheet.kinds[0] == "number" and sheet.kinds[-1] != "empty"
+    if unnamed_first and sheet.dialect.separator != "," and _counts_up(sheet):
         names.insert(0, "index")
+        findings.append(
+            Finding(
+                "unnamed-first-column",
+                "warning",
+                f"{where} has one name less than columns, and its first column counts the rows: it was read as row "
+                f"numbers without a name, so {names[1]!r} stands above the second column.",
+                evidence={"names": n - 1, "columns": n},
+                suggestion="write a name above each column",
+            )
+        )
     if len(names) > n:
         findings.append(
             Finding(

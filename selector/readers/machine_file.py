@@ -246,6 +246,8 @@ def _place(where: str, text: str, path: tuple[str, ...]) -> str:
     """The file and, as far as it can be told, the line of a key."""
     section = -1
     lines = text.split("\n")
+    while path and path[-1].isdigit() and len(path) > 1:
+        path = path[:-1]
     headers = [".".join(path[:depth]) for depth in range(len(path), 0, -1)]
     for header in headers:
         for number, line in enumerate(lines):

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from selector.errors import InputError, OptionError, RecordingError
+from selector.errors import InputError, RecordingError
 from selector.findings import Finding, Where
 from selector.readers.layout import is_counter_name, is_time_name
 from selector.readers.machine_file import ChannelSection, Machine
-from selector.readers.names import closest, found_header, name_and_unit
-from selector.readers.roles import RoleGuess, known_unit, role_guess, role_of_numbers
+from selector.readers.names import found_header, name_and_unit
+from selector.readers.plan_messages import check_overrides, doubtful_role, missing_everywhere, unit_conflict
+from selector.readers.roles import known_unit, role_guess, role_of_numbers
 from selector.readers.runs import TimedRun
 from selector.readers.tables import Column, Overrides
-from selector.units import ROLES, same_dimension, unit_for_role
+from selector.units import same_dimension, unit_for_role
 
 
 @dataclass(frozen=True)
@@ -63,7 +65,7 @@ def plan(runs: Sequence[TimedRun], machine: Machine | None, overrides: Overrides
     OptionError
         An override names a channel or role that does not exist.
     """
-    _checked_overrides(runs, machine, overrides)
+    check_overrides(runs, machine, overrides)
     result = (
         _declared(runs, machine, overrides) if machine is not None and machine.channels else _inferred(runs, overrides)
     )
@@ -92,7 +94,7 @@ def _declared(runs: Sequence[TimedRun], machine: Machine, overrides: Overrides) 
                 headers[run.name] = own[position]
                 used[run.name].add(own[position])
         if not headers:
-            raise _missing_everywhere(runs, name, wanted)
+            raise missing_everywhere(runs, name, wanted)
         absent = [run.name for run in runs if run.name not in headers]
         if absent:
             findings.append(
@@ -128,32 +130,15 @@ def _declared(runs: Sequence[TimedRun], machine: Machine, overrides: Overrides) 
     return Plan(tuple(channels), ignored, tuple(findings))
 
 
-def _missing_everywhere(runs: Sequence[TimedRun], name: str, wanted: str) -> RecordingError:
-    columns = list(dict.fromkeys(c.header for run in runs for c in run.columns))
-    texts = {t for run in runs for t in run.texts}
-    stripped = {name_and_unit(h)[0]: h for h in columns}
-    near = closest(wanted, [*columns, *stripped])
-    found = f"no column {wanted!r} in any of the {len(runs)} run(s); the columns are {', '.join(columns[:30])}"
-    if wanted in texts:
-        found = f"column {wanted!r} holds text, not numbers"
-    elif any(wanted in run.clock.columns for run in runs):
-        found = f"column {wanted!r} is the time column"
-    return RecordingError(
-        found + (" …" if len(columns) > 30 else ""),
-        expected=f"the column of channel {name!r}" + (f" (nearest: {stripped.get(near, near)!r})" if near else ""),
-        where=f"machine file, channels.{name}",
-        advice="correct `column` of this channel in the machine file, or remove the channel",
-    )
-
-
 def _inferred(runs: Sequence[TimedRun], overrides: Overrides) -> Plan:
     findings: list[Finding] = []
     names: dict[str, dict[str, str]] = {}
     auxiliary: dict[str, None] = {}
     for run in runs:
         bare = [name_and_unit(c.header)[0] for c in run.columns]
+        counts = Counter(bare)
         for column, name in zip(run.columns, bare, strict=True):
-            own = name if bare.count(name) == 1 else column.header
+            own = name if counts[name] == 1 else column.header
             if _is_auxiliary(column) and own not in overrides.roles:
                 auxiliary.setdefault(column.header, None)
             else:
@@ -279,7 +264,7 @@ def _planned(
     if guess.role is None:
         raise _NoRoleError("no role", expected="a role", where=name, advice="name the role in the machine file")
     if guess.doubt is not None:
-        findings.append(_doubtful(name, guess))
+        findings.append(doubtful_role(name, guess))
     units: dict[str, str] = {}
     unit_guessed = False
     for run, found in in_file.items():
@@ -287,7 +272,7 @@ def _planned(
         if asked_unit is not None:
             units[run] = unit_for_role(asked_unit, guess.role, where=where)
             if found is not None and found != "1" and found != units[run]:
-                findings.append(_conflict(name, units[run], found, run))
+                findings.append(unit_conflict(name, units[run], found, run))
         elif found is not None and same_dimension(found, unit_for_role(guess.unit, guess.role, where=where)):
             units[run] = found
         elif found is not None and found != "1":
@@ -336,32 +321,8 @@ def _unit_in_file(column: Column, findings: list[Finding], run: str) -> str | No
     return known
 
 
-def _doubtful(name: str, guess: RoleGuess) -> Finding:
-    return Finding(
-        "ambiguous-role",
-        "warning",
-        f"Channel {name!r} was taken for {guess.role} in {guess.unit}, but this is uncertain: {guess.doubt}.",
-        Where(channel=name),
-        {"role": guess.role, "unit": guess.unit},
-        "say what it is in a machine file: role and unit of this channel",
-    )
-
-
-def _conflict(name: str, asked: str, found: str, run: str) -> Finding:
-    return Finding(
-        "unit-conflict",
-        "warning",
-        f"The machine file (or the option) says that {name!r} is in {asked}, but run {run!r} says {found}; it was "
-        f"read in "
-        f"{asked}.",
-        Where(channel=name, run=run),
-        {"asked": asked, "in_file": found},
-        "correct the unit of this channel in the machine file if the file is right",
-    )
-
-
 def _column(run: TimedRun, header: str) -> Column:
-    return next(c for c in run.columns if c.header == header)
+    return run.by_header[header]
 
 
 def _asked(values: Mapping[str, str], name: str, header: str) -> str | None:
@@ -375,26 +336,3 @@ def _is_auxiliary(column: Column) -> bool:
         steps = np.diff(column.values[np.isfinite(column.values)])
         return len(steps) > 0 and bool(np.all(steps == np.round(steps))) and float(np.mean(steps == 1)) > 0.9
     return (is_time_name(name) and name.casefold() != "t") or name.casefold() in ("ms", "msec")
-
-
-def _checked_overrides(runs: Sequence[TimedRun], machine: Machine | None, overrides: Overrides) -> None:
-    headers = [c.header for run in runs for c in run.columns]
-    known = {*headers, *(name_and_unit(h)[0] for h in headers), *(machine.channels if machine is not None else ())}
-    for option, mapping in (("--unit", overrides.units), ("--role", overrides.roles)):
-        for name in mapping:
-            if name not in known:
-                near = closest(name, known)
-                raise OptionError(
-                    f"no channel or column {name!r}",
-                    expected="one of " + ", ".join(sorted(known)[:20]) + (f" (nearest: {near!r})" if near else ""),
-                    where=option,
-                    advice="correct the name",
-                )
-    for name, role in overrides.roles.items():
-        if role not in ROLES:
-            raise OptionError(
-                f"role {role!r} for {name!r}",
-                expected="one of " + ", ".join(ROLES),
-                where="--role",
-                advice="correct the role",
-            )

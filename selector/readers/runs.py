@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +54,11 @@ class TimedRun:
     start: str | None
     table: Table
     findings: tuple[Finding, ...]
+
+    @cached_property
+    def by_header(self) -> dict[str, Column]:
+        """The columns by their header."""
+        return {column.header: column for column in self.columns}
 
     @property
     def period_s(self) -> float:

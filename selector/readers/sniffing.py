@@ -91,6 +91,7 @@ def dialect(
     if decimal is not None and decimal not in (".", ","):
         raise ReadError(f"decimal mark {decimal!r}", expected="'.' or ','", where=where, advice="correct the option")
     widest = max((line.count(s) for line in (*body[:20], *head[:20]) for s in ";\t,|"), default=0)
+    widest = max(widest, max((len(line.split()) for line in body[:3]), default=0))
     if widest > 4 * MAX_COLUMNS:
         checked_width(widest + 1, where)
     quoted = _has_quoted_cells(body, head)

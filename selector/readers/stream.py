@@ -31,7 +31,7 @@ from selector.units import convert, to_canonical
 LARGE_BYTES = 400_000_000
 """Size of the float64 table beyond which reading piece by piece pays."""
 
-CHUNK_ROWS = 200_000
+CHUNK_ROWS = 65_536
 _HEAD_ROWS = 5_000
 
 

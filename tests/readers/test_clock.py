@@ -142,6 +142,13 @@ def test_no_time_column(reads, times, ids):
     assert "no-clock" not in ids(settled)
 
 
+def test_a_time_column_of_words_is_told(reads, times):
+    reading = reads("Time,T1\nx,20\ny,21\nz,22\n")
+    assert times(reading) == [0, 1, 2]
+    (finding,) = [f for f in reading.findings if f.id == "no-clock"]
+    assert "'Time'" in finding.statement
+
+
 def test_sample_numbers_are_no_channel(reads):
     reading = reads("No.;t [s];T1\n" + "".join(f"{i + 1};{i * 5};2{i}\n" for i in range(5)))
     assert [c.name for c in reading.channels] == ["T1"]

@@ -92,6 +92,12 @@ def test_words_among_numbers_are_told_with_their_lines(reads, column):
     assert finding.evidence["lines"] == [3]
 
 
+def test_numbers_beyond_all_bounds_are_missing_and_told(reads, column, ids):
+    reading = reads("t [s],T1\n0," + "9" * 3_000_000 + "\n1,2\n2,1e999\n3,4\n")
+    assert [math.isnan(v) for v in column(reading, "T1")] == [True, False, True, False]
+    assert "infinite-values" in ids(reading)
+
+
 def test_every_float_survives(reads, column):
     values = [0.1, 1 / 3, 1e-300, 1.7976931348623157e308, 5e-324, -0.0, 123456789.123456789]
     reading = reads("t [s],Z [um]\n" + "".join(f"{i},{v!r}\n" for i, v in enumerate(values)))

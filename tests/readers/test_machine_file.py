@@ -1,0 +1,117 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from selector.errors import InputError, ReadError, RecordingError, UnitError
+from selector.readers import Machine, machine, machine_text, write_machine_file
+from selector.readers.machine_file import ChannelSection, MachineSection, TimeSection, machine_from_text
+from selector.units import CANONICAL_UNITS
+
+EXAMPLE = """
+# comments are fine
+[machine]
+name = "VMC-850"
+[time]
+column = "t"
+unit = "min"
+[channels.T1]
+column = "PT01"
+role = "temperature"
+unit = "degC"
+place = "lower bearing"
+xyz = [0.0, 0.12, 0.40]
+[channels.Z]
+role = "displacement"
+unit = "um"
+axis = "Z"
+"""
+
+
+def test_the_example_of_the_contract():
+    read = machine_from_text(EXAMPLE, "machine.toml")
+    assert read.machine.name == "VMC-850"
+    assert read.time.columns == ("t",)
+    assert read.channels["T1"].column == "PT01"
+    assert read.channels["T1"].xyz == (0.0, 0.12, 0.40)
+    assert read.channels["Z"].axis == "Z"
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "words"),
+    [
+        ("[channels.T1]\nunti = 'degC'", ReadError, ["line 2", "'unti'", "'unit'"]),
+        ("[tme]\ncolumn = 't'", ReadError, ["line 1", "'tme'", "'time'"]),
+        ("[channels.T1]\nrole = 'temprature'", ReadError, ["line 2", "'temperature'"]),
+        ("[channels.T1]\n\n\nrole = 'temperature'\nunit = 'mm'", UnitError, ["line 5", "'mm'", "degC"]),
+        ("[channels.T1]\nrole = 'temperature'\nunit = 'bar'", UnitError, ["line 3", "'bar'"]),
+        ("[channels.T1]\nxyz = [1, 2]", ReadError, ["line 2", "xyz"]),
+        ("[channels.T1]\nxyz = [1, 2, nan]", ReadError, ["xyz"]),
+        ("[time]\nunit = 'parsec'", ReadError, ["line 2", "'parsec'", "datetime"]),
+        ("[time]\nperiod_s = 0", ReadError, ["line 2", "period_s"]),
+        ("[time]\ncolumn = 5", ReadError, ["line 2", "column"]),
+        ("[time\ncolumn = 't'", ReadError, ["TOML", "line 1"]),
+        ("[channels.a]\ncolumn = 'x'\n[channels.b]\ncolumn = 'x'", RecordingError, ["line 4", "'a'", "'b'", "'x'"]),
+        ("[channels.' ']\nrole = 'state'", ReadError, ["channel name"]),
+    ],
+)
+def test_mistakes_are_named_with_line_and_nearest_word(text, error, words):
+    with pytest.raises(error) as caught:
+        machine_from_text(text, "machine.toml")
+    for word in words:
+        assert word in str(caught.value)
+
+
+NAME = st.text(
+    st.characters(exclude_categories=["Cc", "Cs", "Zl", "Zp", "Cn", "Co", "Cf"]), min_size=1, max_size=20
+).filter(lambda text: text.strip() and text.isprintable())
+TEXT = st.none() | st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
+
+
+@st.composite
+def machines(draw: st.DrawFn) -> Machine:
+    channels = {}
+    for name in draw(st.lists(NAME, max_size=4, unique=True)):
+        role = draw(st.sampled_from(sorted(CANONICAL_UNITS)))
+        xyz = draw(st.none() | st.tuples(*[st.floats(-1e5, 1e5)] * 3))
+        unit = draw(st.none() | st.just(CANONICAL_UNITS[role]))
+        channels[name] = ChannelSection(role=role, unit=unit, place=draw(TEXT), axis=draw(TEXT), xyz=xyz)
+    columns = draw(st.none() | NAME | st.lists(NAME, min_size=1, max_size=2).map(tuple))
+    time = TimeSection(
+        column=columns,
+        unit=draw(st.sampled_from([None, "s", "min", "datetime"])),
+        period_s=draw(st.none() | st.floats(1e-9, 1e9)),
+        date_order=draw(st.sampled_from([None, "dmy", "mdy", "ymd"])),
+    )
+    return Machine(machine=MachineSection(name=draw(TEXT)), time=time, channels=channels)
+
+
+@given(machines())
+def test_round_trip(values):
+    assert machine_from_text(machine_text(values), "x") == values
+
+
+def test_writing_is_whole_or_not_at_all(tmp_path: Path):
+    path = tmp_path / "new" / "machine.toml"
+    values = machine_from_text(EXAMPLE, "x")
+    write_machine_file(values, path, {"qg": "its role could not be inferred"})
+    assert machine(path) == values
+    assert "# [channels.qg]" in path.read_text(encoding="utf-8")
+    assert [p.name for p in path.parent.iterdir()] == ["machine.toml"]
+    with pytest.raises(InputError):
+        write_machine_file(values, path / "inside" / "a-file.toml")
+
+
+def test_files_that_are_no_machine_file(tmp_path: Path):
+    path = tmp_path / "machine.toml"
+    for content in ("[machine]\nname = 'Fräse'".encode("cp1252"), bytes(range(256)), b"\xff\xfe[\0"):
+        path.write_bytes(content)
+        with pytest.raises(ReadError):
+            machine(path)
+    with pytest.raises(ReadError):
+        machine(tmp_path / "missing.toml")
+    path.write_bytes("\ufeff[machine]\r\nname = 'Fräse'\r\n".encode())
+    assert machine(path).machine.name == "Fräse"

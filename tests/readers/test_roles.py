@@ -1,0 +1,129 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from selector.errors import OptionError, RecordingError, UnitError
+from selector.readers.machine_file import machine_from_text
+from selector.readers.names import name_and_unit
+from selector.readers.roles import known_unit, role_guess
+
+WARM = np.linspace(20, 30, 50)
+
+
+@pytest.mark.parametrize(
+    ("header", "role", "unit", "axis"),
+    [
+        ("T1 [°C]", "temperature", "degC", None),
+        ("T1/K", "temperature", "kelvin", None),
+        ("PT01", "temperature", "degC", None),
+        ("Temp_spindle_degF", "temperature", "degF", None),
+        ("温度1(℃)", "temperature", "degC", None),
+        ("Темп. 1, °C", "temperature", "degC", None),
+        ("Spindellager vorn in °C", "temperature", "degC", None),
+        ("Spindle Rear", "temperature", "degC", None),
+        ("T_oil_C", "temperature", "degC", None),
+        ("Tamb", "ambient", "degC", None),
+        ("T_Hall [°C]", "ambient", "degC", None),
+        ("Umgebung", "ambient", "degC", None),
+        ("环境温度", "ambient", "degC", None),
+        ("Z_um", "displacement", "um", "Z"),
+        ("dX [µm]", "displacement", "um", "X"),
+        ("Verlagerung Y (µm)", "displacement", "um", "Y"),
+        ("位移Z(um)", "displacement", "um", "Z"),
+        ("Смещение Z, мкм", "displacement", "um", "Z"),
+        ("Dia Disp", "displacement", "um", None),
+        ("X position [mm]", "position", "mm", "X"),
+        ("X_cmd [mm]", "position_command", "mm", "X"),
+        ("rpm", "spindle_speed", "rpm", None),
+        ("n [1/min]", "spindle_speed", "rpm", None),
+        ("转速(r/min)", "spindle_speed", "rpm", None),
+        ("Vorschub mm/min", "feed_rate", "mm/min", None),
+        ("coolant_on", "state", "1", None),
+        ("F_z [kN]", "force", "kN", "Z"),
+        ("motor current [A]", "current", "A", None),
+        ("v [m/s]", "velocity", "m/s", None),
+        ("oil flow [l/min]", "flow", "liter/min", None),
+    ],
+)
+def test_what_headers_of_shop_floors_mean(header, role, unit, axis):
+    name, written = name_and_unit(header)
+    values = WARM if role != "position" and role != "position_command" else WARM * 20
+    guess = role_guess(name, known_unit(written), values)
+    assert (guess.role, guess.unit, guess.axis) == (role, unit, axis)
+    assert "role" in guess.guessed
+    assert ("unit" in guess.guessed) == (written is None and role != "state")
+
+
+@pytest.mark.parametrize("name", ["qg", "uEst", "Channel 1", "foo"])
+def test_what_nobody_can_know_is_not_guessed(name):
+    assert role_guess(name, None, WARM).role is None
+
+
+def test_an_axis_letter_in_mm_is_judged_by_its_span_and_doubted():
+    small = role_guess("Z", "mm", np.linspace(0, 0.05, 20))
+    large = role_guess("Z", "mm", np.linspace(0, 400, 20))
+    assert (small.role, large.role) == ("displacement", "position")
+    assert small.doubt is not None
+
+
+CONTENT = "t [s],PT01 [degC],Z [um]\n0,20,1\n1,21,2\n2,22,3\n"
+
+
+def test_the_machine_file_counts_and_nothing_is_guessed_then(reads):
+    text = "[channels.T1]\ncolumn='PT01'\nrole='ambient'\nunit='degC'\nplace='hall'\nxyz=[0,1,2]\n"
+    machine = machine_from_text(text + "[channels.Z]\nrole='displacement'\nunit='um'\naxis='Z'", "m")
+    reading = reads(CONTENT, machine=machine)
+    channel = reading.recording.channel("T1")
+    assert (channel.role, channel.place, channel.xyz_m) == ("ambient", "hall", (0.0, 1.0, 2.0))
+    assert [c.guessed for c in reading.channels] == [(), ()]
+    assert reading.channels[0].column == "PT01 [degC]"
+
+
+def test_what_the_machine_file_leaves_out_is_inferred_and_marked(reads, ids):
+    machine = machine_from_text("[channels.T1]\ncolumn='PT01'\n[channels.Z]\nrole='displacement'", "m")
+    reading = reads(CONTENT, machine=machine)
+    assert [c.guessed for c in reading.channels] == [("role",), ("axis",)]
+    without_unit = reads(CONTENT.replace(" [um]", ""), machine=machine)
+    assert "unit" in without_unit.channels[1].guessed
+    assert "unit-guessed" in ids(without_unit)
+
+
+def test_units_of_file_and_machine_file_may_differ_but_not_in_silence(reads, column, ids):
+    machine = machine_from_text("[channels.T1]\ncolumn='PT01'\nrole='temperature'\nunit='degF'", "m")
+    reading = reads(CONTENT, machine=machine)
+    # (20 °F - 32) / 1.8, a few roundings
+    assert column(reading, "T1")[0] == pytest.approx(-12 / 1.8, rel=1e-13)
+    assert "unit-conflict" in ids(reading)
+
+
+def test_a_channel_that_no_file_has_is_an_error_that_names_the_nearest_column(reads):
+    machine = machine_from_text("[channels.T1]\ncolumn='PT1'\nrole='temperature'\nunit='degC'", "m")
+    with pytest.raises(RecordingError) as caught:
+        reads(CONTENT, machine=machine)
+    assert "nearest: 'PT01 [degC]'" in str(caught.value)
+    assert "Z [um]" in str(caught.value)
+
+
+def test_columns_that_the_machine_file_does_not_name_are_told(reads):
+    machine = machine_from_text("[channels.Z]\nrole='displacement'\nunit='um'", "m")
+    reading = reads(CONTENT, machine=machine)
+    (finding,) = [f for f in reading.findings if f.id == "columns-ignored"]
+    assert finding.evidence["columns"] == ["PT01 [degC]"]
+
+
+def test_overrides_of_role_and_unit(reads, column):
+    reading = reads(CONTENT, roles={"PT01": "ambient", "Z": "displacement"}, units={"PT01": "degF", "Z": "mm"})
+    assert reading.recording.channel("PT01").role == "ambient"
+    assert column(reading, "Z") == [1000.0, 2000.0, 3000.0]
+    with pytest.raises(OptionError, match="nearest: 'PT01'"):
+        reads(CONTENT, roles={"PT1": "ambient"})
+    with pytest.raises(OptionError, match="'warm'"):
+        reads(CONTENT, roles={"PT01": "warm"})
+    with pytest.raises(UnitError):
+        reads(CONTENT, roles={"PT01": "temperature"}, units={"PT01": "mm"})
+
+
+def test_an_unknown_unit_is_told(reads, ids):
+    reading = reads("t,T1,Z\ns,digits,um\n0,20,1\n1,21,2\n2,22,3\n")
+    assert "unknown-unit" in ids(reading)
