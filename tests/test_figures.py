@@ -151,6 +151,12 @@ def test_curve_holds_the_held_out_errors():
             assert any(trace.y[0] == value for trace in drawn.data if trace.line.color == colour)
 
 
+def test_a_curve_that_buys_nothing_says_so():
+    title = style.title_text(figures.error_against_sensors(studies.useless(), "Z"))
+    assert "no better than the" in title
+    assert "against" in style.title_text(figures.error_against_sensors(studies.small(), "Z"))
+
+
 @pytest.mark.parametrize("selection", [studies.small(), studies.single_run()], ids=["runs", "one run"])
 def test_residual_is_measured_minus_predicted_and_keeps_its_peak(selection):
     drawn = figures.measured_and_predicted(selection, "Z")

@@ -35,9 +35,10 @@ def error_against_sensors(selection: Selection, response: str) -> go.Figure:
     spread = [_or_zero(point.standard_error_um[j]) for point in proof.curve]
     ways = proof.baselines_um[response]
     size, achieved = len(selection.chosen), proof.rmse_um(response)
+    than = "against" if achieved < ways["none"] else "no better than the"
     title = (
         f"{style.label(response)}: {size} sensor{'s' * (size != 1)} reach{'es' * (size == 1)} "
-        f"{style.number(achieved)} µm on {_UNSEEN[proof.left_out]}, against {style.number(ways['none'])} µm "
+        f"{style.number(achieved)} µm on {_UNSEEN[proof.left_out]}, {than} {style.number(ways['none'])} µm "
         "without compensation"
     )
     drawn = style.figure(title, 480)

@@ -140,9 +140,9 @@ def _faults(selection: Selection, names: tuple[str, ...]) -> str:
     without = {name: max(part.before_max_um for part in selection.proof.per_response[name]) for name in worst}
     beyond = [name for name, gain in worst.items() if gain.worst_um > without[name]]
     if beyond:
-        limits = ", ".join(f"{number_text(without[name], 2)} µm in {name}" for name in beyond)
+        limits = " and ".join(number_text(without[name], 2) for name in beyond)
         text += (
-            f" The worst fault is larger than any error without compensation ({limits}): it must be noticed before its "
-            "correction reaches the axis."
+            f" In {listed(beyond)} the worst fault is larger than any error without compensation ({limits} µm): it "
+            "must be noticed before its correction reaches the axis."
         )
     return text

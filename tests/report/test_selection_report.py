@@ -138,9 +138,11 @@ def test_one_useless_model_of_two_is_named():
 def test_a_fault_that_outweighs_the_benefit_is_said():
     selection = studies.small()
     huge = tuple(dataclasses.replace(gain, open_um=1e4) for gain in selection.faults)
-    assert any("must be noticed" in text for text in advice(dataclasses.replace(selection, faults=huge)).more)
+    assert any("must be noticed before" in text for text in advice(dataclasses.replace(selection, faults=huge)).more)
     small = tuple(dataclasses.replace(gain, open_um=0.0, stuck_um=1.0) for gain in selection.faults)
-    assert not any("must be noticed" in text for text in advice(dataclasses.replace(selection, faults=small)).more)
+    assert not any(
+        "must be noticed before" in text for text in advice(dataclasses.replace(selection, faults=small)).more
+    )
 
 
 def test_errors_stand_before_warnings_and_both_before_the_reasons():
