@@ -9,9 +9,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
-from selector.models._subset_algebra import DROPPED, INNER, KEPT, KERNEL, PIVOT_TOLERANCE, insert
+from selector.models._subset_algebra import DROPPED, KEPT, PIVOT_TOLERANCE, insert, kernel
 
 DEPTH, NEXT_FREE, WORK, EVALUATED, BOUNDED, UNAFFORDABLE, VISITED = 0, 1, 2, 3, 4, 5, 6
 LANES = 8
@@ -44,7 +43,7 @@ class Path(NamedTuple):
     trial: Any  # int8 (n_sensors,)
 
 
-@njit(**INNER)
+@kernel
 def brought(owners: Any, path: Any, sensor: int) -> int:
     """Collect in `path.fresh` the columns that `sensor`, marked as inside, adds to the set; returns how many."""
     n = 0
@@ -64,7 +63,7 @@ def brought(owners: Any, path: Any, sensor: int) -> int:
     return n
 
 
-@njit(**INNER)
+@kernel
 def reduced(
     gram: Any, cross: Any, path: Any, held: int, first: int, n: int, rss: float, store: bool
 ) -> tuple[int, float]:
@@ -137,7 +136,7 @@ def reduced(
     return total, rss
 
 
-@njit(**KERNEL)
+@kernel
 def joined(
     gram: Any, cross: Any, path: Any, held: int, n: int, rss: float, store: bool, floor: float
 ) -> tuple[int, float]:
@@ -151,7 +150,7 @@ def joined(
     return held, rss
 
 
-@njit(**KERNEL)
+@kernel
 def combinations(n: int, k: int) -> int:
     """Number of ways to choose k of n."""
     if k < 0 or k > n:
@@ -162,7 +161,7 @@ def combinations(n: int, k: int) -> int:
     return ways
 
 
-@njit(**INNER)
+@kernel
 def superset_rss(
     gram: Any, cross: Any, owners: Any, path: Any, depth: int, ranked: Any, after: int, floor: float
 ) -> float:
@@ -181,7 +180,7 @@ def superset_rss(
     return float(rss)
 
 
-@njit(**KERNEL)
+@kernel
 def search_sensors(
     gram: Any,
     cross: Any,

@@ -7,7 +7,8 @@ the share of a column that the columns before it do not explain.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
 from numba import njit
@@ -19,16 +20,23 @@ A pivot of a cross-product matrix carries a rounding error near n_columns · 1e-
 """
 
 FREE, KEPT, DROPPED = 0, 1, -1
-KERNEL: dict[str, Any] = {"cache": True, "nogil": True, "fastmath": {"contract", "nsz"}, "error_model": "numpy"}
-"""Options of every kernel: fused multiply-add, but no reassociation, so that no result depends on the vector width."""
+F = TypeVar("F", bound=Callable[..., Any])
 
-INNER: dict[str, Any] = {**KERNEL, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-"""Options of kernels that only kernels call; without a door to Python they compile faster."""
+
+def kernel(function: F) -> F:
+    """Compile at the first call, and keep the machine code on disk.
+
+    Fused multiply-add, but no reassociation: no result depends on the vector width.
+    """
+    options: dict[str, Any] = {"cache": True, "nogil": True, "fastmath": {"contract", "nsz"}, "error_model": "numpy"}
+    compiled: F = njit(**options)(function)
+    return compiled
+
 
 _U = np.uint64
 
 
-@njit(**KERNEL)
+@kernel
 def eliminate(a: Any, stride: int, rows: int, columns: int, pivots: int, tolerance: float) -> int:
     """Gaussian elimination of the first `pivots` rows in place; returns how many pivots were at or below `tolerance`.
 
@@ -81,7 +89,7 @@ def eliminate(a: Any, stride: int, rows: int, columns: int, pivots: int, toleran
     return small
 
 
-@njit(**INNER)
+@kernel
 def back_substitute(a: Any, stride: int, t: int, solution: Any) -> None:
     """Coefficients after `eliminate`, with the right-hand side in column t; 0 where a pivot was too small."""
     for j in range(t - 1, -1, -1):
@@ -97,7 +105,7 @@ def back_substitute(a: Any, stride: int, t: int, solution: Any) -> None:
         solution[j] = s / d
 
 
-@njit(**INNER)
+@kernel
 def gather(gram: Any, cross: Any, order: Any, n: int, a: Any, stride: int) -> None:
     """Copy the upper triangle of ``gram[order, order]`` and ``cross[order]`` into the flat matrix."""
     for i in range(n):
@@ -108,7 +116,7 @@ def gather(gram: Any, cross: Any, order: Any, n: int, a: Any, stride: int) -> No
         a[base + n] = cross[order[i]]
 
 
-@njit(**KERNEL)
+@kernel
 def set_rss(gram: Any, cross: Any, state: Any, a: Any, order: Any) -> float:
     """Residual sum of squares, total scaled to 1, of the columns with ``state == KEPT``, from scratch."""
     n = 0
@@ -128,7 +136,7 @@ def set_rss(gram: Any, cross: Any, state: Any, a: Any, order: Any) -> float:
     return max(rss, 0.0)
 
 
-@njit(**KERNEL)
+@kernel
 def insert(best_rss: Any, best_state: Any, state: Any, rss: float) -> bool:
     """Put a set into the sorted list of the best ones of its size, unless it is there already."""
     n = best_rss.size

@@ -15,15 +15,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
-from selector.models._subset_algebra import INNER, KERNEL, PIVOT_TOLERANCE, back_substitute, eliminate
+from selector.models._subset_algebra import PIVOT_TOLERANCE, back_substitute, eliminate, kernel
 
 SMALLEST_SHARE = 1e-9
 """Shares z are kept above this; the bound stays valid, the matrix stays finite."""
 
 
-@njit(**KERNEL)
+@kernel
 def spread_shares(z: Any, t: int, a: int) -> None:
     """Scale positive weights so that they sum to `a` with none above 1."""
     capped = 0
@@ -47,7 +46,7 @@ def spread_shares(z: Any, t: int, a: int) -> None:
         z[j] = min(1.0, max(z[j], SMALLEST_SHARE))
 
 
-@njit(**INNER)
+@kernel
 def sort_descending(h: Any, ranking: Any, t: int) -> None:
     """Insertion sort of `ranking` so that ``h[ranking]`` falls; fast when it nearly does already."""
     for i in range(1, t):
@@ -60,7 +59,7 @@ def sort_descending(h: Any, ranking: Any, t: int) -> None:
         ranking[j + 1] = x
 
 
-@njit(**KERNEL)
+@kernel
 def relax(
     pm: Any, stride: int, t: int, a: int, r: float, diagonal: Any, z: Any, m: Any, u: Any, h: Any, ranking: Any
 ) -> float:
@@ -84,7 +83,7 @@ def relax(
     return bound
 
 
-@njit(**INNER)
+@kernel
 def _shifted(pm: Any, stride: int, t: int, diagonal: Any, shift: float, m: Any) -> bool:
     """Eliminate P - shift · D in place of `m`; whether it is positive definite with a margin for rounding."""
     for i in range(t):
@@ -96,7 +95,7 @@ def _shifted(pm: Any, stride: int, t: int, diagonal: Any, shift: float, m: Any) 
     return bool(eliminate(m, stride, t, t, t, 0.0) == 0)
 
 
-@njit(**INNER)
+@kernel
 def _solve(m: Any, stride: int, t: int, x: Any) -> None:
     for j in range(t):
         f = -x[j] / m[j * stride + j]
@@ -113,7 +112,7 @@ def _solve(m: Any, stride: int, t: int, x: Any) -> None:
         x[j] = s / m[j * stride + j]
 
 
-@njit(**INNER)
+@kernel
 def largest_scale(pm: Any, stride: int, t: int, diagonal: Any, m: Any, x: Any, y: Any) -> float:
     """A factor >= 1, near the largest, by which a valid D may be multiplied with P - D still without negative roots.
 
@@ -149,7 +148,7 @@ def largest_scale(pm: Any, stride: int, t: int, diagonal: Any, m: Any, x: Any, y
     return 1.0
 
 
-@njit(**INNER)
+@kernel
 def inverse(pm: Any, stride: int, t: int, m: Any, x: Any, out: Any) -> bool:
     """Inverse of P into the upper triangle of `out`, coefficients P⁻¹c into its column t; False when P is singular."""
     for i in range(t):
@@ -170,17 +169,26 @@ def inverse(pm: Any, stride: int, t: int, m: Any, x: Any, out: Any) -> bool:
     return True
 
 
-@njit(**KERNEL)
-def root_diagonal(pm: Any, stride: int, t: int, m: Any, x: Any, y: Any, out: Any, diagonal: Any) -> bool:
-    """A large valid D: 1/diag(P⁻¹), scaled, then raised column by column and scaled again; False when P is singular.
-
-    With E the inverse of P - D, column j may rise by any share of 1/E_jj below 1.
-    """
+@kernel
+def inverse_diagonal(pm: Any, stride: int, t: int, m: Any, x: Any, y: Any, out: Any, diagonal: Any) -> bool:
+    """A valid D in proportion to 1/diag(P⁻¹), nearly as large as can be; False when P is singular."""
     if not inverse(pm, stride, t, m, x, out):
         return False
     for j in range(t):
+        # the correlations of P⁻¹ have no root above t
         diagonal[j] = 0.999 / (out[j * stride + j] * t)
     _rescale(pm, stride, t, diagonal, m, x, y)
+    return True
+
+
+@kernel
+def root_diagonal(pm: Any, stride: int, t: int, m: Any, x: Any, y: Any, out: Any, diagonal: Any) -> bool:
+    """`inverse_diagonal`, then raised column by column and scaled again; False when P is singular.
+
+    With E the inverse of P - D, column j may rise by any share of 1/E_jj below 1.
+    """
+    if not inverse_diagonal(pm, stride, t, m, x, y, out, diagonal):
+        return False
     full = np.empty((t, t))
     for _sweep in range(2):
         for j in range(t):
@@ -213,7 +221,7 @@ def root_diagonal(pm: Any, stride: int, t: int, m: Any, x: Any, y: Any, out: Any
     return True
 
 
-@njit(**INNER)
+@kernel
 def _rescale(pm: Any, stride: int, t: int, diagonal: Any, m: Any, x: Any, y: Any) -> None:
     for _ in range(20):
         scale = largest_scale(pm, stride, t, diagonal, m, x, y)

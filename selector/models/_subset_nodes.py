@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
-from selector.models._subset_algebra import INNER, KERNEL
+from selector.models._subset_algebra import kernel
 
 HEAP, STACK, NODES, HELD, WORK = 0, 1, 2, 3, 4
 """Places of the counters: nodes in the heap, on the stack, visited in all, slots ever used, work left in this chunk."""
@@ -28,18 +27,18 @@ class Scratch(NamedTuple):
     """Work space of one search, by rows: few arrays, because every one of them costs compile time in every kernel."""
 
     matrices: Any  # float64 (4, (p + 1) · (p + 2)): all columns of the node, its free ones (P), work, inverse
-    vectors: Any  # float64 (6, p + 1)
+    vectors: Any  # float64 (7, p + 3)
     integers: Any  # int64 (4, p + 1)
     states: Any  # int8 (2, p): the node, a set to try
 
 
 WHOLE, PM, M, INV = 0, 1, 2, 3
-DIAGONAL, Z, U, H, X, Y = 0, 1, 2, 3, 4, 5
+DIAGONAL, Z, U, H, X, Y, OUTCOME = 0, 1, 2, 3, 4, 5, 6
 RANKING, ORDER, FREE_COLUMNS, CHOSEN = 0, 1, 2, 3
 CURRENT, TRIAL = 0, 1
 
 
-@njit(**KERNEL)
+@kernel
 def push(tree: Any, state: Any, z: Any, bound: float, scale: float, depth_first: bool) -> None:
     """Open a node."""
     heap = tree.slots[0]
@@ -71,7 +70,7 @@ def push(tree: Any, state: Any, z: Any, bound: float, scale: float, depth_first:
     heap[i] = slot
 
 
-@njit(**INNER)
+@kernel
 def pop(tree: Any) -> int:
     heap = tree.slots[0]
     stack = tree.slots[1]
@@ -100,7 +99,7 @@ def pop(tree: Any) -> int:
     return int(slot)
 
 
-@njit(**KERNEL)
+@kernel
 def open_bound(tree: Any) -> float:
     """The smallest bound of the nodes that are still open; infinite when there are none."""
     heap = tree.slots[0]

@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
-from selector.models._subset_algebra import DROPPED, FREE, INNER, KEPT, KERNEL, PIVOT_TOLERANCE, insert, set_rss
+from selector.models._subset_algebra import DROPPED, FREE, KEPT, PIVOT_TOLERANCE, insert, kernel, set_rss
 
 
-@njit(**INNER)
+@kernel
 def _sweep(v: Any, k: int) -> None:
     """Exchange variable k between the inside and the outside of the set, in place (the sweep operator)."""
     n = v.shape[0]
@@ -30,7 +29,7 @@ def _sweep(v: Any, k: int) -> None:
     row[k] = inverse
 
 
-@njit(**INNER)
+@kernel
 def swept(gram: Any, cross: Any, state: Any, v: Any) -> None:
     """Fill `v` with the matrix swept on the columns of the set, save those that depend on the ones before them."""
     p = state.size
@@ -45,7 +44,7 @@ def swept(gram: Any, cross: Any, state: Any, v: Any) -> None:
             _sweep(v, j)
 
 
-@njit(**INNER)
+@kernel
 def descend(
     gram: Any,
     cross: Any,
@@ -115,7 +114,7 @@ def descend(
             insert(best_rss, best_state, state, rss)
 
 
-@njit(**KERNEL)
+@kernel
 def starting_sets(
     gram: Any, cross: Any, root: Any, costs: Any, budget: float, max_size: int, best_rss: Any, best_state: Any
 ) -> None:
@@ -160,7 +159,7 @@ def starting_sets(
             _fill_up(gram, cross, root, costs, budget, size, state, best_rss, best_state, a, order)
 
 
-@njit(**INNER)
+@kernel
 def _step_forward(root: Any, costs: Any, budget: float, state: Any, v: Any) -> bool:
     p = state.size
     spent = 0.0
@@ -182,7 +181,7 @@ def _step_forward(root: Any, costs: Any, budget: float, state: Any, v: Any) -> b
     return True
 
 
-@njit(**INNER)
+@kernel
 def _step_backward(root: Any, state: Any, v: Any) -> bool:
     p = state.size
     leave = -1
@@ -200,7 +199,7 @@ def _step_backward(root: Any, state: Any, v: Any) -> bool:
     return True
 
 
-@njit(**INNER)
+@kernel
 def _fill_up(
     gram: Any,
     cross: Any,

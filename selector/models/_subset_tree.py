@@ -5,21 +5,18 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from selector.models._subset_algebra import (
     DROPPED,
     FREE,
-    INNER,
     KEPT,
-    KERNEL,
     PIVOT_TOLERANCE,
     eliminate,
     gather,
-    insert,
-    set_rss,
+    kernel,
 )
-from selector.models._subset_bound import inverse, largest_scale, relax, root_diagonal, spread_shares
+from selector.models._subset_bound import inverse, inverse_diagonal, largest_scale, relax, spread_shares
+from selector.models._subset_leaves import enumerate_leaves
 from selector.models._subset_nodes import (
     CHOSEN,
     CURRENT,
@@ -29,10 +26,10 @@ from selector.models._subset_nodes import (
     INV,
     NODES,
     ORDER,
+    OUTCOME,
     PM,
     RANKING,
     STACK,
-    TRIAL,
     WHOLE,
     WORK,
     H,
@@ -46,6 +43,8 @@ from selector.models._subset_nodes import (
 )
 
 DONE, PAUSED, FULL = 0, 1, 2
+CLOSED, AGAIN = -1, -2
+
 PROOF_TOLERANCE = 1e-9
 """A node is closed when its bound reaches the best RSS less this share of it (or 1e-14 of the total)."""
 
@@ -54,70 +53,7 @@ MIN_PROGRESS = 0.05
 """Solves of one node stop when the last one closed less than this share of what was left."""
 
 
-@njit(**INNER)
-def offer(gram: Any, cross: Any, costs: Any, budget: float, best_rss: Any, best_state: Any, state: Any, w: Any) -> None:
-    """Record a complete set if the budget allows it and it is among the best."""
-    big = w.matrices[WHOLE]
-    order = w.integers[ORDER]
-    spent = 0.0
-    for j in range(state.size):
-        if state[j] == KEPT:
-            spent += costs[j]
-    if spent <= budget:
-        rss = set_rss(gram, cross, state, big, order)
-        if rss < best_rss[-1]:
-            insert(best_rss, best_state, state, rss)
-
-
-@njit(**INNER)
-def enumerate_leaves(
-    gram: Any,
-    cross: Any,
-    costs: Any,
-    budget: float,
-    best_rss: Any,
-    best_state: Any,
-    w: Any,
-    q: Any,
-    stride: int,
-    t: int,
-    n: int,
-    rss: float,
-    keep: bool,
-) -> None:
-    """Every choice of n <= 2 of t columns in closed form: the ones to keep (q = P) or to drop (q = P⁻¹).
-
-    The change of the RSS by a choice A is v_A' (q_AA)⁻¹ v_A with v the last column: less when kept, more when dropped.
-    """
-    chosen = w.integers[CHOSEN]
-    free = w.integers[FREE_COLUMNS]
-    current = w.states[CURRENT]
-    trial = w.states[TRIAL]
-    sign = -1.0 if keep else 1.0
-    for i in range(t - n + 1):
-        di = q[i * stride + i]
-        vi = q[i * stride + t]
-        gi = vi * vi / di
-        chosen[0] = i
-        for j in range(i + 1 if n > 1 else t - 1, t):
-            gj = gi
-            if n > 1:
-                f = q[i * stride + j] / di
-                dj = q[j * stride + j] - f * q[i * stride + j]
-                vj = q[j * stride + t] - f * vi
-                gj += vj * vj / dj if dj > 1e-12 * q[j * stride + j] else 0.0
-                chosen[1] = j
-            if rss + sign * gj < best_rss[-1] * (1.0 + 1e-7) + 1e-14:
-                for e in range(current.size):
-                    trial[e] = current[e]
-                for e in range(t):
-                    trial[free[e]] = DROPPED if keep else KEPT
-                for e in range(n):
-                    trial[free[chosen[e]]] = KEPT if keep else DROPPED
-                offer(gram, cross, costs, budget, best_rss, best_state, trial, w)
-
-
-@njit(**INNER)
+@kernel
 def expand(
     gram: Any,
     cross: Any,
@@ -129,9 +65,11 @@ def expand(
     w: Any,
     best_rss: Any,
     best_state: Any,
-    capacity: int,
-) -> None:
-    """Bound the next node; close it, or open its two children."""
+) -> int:
+    """Bound the next node: CLOSED, AGAIN (many columns were fixed), or the column to branch on.
+
+    What is to be opened stands in the scratch: the state in CURRENT, the shares in Y, bounds and scale in OUTCOME.
+    """
     big = w.matrices[WHOLE]
     pm = w.matrices[PM]
     wm = w.matrices[M]
@@ -153,12 +91,11 @@ def expand(
     bound0 = tree.bound[slot]
     threshold = best_rss[-1] * (1.0 - PROOF_TOLERANCE) - 1e-14
     if bound0 >= threshold:
-        return
+        return CLOSED
     scale = tree.scale[slot]
     for j in range(p):
         current[j] = tree.state[slot, j]
     n[NODES] += 1
-    depth_first = n[HEAP] >= capacity - 2 * p - 8
     kept = 0
     spent = 0.0
     for j in range(p):
@@ -173,9 +110,9 @@ def expand(
             total += 1
     a = size - kept
     if a < 0 or a > total - kept or spent > budget:
-        return
+        return CLOSED
     if budget < np.inf and not _affordable(costs, budget - spent, current, a, wx):
-        return
+        return CLOSED
     stride = total + 1
     gather(gram, cross, order, total, big, stride)
     eliminate(big, stride, total, total + 1, kept, PIVOT_TOLERANCE)
@@ -200,39 +137,38 @@ def expand(
                 null = order[i]
     if nulls > 0 and a > 0:
         if best_rss.size > 1 or budget < np.inf:
-            _branch(tree, w, null, tree.share[slot], bound0, bound0, scale, depth_first)
-            return
+            return _carried(tree, w, slot, null, bound0, scale)
         spare = max(0, a - t)
         for i in range(kept, total):
             if big[i * stride + i] <= PIVOT_TOLERANCE:
                 current[order[i]] = KEPT if spare > 0 else DROPPED
                 spare -= 1
         a = min(a, t)
-    if a == 0 or a == t:
-        for j in range(t):
-            current[free[j]] = KEPT if a == t else DROPPED
-        for j in range(p):
-            if current[j] == FREE:
-                current[j] = DROPPED
-        offer(gram, cross, costs, budget, best_rss, best_state, current, w)
-        return
     sp = t + 1
     for i in range(t):
         ki = chosen[i]
         for e in range(i, t):
             pm[i * sp + e] = big[ki * stride + chosen[e]]
         pm[i * sp + t] = big[ki * stride + total]
-    if a <= 2:
-        enumerate_leaves(gram, cross, costs, budget, best_rss, best_state, w, pm, sp, t, a, r, True)
-        n[WORK] -= t * t
-        return
-    if t - a <= 2 and inverse(pm, sp, t, wm, wx, inv):
-        rss = r
-        for j in range(t):
-            rss -= inv[j * sp + t] * pm[j * sp + t]
-        enumerate_leaves(gram, cross, costs, budget, best_rss, best_state, w, inv, sp, t, t - a, rss, False)
+    leaf = a <= 2
+    few = a
+    which = PM
+    keep = True
+    if not leaf and t - a <= 2 and inverse(pm, sp, t, wm, wx, inv):
         n[WORK] -= t * t * t
-        return
+        leaf = True
+        few = t - a
+        which = INV
+        keep = False
+        for j in range(t):
+            r -= inv[j * sp + t] * pm[j * sp + t]
+    if leaf or a == t:
+        if a == t:
+            few = 0
+            keep = False
+        n[WORK] -= t * t
+        enumerate_leaves(gram, cross, costs, budget, best_rss, best_state, w, w.matrices[which], sp, t, few, r, keep)
+        return CLOSED
     missing = False
     for j in range(t):
         diagonal[j] = root_d[free[j]] * scale
@@ -242,7 +178,7 @@ def expand(
     fresh = False
     dependent = -1
     if missing:
-        fresh = root_diagonal(pm, sp, t, wm, wx, wy, inv, diagonal)
+        fresh = inverse_diagonal(pm, sp, t, wm, wx, wy, inv, diagonal)
         n[WORK] -= 10 * t * t * t
         if not fresh:
             for j in range(t):
@@ -259,7 +195,7 @@ def expand(
         n[WORK] -= t * t * (t + 12) // 6
         bound = max(bound, now)
         if now >= threshold:
-            return
+            return CLOSED
         least_in = h[ranking[a - 1]]
         most_out = h[ranking[a]]
         for j in range(t):
@@ -288,61 +224,58 @@ def expand(
         for j in range(t):
             wz[j] = max(wz[j] * np.sqrt(h[j]), 1e-150)
     if dependent >= 0 and current[dependent] == FREE:
-        for j in range(p):
-            wy[j] = tree.share[slot, j]
-        _branch(tree, w, dependent, wy, bound, bound, scale, depth_first)
-        return
-    _open(tree, w, t, a, bound, now, scale, depth_first, fixed)
+        return _carried(tree, w, slot, dependent, bound, scale)
+    return _chosen(w, t, a, bound, now, scale, fixed)
 
 
-@njit(**INNER)
-def _open(tree: Any, w: Any, t: int, a: int, bound: float, now: float, scale: float, depth: bool, fixed: int) -> None:
-    """Choose the column to branch on, or go on with the same node after many columns were fixed."""
-    wz = w.vectors[Z]
+@kernel
+def _carried(tree: Any, w: Any, slot: int, column: int, bound: float, scale: float) -> int:
+    """Branch on a given column; the children start where this node did."""
+    shares = w.vectors[Y]
+    outcome = w.vectors[OUTCOME]
+    for j in range(tree.share.shape[1]):
+        shares[j] = tree.share[slot, j]
+    outcome[0] = bound
+    outcome[1] = bound
+    outcome[2] = scale
+    return column
+
+
+@kernel
+def _chosen(w: Any, t: int, a: int, bound: float, now: float, scale: float, fixed: int) -> int:
+    """The free column with the largest share to branch on, or AGAIN after many columns were fixed."""
+    z = w.vectors[Z]
     h = w.vectors[H]
-    wy = w.vectors[Y]
+    shares = w.vectors[Y]
+    outcome = w.vectors[OUTCOME]
     ranking = w.integers[RANKING]
     free = w.integers[FREE_COLUMNS]
     current = w.states[CURRENT]
-    z = wy
     for j in range(current.size):
-        z[j] = 1.0
-    largest = 0.0
+        shares[j] = 1.0
+    largest = 1e-300
     for j in range(t):
-        largest = max(largest, wz[j])
+        largest = max(largest, z[j])
     best = -1.0
-    column = -1
     at = -1
     for j in range(t):
-        share = wz[j] / max(largest, 1e-300)
-        z[free[j]] = share
-        if current[free[j]] == FREE:
-            v = 1.0 + h[j] if share > 0.999 else share
-            if v > best:
-                best = v
-                column = free[j]
-                at = j
-    if column < 0 or 5 * fixed > t:
-        push(tree, current, z, bound, scale, depth)
-        return
-    keep = max(bound, now + h[ranking[a - 1]] - h[at])
-    drop = max(bound, now + h[at] - h[ranking[a]])
-    _branch(tree, w, column, z, keep, drop, scale, depth)
+        share = z[j] / largest
+        shares[free[j]] = share
+        v = 1.0 + h[j] if share > 0.999 else share
+        if current[free[j]] == FREE and v > best:
+            best = v
+            at = j
+    outcome[2] = scale
+    outcome[0] = bound
+    outcome[1] = bound
+    if at < 0 or 5 * fixed > t:
+        return AGAIN
+    outcome[0] = max(bound, now + h[ranking[a - 1]] - h[at])
+    outcome[1] = max(bound, now + h[at] - h[ranking[a]])
+    return int(free[at])
 
 
-@njit(**INNER)
-def _branch(tree: Any, w: Any, column: int, z: Any, keep: float, drop: float, scale: float, depth: bool) -> None:
-    wx = w.vectors[X]
-    current = w.states[CURRENT]
-    for j in range(current.size):
-        wx[j] = z[j]
-    current[column] = DROPPED
-    push(tree, current, wx, drop, scale, depth)
-    current[column] = KEPT
-    push(tree, current, wx, keep, scale, depth)
-
-
-@njit(**INNER)
+@kernel
 def _affordable(costs: Any, left: float, state: Any, a: int, x: Any) -> bool:
     """Whether the `a` cheapest free columns fit into what is left of the budget."""
     t = 0
@@ -360,7 +293,7 @@ def _affordable(costs: Any, left: float, state: Any, a: int, x: Any) -> bool:
     return bool(cheapest <= left + 1e-12 * abs(left))
 
 
-@njit(**KERNEL)
+@kernel
 def search(
     gram: Any,
     cross: Any,
@@ -377,6 +310,8 @@ def search(
 ) -> int:
     """Expand nodes until none is open (DONE), the work is used up (PAUSED) or more room is needed (FULL)."""
     heap = tree.slots[0]
+    current = w.states[CURRENT]
+    outcome = w.vectors[OUTCOME]
     n = tree.counters
     n[WORK] = work
     room = tree.bound.size
@@ -388,5 +323,11 @@ def search(
         if n[STACK] == 0 and tree.bound[heap[0]] >= best_rss[-1] * (1.0 - PROOF_TOLERANCE) - 1e-14:
             n[HEAP] = 0
             break
-        expand(gram, cross, size, costs, budget, root_d, tree, w, best_rss, best_state, capacity)
+        column = expand(gram, cross, size, costs, budget, root_d, tree, w, best_rss, best_state)
+        depth_first = n[HEAP] >= capacity - 2 * gram.shape[0] - 8
+        # the child that keeps the column comes last: a stack takes it first
+        for child in range(0 if column == CLOSED else 1 if column == AGAIN else 2):
+            if column >= 0:
+                current[column] = DROPPED if child == 0 else KEPT
+            push(tree, current, w.vectors[Y], outcome[1 - child], outcome[2], depth_first)
     return DONE

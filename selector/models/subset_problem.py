@@ -92,7 +92,7 @@ class Problem:
         p = self.n_columns
         return nodes.Scratch(
             np.zeros((4, (p + 1) * (p + 2))),
-            np.zeros((6, p + 1)),
+            np.zeros((7, p + 3)),
             np.zeros((4, p + 1), np.int64),
             np.zeros((2, p), np.int8),
         )
