@@ -106,15 +106,15 @@ def column_of(column: pa.ChunkedArray | pa.Array) -> NDArray[Any] | None:
     if pa.types.is_boolean(kind):
         column, kind = pc.cast(column, pa.uint8()), pa.uint8()
     if pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind):
-        values = np.array(pc.cast(column, pa.float64(), safe=False).to_numpy(), dtype=np.float64)
+        values = np.array(_numpy(pc.cast(column, pa.float64(), safe=False)), dtype=np.float64)
         values[~np.isfinite(values)] = np.nan
         return values
     if pa.types.is_timestamp(kind) or pa.types.is_date(kind):
         moments = pc.cast(column, pa.timestamp("ns", getattr(kind, "tz", None)))
-        return np.array(moments.to_numpy(), dtype="datetime64[ns]")
+        return np.array(_numpy(moments), dtype="datetime64[ns]")
     if pa.types.is_duration(kind):
         ticks = pc.cast(pc.cast(column, pa.duration("ns")), pa.int64())
-        return np.array(ticks.to_numpy(), dtype=np.float64) / 1e9
+        return np.array(_numpy(ticks), dtype=np.float64) / 1e9
     if pa.types.is_time(kind):
         column, kind = pc.cast(column, pa.string()), pa.string()
     if pa.types.is_string(kind) or pa.types.is_large_string(kind):
@@ -122,3 +122,10 @@ def column_of(column: pa.ChunkedArray | pa.Array) -> NDArray[Any] | None:
     if pa.types.is_null(kind):
         return np.full(len(column), np.nan)
     return None
+
+
+def _numpy(column: pa.ChunkedArray | pa.Array) -> NDArray[Any]:
+    values: NDArray[Any] = (
+        column.to_numpy() if isinstance(column, pa.ChunkedArray) else column.to_numpy(zero_copy_only=False)
+    )
+    return values

@@ -1,0 +1,181 @@
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from selector.errors import OptionError, ReadError
+from selector.readers import Overrides, convert, machine, machine_of, read, write_machine_file
+
+CONTENT = "Zeit;PT01;Z\nmin;°F;mm\n" + "".join(f"{i};{68 + i},5;0,0{i}\n" for i in range(6))
+MACHINE = (
+    "[machine]\nname = 'VMC'\n[time]\ncolumn = 'Zeit'\nunit = 'min'\n[channels.T1]\ncolumn = 'PT01'\n"
+    "role = 'temperature'\n"
+    "unit = 'degF'\nplace = 'nose'\n[channels.Z]\nrole = 'displacement'\nunit = 'mm'\naxis = 'Z'\n"
+)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    for name in ("r10.csv", "r2.csv", "r1.csv"):
+        (tmp_path / name).write_text(CONTENT, encoding="utf-8")
+    (tmp_path / "machine.toml").write_text(MACHINE, encoding="utf-8")
+    (tmp_path / ".hidden.csv").write_text("x", encoding="utf-8")
+    (tmp_path / "~$r1.xlsx").write_text("x", encoding="utf-8")
+    (tmp_path / "photo.jpg").write_text("x", encoding="utf-8")
+    (tmp_path / "sim").mkdir()
+    (tmp_path / "sim" / "r1.csv").write_text(CONTENT, encoding="utf-8")
+    return tmp_path
+
+
+def test_a_folder_is_its_recordings_in_natural_order_with_its_machine_file(folder):
+    reading = read([folder])
+    assert reading.recording.runs == ("r1", "r2", "r10")
+    assert reading.recording.names == ("T1", "Z")
+    told = {f.id: f for f in reading.findings}
+    assert told["files-skipped"].evidence["files"] == ["photo.jpg"]
+    assert "machine-file-found" in told
+    assert read([folder], folder / "machine.toml").recording.runs == ("r1", "r2", "r10")
+
+
+def test_files_of_one_name_in_two_folders_keep_apart(folder):
+    reading = read([folder / "r1.csv", folder / "sim" / "r1.csv"])
+    assert reading.recording.runs == (f"{folder.name}_r1", "sim_r1")
+    assert any(f.id == "runs-renamed" for f in reading.findings)
+    assert read([folder / "r1.csv", folder / "." / "r1.csv"]).recording.runs == ("r1",)
+
+
+def test_the_description_is_the_contract(folder):
+    description = read([folder / "r1.csv"]).description()
+    assert json.loads(json.dumps(description, allow_nan=False)) == description
+    assert list(description) == ["schema", "runs", "channels", "reading", "findings"]
+    assert description["schema"] == "selector.description/1"
+    (run,) = description["runs"]
+    assert {k: run[k] for k in ("run", "rows", "duration_s", "period_s", "start")} == {
+        "run": "r1", "rows": 6, "duration_s": 300.0, "period_s": 60.0, "start": None,
+    }  # fmt: skip
+    assert run["file"].endswith("r1.csv")
+    assert len(run["sha256"]) == 64
+    first = description["channels"][0]
+    assert first == {
+        "name": "PT01", "column": "PT01", "role": "temperature", "unit": "degC", "unit_in_file": "degF",
+        "guessed": ["role"],
+    }  # fmt: skip
+    shown = description["reading"]
+    assert {k: shown[k] for k in ("format", "encoding", "separator", "decimal", "skipped_rows", "unit_row")} == {
+        "format": "delimited", "encoding": "utf-8", "separator": ";", "decimal": ",", "skipped_rows": 0,
+        "unit_row": True,
+    }  # fmt: skip
+    assert all(
+        set(f) == {"id", "level", "statement", "where", "evidence", "suggestion", "action"}
+        for f in description["findings"]
+    )
+
+
+def test_a_machine_file_written_from_a_reading_reads_the_same_without_guesses(folder):
+    first = read([folder / "r1.csv"])
+    path = folder / "written.toml"
+    write_machine_file(machine_of(first), path, first.undeclared)
+    again = read([folder / "r1.csv"], path)
+    assert again.recording.channels == first.recording.channels
+    assert np.array_equal(again.recording.frame, first.recording.frame)
+    assert all(c.guessed == () for c in again.channels)
+    assert again.reading["time"]["guessed"] == []
+
+
+def test_runs_with_other_channels_and_other_formats(folder, tmp_path):
+    (folder / "r3.txt").write_text("t [s],PT01 [degC]\n0,20\n1,21\n", encoding="cp1252")
+    (folder / "machine.toml").unlink()
+    reading = read([folder / "r1.csv", folder / "r3.txt"])
+    assert np.isnan(reading.recording.values("r3", ["Z"])).all()
+    assert reading.recording.values("r3", ["PT01"])[0, 0] == 20.0
+    (finding,) = [f for f in reading.findings if f.id == "channel-missing-in-run"]
+    assert finding.evidence["runs"] == ["r3"]
+    assert reading.reading["per_run"]["r3"]["separator"] == ","
+
+
+def test_the_same_remark_on_many_runs_is_made_once(folder):
+    for k in range(20, 28):
+        (folder / f"r{k}.csv").write_text("T1\n" + "".join(f"2{i % 3}.5\n" for i in range(5)), encoding="utf-8")
+    (folder / "machine.toml").unlink()
+    reading = read([folder / f"r{k}.csv" for k in range(20, 28)])
+    (finding,) = [f for f in reading.findings if f.id == "no-clock"]
+    assert len(finding.evidence["runs"]) == 8
+
+
+def test_convert_writes_the_contract(folder, tmp_path):
+    reading = read([folder])
+    out = tmp_path / "clean"
+    paths = convert(reading, out)
+    assert [p.name for p in paths] == ["r1.csv", "r2.csv", "r10.csv", "machine.toml"]
+    lines = (out / "r1.csv").read_bytes().decode("utf-8").split("\n")
+    assert lines[0] == "time_s,T1,Z"
+    assert lines[2].split(",")[0] == "60"
+    assert float(lines[2].split(",")[2]) == 10.0
+    declared = machine(out / "machine.toml")
+    assert (declared.time.column, declared.time.unit, declared.machine.name) == ("time_s", "s", "VMC")
+    assert declared.channels["T1"].place == "nose"
+    assert sorted(p.name for p in out.iterdir()) == ["machine.toml", "r1.csv", "r10.csv", "r2.csv"]
+    again = read([out])
+    assert np.array_equal(again.recording.frame, reading.recording.frame)
+    assert again.recording.channels == reading.recording.channels
+    convert(again, tmp_path / "twice")
+    for name in ("r1.csv", "machine.toml"):
+        assert (tmp_path / "twice" / name).read_bytes() == (out / name).read_bytes()
+
+
+def test_convert_never_writes_over_an_input(folder):
+    before = {p.name: p.read_bytes() for p in folder.iterdir() if p.is_file()}
+    with pytest.raises(OptionError, match="one of the inputs"):
+        convert(read([folder]), folder)
+    with pytest.raises(OptionError, match=r"machine\.toml"):
+        convert(read([folder / "r1.csv"], folder / "machine.toml"), folder, "parquet")
+    with pytest.raises(OptionError):
+        convert(read([folder]), folder / "r1.csv" / "deeper")
+    with pytest.raises(OptionError, match="csv or parquet"):
+        convert(read([folder]), folder / "out", "xml")
+    assert {p.name: p.read_bytes() for p in folder.iterdir() if p.is_file()} == before
+
+
+def test_a_failed_conversion_leaves_nothing_behind(folder, tmp_path, monkeypatch):
+    import pyarrow.csv
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(pyarrow.csv, "write_csv", full)
+    with pytest.raises(OptionError, match="No space left"):
+        convert(read([folder]), tmp_path / "clean")
+    assert list((tmp_path / "clean").iterdir()) == []
+
+
+def test_headers_that_a_spreadsheet_would_run_are_defused_and_read_back(reads, tmp_path):
+    reading = reads(
+        "t [s],=1+1,@SUM,-x,+y\n0,1,2,3,4\n1,2,3,4,5\n2,3,4,5,6\n",
+        roles=dict.fromkeys(("=1+1", "@SUM", "-x", "+y"), "state"),
+    )
+    out = tmp_path / "clean"
+    convert(reading, out)
+    header = (out / "r1.csv").read_text(encoding="utf-8").split("\n")[0]
+    assert header == "time_s,'=1+1,'@SUM,'-x,'+y"
+    again = read([out])
+    assert again.recording.names == ("=1+1", "@SUM", "-x", "+y")
+    assert np.array_equal(again.recording.frame, reading.recording.frame)
+
+
+def test_names_of_runs_become_names_that_every_system_takes(reads, tmp_path):
+    content = "run,t [s],T1\n" + "".join(
+        f"{r},{i},2{i}\n" for r in ("a/b:c", "con", "A/b:C", "machine") for i in range(3)
+    )
+    paths = convert(reads(content), tmp_path / "clean")
+    assert [p.name for p in paths] == ["a_b_c.csv", "run_con.csv", "A_b_C_2.csv", "run_machine.csv", "machine.toml"]
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="named pipes")
+def test_a_pipe_is_no_file(tmp_path):
+    os.mkfifo(tmp_path / "pipe.csv")
+    with pytest.raises(ReadError):
+        read([tmp_path / "pipe.csv"], overrides=Overrides())
