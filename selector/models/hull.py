@@ -59,6 +59,19 @@ def validity_hull(inputs: NDArray[np.float64]) -> ValidityHull:
     kept = np.unique(np.concatenate([np.arange(0, len(inputs), -(-len(inputs) // MAX_SAMPLES)), edges]))
     scaled = inputs[kept] / scale
     directions = np.random.default_rng(0).normal(size=(2 * MAX_POINTS, inputs.shape[1]))
-    directions = np.vstack([np.eye(inputs.shape[1]), -np.eye(inputs.shape[1]), directions])
+    directions = np.vstack([np.eye(inputs.shape[1]), -np.eye(inputs.shape[1]), directions @ _whitening(scaled)])
     extreme = np.unique((scaled @ directions.T).argmax(axis=0))
     return ValidityHull(scaled[extreme], scale, inputs.min(axis=0), inputs.max(axis=0))
+
+
+def _whitening(scaled: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Turns random directions into those that see every width of a cloud alike, shape (n_variables, n_variables).
+
+    Temperatures of one machine rise together: their cloud is a needle, and in a random direction it is always one of
+    its two ends that is the outermost.
+    """
+    _, spread, axes = np.linalg.svd(scaled - scaled.mean(axis=0), full_matrices=False)
+    floor = max(1e-6 * float(spread.max(initial=0.0)), 1e-300)
+    whitening = np.zeros((scaled.shape[1], scaled.shape[1]))
+    whitening[: len(spread)] = axes / np.maximum(spread, floor)[:, None]
+    return whitening
