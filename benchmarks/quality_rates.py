@@ -70,13 +70,13 @@ def main(count: int = 200, kinds: tuple[str, ...] = tuple(KINDS)) -> None:
     begin = time.perf_counter()
     base = cost_s(5000)
     print(f"38 channels, 10 runs of 5000 samples: {base:.2f} s; of 10 000: {cost_s(10_000) / base:.2f} times that")
-    hit, by_kind, places = false_alarms(range(40_000, 40_000 + count))
+    hit, by_kind, places = false_alarms(range(70_000, 70_000 + count))
     print(f"clean recordings with a false alarm: {hit} of {count} ({hit / count:.1%}); {dict(by_kind)}")
     for place in places:
         print("  ", place)
     print(f"{'planted':24} {'found':>12}       left out  beside   missed seeds")
     for kind in kinds:
-        found, acted, tried, beside, missed = detections(kind, range(50_000, 50_000 + count))
+        found, acted, tried, beside, missed = detections(kind, range(80_000, 80_000 + count))
         print(
             f"{kind:24} {found:5} of {tried:4} {found / max(tried, 1):5.0%} {acted:9} {beside:7}   {missed[:8]}",
             flush=True,

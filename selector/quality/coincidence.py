@@ -6,9 +6,6 @@ import numpy as np
 
 from selector.quality.survey import COMMAND_ROLES, MEASURED_ROLES, Floats, Survey
 
-Moments = list[tuple[str, tuple[float, float]]]
-"""(run, (last sample before, first sample after)) of every jump of a channel [s]."""
-
 _NEAR_PERIODS = 2.5
 """A cause and its effect are this close [sampling periods]."""
 _KINK_PERIODS = 1.2
@@ -18,15 +15,17 @@ _REACH = 20
 _CLEAR_KINK = 8.0
 """Standard errors by which two slopes must differ to be a kink."""
 _FOLLOWED = 0.2
-"""Share of a command's changes at which a channel must jump for the command to be a cause."""
+"""Share of a command's changes that a channel must follow at once for the command to be a cause, ..."""
+_MUCH = 0.35
+"""... by this share of the jump in question."""
 
 
-def commanded(survey: Survey, column: int, run: str, moment_s: tuple[float, float], moments: Moments) -> str:
-    """Which command or state of the machine causes a jump, in words; empty if none does.
+def commanded(survey: Survey, column: int, run: str, moment_s: tuple[float, float], height: float) -> str:
+    """Which command or state of the machine causes a jump of this height, in words; empty if none does.
 
-    One that changes at this moment, and either has changed so much at most twice in the recording, or has the channel
-    jump at a fifth of these changes at least (`moments`: all jumps of the channel): a change that is close by chance
-    is no cause. A change of speed always is one for a displacement.
+    One that changes at this moment, and either has changed so much at most twice in the recording, or is followed by
+    the channel at once at a fifth of these changes at least: a change that is close by chance is no cause. A change of
+    speed always is one for a displacement.
     """
     first, last = _rows_near(survey, run, moment_s, _NEAR_PERIODS)
     for other in survey.columns(*COMMAND_ROLES):
@@ -35,19 +34,17 @@ def commanded(survey: Survey, column: int, run: str, moment_s: tuple[float, floa
         speeding = survey.channels[column].role == "displacement" and survey.channels[other].role == "spindle_speed"
         if speeding:
             return f"{survey.channels[other].name} changes at that moment"
-        changes = jumped = 0
+        changes = followed = 0
         piece = survey.values[run][other][first:last]
         size = 0.7 * float(np.nanmax(np.abs(np.diff(piece))))
         for each in survey.runs:
             changed = _change_times(survey, each, other, size)
             changes += changed.size
-            near = 4.0 * _period(survey, each)
-            jumped += sum(
-                bool(changed.size) and float(np.abs(changed - 0.5 * (a + b)).min()) <= near
-                for where, (a, b) in moments
-                if where == each
-            )
-        if changes <= 2 or jumped >= max(2.0, _FOLLOWED * changes):
+            x = survey.values[each][column]
+            for at in np.searchsorted(survey.time[each], changed).tolist():
+                moved = _level(x[at + 2 : at + 6]) - _level(x[max(0, at - 5) : max(0, at - 1)])
+                followed += bool(abs(moved) > _MUCH * abs(height))
+        if changes <= 2 or followed >= max(2.0, _FOLLOWED * changes):
             return f"{survey.channels[other].name} changes at that moment"
     return ""
 
@@ -73,7 +70,7 @@ def pulsing_with(survey: Survey, column: int, run: str, window_s: tuple[float, f
             if other == column or not (inside.size and before.size and after.size):
                 continue
             off = float(np.median(inside) - 0.5 * (np.median(before) + np.median(after)))
-            limit = max(6.0 * survey.scale(run, other).floor, 2.0 * abs(float(np.median(after) - np.median(before))))
+            limit = max(8.0 * survey.scale(run, other).floor, 2.0 * abs(float(np.median(after) - np.median(before))))
             if abs(off) > max(limit, 1e-300):
                 pulsing[measured].append(survey.channels[other].name)
     return pulsing[False], pulsing[True]
@@ -112,6 +109,12 @@ def _change_times(survey: Survey, run: str, column: int, size: float) -> Floats:
     at = np.flatnonzero(differences > least)
     at = at[np.diff(at, prepend=-10) > 2]
     return np.asarray(series.time_s[at + 1], dtype=np.float64)
+
+
+def _level(x: Floats) -> float:
+    """Median of what is there; NaN, which is never much, if nothing is."""
+    x = x[np.isfinite(x)]
+    return float(np.median(x)) if x.size else float("nan")
 
 
 def _changes(x: Floats, first: int, last: int) -> bool:

@@ -14,7 +14,7 @@ import numpy as np
 
 from selector.findings import Finding, Where
 from selector.quality.break_codes import told
-from selector.quality.coincidence import Moments, commanded, jumping_with, kink_elsewhere, pulsing_with
+from selector.quality.coincidence import commanded, jumping_with, kink_elsewhere, pulsing_with
 from selector.quality.survey import MEASURED_ROLES, Floats, Ints, Series, Survey
 from selector.quality.wording import difference, moment, reading
 
@@ -27,6 +27,8 @@ _SMALLEST = {"degC": 0.5, "um": 4.0}
 _STEPS = 3.5
 """A jump spans more than so many steps of the resolution."""
 _LONGEST_SPIKE = 3
+_BRIEF_S = 25.0
+"""From the first to the last sample of a spike; a burst of coolant on a thin sensor is longer."""
 _REACH = 12
 """Samples on each side from which the levels beside a jump are taken."""
 _MOST = 400
@@ -67,32 +69,40 @@ def sharp_differences(series: Series, survey: Survey) -> Ints:
 
 
 def spikes(survey: Survey) -> Iterator[Finding]:
-    """Findings ``spike``: up to three samples off, the level before and after the same. O(samples)."""
+    """Findings ``spike``: up to three samples off, the level before and after the same. O(samples).
+
+    No fault is what a command explains, what some but not all other channels see in the same samples (all see
+    interference), and what is no higher than steps of the same channel: a thin sensor. Of several samples that last
+    longer than half a minute a short process may be the cause: a warning, and nothing is left out.
+    """
     for column in survey.columns(*MEASURED_ROLES):
         found: list[tuple[Series, int, int, float]] = []
         shifts: list[float] = []
         for run in survey.runs:
-            series, noise = survey.series(run, column), survey.scale(run, column).block_noise
-            widest = 5.0 * float(noise.max()) if noise.size else 0.0
+            series, scale = survey.series(run, column), survey.scale(run, column)
+            widest = 5.0 * float(scale.block_noise.max()) if scale.block_noise.size else 0.0
             sharp = sharp_differences(series, survey)
             found += [(series, *spike) for spike in _spike_samples(series, sharp, widest)]
-            shifts += [abs(jump.height) for jump in _level_shifts(series, sharp)]
+            for jump in _level_shifts(series, sharp, scale.noise):
+                # a gauge jumps with the speed and may be disturbed as well
+                moment_s = (float(series.time_s[jump.at]), jump.time_s)
+                gauge = series.channel.role == "displacement"
+                if not (gauge and commanded(survey, column, run, moment_s, jump.height)):
+                    shifts.append(abs(jump.height))
         others = len(survey.columns(*MEASURED_ROLES)) - 1
-        kept: dict[str, list[tuple[tuple[float, float], float]]] = {}
+        kept: dict[tuple[str, bool], list[tuple[tuple[float, float], float]]] = {}
         for series, first, last, height in found:
-            # a thin sensor that steps as high elsewhere, or a process that some other channels see; what all of them
-            # see in one sample is interference
             steps_too = sum(shift > 0.6 * abs(height) for shift in shifts) >= 2
             window = (float(series.time_s[first]), float(series.time_s[last]))
             commands, measured = pulsing_with(survey, column, series.run, window)
             if not steps_too and not commands and not 0 < len(measured) < 0.6 * others:
-                kept.setdefault(series.run, []).append((window, height))
-        for run, hits in kept.items():
-            yield from _told_spikes(survey, run, column, hits)
+                kept.setdefault((series.run, window[1] - window[0] > _BRIEF_S), []).append((window, height))
+        for (run, unsure), hits in kept.items():
+            yield from _told_spikes(survey, run, column, hits, unsure=unsure)
 
 
 def _told_spikes(
-    survey: Survey, run: str, column: int, hits: list[tuple[tuple[float, float], float]]
+    survey: Survey, run: str, column: int, hits: list[tuple[tuple[float, float], float]], *, unsure: bool
 ) -> Iterator[Finding]:
     channel = survey.channels[column]
     worst = max((height for _, height in hits), key=abs)
@@ -101,11 +111,13 @@ def _told_spikes(
         Finding(
             "spike",
             "warning",
-            f"{channel.name} in run {run} {many} of {difference(worst, channel)}, {{when}}.",
+            f"{channel.name} in run {run} {many} of {difference(worst, channel)}, {{when}}"
+            + ("; a short process, e.g. coolant on a thin sensor, can do this." if unsure else "."),
             Where(channel.name, run),
             {"spikes": len(hits), "largest": worst, "noise": survey.scale(run, column).noise},
-            "Look for interference or a loose contact. The samples are left out.",
-            "leave-out-stretch",
+            "Look for interference or a loose contact. "
+            + ("Nothing is left out." if unsure else "The samples are left out."),
+            "none" if unsure else "leave-out-stretch",
         ),
         [window for window, _ in hits],
         few=1,
@@ -125,12 +137,13 @@ def steps(survey: Survey) -> Iterator[Finding]:
         found: list[tuple[Series, Jump]] = []
         for run in survey.runs:
             series = survey.series(run, column)
-            found += [(series, jump) for jump in _level_shifts(series, sharp_differences(series, survey))]
-        moments: Moments = [(s.run, (float(s.time_s[jump.at]), jump.time_s)) for s, jump in found]
+            sharp = sharp_differences(series, survey)
+            found += [(series, jump) for jump in _level_shifts(series, sharp, survey.scale(run, column).noise)]
         causes = []
-        for run, moment_s in moments:
-            cause = commanded(survey, column, run, moment_s, moments)
-            together = "" if cause else ", ".join(jumping_with(survey, column, run, moment_s)[:3])
+        for series, jump in found:
+            moment_s = (float(series.time_s[jump.at]), jump.time_s)
+            cause = commanded(survey, column, series.run, moment_s, jump.height)
+            together = "" if cause else ", ".join(jumping_with(survey, column, series.run, moment_s)[:3])
             causes.append(cause or (f"{together} jumps with it" if together else ""))
         causes = [
             cause or ("its course bends there too" if jump.bends else "")
@@ -237,7 +250,7 @@ def _spike_samples(series: Series, candidates: Ints, widest: float) -> list[tupl
     return found
 
 
-def _level_shifts(series: Series, candidates: Ints) -> list[Jump]:
+def _level_shifts(series: Series, candidates: Ints, noise: float) -> list[Jump]:
     x, time, found = series.x, series.time_s, []
     period = series.period_s
     for i in candidates:
@@ -254,20 +267,18 @@ def _level_shifts(series: Series, candidates: Ints) -> list[Jump]:
         bend = abs(slope_after - slope_before) * 0.5 * _REACH * period
         bends = bend > max(0.25 * abs(after - before), 3.0 * (error_before + error_after))
         # ... and what is still on its way in the first sample is a lag
-        if x.size > i + 8:
-            rest = slice(i + 3, right.stop)
-            settled, error_settled, _ = _line_at(time[rest], x[rest], float(time[i + 1]))
-            late = (settled - float(x[i + 1])) / (after - before)
-            scatter = error_settled * float(np.hypot(1.0, np.sqrt(rest.stop - rest.start)))
-            bends |= late > max(0.08, 3.0 * scatter / abs(after - before))
         height, error = after - before, float(np.hypot(error_before, error_after))
+        if x.size > i + 8:
+            settled = float(np.median(x[i + 4 : i + 8]) - slope_before * (np.median(time[i + 4 : i + 8]) - time[i + 1]))
+            late = (settled - float(x[i + 1])) * np.sign(height)
+            bends |= bool(late > max(0.12 * abs(height), 3.5 * noise))
         around = np.abs(np.diff(x[left.start : right.stop]))
         around[i - left.start] = 0.0
         smallest = _SMALLEST[series.channel.unit]
         if (
             abs(height) > max(_CLEAR * error, smallest)
             and abs(height / float(x[i + 1] - x[i]) - 1.0) < 0.35
-            and float(around.max()) < max(_REST * abs(height), 1e-300)
+            and float(around.max()) < max(_REST * abs(height), min(6.5 * noise, 0.6 * abs(height)))
         ):
             found.append(Jump(int(i), height, float(time[i + 1]), error, bool(bends)))
     return found

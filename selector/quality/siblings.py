@@ -147,9 +147,12 @@ def _judged(relations: Relations, i: int, siblings: dict[int, list[int]], r: int
     onset = _onset(departure, 1.2 * usual)
     if onset is None:
         return None
-    return excess, _drift_finding(
-        relations, i, siblings[i], r, departure, usual, onset, "of the other runs", acts=len(others) >= _LEAST_OTHERS
-    )
+    # off at once, or off before and back again: more like something on the machine than a sensor that comes off
+    size = _size(departure)
+    rising = departure[onset : onset + 3]
+    gradual = float(np.abs(rising).max()) < 0.6 * size and float(np.abs(departure[:onset]).max()) < 0.5 * size
+    acts = gradual and len(others) >= _LEAST_OTHERS
+    return excess, _drift_finding(relations, i, siblings[i], r, departure, usual, onset, "of the other runs", acts=acts)
 
 
 def _leaving_within(
@@ -215,7 +218,7 @@ def _drift_finding(
             "siblings": [survey.channels[relations.columns[j]].name for j in siblings],
         },
         "Check whether the sensor came off or ages. "
-        + ("The stretch is left out." if acts else "So few runs do not prove it: nothing is left out."),
+        + ("The stretch is left out." if acts else "It may be real, or too few runs to know: nothing is left out."),
         "leave-out-stretch" if acts else "none",
     )
 
@@ -226,7 +229,7 @@ def _onset(departure: Floats, limit: float) -> int | None:
     onset = int(within[-1]) + 1 if within.size else 0
     tail = departure[-max(3, departure.size // 20) :]
     # what is off from the start may be a warm start
-    lasting = departure.size - onset >= max(5, departure.size // 12) and onset >= max(3, departure.size // 15)
+    lasting = departure.size - onset >= max(5, departure.size // 6) and onset >= max(3, departure.size // 15)
     return onset if lasting and abs(float(np.median(tail))) > 0.6 * _size(departure) else None
 
 
