@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import pyarrow as pa
@@ -19,12 +19,15 @@ from selector.readers.columns import numbers_or_text
 from selector.readers.encodings import decoded
 from selector.readers.layout import Layout, column_kinds, layout
 from selector.readers.lines import body
+from selector.readers.pairs import on_one_clock, paired_headings
 from selector.readers.sniffing import Dialect, cells_of, decimal_doubts, dialect, is_comment
 from selector.readers.tables import Column, Overrides, Table, checked_size, checked_width, unique_headers
 
 MAX_TEXT_BYTES = 2_000_000_000
 _LONGEST_LINE = 4_000_000
 _HEAD_LINES = 6_000
+
+_Pairs: TypeAlias = tuple[list[str], list[str | None]]
 
 
 @dataclass(frozen=True)
@@ -64,7 +67,8 @@ def read_delimited(path: Path, data: bytes, overrides: Overrides) -> list[Table]
     headings = [
         sheet.raw[i] for i in (sheet.layout.names, sheet.layout.units, sheet.layout.description) if i is not None
     ]
-    headers, units, descriptions, n_columns, header_findings = _headers(sheet, where)
+    pairs = paired_headings(sheet.rows[: sheet.layout.first], sheet.dialect.n_columns)
+    headers, units, descriptions, n_columns, header_findings = _headers(sheet, pairs, where)
     samples = body(
         utf8[offset:], sheet.layout.first + 1 + skipped, sheet.dialect, sheet.dialect.n_columns, headings, where
     )
@@ -103,7 +107,8 @@ def read_delimited(path: Path, data: bytes, overrides: Overrides) -> list[Table]
     }
     if sheet.layout.names is None:
         findings.append(no_header_finding(where, headers))
-    return [Table(path.stem, path, tuple(columns), reading, tuple(findings), samples.lines)]
+    table = Table(path.stem, path, tuple(columns), reading, tuple(findings), samples.lines)
+    return [table if pairs is None else on_one_clock(table)]
 
 
 def _refuse_markup(utf8: bytes, where: str) -> None:
@@ -228,9 +233,14 @@ def _inner_lines(utf8: bytes, raw: list[str]) -> list[str]:
     return usable or [line for line in raw if line.strip()][-100:]
 
 
-def _headers(sheet: _Sheet, where: str) -> tuple[list[str], list[str | None], list[str | None], int, list[Finding]]:
+def _headers(
+    sheet: _Sheet, pairs: _Pairs | None, where: str
+) -> tuple[list[str], list[str | None], list[str | None], int, list[Finding]]:
     """Header cells, units and descriptions of the columns, the number of columns that count, and what was noticed."""
     n = sheet.dialect.n_columns
+    if pairs is not None:
+        headers, repeated = unique_headers(pairs[0], where)
+        return headers, pairs[1], [None] * n, n, repeated
     if sheet.layout.names is None:
         while n > 1 and sheet.kinds[n - 1] == "empty":
             n -= 1

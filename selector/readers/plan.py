@@ -31,7 +31,7 @@ class Planned:
     units : mapping of run name to pint unit
         Unit of the values in that run's file.
     guessed : tuple of str
-        Which of "role", "unit", "axis" were guessed.
+        Which of "role", "unit", "axis", "place" were guessed.
     """
 
     name: str
@@ -83,6 +83,7 @@ def plan(runs: Sequence[TimedRun], machine: Machine | None, overrides: Overrides
 def _declared(runs: Sequence[TimedRun], machine: Machine, overrides: Overrides) -> Plan:
     findings: list[Finding] = []
     channels: list[Planned] = []
+    lacking: list[str] = []
     used: dict[str, set[str]] = {run.name: set() for run in runs}
     for name, section in machine.channels.items():
         wanted = section.column or name
@@ -93,6 +94,9 @@ def _declared(runs: Sequence[TimedRun], machine: Machine, overrides: Overrides) 
             if position is not None and own[position] not in used[run.name]:
                 headers[run.name] = own[position]
                 used[run.name].add(own[position])
+        if not headers and overrides.partial:
+            lacking.append(name)
+            continue
         if not headers:
             raise missing_everywhere(runs, name, wanted)
         absent = [run.name for run in runs if run.name not in headers]
@@ -111,6 +115,15 @@ def _declared(runs: Sequence[TimedRun], machine: Machine, overrides: Overrides) 
                 )
             )
         channels.append(_planned(name, section, headers, runs, overrides, findings, strict=True))
+    if lacking:
+        findings.append(
+            Finding(
+                "channels-lacking",
+                "info",
+                f"Of the channels of the machine file, {', '.join(lacking[:10])} are in none of the files.",
+                evidence={"channels": lacking},
+            )
+        )
     ignored: dict[str, str] = {}
     for run in runs:
         for column in run.columns:
@@ -288,6 +301,8 @@ def _planned(
     axis = section.axis or guess.axis
     if section.axis is None and guess.axis is not None:
         guessed.append("axis")
+    if section.place is None and first.description is not None:
+        guessed.append("place")
     if unit_guessed and strict and asked_role is not None:
         findings.append(
             Finding(

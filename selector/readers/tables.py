@@ -40,6 +40,8 @@ class Overrides:
         Sampling period [s] of a recording without a time column.
     units, roles : mapping
         Unit and role by channel or column name.
+    partial : bool
+        Whether channels of the machine file may be lacking in all files, as in a simulation of some channels only.
     """
 
     encoding: str | None = None
@@ -53,6 +55,7 @@ class Overrides:
     period_s: float | None = None
     units: Mapping[str, str] = field(default_factory=dict)
     roles: Mapping[str, str] = field(default_factory=dict)
+    partial: bool = False
 
 
 @dataclass(frozen=True)

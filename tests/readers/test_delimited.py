@@ -119,6 +119,24 @@ def test_repeated_headers_comments_and_footers_are_no_samples(reads, times):
     assert {"repeated-header", "comment-lines", "missing-stamps", "text-lines"} <= {f.id for f in reading.findings}
 
 
+def test_a_time_column_for_every_channel(reads, times, column):
+    head = "Name\tProject\nFile\tx.svdx\n\nName\tT1\tName\tZ\nSampleTime[ms]\t500\tSampleTime[ms]\t500\n"
+    head += "Unit\t°C\tUnit\tµm\n\n"
+    rows = "".join(f"{500 * i}\t{20 + i}.5\t{500 * i}\t{i}.25\n" for i in range(6))
+    reading = reads(head + rows)
+    assert times(reading) == [0, 0.5, 1, 1.5, 2, 2.5]
+    assert column(reading, "T1")[:2] == [20.5, 21.5]
+    assert [(c.name, c.role, c.unit_in_file) for c in reading.channels] == [
+        ("T1", "temperature", "degC"),
+        ("Z", "displacement", "um"),
+    ]
+    first = 134396352000000000
+    rows = "".join(f"{first + 5_000_000 * i}\t{20 + i}.5\t{first + 5_000_000 * i}\t{i}.25\n" for i in range(6))
+    reading = reads(head + rows)
+    assert times(reading) == [0, 0.5, 1, 1.5, 2, 2.5]
+    assert reading.runs[0].start == "2026-11-20T08:00:00"
+
+
 def test_two_columns_of_one_name(reads, ids, column):
     reading = reads("t,T1,T1\n0,1,20\n1,2,21\n2,3,22\n")
     assert column(reading, "T1.2") == [20, 21, 22]

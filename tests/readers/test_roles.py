@@ -105,6 +105,13 @@ def test_a_channel_that_no_file_has_is_an_error_that_names_the_nearest_column(re
     assert "Z [um]" in str(caught.value)
 
 
+def test_a_simulation_may_have_some_of_the_channels_only(reads):
+    text = "[channels.T1]\ncolumn='PT1'\nrole='temperature'\nunit='degC'\n[channels.Z]\nrole='displacement'\nunit='um'"
+    reading = reads(CONTENT, machine=machine_from_text(text, "m"), partial=True)
+    assert reading.recording.names == ("Z",)
+    assert any(f.id == "channels-lacking" and f.evidence["channels"] == ["T1"] for f in reading.findings)
+
+
 def test_columns_that_the_machine_file_does_not_name_are_told(reads):
     machine = machine_from_text("[channels.Z]\nrole='displacement'\nunit='um'", "m")
     reading = reads(CONTENT, machine=machine)
