@@ -127,7 +127,7 @@ def fault_table(selection: Selection) -> go.Figure:
         ygap=2,
         customdata=[[f"{name}, {text}" for _, _, text in columns] for name in names],
         hovertemplate="%{customdata}: %{z:.4g} µm<extra></extra>",
-        colorbar={"title": {"text": "largest change [µm]", "side": "right"}, "thickness": 14, "outlinewidth": 0},
+        showscale=False,
     )
     drawn.update_xaxes(
         tickvals=list(range(len(columns))),

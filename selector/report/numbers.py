@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 from selector.figures.style import SUPERSCRIPTS, number
 from selector.findings import Where
@@ -55,11 +56,17 @@ def span_text(seconds: float | None) -> str:
 
 def place_text(where: Where) -> str:
     """The place of a finding in a few words, empty when it speaks of everything."""
-    parts = [part for part in (where.file, where.run, where.channel) if part]
+    file = file_name(where.file) if where.file else None
+    parts = [part for part in (file, where.run, where.channel) if part]
     if where.from_s is not None or where.to_s is not None:
         start, end = ("" if t is None else span_text(t) for t in (where.from_s, where.to_s))
         parts.append(f"{start} to {end}" if end else f"from {start}")
     return ", ".join(parts)
+
+
+def file_name(path: str) -> str:
+    """The last part of a path of any system: a report says which file, not where somebody keeps it."""
+    return re.split(r"[\\/]", path.rstrip("\\/"))[-1]
 
 
 def listed(names: tuple[str, ...] | list[str]) -> str:

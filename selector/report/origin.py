@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from selector import __version__
-from selector.report.numbers import NONE, number_text, span_text
+from selector.report.numbers import NONE, file_name, number_text, span_text
 from selector.report.tables import Table, table
 from selector.selection import Selection
 
@@ -24,7 +24,10 @@ def files_table(provenance: Mapping[str, Any]) -> Table | None:
     names = {"sha256": "SHA-256"}
     return table(
         ["run", *(names.get(key, _words(key)) for key in keys)],
-        [[run, *(_cell(entry.get(key)) for key in keys)] for run, entry in entries.items()],
+        [
+            [run, *(_file(entry[key]) if key == "file" and key in entry else _cell(entry.get(key)) for key in keys)]
+            for run, entry in entries.items()
+        ],
     )
 
 
@@ -49,7 +52,7 @@ def reading_tables(description: Mapping[str, Any]) -> list[tuple[str, Table]]:
         rows = [
             (
                 _cell(run.get("run")),
-                _cell(run.get("file")),
+                _file(run.get("file")),
                 _cell(run.get("rows")),
                 _span(run.get("duration_s")),
                 _span(run.get("period_s")),
@@ -109,6 +112,10 @@ def _cell(value: Any) -> str:
         items = sorted(value, key=str) if isinstance(value, set | frozenset) else value
         return ", ".join(_cell(item) for item in items) or NONE
     return str(value)
+
+
+def _file(value: Any) -> str:
+    return file_name(value) if isinstance(value, str) and value else _cell(value)
 
 
 def _span(value: Any) -> str:

@@ -24,7 +24,14 @@ from tests.report import studies
 DESCRIPTION = {
     "schema": "selector.description/1",
     "runs": [
-        {"run": "day 1", "file": "day 1.csv", "rows": 200, "duration_s": 11940.0, "period_s": 60.0, "start": None}
+        {
+            "run": "day 1",
+            "file": "somewhere/deep/day 1.csv",
+            "rows": 200,
+            "duration_s": 11940.0,
+            "period_s": 60.0,
+            "start": None,
+        }
     ],
     "channels": [
         {
@@ -232,6 +239,12 @@ def test_all_that_is_known_is_in_the_tables(page):
     for cell in ("PT03", "°F", "gb18030", "time: column", "3 h 19 min", "Bench 6 (simulated)", "SHA-256"):
         assert cell in page.cells
     assert "2026-11-20" in "".join(page.text)
+
+
+def test_a_report_says_which_file_and_not_where_it_is_kept(page):
+    assert page.cells.count("day 1.csv") == 2  # as read, and with its hash
+    assert "somewhere" not in "".join([*page.cells, *page.text])
+    assert place_text(Where(file="C:\\data\\runs\\r1.csv", channel="T1")) == "r1.csv, T1"
 
 
 def test_simulated_data_are_labelled(page):
