@@ -8,6 +8,9 @@ import numpy as np
 
 from selector.models._subset_algebra import DROPPED, FREE, KEPT, PIVOT_TOLERANCE, insert, kernel, set_rss
 
+PHASE, SIZE, PASS, IMPROVED = 0, 1, 2, 3
+BEGIN, FORWARD, BACKWARD, FILL = 0, 1, 2, 3
+
 
 @kernel
 def _sweep(v: Any, k: int) -> None:
@@ -57,10 +60,10 @@ def descend(
     best_state: Any,
     a: Any,
     order: Any,
-) -> None:
+) -> int:
     """Swap one column in the set for one outside it while that lowers the RSS; record the set (and its neighbours).
 
-    `v` is the matrix swept on `state`; both follow the swaps. Columns with ``root == KEPT`` stay.
+    `v` is the matrix swept on `state`; both follow the swaps. Columns with ``root == KEPT`` stay. Returns the swaps.
     """
     p = state.size
     spent = 0.0
@@ -68,7 +71,8 @@ def descend(
         if state[j] == KEPT:
             spent += costs[j]
     several = best_rss.size > 1
-    for _ in range(4 * p):
+    swaps = 0
+    while swaps < 4 * p:
         now = v[p, p]
         best = now - 1e-13 - 1e-9 * abs(now)
         leave = -1
@@ -108,55 +112,77 @@ def descend(
         spent += costs[enter] - costs[leave]
         state[leave] = FREE
         state[enter] = KEPT
+        swaps += 1
     if spent <= budget:
         rss = set_rss(gram, cross, state, a, order)
         if rss < best_rss[-1]:
             insert(best_rss, best_state, state, rss)
+    return swaps
 
 
 @kernel
 def starting_sets(
-    gram: Any, cross: Any, root: Any, costs: Any, budget: float, max_size: int, best_rss: Any, best_state: Any
-) -> None:
+    gram: Any,
+    cross: Any,
+    root: Any,
+    costs: Any,
+    budget: float,
+    max_size: int,
+    best_rss: Any,
+    best_state: Any,
+    state: Any,
+    v: Any,
+    pace: Any,
+    work: int,
+) -> bool:
     """Fill the lists of best sets, (sizes, n_best) and (sizes, n_best, p), from forward and backward passes.
 
     Not proved to be best: the tree search proves or improves. Sizes beyond the rank are filled up with dependent
-    columns. Passes repeat while they improve something, at most three times.
+    columns. Passes repeat while they improve something, at most three times. Returns whether it is done before the
+    work is used up; it goes on from `pace` (phase, size, pass, improved; zeros to begin), `state` and `v`.
     """
     p = root.size
-    v = np.empty((p + 1, p + 1))
     a = np.empty((p + 1) * (p + 2))
     order = np.empty(p, np.int64)
-    state = np.empty(p, np.int8)
     first = 0
     for j in range(p):
         if root[j] == KEPT:
             first += 1
-    for _ in range(3):
-        improved = False
-        for j in range(p):
-            state[j] = root[j]
-        swept(gram, cross, state, v)
-        size = first
-        while True:
+    while pace[PHASE] != FILL:
+        if work < 0:
+            return False
+        moved = True
+        if pace[PHASE] == BEGIN:
+            for j in range(p):
+                state[j] = root[j]
+            swept(gram, cross, state, v)
+            pace[PHASE] = FORWARD
+            pace[SIZE] = first
+            pace[IMPROVED] = 0
+        elif pace[PHASE] == FORWARD:
+            moved = pace[SIZE] < max_size and _step_forward(root, costs, budget, state, v)
+            if moved:
+                pace[SIZE] += 1
+            else:
+                pace[PHASE] = BACKWARD
+        else:
+            moved = pace[SIZE] > first and _step_backward(root, state, v)
+            if moved:
+                pace[SIZE] -= 1
+            else:
+                pace[PASS] += 1
+                pace[PHASE] = BEGIN if pace[IMPROVED] == 1 and pace[PASS] < 3 else FILL
+        if moved:
+            size = pace[SIZE]
             before = best_rss[size, 0]
-            descend(gram, cross, root, costs, budget, state, v, best_rss[size], best_state[size], a, order)
-            improved = improved or best_rss[size, 0] < before
-            if size == max_size or not _step_forward(root, costs, budget, state, v):
-                break
-            size += 1
-        while size > first:
-            if not _step_backward(root, state, v):
-                break
-            size -= 1
-            before = best_rss[size, 0]
-            descend(gram, cross, root, costs, budget, state, v, best_rss[size], best_state[size], a, order)
-            improved = improved or best_rss[size, 0] < before
-        if not improved:
-            break
+            swaps = descend(gram, cross, root, costs, budget, state, v, best_rss[size], best_state[size], a, order)
+            work -= (swaps + 1) * (3 * p * p + 2 * size * (p - size)) + size * size * size // 6
+            if best_rss[size, 0] < before:
+                pace[IMPROVED] = 1
     for size in range(first, max_size):
         if best_rss[size, 0] < np.inf and best_rss[size + 1, 0] == np.inf:
             _fill_up(gram, cross, root, costs, budget, size, state, best_rss, best_state, a, order)
+    return True
 
 
 @kernel

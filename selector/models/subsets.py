@@ -101,7 +101,16 @@ def best_subsets(
     best_rss = np.full((p + 1, n_best), np.inf)
     best_state = np.full((p + 1, n_best, p), DROPPED, dtype=np.int8)
     limits = (problem.costs, problem.budget)
-    starting_sets(problem.gram, problem.cross, problem.root, *limits, top, best_rss, best_state)
+    state, swept, pace = np.zeros(p, np.int8), np.zeros((p + 1, p + 1)), np.zeros(4, np.int64)
+    start = (problem.gram, problem.cross, problem.root, *limits, top, best_rss, best_state, state, swept, pace)
+
+    def out_of_time() -> bool:
+        late = time_limit_s is not None and time.perf_counter() - started >= time_limit_s
+        return is_set(cancel) or late
+
+    stopped = False
+    while not stopped and not starting_sets(*start, CHUNK_WORK):
+        stopped = out_of_time()
     diagonal, findings = valid_diagonal(problem)
     scratch = problem.scratch()
     floor = max(1, problem.n_must)
@@ -109,7 +118,7 @@ def best_subsets(
     full_rss, rank = problem.full_rss_and_rank()
     bound = dict.fromkeys(open_sizes, full_rss / problem.sst * (1.0 - PROOF_TOLERANCE))
     visited = dict.fromkeys(open_sizes, 0)
-    stopped, chunks = False, 0  # a short look at every size comes first
+    chunks = 0  # a short look at every size comes first
     while open_sizes and not stopped:
         for size in list(open_sizes):
             part = open_sizes[size]
@@ -125,7 +134,7 @@ def best_subsets(
                     gap = relative_gap(best_rss[size, 0], bound[size])
                     done = len(bound) - len(open_sizes)
                     progress(SearchProgress(done, len(bound), size, gap, sum(visited.values()), seconds))
-                stopped = is_set(cancel) or (time_limit_s is not None and time.perf_counter() - started >= time_limit_s)
+                stopped = out_of_time()
                 if ended or stopped:
                     break
             if stopped:
