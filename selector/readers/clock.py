@@ -229,7 +229,8 @@ def _told_by(table: Table, columns: Sequence[Column], options: TimeOptions, know
     headers = (column.header,)
     conflict: tuple[Finding, ...] = ()
     wanted = options.unit
-    if column.kind != "number" and wanted not in (None, "datetime"):
+    minutes = wanted == "min" and column.kind == "text"
+    if column.kind != "number" and wanted not in (None, "datetime") and not minutes:
         conflict = (_unit_conflict(table, column, f"{wanted!r}", "dates or times of day"),)
     if column.kind == "datetime":
         told = ~np.isnat(column.values)
@@ -246,6 +247,13 @@ def _told_by(table: Table, columns: Sequence[Column], options: TimeOptions, know
             return None
         base_s_or_none = None if read.kind == "time" else read.base_s
         seconds = read.seconds + _milliseconds(table, read)
+        if read.two_parts and minutes:
+            return Clock(seconds / 60.0, None, None, headers, "min", False, (), ())
+        if minutes:
+            conflict = (_unit_conflict(table, column, "'min'", "dates or times of day"),)
+        known_s = seconds[np.isfinite(seconds)]
+        if read.two_parts and wanted is None and len(known_s) and known_s[0] < 3600:
+            conflict = (_ambiguous_parts(table, column),)
         return Clock(
             seconds,
             base_s_or_none,
@@ -306,6 +314,19 @@ def _numeric(table: Table, column: Column, wanted: str | None) -> Clock | None:
     return Clock(read.seconds, read.base_s, None, (column.header,), unit, read.unit == "day", guessed, tuple(findings))
 
 
+def _ambiguous_parts(table: Table, column: Column) -> Finding:
+    return Finding(
+        "ambiguous-time",
+        "warning",
+        f"Times such as {next((str(v) for v in column.values if v), '')!r} in column {column.header!r} of "
+        f"{table.file.name} were read as hours:minutes; they could be minutes:seconds.",
+        Where(channel=column.header),
+        {"read_as": "hh:mm", "alternative": "mm:ss"},
+        'if they are minutes:seconds, say unit = "min" under [time] in the machine file (or --time-unit min); '
+        'if not, unit = "datetime"',
+    )
+
+
 def _unit_conflict(table: Table, column: Column, wanted: str, found: str) -> Finding:
     return Finding(
         "time-unit-conflict",
@@ -324,7 +345,8 @@ def _date_and_time(table: Table, columns: Sequence[Column], options: TimeOptions
     time = _told_by(table, columns[1:2], replace(options, columns=(), unit=None), known)
     if day is None or time is None or day.base_s is None:
         return None
-    findings = tuple(f for f in (*day.findings, *time.findings) if f.id != "time-unit-guessed")
+    settled = ("time-unit-guessed", "ambiguous-time")
+    findings = tuple(f for f in (*day.findings, *time.findings) if f.id not in settled)
     seconds = day.seconds + time.seconds
     headers = (*day.columns, *time.columns)
     return Clock(seconds, day.base_s, day.zone_s, headers, "datetime", False, (), findings)

@@ -70,7 +70,13 @@ def read_delimited(path: Path, data: bytes, overrides: Overrides) -> list[Table]
     pairs = paired_headings(sheet.rows[: sheet.layout.first], sheet.dialect.n_columns)
     headers, units, descriptions, n_columns, header_findings = _headers(sheet, pairs, where)
     samples = body(
-        utf8[offset:], sheet.layout.first + 1 + skipped, sheet.dialect, sheet.dialect.n_columns, headings, where
+        utf8[offset:],
+        sheet.layout.first + 1 + skipped,
+        sheet.dialect,
+        sheet.dialect.n_columns,
+        headings,
+        where,
+        remarks_last=sheet.kinds[-1] in ("text", "empty") and n_columns == sheet.dialect.n_columns,
     )
     checked_size(len(samples.lines) * n_columns, where)
     cells = _cells(samples.text, samples.separator, sheet.dialect, where)
@@ -85,6 +91,8 @@ def read_delimited(path: Path, data: bytes, overrides: Overrides) -> list[Table]
                 unnamed.append(position)
             continue
         header = headers[position]
+        if header == f"col{position + 1}" and sheet.layout.names is not None and _says_nothing(values):
+            continue  # neither a name nor a value: a separator at the beginning of every line
         findings += column_findings(header, notes, samples.lines, where)
         columns.append(Column(header, values, units[position] or notes.unit, notes.breaks, descriptions[position]))
         if values.dtype.kind == "f" and len(numbers) < 4000:

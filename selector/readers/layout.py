@@ -130,7 +130,7 @@ def layout(
         return timed, len(set(filled)), units is not None and i == units - 1, i
 
     names = max(rest, key=merit)
-    extra = [i for i in rest if i > names]
+    extra = [i for i in rest if i > names and any(c.isalpha() for cell in rows[i] for c in cell)]
     return Layout(names, units, extra[-1] if extra else None, first)
 
 

@@ -37,7 +37,16 @@ class Body:
     findings: tuple[Finding, ...]
 
 
-def body(text: bytes, first_line: int, dialect: Dialect, n_columns: int, headings: Sequence[str], where: str) -> Body:
+def body(
+    text: bytes,
+    first_line: int,
+    dialect: Dialect,
+    n_columns: int,
+    headings: Sequence[str],
+    where: str,
+    *,
+    remarks_last: bool = False,
+) -> Body:
     """The samples of a file.
 
     Parameters
@@ -50,6 +59,8 @@ def body(text: bytes, first_line: int, dialect: Dialect, n_columns: int, heading
         Cells that a line has to have.
     headings : sequence of str
         Header lines; where they are met again inside the body they are left out.
+    remarks_last : bool
+        Whether the last column holds free text, in which the separator may stand.
 
     Raises
     ------
@@ -111,6 +122,8 @@ def body(text: bytes, first_line: int, dialect: Dialect, n_columns: int, heading
             keep[i] = True
             continue
         cells = _trimmed(cells_of(line, separator, dialect.quoted), n_columns)
+        if len(cells) > n_columns and remarks_last:
+            cells = [*cells[: n_columns - 1], " ".join(cells[n_columns - 1 :])]
         if len(cells) > n_columns:
             too_long.append(int(numbers[i]))
             continue
@@ -122,7 +135,7 @@ def body(text: bytes, first_line: int, dialect: Dialect, n_columns: int, heading
             if cut_off and i == len(ends) - 1:
                 continue
         replaced[int(i)] = separator.join(
-            _quoted(cell, separator) for cell in cells + [""] * (n_columns - len(cells))
+            _quoted(cell, separator) if dialect.quoted else cell for cell in cells + [""] * (n_columns - len(cells))
         ).encode()
         keep[i] = True
     if len(ragged) + len(too_long) > 0.5 * n_filled and n_filled > 3:

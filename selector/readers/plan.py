@@ -182,6 +182,16 @@ def _inferred(runs: Sequence[TimedRun], overrides: Overrides) -> Plan:
         for name, headers in names.items():
             findings += _by_numbers(name, headers, runs, overrides, channels)
         undeclared = {}
+    texts = list(dict.fromkeys(text for run in runs for text in run.texts))
+    if texts:
+        findings.append(
+            Finding(
+                "text-columns",
+                "info",
+                f"Column(s) {', '.join(texts[:8])} hold text; they were not read.",
+                evidence={"columns": texts[:200]},
+            )
+        )
     if auxiliary:
         findings.append(
             Finding(

@@ -22,14 +22,14 @@ _NOON = r"(?P<noon>[AaPp]\.?\s?[Mm]\.?|上午|下午|午前|午後)"
 _NOON_BEFORE = _NOON.replace("noon", "noonb")
 _DATE = (
     r"(?:(?P<a>\d{1,4})(?P<s1>[-/.年 ]\s?)(?P<b>\d{1,2}|[\pL]{3,10}\.?)(?P<s2>[-/.月 ]\s?)(?P<c>\d{1,4})[.日]?"
-    r"|(?P<compact>[12]\d{3}[01]\d[0-3]\d)"
+    r"|(?P<compact>[12]\d{3}[01]\d[0-3]\d)(?:[T_ -]?(?P<ch>[0-2]\d)(?P<cm>[0-5]\d)(?P<cs>[0-5]\d)(?:[.,]\d+)?)?"
     r"|(?P<mb>[\pL]{3,10})\.?\s(?P<mday>\d{1,2}),?\s(?P<myear>\d{4}))"
 )
 _TIME = (
     rf"(?:{_NOON_BEFORE}\s?)?(?:(?P<days>\d+)\s?[dD](?:ays?)?,?\s+)?(?P<h>\d{{1,5}})[:h时時](?P<m>\d{{1,2}})"
     rf"(?:[:m分](?P<s>\d{{1,2}})(?:[.,:](?P<f>\d{{1,9}}))?)?[s秒分]?(?:\s?{_NOON})?"
 )
-_ZONE = r"\s?(?P<zone>Z|UTC|GMT|[+-]\d{2}:?\d{2})?"
+_ZONE = r"\s?(?P<zone>Z|UTC|GMT|[+-]\d{2}:?\d{2}|[A-Z]{3,5})?"
 _PATTERN_BOTH = rf"^(?:[\pL]{{2,3}}\.?,?\s)?{_DATE}(?:[T ,;_]\s*{_TIME})?{_ZONE}$"
 _PATTERN_TIME = rf"^{_TIME}{_ZONE}$"
 
@@ -50,6 +50,8 @@ class Stamps:
         Offset from UTC of the first stamp [s], None if the file names no zone.
     twelve_hours : bool
         Whether AM/PM (or the like) is written.
+    two_parts : bool
+        Whether a time of day has no seconds: 00:30 may be half an hour or half a minute.
     order : str
         "ymd", "dmy" or "mdy".
     findings : tuple of Finding
@@ -61,6 +63,7 @@ class Stamps:
     kind: str
     zone_s: float | None
     twelve_hours: bool
+    two_parts: bool
     order: str
     findings: tuple[Finding, ...]
 
@@ -88,7 +91,8 @@ def stamps(cells: NDArray[np.object_], column: str, where: str, order: str | Non
         seconds = _time_of_day(time)
         zone = _zone(time)
         zone_s = _first(zone)
-        return Stamps(seconds, 0.0, "time", zone_s, _has(time, "noon") or _has(time, "noonb"), "", ())
+        noon = _has(time, "noon") or _has(time, "noonb")
+        return Stamps(seconds, 0.0, "time", zone_s, noon, not _has(time, "s"), "", ())
     return None
 
 
@@ -172,7 +176,8 @@ def _zone_offset_s(text: str | None) -> float:
         return np.nan
     match = re.fullmatch(r"([+-])(\d{2}):?(\d{2})", text)
     if match is None:
-        return 0.0
+        # a name such as CET: local time, its offset is not known here
+        return 0.0 if text in ("Z", "UTC", "GMT") else np.nan
     return (1 if match[1] == "+" else -1) * (int(match[2]) * 3600.0 + int(match[3]) * 60.0)
 
 
@@ -210,13 +215,15 @@ def _with_date(parts: pa.StructArray, column: str, where: str, order: str | None
                 np.where(np.isfinite(value), value, old) if k == target else old
                 for k, old in enumerate((year, month, day))
             )
+    if _has(parts, "ch"):
+        time = time + np.nan_to_num(_number(parts, "ch") * 3600 + _number(parts, "cm") * 60 + _number(parts, "cs"))
     zone = _zone(parts)
     midnight = epoch_s(year, month, day)
     base_s = _first(midnight) or 0.0
     # whole days are taken off before the time of day is added: 1.7e9 s would leave only 0.2 µs
     seconds = (midnight - base_s) + time - np.nan_to_num(zone)
-    kind = "datetime" if _has(parts, "h") else "date"
-    return Stamps(seconds, base_s, kind, _first(zone), noon, order, tuple(findings))
+    kind = "datetime" if _has(parts, "h") or _has(parts, "ch") else "date"
+    return Stamps(seconds, base_s, kind, _first(zone), noon, False, order, tuple(findings))
 
 
 def _month_text(text: str | None) -> bool:

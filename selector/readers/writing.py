@@ -38,7 +38,7 @@ def write_machine_file(machine: Machine, path: Path, undeclared: Mapping[str, st
 
 
 def convert(reading: Reading, out_dir: Path, format: str = "csv") -> list[Path]:  # noqa: A002 - the contract's word
-    """Write clean recordings and their ``machine.toml`` (contract 3.9); reading them back gives bit-identical values.
+    """Write clean recordings and their ``machine.toml``; reading them back gives bit-identical values.
 
     One file per run, called after it: UTF-8, comma, decimal point, one header row, first column ``time_s`` from the
     start of the run, canonical units, missing values empty. A header that a spreadsheet would take for a formula (it

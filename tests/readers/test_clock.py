@@ -28,6 +28,8 @@ def run(stamps: list[str], name: str = "Time", separator: str = ";") -> str:
         (["2026/11/20 8:00:00", "2026/11/20 8:00:30", "2026/11/20 8:01:00"], "2026-11-20T08:00:00"),
         (["20-Nov-2026 08:00:00", "20-Nov-2026 08:00:30", "20-Nov-2026 08:01:00"], "2026-11-20T08:00:00"),
         (["2026年11月20日 08:00:00", "2026年11月20日 08:00:30", "2026年11月20日 08:01:00"], "2026-11-20T08:00:00"),
+        (["20261120T080000", "20261120T080030", "20261120T080100"], "2026-11-20T08:00:00"),
+        (["20.11.2026 08:00:00 CET", "20.11.2026 08:00:30 CET", "20.11.2026 08:01:00 CET"], "2026-11-20T08:00:00"),
         (["20261120080000", "20261120080030", "20261120080100"], "2026-11-20T08:00:00"),
         (["1795161600", "1795161630", "1795161660"], "2026-11-20T08:00:00"),
         (["1795161600000", "1795161630000", "1795161660000"], "2026-11-20T08:00:00"),
@@ -60,6 +62,16 @@ def test_absolute_clocks(reads, stamps, start):
 )
 def test_times_of_day(reads, times, stamps, expected):
     assert times(reads(run(stamps))) == expected
+
+
+def test_two_parts_may_be_hours_or_minutes_and_that_is_told(reads, times, ids):
+    content = run([f"{i:02d}:30" for i in range(4)])
+    reading = reads(content)
+    assert times(reading) == [0, 3600, 7200, 10800]
+    assert "ambiguous-time" in ids(reading)
+    assert times(reads(content, time_unit="min")) == [0, 60, 120, 180]
+    assert ids(reads(content, time_unit="datetime")) == set()
+    assert ids(reads(run(["08:30", "08:31", "08:32"]))) == set()
 
 
 def test_several_midnights(reads, times, column):

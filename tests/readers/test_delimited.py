@@ -113,6 +113,13 @@ def test_a_last_line_that_was_cut_off_is_left_out(reads, column):
     assert any("cut off" in f.statement for f in reading.findings)
 
 
+def test_a_column_of_remarks_may_hold_the_separator(reads, times):
+    rows = "".join(f"{i};2{i},5;{'on; loud' if i == 3 else ''}\n" for i in range(8))
+    reading = reads("t [s];T1;Remark\n" + rows)
+    assert times(reading) == [0, 1, 2, 3, 4, 5, 6, 7]
+    assert any(f.id == "text-columns" and f.evidence["columns"] == ["Remark"] for f in reading.findings)
+
+
 def test_repeated_headers_comments_and_footers_are_no_samples(reads, times):
     reading = reads("t,T1\n0,1\n1,2\n# pause\nt,T1\n2,3\n3,4\nMin,1\nMax,4\n\nEnd of measurement\n")
     assert times(reading) == [0, 1, 2, 3]
