@@ -12,7 +12,7 @@ from selector.quality import StreamWithoutFaults, inspect, without_faults
 from selector.readers import is_large, machine, stream_parquet
 from selector.recording import RunSource, thinned
 
-INSPECTED_ROWS = 200_000
+INSPECTED_ROWS = 100_000
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ def material_of(source: Source) -> Material:
     reading = source.reading()
     faults = inspect(reading.recording)
     provenance = {
-        "machine": reading.recording.provenance.get("machine"),
+        "machine": None if reading.machine is None or reading.machine.machine is None else reading.machine.machine.name,
         "runs": {run.name: {"file": Path(run.file).name, "sha256": run.sha256} for run in reading.runs},
     }
     recording = without_faults(reading.recording, faults)

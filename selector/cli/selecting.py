@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -177,6 +178,11 @@ def select(
         conditions=pairs(condition, "--condition"),
         seed=_seed(seed),
     )
+    date = _date(date)
+    if out is not None and out.exists() and not out.is_dir():
+        raise OptionError(
+            f"{out} is a file", expected="a folder, or a name that is free", where="--out", advice="choose another name"
+        )
     console = showing.screen(as_json)
     with progress_bar(as_json) as progress:
         selection, material = study(source, options, progress)
@@ -305,6 +311,17 @@ def _number(text: str, where: str) -> float:
     except ValueError:
         raise OptionError(
             repr(text), expected="a number with a decimal point", where=where, advice="e.g. 0.995 or 2"
+        ) from None
+
+
+def _date(text: str | None) -> str | None:
+    if text is None:
+        return None
+    try:
+        return datetime.date.fromisoformat(text).isoformat()
+    except ValueError:
+        raise OptionError(
+            repr(text), expected="a date as YYYY-MM-DD", where="--date", advice="e.g. --date 2026-11-20"
         ) from None
 
 

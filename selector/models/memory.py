@@ -1,6 +1,6 @@
 """Memory of past heating: first-order lags of a variable.
 
-A mass that is heated through a resistance follows τ·s' = x − s (DIGEST C: thermal modes). A displacement that depends
+A mass that is heated through a resistance follows τ·s' = x − s (C: thermal modes). A displacement that depends
 on such hidden temperatures is a function of lagged readings, which no static model of the readings can give.
 """
 

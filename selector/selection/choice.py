@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -14,6 +15,10 @@ from selector.models.validation import within_one_standard_error
 from selector.selection.candidates import Candidates, SensorSet, sets_with_terms
 from selector.selection.library import Bench, Shape
 from selector.selection.options import MAX_CANDIDATES, Question
+
+LEAST_TAU_RATIO = 4.0
+MAX_VIF = 2e3
+"""Beyond this a lag says nothing that another term does not, and their difference explodes on another day."""
 
 PROMISING = 40
 """Sets on which a second time constant is tried."""
@@ -140,8 +145,9 @@ def tested(
         test(shape, search=True)
     for shape in lagged:
         test(shape, search=True)
-    if lagged:
-        first = min((t for t in trials.values() if t.shape.has_memory), key=lambda t: t.error).shape
+    with_memory = [trial for trial in trials.values() if trial.shape.has_memory]
+    if with_memory:
+        first = min(with_memory, key=lambda t: t.error).shape
         for shape in static[1:]:
             test(Shape(shape.form, first.sensor_taus_s, first.speed_taus_s))
         promising = list(dict.fromkeys(t.set.sensors for t in sorted(trials.values(), key=lambda t: t.error)))[
@@ -153,9 +159,14 @@ def tested(
                 tuple(sorted({*first.sensor_taus_s, *other.sensor_taus_s})),
                 tuple(sorted({*first.speed_taus_s, *other.speed_taus_s})),
             )
-            if both not in (first, other):
+            if both not in (first, other) and _well_apart(both.sensor_taus_s) and _well_apart(both.speed_taus_s):
                 test(both, among=promising)
     return Tested(question, tuple(trials.values()), bench.samples)
+
+
+def _well_apart(taus_s: Sequence[float]) -> bool:
+    """Two lags of one reading with nearby time constants are each other's copies, and their difference explodes."""
+    return all(later >= LEAST_TAU_RATIO * earlier for earlier, later in itertools.pairwise(sorted(taus_s)))
 
 
 def best_by_size(trials: Sequence[Trial]) -> dict[int, Trial]:
@@ -196,6 +207,8 @@ def _trials(
     share = bench.samples / bench.samples.sum()
     trials = []
     for sensors, shape in tests:
+        if shape.has_memory and bench.largest_vif(sensors, shape) > MAX_VIF:
+            continue
         errors = bench.errors(sensors, shape)
         trials.append(
             Trial(

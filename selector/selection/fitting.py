@@ -18,8 +18,8 @@ from selector.selection.choice import Trial
 from selector.selection.library import Shape
 from selector.selection.options import Question
 
-MAX_ROWS = 400_000
-"""Samples of the final fit. A warming machine says nothing new between neighbours; 10⁷ samples are thinned to this."""
+MAX_ROWS = 200_000
+"""Samples of the final fit. A warming machine says nothing new between neighbours; 10⁷ samples are thinned to these."""
 
 
 @dataclass(frozen=True)

@@ -161,6 +161,18 @@ class Bench:
         held_out = self.leave_one_out.errors(self.library.columns(sensors, shape), len(self.library.responses))
         return np.asarray((held_out.mse / self.power).mean(axis=1))
 
+    def largest_vif(self, sensors: Sequence[str], shape: Shape) -> float:
+        """Variance inflation of the most redundant term; infinite for a term that the others make up."""
+        at = np.array(self.library.columns(sensors, shape))
+        cross = self._centred[at[:, None], at]
+        scale = np.sqrt(np.maximum(np.diag(cross), 1e-300))
+        try:
+            inverse = np.linalg.inv(cross / scale[:, None] / scale[None, :])
+        except np.linalg.LinAlgError:
+            return float("inf")
+        largest = float(np.diag(inverse).max())
+        return largest if largest >= 1.0 - 1e-6 else float("inf")
+
     def r2(self, sensors: Sequence[str], shape: Shape) -> list[tuple[float, float]]:
         """(R², adjusted R²) of the fit over all folds, per response."""
         at = [1 + column for column in self.library.columns(sensors, shape)]

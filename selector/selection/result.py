@@ -151,7 +151,7 @@ class Selection:
     provenance: Mapping[str, Any]
 
     def as_dict(self) -> dict[str, Any]:
-        """JSON form of DESIGN 3.2; numbers that do not exist are null."""
+        """JSON form (`selector.selection/1`); numbers that do not exist are null."""
         from selector.sensors.fuzzy import transitive_closure
 
         similarity = self.grouping.similarity.matrix

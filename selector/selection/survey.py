@@ -14,6 +14,9 @@ from selector.recording import RunSource
 from selector.selection.options import Question
 from selector.selection.usable import usable_sensors
 
+MOST_CREDIBLE = 1e12
+"""Beyond this a reading is broken whatever its unit, and its squares would drown all others."""
+
 
 @dataclass(frozen=True)
 class Survey:
@@ -105,6 +108,14 @@ def survey(source: RunSource, question: Question, datum: Datum) -> Survey:
             where="--response",
             advice="check the column and the unit of the displacement with `selector describe`",
         )
+    for name, lowest, highest in zip(names, low, high, strict=True):
+        if max(-lowest, highest) > MOST_CREDIBLE and np.isfinite(lowest):
+            raise OptionError(
+                f"{name} reads from {lowest:.3g} to {highest:.3g}",
+                expected=f"readings within ±{MOST_CREDIBLE:g} in the unit of the channel",
+                where="recordings",
+                advice=f"mark broken readings as missing, or use --never {name}",
+            )
     for name, lowest, highest in zip(question.responses, low[n_sensors:], high[n_sensors:], strict=True):
         if highest - lowest <= 1e-12 * max(1.0, abs(highest)):
             raise OptionError(

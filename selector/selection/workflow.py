@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from selector.errors import OptionError
 from selector.findings import Finding
 from selector.models.design import Datum, datum_of
 from selector.models.faults import fault_gains
@@ -30,6 +31,8 @@ from selector.selection.survey import RunsOf, survey
 
 BLOCKS_OF_A_SINGLE_RUN = 8
 BLOCKS_OF_FEW_RUNS = 5
+FEWEST_SAMPLES = 4
+"""Samples that a choice needs to tell any two sensors apart: two coefficients, an error, and one to spare."""
 NO_RIDGE = (0.0, float("nan"), float("nan"))
 
 
@@ -170,6 +173,15 @@ class _Folds:
             self.outer, self.left_out = by_run, "run"
         else:
             self.outer, self.left_out = tuple((i,) for i in self.all), "block"
+        samples = self.linear.moments.n_samples
+        fewest = min((samples[list(self.without(group))].sum() for group in self.outer), default=0.0)
+        if fewest < FEWEST_SAMPLES:
+            raise OptionError(
+                f"{int(fewest)} complete samples to learn from when the longest part is left out to prove the model",
+                expected=f"at least {FEWEST_SAMPLES} samples at which no sensor and no displacement is missing",
+                where="recordings",
+                advice="record longer, or leave out sensors that are often missing (--never)",
+            )
 
     @property
     def all(self) -> tuple[int, ...]:
