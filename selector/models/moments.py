@@ -67,10 +67,16 @@ class Moments:
 
 
 def centred(total: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Cross-products about the mean, from those of [1, ...]; and the number of samples."""
+    """Cross-products about the mean, from those of [1, ...]; and the number of samples.
+
+    A column that rests gets exact zeros: what centring leaves of it is rounding.
+    """
     n = float(total[0, 0])
     sums = total[0, 1:]
     cross = total[1:, 1:] - np.outer(sums, sums) / max(n, 1.0)
+    rests = np.diag(cross) <= 1e-13 * np.diag(total)[1:]
+    cross[rests, :] = 0.0
+    cross[:, rests] = 0.0
     return (cross + cross.T) / 2.0, n
 
 
