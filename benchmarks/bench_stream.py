@@ -68,9 +68,7 @@ def main() -> None:
         )
         command = ["select", *map(str, files), "--machine", str(folder / "machine.toml"), "--json"]
         start = time.perf_counter()
-        done = subprocess.run(
-            [sys.executable, "-c", program, *command], capture_output=True, text=True, check=False
-        )
+        done = subprocess.run([sys.executable, "-c", program, *command], capture_output=True, text=True, check=False)
         seconds = time.perf_counter() - start
         if done.returncode:
             sys.exit(done.stderr)
