@@ -11,25 +11,27 @@ import pytest
 from benchmarks.quality_rates import detections, false_alarms
 from tests.quality.faults import KINDS
 
-# of 8 to 14 recordings; rates over 200 seeds: above 0.9 but for drift (0.7) and what is 1 there must be 1 here
+# of up to 14 recordings. Over 200 seeds: 1 for those that must be 1 here, 0.7 for drift, 0.6 for swapped, else 0.81
+# to 0.99.
 LEAST = {
     "code temperature": 1.0,
     "code displacement": 1.0,
     "duplicate": 1.0,
     "one channel in K": 1.0,
     "missing values": 1.0,
-    "drift": 0.5,
+    "drift": 0.4,
+    "swapped": 0.3,
 }
 
 
 def test_clean_recordings_lose_nothing():
     hit, _, places = false_alarms(range(500, 560))
-    assert hit <= 1, places  # one of 60 has a chance of a quarter at the rate of 0.5 % that is measured, two of 4 %
+    assert hit <= 1, places  # 0.7 % are measured: at that rate two of 60 have a chance of 7 %
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_planted_faults_are_found(kind):
     found, _, tried, beside, missed = detections(kind, range(700, 714))
     assert tried >= 3, "too few recordings in which this fault can be planted"
-    assert found >= LEAST.get(kind, 0.75) * tried, f"missed with seeds {missed}"
+    assert found >= LEAST.get(kind, 0.65) * tried, f"missed with seeds {missed}"
     assert beside <= 1
