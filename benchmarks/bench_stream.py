@@ -63,8 +63,9 @@ def main() -> None:
             if not file.exists():
                 write_run(file, rng, options.rows, weights, taus_s)
         program = (
-            "import resource, sys; from selector.cli import exit_status; code = exit_status(sys.argv[1:]);"
-            "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, file=sys.stderr); sys.exit(code)"
+            "import re, sys; from selector.cli import exit_status; code = exit_status(sys.argv[1:]);"
+            "peak = re.search('VmHWM: *\\t*([0-9]+)', open('/proc/self/status').read());"
+            "print(peak.group(1), file=sys.stderr); sys.exit(code)"
         )
         command = ["select", *map(str, files), "--machine", str(folder / "machine.toml"), "--json"]
         start = time.perf_counter()

@@ -9,7 +9,7 @@
         ├── UnitError           a unit is unknown, or has the wrong dimension for its role
         ├── OptionError         an option has a value that cannot be used with this recording
         └── ModelFileError      a model file does not follow its schema
-    Cancelled                   the user stopped long work; nothing was written
+    CancelledError              the user stopped long work; nothing was written
 
 Every message says what was found, what was expected, where, and what to do next.
 """
@@ -69,5 +69,5 @@ class ModelFileError(InputError):
     """A model file does not follow its schema."""
 
 
-class Cancelled(SelectorError):
+class CancelledError(SelectorError):
     """The user stopped long work; nothing was written."""

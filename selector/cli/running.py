@@ -20,7 +20,7 @@ from typing import Any, TextIO
 
 import typer
 
-from selector.errors import Cancelled, InputError, OptionError, ReadError
+from selector.errors import CancelledError, InputError, OptionError, ReadError
 
 DONE, DEFECT, UNUSABLE, STOPPED, PIPE_CLOSED = 0, 1, 2, 130, 141
 
@@ -47,7 +47,7 @@ def exit_status(app: typer.Typer, arguments: Sequence[str] | None = None) -> int
     except (KeyboardInterrupt, typer.Abort):
         _say("stopped. Nothing was written.")
         return STOPPED
-    except Cancelled as stop:
+    except CancelledError as stop:
         _say(str(stop) or "stopped. Nothing was written.")
         return STOPPED
     except BrokenPipeError:

@@ -29,6 +29,6 @@ class StreamWithoutFaults:
         for time_s, values in self._source.chunks(run, wanted):
             cleaned = values.copy() if here else values
             for finding in here:
-                columns = [j for j, name in enumerate(wanted) if finding.where.channel in (None, name)]
+                columns = np.array([finding.where.channel in (None, name) for name in wanted])
                 cleaned[np.ix_(left_out_rows(finding, time_s), columns)] = np.nan
             yield time_s, cleaned

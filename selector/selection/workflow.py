@@ -33,6 +33,8 @@ BLOCKS_OF_A_SINGLE_RUN = 8
 BLOCKS_OF_FEW_RUNS = 5
 FEWEST_SAMPLES = 4
 """Samples that a choice needs to tell any two sensors apart: two coefficients, an error, and one to spare."""
+WORTH_A_RICHER_MODEL = 1.02
+"""Richer terms must lower the error on unseen parts by more than this; a hundredth is luck of the days."""
 NO_RIDGE = (0.0, float("nan"), float("nan"))
 
 
@@ -221,13 +223,13 @@ class _Folds:
 
 
 def _best_offer(question: Question, errors: Mapping[Offer, float]) -> Offer:
-    """The offer whose whole procedure predicts unseen parts best: products and lags can also do harm.
+    """The poorest offer whose whole procedure predicts unseen parts about as well as the best: richer terms can do harm.
 
     With the patent's rule the richest offer stands, as its rule knows no unseen data.
     """
     if question.options.tolerance is not None:
         return list(errors)[-1]
-    return min(errors, key=lambda offer: errors[offer])
+    return next(offer for offer, error in errors.items() if error <= WORTH_A_RICHER_MODEL * min(errors.values()))
 
 
 def _blocks(n_runs: int, n_samples: int) -> int:

@@ -8,7 +8,7 @@ import pytest
 import typer
 
 from selector.cli.running import exit_status
-from selector.errors import Cancelled, OptionError
+from selector.errors import CancelledError, OptionError
 
 
 def program(error: BaseException | None = None) -> typer.Typer:
@@ -90,7 +90,9 @@ def test_a_defect_of_ours_ends_with_1(error, capfd, monkeypatch):
     assert "Traceback" in capfd.readouterr().err
 
 
-@pytest.mark.parametrize("error", [KeyboardInterrupt(), Cancelled("stopped after 3 of 10 folds. Nothing was written.")])
+@pytest.mark.parametrize(
+    "error", [KeyboardInterrupt(), CancelledError("stopped after 3 of 10 folds. Nothing was written.")]
+)
 def test_stopped_by_the_user(error, capfd):
     assert exit_status(program(error), ["work"]) == 130
     err = capfd.readouterr().err

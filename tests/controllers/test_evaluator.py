@@ -112,7 +112,7 @@ def test_exported_memory_is_the_fitted_memory():
     rng = np.random.default_rng(1)
     time_s = np.cumsum(rng.uniform(0.5, 90.0, 3000))
     x = rng.normal(5.0, 3.0, 3000)
-    fitted, _, _ = lagged(x[:, None], time_s, np.array([600.0]), np.array([np.nan]), np.nan)
+    fitted, _, _ = lagged(x[:, None], time_s, np.array([600.0]), np.array([np.nan]), np.array([np.nan]))
     exported = evaluate(lag_model(reference="absolute"), time_s, {"T1": x})["Z"]
     assert np.array_equal(exported, fitted[:, 0])
 

@@ -1,0 +1,297 @@
+"""The whole selection on machines whose truth is known."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from selector.selection import Options, select
+from tests.models.runs import InPieces, recording
+from tests.selection.machines import SENSORS, found_ids, machine, one_finding
+
+
+def selected(source, **options):
+    return select(source, Options(**options))
+
+
+@pytest.fixture(scope="module")
+def plain():
+    """Selection on a linear machine with default options."""
+    return selected(machine())
+
+
+class TestPlantedTruth:
+    @pytest.mark.parametrize("seed", range(4))
+    def test_the_sensors_that_matter_are_chosen(self, seed):
+        """One of the spindle and one of the column; the sharp ones of each, and the air never."""
+        found = selected(machine(seed=seed))
+        assert {"T1", "T4"} <= set(found.chosen)
+        assert not {"T6", "T7"} & set(found.chosen)
+        # noise of the displacement 0.5; sensors add √(6² + 4²) · 0.01 = 0.07, five runs and starts the rest
+        assert found.proof.rmse_um("Z") == pytest.approx(0.5, abs=0.1)
+        assert found.proof.baselines_um["Z"]["none"] > 10
+
+    def test_coefficients_are_those_of_the_law(self):
+        found = selected(machine(noise_um=0.1), max_sensors=2)
+        terms, coefficients, errors = found.models["Z"].physical()
+        by_name = dict(zip(map(str, terms), zip(coefficients[1:], errors[1:], strict=True), strict=True))
+        for name, truth in {"T1": 6.0, "T4": -4.0}.items():
+            value, error = by_name[name]
+            assert value == pytest.approx(truth, abs=0.05)
+            assert abs(value - truth) < 5 * error + 0.02
+
+    def test_a_square_is_found_when_squares_are_offered(self):
+        source = machine(lambda u: 3 * u["spindle"] + 0.5 * u["spindle"] ** 2 - 4 * u["column"])
+        poor, rich = selected(source), selected(source, degree=2)
+        assert "T1^2" in [str(term) for term in rich.models["Z"].terms]
+        assert rich.proof.rmse_um("Z") < 0.7 < 2.0 < poor.proof.rmse_um("Z")
+        assert "terms-that-help" in found_ids(rich)
+
+    def test_a_product_is_found_when_products_are_offered(self):
+        source = machine(lambda u: 3 * u["spindle"] + u["spindle"] * u["column"])
+        found = selected(source, interactions=True)
+        assert "T1·T4" in [str(term) for term in found.models["Z"].terms]
+        assert found.proof.rmse_um("Z") < 0.7
+
+    def test_squares_that_do_not_help_are_not_used(self):
+        found = selected(machine(), degree=2, interactions=True)
+        assert all(term.degree == 1 for term in found.models["Z"].terms)
+        assert "terms-not-used" in found_ids(found)
+
+    @pytest.mark.parametrize("seed", range(3))
+    def test_the_time_constant_of_a_hidden_mass(self, seed):
+        """The issue's promise: within 15 %. The displacement follows the spindle 30 min late, which no sensor shows."""
+        source = machine(lambda u: 2 * u["spindle"] + 6 * u["hidden"], seed=seed, tau_hidden_s=1800.0)
+        found = selected(source, memory=True)
+        taus = [lag.tau_s for lag in found.recipe.design.lags]
+        assert any(abs(tau / 1800.0 - 1) < 0.15 for tau in taus), taus
+        static = found.proof.baselines_um["Z"]["chosen, linear"]
+        assert found.proof.rmse_um("Z") < 0.35 * static
+        assert found.proof.rmse_um("Z") < 0.75
+
+    def test_memory_that_does_not_help_is_not_used(self):
+        assert not selected(machine(), memory=True).recipe.design.lags
+
+    def test_a_displacement_driven_by_speed_needs_the_speed(self):
+        source = machine(lambda u: 3 * u["air"] + 0.004 * u["speed"], speed=True)
+        found = selected(source, memory=True)
+        assert "n" in found.recipe.design.inputs
+        assert found.proof.rmse_um("Z") < 0.8 < 3.0 < found.proof.baselines_um["Z"]["all sensors"]
+
+    def test_two_responses_share_one_set(self):
+        found = selected(machine(second=lambda u: 3 * u["air"] - u["column"]))
+        assert set(found.models) == {"Z", "Y"}
+        assert {"T1", "T4", "T6"} <= set(found.chosen)
+        assert found.models["Z"].scaling.variables == found.models["Y"].scaling.variables
+        assert found.proof.rmse_um("Y") < 0.65
+
+
+class TestOptions:
+    def test_must(self):
+        found = selected(machine(), must=("T7",))
+        assert "T7" in found.chosen
+        assert all("T7" in one.sensors for one in found.combinations)
+
+    def test_never(self):
+        found = selected(machine(), never=("T1", "T4"))
+        assert not {"T1", "T4"} & set(found.sensors)
+        assert not {"T1", "T4"} & set(found.chosen)
+
+    def test_max_sensors(self):
+        found = selected(machine(), max_sensors=1)
+        assert found.chosen == ("T1",)
+        assert max(len(one.sensors) for one in found.combinations) == 1
+
+    def test_a_dear_sensor_is_replaced_within_the_tolerance(self):
+        cheap = selected(machine(), tolerance=0.05)
+        dear = selected(machine(), tolerance=0.05, cost={"T1": 10.0})
+        assert "T1" in cheap.chosen
+        assert "T1" not in dear.chosen
+        assert dear.options.total_cost(dear.chosen) < 10
+
+    def test_a_wider_tolerance_never_needs_more_sensors(self):
+        sizes = [len(selected(machine(), tolerance=tolerance).chosen) for tolerance in (0.0, 0.001, 0.05, 0.5)]
+        assert sizes == sorted(sizes, reverse=True)
+        assert sizes[-1] == 1
+
+    def test_the_tolerance_is_kept(self):
+        found = selected(machine(), tolerance=0.001)
+        adjusted = {one.sensors: one.adjusted_r2 for one in found.combinations}
+        # λ is auto, so that the best of all sets is among those compared
+        assert adjusted[found.chosen] >= max(adjusted.values()) - 0.001
+
+    def test_a_given_level_searches_representatives_only(self):
+        found = selected(machine(), level=0.98)
+        representatives = {found.sensors[i] for i in found.grouping.chosen.rounds[-1].representatives}
+        assert found.grouping.chosen.level == 0.98
+        assert all(set(one.sensors) <= representatives for one in found.combinations)
+        assert set(found.chosen) <= representatives
+
+    def test_rounds(self):
+        found = selected(machine(), level=(0.98, 0.5), rounds=2)
+        first, second = found.grouping.chosen.rounds
+        assert (first.level, second.level) == (0.98, 0.5)
+        assert len(second.representatives) < len(first.representatives)
+
+    def test_ridge_costs_what_it_says(self):
+        found = selected(machine(n=60, noise_um=3.0), ridge=True)
+        evidence = one_finding(found, "ridge").evidence
+        assert evidence["heldout_rmse_um"] <= evidence["heldout_rmse_um_without"]
+        assert found.models["Z"].ridge == evidence["penalty"]
+
+    def test_absolute_readings(self):
+        """The law counts from the start of each day; absolute readings need the air for what the day began with."""
+        rise, absolute = selected(machine()), selected(machine(), reference="absolute")
+        assert absolute.options.reference == "absolute"
+        assert rise.proof.rmse_um("Z") < absolute.proof.rmse_um("Z")
+        assert absolute.models["Z"].valid_range[0][0] > 10
+
+    def test_conditions_are_left_out_together(self):
+        found = selected(machine(n_runs=6), conditions={"day1": "wet", "day2": "wet", "day3": "dry", "day4": "dry"})
+        assert found.proof.left_out == "condition"
+        assert [part.name for part in found.proof.per_response["Z"]] == ["wet", "dry", "day5", "day6"]
+
+
+class TestProof:
+    def test_runs_are_left_out_in_turn(self, plain):
+        assert plain.proof.left_out == "run"
+        parts = plain.proof.per_response["Z"]
+        assert [part.name for part in parts] == [f"day{i}" for i in range(1, 6)]
+        pooled = np.sqrt(np.mean([part.rmse_um**2 for part in parts]))
+        assert plain.proof.rmse_um("Z") == pytest.approx(pooled)
+        assert plain.proof.max_um("Z") == max(part.max_um for part in parts)
+
+    def test_a_single_run_is_cut_in_blocks_and_that_is_said(self):
+        found = selected(machine(n_runs=1))
+        assert found.proof.left_out == "block"
+        assert "one-run-only" in found_ids(found)
+        assert "stretches of the only run" in found.because
+
+    def test_two_runs(self):
+        found = selected(machine(n_runs=2))
+        assert found.proof.left_out == "run"
+        assert len(found.proof.per_response["Z"]) == 2
+        assert "few-runs" in found_ids(found)
+
+    def test_noise_is_not_predicted(self):
+        """No leak: choosing among many sensors inside the folds must not make noise look predictable."""
+        ratios, leaky = [], []
+        for seed in range(8):
+            rng = np.random.default_rng(seed)
+            source = recording(
+                {
+                    f"r{r}": (np.arange(30.0), {**{f"T{j}": rng.normal(size=30) for j in range(20)}, "Z": rng.normal(size=30)})
+                    for r in range(5)
+                }
+            )  # fmt: skip
+            found = selected(source, reference="absolute")
+            mean = found.proof.baselines_um["Z"]["mean"]
+            ratios.append(found.proof.rmse_um("Z") / mean)
+            leaky.append(min(one.heldout_rmse_um for one in found.combinations) / mean)
+            assert "no-better-than-nothing" in found_ids(found) or ratios[-1] < 1
+        # a set that was chosen on all runs and then tested on them looks better than nothing …
+        assert np.mean(leaky) < 0.99
+        # … and the whole procedure, honestly, does not: it pays for its useless coefficients
+        assert 1.0 < np.mean(ratios) < 1.15
+
+    def test_a_model_no_better_than_nothing_is_called_that(self):
+        found = selected(machine(lambda u: 0 * u["air"]))
+        finding = one_finding(found, "no-better-than-nothing")
+        assert finding.level == "error"
+        assert "do not use it" in finding.statement
+
+    def test_the_error_curve_falls_and_then_stays(self, plain):
+        sizes = [point.n_sensors for point in plain.proof.curve]
+        assert sizes == sorted(sizes)
+        errors = [point.rmse_um[0] for point in plain.proof.curve]
+        assert errors[0] > 3 * errors[1]
+        assert min(errors[1:]) > 0.8 * errors[1]
+
+    def test_stability_of_a_clear_choice(self, plain):
+        assert plain.stability["T1"] == 1.0
+        assert plain.stability["T4"] > 0.9
+
+    def test_an_outlying_run_is_named(self):
+        day = iter(range(100))
+        source = machine(lambda u: (6.0 if next(day) != 3 else 12.0) * u["spindle"] - 4 * u["column"], n_runs=6)
+        found = selected(source, max_sensors=2)
+        assert one_finding(found, "one-part-unlike-the-others").where.run == "day4"
+
+    def test_a_hotter_run_is_an_extrapolation(self):
+        day = iter(range(100))
+
+        def law(u):
+            if next(day) == 5:
+                for name in ("spindle", "column"):
+                    u[name] *= 5.0
+            return 6 * u["spindle"] - 4 * u["column"]
+
+        found = selected(machine(law, n_runs=6))
+        assert "day6" in one_finding(found, "runs-outside-the-others").statement
+
+
+class TestResult:
+    def test_every_sensor_has_a_reason(self, plain):
+        assert set(plain.reasons) == set(SENSORS)
+        for name, reason in plain.reasons.items():
+            assert reason.startswith("kept:" if name in plain.chosen else "dropped:")
+
+    def test_json_is_strict_and_complete(self, plain):
+        text = json.dumps(plain.as_dict(), allow_nan=False)
+        document = json.loads(text)
+        assert document["schema"] == "selector.selection/1"
+        assert set(document) >= {
+            *("schema", "sensors", "similarity", "closure", "lambda", "rounds", "combinations", "chosen"),
+            *("models", "findings"),
+        }
+        assert document["sensors"] == list(SENSORS)
+        model = document["models"]["Z"]
+        assert set(model) >= {
+            *("terms", "intercept", "r2", "adjusted_r2", "rmse_um", "heldout_rmse_um", "heldout_max_um", "per_run")
+        }
+        assert set(model["terms"][0]) >= {"powers", "coefficient", "standard_error", "vif"}
+        assert set(document["combinations"][0]) >= {"sensors", "response", "r2", "adjusted_r2", "heldout_rmse_um"}
+        assert set(document["rounds"][0]) >= {"groups", "representatives"}
+
+    def test_the_same_input_gives_the_same_output(self, plain):
+        again = selected(machine())
+        assert json.dumps(again.as_dict()) == json.dumps(plain.as_dict())
+
+    def test_the_order_of_the_sensors_does_not_matter(self, plain):
+        source = machine()
+        turned = recording(
+            {
+                run: (source.time_s(run), {name: source.values(run, [name])[:, 0] for name in reversed(source.names)})
+                for run in source.runs
+            }
+        )
+        found = selected(turned)
+        assert set(found.chosen) == set(plain.chosen)
+        assert found.proof.rmse_um("Z") == pytest.approx(plain.proof.rmse_um("Z"), rel=1e-6)
+
+    def test_recordings_that_are_read_in_pieces_give_the_same(self, plain):
+        cut = select(InPieces(machine(), 47))
+        assert cut.chosen == plain.chosen
+        assert cut.proof.rmse_um("Z") == pytest.approx(plain.proof.rmse_um("Z"), rel=1e-9)
+        assert cut.models["Z"].coefficients == pytest.approx(plain.models["Z"].coefficients, rel=1e-9)
+
+    def test_progress_goes_from_nothing_to_all(self):
+        seen = []
+        select(machine(n_runs=2, n=60), progress=lambda what, share: seen.append((what, share)))
+        shares = [share for _, share in seen]
+        assert shares == sorted(shares)
+        assert (shares[0], shares[-1]) == (0.0, 1.0)
+        assert seen[-1][0] == "done"
+
+    def test_findings_and_provenance_that_were_passed_in_lead(self, plain):
+        found = select(machine(), findings=plain.findings[:1], provenance={"files": 3})
+        assert found.findings[0] is plain.findings[0]
+        assert found.provenance == {"files": 3}
+
+    def test_traces_hold_the_unseen_predictions(self, plain):
+        trace = plain.proof.traces[0]
+        part = plain.proof.per_response["Z"][0]
+        error = trace.measured_um[:, 0] - trace.predicted_um[:, 0]
+        assert np.sqrt(np.mean(error**2)) == pytest.approx(part.rmse_um, rel=1e-9)
