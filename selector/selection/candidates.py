@@ -94,6 +94,10 @@ def candidates(question: Question, bench: Bench) -> Candidates:
     everything: list[tuple[str, ...]] = []
     if options.level is None:
         everything = _linear_sets(question, bench, sensors)
+        cheap = _cheapest(question, sensors)
+        if len(cheap) < len(sensors):
+            # the best sets may all hold a dear sensor whose neighbour would do
+            everything += _linear_sets(question, bench, cheap)
     tested = list(dict.fromkeys(s for sets in (*found.values(), everything) for s in sets))
     row = {s: bench.errors(s, LINEAR) for s in tested}
     share = bench.samples / bench.samples.sum()
@@ -170,6 +174,13 @@ def _screenings(
         f = next((s.f for s in axis if s.partition == rounds[0].partition), None)
         screenings.append(Screening(level[0], tuple(rounds), kept, f))
     return screenings
+
+
+def _cheapest(question: Question, sensors: Sequence[str]) -> tuple[str, ...]:
+    """The sensors that cost least, and those that must be kept."""
+    options = question.options
+    least = min(options.cost.get(name, 1.0) for name in sensors)
+    return tuple(name for name in sensors if options.cost.get(name, 1.0) <= least or name in options.must)
 
 
 def _per_size(pool: Sequence[str]) -> int:

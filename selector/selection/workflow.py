@@ -223,7 +223,7 @@ class _Folds:
 
 
 def _best_offer(question: Question, errors: Mapping[Offer, float]) -> Offer:
-    """The poorest offer whose whole procedure predicts unseen parts about as well as the best: richer terms can do harm.
+    """The poorest offer whose whole procedure predicts unseen parts about as well as the best one does.
 
     With the patent's rule the richest offer stands, as its rule knows no unseen data.
     """
