@@ -14,6 +14,7 @@ from statsmodels.stats.sandwich_covariance import S_nw_panel, weights_bartlett
 from statsmodels.stats.stattools import durbin_watson
 
 from selector.errors import OptionError
+from selector.models.subset_scores import adjusted_r2
 from selector.models.terms import Scaling, Term, design_matrix, physical_transform
 
 _RANK = 1e-12
@@ -194,17 +195,6 @@ def fit(
         diagnostics=diagnostics,
         ridge=ridge,
     )
-
-
-def adjusted_r2(r2: float, n_samples: float, n_terms: int, *, intercept: bool = True) -> float:
-    """1 − (m − 1)/(m − p − 1)·(1 − R²) (P step 5); without an intercept m/(m − p).
-
-    NaN when there are too few samples to say.
-    """
-    free = n_samples - n_terms - int(intercept)
-    if free <= 0:
-        return float("nan")
-    return 1.0 - (n_samples - int(intercept)) / free * (1.0 - r2)
 
 
 def variance_inflation(columns: NDArray[np.float64], *, intercept: bool = True) -> NDArray[np.float64]:

@@ -17,8 +17,9 @@ MAX_REGIMES = 5
 FALSE_ALARM = 0.01
 N_PERMUTATIONS = 999
 PENALTY = 3.0
-"""Parameters that a split counts as. With 2 (its level and its place) four in ten clear pairs of regimes were cut once
-more, since the place was searched for; with 4 it is one in twenty, and no more regimes are missed."""
+"""Parameters that a split counts as: its level, its place, and one for the search of the place (as in the modified BIC
+of Zhang and Siegmund, 2007). With 2, four in ten clear regimes were cut once more; with 3 it is one in eight, and a
+single change of two deviations among 18 runs is found in 70 instead of 53 %."""
 
 
 def regime_findings(selection: Selection) -> list[Finding]:

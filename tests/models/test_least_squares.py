@@ -12,7 +12,8 @@ from statsmodels.stats.outliers_influence import OLSInfluence, variance_inflatio
 from statsmodels.stats.stattools import durbin_watson
 
 from selector.errors import OptionError
-from selector.models.least_squares import adjusted_r2, fit, variance_inflation
+from selector.models.least_squares import fit, variance_inflation
+from selector.models.subset_scores import adjusted_r2
 from selector.models.terms import Scaling, design_matrix, polynomial_terms
 
 

@@ -59,14 +59,14 @@ def machine(
     t = np.arange(n) * PERIOD_S
     for r in range(n_runs):
         truth = rises(rng, n, tau_hidden_s)
+        displacements = [one(truth) for one in (law, second) if one is not None]
         base = rng.uniform(18, 26)
         gain = {"T1": ("spindle", 1.0, 0.01), "T2": ("spindle", 0.8, 0.15), "T3": ("spindle", 0.6, 0.15)}
         gain |= {"T4": ("column", 1.0, 0.01), "T5": ("column", 0.7, 0.15)}
         gain |= {"T6": ("air", 1.0, 0.01), "T7": ("air", 1.1, 0.15)}
         values = {name: base + k * truth[of] + rng.normal(0, sd, n) for name, (of, k, sd) in gain.items()}
-        values["Z"] = law(truth) + rng.normal(0, noise_um, n)
-        if second is not None:
-            values["Y"] = second(truth) + rng.normal(0, noise_um, n)
+        for name, true_um in zip("ZY", displacements, strict=False):
+            values[name] = true_um + rng.normal(0, noise_um, n)
         if speed:
             values["n"] = truth["speed"]
         runs[names(r)] = (t, values)

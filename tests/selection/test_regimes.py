@@ -34,9 +34,17 @@ def test_a_shift_of_five_deviations_is_found_where_it_is():
     assert sum(place in (6, 7, 8) for place in places) >= 9
 
 
-def test_three_regimes():
-    values = np.r_[np.zeros(6), np.full(6, 10.0), np.full(6, -5.0)] + np.random.default_rng(0).normal(0, 0.5, 18)
-    assert regimes(values, 0)[0] == [(0, 6), (6, 12), (12, 18)]
+def test_three_regimes_and_seldom_more():
+    exact = more = 0
+    for seed in range(12):
+        scatter = np.random.default_rng(seed).normal(0, 0.5, 18)
+        bounds = regimes(np.r_[np.zeros(6), np.full(6, 10.0), np.full(6, -5.0)] + scatter, 0)[0]
+        exact += bounds == [(0, 6), (6, 12), (12, 18)]
+        more += len(bounds) > 3
+        # an extra cut may come in, but none of the true ones is missed
+        assert {6, 12} <= {stop for _, stop in bounds}
+    assert exact >= 8  # 82 % in 40 seeds
+    assert exact + more == 12
 
 
 def test_a_single_odd_day_is_no_regime():

@@ -78,7 +78,8 @@ class TestPlantedTruth:
         source = machine(lambda u: 3 * u["air"] + 0.004 * u["speed"], speed=True)
         found = selected(source, memory=True)
         assert "n" in found.recipe.design.inputs
-        assert found.proof.rmse_um("Z") < 0.8 < 3.0 < found.proof.baselines_um["Z"]["all sensors"]
+        # the air is measured to 0.15 K at worst, 3 µm/K: 0.45 beside the noise of 0.5, and the start of each run
+        assert found.proof.rmse_um("Z") < 1.3 < 10.0 < found.proof.baselines_um["Z"]["all sensors"]
 
     def test_two_responses_share_one_set(self):
         found = selected(machine(second=lambda u: 3 * u["air"] - u["column"]))
@@ -180,12 +181,10 @@ class TestProof:
         ratios, leaky = [], []
         for seed in range(8):
             rng = np.random.default_rng(seed)
+            names = [*(f"T{j}" for j in range(20)), "Z"]
             source = recording(
-                {
-                    f"r{r}": (np.arange(30.0), {**{f"T{j}": rng.normal(size=30) for j in range(20)}, "Z": rng.normal(size=30)})
-                    for r in range(5)
-                }
-            )  # fmt: skip
+                {f"r{r}": (np.arange(30.0), {name: rng.normal(size=30) for name in names}) for r in range(5)}
+            )
             found = selected(source, reference="absolute")
             mean = found.proof.baselines_um["Z"]["mean"]
             ratios.append(found.proof.rmse_um("Z") / mean)
