@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from selector.models.design import Columns, Datum, Design
 from selector.models.memory import Lag
 from selector.models.moments import Moments, centred, coefficients, moments, scaling_of, squared_error
-from selector.models.terms import Form, Term
 from selector.models.subset_scores import adjusted_r2
+from selector.models.terms import Form, Term
 from selector.models.validation import LeaveOneOut, inner_grouping, response_power
 from selector.recording import RunSource
 

@@ -60,7 +60,7 @@ class TestPlantedTruth:
         assert all(term.degree == 1 for term in found.models["Z"].terms)
         assert "terms-not-used" in found_ids(found)
 
-    @pytest.mark.parametrize("seed", range(3))
+    @pytest.mark.parametrize("seed", range(2))
     def test_the_time_constant_of_a_hidden_mass(self, seed):
         """The issue's promise: within 15 %. The displacement follows the spindle 30 min late, which no sensor shows."""
         source = machine(lambda u: 2 * u["spindle"] + 6 * u["hidden"], seed=seed, tau_hidden_s=1800.0)
@@ -75,7 +75,7 @@ class TestPlantedTruth:
         assert not selected(machine(), memory=True).recipe.design.lags
 
     def test_a_displacement_driven_by_speed_needs_the_speed(self):
-        source = machine(lambda u: 3 * u["air"] + 0.004 * u["speed"], speed=True)
+        source = machine(lambda u: 3 * u["air"] + 0.004 * u["speed"], speed=True, n=120)
         found = selected(source, memory=True)
         assert "n" in found.recipe.design.inputs
         # the air is measured to 0.15 K at worst, 3 µm/K: 0.45 beside the noise of 0.5, and the start of each run
