@@ -7,8 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from selector.models.least_squares import FittedModel
-from selector.selection.candidates import LINEAR, Candidates, Grouping
-from selector.selection.choice import Choice, Trial
+from selector.models.moments import coefficients, squared_error
+from selector.models.validation import response_power
+from selector.selection.candidates import Grouping
+from selector.selection.choice import Choice
 from selector.selection.library import Bench, Library
 from selector.selection.options import Question
 from selector.selection.result import Combination, Proof
@@ -90,28 +92,44 @@ def reasons_of(grouping: Grouping, sensors: Sequence[str], chosen: Sequence[str]
     return {name: reasons[name] for name in sensors}
 
 
-def stability_of(question: Question, linear: Library, found: Candidates, trial: Trial) -> dict[str, float]:
-    """How often each chosen sensor, or one of its group, is in the best linear set of the same size.
+def stability_of(question: Question, library: Library, grouping: Grouping, choice: Choice) -> dict[str, float]:
+    """How often each chosen sensor, or one of its group, is in the best set of the same size and shape.
 
-    Bootstrap over the folds (runs, or blocks of few runs): `BOOTSTRAP_SAMPLES` resamples with replacement; in each the
-    best of the compared sets of that size, by R², is taken. A choice that flips with the runs is no property of the
-    machine.
+    Bootstrap over the folds (runs, or blocks of few runs): `BOOTSTRAP_SAMPLES` resamples with replacement; in each, the
+    compared set that predicts best what the resample leaves out. A choice that flips with the runs is no property of
+    the machine.
     """
-    sets = [s.sensors for s in found.sets if len(s.sensors) == len(trial.set.sensors)]
-    if trial.set.sensors not in sets:
-        sets.append(trial.set.sensors)
-    group_of = {name: i for i, group in enumerate(found.grouping.chosen.rounds[0].partition.groups) for name in group}
+    trial = choice.trial
+    sets = [
+        other.set.sensors
+        for other in choice.trials
+        if other.shape == trial.shape and len(other.set.sensors) == len(trial.set.sensors)
+    ]
+    group_of = {name: i for i, group in enumerate(grouping.chosen.rounds[0].partition.groups) for name in group}
     rng = np.random.default_rng(question.options.seed)
-    n = len(linear.moments.folds)
+    products = library.moments.products
+    n = len(products)
+    first = 1 + library.moments.n_columns
+    responses = range(first, first + len(library.responses))
+    power = response_power(library.moments)
+    columns = [[1 + column for column in library.columns(sensors, trial.shape)] for sensors in sets]
     hits = dict.fromkeys(trial.set.sensors, 0)
+    done = 0
     for _ in range(BOOTSTRAP_SAMPLES):
         weights = np.bincount(rng.integers(0, n, n), minlength=n)
-        bench = Bench.of(linear, np.repeat(np.arange(n), weights).tolist())
-        scores = [bench.mean_adjusted_r2(sensors, LINEAR) for sensors in sets]
-        best = {group_of[name] for name in sets[int(np.argmax(scores))]}
+        if (weights > 0).all():
+            continue
+        bag = np.tensordot(weights.astype(np.float64), products, 1)
+        rest = products[weights == 0].sum(axis=0)
+        errors = [
+            float((squared_error(rest, at, responses, coefficients(bag, at, responses)) / power).sum())
+            for at in columns
+        ]
+        best = {group_of[name] for name in sets[int(np.argmin(errors))]}
+        done += 1
         for name in hits:
             hits[name] += group_of[name] in best
-    return {name: count / BOOTSTRAP_SAMPLES for name, count in hits.items()}
+    return {name: count / max(done, 1) for name, count in hits.items()}
 
 
 def _listed(names: Sequence[str]) -> str:

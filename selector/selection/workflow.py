@@ -134,7 +134,7 @@ def select(
         )
     )
     hull = validity_hull(rows.variables)
-    stability = stability_of(question, folds.linear, found_all, choice.trial)
+    stability = stability_of(question, library, found_all.grouping, choice)
     selection = Selection(
         options=question.options,
         sensors=question.sensors,
