@@ -45,7 +45,7 @@ def start_reading(time_s: NDArray[np.float64], samples: NDArray[np.float64]) -> 
     if len(found) < 4:
         return float(found[0]), np.nan
     # second differences see the noise and not the warming
-    noise = float(np.sqrt(np.median(np.diff(found, 2) ** 2) / (0.4549 * 6.0)))
+    noise = float(np.median(np.abs(np.diff(found, 2)))) / (0.6745 * np.sqrt(6.0))
     noise = max(noise, _quantum(found) / np.sqrt(12.0))
     if noise < 0.1 * float(np.median(np.abs(np.diff(found)))):
         # a smooth curve, whose second differences are its bend and not noise
@@ -56,9 +56,9 @@ def start_reading(time_s: NDArray[np.float64], samples: NDArray[np.float64]) -> 
             continue
         values = found[: fit.basis.shape[0]]
         coefficients = fit.solver @ values
-        misfit = float(((values - fit.basis @ coefficients) ** 2).sum())
+        misfit = float((((values - fit.basis @ coefficients) / noise) ** 2).sum())
         bend = abs(float(fit.next_power @ values))
-        if misfit <= noise**2 * fit.limit and bend <= SMALL_BEND * noise * float(np.linalg.norm(fit.next_power)):
+        if misfit <= fit.limit and bend <= SMALL_BEND * noise * float(np.linalg.norm(fit.next_power)):
             best = (float(coefficients[0]), noise * fit.gain)
     return best
 

@@ -1,0 +1,183 @@
+"""The main job through the command line: shipped recordings to selection.json, model.json and a report."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from selector.cli import exit_status
+from selector.shipped import shipped
+
+PATENT = [str(shipped("patent8")), "--response", "Z", "--response", "Y", "--lambda", "0.995"]
+
+
+def selection(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict:
+    assert exit_status(["select", *arguments, "--json"]) == 0
+    return json.loads(capsys.readouterr().out, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
+
+
+def test_patent_example(capsys):
+    found = selection(capsys, *PATENT, "--must", "T1", "--must", "T3", "--tolerance", "0.001")
+    assert found["schema"] == "selector.selection/1"
+    assert found["lambda"] == 0.995
+    assert found["rounds"][0]["groups"] == [["T1", "T2", "T4", "T8"], ["T3", "T5", "T6", "T7"]]
+    assert found["chosen"]["sensors"] == ["T1", "T3"]
+    printed = {"Z": (-1.871, 6.0476, 2.6667), "Y": (0.5703, 4.7292, -0.5908)}
+    for name, numbers in printed.items():
+        model = found["models"][name]
+        slopes = {tuple(term["powers"]): term["coefficient"] for term in model["terms"]}
+        # the patent prints four decimals; the reconstruction has its models to 1e-9
+        assert (model["intercept"], slopes[("T1",)], slopes[("T3",)]) == pytest.approx(numbers, abs=5e-5)
+        assert (round(model["r2"], 4), round(model["adjusted_r2"], 4)) == (0.9989, 0.9988)
+
+
+def test_every_combination_of_few_representatives_is_listed(capsys):
+    found = selection(capsys, str(shipped("patent8")), "--response", "Z", "--lambda", "0.9985")
+    names = found["rounds"][0]["representatives"]
+    listed = {tuple(one["sensors"]) for one in found["combinations"]}
+    assert len(names) == 5
+    assert len(listed) == 2**5 - 1
+    assert all(
+        {"sensors", "response", "r2", "adjusted_r2", "heldout_rmse_um"} <= set(one) for one in found["combinations"]
+    )
+
+
+def test_results_are_written_together_and_bit_for_bit_again(tmp_path, capsys):
+    hashes = []
+    for folder in (tmp_path / "a", tmp_path / "b"):
+        assert exit_status(["select", *PATENT, "--out", str(folder), "--json"]) == 0
+        printed = capsys.readouterr().out
+        assert sorted(path.name for path in folder.iterdir()) == ["model.json", "report.html", "selection.json"]
+        assert (folder / "selection.json").read_text(encoding="utf-8") == printed
+        hashes.append([hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(folder.iterdir())])
+    assert hashes[0] == hashes[1]
+    assert exit_status(["model", "check", str(tmp_path / "a" / "model.json")]) == 0
+
+
+def test_the_model_applies_to_its_own_recording_as_it_was_fitted(tmp_path, capsys):
+    folder = tmp_path / "study"
+    assert exit_status(["select", *PATENT, "--out", str(folder)]) == 0
+    capsys.readouterr()
+    assert exit_status(["apply", str(folder / "model.json"), str(shipped("patent8")), "--json"]) == 0
+    applied = json.loads(capsys.readouterr().out)
+    chosen = json.loads((folder / "selection.json").read_text(encoding="utf-8"))
+    for name in ("Z", "Y"):
+        # two programs sum 97 squares in another order
+        assert applied["overall"][name]["rmse_um"] == pytest.approx(chosen["models"][name]["rmse_um"], rel=1e-9)
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory) -> Path:
+    """Four runs of six sensors that share two modes, and a displacement of two of them with a slow mode."""
+    folder = tmp_path_factory.mktemp("runs")
+    rng = np.random.default_rng(5)
+    t = np.arange(0.0, 300.0)
+    for k in range(4):
+        speed = np.repeat(rng.integers(0, 3, 10), 30) * 1000.0
+        fast, slow = np.zeros(300), np.zeros(300)
+        for i in range(1, 300):
+            fast[i] = fast[i - 1] + (speed[i] / 300.0 - fast[i - 1]) / 15.0
+            slow[i] = slow[i - 1] + (fast[i] - slow[i - 1]) / 90.0
+        share = np.linspace(1.0, 0.0, 6)
+        temperatures = 21.0 + np.outer(fast, share) + np.outer(slow, 1 - share) + 0.02 * rng.normal(size=(300, 6))
+        table = pd.DataFrame(np.round(temperatures, 2), columns=[f"T{j + 1}" for j in range(6)])
+        table.insert(0, "t_min", t)
+        table["S_rpm"] = speed
+        table["Z_um"] = np.round(4.0 * fast + 3.0 * slow + 0.3 * rng.normal(size=300), 2)
+        table.to_csv(folder / f"r{k + 1}.csv", index=False)
+    return folder
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ["--degree", "2", "--interactions"],
+        ["--memory"],
+        ["--ridge"],
+        ["--reference", "absolute"],
+        ["--rounds", "2"],
+        ["--absolute-similarity"],
+        ["--must", "T6", "--never", "T1", "--cost", "T2=3", "--max-sensors", "2"],
+        ["--condition", "r1=a", "--condition", "r2=a"],
+        ["--tolerance", "0.01"],
+    ],
+)
+def test_options(runs, capsys, options):
+    found = selection(capsys, str(runs), *options)
+    model = found["models"]["Z_um" if "Z_um" in found["models"] else "Z"]
+    baseline = next(iter(found["proof"]["baselines_um"].values()))["none"]
+    # the displacement spans tens of micrometres and the noise is 0.3: any sensible model takes off nine tenths
+    assert model["heldout_rmse_um"] < 0.1 * baseline
+    if "--must" in options:
+        assert "T6" in found["chosen"]["sensors"]
+        assert "T1" not in found["sensors"]
+        assert len(found["chosen"]["sensors"]) <= 2
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--lambda", "1.5"], "from 0 to 1"),
+        (["--lambda", "nan"], "from 0 to 1"),
+        (["--lambda", "much"], "number"),
+        (["--must", "T99"], "T99"),
+        (["--must", "T1", "--never", "T1"], "at most one"),
+        (["--response", "T1"], "displacement"),
+        (["--degree", "4"], "1 to 3"),
+        (["--max-sensors", "0"], "at least 1"),
+        (["--cost", "T1=-1"], "0 or more"),
+        (["--tolerance", "-1"], "0 or more"),
+        (["--condition", "r9=a"], "r9"),
+        (["--reference", "zero"], "rise"),
+        (["--seed", "-1"], "0"),
+        (["--date", "yesterday"], "YYYY-MM-DD"),
+        (
+            ["--never", "T1", "--never", "T2", "--never", "T3", "--never", "T4", "--never", "T5", "--never", "T6"],
+            "every",
+        ),
+    ],
+)
+def test_unusable_options(runs, tmp_path, capsys, options, said):
+    out = tmp_path / "out"
+    assert exit_status(["select", str(runs), *options, "--out", str(out), "--json"]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert said in captured.err
+    assert "What to do" in captured.err
+    assert not out.exists()
+
+
+def test_out_that_is_a_file_is_refused_before_the_work(runs, tmp_path, capsys):
+    (tmp_path / "out").write_text("mine", encoding="utf-8")
+    assert exit_status(["select", str(runs), "--out", str(tmp_path / "out")]) == 2
+    assert (tmp_path / "out").read_text(encoding="utf-8") == "mine"
+    assert "is a file" in capsys.readouterr().err
+
+
+def test_demo_ends_with_the_path_of_a_report(tmp_path, capsys):
+    assert exit_status(["demo", "--out", str(tmp_path / "demo")]) == 0
+    last = capsys.readouterr().out.strip().splitlines()[-1]
+    assert Path(last) == tmp_path / "demo" / "report.html"
+    assert Path(last).stat().st_size > 1_000_000
+    assert (tmp_path / "demo" / "vmc37" / "model.json").exists()
+
+
+def test_a_stream_gives_the_same_sensors(runs, tmp_path, capsys, monkeypatch):
+    folder = tmp_path / "parquet"
+    assert exit_status(["convert", str(runs), "--out", str(folder), "--format", "parquet"]) == 0
+    capsys.readouterr()
+    whole = selection(capsys, str(folder))
+    monkeypatch.setattr("selector.readers.stream.LARGE_BYTES", 1000)
+    files = [str(path) for path in sorted(folder.glob("*.parquet"))]
+    pieces = selection(capsys, *files, "--machine", str(folder / "machine.toml"))
+    assert pieces["chosen"]["sensors"] == whole["chosen"]["sensors"]
+    name = next(iter(whole["models"]))
+    assert pieces["models"][name]["heldout_rmse_um"] == pytest.approx(
+        whole["models"][name]["heldout_rmse_um"], rel=1e-9
+    )
+    assert any(finding["id"] == "read-in-pieces" for finding in pieces["findings"])
