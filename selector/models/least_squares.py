@@ -9,9 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
-from statsmodels.stats.diagnostic import acorr_ljungbox
-from statsmodels.stats.sandwich_covariance import S_nw_panel, weights_bartlett
 from statsmodels.stats.stattools import durbin_watson
+from statsmodels.tsa.stattools import acf, q_stat
 
 from selector.errors import OptionError
 from selector.models.subset_scores import adjusted_r2
@@ -245,11 +244,19 @@ def _robust_covariance(
 ) -> NDArray[np.float64]:
     """Newey–West within each run, Bartlett weights; the bread of the sandwich carries the ridge penalty."""
     n, k = exogenous.shape
-    parts = [(rows.start, rows.stop) for rows in _run_slices(groups)]
-    shortest = min(stop - start for start, stop in parts)
+    parts = _run_slices(groups)
+    shortest = min(rows.stop - rows.start for rows in parts)
     # 4(n/100)^(2/9) is the textbook bandwidth; thermal residuals stay correlated for much longer
     bandwidth = max(min(int(np.sqrt(n / len(parts))), shortest - 1), 0)
-    meat = S_nw_panel(exogenous * residuals[:, None], weights_bartlett(bandwidth), parts)
+    scores = exogenous * residuals[:, None]
+    # Bartlett's triangle is a box run over a box: two running sums in place of a sum over all lags
+    meat = np.zeros((k, k))
+    for rows in parts:
+        sums = np.zeros((rows.stop - rows.start + 2 * bandwidth + 2, k))
+        np.cumsum(scores[rows], axis=0, out=sums[bandwidth + 1 : len(sums) - bandwidth - 1])
+        sums[len(sums) - bandwidth - 1 :] = sums[len(sums) - bandwidth - 2]
+        box = sums[bandwidth + 1 :] - sums[: -bandwidth - 1]
+        meat += box.T @ box / (bandwidth + 1)
     covariance = bread @ meat @ bread * n / max(n - k, 1)
     return (covariance + covariance.T) / 2.0
 
@@ -267,7 +274,7 @@ def _diagnostics(
     steps = sum(float((np.diff(residuals[rows]) ** 2).sum()) for rows in parts)
     watson = steps / rss if len(parts) > 1 and rss > 0 else float(durbin_watson(residuals)) if rss > 0 else 2.0
     box = [
-        float(acorr_ljungbox(residuals[rows], lags=[min(10, (rows.stop - rows.start) // 3)])["lb_pvalue"].iloc[0])
+        _ljung_box_p(residuals[rows], min(10, (rows.stop - rows.start) // 3))
         for rows in parts
         if rows.stop - rows.start >= 12 and np.ptp(residuals[rows]) > 0
     ]
@@ -285,6 +292,12 @@ def _diagnostics(
         max_cooks_distance=float(cooks.max()) if rss > 0 else 0.0,
         most_influential=int(cooks.argmax()),
     )
+
+
+def _ljung_box_p(residuals: NDArray[np.float64], lags: int) -> float:
+    # acorr_ljungbox correlates at all lags: its cost grows with the square of the run
+    correlation = acf(residuals, nlags=lags, fft=True)[1:]
+    return float(q_stat(correlation, len(residuals))[1][-1])
 
 
 def _run_slices(groups: NDArray[np.int64]) -> list[slice]:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import statsmodels.api as sm
 from sklearn.linear_model import Ridge
+from statsmodels.stats.diagnostic import acorr_ljungbox
 from statsmodels.stats.outliers_influence import OLSInfluence, variance_inflation_factor
 from statsmodels.stats.stattools import durbin_watson
 
@@ -233,6 +234,14 @@ class TestDiagnostics:
         cooks = OLSInfluence(sm.OLS(y, sm.add_constant(x)).fit()).cooks_distance[0]
         assert model.diagnostics.max_cooks_distance == pytest.approx(cooks.max(), rel=1e-8)
         assert model.diagnostics.most_influential == 17 == cooks.argmax()
+
+    def test_ljung_box_is_that_of_statsmodels_and_the_worst_of_the_runs(self):
+        x, y = data()
+        y = x[:, 0] + np.random.default_rng(4).normal(size=200)
+        model = fitted(x, y, runs=np.repeat([0, 1], 100))
+        residuals = y - model.predicted(x)
+        each = [acorr_ljungbox(part, lags=[10])["lb_pvalue"].iloc[0] for part in np.split(residuals, 2)]
+        assert model.diagnostics.ljung_box_p == pytest.approx(min(each), rel=1e-9)
 
     def test_ljung_box_tells_noise_from_memory(self):
         rng = np.random.default_rng(0)
