@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from selector.cli import showing
+from selector.cli.files import refuse_to_replace_input
 from selector.cli.models import Model
 from selector.cli.showing import AsJson
 from selector.cli.source import Source, with_source
@@ -45,6 +46,9 @@ def apply(
 
     read = read_model(model)
     reading = source.reading()
+    if out is not None:
+        named = [model, *([] if source.machine is None else [source.machine])]
+        refuse_to_replace_input(out, [*named, *(run.file for run in reading.runs)], "--out")
     outputs = [output.name for output in read.outputs]
     # what is missing altogether, apply_model says in the words of the model
     used = {*outputs, *(item.name for item in read.inputs)} & set(reading.recording.names)

@@ -6,7 +6,8 @@ import errno
 import os
 import secrets
 import shutil
-from collections.abc import Iterator
+import tempfile
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -57,3 +58,48 @@ def refuse_to_overwrite(path: Path, *, force: bool, option: str) -> None:
             where=f"{option} {path}",
             advice="choose another name, or add --force to replace the file",
         )
+
+
+def refuse_to_replace_input(path: Path, inputs: Iterable[str | Path], option: str) -> None:
+    """Ends with an error when the file to be written is one of those that were read, whatever its name there was.
+
+    Raises
+    ------
+    OptionError
+        It is.
+    """
+    if path.exists() and any(Path(file).exists() and path.samefile(file) for file in inputs):
+        raise OptionError(
+            "this file is one of the inputs, and would be lost",
+            expected="a file that is not read by the same command",
+            where=f"{option} {path}",
+            advice="choose another name",
+        )
+
+
+def require_writable_folder(folder: Path, option: str) -> None:
+    """Finds out before long work whether `folder` can be made or written to; leaves nothing behind.
+
+    Raises
+    ------
+    OptionError
+        It is a file, or its place cannot be written to.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise OptionError(
+            "a file of this name exists",
+            expected="a folder, or a name that is free",
+            where=f"{option} {folder}",
+            advice="choose another name",
+        )
+    place = next(parent for parent in (folder.absolute(), *folder.absolute().parents) if parent.exists())
+    try:
+        with tempfile.TemporaryDirectory(dir=place):
+            pass
+    except OSError as error:
+        raise OptionError(
+            f"{place} cannot be written to ({error.strerror})",
+            expected="a folder in which files can be made",
+            where=f"{option} {folder}",
+            advice="choose another folder, or change its rights",
+        ) from error

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from selector.cli import showing
-from selector.cli.files import folder_written_whole, refuse_to_overwrite
+from selector.cli.files import folder_written_whole, refuse_to_overwrite, refuse_to_replace_input
 from selector.cli.showing import AsJson
 from selector.cli.source import Source, with_source
 
@@ -47,6 +47,7 @@ def describe(
     findings = (*reading.findings, *inspect(reading.recording))
     description: dict[str, Any] = {**reading.description(), "findings": findings}
     if write is not None:
+        refuse_to_replace_input(write, [run.file for run in reading.runs], "--write")
         write_machine_file(machine_of(reading), write, reading.undeclared)
     if as_json:
         showing.print_json(description)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from selector.cli import showing
-from selector.cli.files import folder_written_whole
+from selector.cli.files import folder_written_whole, require_writable_folder
 from selector.cli.showing import AsJson
 from selector.cli.source import Source, pairs, with_source
 from selector.errors import OptionError
@@ -179,10 +179,8 @@ def select(
         seed=_seed(seed),
     )
     date = _date(date)
-    if out is not None and out.exists() and not out.is_dir():
-        raise OptionError(
-            f"{out} is a file", expected="a folder, or a name that is free", where="--out", advice="choose another name"
-        )
+    if out is not None:
+        require_writable_folder(out, "--out")
     console = showing.screen(as_json)
     with progress_bar(as_json) as progress:
         selection, material = study(source, options, progress)
@@ -221,7 +219,9 @@ def write_results(selection: Selection, material: Material, folder: Path, *, dat
     from selector.controllers.model_io import write_model
 
     model = model_file_of(selection, material.source.channels, source=material.source, date=date)
-    (folder / "selection.json").write_text(showing.json_text(selection.as_dict()) + "\n", encoding="utf-8")
+    (folder / "selection.json").write_text(
+        showing.json_text(selection.as_dict()) + "\n", encoding="utf-8", newline="\n"
+    )
     write_model(model, folder / "model.json")
 
 
@@ -255,7 +255,7 @@ def show_selection(console: Console, selection: Selection) -> None:
             for i, term in enumerate(terms)
         ]
         columns = ["term", "coefficient", "standard error", "VIF"]
-        console.print(showing.table(f"{name} [µm; per K]", columns, lines, numeric=columns[1:]))
+        console.print(showing.table(f"{name} [µm per unit of the term: K, rpm]", columns, lines, numeric=columns[1:]))
     groups = selection.grouping.chosen.rounds[0]
     rows_of_groups = [
         (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import io
 import json
 import math
@@ -34,6 +35,22 @@ _ACTIONS = {
 }
 
 
+_SPELLINGS = dict(
+    zip("−–→·Δλτµ²³≥≤…±×°─√≈∞", "- - -> * d lambda tau u 2 3 >= <= ... +- x deg - sqrt ~ inf".split(), strict=True)
+)
+
+
+def _spelt_out(error: UnicodeError) -> tuple[str, int]:
+    """Signs that a code page lacks, in letters that every one has."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    return "".join(_SPELLINGS.get(sign, "?") for sign in error.object[error.start : error.end]), error.end
+
+
+_SPELT_OUT = "selector.spelt-out"
+codecs.register_error(_SPELT_OUT, _spelt_out)
+
+
 def json_text(value: Any) -> str:
     """JSON with every number finite: NaN and infinity become null; other alphabets stay readable."""
     return json.dumps(_plain(value), ensure_ascii=False, allow_nan=False, indent=1)
@@ -57,8 +74,8 @@ def screen(as_json: bool = False) -> Console:
 
     stream = sys.stderr if as_json else sys.stdout
     if isinstance(stream, io.TextIOWrapper):
-        # a code page that lacks a letter must not end the program
-        stream.reconfigure(errors="replace")
+        # a code page that lacks a letter must not end the program, nor swallow the sign of a number
+        stream.reconfigure(errors=_SPELT_OUT)
     wide = None if stream.isatty() or "COLUMNS" in os.environ else _WIDTH_WITHOUT_TERMINAL
     return Console(file=stream, width=wide, soft_wrap=False, highlight=False, emoji=False)
 

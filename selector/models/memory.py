@@ -81,9 +81,9 @@ def _lag_kernel(values, time_s, tau_s, state, last_s, result):  # type: ignore[n
 def time_constant_grid(period_s: float, duration_s: float, n: int = 9) -> NDArray[np.float64]:
     """Time constants worth trying [s], evenly spaced in their logarithm.
 
-    From three sampling periods (a faster lag is noise) to twice the length of the run (a slower one is a straight
-    line there).
+    From three sampling periods (a faster lag is noise) to the length of the longest run (a slower one is a straight
+    line there, and what it does on a longer day nobody has seen).
     """
     low = max(3.0 * period_s, duration_s / 200.0)
-    high = max(2.0 * duration_s, 2.0 * low)
+    high = max(duration_s, 2.0 * low)
     return np.geomspace(low, high, n)

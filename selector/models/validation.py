@@ -107,13 +107,14 @@ def response_power(m: Moments) -> NDArray[np.float64]:
 
 
 def within_one_standard_error(
-    errors: NDArray[np.float64], weights: NDArray[np.float64], *, cap: float = 0.10
+    errors: NDArray[np.float64], weights: NDArray[np.float64], *, cap: float = 0.10, worth: float = 0.05
 ) -> NDArray[np.bool_]:
     """Which candidates predict unseen groups as well as the best one does, as far as the groups can tell.
 
     The differences to the best are taken group by group, which removes what makes a group hard for everyone; a
     candidate is as good if its mean difference is within one standard error of zero. With few groups that error is
-    itself uncertain, so a candidate must also stay within `cap` of the best in root mean square.
+    itself uncertain, so a candidate must also stay within `cap` of the best in root mean square. The best of many is
+    lucky too: what is within `worth` of it is as good whatever the groups say, as no sensor is worth so little.
 
     Parameters
     ----------
@@ -132,9 +133,8 @@ def within_one_standard_error(
     difference = errors - errors[best]
     n = errors.shape[1]
     spread = np.sqrt(((difference - (difference @ share)[:, None]) ** 2) @ share * n / max(n - 1, 1) / n)
-    as_good = (mean - mean[best] <= spread) & (mean <= mean[best] * (1.0 + cap) ** 2)
-    as_good[best] = True
-    return np.asarray(as_good)
+    alike = (mean - mean[best] <= spread) & (mean <= mean[best] * (1.0 + cap) ** 2)
+    return np.asarray(alike | (mean <= mean[best] * (1.0 + worth) ** 2))
 
 
 @dataclass(frozen=True)

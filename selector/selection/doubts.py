@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from selector.sensors.similarity import similarity_findings
 COLLINEAR_VIF = 10.0
 ILL_CONDITIONED = 30.0
 OUTSIDE = 1.0
+CORRELATED = 1.5
 
 
 def doubts(
@@ -39,7 +41,7 @@ def doubts(
     return (
         *_datum_findings(selection, datum, surveyed),
         *similarity_findings(grouping.similarity, selection.sensors),
-        *chaining_findings(grouping.similarity.matrix, screening.rounds[0].partition),
+        *_chaining(selection),
         *(finding for one in screening.rounds for finding in one.findings),
         *_proof_findings(selection, surveyed, stride),
         *regime_findings(selection),
@@ -48,6 +50,15 @@ def doubts(
         *_range_findings(selection, rows),
         *_stability_findings(selection),
     )
+
+
+def _chaining(selection: Selection) -> list[Finding]:
+    found = chaining_findings(selection.grouping.similarity.matrix, selection.grouping.chosen.rounds[0].partition)
+    if selection.options.level is not None:
+        return list(found)
+    # λ was chosen by the error on unseen data, so a chain is no reason to choose it again
+    advice = "the choice does not rest on the groups alone: sets of all sensors were compared as well"
+    return [replace(finding, level="info", suggestion=advice) for finding in found]
 
 
 def _datum_findings(selection: Selection, datum: Datum, surveyed: Survey) -> list[Finding]:
@@ -189,7 +200,7 @@ def _model_findings(selection: Selection, ridge: tuple[float, float, float]) -> 
             )
         )
     watson = {name: one.diagnostics.durbin_watson for name, one in selection.models.items()}
-    low = {name: value for name, value in watson.items() if value < 1.0}
+    low = {name: value for name, value in watson.items() if value < CORRELATED}
     if low:
         listed = ", ".join(f"{name} {value:.2f}" for name, value in low.items())
         found.append(

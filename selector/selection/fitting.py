@@ -21,6 +21,9 @@ from selector.selection.options import Question
 MAX_ROWS = 200_000
 """Samples of the final fit. A warming machine says nothing new between neighbours; 10⁷ samples are thinned to these."""
 
+TAU_REACH = 0.25
+"""How far, in the logarithm, a time constant may move off the grid point that unseen data chose: half a step."""
+
 
 @dataclass(frozen=True)
 class Part:
@@ -85,7 +88,7 @@ def refined(
         return Recipe.of(question, datum, trial.set.sensors, shape)
 
     def misfit(log_taus: NDArray[np.float64]) -> float:
-        bounded = np.clip(log_taus, start - 0.5, start + 0.5)
+        bounded = np.clip(log_taus, start - TAU_REACH, start + TAU_REACH)
         trial_recipe = with_taus(bounded)
         rows = rows_of(source, trial_recipe.design, source.runs)
         rows = rows if training is None else rows.only(training(rows))
@@ -97,7 +100,7 @@ def refined(
         return float(((residuals**2).mean(axis=0) / power).mean()) + 1e-3 * float(np.abs(log_taus - bounded).sum())
 
     best = minimize(misfit, start, method="Nelder-Mead", options={"maxfev": 30 * len(start), "xatol": 0.02})
-    return with_taus(np.clip(best.x, start - 0.5, start + 0.5))
+    return with_taus(np.clip(best.x, start - TAU_REACH, start + TAU_REACH))
 
 
 def final_models(recipe: Recipe, rows: Rows, *, ridge: float = 0.0) -> dict[str, FittedModel]:

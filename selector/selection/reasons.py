@@ -11,7 +11,7 @@ from selector.models.moments import coefficients, squared_error
 from selector.models.validation import response_power
 from selector.selection.candidates import Grouping
 from selector.selection.choice import Choice
-from selector.selection.library import Bench, Library
+from selector.selection.library import Bench, Library, Shape
 from selector.selection.options import Question
 from selector.selection.result import Combination, Proof
 
@@ -34,7 +34,9 @@ def combinations_of(question: Question, bench: Bench, choice: Choice) -> tuple[C
     return tuple(sorted(found, key=lambda c: (order[c.response], -c.adjusted_r2)))
 
 
-def because_of(question: Question, choice: Choice, proof: Proof, models: Mapping[str, FittedModel]) -> str:
+def because_of(
+    question: Question, choice: Choice, shape: Shape, proof: Proof, models: Mapping[str, FittedModel]
+) -> str:
     """One or two sentences: why these sensors."""
     trial = choice.trial
     options = question.options
@@ -58,13 +60,15 @@ def because_of(question: Question, choice: Choice, proof: Proof, models: Mapping
             if top.set.sensors != trial.set.sensors
             else "the set that predicts unseen data best"
         )
+    if set(trial.set.sensors) <= set(options.must):
+        rule = "what --must asks for, not a choice"
     source = {
         "representatives": "representatives of their groups",
         "all sensors": f"found by the exact search over all {len(question.sensors)} sensors",
     }[trial.set.origin]
     unit = {"run": "runs", "condition": "conditions", "block": "stretches of the only run"}[proof.left_out]
     return (
-        f"{sensors} ({source}; {trial.shape}) is {rule}. "
+        f"{sensors} ({source}; {shape}) is {rule}. "
         f"On {unit} that the model has not seen, the root mean square error goes: {errors}."
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -83,14 +84,17 @@ def _left_out_for_gaps(
     likeness: dict[str, float] = {}
     for name in sorted((n for n, share in gaps.items() if share > FEW_MISSING), key=lambda n: -gaps[n]):
         others = [other for other in gaps if other != name and other not in reasons and gaps[other] <= FEW_MISSING]
-        likeness[name] = _explained(source, name, others) if others else 0.0
+        likeness[name] = _explained(source, name, others) if others else float("nan")
         if name not in must and (gaps[name] > MOST_MISSING or likeness[name] >= REPLACEABLE_R2):
             reasons[name] = (
                 "sensor-missing",
-                f"is missing in {100 * gaps[name]:.0f} % of the samples; others explain {likeness[name]:.1%} of it",
+                f"is missing in {100 * gaps[name]:.0f} % of the samples"
+                + ("" if math.isnan(likeness[name]) else f"; others explain {likeness[name]:.1%} of it"),
                 f"use --must {name} to keep it at the price of those samples",
             )
-    spare = sorted((n for n in likeness if n not in reasons and n not in must), key=lambda n: -likeness[n])
+    spare = sorted(
+        (n for n in likeness if n not in reasons and n not in must), key=lambda n: -np.nan_to_num(likeness[n])
+    )
     while spare:
         kept = [name for name in gaps if name not in reasons]
         complete = _complete_share(source, kept)

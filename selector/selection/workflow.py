@@ -35,6 +35,7 @@ FEWEST_SAMPLES = 4
 """Samples that a choice needs to tell any two sensors apart: two coefficients, an error, and one to spare."""
 WORTH_A_RICHER_MODEL = 1.02
 """Richer terms must lower the error on unseen parts by more than this; a hundredth is luck of the days."""
+LEVELS = {"error": 0, "warning": 1, "info": 2}
 NO_RIDGE = (0.0, float("nan"), float("nan"))
 
 
@@ -141,7 +142,7 @@ def select(
         grouping=found_all.grouping,
         combinations=combinations_of(question, Bench.of(library, folds.all), choice),
         chosen=recipe.sensors,
-        because=because_of(question, choice, proof, models),
+        because=because_of(question, choice, recipe.shape, proof, models),
         reasons=reasons_of(found_all.grouping, question.sensors, recipe.sensors, choice),
         recipe=recipe,
         models=models,
@@ -156,7 +157,8 @@ def select(
     say("looking for doubts", 0.95)
     doubted = doubts(selection, surveyed, datum, rows, ridge, offer_errors, offer, stride)
     say("done", 1.0)
-    return replace(selection, findings=(*findings, *surveyed.findings, *doubted))
+    everything = sorted((*findings, *surveyed.findings, *doubted), key=lambda finding: LEVELS[finding.level])
+    return replace(selection, findings=tuple(everything))
 
 
 class _Folds:
