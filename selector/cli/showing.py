@@ -35,9 +35,8 @@ _ACTIONS = {
 }
 
 
-_SPELLINGS = dict(
-    zip("−–→·Δλτµ²³≥≤…±×°─√≈∞", "- - -> * d lambda tau u 2 3 >= <= ... +- x deg - sqrt ~ inf".split(), strict=True)
-)
+_SIGNS = ("−-", "–-", "→->", "·*", "Δd", "λlambda", "τtau", "µu", "²2", "³3", "≥>=", "≤<=", "….", "×x", "√sqrt", "≈~")
+_SPELLINGS = {sign[0]: sign[1:] for sign in _SIGNS}
 
 
 def _spelt_out(error: UnicodeError) -> tuple[str, int]:

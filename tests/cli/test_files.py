@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from selector.cli.files import folder_written_whole, refuse_to_overwrite
+from selector.cli.files import (
+    folder_written_whole,
+    refuse_to_overwrite,
+    refuse_to_replace_input,
+    require_writable_folder,
+)
 from selector.errors import OptionError
 
 
@@ -64,3 +69,21 @@ def test_nothing_is_overwritten_by_accident(tmp_path):
     refuse_to_overwrite(path, force=True, option="--write")
     with pytest.raises(OptionError, match="--force"):
         refuse_to_overwrite(path, force=False, option="--write")
+
+
+def test_an_input_is_never_replaced(tmp_path):
+    recording = tmp_path / "r1.csv"
+    recording.write_text("mine", encoding="utf-8")
+    (tmp_path / "sub").mkdir()
+    # the same file under another name
+    with pytest.raises(OptionError, match="one of the inputs"):
+        refuse_to_replace_input(tmp_path / "sub" / ".." / "r1.csv", [recording], "--out")
+    refuse_to_replace_input(tmp_path / "new.csv", [recording], "--out")
+
+
+def test_a_folder_that_cannot_be_written_is_known_before_the_work(tmp_path):
+    require_writable_folder(tmp_path / "new" / "deep", "--out")
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "file").write_text("mine", encoding="utf-8")
+    with pytest.raises(OptionError, match="a file of this name"):
+        require_writable_folder(tmp_path / "file", "--out")
