@@ -9,7 +9,8 @@ if TYPE_CHECKING:
 
 
 def description(reading: Reading) -> dict[str, Any]:
-    """JSON values only; `place`, `axis` and `xyz` of a channel appear where they are known."""
+    """JSON values only; `place`, `axis` and `xyz` of a channel appear where they are known, `unit_per_run`
+    where its runs have different units."""
     return {
         "schema": "selector.description/1",
         "runs": [
@@ -39,6 +40,8 @@ def _channel(channel: ChannelInfo) -> dict[str, Any]:
         "unit_in_file": channel.unit_in_file,
         "guessed": list(channel.guessed),
     }
+    if channel.units_of_runs:
+        out["unit_per_run"] = dict(channel.units_of_runs)
     if channel.place is not None:
         out["place"] = channel.place
     if channel.axis is not None:

@@ -13,10 +13,11 @@ from selector.findings import Finding, Where
 from selector.readers.layout import is_counter_name, is_time_name
 from selector.readers.machine_file import ChannelSection, Machine
 from selector.readers.names import found_header, name_and_unit
-from selector.readers.plan_messages import check_overrides, doubtful_role, missing_everywhere, unit_conflict
+from selector.readers.plan_messages import check_overrides, doubtful_role, missing_everywhere
 from selector.readers.roles import known_unit, role_guess, role_of_numbers
 from selector.readers.runs import TimedRun
 from selector.readers.tables import Column, Overrides
+from selector.readers.units_of_runs import Dispute, believed, unit_findings
 from selector.units import same_dimension, unit_for_role
 
 
@@ -32,6 +33,8 @@ class Planned:
         Unit of the values in that run's file.
     guessed : tuple of str
         Which of "role", "unit", "axis", "place" were guessed.
+    dispute : Dispute or None
+        Where headers and machine file, or the headers of the runs, name different units.
     """
 
     name: str
@@ -42,6 +45,7 @@ class Planned:
     axis: str | None
     xyz_m: tuple[float, float, float] | None
     guessed: tuple[str, ...]
+    dispute: Dispute | None = None
 
 
 @dataclass(frozen=True)
@@ -77,7 +81,8 @@ def plan(runs: Sequence[TimedRun], machine: Machine | None, overrides: Overrides
             where=runs[0].file.name,
             advice="say what the columns are in a machine file: [channels.NAME] with role and unit",
         )
-    return result
+    told = unit_findings(channel.dispute for channel in result.channels if channel.dispute is not None)
+    return replace(result, findings=(*result.findings, *told))
 
 
 def _declared(runs: Sequence[TimedRun], machine: Machine, overrides: Overrides) -> Plan:
@@ -279,7 +284,8 @@ def _planned(
     columns = {run.name: _column(run, headers[run.name]) for run in with_channel}
     first = columns[with_channel[0].name]
     asked_role = _asked(overrides.roles, name, first.header) or section.role
-    asked_unit = _asked(overrides.units, name, first.header) or section.unit
+    option = _asked(overrides.units, name, first.header)
+    asked_unit = option or section.unit
     in_file = {run: _unit_in_file(column, findings, run) for run, column in columns.items()}
     sample = np.concatenate([column.values[:5000] for column in columns.values()][:5])
     hint = known_unit(asked_unit) or in_file[with_channel[0].name]
@@ -289,20 +295,25 @@ def _planned(
     if guess.doubt is not None:
         findings.append(doubtful_role(name, guess))
     units: dict[str, str] = {}
+    dispute = None
     unit_guessed = False
+    where = f"channel {name!r}" + (" of the machine file" if strict else "")
+    if asked_unit is not None:
+        declared = unit_for_role(asked_unit, guess.role, where=where)
+        units, printed, ruling = believed(declared, in_file, by_option=option is not None)
+        if printed:
+            dispute = Dispute(name, guess.role, ruling, tuple(printed.items()), declared)
+        in_file = {}
     for run, found in in_file.items():
-        where = f"channel {name!r}" + (" of the machine file" if strict else "")
-        if asked_unit is not None:
-            units[run] = unit_for_role(asked_unit, guess.role, where=where)
-            if found is not None and found != "1" and found != units[run]:
-                findings.append(unit_conflict(name, units[run], found, run))
-        elif found is not None and same_dimension(found, unit_for_role(guess.unit, guess.role, where=where)):
+        if found is not None and same_dimension(found, unit_for_role(guess.unit, guess.role, where=where)):
             units[run] = found
         elif found is not None and found != "1":
             units[run] = unit_for_role(found, guess.role, where=f"{where}, run {run!r}")
         else:
             units[run] = guess.unit
             unit_guessed = unit_guessed or guess.role != "state"
+    if dispute is None and len(set(units.values())) > 1:
+        dispute = Dispute(name, guess.role, "each", tuple(units.items()))
     guessed = []
     if asked_role is None:
         guessed.append("role")
@@ -324,9 +335,8 @@ def _planned(
                 "add unit = ... to this channel in the machine file",
             )
         )
-    return Planned(
-        name, guess.role, headers, units, section.place or first.description, axis, section.xyz, tuple(guessed)
-    )
+    place = section.place or first.description
+    return Planned(name, guess.role, headers, units, place, axis, section.xyz, tuple(guessed), dispute)
 
 
 def _unit_in_file(column: Column, findings: list[Finding], run: str) -> str | None:

@@ -26,20 +26,6 @@ def doubtful_role(name: str, guess: RoleGuess) -> Finding:
     )
 
 
-def unit_conflict(name: str, asked: str, found: str, run: str) -> Finding:
-    """The user and the file name different units."""
-    return Finding(
-        "unit-conflict",
-        "warning",
-        f"The machine file (or the option) says that {name!r} is in {asked}, but run {run!r} says {found}; it was "
-        f"read in "
-        f"{asked}.",
-        Where(channel=name, run=run),
-        {"asked": asked, "in_file": found},
-        "correct the unit of this channel in the machine file if the file is right",
-    )
-
-
 def missing_everywhere(runs: Sequence[TimedRun], name: str, wanted: str) -> RecordingError:
     """A channel of the machine file that no run has."""
     columns = list(dict.fromkeys(c.header for run in runs for c in run.columns))

@@ -48,7 +48,10 @@ class RunInfo:
 
 @dataclass(frozen=True)
 class ChannelInfo:
-    """One channel: the column and unit in the file, what it became, and which of that was guessed."""
+    """One channel: the column and unit in the file, what it became, and which of that was guessed.
+
+    `units_of_runs` says the unit of each run where they differ; `unit_in_file` then names all of them.
+    """
 
     name: str
     column: str
@@ -59,6 +62,7 @@ class ChannelInfo:
     place: str | None = None
     axis: str | None = None
     xyz_m: tuple[float, float, float] | None = None
+    units_of_runs: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -192,17 +196,19 @@ def _channel_info(planned: Plan, runs: Sequence[TimedRun]) -> list[ChannelInfo]:
     out = []
     for channel in planned.channels:
         first = next(run.name for run in runs if run.name in channel.headers)
+        units = tuple(dict.fromkeys(channel.units.values()))
         out.append(
             ChannelInfo(
                 channel.name,
                 channel.headers[first],
                 channel.role,
                 CANONICAL_UNITS[channel.role],
-                channel.units[first],
+                ", ".join(units),
                 channel.guessed,
                 channel.place,
                 channel.axis,
                 channel.xyz_m,
+                dict(channel.units) if len(units) > 1 else {},
             )
         )
     return out
@@ -221,7 +227,10 @@ def _how(runs: Sequence[TimedRun]) -> dict[str, Any]:
 
 
 def machine_of(reading: Reading) -> Machine:
-    """The machine file that says in so many words how this was read, guesses included: for the user to correct."""
+    """The machine file that says in so many words how this was read, guesses included: for the user to correct.
+
+    A unit in it holds for all runs; where the runs differ, the units stay with the headers of the files.
+    """
     time = reading.reading["time"]
     columns = tuple(time["columns"])
     section = TimeSection(
@@ -234,11 +243,12 @@ def machine_of(reading: Reading) -> Machine:
         period_s=reading.runs[0].period_s if time["unit"] == "sample" else None,
         date_order=reading.machine.time.date_order if reading.machine is not None else None,
     )
+    declared = reading.machine.channels if reading.machine is not None else {}
     channels = {
         c.name: ChannelSection(
             column=c.column if c.column != c.name else None,
             role=c.role,
-            unit=c.unit_in_file,
+            unit=c.unit_in_file if not c.units_of_runs else declared[c.name].unit if c.name in declared else None,
             place=c.place,
             axis=c.axis,
             xyz=c.xyz_m,

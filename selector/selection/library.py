@@ -17,6 +17,8 @@ from selector.models.terms import Form, Term
 from selector.models.validation import LeaveOneOut, inner_grouping, response_power
 from selector.recording import RunSource
 
+ROUNDING = 1e-10
+
 
 @dataclass(frozen=True)
 class Shape:
@@ -159,7 +161,8 @@ class Bench:
     def errors(self, sensors: Sequence[str], shape: Shape) -> NDArray[np.float64]:
         """Held-out mean squared error per inner group, relative to each response's variance, mean over responses."""
         held_out = self.leave_one_out.errors(self.library.columns(sensors, shape), len(self.library.responses))
-        return np.asarray((held_out.mse / self.power).mean(axis=1))
+        # differences below this are rounding of the cross-products, and no gauge would see them
+        return np.asarray(np.maximum((held_out.mse / self.power).mean(axis=1), ROUNDING))
 
     def largest_vif(self, sensors: Sequence[str], shape: Shape) -> float:
         """Variance inflation of the most redundant term; infinite for a term that the others make up."""

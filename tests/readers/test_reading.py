@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from selector.errors import OptionError, ReadError
+from selector.quality import inspect
 from selector.readers import Overrides, convert, machine, machine_of, read, write_machine_file
 
 CONTENT = "Zeit;PT01;Z\nmin;°F;mm\n" + "".join(f"{i};{68 + i},5;0,0{i}\n" for i in range(6))
@@ -179,3 +180,72 @@ def test_a_pipe_is_no_file(tmp_path):
     os.mkfifo(tmp_path / "pipe.csv")
     with pytest.raises(ReadError):
         read([tmp_path / "pipe.csv"], overrides=Overrides())
+
+
+UNITS_OF_RUNS = {"Lauf_1": ("°C", "µm"), "Lauf_2": ("°C", "µm"), "Lauf_3": ("°F", "µm"), "Lauf_4": ("°C", "mm")}
+
+
+@pytest.fixture
+def of_several_units(tmp_path):
+    """Four runs of the same course, one printed in °F, one in mm."""
+    for run, (thermal, length) in UNITS_OF_RUNS.items():
+        lines = [f"t [min],PT01 [{thermal}],PT02 [{thermal}],Z [{length}]"]
+        for minute in range(30):
+            kelvin, um = 5 * (1 - np.exp(-minute / 10)), 40 * (1 - np.exp(-minute / 15))
+            shown = [1.8 * (t + kelvin) + 32 if thermal == "°F" else t + kelvin for t in (20.0, 21.0)]
+            lines.append(f"{minute},{shown[0]:.4f},{shown[1]:.4f},{um / 1000 if length == 'mm' else um:.6f}")
+        (tmp_path / f"{run}.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return tmp_path
+
+
+def test_units_that_differ_between_runs_are_right_with_and_without_the_written_machine_file(of_several_units):
+    bare = read([of_several_units])
+    written = of_several_units.parent / "written.toml"
+    write_machine_file(machine_of(bare), written, bare.undeclared)
+    again = read([of_several_units], written)
+    for reading in (bare, again):
+        for run in UNITS_OF_RUNS:
+            # every run is the same course; the files hold 1e-4 °F and 1e-6 mm
+            values = reading.recording.values(run, ["PT01", "PT02", "Z"])
+            assert np.allclose(values, reading.recording.values("Lauf_1", ["PT01", "PT02", "Z"]), rtol=0, atol=2e-3)
+        thermal, length = (f for f in reading.findings if f.id == "units-differ")
+        assert thermal.evidence["channels"] == ["PT01", "PT02"]
+        assert thermal.evidence["in_file"] == {"degC": ["Lauf_1", "Lauf_2", "Lauf_4"], "degF": ["Lauf_3"]}
+        assert length.evidence["in_file"] == {"um": ["Lauf_1", "Lauf_2", "Lauf_3"], "mm": ["Lauf_4"]}
+        assert not [f for f in inspect(reading.recording) if f.action != "none"]
+    assert again.recording.channels == bare.recording.channels
+    assert all(section.unit is None for section in machine(written).channels.values())
+    channel = bare.description()["channels"][0]
+    assert channel["unit_in_file"] == "degC, degF"
+    assert channel["unit_per_run"]["Lauf_3"] == "degF"
+
+
+def test_a_header_counts_where_other_runs_agree_with_the_machine_file(of_several_units):
+    path = of_several_units.parent / "own.toml"
+    text = "".join(f'[channels.{n}]\nrole="temperature"\nunit="degC"\n' for n in ("PT01", "PT02"))
+    path.write_text(text + '[channels.Z]\nrole="displacement"\nunit="um"\n', encoding="utf-8")
+    reading = read([of_several_units], path)
+    assert np.array_equal(reading.recording.frame, read([of_several_units]).recording.frame)
+    told = [f for f in reading.findings if f.id in ("units-differ", "unit-conflict")]
+    assert {(f.id, f.where.run) for f in told} == {("units-differ", "Lauf_3"), ("units-differ", "Lauf_4")}
+    assert "2 temperature channels (PT01, PT02)" in next(f for f in told if f.where.run == "Lauf_3").statement
+    # what is written from this reading keeps it
+    again = path.with_name("again.toml")
+    write_machine_file(machine_of(reading), again)
+    assert np.array_equal(read([of_several_units], again).recording.frame, reading.recording.frame)
+    # the advice can be followed: the option makes the declared unit count in all runs
+    forced = read([of_several_units], path, Overrides(units={"PT01": "degC"}))
+    assert forced.recording.values("Lauf_3", ["PT01"])[0, 0] == 68.0
+
+
+def test_a_machine_file_that_every_header_contradicts_is_a_correction(of_several_units):
+    path = of_several_units.parent / "own.toml"
+    path.write_text('[channels.PT01]\nrole="temperature"\nunit="K"\n', encoding="utf-8")
+    reading = read([of_several_units], path)
+    assert reading.recording.values("Lauf_1", ["PT01"])[0, 0] == pytest.approx(20 - 273.15, rel=1e-12)
+    assert reading.recording.values("Lauf_3", ["PT01"])[0, 0] == pytest.approx(68 - 273.15, rel=1e-12)
+    (finding,) = [f for f in reading.findings if f.id in ("units-differ", "unit-conflict")]
+    assert (finding.id, finding.where.channel) == ("unit-conflict", "PT01")
+    assert "remove the line unit" in finding.suggestion
+    path.write_text('[channels.PT01]\nrole="temperature"\n', encoding="utf-8")
+    assert read([of_several_units], path).recording.values("Lauf_3", ["PT01"])[0, 0] == pytest.approx(20.0, abs=1e-4)
