@@ -21,27 +21,38 @@ class Mistake:
     gain: float
     offset: float
     remedy: str
+    unit: str | None = None
+    """The unit that the numbers are in, where the mistake is one of units."""
 
     def undone(self, value: float) -> float:
         """The true value behind a recorded one."""
         return (value - self.offset) / self.gain
 
+    def remedy_in_one_run(self, channel: str) -> str:
+        """What to do about one file: a line of the machine file would hold for all of them."""
+        if self.unit is None:
+            return f"Correct the file of this run: {self.remedy}."
+        return (
+            f"If so, write the unit into the header of this run's file, after the name of the column: "
+            f"{channel} [{self.unit}]. Then it counts for this file."
+        )
+
 
 _THERMAL = (
-    Mistake("°F taken for °C", 1.8, 32.0, 'declare unit = "degF"'),
-    Mistake("K taken for °C", 1.0, 273.15, 'declare unit = "K"'),
+    Mistake("°F taken for °C", 1.8, 32.0, 'declare unit = "degF"', "degF"),
+    Mistake("K taken for °C", 1.0, 273.15, 'declare unit = "K"', "K"),
     Mistake("tenths of a degree taken for °C", 10.0, 0.0, "divide the column by 10"),
     Mistake("hundredths of a degree taken for °C", 100.0, 0.0, "divide the column by 100"),
-    Mistake("°C taken for °F", 1 / 1.8, -32 / 1.8, 'declare unit = "degC"'),
-    Mistake("°C taken for K", 1.0, -273.15, 'declare unit = "degC"'),
+    Mistake("°C taken for °F", 1 / 1.8, -32 / 1.8, 'declare unit = "degC"', "degC"),
+    Mistake("°C taken for K", 1.0, -273.15, 'declare unit = "degC"', "degC"),
 )
 _LENGTH = (
-    Mistake("mm taken for µm", 1e-3, 0.0, 'declare unit = "mm"'),
-    Mistake("µm taken for mm", 1e3, 0.0, 'declare unit = "um"'),
-    Mistake("inch taken for µm", 1 / 25400.0, 0.0, 'declare unit = "inch"'),
-    Mistake("mil taken for µm", 1 / 25.4, 0.0, 'declare unit = "mil"'),
-    Mistake("m taken for µm", 1e-6, 0.0, 'declare unit = "m"'),
-    Mistake("nm taken for µm", 1e3, 0.0, 'declare unit = "nm"'),
+    Mistake("mm taken for µm", 1e-3, 0.0, 'declare unit = "mm"', "mm"),
+    Mistake("µm taken for mm", 1e3, 0.0, 'declare unit = "um"', "um"),
+    Mistake("inch taken for µm", 1 / 25400.0, 0.0, 'declare unit = "inch"', "inch"),
+    Mistake("mil taken for µm", 1 / 25.4, 0.0, 'declare unit = "mil"', "mil"),
+    Mistake("m taken for µm", 1e-6, 0.0, 'declare unit = "m"', "m"),
+    Mistake("nm taken for µm", 1e3, 0.0, 'declare unit = "nm"', "nm"),
 )
 _OFF_K = 12.0
 """Days and warm starts move the level of a machine by less [K]; the smallest mistake (°C for °F) moves 20 °C by 27."""
@@ -125,7 +136,7 @@ def _told_temperatures(
                 "mistake": mistake.name,
                 "measured_gain": gain,
             },
-            f"Correct the file of this run, or {mistake.remedy}. "
+            f"{mistake.remedy_in_one_run(channel.name)} "
             + ("The channel is left out of this run." if acts else "Nothing is left out."),
             "leave-out-channel" if acts else "none",
         )
@@ -204,7 +215,7 @@ def _length_finding(name: str, run: str, mistake: Mistake, span: float, usual: f
         f"by the same factor: this looks like {mistake.name} (factor {mistake.gain:.3g}).",
         Where(name, run),
         {"span_um": span, "usual_span_um": usual, "gain": mistake.gain, "mistake": mistake.name},
-        f"Correct the file of this run, or {mistake.remedy} for it. The channel is left out of this run.",
+        f"{mistake.remedy_in_one_run(name)} The channel is left out of this run.",
         "leave-out-channel",
     )
 

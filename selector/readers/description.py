@@ -9,8 +9,11 @@ if TYPE_CHECKING:
 
 
 def description(reading: Reading) -> dict[str, Any]:
-    """JSON values only; `place`, `axis` and `xyz` of a channel appear where they are known, `unit_per_run`
-    where its runs have different units."""
+    """JSON values only.
+
+    `place`, `axis` and `xyz` of a channel appear where they are known, `unit_per_run` where its runs have different
+    units.
+    """
     return {
         "schema": "selector.description/1",
         "runs": [
