@@ -76,4 +76,8 @@ def main() -> None:
     if not os.environ.get("SELECTOR_DEBUG"):
         # what matters to the user is said as a finding; remarks of libraries about themselves are not
         warnings.simplefilter("ignore")
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            # closed by the caller (`>&-`), or a program without a console
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: PTH123, SIM115 (open for good)
     sys.exit(exit_status())

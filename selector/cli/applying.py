@@ -115,6 +115,22 @@ def _without_start(levels: Mapping[str, Mapping[str, float]], rises: list[str]) 
                 )
 
 
+def _not_zeroed(levels: Mapping[str, Mapping[str, float]], zeros: list[str]) -> Iterator[Finding]:
+    """Displacements whose start was taken as their zero, which the predictions then count from too."""
+    for run, found in levels.items():
+        for name in zeros:
+            if found.get(name, 0.0):
+                yield Finding(
+                    "gauge-not-zeroed",
+                    "info",
+                    f"{name} starts run {run} at {found[name]:.4g} µm: errors count from there, and the predictions "
+                    "that are written have this start added, so that they lie over the recording.",
+                    Where(channel=name, run=run),
+                    {"start_um": found[name]},
+                    "zero the gauge before a run",
+                )
+
+
 def _show(console: Console, application: Application) -> None:
     rows: list[tuple[object, ...]] = []
     for run, outputs in application.per_run.items():

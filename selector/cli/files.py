@@ -33,14 +33,37 @@ def folder_written_whole(folder: Path) -> Iterator[Path]:
         if not folder.exists():
             part.rename(folder)
             return
-        for source in sorted(part.rglob("*")):
+        _move_into(part, folder)
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def _move_into(part: Path, folder: Path) -> None:
+    """All files of `part` take their places in `folder`, or none does: old ones wait aside until the last is in."""
+    aside = part / f".{secrets.token_hex(8)}"
+    sources = sorted(part.rglob("*"))
+    aside.mkdir()
+    done: list[tuple[Path, Path]] = []
+    try:
+        for number, source in enumerate(sources):
             target = folder / source.relative_to(part)
             if source.is_dir():
                 target.mkdir(exist_ok=True)
+                continue
+            if target.is_dir():
+                raise IsADirectoryError(errno.EISDIR, "a folder in the place of a file", str(target))
+            old = aside / str(number)
+            if target.exists():
+                target.replace(old)
+            done.append((target, old))
+            source.replace(target)
+    except BaseException:
+        for target, old in done:
+            if old.exists():
+                old.replace(target)
             else:
-                source.replace(target)
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
+                target.unlink(missing_ok=True)
+        raise
 
 
 def refuse_to_overwrite(path: Path, *, force: bool, option: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -41,8 +42,26 @@ def material_of(source: Source) -> Material:
         "machine": None if reading.machine is None or reading.machine.machine is None else reading.machine.machine.name,
         "runs": {run.name: {"file": Path(run.file).name, "sha256": run.sha256} for run in reading.runs},
     }
-    recording = without_faults(reading.recording, faults)
-    return Material(recording, (*reading.findings, *faults), provenance, reading.description())
+    copies = tuple(_copies({run.name: run.sha256 for run in reading.runs}))
+    recording = without_faults(reading.recording, (*faults, *copies))
+    return Material(recording, (*reading.findings, *copies, *faults), provenance, reading.description())
+
+
+def _copies(hashes: dict[str, str]) -> Iterator[Finding]:
+    """Runs that are the same file again: leaving one out would prove nothing while its copy stays in."""
+    first: dict[str, str] = {}
+    for run, sha256 in hashes.items():
+        original = first.setdefault(sha256, run)
+        if original != run:
+            yield Finding(
+                "same-file-twice",
+                "warning",
+                f"Run {run} is the same file as run {original}; it is left out.",
+                Where(run=run),
+                {"sha256": sha256, "original": original},
+                "give every recording once",
+                "leave-out-run",
+            )
 
 
 def _streamed(source: Source) -> Material:

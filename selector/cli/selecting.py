@@ -163,7 +163,7 @@ def select(
     options = Options(
         responses=tuple(response or ()),
         level=_levels(level, rounds),
-        rounds=max(rounds, len(level or ())),
+        rounds=rounds if rounds < 1 else max(rounds, len(level or ())),
         max_sensors=max_sensors,
         degree=degree,
         interactions=interactions,
@@ -295,6 +295,7 @@ def progress_bar(quiet_stdout: bool) -> Iterator[Progress]:
 
 
 def _levels(given: list[str] | None, rounds: int) -> float | tuple[float, ...] | None:
+    given = [text.strip().lower() for text in given or ()]
     if not given or given == ["auto"]:
         return None
     if "auto" in given:

@@ -121,11 +121,12 @@ def gauge_start(level: float, standard_error: float) -> float:
     """The offset of a displacement gauge at the start of a run [µm]; 0 when it cannot be told from zero.
 
     A gauge is zeroed before a run. Subtracting the first reading of a gauge that *was* zeroed would only add its
-    noise to the whole run, so an offset counts as one from four standard errors on.
+    noise to the whole run. The start is the best of many fits and its standard error knows nothing of that choice, so
+    an offset counts as one from eight standard errors on.
     """
     if not np.isfinite(level):
         return 0.0
-    if np.isfinite(standard_error) and abs(level) <= 4.0 * standard_error:
+    if np.isfinite(standard_error) and abs(level) <= 8.0 * standard_error:
         return 0.0
     return level
 

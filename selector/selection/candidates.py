@@ -20,6 +20,8 @@ from selector.sensors.similarity import Similarity, similarity_from_cross_produc
 
 Origin = Literal["representatives", "all sensors"]
 PER_SIZE = 3
+CORRELATION_ROUNDING = 1e-9
+AS_RELEVANT = 0.01
 LINEAR = Shape()
 
 
@@ -87,8 +89,9 @@ def candidates(question: Question, bench: Bench) -> Candidates:
     cross = bench.cross(sensors, LINEAR, 0)[:-1, :-1]
     similarity = similarity_from_cross_products(cross, absolute=options.absolute_similarity)
     relevance = _relevance(bench, sensors)
+    standing = _by_cost(question, relevance)
     axis = lambda_axis(similarity.matrix, sensors)
-    screenings = _screenings(question, similarity, axis, relevance)
+    screenings = _screenings(question, similarity, axis, standing)
     pools = list(dict.fromkeys(screening.representatives for screening in screenings))
     found = {pool: _linear_sets(question, bench, pool) for pool in pools}
     everything: list[tuple[str, ...]] = []
@@ -152,13 +155,22 @@ def _relevance(bench: Bench, sensors: Sequence[str]) -> NDArray[np.float64]:
     return total / len(bench.library.responses)
 
 
+def _by_cost(question: Question, relevance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Relevance by which representatives are taken: of those within a hundredth in r², the cheapest comes first."""
+    cost = np.array([question.options.cost.get(name, 1.0) for name in question.sensors])
+    if np.ptp(cost) == 0:
+        return relevance
+    steps = np.floor(relevance / AS_RELEVANT)
+    return np.asarray(steps - 0.5 * cost / cost.max() + 0.4 * (relevance / AS_RELEVANT - steps) / len(cost))
+
+
 def _screenings(
     question: Question, similarity: Similarity, axis: LambdaAxis, relevance: NDArray[np.float64]
 ) -> list[Screening]:
     options = question.options
     must = tuple(question.sensors.index(name) for name in options.must)
     if options.levels is not None:
-        levels: Iterable[tuple[float, ...]] = [options.levels]
+        levels: Iterable[tuple[float, ...]] = [tuple(_snapped(level, axis) for level in options.levels)]
     else:
         levels = [
             _round_levels(axis, k, options.rounds)
@@ -172,7 +184,7 @@ def _screenings(
         )
         kept = tuple(question.sensors[i] for i in sorted(rounds[-1].representatives))
         f = next((s.f for s in axis if s.partition == rounds[0].partition), None)
-        screenings.append(Screening(level[0], tuple(rounds), kept, f))
+        screenings.append(Screening(options.levels[0] if options.levels else level[0], tuple(rounds), kept, f))
     return screenings
 
 
@@ -186,6 +198,15 @@ def _cheapest(question: Question, sensors: Sequence[str]) -> tuple[str, ...]:
 def _per_size(pool: Sequence[str]) -> int:
     """Sets of each size that are looked at: all of them where there are few sensors, as the patent does."""
     return 20 if len(pool) <= 6 else PER_SIZE
+
+
+def _snapped(level: float, axis: LambdaAxis) -> float:
+    """The closure level that a given λ means, where the two differ by the rounding of correlations only.
+
+    A correlation of 0.9970 comes out of samples as 0.99699999999983; a cut "at 0.9970" is a cut at this level.
+    """
+    nearest = min(axis.levels, key=lambda known: abs(known - level), default=level)
+    return nearest if abs(nearest - level) <= CORRELATION_ROUNDING else level
 
 
 def _round_levels(axis: LambdaAxis, final: int, rounds: int) -> tuple[float, ...]:

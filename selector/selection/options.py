@@ -12,6 +12,7 @@ from selector.models.design import Reference
 from selector.models.terms import Form
 from selector.recording import SENSOR_ROLES, RunSource
 
+MAX_ROUNDS = 20
 MAX_CANDIDATES = 12
 """Representatives that a search over products is made of; more are first thinned by the linear search."""
 
@@ -81,6 +82,13 @@ class Options:
                     advice="try --lambda auto; sensors on one machine usually part between 0.9 and 0.999",
                 )
         _whole("--rounds", self.rounds, 1)
+        if self.rounds > MAX_ROUNDS:
+            raise OptionError(
+                f"{self.rounds} rounds",
+                expected=f"at most {MAX_ROUNDS}",
+                where="--rounds",
+                advice="two or three rounds do: each must merge groups to have any effect",
+            )
         _whole("--max-sensors", self.max_sensors, 1)
         if self.tolerance is not None and not (math.isfinite(self.tolerance) and self.tolerance >= 0):
             raise OptionError(
@@ -213,7 +221,7 @@ def _known(option: str, name: str, known: Sequence[str], what: str) -> None:
             f"{name!r}",
             expected=f"{what}: " + ", ".join(known),
             where=option,
-            advice="correct the name; `selector describe` lists the channels and their roles",
+            advice="correct the name; `selector describe` lists the channels, and the faults for which one is left out",
         )
 
 

@@ -111,7 +111,9 @@ def stability_of(question: Question, library: Library, grouping: Grouping, choic
     ]
     group_of = {name: i for i, group in enumerate(grouping.chosen.rounds[0].partition.groups) for name in group}
     rng = np.random.default_rng(question.options.seed)
-    products = library.moments.products
+    # in the order of the names, so that the order in which the runs were given changes nothing
+    order = sorted(range(len(library.moments.folds)), key=lambda i: library.moments.folds[i].name)
+    products = library.moments.products[order]
     n = len(products)
     first = 1 + library.moments.n_columns
     responses = range(first, first + len(library.responses))

@@ -87,3 +87,14 @@ def test_a_folder_that_cannot_be_written_is_known_before_the_work(tmp_path):
     (tmp_path / "file").write_text("mine", encoding="utf-8")
     with pytest.raises(OptionError, match="a file of this name"):
         require_writable_folder(tmp_path / "file", "--out")
+
+
+def test_results_that_do_not_fit_into_the_folder_leave_the_old_ones(tmp_path):
+    folder = tmp_path / "study"
+    (folder / "report.html").mkdir(parents=True)
+    (folder / "model.json").write_text("old", encoding="utf-8")
+    with pytest.raises(IsADirectoryError), folder_written_whole(folder) as part:
+        (part / "model.json").write_text("new", encoding="utf-8")
+        (part / "report.html").write_text("new", encoding="utf-8")
+    assert (folder / "model.json").read_text(encoding="utf-8") == "old"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["study"]
