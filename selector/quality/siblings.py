@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from selector.findings import Finding, Where
 from selector.quality.frozen import still_stretches
+from selector.quality.other_causes import other_cause
 from selector.quality.relations import Relations
 from selector.quality.survey import Floats, Survey
 from selector.quality.wording import difference, duration, moment, reading, stretch
@@ -32,9 +33,10 @@ _FLOOR_K = 0.15
 def leaving_group(relations: Relations) -> Iterator[Finding]:
     """Findings ``drifts-from-group``: a temperature that from some time on no longer follows its siblings.
 
-    With four or more runs the relation is learned on the other runs, what is usual too, and the stretch is left out.
-    With three the finding is a warning only; with fewer too, and the relation that of the first half. O(samples) for
-    the block means, then O(channels · runs) small systems.
+    With three or more runs the relation is learned on the other runs, and what is usual too; with fewer on the first
+    half. The stretch is left out only with four runs or more and when nothing but the sensor explains the departure
+    (`other_cause`); else the finding is a warning. O(samples) for the block means, then O(channels · runs) small
+    systems.
     """
     temperatures = [i for i, role in enumerate(relations.roles) if role == "temperature"]
     siblings = {i: relations.siblings(i) for i in temperatures}
@@ -151,8 +153,14 @@ def _judged(relations: Relations, i: int, siblings: dict[int, list[int]], r: int
     size = _size(departure)
     rising = departure[onset : onset + 3]
     gradual = float(np.abs(rising).max()) < 0.6 * size and float(np.abs(departure[:onset]).max()) < 0.5 * size
-    acts = gradual and len(others) >= _LEAST_OTHERS
-    return excess, _drift_finding(relations, i, siblings[i], r, departure, usual, onset, "of the other runs", acts=acts)
+    doubt: str | None
+    if len(others) < _LEAST_OTHERS:
+        doubt = "there are too few other runs to know"
+    elif not gradual:
+        doubt = "it does not come on as when a sensor comes off"
+    else:
+        doubt = other_cause(relations, i, siblings[i], r, departure, max(elsewhere))
+    return excess, _drift_finding(relations, i, siblings[i], r, departure, usual, onset, "of the other runs", doubt)
 
 
 def _leaving_within(
@@ -183,9 +191,9 @@ def _leaving_within(
         others = [size_of(j, relations.siblings(j, without=(i,)))[0] for j in sizes if j != i]
         onset = _onset(departure, 2.0 * usual)
         if onset is not None and len(others) >= 2 and size > 4.0 * max(others):
-            yield _drift_finding(
-                relations, i, siblings[i], r, departure, usual, onset, "of the first half of the run", acts=False
-            )
+            doubt = "one or two runs are too few to know"
+            learned = "of the first half of the run"
+            yield _drift_finding(relations, i, siblings[i], r, departure, usual, onset, learned, doubt)
 
 
 def _drift_finding(
@@ -197,8 +205,7 @@ def _drift_finding(
     usual: float,
     onset: int,
     learned: str,
-    *,
-    acts: bool,
+    doubt: str | None,
 ) -> Finding:
     survey = relations.survey
     channel, run = survey.channels[relations.columns[i]], relations.runs[r]
@@ -206,7 +213,7 @@ def _drift_finding(
     last = float(np.median(departure[-max(3, departure.size // 20) :]))
     return Finding(
         "drifts-from-group",
-        "error" if acts else "warning",
+        "error" if doubt is None else "warning",
         f"{channel.name} in run {run} leaves its group for good from {moment(begin)}: at the end it is off by "
         f"{difference(last, channel)} from what its siblings say by the relation {learned}, where it was never off by "
         f"more than {difference(usual, channel)}.",
@@ -218,8 +225,8 @@ def _drift_finding(
             "siblings": [survey.channels[relations.columns[j]].name for j in siblings],
         },
         "Check whether the sensor came off or ages. "
-        + ("The stretch is left out." if acts else "It may be real, or too few runs to know: nothing is left out."),
-        "leave-out-stretch" if acts else "none",
+        + ("The stretch is left out." if doubt is None else f"It may be real ({doubt}): nothing is left out."),
+        "leave-out-stretch" if doubt is None else "none",
     )
 
 
