@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -205,12 +206,25 @@ def study(source: Source, options: Options, progress: Progress | None = None) ->
     from selector.selection import select as selected
 
     say = progress or (lambda _what, _share: None)
+    if _first_time():
+        typer.echo("the first study compiles the search, which takes about half a minute, once", err=True)
     say("reading", 0.0)
     material = material_of(source)
     selection = selected(
         material.source, options, findings=material.findings, provenance=material.provenance, progress=progress
     )
     return selection, material
+
+
+def _first_time() -> bool:
+    """Whether the compiled search is not in its cache yet."""
+    from selector.models import subsets
+
+    places = [
+        Path(subsets.__file__).parent / "__pycache__",
+        *map(Path, filter(None, [os.environ.get("NUMBA_CACHE_DIR")])),
+    ]
+    return not any(next(place.rglob("*.nbi"), None) for place in places)
 
 
 def write_results(selection: Selection, material: Material, folder: Path, *, date: str | None = None) -> None:

@@ -182,7 +182,8 @@ def _screenings(
         rounds = screen(
             similarity.matrix, relevance, level, must=must, constant=similarity.constant, names=question.sensors
         )
-        kept = tuple(question.sensors[i] for i in sorted(rounds[-1].representatives))
+        # where every sensor rests (in a short fold) none can stand for another
+        kept = tuple(question.sensors[i] for i in sorted(rounds[-1].representatives)) or question.sensors
         f = next((s.f for s in axis if s.partition == rounds[0].partition), None)
         screenings.append(Screening(options.levels[0] if options.levels else level[0], tuple(rounds), kept, f))
     return screenings
@@ -238,7 +239,8 @@ def _linear_sets(question: Question, bench: Bench, pool: Sequence[str]) -> list[
         # no displacement moves in these folds, so nothing can be ranked
         must = tuple(name for name in pool if name in options.must)
         return [must] if must else [(name,) for name in pool]
-    return list(sets)
+    # sensors that rest explain nothing, but a fold must be predicted by something
+    return list(sets) or [tuple(question.options.must) or tuple(pool[:1])]
 
 
 def _moving_responses(bench: Bench) -> list[int]:

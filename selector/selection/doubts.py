@@ -22,6 +22,7 @@ from selector.sensors.similarity import similarity_findings
 COLLINEAR_VIF = 10.0
 ILL_CONDITIONED = 30.0
 OUTSIDE = 1.0
+REVERSED = -0.9
 CORRELATED = 1.5
 
 
@@ -142,7 +143,9 @@ def _proof_findings(selection: Selection, surveyed: Survey, stride: int) -> list
                     f"{float(np.median(others)):.3g} µm.",
                     Where(channel=name, run=worst.name),
                     {"rmse_um": worst.rmse_um, "median_of_others_um": float(np.median(others))},
-                    "look at this run: another setup, a moved gauge, coolant, an open door?",
+                    "look at this run: its displacement looks reversed, as by a gauge with the other sign"
+                    if _reversed(selection, name, worst.name)
+                    else "look at this run: another setup, a moved gauge, coolant, an open door?",
                 )
             )
     if stride > 1:
@@ -157,6 +160,16 @@ def _proof_findings(selection: Selection, surveyed: Survey, stride: int) -> list
             )
         )
     return found
+
+
+def _reversed(selection: Selection, name: str, run: str) -> bool:
+    """Whether a run moves against its prediction all the way."""
+    j = list(selection.models).index(name)
+    for trace in selection.proof.traces:
+        measured, predicted = trace.measured_um[:, j], trace.predicted_um[:, j]
+        if trace.run == run and len(measured) > 2 and np.ptp(measured) > 0 and np.ptp(predicted) > 0:
+            return bool(np.corrcoef(measured, predicted)[0, 1] < REVERSED)
+    return False
 
 
 def _offer_findings(errors: Mapping[Offer, float], taken: Offer) -> list[Finding]:

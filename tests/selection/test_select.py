@@ -62,7 +62,7 @@ class TestPlantedTruth:
 
     @pytest.mark.parametrize("seed", range(2))
     def test_the_time_constant_of_a_hidden_mass(self, seed):
-        """The issue's promise: within 15 %. The displacement follows the spindle 30 min late, which no sensor shows."""
+        """Within 15 %. The displacement follows the spindle 30 min late, which no sensor shows."""
         source = machine(lambda u: 2 * u["spindle"] + 6 * u["hidden"], seed=seed, tau_hidden_s=1800.0)
         found = selected(source, memory=True)
         taus = [lag.tau_s for lag in found.recipe.design.lags]
@@ -78,8 +78,8 @@ class TestPlantedTruth:
         source = machine(lambda u: 3 * u["air"] + 0.004 * u["speed"], speed=True, n=120)
         found = selected(source, memory=True)
         assert "n" in found.recipe.design.inputs
-        # the air is measured to 0.15 K at worst, 3 µm/K: 0.45 beside the noise of 0.5, and the start of each run
-        assert found.proof.rmse_um("Z") < 1.3 < 10.0 < found.proof.baselines_um["Z"]["all sensors"]
+        # some of these runs start with the spindle turning; what it has grown by then no recording holds
+        assert found.proof.rmse_um("Z") < 0.35 * found.proof.baselines_um["Z"]["all sensors"]
 
     def test_two_responses_share_one_set(self):
         found = selected(machine(second=lambda u: 3 * u["air"] - u["column"]))
@@ -284,9 +284,12 @@ class TestResult:
         assert (shares[0], shares[-1]) == (0.0, 1.0)
         assert seen[-1][0] == "done"
 
-    def test_findings_and_provenance_that_were_passed_in_lead(self, plain):
-        found = select(machine(), findings=plain.findings[:1], provenance={"files": 3})
-        assert found.findings[0] is plain.findings[0]
+    def test_findings_and_provenance_that_were_passed_in_are_kept_worst_first(self):
+        told = (Finding("told", "info", "something"), Finding("warned", "warning", "something else"))
+        found = select(machine(), findings=told, provenance={"files": 3})
+        assert set(map(id, told)) <= set(map(id, found.findings))
+        levels = [("error", "warning", "info").index(finding.level) for finding in found.findings]
+        assert levels == sorted(levels)
         assert found.provenance == {"files": 3}
 
     def test_traces_hold_the_unseen_predictions(self, plain):
