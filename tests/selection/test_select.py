@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pytest
 
+from selector.findings import Finding
 from selector.selection import Options, select
 from tests.models.runs import InPieces, recording
 from tests.selection.machines import SENSORS, found_ids, machine, one_finding
