@@ -55,17 +55,17 @@ def believed(
 
 
 def unit_findings(disputes: Iterable[Dispute]) -> list[Finding]:
-    """One finding for all channels of a role about which the same is to be said of the same runs."""
+    """One finding for all channels about which the same is to be said of the same runs."""
     alike: dict[tuple[object, ...], list[Dispute]] = {}
     for one in disputes:
-        alike.setdefault((one.role, one.ruling, one.printed, one.declared), []).append(one)
+        alike.setdefault((one.ruling, one.printed, one.declared), []).append(one)
     return [_finding(members) for members in alike.values()]
 
 
 def _finding(members: Sequence[Dispute]) -> Finding:
     first = members[0]
     names = [one.channel for one in members]
-    what = _named(names, first.role)
+    what = _named(names, {one.role for one in members})
     by_unit: dict[str, list[str]] = {}
     for run, unit in first.printed:
         by_unit.setdefault(unit, []).append(run)
@@ -113,10 +113,11 @@ def _finding(members: Sequence[Dispute]) -> Finding:
     )
 
 
-def _named(names: Sequence[str], role: str) -> str:
+def _named(names: Sequence[str], roles: set[str]) -> str:
     if len(names) == 1:
         return f"channel {names[0]!r}"
-    return f"{len(names)} {role.replace('_', ' ')} channels ({_listed(names)})"
+    kind = f"{next(iter(roles)).replace('_', ' ')} " if len(roles) == 1 else ""
+    return f"{len(names)} {kind}channels ({_listed(names)})"
 
 
 def _listed(names: Sequence[str]) -> str:
