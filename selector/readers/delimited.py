@@ -62,7 +62,7 @@ def read_delimited(path: Path, data: bytes, overrides: Overrides) -> list[Table]
     declared, utf8, skipped = _declared_separator(text.utf8)
     utf8, joined = _quoted_line_ends(utf8)
     skipped += joined
-    sheet = _sheet(utf8, overrides, overrides.separator or declared, skipped, where)
+    sheet = _sheet(utf8, overrides, declared if overrides.separator is None else overrides.separator, skipped, where)
     offset = _offset_of_line(utf8, sheet.layout.first)
     headings = [
         sheet.raw[i] for i in (sheet.layout.names, sheet.layout.units, sheet.layout.description) if i is not None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import io
 import zipfile
+import zlib
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,6 +22,7 @@ from selector.readers.cell_findings import column_findings, no_header_finding
 from selector.readers.columns import numbers_or_text
 from selector.readers.layout import column_kinds, layout
 from selector.readers.tables import Column, Overrides, Table, checked_size, checked_width, unique_headers
+from selector.readers.workbook_extent import check_extent
 
 MAX_UNPACKED_BYTES = 1_500_000_000
 """Size of the unpacked parts of a workbook beyond which it is taken for a zip bomb."""
@@ -80,15 +82,17 @@ def _workbook(data: bytes, where: str) -> python_calamine.CalamineWorkbook:
         try:
             with zipfile.ZipFile(io.BytesIO(data)) as archive:
                 unpacked = sum(entry.file_size for entry in archive.infolist())
-        except (zipfile.BadZipFile, ValueError, OSError, NotImplementedError) as error:
+                most = min(MAX_UNPACKED_BYTES, 400 * len(data) + 50_000_000)
+                if unpacked > most:
+                    raise ReadError(
+                        f"a workbook of {len(data) / 1e6:.1f} MB that unpacks to {unpacked / 1e6:.0f} MB",
+                        expected=f"at most {most / 1e6:.0f} MB unpacked for a file of this size",
+                        where=where,
+                        advice="export the sheet as CSV or Parquet",
+                    )
+                check_extent(archive, where)
+        except (zipfile.BadZipFile, zlib.error, EOFError, ValueError, OSError, RuntimeError) as error:
             raise _damaged(where, str(error)) from error
-        if unpacked > MAX_UNPACKED_BYTES or unpacked > 400 * len(data) + 50_000_000:
-            raise ReadError(
-                f"a workbook of {len(data) / 1e6:.1f} MB that unpacks to {unpacked / 1e9:.1f} GB",
-                expected=f"at most {MAX_UNPACKED_BYTES / 1e9:.1f} GB unpacked",
-                where=where,
-                advice="export the sheet as CSV or Parquet",
-            )
     try:
         return python_calamine.CalamineWorkbook.from_filelike(io.BytesIO(data))
     except python_calamine.PasswordError as error:

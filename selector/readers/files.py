@@ -101,7 +101,13 @@ def recording_files(paths: Sequence[Path]) -> Found:
 
 
 def _nothing_there(path: Path) -> ReadError:
-
+    if path.exists():
+        return ReadError(
+            "not a regular file but a device, a pipe or a socket",
+            expected="a recording in a file, or a folder of recordings",
+            where=str(path)[:300],
+            advice="write the recording into a file and name that",
+        )
     try:
         near = closest(path.name, [p.name for p in path.parent.iterdir()]) if path.parent.is_dir() else None
     except OSError:

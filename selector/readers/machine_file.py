@@ -154,9 +154,11 @@ def machine_from_text(text: str, where: str) -> Machine:
         used[column] = name
         if channel.unit is not None and channel.role is not None:
             try:
-                unit_for_role(channel.unit, channel.role, where=_place(where, text, ("channels", name, "unit")))
+                unit_for_role(channel.unit, channel.role, where=where)
             except UnitError as error:
-                raise error from None
+                # the place is looked up in the whole text: only for a message
+                place = _place(where, text, ("channels", name, "unit"))
+                raise UnitError(error.found, expected=error.expected, where=place, advice=error.advice) from None
     return read
 
 

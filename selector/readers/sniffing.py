@@ -164,7 +164,7 @@ def _score(
                 score += 0.3
                 break
     # commas inside numbers must not win over a real separator that explains the same cells
-    preference = {";": 0.05, "\t": 0.05, "|": 0.05, ",": 0.03, "blanks": 0.02, "blank": 0.0}[separator]
+    preference = {",": 0.03, "blanks": 0.02, "blank": 0.0}.get(separator, 0.05)
     return score + preference + (0.004 if decimal == "." else 0.0)
 
 
@@ -189,10 +189,13 @@ def _named_separator(separator: str | None, where: str) -> str | None:
     if separator is None:
         return None
     named = _NAMED.get(separator.lower(), separator)
-    if (len(named) != 1 and named not in SEPARATORS) or named in '"\n\r' or named.isalnum():
+    if named in SEPARATORS:
+        return named
+    # the text is cut as UTF-8 bytes, so a separator has to be one byte
+    if len(named) != 1 or not named.isascii() or named in '"\n\r\0' or named.isalnum():
         raise ReadError(
             f"separator {separator!r}",
-            expected="one character, 'tab' or 'blank'",
+            expected="one ASCII character that is no letter, digit, quotation mark or line end, or 'tab' or 'blank'",
             where=where,
             advice="correct the option",
         )
