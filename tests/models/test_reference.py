@@ -80,7 +80,7 @@ def test_missing_samples_are_passed_over():
 
 @pytest.mark.parametrize(
     ("level", "standard_error", "expected"),
-    [(0.3, 0.1, 0.0), (-0.39, 0.1, 0.0), (0.5, 0.1, 0.5), (12.0, 0.1, 12.0), (0.3, np.nan, 0.3), (np.nan, 0.1, 0.0)],
+    [(0.3, 0.1, 0.0), (-0.79, 0.1, 0.0), (0.9, 0.1, 0.9), (12.0, 0.1, 12.0), (0.3, np.nan, 0.3), (np.nan, 0.1, 0.0)],
 )
 def test_a_gauge_that_was_zeroed_has_no_offset(level, standard_error, expected):
     assert gauge_start(level, standard_error) == expected

@@ -111,14 +111,20 @@ class TestOneStandardError:
         best = np.array([1.0, 1.0, 1.0, 1.0])
         noisy = best + np.array([0.06, -0.05, 0.05, -0.04])
         surely_worse = best + 0.05
-        found = within_one_standard_error(np.array([best, noisy, surely_worse]), np.ones(4))
+        found = within_one_standard_error(np.array([best, noisy, surely_worse]), np.ones(4), worth=0.0)
+        assert found.tolist() == [True, True, False]
+
+    def test_what_is_worth_less_than_a_sensor_is_as_good_however_sure_the_groups_are(self):
+        best = np.ones(6)
+        # mean squares: 5 % of the root is 10.25 % of the square
+        found = within_one_standard_error(np.array([best, best * 1.10, best * 1.11]), np.ones(6))
         assert found.tolist() == [True, True, False]
 
     def test_differences_are_paired(self):
         """Groups that are hard for everyone make no candidate as good as the best."""
         best = np.array([1.0, 100.0, 1.0, 100.0])
-        assert within_one_standard_error(np.array([best, best * 1.05]), np.ones(4)).tolist() == [True, False]
-        # unpaired, the standard error of each mean would be 28, and 5 % of 50 nothing beside it
+        assert within_one_standard_error(np.array([best, best * 1.15]), np.ones(4)).tolist() == [True, False]
+        # unpaired, the standard error of each mean would be 28, and 15 % of 50 nothing beside it
 
     def test_by_hand_with_weights(self):
         errors = np.array([[1.0, 1.0], [1.1, 0.99]])
