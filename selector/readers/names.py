@@ -34,6 +34,7 @@ _SLASH_WORDS = {"mm_per_min": "mm/min", "m_per_s": "m/s", "mm_per_s": "mm/s", "l
 
 _COMPARED_NAMES = 2_000
 _COMPARED_LENGTH = 200
+_LONGEST_NAME = 100
 
 
 @functools.lru_cache(maxsize=4096)
@@ -116,3 +117,13 @@ def closest(name: str, among: Iterable[str]) -> str | None:
     folded = {folded_name(candidate)[:_COMPARED_LENGTH]: candidate for candidate in islice(among, _COMPARED_NAMES)}
     near = difflib.get_close_matches(wanted, folded, n=1, cutoff=0.5)
     return folded[near[0]] if near else None
+
+
+def printable_name(text: str) -> str:
+    """A name on one line, as it can stand in a terminal, a table and a JSON file: at most 100 characters, never empty.
+
+    Blanks and control characters become one blank; what is no character, such as a byte of a file name that is not
+    UTF-8, becomes ``?``.
+    """
+    marked = "".join("?" if "\ud800" <= c <= "\udfff" else c if c.isprintable() else " " for c in text)
+    return " ".join(marked.split())[:_LONGEST_NAME].strip() or "run"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from selector.errors import ReadError
 from selector.findings import Finding, Where
 from selector.readers.clock import Clock, TimeOptions, clock
-from selector.readers.names import folded_name
+from selector.readers.names import folded_name, printable_name
 from selector.readers.tables import BreakWord, Column, Table
 from selector.readers.ticking import ticks
 
@@ -234,23 +235,23 @@ def _label(value: object) -> str | None:
 
 
 def uniquely_named(runs: Sequence[TimedRun]) -> tuple[list[TimedRun], list[Finding]]:
-    """The runs with names that differ: file stem, or with the folder where two files have the same stem."""
-    names = [run.name for run in runs]
-    findings: list[Finding] = []
+    """The runs with printable names that differ: file stem, or with the folder where two files have the same stem."""
+    names = [printable_name(run.name) for run in runs]
+    counts = Counter(names)
     out: list[TimedRun] = []
     taken: set[str] = set()
-    for run in runs:
-        name = run.name
-        if names.count(name) > 1:
-            name = f"{run.file.parent.name}_{name}" if run.file.parent.name else name
+    for run, own in zip(runs, names, strict=True):
+        name = own
+        if counts[name] > 1 and run.file.parent.name:
+            name = printable_name(f"{run.file.parent.name}_{name}")
         base, count = name, 1
         while name in taken:
             count += 1
-            name = f"{base}_{count}"
+            name = f"{base[: 99 - len(str(count))]}_{count}"
         taken.add(name)
         out.append(replace(run, name=name))
-    renamed = {old.file.name: new.name for old, new in zip(runs, out, strict=True) if old.name != new.name}
-    if renamed:
+    findings: list[Finding] = []
+    if any(name != own.name for name, own in zip(names, out, strict=True)):
         findings.append(
             Finding(
                 "runs-renamed",
@@ -258,6 +259,18 @@ def uniquely_named(runs: Sequence[TimedRun]) -> tuple[list[TimedRun], list[Findi
                 "Several files have the same name; the runs are called " + ", ".join(run.name for run in out[:8]) + ".",
                 evidence={"runs": [run.name for run in out]},
                 suggestion="give the files different names",
+            )
+        )
+    changed = [new.name for old, name, new in zip(runs, names, out, strict=True) if name != old.name]
+    if changed:
+        findings.append(
+            Finding(
+                "run-name-changed",
+                "info",
+                f"{len(changed)} name(s) of runs are too long or have characters that cannot be shown; these runs are "
+                f"called {', '.join(repr(name) for name in changed[:8])}.",
+                evidence={"runs": changed},
+                suggestion="rename the files",
             )
         )
     return out, findings
