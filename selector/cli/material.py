@@ -11,6 +11,7 @@ from selector.cli.source import Source
 from selector.findings import Finding, Where
 from selector.quality import StreamWithoutFaults, inspect, without_faults
 from selector.readers import is_large, machine, stream_parquet
+from selector.readers.names import printable_name
 from selector.recording import RunSource, thinned
 
 INSPECTED_ROWS = 100_000
@@ -40,7 +41,7 @@ def material_of(source: Source) -> Material:
     faults = inspect(reading.recording)
     provenance = {
         "machine": None if reading.machine is None or reading.machine.machine is None else reading.machine.machine.name,
-        "runs": {run.name: {"file": Path(run.file).name, "sha256": run.sha256} for run in reading.runs},
+        "runs": {run.name: {"file": printable_name(Path(run.file).name), "sha256": run.sha256} for run in reading.runs},
     }
     copies = tuple(_copies({run.name: run.sha256 for run in reading.runs}))
     recording = without_faults(reading.recording, (*faults, *copies))
@@ -80,7 +81,7 @@ def _streamed(source: Source) -> Material:
     provenance = {
         "machine": None if named is None or named.machine is None else named.machine.name,
         "runs": {
-            run: {"file": Path(entry["file"]).name, "sha256": entry["sha256"]}
+            run: {"file": printable_name(Path(entry["file"]).name), "sha256": entry["sha256"]}
             for run, entry in stream.provenance["runs"].items()
         },
     }

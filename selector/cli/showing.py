@@ -102,7 +102,12 @@ def cell_text(value: object) -> str:
         if not math.isfinite(value):
             return "–"
         return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.4g}"
-    return str(value)
+    return _harmless(str(value))
+
+
+def _harmless(text: str) -> str:
+    """Text without the control characters with which a file's name could steer the terminal."""
+    return "".join(sign if sign.isprintable() or sign in "\n\t" else "?" for sign in text)
 
 
 def show_findings(console: Console, findings: Iterable[Finding]) -> None:
@@ -114,8 +119,8 @@ def show_findings(console: Console, findings: Iterable[Finding]) -> None:
         line.append(f"{finding.level}", style=_STYLES[finding.level])
         line.append(f" {finding.id}")
         place = where_text(finding.where)
-        line.append(f" ({place}): " if place else ": ")
-        line.append(finding.statement)
+        line.append(_harmless(f" ({place}): ") if place else ": ")
+        line.append(_harmless(finding.statement))
         # many suggestions say themselves what is left out
         action = "" if "left out" in finding.suggestion else _ACTIONS[finding.action]
         for more in (action, finding.suggestion):
