@@ -64,7 +64,7 @@ def main() -> None:
                 write_run(file, rng, options.rows, weights, taus_s)
         program = (
             "import re, sys; from selector.cli import exit_status; code = exit_status(sys.argv[1:]);"
-            "peak = re.search('VmHWM: *\\t*([0-9]+)', open('/proc/self/status').read());"
+            "peak = re.search('VmHWM:[^0-9]*([0-9]+)', open('/proc/self/status').read());"
             "print(peak.group(1), file=sys.stderr); sys.exit(code)"
         )
         command = ["select", *map(str, files), "--machine", str(folder / "machine.toml"), "--json"]
