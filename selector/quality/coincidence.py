@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from statistics import NormalDist
+
 import numpy as np
 
 from selector.quality.survey import COMMAND_ROLES, MEASURED_ROLES, Floats, Survey
@@ -10,10 +12,12 @@ _NEAR_PERIODS = 2.5
 """A cause and its effect are this close [sampling periods]."""
 _KINK_PERIODS = 1.2
 """So close to a jump two lines must meet to be bent by the same event; kinks are frequent."""
-_REACH = 20
-"""Samples on each side from which the slopes beside a kink are taken."""
-_CLEAR_KINK = 8.0
-"""Standard errors by which two slopes must differ to be a kink."""
+_REACH, _SEARCHED = 20, 6
+"""Samples on each side from which the slopes beside a kink are taken, and among which it is placed."""
+_BY_CHANCE = 1e-3
+"""How often noise alone may look like a kink in any of the other channels."""
+_CARRIED, _OF_JUMP = 2.0, 1.0 / 3.0
+"""A kink explains a jump when it amounts to this share of it after so many sampling periods."""
 _FOLLOWED = 0.2
 """Share of a command's changes that a channel must follow at once for the command to be a cause, ..."""
 _MUCH = 0.35
@@ -76,12 +80,23 @@ def pulsing_with(survey: Survey, column: int, run: str, window_s: tuple[float, f
     return pulsing[False], pulsing[True]
 
 
-def kink_elsewhere(survey: Survey, column: int, run: str, moment_s: tuple[float, float]) -> str:
-    """Which other measured channel changes its course at this moment, in words; empty if none does."""
-    time, near = survey.time[run], _KINK_PERIODS * _period(survey, run)
-    for other in survey.columns(*MEASURED_ROLES):
-        floor = survey.scale(run, other).floor
-        if other != column and _kinks(time, survey.values[run][other], 0.5 * sum(moment_s), near, floor):
+def kink_elsewhere(survey: Survey, column: int, run: str, moment_s: tuple[float, float], height: float) -> str:
+    """Which other measured channel changes its course at this moment as much as the jump asks for; empty if none.
+
+    A kink is what a cubic cannot follow: a smooth bend is none. It explains a jump only when the turn, carried on for
+    two sampling periods, is a third of the jump, each as a share of its own channel's span. A displacement needs a
+    change of speed to jump, so beside a recorded speed that does not change a kink explains nothing.
+    """
+    first, last = _rows_near(survey, run, moment_s, _NEAR_PERIODS)
+    if survey.channels[column].role == "displacement":
+        speeds = [survey.values[run][other] for other in survey.columns("spindle_speed")]
+        if any(np.isfinite(x[first:last]).any() and not _changes(x, first, last) for x in speeds):
+            return ""
+    others = [other for other in survey.columns(*MEASURED_ROLES) if other != column]
+    asked = _OF_JUMP * abs(height) / max(survey.scale(run, column).span, abs(height))
+    carried = _CARRIED * _period(survey, run)
+    for other, turn in _kinks(survey, run, others, 0.5 * sum(moment_s)):
+        if abs(turn) * carried >= asked * survey.scale(run, other).span:
             return f"{survey.channels[other].name} changes its course at that moment"
     return ""
 
@@ -142,31 +157,31 @@ def _jumps(x: Floats, first: int, last: int, floor: float) -> bool:
     return bool(inside.max() > max(6.0 * floor, 3.0 * usual))
 
 
-def _kinks(time: Floats, x: Floats, at: float, near: float, floor: float) -> bool:
-    """Whether two straight lines, one on each side, differ clearly in slope and meet at this moment."""
+def _kinks(survey: Survey, run: str, columns: list[int], at: float) -> list[tuple[int, float]]:
+    """(column, change of slope [unit/s]) of the channels that have a kink at this moment; O(channels)."""
+    time, period = survey.time[run], _period(survey, run)
     middle = int(np.searchsorted(time, at))
-    left, right = slice(max(0, middle - _REACH), middle), slice(middle, middle + _REACH)
-    if time[left].size < 6 or time[right].size < 6:
-        return False
-    before, after = _line(time[left] - at, x[left]), _line(time[right] - at, x[right])
-    if before is None or after is None:
-        return False
-    turn = after[1] - before[1]
-    error = float(np.hypot(before[2], after[2]))
-    spread = float(time[right][-1] - time[left][0]) / 2
-    if abs(turn) < _CLEAR_KINK * max(error, 1e-300) or abs(turn) * spread < 4.0 * floor:
-        return False
-    return bool(abs((before[0] - after[0]) / turn) < near)
-
-
-def _line(dt: Floats, x: Floats) -> tuple[float, float, float] | None:
-    """(value at 0, slope, standard error of the slope) of a straight line."""
-    if not np.isfinite(x).all():
-        return None
-    centre = float(dt.mean())
-    moved = dt - centre
-    spread = max(float(moved @ moved), 1e-300)
-    slope = float(moved @ x) / spread
-    rest = x - x.mean() - slope * moved
-    sigma = float(np.sqrt(rest @ rest / (x.size - 2)))
-    return float(x.mean()) - slope * centre, slope, sigma / float(np.sqrt(spread))
+    rows = slice(max(0, middle - _REACH), middle + _REACH)
+    columns = [column for column in columns if np.isfinite(survey.values[run][column, rows]).all()]
+    dt = (time[rows] - at) / max(period, 1e-300)
+    if min(middle, time.size - middle) < 8 or not columns:
+        return []
+    x = survey.values[run][columns, rows]
+    smooth, _ = np.linalg.qr(np.vander(dt, 4))
+    rest = x - (x @ smooth) @ smooth.T
+    explained, turns = [], []
+    for shift in range(-_SEARCHED, _SEARCHED + 1):
+        bent = 0.5 * np.abs(dt - shift)
+        bent -= smooth @ (smooth.T @ bent)
+        size = float(bent @ bent)
+        turns.append(rest @ bent / size)
+        explained.append(turns[-1] ** 2 * size)
+    best = np.argmax(explained, axis=0)
+    each = np.arange(len(columns))
+    gained, turn = np.array(explained)[best, each], np.array(turns)[best, each]
+    sigma2 = np.maximum((rest * rest).sum(axis=1) - gained, 0.0) / (dt.size - 5)
+    # by chance one of so many channels gets this far once in a thousand
+    clear = NormalDist().inv_cdf(1.0 - _BY_CHANCE / len(columns))
+    here = np.abs(best - len(turns) // 2) <= _KINK_PERIODS
+    found = here & (gained > clear**2 * np.maximum(sigma2, 1e-300))
+    return [(columns[k], float(turn[k]) / period) for k in np.flatnonzero(found)]

@@ -182,7 +182,7 @@ def _faults(survey: Survey, column: int, alone: list[tuple[Series, Jump]], doubt
         ends = [float(series.time_s[other.at]) for other in after if _undoes(other, jump)]
         end = ends[0] if ends else float(series.time_s[-1])
         moment_s = (float(series.time_s[jump.at]), jump.time_s)
-        unsure = doubt or kink_elsewhere(survey, column, series.run, moment_s)
+        unsure = doubt or kink_elsewhere(survey, column, series.run, moment_s, jump.height)
         yield Finding(
             "step",
             "warning" if unsure else "error",
