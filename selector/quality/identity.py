@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 
@@ -19,6 +18,9 @@ _LEAST = {"degC": 0.6, "um": 4.0}
 """A mismatch below this does not prove a swap [K, µm]."""
 _TIMES, _TIMES_ALONE = 2.5, 5.0
 """By so much the mismatches of both, or of one, exceed what is usual and what is left when the two change places."""
+
+_REFERENCES = 10
+"""Other runs from which it is first judged what mismatch is usual; a pair that passes is judged on all of them."""
 
 
 def duplicates(survey: Survey, relations: Relations) -> Iterator[Finding]:
@@ -72,11 +74,57 @@ class _Proof:
     at_once: bool
 
 
+@dataclass(frozen=True)
+class _Law:
+    """What the siblings say of a channel in one run, by the relation of others.
+
+    `known`: the runs it was learned on; `said`: the course, shape (n_blocks,); `before`: mismatch as recorded [unit];
+    `usual`: the largest mismatch in the other runs, each by the relation of the rest [unit].
+    """
+
+    beside: list[int]
+    weights: Floats
+    known: list[int]
+    said: Floats
+    before: float
+    usual: float
+
+
+class _Laws:
+    """The laws of one run, each worked out once; `training`: the other runs, at most `most` of them for `usual`."""
+
+    def __init__(self, relations: Relations, r: int, training: list[int], most: int = _REFERENCES) -> None:
+        self.relations, self.r, self.training, self.most = relations, r, training, most
+        self._laws: dict[tuple[int, tuple[int, ...]], _Law | None] = {}
+
+    def law(self, own: int, other: int | None = None) -> _Law | None:
+        """The law of a channel without another one among its siblings; None where nothing can be learned."""
+        beside = self.relations.siblings(own, without=() if other is None else (other,))
+        key = (own, tuple(beside))
+        if key not in self._laws:
+            self._laws[key] = self._learned(own, beside)
+        return self._laws[key]
+
+    def _learned(self, own: int, beside: list[int]) -> _Law | None:
+        relations, r = self.relations, self.r
+        known = [o for o in self.training if relations.present[own, o]]
+        if len(beside) < 2 or not known:
+            return None
+        weights = relations.weights_without(own, beside, [r])
+        said = relations.prediction(beside, weights, r)
+        usual = 0.3 * _least(relations, own)
+        for o in known[:: max(1, len(known) // self.most)]:
+            fitted = relations.weights_without(own, beside, [r, o]) if len(known) > 1 else weights
+            usual = max(usual, _mismatch(relations, beside, fitted, o, own))
+        return _Law(beside, weights, known, said, float(np.std(relations.movement(r)[own] - said)), usual)
+
+
 def swapped(relations: Relations) -> Iterator[Finding]:
     """Findings ``swapped-channels``: in one run two channels of a kind stand in each other's place.
 
     After the exchange both must follow their siblings (the other one aside) as well as in the other runs; before it
-    both must clearly not, or one very clearly. Two findings a swap. O(channels² · runs) at the most.
+    both must clearly not, or one very clearly. Two findings a swap. Only channels that left their siblings' relation
+    in that run are tried: O(channels · runs) small systems, and O(blocks) for each pair with such a one.
     """
     count = len(relations.runs)
     if count < 2:
@@ -85,19 +133,20 @@ def swapped(relations: Relations) -> Iterator[Finding]:
     for r in range(count) if count > 2 else [1]:
         training = [o for o in range(count) if o != r]
         here = [i for i, beside in enumerate(siblings) if beside and relations.present[i, r]]
-        here = [i for i in here if relations.present[i, training].any()]
-        suspects = {
+        here = [i for i in here if relations.present[i].sum() > 1]
+        suspects = [
             i
             for i in here
-            if _mismatch(relations, siblings[i], relations.weights(i, siblings[i], training), r, i)
+            if _mismatch(relations, siblings[i], relations.weights_without(i, siblings[i], [r]), r, i)
             > _least(relations, i)
-        }
-        pairs = []
-        for i, j in combinations(here, 2):
-            if suspects & {i, j} and _kind(relations, i) == _kind(relations, j):
-                proofs = _exchange(relations, i, j, r, training)
-                if proofs is not None:
-                    pairs.append(proofs)
+        ]
+        laws, pairs = _Laws(relations, r, training), []
+        for i, j in _candidates(laws, here, suspects):
+            proofs = _exchange(laws, i, j)
+            if proofs is not None and len(training) >= 2 * _REFERENCES:
+                proofs = _exchange(_Laws(relations, r, training, most=len(training)), i, j)
+            if proofs is not None:
+                pairs.append(proofs)
         taken: set[int] = set()
         for strong, weak in sorted(pairs, key=lambda pair: -(pair[0].strength + pair[1].strength)):
             if not taken & {strong.own, weak.own}:
@@ -105,10 +154,32 @@ def swapped(relations: Relations) -> Iterator[Finding]:
                 yield from _told(relations, r, strong, acts=len(training) > (1 if weak.strength >= _TIMES else 2))
 
 
-def _exchange(relations: Relations, i: int, j: int, r: int, training: list[int]) -> tuple[_Proof, _Proof] | None:
+def _candidates(laws: _Laws, here: list[int], suspects: list[int]) -> list[tuple[int, int]]:
+    """Pairs with a suspect that may have changed places: in the other's place the suspect's siblings are followed."""
+    relations = laws.relations
+    movement = relations.movement(laws.r)
+    pairs = set()
+    for i in suspects:
+        law = laws.law(i)
+        beside = set(relations.siblings(i))
+        fits = np.zeros(len(relations.columns), dtype=np.bool_)
+        if law is not None:
+            fits = np.std(movement - law.said, axis=1) <= 2.0 * law.usual
+        for j in here:
+            # a sibling is no judge of its own exchange: without it the law is another one
+            if j != i and _kind(relations, i) == _kind(relations, j) and (j in beside or fits[j]):
+                pairs.add((min(i, j), max(i, j)))
+    return sorted(pairs)
+
+
+def _exchange(laws: _Laws, i: int, j: int) -> tuple[_Proof, _Proof] | None:
     """The stronger and the weaker proof that two channels have changed places in a run, or None."""
-    one = _proof(relations, i, j, r, training)
-    two = _proof(relations, j, i, r, training) if one is not None else None
+    both = laws.law(i, j), laws.law(j, i)
+    # no proof is stronger than this
+    if not any(law is not None and law.before >= _TIMES * law.usual for law in both):
+        return None
+    one = _proof(laws, i, j)
+    two = _proof(laws, j, i) if one is not None else None
     if one is None or two is None:
         return None
     strong, weak = (one, two) if one.strength >= two.strength else (two, one)
@@ -117,28 +188,21 @@ def _exchange(relations: Relations, i: int, j: int, r: int, training: list[int])
     return (strong, weak) if weak.strength >= _TIMES or alone else None
 
 
-def _proof(relations: Relations, own: int, other: int, r: int, training: list[int]) -> _Proof | None:
+def _proof(laws: _Laws, own: int, other: int) -> _Proof | None:
     """What the exchange does to one channel; None if it then is farther off its siblings than in the other runs."""
-    beside = relations.siblings(own, without=(other,))
-    known = [o for o in training if relations.present[own, o]]
-    if len(beside) < 2 or not known:
+    relations, r, law = laws.relations, laws.r, laws.law(own, other)
+    if law is None:
         return None
-    weights = relations.weights(own, beside, known)
-    before = _mismatch(relations, beside, weights, r, own)
-    after = _mismatch(relations, beside, weights, r, other)
-    usual = 0.3 * _least(relations, own)
-    for o in known:
-        rest = [p for p in known if p != o]
-        fitted = relations.weights(own, beside, rest) if rest else weights
-        usual = max(usual, _mismatch(relations, beside, fitted, o, own))
-    if after > 2.0 * usual:
+    after = float(np.std(relations.movement(r)[other] - law.said))
+    if after > 2.0 * law.usual:
         return None
     # a near twin fits in every run: the other column must fit here as it does nowhere else
-    cross = [_mismatch(relations, beside, weights, o, other) for o in known]
-    proved = before > _least(relations, own) and after < 0.4 * float(np.median(cross))
+    cross = [_mismatch(relations, law.beside, law.weights, o, other) for o in law.known]
+    proved = law.before > _least(relations, own) and after < 0.4 * float(np.median(cross))
     # one that drifts off later in the run fits at first
-    early = [_mismatch(relations, beside, weights, r, column, share=0.35) for column in (own, other)]
-    return _Proof(own, other, before, after, before / max(after, usual) if proved else 0.0, early[0] > 1.5 * early[1])
+    early = [_mismatch(relations, law.beside, law.weights, r, column, share=0.35) for column in (own, other)]
+    strength = law.before / max(after, law.usual) if proved else 0.0
+    return _Proof(own, other, law.before, after, strength, early[0] > 1.5 * early[1])
 
 
 def _told(relations: Relations, r: int, proof: _Proof, *, acts: bool) -> Iterator[Finding]:

@@ -41,6 +41,8 @@ class Relations:
         self._ridge = ridge
         self._movement = [np.nan_to_num(means) for means, _ in self._blocks]
         self._sums: dict[bytes, tuple[Floats, int]] = {}
+        self._everywhere: dict[bytes, NDArray[np.bool_]] = {}
+        self._chosen: dict[tuple[int, frozenset[int]], list[int]] = {}
 
     def movement(self, r: int) -> Floats:
         """Block means of a run, centred, shape (n_channels, n_blocks); 0 where a channel is absent."""
@@ -59,16 +61,27 @@ class Relations:
         return np.array([b.shape[1] for b, _ in self._blocks])
 
     def siblings(self, i: int, without: Sequence[int] = ()) -> list[int]:
-        """The channels that together follow channel `i` best, chosen forward on all runs; thermal for thermal."""
+        """The channels that together follow channel `i` best, chosen forward on all runs; thermal for thermal.
+
+        Chosen once: leaving out channels that would not have been chosen changes nothing.
+        """
+        if (i, frozenset()) not in self._chosen:
+            self._chosen[i, frozenset()] = self._forward(i, frozenset())
+        hit = frozenset(without).intersection(self._chosen[i, frozenset()])
+        # two or more left out: the second may come in only when the first is gone
+        key = (i, frozenset(without) if hit else hit)
+        if key not in self._chosen:
+            self._chosen[key] = self._forward(*key)
+        return list(self._chosen[key])
+
+    def _forward(self, i: int, without: frozenset[int]) -> list[int]:
         runs = np.flatnonzero(self.present[i])
         thermal = self.roles[i] != "displacement"
+        whole = self._present_with(i)
         pool = [
             j
-            for j in range(len(self.columns))
-            if j != i
-            and j not in without
-            and not (thermal and self.roles[j] == "displacement")
-            and bool(self.present[j][runs].all())
+            for j in np.flatnonzero(whole).tolist()
+            if j != i and j not in without and not (thermal and self.roles[j] == "displacement")
         ]
         if runs.size == 0 or not pool:
             return []
@@ -90,8 +103,16 @@ class Relations:
 
     def weights(self, i: int, siblings: Sequence[int], training: Sequence[int]) -> Floats:
         """Least-squares weights of the siblings for channel `i`, learned on these runs."""
+        left = self.present[i].copy()
+        left[np.asarray(training, dtype=np.intp)] = False
+        return self._weights_without(i, siblings, np.flatnonzero(left).tolist())
+
+    def weights_without(self, i: int, siblings: Sequence[int], apart: Sequence[int]) -> Floats:
+        """The same, learned on all runs but these; the cost does not depend on the number of runs."""
+        return self._weights_without(i, siblings, [r for r in apart if self.present[i, r]])
+
+    def _weights_without(self, i: int, siblings: Sequence[int], apart: list[int]) -> Floats:
         # the sum over all runs less the few that are left out
-        apart = [r for r in set(range(len(self.runs))).difference(training) if self.present[i, r]]
         gram, count = self._sum_with(i)
         part = np.ix_([*siblings, i], [*siblings, i])
         inner = gram[part]
@@ -99,7 +120,9 @@ class Relations:
             inner = inner - self._grams[r][part]
         last = len(siblings)
         ridge = self._ridge[[*siblings, i]]
-        return _solved(inner, ridge, last, list(range(last)), count - int(self._counts[apart].sum()))
+        return _solved(
+            inner, ridge, last, list(range(last)), count - int(self._counts[np.asarray(apart, dtype=np.intp)].sum())
+        )
 
     def weights_on(self, i: int, siblings: Sequence[int], r: int, blocks: NDArray[np.bool_]) -> Floats:
         """The same, learned on some blocks of one run."""
@@ -115,6 +138,13 @@ class Relations:
         """Channel `i` in run `r` minus what its siblings say, zero at the start, shape (n_blocks,)."""
         off = self.movement(r)[i] - self.prediction(siblings, weights, r)
         return np.asarray(off - np.median(off[: max(3, off.size // 10)]), dtype=np.float64)
+
+    def _present_with(self, i: int) -> NDArray[np.bool_]:
+        """Which channels are present wherever channel `i` is."""
+        key = self.present[i].tobytes()
+        if key not in self._everywhere:
+            self._everywhere[key] = np.asarray(self.present[:, self.present[i]].all(axis=1), dtype=np.bool_)
+        return self._everywhere[key]
 
     def _sum_with(self, i: int) -> tuple[Floats, int]:
         """(Gram matrix, number of blocks) over the runs in which channel `i` is present."""

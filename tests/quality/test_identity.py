@@ -1,0 +1,74 @@
+"""Swaps among many channels: the same answers, at a cost that grows with the channels and not with their pairs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from selector.quality import relations as relations_module
+from selector.quality.identity import swapped
+from selector.quality.relations import Relations
+from selector.quality.survey import Survey
+from selector.recording import Channel, Recording
+from tests.quality.workshop import plain_recording, plain_tables
+
+
+def _wandering(sensors: int, runs: int = 3, samples: int = 200) -> Recording:
+    """Sensors that follow nobody: in every run every one of them is off what its siblings say."""
+    rng = np.random.default_rng(5)
+    names = [f"T{k}" for k in range(sensors)]
+    tables = {
+        f"r{r}": pd.DataFrame(
+            20 + np.cumsum(rng.normal(0, 0.2, (samples, sensors)), axis=0), np.arange(samples) * 20.0, names
+        )
+        for r in range(runs)
+    }
+    return Recording.from_runs(tables, [Channel(name, "temperature", "degC") for name in names])
+
+
+def _systems(sensors: int, monkeypatch: pytest.MonkeyPatch) -> int:
+    relations, solved, count = Relations(Survey(_wandering(sensors))), relations_module._solved, 0
+
+    def counted(*arguments: object) -> object:
+        nonlocal count
+        count += 1
+        return solved(*arguments)  # type: ignore[arg-type]
+
+    with monkeypatch.context() as patch:
+        patch.setattr(relations_module, "_solved", counted)
+        list(swapped(relations))
+    return count
+
+
+def test_the_search_for_swaps_solves_small_systems_in_proportion_to_the_channels(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # four times the channels, four times the systems; pair by pair it would be sixteen
+    assert _systems(80, monkeypatch) < 6 * _systems(20, monkeypatch)
+
+
+def test_siblings_without_some_are_what_a_recording_without_them_gives() -> None:
+    tables = plain_tables(3, 240)
+    relations = Relations(Survey(plain_recording(tables)))
+    names = [relations.survey.channels[c].name for c in relations.columns]
+    for own in range(len(names)):
+        for gone in ([k] for k in range(len(names)) if k != own):
+            fewer = {run: table.drop(columns=[names[k] for k in gone]) for run, table in tables.items()}
+            fresh = Relations(Survey(plain_recording(fewer)))
+            left = [fresh.survey.channels[c].name for c in fresh.columns]
+            expected = [left[k] for k in fresh.siblings(left.index(names[own]))]
+            assert [names[k] for k in relations.siblings(own, without=gone)] == expected
+
+
+@pytest.mark.parametrize("runs", [4, 25])
+def test_a_swap_is_found_in_the_run_it_is_in(runs: int) -> None:
+    tables = plain_tables(runs, 120, dt=120.0)
+    table = tables["r2"].copy()
+    table["T1"], table["T4"] = tables["r2"]["T4"], tables["r2"]["T1"]
+    tables["r2"] = table
+    found = list(swapped(Relations(Survey(plain_recording(tables)))))
+    assert sorted((f.where.channel, f.where.run, f.action) for f in found) == [
+        ("T1", "r2", "leave-out-channel"),
+        ("T4", "r2", "leave-out-channel"),
+    ]
