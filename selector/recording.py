@@ -206,12 +206,6 @@ class Recording:
         """(time_s, values) pieces of a run in order; here always one piece. `readers.ParquetSource` has many."""
         yield self.time_s(run), self.values(run, names)
 
-    def only_runs(self, runs: Iterable[str]) -> Recording:
-        """The recording restricted to some runs, in the order given."""
-        wanted = list(runs)
-        parts = [self.frame.iloc[self._run_slices[run]] for run in wanted]
-        return dataclasses.replace(self, frame=pd.concat(parts))
-
     def with_values(self, frame: pd.DataFrame) -> Recording:
         """The same channels and provenance with another frame."""
         return dataclasses.replace(self, frame=frame)

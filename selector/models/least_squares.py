@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,7 +93,6 @@ class FittedModel:
     residual_sd_um: float
     diagnostics: Diagnostics
     ridge: float = 0.0
-    notes: tuple[str, ...] = field(default=())
 
     def __post_init__(self) -> None:
         for array in (self.coefficients, self.covariance, self.classical_covariance, self.vif):

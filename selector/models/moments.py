@@ -5,7 +5,7 @@ Because runs add up, leaving one out is a subtraction: proof on unseen runs then
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -106,7 +106,6 @@ def moments(
     columns: Columns,
     *,
     n_blocks: int = 1,
-    progress: Callable[[str], None] | None = None,
 ) -> Moments:
     """Cross-products of every run (`n_blocks` = 1), or of the blocks of every run.
 
@@ -132,8 +131,6 @@ def moments(
                     Fold(run if n_blocks == 1 else f"{run} block {i + 1}", (run,), i if n_blocks > 1 else None)
                 )
                 products.append(product)
-        if progress is not None:
-            progress(run)
     stacked = np.array(products) if products else np.zeros((0, size, size))
     return Moments(stacked, tuple(folds), len(columns.terms), len(design.responses), whole)
 
