@@ -95,7 +95,12 @@ def test_computing_modules_import_no_drawing():
 
 def test_every_imported_package_is_declared():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    import_names = {"scikit-learn": "sklearn", "npTDMS": "nptdms", "python-calamine": "python_calamine"}
+    import_names = {
+        "scikit-learn": "sklearn",
+        "scikit-fem": "skfem",
+        "npTDMS": "nptdms",
+        "python-calamine": "python_calamine",
+    }
     required = [*project["dependencies"], *(r for rs in project["optional-dependencies"].values() for r in rs)]
     names = [re.split(r"[<>=!~\[; ]", requirement, maxsplit=1)[0] for requirement in required]
     declared = {import_names.get(name, name) for name in names}

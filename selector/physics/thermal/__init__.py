@@ -1,0 +1,1 @@
+"""Heat in the machine: modes, duty cycles, the correction program, lumped networks and fields."""
