@@ -1,0 +1,53 @@
+"""How the steady level of a thermal mode depends on the spindle speed: between the tested speeds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SpeedLaw:
+    """Functions of the speed that every gain is a linear combination of: none of them heats a spindle that stands.
+
+    Without knots, term j is (n / reference_rpm)^exponents[j]. With knots there is one exponent p, and term j is
+    (n / reference_rpm)^p times the hat function of knot j: a power law whose factor is free at every tested speed,
+    linear between them and constant beyond.
+
+    Attributes
+    ----------
+    exponents : tuple of float
+        Exponents, all above 0.
+    reference_rpm : float
+        The speed at which powers are 1 [r/min]: the fastest tested one.
+    knots_rpm : tuple of float
+        Increasing speeds above 0 [r/min], or empty.
+    """
+
+    exponents: tuple[float, ...]
+    reference_rpm: float
+    knots_rpm: tuple[float, ...] = ()
+
+    def terms(self, speed_rpm: Vector) -> Vector:
+        """Values of the terms, shape (n_speeds, n_terms), at speeds [r/min] of shape (n_speeds,)."""
+        speed = np.asarray(speed_rpm, dtype=np.float64)
+        powers = (speed[:, None] / self.reference_rpm) ** np.array(self.exponents)
+        if not self.knots_rpm:
+            return powers
+        hats = [np.interp(speed, self.knots_rpm, row) for row in np.eye(len(self.knots_rpm))]
+        return powers * np.column_stack(hats)
+
+    @property
+    def size(self) -> int:
+        """Number of terms."""
+        return len(self.knots_rpm) or len(self.exponents)
+
+    @property
+    def title(self) -> str:
+        """The law in words."""
+        powers = ", ".join(f"n^{exponent:.3g}" for exponent in self.exponents)
+        return f"{powers} with a factor at each of {len(self.knots_rpm)} tested speeds" if self.knots_rpm else powers
