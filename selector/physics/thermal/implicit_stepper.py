@@ -1,0 +1,118 @@
+"""How a large body warms: an implicit method of second order, one factorisation for all steps of equal length.
+
+The additive Runge–Kutta method of Ascher, Ruuth and Spiteri (1997), "(2,2,2)". Conduction and films are treated
+implicitly by the L-stable, stiffly accurate SDIRK method of two stages (γ = 1 − 1/√2), so that steps much longer than
+the quickest time constants do no harm. Heat that depends on temperature enters explicitly, of second order too:
+
+    (C + γ·h·M)·Y1 = C·r0 + γ·h·(a + B·q(r0))
+    (C + γ·h·M)·Y2 = C·r0 + (1 − γ)·h·(a − M·Y1) + γ·h·a + h·B·(δ·q(r0) + (1 − δ)·q(Y1)),   δ = 1 − 1/(2γ)
+
+M = K + Σ h_f·A_f, a = the heat of fluids, and Y2 is the state after the step. Summed with `uniform`, these equations
+are the energy balance of the step: it closes to what the solver leaves.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg, sparse
+
+from selector.physics.thermal.heat_system import Matrix
+from selector.physics.thermal.stepping import Advance, Body, Interval
+
+Vector = NDArray[np.float64]
+Array = NDArray[np.float64]
+Solve = Callable[[Vector], Vector]
+
+GAMMA = 1.0 - np.sqrt(0.5)
+DELTA = 1.0 - 0.5 / GAMMA
+
+_FACTORISATIONS = 4
+"""How many are kept: a spindle that starts and stops while coolant runs and rests has four sets of films."""
+
+
+class ImplicitStepper:
+    """Equal steps of at most `step_s` [s] in every interval."""
+
+    def __init__(self, body: Body, step_s: float) -> None:
+        self._body = body
+        self._step_s = step_s
+        self._solvers: OrderedDict[tuple[float, bytes], Solve] = OrderedDict()
+
+    def advance(self, rise: Vector, held: Interval, read_s: Vector, keep_s: Vector) -> Advance:
+        """See `Stepper.advance`; between steps the parabola through start, first stage and end is read."""
+        body, capacity = self._body, self._body.system.capacity
+        steps = max(1, int(np.ceil(held.duration_s / self._step_s * (1 - 1e-12))))
+        # steps that differ by rounding share a factorisation
+        step = float(f"{held.duration_s / steps:.13g}")
+        ends = step * np.arange(1, steps + 1)
+        read_until, keep_until = np.searchsorted(read_s, ends, "right"), np.searchsorted(keep_s, ends, "right")
+        read_until[-1], keep_until[-1] = len(read_s), len(keep_s)
+        solve = self._solver(held, step)
+        fluid = body.film_loads @ (held.film_w_per_m2_k * held.fluid_rise)
+        depends = body.softens and held.heat_depends_on_temperature
+        film, heat = np.zeros(len(body.film_rows)), np.zeros(len(held.firm_w))
+        read, kept = [np.zeros((0, len(body.rows)))], [np.zeros((0, len(rise)))]
+        first_read = first_keep = 0
+        q0 = q1 = held.firm_w + held.lubricant_w
+        stored = capacity @ rise
+        for k in range(steps):
+            if depends:
+                q0 = body.heat_w(held, body.lubricants @ rise)
+            load = fluid + body.heat_loads @ q0
+            stage = solve(stored + GAMMA * step * load)
+            # (1 − γ)·h·(a − M·Y1), from the first equation
+            flow = (1.0 - GAMMA) / GAMMA * (capacity @ stage - stored) - (1.0 - GAMMA) * step * (load - fluid)
+            if depends:
+                q1 = body.heat_w(held, body.lubricants @ stage)
+            given = DELTA * q0 + (1.0 - DELTA) * q1
+            ahead = solve(stored + flow + step * (GAMMA * fluid + body.heat_loads @ given))
+            if read_until[k] > first_read:
+                at = (read_s[first_read : read_until[k]] - step * k) / step
+                read.append(_parabola(at) @ (np.array([rise, stage, ahead]) @ body.rows.T))
+                first_read = read_until[k]
+            if keep_until[k] > first_keep:
+                at = (keep_s[first_keep : keep_until[k]] - step * k) / step
+                kept.append(_parabola(at) @ np.array([rise, stage, ahead]))
+                first_keep = keep_until[k]
+            film += body.film_rows @ (step * ((1.0 - GAMMA) * stage + GAMMA * ahead))
+            heat += step * given
+            rise, stored = ahead, capacity @ ahead
+        return Advance(rise, np.concatenate(read), np.concatenate(kept), film, heat)
+
+    def _solver(self, held: Interval, step: float) -> Solve:
+        key = (step, held.film_w_per_m2_k.tobytes())
+        if key in self._solvers:
+            self._solvers.move_to_end(key)
+            return self._solvers[key]
+        if len(self._solvers) >= _FACTORISATIONS:
+            self._solvers.popitem(last=False)
+        solver = factorised(self._body.system.capacity + GAMMA * step * self._body.conductance(held))
+        self._solvers[key] = solver
+        return solver
+
+
+def factorised(matrix: Matrix) -> Solve:
+    """Solver of a symmetric, positive definite system of equations, dense or sparse."""
+    if sparse.issparse(matrix):
+        from scipy.sparse.linalg import splu
+
+        options = {"SymmetricMode": True}
+        lu = splu(sparse.csc_array(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+        return lu.solve
+    factor = linalg.cho_factor(matrix)
+    return lambda load: linalg.cho_solve(factor, load, check_finite=False)
+
+
+def _parabola(at: Vector) -> Array:
+    """Weights of the values at 0, γ and 1 at places between, shape (n_at, 3)."""
+    return np.column_stack(
+        [
+            (at - GAMMA) * (at - 1.0) / GAMMA,
+            at * (at - 1.0) / (GAMMA * (GAMMA - 1.0)),
+            at * (at - GAMMA) / (1.0 - GAMMA),
+        ]
+    )

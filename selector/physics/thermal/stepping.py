@@ -1,0 +1,164 @@
+"""What a time stepper is given and gives back: a body and its laws as arrays, one interval of held conditions.
+
+Temperatures are carried as rises r = T − datum·uniform over a datum, so that rounding is relative to the changes of
+temperature and not to the temperatures.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from selector.physics.thermal.eigenmodes import conductance
+from selector.physics.thermal.heat_system import HeatSystem, Matrix
+from selector.physics.thermal.law_values import softening
+from selector.physics.thermal.laws import Laws
+
+Vector = NDArray[np.float64]
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Body:
+    """A heat system with its laws, as the arrays that steppers work on.
+
+    Attributes
+    ----------
+    system, laws
+        What is stepped.
+    datum_degc : float
+        Temperature [°C] that rises are counted from.
+    """
+
+    system: HeatSystem
+    laws: Laws
+    datum_degc: float
+
+    def __post_init__(self) -> None:
+        system = self.system
+        matrices = {"capacity": system.capacity, "conduction": system.conduction, **system.films}
+        for name, matrix in matrices.items():
+            if _largest(matrix - matrix.T) > 1e-9 * _largest(matrix):
+                raise ValueError(f"the matrix {name!r} is not symmetric: heat would be made or lost on its way")
+
+    @cached_property
+    def rows(self) -> Array:
+        """Probes, then displacements, then the temperatures that lubricants have; shape (n_rows, n)."""
+        system = self.system
+        none = np.zeros(system.size)
+        at = [system.probes[law.at] if law.softening_per_k != 0.0 else none for law in self.laws.heat]
+        rows = [*system.probes.values(), *system.displacements.values(), *at]
+        return np.array(rows, dtype=np.float64).reshape(len(rows), system.size)
+
+    @cached_property
+    def lubricants(self) -> Array:
+        """The last of `rows`, shape (n_heat_laws, n)."""
+        return self.rows[len(self.rows) - len(self.laws.heat) :]
+
+    @cached_property
+    def heat_loads(self) -> Array:
+        """Share of every state in the heat of a law, shape (n, n_heat_laws)."""
+        loads = [self.system.sources[law.source] for law in self.laws.heat]
+        return np.array(loads, dtype=np.float64).reshape(len(loads), self.system.size).T
+
+    @cached_property
+    def film_loads(self) -> Array:
+        """a_f of the surface of every film law, shape (n, n_film_laws)."""
+        loads = [self.system.film_loads[law.film] for law in self.laws.films]
+        return np.array(loads, dtype=np.float64).reshape(len(loads), self.system.size).T
+
+    @cached_property
+    def film_rows(self) -> Array:
+        """uniformᵀ·A_f of the surface of every film law: what integrates a temperature over it."""
+        rows = [np.asarray(self.system.films[law.film].T @ self.system.uniform) for law in self.laws.films]
+        return np.array(rows, dtype=np.float64).reshape(len(rows), self.system.size)
+
+    @cached_property
+    def softens(self) -> bool:
+        """Whether some heat depends on temperature."""
+        return any(law.softening_per_k != 0.0 and law.speed_w != 0.0 for law in self.laws.heat)
+
+    @cached_property
+    def datum_of_lubricants(self) -> Vector:
+        """Temperature of every lubricant [°C] when all rises are 0."""
+        return self.lubricants @ self.system.uniform * self.datum_degc
+
+    def heat_w(self, held: Interval, lubricant_rise: Vector) -> Vector:
+        """Heat of every law [W] with its lubricant at this rise."""
+        return held.firm_w + held.lubricant_w * softening(self.laws, lubricant_rise + self.datum_of_lubricants)
+
+    def conductance(self, held: Interval) -> Matrix:
+        """K + Σ h_f·A_f [W/K] with the film coefficients of an interval."""
+        films: dict[str, float] = {}
+        for law, value in zip(self.laws.films, held.film_w_per_m2_k, strict=True):
+            films[law.film] = films.get(law.film, 0.0) + float(value)
+        return conductance(self.system, films)
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A stretch of time in which nothing changes that the machine does.
+
+    Attributes
+    ----------
+    duration_s : float
+        Its length [s].
+    film_w_per_m2_k, fluid_rise : ndarray of shape (n_film_laws,)
+        Film coefficients [W/(m²·K)]; fluid temperatures over the datum [K].
+    firm_w, lubricant_w : ndarray of shape (n_heat_laws,)
+        Heat [W] that does not depend on temperature; heat of the lubricant at its reference temperature.
+    """
+
+    duration_s: float
+    film_w_per_m2_k: Vector
+    fluid_rise: Vector
+    firm_w: Vector
+    lubricant_w: Vector
+
+    @property
+    def heat_depends_on_temperature(self) -> bool:
+        """Whether some lubricant makes heat now."""
+        return bool(np.any(self.lubricant_w))
+
+
+@dataclass(frozen=True)
+class Advance:
+    """What became of a body in one interval.
+
+    Attributes
+    ----------
+    rise : ndarray of shape (n,)
+        States at its end.
+    read : ndarray of shape (n_read, n_rows)
+        `Body.rows` times the states, at the times asked for.
+    kept : ndarray of shape (n_kept, n)
+        States at the times asked for.
+    film_k_m2_s : ndarray of shape (n_film_laws,)
+        ∫ uniformᵀ·A_f·r dt over the interval, in the sense of the stepper.
+    heat_j : ndarray of shape (n_heat_laws,)
+        Heat put in by every law [J], in the same sense.
+    """
+
+    rise: Vector
+    read: Array
+    kept: Array
+    film_k_m2_s: Vector
+    heat_j: Vector
+
+
+class Stepper(Protocol):
+    """Carries a body through intervals."""
+
+    def advance(self, rise: Vector, held: Interval, read_s: Vector, keep_s: Vector) -> Advance:
+        """From the start of an interval to its end; `read_s`, `keep_s` [s] count from its start and increase."""
+
+
+def _largest(matrix: Matrix) -> float:
+    """Largest entry without its sign."""
+    entries = matrix.data if isinstance(matrix, sparse.sparray) else matrix
+    return float(np.max(np.abs(entries), initial=0.0))
