@@ -178,7 +178,7 @@ def _responses(system: HeatSystem, kind: str, coefficients: Mapping[str, float],
 
 
 def _norms(fields: Array, capacity: Matrix) -> Array:
-    return np.sqrt(np.einsum("ij,ij->j", fields, capacity @ fields))
+    return np.asarray(np.sqrt(np.einsum("ij,ij->j", fields, capacity @ fields)))
 
 
 def _without(fields: Array, basis: Array, capacity: Matrix) -> Array:
