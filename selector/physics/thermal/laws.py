@@ -48,8 +48,10 @@ class Conditions:
             if not np.isfinite(values).all():
                 row = int(np.argmax(~np.isfinite(values))) + 1
                 _refuse(f"no number for {name} in row {row}", "a number in every row", _FILL)
-            if name in ("coolant_on", "machine_on") and ((values < 0) | (values > 1)).any():
-                row = int(np.argmax((values < 0) | (values > 1))) + 1
+            # derivatives are taken at "off" and "on", a little to both sides
+            odd = (values < -1e-4) | (values > 1 + 1e-4)
+            if name in ("coolant_on", "machine_on") and odd.any():
+                row = int(np.argmax(odd)) + 1
                 _refuse(f"{name} = {values[row - 1]:g} in row {row}", "0 (off) to 1 (on)", "write 0 or 1")
             values.setflags(write=False)
             object.__setattr__(self, name, values)

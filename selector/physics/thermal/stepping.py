@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -158,7 +158,7 @@ class Stepper(Protocol):
         """From the start of an interval to its end; `read_s`, `keep_s` [s] count from its start and increase."""
 
 
-def _largest(matrix: Matrix) -> float:
+def _largest(matrix: Any) -> float:
     """Largest entry without its sign."""
-    entries = matrix.data if isinstance(matrix, sparse.sparray) else matrix
+    entries = matrix.data if sparse.issparse(matrix) else matrix
     return float(np.max(np.abs(entries), initial=0.0))
