@@ -30,6 +30,12 @@ def every_figure(selection):
     yield figures.sensor_tree(selection)
     yield figures.lambda_scan(selection)
     yield figures.fault_table(selection)
+    yield figures.sensor_places(selection, places_of(selection))
+
+
+def places_of(selection):
+    """Places of all sensors but the last one."""
+    return {name: (0.1 * i, 0.3 - 0.05 * i, 1.0) for i, name in enumerate(selection.sensors[:-1])}
 
 
 def named(drawn: go.Figure, name: str) -> list:
@@ -44,7 +50,7 @@ def test_every_figure_has_a_title_and_units_on_every_axis(selection):
         titles = [layout[key].get("title", {}).get("text") for key in layout if re.fullmatch(r"[xy]axis\d*", key)]
         shown = [title for title in titles if title]
         for title in shown:
-            assert re.search(r"\[(µm|–|s|min|h)\]", title), title
+            assert re.search(r"\[(µm|–|s|min|h|m)\]", title), title
         # axes without a title carry names, or units in their tick labels
         assert shown or "[" in json.dumps(layout, ensure_ascii=False)
 
@@ -134,6 +140,20 @@ def test_scan_shows_the_number_of_groups_that_each_level_gives():
     for (right, count), (left, _) in pairwise(points):
         middle = 1 - 10.0 ** -((left + right) / 2)
         assert len(selection.grouping.axis.at(middle).partition.members) == count
+
+
+def test_places_show_where_the_kept_sensors_sit():
+    selection = studies.small()
+    drawn = figures.sensor_places(selection, places_of(selection), [np.array([[0.0, 0, 0], [0, 0, 2.0]])])
+    kept = [name for name in selection.chosen if name in places_of(selection)]
+    for axis, across in (("x", 0), ("x2", 1)):
+        (points,) = (t for t in drawn.data if t.name == "kept" and (t.xaxis or "x") == axis)
+        assert list(points.x) == [places_of(selection)[name][across] for name in kept]
+        assert [text.removeprefix("<b>").removesuffix("</b>") for text in points.text] == [
+            style.label(name) for name in kept
+        ]
+    assert "place of 1 is not known" in drawn.layout.title.text.replace("<br>", " ")
+    assert [list(t.y) for t in drawn.data if t.mode == "lines"] == [[0, 2], [0, 2]]
 
 
 def test_curve_holds_the_held_out_errors():

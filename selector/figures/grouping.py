@@ -33,7 +33,7 @@ def similarity_and_closure(selection: Selection) -> go.Figure:
     low, high = (float(off.min()), float(min(off.max(), 1 - 1e-6))) if n > 1 else (0.0, 0.5)
     np.fill_diagonal(both, np.nan)
     first, last = float(style.nines(low)), max(float(style.nines(high)), float(style.nines(low)) + 0.1)
-    groups = _first_partition(selection)
+    groups = first_partition(selection)
     title = (
         f"{n} sensors move in {len(groups)} group{'s' * (len(groups) != 1)} "
         f"at λ = {style.level_text(selection.grouping.chosen.level)}"
@@ -110,7 +110,7 @@ def sensor_tree(selection: Selection) -> go.Figure:
     tree = dendrogram(selection.grouping.similarity.matrix)
     n = len(selection.sensors)
     step = _chosen_step(selection)
-    groups = _first_partition(selection)
+    groups = first_partition(selection)
     title = (
         f"Cut at λ = {style.level_text(selection.grouping.chosen.level)}: {len(groups)} "
         f"group{'s' * (len(groups) != 1)}, the same for every λ above {style.level_text(max(step.low, 0.0))} "
@@ -170,7 +170,7 @@ def lambda_scan(selection: Selection) -> go.Figure:
     f = "" if chosen.f is None or not math.isfinite(chosen.f.value) else f", F = {style.number(chosen.f.value)}"
     title = (
         f"{len(axis)} ways to group; chosen: λ = {style.level_text(chosen.level)} with "
-        f"{len(_first_partition(selection))} groups{f}{error}"
+        f"{len(first_partition(selection))} groups{f}{error}"
     )
     drawn = style.figure(title, 560)
     steps = list(axis)
@@ -248,16 +248,20 @@ def _panel(drawn: go.Figure, yaxis: str, points: list[tuple[float, float, str]])
     )
 
 
+def group_colours(tree: Dendrogram, groups: list[tuple[int, ...]]) -> dict[int, str]:
+    """Colour of every sensor that is not alone in its group, the same in every picture of a selection."""
+    place_of = {sensor: k for k, sensor in enumerate(tree.leaf_order)}
+    large = sorted((group for group in groups if len(group) > 1), key=lambda group: place_of[group[0]])
+    return {sensor: style.GROUPS[k % len(style.GROUPS)] for k, group in enumerate(large) for sensor in group}
+
+
 def _branches(
     tree: Dendrogram, level: float, groups: list[tuple[int, ...]], end: float
 ) -> dict[str, tuple[list[float | None], list[float | None]]]:
     """Lines of the tree per colour: one colour a group below the cut, grey above it."""
     n = len(tree.leaf_order)
-    colour_of = {}
-    large = [group for group in groups if len(group) > 1]
+    colour_of = group_colours(tree, groups)
     place_of = {sensor: k for k, sensor in enumerate(tree.leaf_order)}
-    for k, group in enumerate(sorted(large, key=lambda group: place_of[group[0]])):
-        colour_of.update(dict.fromkeys(group, style.GROUPS[k % len(style.GROUPS)]))
     place: list[tuple[float, float]] = [(0.0, 0.0)] * n
     for sensor, k in place_of.items():
         place[sensor] = (end, float(k))
@@ -302,7 +306,8 @@ def _chosen_step(selection: Selection) -> LambdaStep:
     return selection.grouping.axis.at(selection.grouping.chosen.level)
 
 
-def _first_partition(selection: Selection) -> list[tuple[int, ...]]:
+def first_partition(selection: Selection) -> list[tuple[int, ...]]:
+    """Groups of the first round of screening."""
     return list(selection.grouping.chosen.rounds[0].groups)
 
 

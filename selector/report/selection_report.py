@@ -90,6 +90,7 @@ def _study(pictures: Pictures, selection: Selection, description: Description | 
         "curves": [pictures.add(figures.error_against_sensors(selection, name), _CURVE) for name in names],
         "per_run": [pictures.add(figures.errors_per_run(selection, name), _PER_RUN) for name in names],
         "traces": [picture for name in names for picture in _traces(pictures, selection, name)],
+        "places": _places(pictures, selection, description or {}),
         "lambda_because": _sentence(selection.grouping.because),
         "groups": tables.groups_table(selection),
         "grouping": _grouping(pictures, selection),
@@ -162,6 +163,18 @@ def _grouping(pictures: Pictures, selection: Selection) -> list[Picture]:
     ]
 
 
+def _places(pictures: Pictures, selection: Selection, description: Description) -> Picture | None:
+    """The machine picture, if the machine file says where the sensors sit."""
+    found = {
+        str(channel["name"]): (float(x), float(y), float(z))
+        for channel in description.get("channels", ())
+        if channel.get("xyz") is not None and channel["name"] in selection.sensors
+        for x, y, z in [channel["xyz"]]
+    }
+    return pictures.add(figures.sensor_places(selection, found), _PLACES) if found else None
+
+
+_PLACES = "Where the sensors sit, as the machine file says. Sensors of one colour move together."
 _CURVE = (
     "Each blue point: sets of that many sensors, chosen anew without the data on which they are tested. The ring is "
     "the whole procedure, which chooses the number of sensors anew too."
