@@ -1,0 +1,43 @@
+"""The temperature field of a machine and its deformation, by finite elements on a C-frame machining centre.
+
+::
+
+    geometry, mesh        boxes → hexahedra with parts
+    materials             what the parts are made of
+    surfaces, probes      where it stands, meets fluids, is heated, is measured
+    conduction            → capacity, conduction, films, sources
+    thermoelasticity      → displacements of the tool, deformation
+    machine               all of it for the machining centre
+    export                → files for ParaView
+"""
+
+from __future__ import annotations
+
+from selector.physics.thermal.field.conduction import conduction_matrices, film, surface_source, volume_source
+from selector.physics.thermal.field.geometry import MachineGeometry, machine_blocks
+from selector.physics.thermal.field.machine import FieldMachine, field_machine
+from selector.physics.thermal.field.materials import MATERIALS, Material
+from selector.physics.thermal.field.mesh import VOID, Block, BlockMesh, block_mesh
+from selector.physics.thermal.field.probes import probe_row
+from selector.physics.thermal.field.thermoelasticity import Elasticity, elasticity, rigid_motion_reading
+
+__all__ = [
+    "MATERIALS",
+    "VOID",
+    "Block",
+    "BlockMesh",
+    "Elasticity",
+    "FieldMachine",
+    "MachineGeometry",
+    "Material",
+    "block_mesh",
+    "conduction_matrices",
+    "elasticity",
+    "field_machine",
+    "film",
+    "machine_blocks",
+    "probe_row",
+    "rigid_motion_reading",
+    "surface_source",
+    "volume_source",
+]

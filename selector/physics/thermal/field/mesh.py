@@ -1,0 +1,198 @@
+"""Hexahedral meshes of bodies that are unions of boxes: cells of one tensor grid, so that all faces fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from selector.errors import OptionError
+
+Vector = NDArray[np.float64]
+Indices = NDArray[np.int64]
+Point = tuple[float, float, float]
+
+VOID = ""
+"""Part name of a block that cuts its room out of the blocks before it."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """A box of a part; a later block takes the room of the blocks before it.
+
+    Attributes
+    ----------
+    part : str
+        Name of the part; `VOID` cuts.
+    material : str
+        Name of its material.
+    low_m, high_m : tuple of three floats
+        Opposite corners [m].
+    """
+
+    part: str
+    material: str
+    low_m: Point
+    high_m: Point
+
+    def __post_init__(self) -> None:
+        if not all(low < high for low, high in zip(self.low_m, self.high_m, strict=True)):
+            raise OptionError(
+                f"a block from {self.low_m} to {self.high_m} m",
+                expected="a high corner above the low one along X, Y and Z",
+                where=f"block of the part {self.part or 'void'!r}",
+                advice="correct the lengths of the machine",
+            )
+
+
+@dataclass(frozen=True)
+class BlockMesh:
+    """A body of hexahedra with its parts.
+
+    Attributes
+    ----------
+    nodes_m : ndarray of shape (n_nodes, 3)
+        Places of the nodes [m].
+    cells : ndarray of shape (n_cells, 8)
+        Nodes of every cell, in scikit-fem's order of corners.
+    parts, materials : tuple of str
+        Name of the part and of the material of every kind of cell.
+    kind : ndarray of shape (n_cells,)
+        Which of them each cell is.
+    """
+
+    nodes_m: Vector
+    cells: Indices
+    parts: tuple[str, ...]
+    materials: tuple[str, ...]
+    kind: Indices
+
+    @cached_property
+    def mesh(self) -> Any:
+        """The mesh for scikit-fem."""
+        from skfem import MeshHex
+
+        return MeshHex(np.ascontiguousarray(self.nodes_m.T), np.ascontiguousarray(self.cells.T))
+
+    @cached_property
+    def volume_m3(self) -> Vector:
+        """Volume of every cell [m³]."""
+        return np.asarray((self.high_m - self.low_m).prod(axis=1))
+
+    @cached_property
+    def low_m(self) -> Vector:
+        """Lower corner of every cell, of shape (n_cells, 3) [m]."""
+        return np.asarray(self.nodes_m[self.cells].min(axis=1))
+
+    @cached_property
+    def high_m(self) -> Vector:
+        """Upper corner of every cell, of shape (n_cells, 3) [m]."""
+        return np.asarray(self.nodes_m[self.cells].max(axis=1))
+
+    def cells_of(self, *parts: str) -> Indices:
+        """Numbers of the cells of these parts."""
+        kinds = [i for i, part in enumerate(self.parts) if part in parts]
+        return np.flatnonzero(np.isin(self.kind, kinds))
+
+    def surface_of(self, parts: Iterable[str], where: Callable[[Vector], NDArray[np.bool_]] | None = None) -> Indices:
+        """Boundary facets (numbers in `mesh`) of these parts; `where` picks by the facets' centres (n, 3) [m]."""
+        facets = np.asarray(self.mesh.boundary_facets())
+        owner = np.asarray(self.mesh.f2t)[0, facets]
+        facets = facets[np.isin(owner, self.cells_of(*parts))]
+        return facets if where is None else facets[where(self.facet_centres_m(facets))]
+
+    def facet_centres_m(self, facets: Indices) -> Vector:
+        """Centres of facets, of shape (n_facets, 3) [m]."""
+        return np.asarray(self.nodes_m[np.asarray(self.mesh.facets)[:, facets]].mean(axis=0))
+
+    def triangles(self) -> Indices:
+        """Triangles of the whole surface as numbers of nodes, of shape (n_triangles, 3), outward by the right hand."""
+        facets = np.asarray(self.mesh.boundary_facets())
+        corners = np.asarray(self.mesh.facets)[:, facets].T
+        places = self.nodes_m[corners]
+        middle = places.mean(axis=1)
+        owner = np.asarray(self.mesh.f2t)[0, facets]
+        outward = middle - (self.low_m[owner] + self.high_m[owner]) / 2
+        # corners in order around the middle, whatever order the mesh has them in
+        flat = np.argsort(np.abs(outward), axis=1)[:, :2]
+        arms = np.take_along_axis(places - middle[:, None, :], flat[:, None, :], axis=2)
+        around = np.argsort(np.arctan2(arms[:, :, 1], arms[:, :, 0]), axis=1)
+        ring = np.take_along_axis(corners, around, axis=1)
+        a, b, c = (self.nodes_m[ring[:, i]] for i in range(3))
+        inward = np.einsum("ij,ij->i", np.cross(b - a, c - b), outward) < 0
+        ring[inward] = ring[inward, ::-1]
+        return np.asarray(ring[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3), dtype=np.int64)
+
+    def pieces(self) -> int:
+        """Number of separate bodies that share no node."""
+        links = sparse.coo_array(
+            (np.ones(self.cells.size), (np.repeat(np.arange(len(self.cells)), 8), self.cells.ravel())),
+            shape=(len(self.cells), len(self.nodes_m)),
+        ).tocsr()
+        return int(sparse.csgraph.connected_components(links.T @ links, directed=False)[0])
+
+
+def block_mesh(blocks: Sequence[Block], cell_m: float | Point) -> BlockMesh:
+    """The mesh of a union of boxes.
+
+    The faces of all blocks give the lines of a tensor grid, divided so that no cell is longer than `cell_m` [m] (one
+    length, or one for each axis).
+
+    Raises
+    ------
+    OptionError
+        If the cells would be of no or negative size, or nothing is left of the body.
+    """
+    sizes = (cell_m, cell_m, cell_m) if isinstance(cell_m, int | float) else cell_m
+    lines = [_lines(blocks, axis, float(size)) for axis, size in enumerate(sizes)]
+    paint = np.full([len(line) - 1 for line in lines], -1)
+    solids = [(block.part, block.material) for block in blocks if block.part != VOID]
+    kinds = list(dict.fromkeys(solids))
+    middles = [(line[1:] + line[:-1]) / 2 for line in lines]
+    for block in blocks:
+        room = np.ix_(
+            *((low < m) & (m < high) for low, m, high in zip(block.low_m, middles, block.high_m, strict=True))
+        )
+        paint[room] = -1 if block.part == VOID else kinds.index((block.part, block.material))
+    return _mesh_of_cells(lines, paint, kinds)
+
+
+def _lines(blocks: Sequence[Block], axis: int, cell_m: float) -> Vector:
+    if not cell_m > 0 or not np.isfinite(cell_m):
+        raise OptionError(
+            f"cells of {cell_m:g} m", expected="a length above 0 m", where="mesh", advice="give a larger cell"
+        )
+    faces = np.unique(np.round([(block.low_m[axis], block.high_m[axis]) for block in blocks], 9))
+    pieces = [
+        np.linspace(low, high, max(1, int(np.ceil((high - low) / cell_m - 1e-9))), endpoint=False)
+        for low, high in pairwise(faces)
+    ]
+    return np.concatenate([*pieces, faces[-1:]])
+
+
+def _mesh_of_cells(lines: Sequence[Vector], paint: Indices, kinds: Sequence[tuple[str, str]]) -> BlockMesh:
+    """Cells of the grid that a block has painted, and the nodes that they use."""
+    from skfem import ElementHex1
+
+    solid = np.argwhere(paint >= 0)
+    if not len(solid):
+        raise OptionError(
+            "blocks that leave no body", expected="at least one solid block", where="mesh", advice="add a block"
+        )
+    corners = solid[:, None, :] + ElementHex1.doflocs.astype(np.int64)[None]
+    shape = tuple(len(line) for line in lines)
+    used, cells = np.unique(np.ravel_multi_index(tuple(np.moveaxis(corners, 2, 0)), shape), return_inverse=True)
+    nodes = np.stack([line[i] for line, i in zip(lines, np.unravel_index(used, shape), strict=True)], axis=1)
+    return BlockMesh(
+        nodes_m=nodes,
+        cells=cells.reshape(-1, 8).astype(np.int64),
+        parts=tuple(part for part, _ in kinds),
+        materials=tuple(material for _, material in kinds),
+        kind=paint[tuple(solid.T)].astype(np.int64),
+    )
