@@ -34,10 +34,11 @@ def cooling(time_s: Vector, tau_s: Vector, steady_um: Vector, initial_um: Vector
 class ModalModel:
     """Displacements as sums of first-order modes with common time constants, in state-space form.
 
-    x_k' = (G_k(n) − x_k)·c_k(n)/τ_k and δ = Σ_k x_k, for every response; n = spindle speed. Each mode carries its state
-    through a change of speed; from rest at constant speed this is the heating law (C eq. 1, 3), at n = 0 the cooling
-    law (C eq. 2, 4). c_k(n) = 1 + cooling_growth_k·(n / reference)^cooling_exponent is convection that grows with the
-    speed; it is 1 unless the tests ask for more. The hall temperature is taken to be constant.
+    x_j' = (f_j(n)·1 − (I + s(n)·M)·x_j)/τ for every term f_j of the speed law, and δ_r = Σ_jk gains_jkr·x_jk. The
+    states are carried through changes of the speed n; from rest at constant speed this is the heating law, standing
+    the cooling law (C eq. 1–4), with the levels A_k = Σ_j gains_jk·f_j(n). s(n)·M is convection that grows with the
+    speed, s = (n/reference)^cooling_exponent: it speeds modes up, lowers their levels and couples them, since films act
+    on a part of the machine only. M is 0 unless the tests ask for more. The hall temperature is taken to be constant.
 
     Attributes
     ----------
@@ -46,15 +47,15 @@ class ModalModel:
     tau_s : ndarray of shape (n_modes,)
         Time constants of the standing spindle [s], increasing, shared by all responses.
     gains_um : ndarray of shape (n_terms, n_modes, n_responses)
-        Coefficients [µm] of the terms of the law: G_k(n) = Σ_j gains_um[j, k]·term_j(n).
+        Steady displacement [µm] per unit of each term, without film.
     law : SpeedLaw
         How gains depend on the speed.
     fastest_rpm : float
         Fastest tested speed [r/min]; faster ones are refused.
-    cooling_growth : ndarray of shape (n_modes,)
-        Growth of the rate of each mode from standing to the reference speed; 0 = constant time constants.
+    cooling_growth : ndarray of shape (n_modes, n_modes) or (n_modes,)
+        M, for the speed at which the law's powers are 1; a vector is its diagonal (modes without coupling).
     cooling_exponent : float
-        Exponent of that growth.
+        Exponent of its growth with the speed.
     """
 
     responses: tuple[str, ...]
@@ -63,15 +64,20 @@ class ModalModel:
     law: SpeedLaw
     fastest_rpm: float
     cooling_growth: Vector
-    cooling_exponent: float = 1.0
+    cooling_exponent: float = 0.8
 
     def __post_init__(self) -> None:
         for name in ("tau_s", "gains_um", "cooling_growth"):
             values = np.array(getattr(self, name), dtype=np.float64)
+            if name == "cooling_growth" and values.ndim == 1:
+                values = np.diag(values)
             values.setflags(write=False)
             object.__setattr__(self, name, values)
-        if self.gains_um.shape != (self.law.size, len(self.tau_s), len(self.responses)):
+        modes = len(self.tau_s)
+        if self.gains_um.shape != (self.law.size, modes, len(self.responses)):
             raise ValueError(f"gains of shape {self.gains_um.shape} do not fit the law, modes and responses")
+        if self.cooling_growth.shape != (modes, modes):
+            raise ValueError(f"film growth of shape {self.cooling_growth.shape} for {modes} modes")
 
     @property
     def speed_limits_rpm(self) -> tuple[float, float]:
@@ -79,7 +85,7 @@ class ModalModel:
         return 0.0, self.fastest_rpm
 
     def gain_um(self, speed_rpm: Vector) -> Vector:
-        """Steady displacement of every mode [µm], shape (n_speeds, n_modes, n_responses).
+        """Steady displacement that each mode contributes [µm], shape (n_speeds, n_modes, n_responses).
 
         Raises
         ------
@@ -87,18 +93,15 @@ class ModalModel:
             If a speed is negative, missing or faster than the fastest tested one.
         """
         speed = self._checked(speed_rpm)
-        return np.asarray(np.tensordot(self.law.terms(speed), self.gains_um, axes=1))
+        terms = self.law.terms(speed)
+        share = np.linalg.solve(self._losses(speed), np.ones((len(speed), len(self.tau_s), 1)))[:, :, 0]
+        return np.asarray(np.einsum("nj,nk,jkr->nkr", terms, share, self.gains_um))
 
-    def rate_per_s(self, speed_rpm: Vector) -> Vector:
-        """c_k(n)/τ_k [1/s], shape (n_speeds, n_modes); errors as in `gain_um`."""
-        share = (self._checked(speed_rpm) / self.law.reference_rpm) ** self.cooling_exponent
-        return (1.0 + share[:, None] * self.cooling_growth) / self.tau_s
+    def states_at(self, cyclogram: Cyclogram, time_s: Vector, start: Vector | None = None) -> Vector:
+        """States x, shape (n_times, n_modes, n_terms), exact between changes of speed.
 
-    def states_um(self, cyclogram: Cyclogram, time_s: Vector, start_um: Vector | None = None) -> Vector:
-        """States x of the modes [µm], shape (n_times, n_modes, n_responses), exact between changes of speed.
-
-        `start_um` of shape (n_modes, n_responses) is the state at time 0 (e.g. the last one of another cyclogram);
-        without it the machine begins at rest and cold.
+        `start` of shape (n_modes, n_terms) is the state at time 0 (e.g. the last one of another cyclogram); without it
+        the machine begins at rest and cold.
 
         Raises
         ------
@@ -106,44 +109,48 @@ class ModalModel:
             If a speed is outside the tests, or a time outside the cyclogram.
         """
         time = np.atleast_1d(np.asarray(time_s, dtype=np.float64))
-        if not ((time >= 0.0) & (time <= cyclogram.end_s)).all():
-            wrong = time[~((time >= 0.0) & (time <= cyclogram.end_s))][0]
+        inside = (time >= 0.0) & (time <= cyclogram.end_s)
+        if not inside.all():
             raise InputError(
-                f"a prediction at {wrong:g} s",
+                f"a prediction at {time[~inside][0]:g} s",
                 expected=f"times from 0 to {cyclogram.end_s:g} s, the end of the duty cycle",
                 where="duty cycle",
                 advice="ask for times inside the duty cycle, or give its last segment a later end",
             )
-        gains = self.gain_um(cyclogram.speed_rpm)
-        rates = self.rate_per_s(cyclogram.speed_rpm)
-        entry = np.zeros_like(gains)
-        if start_um is not None:
-            entry[0] = start_um
-        for i, length_s in enumerate(np.diff(cyclogram.start_s)):
-            left = np.exp(-length_s * rates[i])[:, None]
-            entry[i + 1] = gains[i] + (entry[i] - gains[i]) * left
+        speed = self._checked(cyclogram.speed_rpm)
+        terms, losses = self.law.terms(speed), self._losses(speed)
+        values, vectors = np.linalg.eig(losses / self.tau_s[:, None])
         at = np.searchsorted(cyclogram.start_s, time, side="right") - 1
-        left = np.exp(-(time - cyclogram.start_s[at])[:, None] * rates[at])[:, :, None]
-        return np.asarray(gains[at] + (entry[at] - gains[at]) * left)
+        out = np.zeros((len(time), len(self.tau_s), self.law.size))
+        entry = np.zeros(out.shape[1:]) if start is None else np.asarray(start, dtype=np.float64)
+        ends = np.append(cyclogram.start_s[1:], cyclogram.end_s)
+        for i, (begin_s, end_s) in enumerate(zip(cyclogram.start_s, ends, strict=True)):
+            rows = np.flatnonzero(at == i)
+            steady = np.linalg.solve(losses[i], np.ones((len(self.tau_s), 1))) * terms[i]
+            inward = np.linalg.solve(vectors[i], entry - steady)
+            since = np.append(time[rows], end_s) - begin_s
+            course = np.real(vectors[i] @ (np.exp(-since[:, None] * values[i])[:, :, None] * inward)) + steady
+            out[rows], entry = course[:-1], course[-1]
+        return out
 
-    def displacement_um(self, cyclogram: Cyclogram, time_s: Vector, start_um: Vector | None = None) -> Vector:
-        """Displacements [µm], shape (n_times, n_responses), at times [s] of shape (n_times,); see `states_um`."""
-        return np.asarray(self.states_um(cyclogram, time_s, start_um).sum(axis=1))
+    def displacement_um(self, cyclogram: Cyclogram, time_s: Vector, start: Vector | None = None) -> Vector:
+        """Displacements [µm], shape (n_times, n_responses), at times [s] of shape (n_times,); see `states_at`."""
+        return self._displacement(self.states_at(cyclogram, time_s, start))
 
     def characteristic(self, speed_rpm: float, time_s: Vector) -> Vector:
-        """δ(n, t) [µm], shape (n_times, n_responses): continuous running from rest; errors as in `states_um`."""
+        """δ(n, t) [µm], shape (n_times, n_responses): continuous running from rest; errors as in `states_at`."""
         end_s = float(max(np.max(time_s, initial=0.0), 1.0))
         return self.displacement_um(Cyclogram(np.zeros(1), np.array([speed_rpm]), end_s), time_s)
 
-    def cooling(self, start_um: Vector, time_s: Vector) -> Vector:
-        """δ(t) [µm] of a standing spindle, shape (n_times, n_responses); the start has shape (n_modes, n_responses)."""
+    def cooling(self, start: Vector, time_s: Vector) -> Vector:
+        """δ(t) [µm] of a standing spindle, shape (n_times, n_responses), from a state of shape (n_modes, n_terms)."""
         end_s = float(max(np.max(time_s, initial=0.0), 1.0))
-        return self.displacement_um(Cyclogram(np.zeros(1), np.zeros(1), end_s), time_s, start_um)
+        return self.displacement_um(Cyclogram(np.zeros(1), np.zeros(1), end_s), time_s, start)
 
     @property
     def states(self) -> tuple[str, ...]:
-        """Names of the states: mode by mode, and within a mode response by response."""
-        return tuple(f"mode {k + 1} of {response}" for k in range(len(self.tau_s)) for response in self.responses)
+        """Names of the states: mode by mode, and within a mode term by term of the law."""
+        return tuple(f"mode {k + 1}, term {j + 1}" for k in range(len(self.tau_s)) for j in range(self.law.size))
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -161,16 +168,25 @@ class ModalModel:
         return self.responses
 
     def derivative(self, t_s: float, x: Vector, u: Vector) -> Vector:
-        """Rate of change x' [µm/s] of shape (n_states,) at `t_s` [s], of states x [µm] at the speed u[0] [r/min]."""
+        """Rate of change x' [1/s] of shape (n_states,) at `t_s` [s], of states x at the speed u[0] [r/min]."""
         del t_s  # the equations do not change with time
-        state = np.reshape(x, (len(self.tau_s), len(self.responses)))
-        speed = np.atleast_1d(np.asarray(u, dtype=np.float64))[:1]
-        return np.asarray(((self.gain_um(speed)[0] - state) * self.rate_per_s(speed)[0][:, None]).ravel())
+        state = np.reshape(x, (len(self.tau_s), self.law.size))
+        speed = self._checked(np.atleast_1d(np.asarray(u, dtype=np.float64))[:1])
+        change = self.law.terms(speed) - self._losses(speed)[0] @ state
+        return np.asarray((change / self.tau_s[:, None]).ravel())
 
     def output(self, t_s: float, x: Vector, u: Vector) -> Vector:
-        """Displacements [µm] of shape (n_responses,) in the states x [µm]; the speed u acts through the states only."""
+        """Displacements [µm] of shape (n_responses,) in the states x; the speed u acts through the states only."""
         del t_s, u
-        return np.asarray(np.reshape(x, (len(self.tau_s), len(self.responses))).sum(axis=0))
+        return self._displacement(np.reshape(x, (1, len(self.tau_s), self.law.size)))[0]
+
+    def _displacement(self, states: Vector) -> Vector:
+        return np.asarray(np.einsum("nkj,jkr->nr", states, self.gains_um))
+
+    def _losses(self, speed: Vector) -> Vector:
+        """I + s(n)·M, shape (n_speeds, n_modes, n_modes)."""
+        share = (speed / self.law.reference_rpm) ** self.cooling_exponent
+        return np.eye(len(self.tau_s)) + share[:, None, None] * self.cooling_growth
 
     def _checked(self, speed_rpm: Vector) -> Vector:
         speed = np.atleast_1d(np.asarray(speed_rpm, dtype=np.float64))

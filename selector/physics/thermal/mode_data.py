@@ -1,0 +1,183 @@
+"""Thermal tests made short: block averages that say as much about thermal modes as all samples do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.errors import InputError
+from selector.physics.thermal.thermal_test import ThermalTest
+
+Vector = NDArray[np.float64]
+GROWTH = 0.06
+"""Length of a block as a share of the time since the speed last changed. The mean of e^(−t/τ) over a block differs from
+its value at the mean time by at most 0.54·GROWTH²/24 = 8e-5 of the mode's amplitude: far below any noise."""
+LONGEST = 1 / 60
+"""Longest block as a share of its run, for what moves without the spindle (hall temperature, start not at rest)."""
+SAME_SPEED = 0.02
+"""Speeds that differ by less than this share of the fastest count as one level: jitter."""
+SHORTEST_LEVEL = 0.02
+"""A speed that ran for less than this share of the turning time is part of a ramp, not a level."""
+
+
+@dataclass(frozen=True)
+class ModeData:
+    """Blocks of all runs, one after the other; within a block the speed is constant up to jitter.
+
+    Attributes
+    ----------
+    before_s, after_s : ndarray of shape (n_blocks,)
+        Time from the block's start to the mean time of its samples, and from there to the next block [s].
+    speed_rpm : ndarray of shape (n_blocks,)
+        Mean speed [r/min].
+    displacement_um : ndarray of shape (n_blocks, n_responses)
+        Mean displacement [µm]; 0 where `counts` is 0.
+    counts : ndarray of shape (n_blocks, n_responses)
+        Samples in each mean.
+    ambient_k : ndarray of shape (n_blocks,) or None
+        Mean hall temperature against the start of the run [K].
+    bounds : tuple of (int, int)
+        First block, and the one behind the last, of every run.
+    noise_um : ndarray of shape (n_responses,)
+        Standard deviation of a single sample [µm], from differences of neighbours.
+    levels_rpm : tuple of float
+        Tested speed levels above 0, increasing [r/min].
+    period_s, longest_s : float
+        Typical time between samples; duration of the longest run.
+    """
+
+    before_s: Vector
+    after_s: Vector
+    speed_rpm: Vector
+    displacement_um: Vector
+    counts: Vector
+    ambient_k: Vector | None
+    bounds: tuple[tuple[int, int], ...]
+    noise_um: Vector
+    levels_rpm: tuple[float, ...]
+    period_s: float
+    longest_s: float
+
+    @property
+    def fastest_rpm(self) -> float:
+        """The fastest tested level [r/min]."""
+        return self.levels_rpm[-1]
+
+
+def mode_data(tests: Sequence[ThermalTest]) -> ModeData:
+    """Block averages of the tests, with their speed levels.
+
+    Raises
+    ------
+    InputError
+        If there is no test, none in which the spindle turns, or one without enough readings.
+    """
+    if not tests:
+        raise _unusable("no test", "at least one heating test", "the tests")
+    fastest = max((float(np.max(test.speed_rpm, initial=0.0)) for test in tests), default=0.0)
+    if not np.isfinite(fastest) or fastest <= 0.0:
+        raise _unusable("no test in which the spindle turns", "at least one heating test", "the tests")
+    for test in tests:
+        _check(test)
+    same_rpm = max(SAME_SPEED * fastest, 6.0 * max(_roughness(test.speed_rpm) for test in tests))
+    pieces = [_blocks(test, same_rpm) for test in tests]
+    ends = np.cumsum([len(piece["speed"]) for piece in pieces]).tolist()
+    joined = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+    halls = all(test.ambient_degc is not None and np.isfinite(test.ambient_degc).any() for test in tests)
+    return ModeData(
+        before_s=joined["before"],
+        after_s=joined["after"],
+        speed_rpm=joined["speed"],
+        displacement_um=joined["displacement"],
+        counts=joined["counts"],
+        ambient_k=joined["ambient"] if halls else None,
+        bounds=tuple(zip([0, *ends[:-1]], ends, strict=True)),
+        noise_um=_noise(tests),
+        levels_rpm=_levels(joined["speed"], joined["before"] + joined["after"], same_rpm),
+        period_s=float(np.median(np.concatenate([np.diff(test.time_s) for test in tests]))),
+        longest_s=max(float(test.time_s[-1] - test.time_s[0]) for test in tests),
+    )
+
+
+def _check(test: ThermalTest) -> None:
+    where = f"run {test.run!r}"
+    if len(test.time_s) < 10:
+        raise _unusable(f"{len(test.time_s)} samples", "at least 10", where)
+    if not (np.diff(test.time_s) > 0).all():
+        raise _unusable("times that do not increase", "increasing times", where)
+    if not np.isfinite(test.speed_rpm).all() or (test.speed_rpm < 0).any():
+        raise _unusable("missing or negative speeds", "the speed at every sample, without a sign", where)
+    if (np.isfinite(test.displacement_um).sum(axis=0) < 10).any():
+        raise _unusable("a response with fewer than 10 readings", "readings of every response", where)
+
+
+def _unusable(found: str, expected: str, where: str) -> InputError:
+    return InputError(found, expected=expected, where=where, advice="record heating and cooling, or leave this run out")
+
+
+def _blocks(test: ThermalTest, same_rpm: float) -> dict[str, Vector]:
+    time, speed = test.time_s - test.time_s[0], test.speed_rpm
+    longest = LONGEST * time[-1]
+    starts, changed_s, level, begun_s = [0], 0.0, speed[0], 0.0
+    for i in range(1, len(time)):
+        if abs(speed[i] - level) > same_rpm:
+            starts.append(i)
+            changed_s, level, begun_s = time[i], speed[i], time[i]
+        elif time[i] - begun_s >= min(GROWTH * (begun_s - changed_s), longest):
+            starts.append(i)
+            begun_s = time[i]
+    first = np.array(starts)
+    held_s = np.diff(time, append=2 * time[-1] - time[-2])
+    length_s = np.add.reduceat(held_s, first)
+    there = np.isfinite(test.displacement_um)
+    counts = np.add.reduceat(there.astype(np.float64), first)
+    sums = np.add.reduceat(np.where(there, test.displacement_um, 0.0), first)
+    # a block's mean time is that of its readings, which matters where some are missing
+    weight = there.any(axis=1).astype(np.float64)
+    total = np.add.reduceat(weight, first)
+    middle = np.where(total > 0, np.add.reduceat(time * weight, first) / np.maximum(total, 1.0), time[first])
+    hall = np.zeros(len(first))
+    if test.ambient_degc is not None and np.isfinite(test.ambient_degc).any():
+        known = np.isfinite(test.ambient_degc)
+        filled = np.interp(time, time[known], test.ambient_degc[known])
+        hall = np.add.reduceat(filled * held_s, first) / length_s
+        hall = hall - filled[time <= min(600.0, 0.02 * time[-1])].mean()
+    return {
+        "before": middle - time[first],
+        "after": length_s - (middle - time[first]),
+        "speed": np.add.reduceat(speed * held_s, first) / length_s,
+        "displacement": sums / np.maximum(counts, 1.0),
+        "counts": counts,
+        "ambient": hall,
+    }
+
+
+def _roughness(values: Vector) -> float:
+    """Robust standard deviation of white noise upon something smooth: from second differences."""
+    return 1.4826 * float(np.median(np.abs(np.diff(values, 2)))) / np.sqrt(6.0)
+
+
+def _noise(tests: Sequence[ThermalTest]) -> Vector:
+    """Noise of each response; never 0, so that it can divide (a course without noise, or quantised)."""
+    noise = []
+    for r in range(tests[0].displacement_um.shape[1]):
+        values = [test.displacement_um[np.isfinite(test.displacement_um[:, r]), r] for test in tests]
+        spread = max(float(np.ptp(one)) for one in values)
+        noise.append(max(float(np.median([_roughness(one) for one in values])), 1e-4 * spread, 1e-9))
+    return np.array(noise)
+
+
+def _levels(speed: Vector, length_s: Vector, same_rpm: float) -> tuple[float, ...]:
+    turning = speed > same_rpm
+    order = np.argsort(speed[turning])
+    value, weight = speed[turning][order], length_s[turning][order]
+    groups = np.cumsum(np.diff(value, prepend=value[0]) > same_rpm)
+    total = np.bincount(groups, weight)
+    mean = np.bincount(groups, weight * value) / total
+    kept = mean[total >= SHORTEST_LEVEL * total.sum()]
+    if not len(kept):  # the speed never rests: knots where it spent most of its time
+        kept = np.unique(np.quantile(np.repeat(value, np.ceil(9 * weight / weight.max()).astype(int)), [0.2, 0.6, 1.0]))
+    return tuple(float(level) for level in kept)

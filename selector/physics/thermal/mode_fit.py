@@ -1,0 +1,309 @@
+"""Variable projection: time constants are searched, everything that enters linearly is solved for on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from selector.physics.thermal._mode_filter import filtered
+from selector.physics.thermal.mode_data import ModeData
+from selector.physics.thermal.modes import ModalModel
+from selector.physics.thermal.speed_law import SpeedLaw
+
+Vector = NDArray[np.float64]
+Law = Literal["levels", "power", "powers", "mode-powers"]
+Film = Literal["none", "growing"]
+CLOSEST = 1.15
+"""Neighbouring time constants in a fit have at least this ratio: nearer ones are one mode with enormous gains."""
+USUAL_EXPONENT = 1.2, 0.5
+"""Heat of bearings and drives grows with n^1 to n^1.5: where tests say nothing, exponents stay near this (±)."""
+USUAL_FILM_EXPONENT = 0.8, 0.2
+"""Forced convection grows with n^0.5 (laminar) to n^0.8 (turbulent), windage up to n^1 (±)."""
+STEP = 1e-4
+"""Step of numerical derivatives in logarithms of time constants and in exponents."""
+
+
+@dataclass(frozen=True)
+class ModeSpec:
+    """What is fitted.
+
+    Attributes
+    ----------
+    n_modes : int
+        Number of modes.
+    law_kind : {"levels", "power", "powers", "mode-powers"}
+        Gains: free at every tested level; c·n^p with one p; c·n^p + d·n^(p + 1/2); c_k·n^(p_k) with a p for every mode.
+    film : {"none", "growing"}
+        Convection that does not depend on the speed, or one film that grows with it and couples the modes.
+    level_exponent : float
+        Exponent between the levels of the first law.
+    with_hall : bool
+        Whether the hall temperature drives the same modes.
+    free_starts : tuple of int
+        Runs that do not begin at rest and cold.
+    """
+
+    n_modes: int
+    law_kind: Law = "levels"
+    film: Film = "none"
+    level_exponent: float = 1.2
+    with_hall: bool = False
+    free_starts: tuple[int, ...] = ()
+
+    @property
+    def n_powers(self) -> int:
+        """How many exponents are searched."""
+        return {"levels": 0, "power": 1, "powers": 1, "mode-powers": self.n_modes}[self.law_kind]
+
+    @property
+    def n_films(self) -> int:
+        """How many parameters of the film are searched: a vector, the drive of the modes, and the exponent."""
+        return 2 * self.n_modes if self.film == "growing" else 0
+
+    @property
+    def n_searched(self) -> int:
+        """How many parameters are searched."""
+        return self.n_modes + self.n_powers + self.n_films
+
+    def speed_law(self, theta: Vector, data: ModeData) -> SpeedLaw:
+        """The law with the exponents among the searched parameters."""
+        powers = theta[self.n_modes : self.n_modes + self.n_powers]
+        if self.law_kind == "levels":
+            return SpeedLaw((self.level_exponent,), data.fastest_rpm, data.levels_rpm)
+        if self.law_kind == "powers":
+            return SpeedLaw((float(powers[0]), float(powers[0]) + 0.5), data.fastest_rpm)
+        return SpeedLaw(tuple(float(p) for p in powers), data.fastest_rpm)
+
+    def films(self, theta: Vector) -> tuple[Vector, Vector, float]:
+        """Film matrix V [1/s], symmetric; drive of every mode (the first is 1); exponent of the speed.
+
+        Orthonormal modes of a machine obey x' = −(1/τ + s(n)·V)·x + drive·q(n)/τ with V of as many ranks as there are
+        films; this is one.
+        """
+        modes = self.n_modes
+        if self.film == "none":
+            return np.zeros((modes, modes)), np.ones(modes), USUAL_FILM_EXPONENT[0]
+        part = theta[modes + self.n_powers :]
+        vector = part[:modes] * np.exp(-0.5 * theta[:modes])
+        return np.outer(vector, vector), np.exp(np.r_[0.0, part[modes : 2 * modes - 1]]), float(part[-1])
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Linear part of a fit at given searched parameters.
+
+    Attributes
+    ----------
+    coefficients : ndarray of shape (n_columns, n_responses)
+        Mode by mode: the terms of the law, then the hall temperature [µm, µm/K].
+    residual : ndarray of shape (n_blocks, n_responses)
+        Weighted residuals: of variance 1 where the noise is what it was taken to be.
+    left_out_um : ndarray of shape (n_blocks, n_responses)
+        Residuals [µm], all blocks, also those without weight.
+    """
+
+    coefficients: Vector
+    residual: Vector
+    left_out_um: Vector
+
+
+def columns(spec: ModeSpec, data: ModeData, theta: Vector) -> tuple[Vector, Vector]:
+    """Columns of the gains (n_blocks, n_modes, n_terms [+ 1]), and what is left of a start (n_blocks, n_modes)."""
+    modes = spec.n_modes
+    inputs = spec.speed_law(theta, data).terms(data.speed_rpm)
+    film, drive, exponent = spec.films(theta)
+    rate = np.exp(-theta[:modes])
+    drives = np.eye(modes) if spec.law_kind == "mode-powers" else np.tile(drive, (inputs.shape[1], 1))
+    if spec.with_hall and data.ambient_k is not None:
+        inputs, drives = np.column_stack([inputs, data.ambient_k]), np.vstack([drives, drive])
+    first = np.zeros(len(inputs), dtype=np.bool_)
+    first[[begin for begin, _ in data.bounds]] = True
+    share = np.where(data.speed_rpm > 0, (data.speed_rpm / data.fastest_rpm) ** exponent, 0.0)
+    return filtered(
+        data.before_s, data.after_s, data.speed_rpm, share, rate, film, drives * rate, inputs, first,
+        0.01 * data.fastest_rpm,
+    )  # fmt: skip
+
+
+def solved(spec: ModeSpec, data: ModeData, theta: Vector, weights: Vector) -> Solution:
+    """The best gains, zeros and starts for these searched parameters; weights (n_blocks, n_responses)."""
+    states, left = columns(spec, data, theta)
+    design = states.reshape(len(states), -1)
+    coefficients = np.zeros((design.shape[1], weights.shape[1]))
+    residual = np.zeros(weights.shape)
+    left_out = np.zeros(weights.shape)
+    for alike in _alike(weights):
+        w = weights[:, alike[0]]
+        scale = weights[:, alike].max(axis=0) / max(w.max(), 1e-300)
+        y = data.displacement_um[:, alike]
+        plain, aim, fixed = design.copy(), y.copy(), []
+        for run, (begin, end) in enumerate(data.bounds):
+            nuisance = np.ones((end - begin, 1))
+            if run in spec.free_starts:
+                nuisance = np.column_stack([nuisance, left[begin:end]])
+            rows = slice(begin, end)
+            both = np.column_stack([design[rows], y[rows]])
+            part = _best(nuisance * w[rows, None], both * w[rows, None])
+            plain[rows] -= nuisance @ part[:, : design.shape[1]]
+            aim[rows] -= nuisance @ part[:, design.shape[1] :]
+            fixed.append(part)
+        found = _best(plain * w[:, None], aim * w[:, None])
+        coefficients[:, alike] = found
+        left_out[:, alike] = aim - plain @ found
+        residual[:, alike] = left_out[:, alike] * w[:, None] * scale
+    return Solution(coefficients, residual, left_out)
+
+
+def _best(design: Vector, aim: Vector) -> Vector:
+    """Least squares by QR with a whisper of ridge: columns without any weight get 0."""
+    size = np.sqrt((design**2).sum(axis=0))
+    size[size == 0.0] = 1.0
+    ridge = 1e-9 * np.eye(design.shape[1])
+    q, r = np.linalg.qr(np.vstack([design / size, ridge]))
+    full = q[: len(design)].T @ aim
+    return np.linalg.solve(r, full) / size[:, None]
+
+
+def _alike(weights: Vector) -> list[list[int]]:
+    """Responses whose weights are the same up to a factor can be solved for together."""
+    groups: list[list[int]] = []
+    for r in range(weights.shape[1]):
+        mine = weights[:, r] / max(weights[:, r].max(), 1e-300)
+        for group in groups:
+            other = weights[:, group[0]] / max(weights[:, group[0]].max(), 1e-300)
+            if np.allclose(mine, other, rtol=1e-9, atol=0.0):
+                group.append(r)
+                break
+        else:
+            groups.append([r])
+    return groups
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fit and what it was fitted with.
+
+    Attributes
+    ----------
+    spec, theta, weights, solution
+        What was asked for; the searched parameters; weights; the linear part there.
+    """
+
+    spec: ModeSpec
+    theta: Vector
+    weights: Vector
+    solution: Solution
+
+    @property
+    def cost(self) -> float:
+        """Weighted sum of squares."""
+        return float((self.solution.residual**2).sum())
+
+    @property
+    def tau_s(self) -> Vector:
+        """Time constants [s]."""
+        return np.exp(self.theta[: self.spec.n_modes])
+
+    def model(self, data: ModeData, responses: Sequence[str]) -> ModalModel:
+        """The fit as a model."""
+        modes = self.spec.n_modes
+        law = self.spec.speed_law(self.theta, data)
+        film, drive, exponent = self.spec.films(self.theta)
+        per_mode = self.solution.coefficients.reshape(modes, -1, len(responses))
+        if self.spec.law_kind == "mode-powers":
+            gains = np.stack([np.where(np.arange(modes)[:, None] == j, per_mode[:, j], 0.0) for j in range(modes)])
+        else:
+            gains = per_mode[:, : law.size].transpose(1, 0, 2) * drive[:, None]
+        order = np.argsort(self.tau_s)
+        growth = self.tau_s[:, None] * film * drive / drive[:, None]
+        return ModalModel(
+            tuple(responses), self.tau_s[order], gains[:, order], law, data.fastest_rpm, growth[np.ix_(order, order)],
+            exponent,
+        )  # fmt: skip
+
+
+def limits(spec: ModeSpec, data: ModeData) -> tuple[Vector, Vector]:
+    """Bounds of the searched parameters."""
+    modes, films = spec.n_modes, spec.n_films
+    low = np.r_[np.full(modes, np.log(data.period_s / 3)), np.full(spec.n_powers, 0.3), np.full(films, -6.0)]
+    high = np.r_[np.full(modes, np.log(5 * data.longest_s)), np.full(spec.n_powers, 3.0), np.full(films, 6.0)]
+    if films:
+        low[-1], high[-1] = 0.2, 2.0
+    return low, high
+
+
+def searched(
+    spec: ModeSpec, data: ModeData, start: Vector, weights: Vector, *, held: int | None = None, max_steps: int = 40
+) -> Fit:
+    """The fit that is reached from this start; one parameter may be held."""
+    low, high = limits(spec, data)
+    start = np.clip(start, low + 1e-6, high - 1e-6)
+    free = np.array([i for i in range(len(start)) if i != held])
+    if not len(free):
+        return Fit(spec, start, weights, solved(spec, data, start, weights))
+
+    def residual(part: Vector) -> Vector:
+        theta = start.copy()
+        theta[free] = part
+        return np.r_[solved(spec, data, theta, weights).residual.ravel(), _expected(spec, theta)]
+
+    result = least_squares(
+        residual, start[free], bounds=(low[free], high[free]), diff_step=[STEP], x_scale=1.0, ftol=1e-7, xtol=1e-6,
+        gtol=1e-9, max_nfev=max_steps,
+    )  # fmt: skip
+    theta = start.copy()
+    theta[free] = result.x
+    return Fit(spec, theta, weights, solved(spec, data, theta, weights))
+
+
+def _expected(spec: ModeSpec, theta: Vector) -> Vector:
+    """What is known without the tests: modes are apart, exponents near the usual ones."""
+    modes, powers = spec.n_modes, spec.n_powers
+    gap = np.diff(np.sort(theta[:modes])) - np.log(CLOSEST)
+    parts = [1e3 * np.minimum(gap, 0.0), (theta[modes : modes + powers] - USUAL_EXPONENT[0]) / USUAL_EXPONENT[1]]
+    if spec.n_films:
+        parts.append((theta[-1:] - USUAL_FILM_EXPONENT[0]) / USUAL_FILM_EXPONENT[1])
+        parts.append(theta[modes + powers : -1] / 3.0)
+    return np.concatenate(parts)
+
+
+def full_weights(data: ModeData, keep: NDArray[np.bool_] | None = None) -> Vector:
+    """√samples / noise of every block; blocks that are not kept have none."""
+    weights = np.sqrt(data.counts) / data.noise_um
+    return weights if keep is None else weights * keep[:, None]
+
+
+def grown(fit: Fit | None, spec: ModeSpec, data: ModeData, weights: Vector) -> Fit:
+    """A fit with one mode more than this one (None: the first): tried at many places, searched from the best two."""
+    low, high = limits(ModeSpec(1), data)
+    places = np.linspace(low[0] + np.log(3.0), high[0] - np.log(4.0), 14)
+    have = np.empty(0) if fit is None else fit.theta[: fit.spec.n_modes]
+    tail = np.full(spec.n_powers, USUAL_EXPONENT[0])
+    starts = [
+        np.r_[np.sort(np.r_[have, place]), tail]
+        for place in places
+        if not len(have) or np.abs(have - place).min() > np.log(1.3)
+    ]
+    costs = [float((solved(spec, data, theta, weights).residual ** 2).sum()) for theta in starts]
+    best = [starts[i] for i in np.argsort(costs)[:2]]
+    return min((searched(spec, data, theta, weights) for theta in best), key=lambda one: one.cost)
+
+
+def with_film(fit: Fit, data: ModeData, others: Sequence[Vector] = ()) -> Fit:
+    """The fit with a film that grows with the speed, from the modes of this one (none or a film) and other τ [s]."""
+    spec = replace(fit.spec, film="growing")
+    modes, keep = spec.n_modes, fit.theta[: fit.spec.n_modes + fit.spec.n_powers]
+    found = []
+    for log_tau in [keep[:modes], *(np.log(other) for other in others)]:
+        for sign in (1.0, -1.0):
+            vector = 0.7 * np.resize([1.0, sign], modes)
+            theta = np.r_[np.sort(log_tau), keep[modes:], vector, np.zeros(modes - 1), USUAL_FILM_EXPONENT[0]]
+            found.append(searched(spec, data, theta, fit.weights))
+            if modes == 1:
+                break
+    return min(found, key=lambda one: one.cost)
