@@ -14,7 +14,7 @@ value: second order.
 from __future__ import annotations
 
 from collections import OrderedDict
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 
 _CACHE_BYTES = 64e6
 _CHUNK = 4096
+_LENGTHS = 32
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,15 @@ class _Modal:
     heat_loads: Array
     film_loads: Array
     film_rows: Array
+    _factors: dict[float, _Factors] = field(default_factory=dict)
+
+    def factors(self, step_s: float) -> _Factors:
+        """The φ-functions of a step; the last few lengths are kept."""
+        if step_s not in self._factors:
+            if len(self._factors) >= _LENGTHS:
+                self._factors.clear()
+            self._factors[step_s] = _Factors(self.rate, step_s)
+        return self._factors[step_s]
 
 
 class ExactStepper:
@@ -65,7 +75,7 @@ class ExactStepper:
         read_until[-1], keep_until[-1] = len(read_s), len(keep_s)
         fluid = modal.film_loads @ (held.film_w_per_m2_k * held.fluid_rise)
         step = held.duration_s / steps
-        factors = _Factors(modal.rate, step)
+        factors = modal.factors(step)
         integral, heat = np.zeros(len(z)), np.zeros(len(held.firm_w))
         read, kept = [np.zeros((0, len(modal.rows)))], [np.zeros((0, len(z)))]
         first_read = first_keep = 0
@@ -81,7 +91,8 @@ class ExactStepper:
                 ahead, area = ahead + factors.slope_end * slope, area + factors.slope_area * slope
             if read_until[k] > first_read:
                 at = read_s[first_read : read_until[k]] - step * k
-                read.append(_at(modal.rate, z, load, slope, at, modal.rows))
+                at_end = len(at) == 1 and at[0] == step
+                read.append((modal.rows @ ahead)[None] if at_end else _at(modal.rate, z, load, slope, at, modal.rows))
                 first_read = read_until[k]
             if keep_until[k] > first_keep:
                 at = keep_s[first_keep : keep_until[k]] - step * k

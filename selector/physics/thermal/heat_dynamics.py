@@ -83,7 +83,7 @@ class HeatDynamics:
 
     @cached_property
     def _divided_by_capacity(self) -> Solve:
-        return factorised(self.system.capacity)
+        return factorised(self.system.capacity).solve
 
     def _held(self, u: Vector) -> Interval:
         """The laws at one set of inputs; solvers ask for the same ones many times in a row."""

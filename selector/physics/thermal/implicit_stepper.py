@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,8 +31,9 @@ Solve = Callable[[Vector], Vector]
 GAMMA = 1.0 - np.sqrt(0.5)
 DELTA = 1.0 - 0.5 / GAMMA
 
-_FACTORISATIONS = 4
-"""How many are kept: a spindle that starts and stops while coolant runs and rests has four sets of films."""
+_CACHE_BYTES = 1e9
+"""Memory for factorisations. One of 20 000 finite-element nodes takes some 200 MB; at least two are kept."""
+_MOST = 64
 
 
 class ImplicitStepper:
@@ -40,7 +42,8 @@ class ImplicitStepper:
     def __init__(self, body: Body, step_s: float) -> None:
         self._body = body
         self._step_s = step_s
-        self._solvers: OrderedDict[tuple[float, bytes], Solve] = OrderedDict()
+        self._solvers: OrderedDict[tuple[float, bytes], Solver] = OrderedDict()
+        self._room = 2
 
     def advance(self, rise: Vector, held: Interval, read_s: Vector, keep_s: Vector) -> Advance:
         """See `Stepper.advance`; between steps the parabola through start, first stage and end is read."""
@@ -87,24 +90,42 @@ class ImplicitStepper:
         key = (step, held.film_w_per_m2_k.tobytes())
         if key in self._solvers:
             self._solvers.move_to_end(key)
-            return self._solvers[key]
-        if len(self._solvers) >= _FACTORISATIONS:
+            return self._solvers[key].solve
+        # room is made before the next one is built
+        while len(self._solvers) >= self._room:
             self._solvers.popitem(last=False)
         solver = factorised(self._body.system.capacity + GAMMA * step * self._body.conductance(held))
+        self._room = int(np.clip(_CACHE_BYTES // solver.n_bytes, 2, _MOST))
         self._solvers[key] = solver
-        return solver
+        return solver.solve
 
 
-def factorised(matrix: Matrix) -> Solve:
+@dataclass(frozen=True)
+class Solver:
+    """A factorised system of equations.
+
+    Attributes
+    ----------
+    solve : callable
+        Right-hand side → solution.
+    n_bytes : int
+        Memory that the factors take.
+    """
+
+    solve: Solve
+    n_bytes: int
+
+
+def factorised(matrix: Matrix) -> Solver:
     """Solver of a symmetric, positive definite system of equations, dense or sparse."""
     if sparse.issparse(matrix):
         from scipy.sparse.linalg import splu
 
         options = {"SymmetricMode": True}
         lu = splu(sparse.csc_array(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
-        return lu.solve
+        return Solver(lu.solve, 12 * int(lu.nnz))
     factor = linalg.cho_factor(matrix)
-    return lambda load: linalg.cho_solve(factor, load, check_finite=False)
+    return Solver(lambda load: linalg.cho_solve(factor, load, check_finite=False), matrix.nbytes)
 
 
 def _parabola(at: Vector) -> Array:

@@ -45,7 +45,7 @@ def steady_state(system: HeatSystem, laws: Laws, conditions: Conditions) -> Vect
     body = Body(system, laws, datum)
     held = Interval(0.0, films, fluids - datum, firm, lubricant)
     _require_a_way_to_a_fluid(body, held)
-    solve = factorised(body.conductance(held))
+    solve = factorised(body.conductance(held)).solve
     without = solve(body.film_loads @ (films * held.fluid_rise) + body.heat_loads @ firm)
     if body.softens and held.heat_depends_on_temperature:
         per_watt = np.column_stack([solve(load) for load in body.heat_loads.T])

@@ -160,5 +160,5 @@ class Stepper(Protocol):
 
 def _largest(matrix: Any) -> float:
     """Largest entry without its sign."""
-    entries = matrix.data if sparse.issparse(matrix) else matrix
+    entries: Array = matrix.data if sparse.issparse(matrix) else matrix  # type: ignore[attr-defined]
     return float(np.max(np.abs(entries), initial=0.0))
