@@ -6,6 +6,7 @@
     materials             what the parts are made of
     surfaces, probes      where it stands, meets fluids, is heated, is measured
     conduction            → capacity, conduction, films, sources
+    ordering, solvers     how the large systems are solved
     thermoelasticity      → displacements of the tool, deformation
     machine               all of it for the machining centre
     export                → files for ParaView
@@ -14,6 +15,7 @@
 from __future__ import annotations
 
 from selector.physics.thermal.field.conduction import conduction_matrices, film, surface_source, volume_source
+from selector.physics.thermal.field.export import write_vtu
 from selector.physics.thermal.field.geometry import MachineGeometry, machine_blocks
 from selector.physics.thermal.field.machine import FieldMachine, field_machine
 from selector.physics.thermal.field.materials import MATERIALS, Material
@@ -40,4 +42,5 @@ __all__ = [
     "rigid_motion_reading",
     "surface_source",
     "volume_source",
+    "write_vtu",
 ]

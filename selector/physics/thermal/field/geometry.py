@@ -105,8 +105,9 @@ class MachineGeometry:
         return self.headstock_bottom_m - self.nose_m
 
 
-def machine_blocks(g: MachineGeometry) -> tuple[Block, ...]:
+def machine_blocks(geometry: MachineGeometry) -> tuple[Block, ...]:
     """The boxes of the machine, in the order in which they take room from each other."""
+    g = geometry
     return (*_bed(g), *_column(g), *_headstock(g), *_spindle(g), *_z_axis(g), *_y_axis(g), *_x_axis(g))
 
 

@@ -76,6 +76,7 @@ def field_machine(
     refinement: float = 1.0,
     probes: Mapping[str, Point] | None = None,
     materials: Mapping[str, Material] = MATERIALS,
+    foot_n_per_m: tuple[float, float, float] = FOOT_N_PER_M,
 ) -> FieldMachine:
     """The machine meshed, assembled and factorised.
 
@@ -93,6 +94,8 @@ def field_machine(
         Places of virtual sensors [m], in the body or at most 30 mm outside.
     materials : mapping of str to Material
         Constants of the materials that `machine_blocks` names.
+    foot_n_per_m : tuple of three floats
+        Stiffness of each of the six feet along X, Y, Z [N/m].
 
     Raises
     ------
@@ -109,9 +112,10 @@ def field_machine(
     body = block_mesh(machine_blocks(geometry), CELL_M / refinement)
     springs = np.zeros((len(body.nodes_m), 3))
     for facets in feet(body, geometry).values():
-        springs += surface_source(body, facets)[:, None] * np.array(FOOT_N_PER_M)
+        springs += surface_source(body, facets)[:, None] * np.array(foot_n_per_m)
     elastic = elasticity(body, materials, springs)
     rows = {name: elastic.row_um_per_k(reading) for name, reading in displacement_readings(body, geometry).items()}
+    rows["Y"] = (rows["Y_lower"] + rows["Y_upper"]) / 2
     capacity, conduction = conduction_matrices(body, materials)
     films = {name: film(body, facets) for name, facets in surfaces(body, geometry).items()}
     sources = {name: volume_source(body, body.cells_of(*parts)) for name, parts in heated_parts().items()}
@@ -132,21 +136,20 @@ def field_machine(
 def displacement_readings(body: BlockMesh, geometry: MachineGeometry) -> dict[str, Vector]:
     """Readings of shape (3·n_nodes,) of the tool against the table.
 
-    The bar moves rigidly with the nose of the spindle, the stand of the gauges with the top of the table; so a
-    motion of the whole machine on its feet is not seen.
+    The bar moves rigidly with the face of the spindle, the stand of the gauges with the top of the table; so a
+    motion of the whole machine on its feet is not seen. `Y` is the mean of `Y_lower` and `Y_upper`.
     """
-    nose = surface_source(body, body.surface_of(["spindle"], lambda c: c[:, 2] < geometry.headstock_bottom_m))
-    top = geometry.table_top_m
-    table = surface_source(body, body.surface_of(["table"], lambda c: np.isclose(c[:, 2], top)))
+    g = geometry
+    nose = surface_source(body, body.surface_of(["spindle"], lambda c: np.isclose(c[:, 2], g.nose_z_m)))
+    table = surface_source(body, body.surface_of(["table"], lambda c: np.isclose(c[:, 2], g.table_top_m)))
 
     def against_table(below_m: float, axis: int) -> Vector:
-        at = (0.0, geometry.spindle_y_m, geometry.nose_z_m - below_m)
+        at = (0.0, g.spindle_y_m, g.nose_z_m - below_m)
         return rigid_motion_reading(body, nose, at, axis) - rigid_motion_reading(body, table, at, axis)
 
     lower, upper = (against_table(below, 1) for below in BAR_M)
     return {
         "X": against_table(0.0, 0),
-        "Y": (lower + upper) / 2,
         "Z": -against_table(0.0, 2),
         "Y_lower": lower,
         "Y_upper": upper,

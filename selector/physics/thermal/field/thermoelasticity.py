@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.sparse.linalg import splu
 
 from selector.physics.thermal.field.materials import Material
 from selector.physics.thermal.field.mesh import BlockMesh
-from selector.physics.thermal.field.ordering import nested_dissection
+from selector.physics.thermal.field.solvers import Solver, direct_solver, multigrid_solver
 
 Vector = NDArray[np.float64]
 Indices = NDArray[np.int64]
+
+DIRECT_NODES = 60_000
+"""Largest number of nodes whose elastic system is factorised; more takes more than 6 GB."""
 
 _MODES = 3  # incompatible modes of a cell, one parabola along each axis
 _SHEAR = ((1, 2), (2, 0), (0, 1))  # strains 3, 4, 5
@@ -23,7 +25,7 @@ _SHEAR = ((1, 2), (2, 0), (0, 1))  # strains 3, 4, 5
 
 @dataclass(frozen=True)
 class Elasticity:
-    """K·u = F·(T − T_reference) with elastic feet, factorised.
+    """K·u = F·(T − T_reference) with elastic feet, ready to be solved.
 
     Degree of freedom 3·i + a is the displacement [m] of node i along axis a.
 
@@ -39,7 +41,7 @@ class Elasticity:
 
     stiffness: sparse.csr_array
     expansion: sparse.csr_array
-    solve: Callable[[Vector], Vector]
+    solve: Solver
 
     def displacement_um(self, rise_k: Vector) -> Vector:
         """Displacement of every node, of shape (n, 3) [µm], for its temperature rise [K]."""
@@ -50,29 +52,22 @@ class Elasticity:
         return np.asarray(self.expansion.T @ self.solve(reading)) * 1e6
 
 
-def elasticity(body: BlockMesh, materials: Mapping[str, Material], springs_n_per_m: Vector) -> Elasticity:
+def elasticity(
+    body: BlockMesh, materials: Mapping[str, Material], springs_n_per_m: Vector, direct: bool | None = None
+) -> Elasticity:
     """The elastic body on springs to the ground, `springs_n_per_m` of shape (n, 3), one for each node and axis.
 
     Trilinear cells with Wilson's three incompatible parabolas, condensed cell by cell: on boxes they pass the patch
     test and bend without locking (Wilson, Taylor, Doherty and Ghaboussi 1973; Taylor, Beresford and Wilson 1976).
+    `direct` chooses factors or multigrid; if left out, factors up to `DIRECT_NODES`.
     """
     stiffness, expansion = elastic_matrices(body, materials)
     held = sparse.csr_array(stiffness + sparse.diags_array(springs_n_per_m.ravel()))
-    return Elasticity(held, expansion, factorised(held, np.repeat(body.nodes_m, 3, axis=0)))
-
-
-def factorised(matrix: sparse.csr_array, places_m: Vector) -> Callable[[Vector], Vector]:
-    """Solver of a symmetric positive definite system whose unknowns sit at `places_m` (n, 3), factorised once."""
-    order = nested_dissection(matrix, places_m)
-    permuted = sparse.csc_array(matrix[order][:, order])
-    factors = splu(permuted, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-
-    def solve(right: Vector) -> Vector:
-        result = np.empty_like(right, dtype=np.float64)
-        result[order] = factors.solve(np.ascontiguousarray(right[order]))
-        return result
-
-    return solve
+    if direct if direct is not None else len(body.nodes_m) <= DIRECT_NODES:
+        solver = direct_solver(held, np.repeat(body.nodes_m, 3, axis=0))
+    else:
+        solver = multigrid_solver(held, body.nodes_m)
+    return Elasticity(held, expansion, solver)
 
 
 def elastic_matrices(body: BlockMesh, materials: Mapping[str, Material]) -> tuple[sparse.csr_array, sparse.csr_array]:
@@ -111,7 +106,7 @@ def _cell_matrices(body: BlockMesh, materials: Mapping[str, Material]) -> tuple[
         weight = basis.dx[:, point]
         stress = np.matmul(elastic[body.kind] * weight[:, None, None], strains)
         stiffness += np.matmul(strains.transpose(0, 2, 1), stress)
-        shape = np.array([basis.basis[corner][0].value[0, point] for corner in range(8)])
+        shape = np.array([basis.basis[corner][0][0, point] for corner in range(8)])
         force = np.einsum("csi,cs,c->ci", strains, heated[body.kind], weight)
         expansion += force[:, :, None] * shape
     modes = np.linalg.solve(stiffness[:, 24:, 24:], np.concatenate([stiffness[:, 24:, :24], expansion[:, 24:]], axis=2))
