@@ -92,7 +92,7 @@ def filtered(
     first: NDArray[np.bool_],
     same_rpm: float,
 ) -> tuple[Vector, Vector]:
-    """Modes x_j' = −(diag(rate) + share·film)·x_j + drive_j·input_j, each run from rest, at the mean time of every block.
+    """Modes x_j' = −(diag(rate) + share·film)·x_j + drive_j·input_j, from rest, at the mean time of every block.
 
     Shapes: before_s, after_s, speed, share, first (n,), rate (n_modes,) [1/s], film (n_modes, n_modes) symmetric [1/s],
     drive (n_terms, n_modes) [1/s], inputs (n, n_terms); `first` marks the blocks with which a run begins; speeds that

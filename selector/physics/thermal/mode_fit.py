@@ -250,7 +250,7 @@ def searched(
     def residual(part: Vector) -> Vector:
         theta = start.copy()
         theta[free] = part
-        return np.r_[solved(spec, data, theta, weights).residual.ravel(), _expected(spec, theta)]
+        return np.r_[solved(spec, data, theta, weights).residual.ravel(), expectations(spec, theta)]
 
     result = least_squares(
         residual, start[free], bounds=(low[free], high[free]), diff_step=[STEP], x_scale=1.0, ftol=1e-7, xtol=1e-6,
@@ -261,7 +261,7 @@ def searched(
     return Fit(spec, theta, weights, solved(spec, data, theta, weights))
 
 
-def _expected(spec: ModeSpec, theta: Vector) -> Vector:
+def expectations(spec: ModeSpec, theta: Vector) -> Vector:
     """What is known without the tests: modes are apart, exponents near the usual ones."""
     modes, powers = spec.n_modes, spec.n_powers
     gap = np.diff(np.sort(theta[:modes])) - np.log(CLOSEST)
@@ -272,10 +272,28 @@ def _expected(spec: ModeSpec, theta: Vector) -> Vector:
     return np.concatenate(parts)
 
 
-def full_weights(data: ModeData, keep: NDArray[np.bool_] | None = None) -> Vector:
-    """√samples / noise of every block; blocks that are not kept have none."""
-    weights = np.sqrt(data.counts) / data.noise_um
-    return weights if keep is None else weights * keep[:, None]
+def block_weights(data: ModeData, fit: Fit | None = None) -> Vector:
+    """Reciprocal standard deviation of every block, shape (n_blocks, n_responses); 0 where nothing was read.
+
+    At first σ²/samples. With a fit, the part of its residuals that more samples do not average away (slow wander,
+    what the modes leave out) is added, the same share for all responses, so that long blocks do not outvote short ones.
+    """
+    samples = np.maximum(data.counts, 1.0)
+    there = data.counts > 0
+    if fit is None:
+        return np.where(there, np.sqrt(samples) / data.noise_um, 0.0)
+    squares = (fit.solution.left_out_um / data.noise_um) ** 2
+    share, low, high = 0.0, 0.0, 1e6
+    for _ in range(60):
+        if float(np.mean((squares / (1.0 / samples + share))[there])) > 1.0:
+            low = share
+        else:
+            high = share
+        share = 0.5 * (low + high)
+    scale = np.sqrt(
+        [np.mean((squares[:, r] / (1.0 / samples[:, r] + low))[there[:, r]]) for r in range(there.shape[1])]
+    )
+    return np.where(there, 1.0 / (data.noise_um * scale * np.sqrt(1.0 / samples + low)), 0.0)
 
 
 def grown(fit: Fit | None, spec: ModeSpec, data: ModeData, weights: Vector) -> Fit:
@@ -294,16 +312,31 @@ def grown(fit: Fit | None, spec: ModeSpec, data: ModeData, weights: Vector) -> F
     return min((searched(spec, data, theta, weights) for theta in best), key=lambda one: one.cost)
 
 
-def with_film(fit: Fit, data: ModeData, others: Sequence[Vector] = ()) -> Fit:
-    """The fit with a film that grows with the speed, from the modes of this one (none or a film) and other τ [s]."""
+def with_film(fit: Fit, data: ModeData, smaller: Fit | None = None) -> Fit:
+    """The fit with a film that grows with the speed: from the modes of this one, and from a film of one mode less."""
     spec = replace(fit.spec, film="growing")
-    modes, keep = spec.n_modes, fit.theta[: fit.spec.n_modes + fit.spec.n_powers]
-    found = []
-    for log_tau in [keep[:modes], *(np.log(other) for other in others)]:
-        for sign in (1.0, -1.0):
-            vector = 0.7 * np.resize([1.0, sign], modes)
-            theta = np.r_[np.sort(log_tau), keep[modes:], vector, np.zeros(modes - 1), USUAL_FILM_EXPONENT[0]]
-            found.append(searched(spec, data, theta, fit.weights))
-            if modes == 1:
-                break
+    modes, powers = spec.n_modes, fit.theta[fit.spec.n_modes : fit.spec.n_modes + fit.spec.n_powers]
+    starts = []
+    for sign in (1.0, -1.0) if modes > 1 else (1.0,):
+        vector = 0.7 * np.resize([1.0, sign], modes)
+        log_tau = np.sort(fit.theta[:modes])
+        starts.append(np.r_[log_tau, powers, vector, np.zeros(modes - 1), USUAL_FILM_EXPONENT[0]])
+    if smaller is not None:
+        starts += _one_more(smaller, spec, data)
+    found = [searched(spec, data, theta, fit.weights) for theta in starts]
     return min(found, key=lambda one: one.cost)
+
+
+def _one_more(fit: Fit, spec: ModeSpec, data: ModeData) -> list[Vector]:
+    """The best places for one mode more, with the film's other parameters as they are."""
+    modes, low, high = fit.spec.n_modes, *limits(ModeSpec(1), data)
+    tail = fit.theta[modes:]
+    powers, vector, drive = np.split(tail[:-1], [fit.spec.n_powers, fit.spec.n_powers + modes])
+    starts = []
+    for place in np.linspace(low[0] + np.log(3.0), high[0] - np.log(4.0), 14):
+        if np.abs(fit.theta[:modes] - place).min() > np.log(1.3):
+            # the new mode stands last, so that the drive of the first one stays the unit
+            taus = np.r_[fit.theta[:modes], place]
+            starts.append(np.r_[taus, powers, vector, 0.2, drive, 0.0, tail[-1]])
+    costs = [float((solved(spec, data, theta, fit.weights).residual ** 2).sum()) for theta in starts]
+    return [starts[i] for i in np.argsort(costs)[:1]]

@@ -1,0 +1,252 @@
+"""How many thermal modes the tests support, and which model predicts what they do not show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.errors import OptionError
+from selector.findings import Finding
+from selector.physics.thermal.mode_data import ModeData, mode_data
+from selector.physics.thermal.mode_findings import choice_findings
+from selector.physics.thermal.mode_fit import Film, Fit, Law, ModeSpec, block_weights, grown, searched, with_film
+from selector.physics.thermal.mode_heldout import held_out_um, time_folds
+from selector.physics.thermal.mode_intervals import tau_intervals
+from selector.physics.thermal.mode_law_choice import law_candidates, law_errors, speed_folds, with_law
+from selector.physics.thermal.modes import ModalModel
+from selector.physics.thermal.thermal_test import ThermalTest
+
+Vector = NDArray[np.float64]
+MOST_MODES = 5
+MOST_WITH_FILM = 4
+NO_WORSE = 0.01
+"""Mean squared errors that differ by less than this share are the same."""
+WARM_START = 3.0
+"""A run whose residuals are this much larger than the others', and become this much smaller with a start of its own,
+did not begin at rest and cold."""
+
+
+@dataclass(frozen=True)
+class ModalFit:
+    """Thermal modes with what is known of their certainty.
+
+    Attributes
+    ----------
+    model : ModalModel
+        What was found.
+    tau_low_s, tau_high_s : ndarray of shape (n_modes,)
+        95 % confidence intervals of the time constants [s]; NaN where the tests set no bound.
+    residual_um : ndarray of shape (n_responses,)
+        Root mean square of the block residuals [µm], each block counting as its samples.
+    heldout_um : ndarray of shape (n_responses,) or None
+        The same on what was left out: speeds where runs at others remain, else stretches of time.
+    candidates : tuple of (int, str, float)
+        Modes, film, and error on left-out stretches relative to the best, of everything that was tried.
+    findings : tuple of Finding
+        What a user should know.
+    """
+
+    model: ModalModel
+    tau_low_s: Vector
+    tau_high_s: Vector
+    residual_um: Vector
+    heldout_um: Vector | None
+    candidates: tuple[tuple[int, str, float], ...]
+    findings: tuple[Finding, ...]
+
+
+def fit_modes(
+    tests: Sequence[ThermalTest],
+    responses: Sequence[str],
+    *,
+    n_modes: int,
+    law_kind: Law = "powers",
+    film: Film = "none",
+) -> ModalFit:
+    """Modes with the number, the law of the speed and the film as told; see `ModeSpec` and `choose_modes`.
+
+    Raises
+    ------
+    InputError
+        If the tests cannot be used.
+    OptionError
+        If the number of modes is not 1 to 5.
+    """
+    if not 1 <= n_modes <= MOST_MODES:
+        raise OptionError(f"{n_modes} modes", expected="1 to 5", where="n_modes", advice="ask for fewer modes")
+    data = mode_data(tests)
+    _check_responses(data, responses)
+    weights = block_weights(data)
+    spec = ModeSpec(1, "levels", free_starts=_idle_runs(data))
+    fit: Fit | None = None
+    smaller: Fit | None = None
+    for k in range(1, n_modes + 1):
+        fit = grown(fit, replace(spec, n_modes=k, law_kind=law_kind), data, weights)
+        smaller = with_film(fit, data, smaller) if film == "growing" else fit
+    assert smaller is not None
+    return _finished(tests, responses, data, smaller, [(smaller, _scores(smaller, data))])
+
+
+def choose_modes(tests: Sequence[ThermalTest], responses: Sequence[str]) -> ModalFit:
+    """The simplest modes whose error on what was left out is within noise of the best.
+
+    Tried are 1 to 5 modes with constant time constants, and 1 to 4 with a film that grows with the speed, by their
+    error on stretches of time that are left out; then the laws of the speed, by their error on speeds that are left out.
+    The zero of every run is free. Runs begin at rest and cold, but for those in which the spindle never turns, and those
+    that nothing else explains (a finding says so). A recorded hall temperature drives the same modes where that lowers
+    the error on left-out stretches; predictions are for a constant hall.
+
+    Raises
+    ------
+    InputError
+        If the tests cannot be used: none, none that turns, too few samples.
+    """
+    data = mode_data(tests)
+    _check_responses(data, responses)
+    spec = ModeSpec(1, _sweep_law(data), free_starts=_idle_runs(data))
+    spec = replace(spec, with_hall=_hall_drives(spec, data))
+    tried, best = _swept(spec, data)
+    warm = _warm_runs(best, data)
+    if warm:
+        spec = replace(spec, free_starts=tuple(sorted({*spec.free_starts, *warm})))
+        tried, best = _swept(spec, data)
+    final = searched(best.spec, data, best.theta, block_weights(data, best))
+    laws = law_candidates(final, data)
+    final = laws[_simplest([errors for _, errors in laws])][0]
+    return _finished(tests, responses, data, final, tried)
+
+
+def _sweep_law(data: ModeData) -> Law:
+    """Two powers where they describe the levels as well as a free gain at each does, else the free gains."""
+    if len(data.levels_rpm) < 2:
+        return "power"
+    weights = block_weights(data)
+    spec = ModeSpec(1, "powers", free_starts=_idle_runs(data))
+    fit: Fit | None = None
+    for k in range(1, 4):
+        fit = grown(fit, replace(spec, n_modes=k), data, weights)
+    assert fit is not None
+    folds = speed_folds(data)
+    free = with_law(fit, data, "levels")
+    if folds:
+        two, levels = law_errors(fit, data, folds), law_errors(free, data, folds)
+        if float(np.log(two / levels).mean()) < 0.1 and fit.cost < 3.0 * free.cost:
+            return "powers"
+    return "powers" if fit.cost < 1.1 * free.cost else "levels"
+
+
+def _swept(spec: ModeSpec, data: ModeData) -> tuple[list[tuple[Fit, Vector]], Fit]:
+    """All numbers of modes without and with a film, each with its held-out errors; and the simplest good one."""
+    weights = block_weights(data)
+    tried: list[tuple[Fit, Vector]] = []
+    plain: Fit | None = None
+    film: Fit | None = None
+    for k in range(1, MOST_MODES + 1):
+        plain = grown(plain, replace(spec, n_modes=k), data, weights)
+        tried.append((plain, _scores(plain, data)))
+        if k <= MOST_WITH_FILM and _worth_a_film(tried, k):
+            film = with_film(plain, data, film)
+            tried.append((film, _scores(film, data)))
+    tried.sort(key=lambda one: one[0].spec.n_searched)
+    return tried, tried[_simplest([scores for _, scores in tried])][0]
+
+
+def _worth_a_film(tried: list[tuple[Fit, Vector]], k: int) -> bool:
+    """Up to two modes always; beyond, if the film has been the better choice so far."""
+    if k <= 2:
+        return True
+    films = [float(np.log(scores).mean()) for fit, scores in tried if fit.spec.film == "growing"]
+    plains = [float(np.log(scores).mean()) for fit, scores in tried if fit.spec.film == "none"]
+    return min(films) < min(plains) - 0.5 * NO_WORSE
+
+
+def _scores(fit: Fit, data: ModeData) -> Vector:
+    return held_out_um(fit, data, time_folds(data), own_zeros=False)
+
+
+def _simplest(errors: Sequence[Vector]) -> int:
+    """First candidate whose squared errors are within noise of the best; they are in order of simplicity."""
+    logs = [2.0 * np.log(np.maximum(one, 1e-12)) for one in errors]
+    best = int(np.argmin([one.mean() for one in logs]))
+    for i, one in enumerate(logs):
+        # the median over responses would hide the one that needs the mode; the mean does not
+        difference = (one - logs[best]).mean(axis=1)
+        spread = float(difference.std(ddof=1) / np.sqrt(len(difference))) if len(difference) > 1 else 0.0
+        if float(difference.mean()) <= max(NO_WORSE, min(spread, 5 * NO_WORSE)):
+            return i
+    return best
+
+
+def _idle_runs(data: ModeData) -> tuple[int, ...]:
+    """Runs in which the spindle never turns: whatever they show began before them."""
+    return tuple(
+        run
+        for run, (begin, end) in enumerate(data.bounds)
+        if (data.speed_rpm[begin:end] < 0.01 * data.fastest_rpm).all()
+    )
+
+
+def _warm_runs(fit: Fit, data: ModeData) -> tuple[int, ...]:
+    """Runs that only a start of their own explains."""
+    runs = range(len(data.bounds))
+
+    def misfits(one: Fit) -> Vector:
+        return np.array([float((one.solution.residual[b:e] ** 2).mean()) for b, e in data.bounds])
+
+    before = misfits(fit)
+    out = []
+    for run in runs:
+        others = [before[other] for other in runs if other != run]
+        if run in fit.spec.free_starts or not others or before[run] < WARM_START * max(float(np.median(others)), 1.0):
+            continue
+        spec = replace(fit.spec, free_starts=tuple(sorted((*fit.spec.free_starts, run))))
+        if before[run] > WARM_START * misfits(searched(spec, data, fit.theta, fit.weights))[run]:
+            out.append(run)
+    return tuple(out)
+
+
+def _hall_drives(spec: ModeSpec, data: ModeData) -> bool:
+    """Whether the hall temperature moves, and as a further input lowers the error on left-out stretches."""
+    if data.ambient_k is None or float(np.ptp(data.ambient_k)) < 0.1:
+        return False
+    weights = block_weights(data)
+    fit: Fit | None = None
+    for k in (1, 2, 3):
+        fit = grown(fit, replace(spec, n_modes=k), data, weights)
+    assert fit is not None
+    driven = searched(replace(fit.spec, with_hall=True), data, fit.theta, weights)
+    difference = 2.0 * np.log(_scores(driven, data) / _scores(fit, data)).mean(axis=1)
+    return float(difference.mean()) < -max(NO_WORSE, 2.0 * float(difference.std(ddof=1)) / np.sqrt(len(difference)))
+
+
+def _check_responses(data: ModeData, responses: Sequence[str]) -> None:
+    if data.counts.shape[1] != len(responses):
+        raise ValueError(f"{len(responses)} responses for {data.counts.shape[1]} columns of displacements")
+
+
+def _finished(
+    tests: Sequence[ThermalTest], responses: Sequence[str], data: ModeData, fit: Fit, tried: list[tuple[Fit, Vector]]
+) -> ModalFit:
+    order = np.argsort(fit.tau_s)
+    intervals = tau_intervals(fit, data)
+    folds = speed_folds(data)
+    errors = law_errors(fit, data, folds) if folds else _scores(fit, data)
+    heldout = np.sqrt(np.mean(errors**2, axis=0))
+    best = min(float(np.log(scores).mean()) for _, scores in tried)
+    candidates = tuple(
+        (one.spec.n_modes, one.spec.film, float(np.exp(np.log(scores).mean() - best))) for one, scores in tried
+    )
+    squares = data.counts * fit.solution.left_out_um**2
+    low, high = intervals.low_s[order], intervals.high_s[order]
+    return ModalFit(
+        model=fit.model(data, responses),
+        tau_low_s=low,
+        tau_high_s=high,
+        residual_um=np.sqrt(squares.sum(axis=0) / data.counts.sum(axis=0)),
+        heldout_um=heldout,
+        candidates=candidates,
+        findings=tuple(choice_findings(tests, data, fit, tried, low, high, heldout)),
+    )

@@ -1,0 +1,154 @@
+"""What a user should know about fitted thermal modes, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.findings import Finding, Where
+from selector.physics.thermal.mode_data import ModeData
+from selector.physics.thermal.mode_fit import Fit
+from selector.physics.thermal.thermal_test import ThermalTest
+
+Vector = NDArray[np.float64]
+NEAR = 1.6
+"""Neighbouring time constants below this ratio look like one in most records."""
+
+
+def choice_findings(
+    tests: Sequence[ThermalTest],
+    data: ModeData,
+    fit: Fit,
+    tried: Sequence[tuple[Fit, Vector]],
+    tau_low_s: Vector,
+    tau_high_s: Vector,
+    heldout_um: Vector,
+) -> Iterator[Finding]:
+    """Findings on the number of modes, their certainty, speeds, film, hall and starts."""
+    yield from _number_of_modes(fit, data, tried)
+    yield from _loose(fit, data, tau_low_s, tau_high_s)
+    yield from _speeds(fit, data)
+    if fit.spec.film == "growing":
+        growth = float(np.trace(np.diag(np.exp(fit.theta[: fit.spec.n_modes])) @ fit.spec.films(fit.theta)[0]))
+        yield Finding(
+            "cooling-grows-with-speed",
+            "info",
+            "The machine cools better while the spindle turns: with constant time constants the tests are predicted "
+            "worse. The time constants given are those of the standing spindle.",
+            evidence={"growth_at_fastest": round(growth, 3), "exponent": round(fit.spec.films(fit.theta)[2], 2)},
+        )
+    if fit.spec.with_hall:
+        per_kelvin = fit.solution.coefficients.reshape(fit.spec.n_modes, -1, len(heldout_um))[:, -1].sum(axis=0)
+        yield Finding(
+            "hall-temperature-drives-displacement",
+            "warning",
+            "The hall temperature moved during the tests and moves the displacements, in the end by "
+            + ", ".join(f"{value:.3g}" for value in per_kelvin)
+            + " µm per kelvin. This was taken out of the tests; predictions assume a constant hall temperature.",
+            evidence={"um_per_k": [float(value) for value in per_kelvin]},
+            suggestion="add the effect of the hall to the prediction, or keep the hall temperature constant",
+        )
+    for run in fit.spec.free_starts:
+        begin, end = data.bounds[run]
+        turning = bool((data.speed_rpm[begin:end] > 0.01 * data.fastest_rpm).any())
+        yield Finding(
+            "start-not-at-rest",
+            "warning" if turning else "info",
+            f"Run {tests[run].run} does not begin at rest and cold"
+            + (": only a start of its own explains it." if turning else ": the spindle never turns in it.")
+            + " The state at its start was fitted too, so it says less about the steady levels.",
+            where=Where(run=tests[run].run),
+            suggestion="let the machine rest until it is cold before a heating test" if turning else "",
+        )
+    noisy = np.flatnonzero(np.sqrt(_mean_square(fit, data)) > 3.0 * data.noise_um)
+    for r in noisy:
+        value, noise = float(np.sqrt(_mean_square(fit, data))[r]), float(data.noise_um[r])
+        yield Finding(
+            "modes-leave-structure",
+            "warning",
+            f"Response {r + 1} keeps a residual of {value:.3g} µm RMS after averaging, while its noise is {noise:.3g} "
+            "µm a sample: something else than these modes moves it (hall temperature, coolant, contact of the gauge).",
+            evidence={"residual_um": value, "noise_um": noise},
+            suggestion="record the hall temperature with the tests, and look at the runs for steps",
+        )
+
+
+def _mean_square(fit: Fit, data: ModeData) -> Vector:
+    squares = data.counts * fit.solution.left_out_um**2
+    return np.asarray(squares.sum(axis=0) / data.counts.sum(axis=0))
+
+
+def _number_of_modes(fit: Fit, data: ModeData, tried: Sequence[tuple[Fit, Vector]]) -> Iterator[Finding]:
+    """Why one mode more is not supported."""
+    more = [one for one in tried if one[0].spec.n_modes == fit.spec.n_modes + 1 and one[0].spec.film == fit.spec.film]
+    same = [one for one in tried if one[0].spec.n_modes == fit.spec.n_modes and one[0].spec.film == fit.spec.film]
+    n = fit.spec.n_modes
+    plural = f"{n} modes" if n > 1 else "1 mode"
+    if not more or not same:
+        if len(tried) > 1:
+            yield Finding(
+                "modes-at-most", "info", f"{plural}: as many as are tried.", evidence={"n_modes": n},
+                suggestion="look at the residuals: a continuum of modes, or something that is no thermal mode",
+            )  # fmt: skip
+        return
+    better = 1.0 - float(np.exp(np.log(more[0][1] / same[0][1]).mean()))
+    tau = np.sort(more[0][0].tau_s)
+    reasons = [
+        f"the error on left-out stretches would {'fall' if better > 0 else 'rise'} by {abs(better):.1%}, "
+        "which is within chance"
+        if better < 0.05
+        else f"the error on left-out stretches would fall by {better:.1%}, not in all of them"
+    ]
+    ratio = tau[1:] / tau[:-1]
+    if len(ratio) and ratio.min() < NEAR:
+        k = int(np.argmin(ratio))
+        reasons.append(
+            f"two of its time constants, {tau[k]:.0f} and {tau[k + 1]:.0f} s, are too close to be told apart"
+        )
+    if tau[-1] > data.longest_s:
+        reasons.append(f"its slowest, {tau[-1]:.0f} s, is longer than the longest run, {data.longest_s:.0f} s")
+    if tau[0] < 2.0 * data.period_s:
+        reasons.append(f"its fastest, {tau[0]:.2g} s, is not resolved by samples {data.period_s:.3g} s apart")
+    yield Finding(
+        "no-further-mode",
+        "info",
+        f"The tests support {plural}. {n + 1} are not supported: " + "; ".join(reasons) + ".",
+        evidence={"n_modes": n, "improvement": round(better, 4), "tau_s_with_one_more": [float(t) for t in tau]},
+    )
+
+
+def _loose(fit: Fit, data: ModeData, low: Vector, high: Vector) -> Iterator[Finding]:
+    for tau, below, above in zip(np.sort(fit.tau_s), low, high, strict=True):
+        if np.isfinite(below) and np.isfinite(above):
+            continue
+        why = "longer than the runs" if tau > data.longest_s else "too little of it is seen beside the noise"
+        yield Finding(
+            "time-constant-unbounded",
+            "warning",
+            f"The time constant of {tau:.0f} s has no bound {'above' if np.isfinite(below) else 'below'}: {why}.",
+            evidence={"tau_s": float(tau)},
+            suggestion="run the tests longer, until the displacement stands still",
+        )
+
+
+def _speeds(fit: Fit, data: ModeData) -> Iterator[Finding]:
+    levels = data.levels_rpm
+    if len(levels) == 1:
+        yield Finding(
+            "one-tested-speed",
+            "warning",
+            f"Only {levels[0]:.0f} r/min was tested. Between it and standing, heat is assumed to grow with "
+            f"n^{float(fit.theta[fit.spec.n_modes]) if fit.spec.n_powers else fit.spec.level_exponent:.2g}.",
+            evidence={"levels_rpm": [float(n) for n in levels]},
+            suggestion="test at two or more further speeds below it",
+        )
+    elif len(levels) == 2:
+        yield Finding(
+            "two-tested-speeds",
+            "info",
+            f"Only {levels[0]:.0f} and {levels[1]:.0f} r/min were tested: speeds far from both are less certain.",
+            evidence={"levels_rpm": [float(n) for n in levels]},
+            suggestion="test at further speeds",
+        )
