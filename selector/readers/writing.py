@@ -59,8 +59,7 @@ def convert(reading: Reading, out_dir: Path, format: str = "csv") -> list[Path]:
             f"format {format!r}", expected="csv or parquet", where="--format", advice="correct the option"
         )
     recording = reading.recording
-    headers = _headers(recording)
-    targets = {run: out_dir / f"{stem}.{format}" for run, stem in _stems(recording.runs).items()}
+    targets = run_files(recording.runs, out_dir, format)
     machine_path = out_dir / "machine.toml"
     inputs = {Path(run.file).resolve() for run in reading.runs}
     if reading.machine_file is not None:
@@ -73,13 +72,42 @@ def convert(reading: Reading, out_dir: Path, format: str = "csv") -> list[Path]:
                 where=str(out_dir),
                 advice="choose another output folder (--out)",
             )
+    name = reading.machine.machine.name if reading.machine is not None else None
+    return write_recording(recording, targets, machine_path, name, format)
+
+
+def write_recording(
+    recording: Recording,
+    targets: Mapping[str, Path],
+    machine_path: Path,
+    machine_name: str | None = None,
+    format: str = "csv",  # noqa: A002 - the contract's word
+) -> list[Path]:
+    """Write every run to its target and the machine file beside them, all or none; files of these names are replaced.
+
+    Returns
+    -------
+    list of Path
+        The recordings, then the machine file.
+
+    Raises
+    ------
+    OptionError
+        A place cannot be written.
+    """
+    headers = _headers(recording)
     writers: dict[Path, Callable[[Path], Any]] = {}
     for run, path in targets.items():
         writers[path] = _run_writer(recording, run, headers, format)
-    text = machine_text(_machine(reading, headers))
+    text = machine_text(_machine(recording, headers, machine_name))
     writers[machine_path] = lambda target: target.write_text(text, encoding="utf-8", newline="\n")
     _write_whole(writers)
     return [*targets.values(), machine_path]
+
+
+def run_files(runs: tuple[str, ...], folder: Path, ending: str) -> dict[str, Path]:
+    """Run → file in `folder`: called after the run, as every file system takes it, different even without case."""
+    return {run: folder / f"{stem}.{ending}" for run, stem in _stems(runs).items()}
 
 
 def _headers(recording: Recording) -> list[str]:
@@ -89,7 +117,7 @@ def _headers(recording: Recording) -> list[str]:
     return headers[1:]
 
 
-def _machine(reading: Reading, headers: list[str]) -> Machine:
+def _machine(recording: Recording, headers: list[str], name: str | None) -> Machine:
     channels = {
         channel.name: ChannelSection(
             column=header if header != channel.name else None,
@@ -99,9 +127,8 @@ def _machine(reading: Reading, headers: list[str]) -> Machine:
             axis=channel.axis,
             xyz=channel.xyz_m,
         )
-        for channel, header in zip(reading.recording.channels, headers, strict=True)
+        for channel, header in zip(recording.channels, headers, strict=True)
     }
-    name = reading.machine.machine.name if reading.machine is not None else None
     return Machine(machine=MachineSection(name=name), time=TimeSection(column="time_s", unit="s"), channels=channels)
 
 

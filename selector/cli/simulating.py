@@ -1,0 +1,350 @@
+"""`simulate`: a model file in, a recording of the simulated machine and its machine file out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from selector.cli import showing
+from selector.cli.files import folder_written_whole, refuse_to_replace_input
+from selector.cli.showing import AsJson
+from selector.cli.source import MachineFile
+from selector.errors import InputError, ModelFileError, OptionError, ReadError
+from selector.findings import Finding
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from selector.physics.thermal.cyclogram import Cyclogram
+    from selector.physics.thermal.model_file import ModelFile
+    from selector.physics.thermal.schedule import Vector
+    from selector.recording import Recording
+
+ThermalModelFile = Annotated[
+    Path,
+    typer.Argument(metavar="MODEL.toml", help="Model file of a network, of thermal modes, or of the field machine."),
+]
+Cycle = Annotated[
+    Path | None,
+    typer.Option(
+        "--cycle",
+        metavar="CYCLE.csv",
+        help="Duty cycle (time_s, spindle_speed) instead of the speeds of the model file; its last row is the end.",
+    ),
+]
+Inputs = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--inputs",
+        metavar="RUN",
+        help="Recordings whose speed, hall temperature and so on drive the model, run by run; repeat.",
+    ),
+]
+
+
+def thermal(
+    model: ThermalModelFile,
+    out: Annotated[
+        Path,
+        typer.Option("--out", metavar="RUN.csv", help="Recording to write; with --inputs a folder, one file a run."),
+    ],
+    cycle: Cycle = None,
+    inputs: Inputs = None,
+    machine: MachineFile = None,
+    seed: Annotated[
+        int | None,
+        typer.Option(
+            "--seed",
+            metavar="N",
+            min=0,
+            help="Of the instruments' noise. Default: that of the model file; none with --inputs.",
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Simulates how a machine warms and moves, and writes a recording of it.
+
+    Beside RUN.csv stands RUN.machine.toml, for --machine of the other commands. With --inputs the model is driven by
+    recorded runs at their own time stamps; --out is a folder then, which receives one file a run and machine.toml and
+    can be compared with the recordings. Without --seed such simulations have no noise.
+    """
+    from selector.physics.thermal.model_file import read_model_file
+
+    file = read_model_file(model)
+    if cycle is not None and inputs:
+        raise OptionError(
+            "--cycle and --inputs together",
+            expected="one of them: both say the spindle speed",
+            where="command line",
+            advice="leave one out",
+        )
+    if machine is not None and not inputs:
+        raise OptionError(
+            "--machine without --inputs",
+            expected="recordings that the machine file describes",
+            where="--machine",
+            advice="add --inputs RUN, or leave --machine out",
+        )
+    with showing.progress("simulating") as report, _named(model):
+        simulated, targets, machine_path, findings, read = (
+            _driven(file, model, out, inputs, machine, seed, report)
+            if inputs
+            else _scheduled(file, model, out, cycle, seed)
+        )
+        for path in (*targets.values(), machine_path):
+            refuse_to_replace_input(path, [model, *read], "--out")
+        report(1, 1, "writing")
+        written = _write(simulated, targets, machine_path, f"{file.model.name} (SIMULATED)", in_folder=bool(inputs))
+    summary = _summary(file, model, simulated, targets, machine_path, written, findings)
+    if as_json:
+        showing.print_json(summary)
+        return
+    _show(showing.screen(), simulated, summary, findings)
+
+
+@contextmanager
+def _named(model: Path) -> Iterator[None]:
+    """Errors about a key of the model file name the file too."""
+    try:
+        yield
+    except InputError as error:
+        if not error.where.startswith(("key ", "model ")):
+            raise
+        where = f"{model}, {error.where.removeprefix('model ')}"
+        raise type(error)(error.found, expected=error.expected, where=where, advice=error.advice) from error
+
+
+_Work = tuple["Recording", dict[str, Path], Path, tuple[Finding, ...], list[Path]]
+"""A simulation, the file of each run, the machine file, what is to be said, and which files were read."""
+
+
+def _scheduled(file: ModelFile, model: Path, out: Path, cycle: Path | None, seed: int | None) -> _Work:
+    """The run that the model file describes."""
+    from selector.physics.thermal.schedule import scheduled
+    from selector.physics.thermal.thermal_model import simulation_findings, thermal_model
+
+    if out.suffix.lower() != ".csv":
+        raise OptionError(
+            f"{out.name!r}",
+            expected="a file that ends in .csv",
+            where="--out",
+            advice="name the recording, e.g. --out run1.csv; only --inputs writes a folder",
+        )
+    columns, read = _columns(file, model)
+    cyclogram = None
+    if cycle is not None:
+        cyclogram = _cyclogram(cycle)
+    conditions = scheduled(
+        file.conditions,
+        columns,
+        duration_s=file.run.duration_min * 60.0 if cyclogram is None else cyclogram.end_s,
+        period_s=file.run.period_s,
+        cyclogram=cyclogram,
+    )
+    run = out.stem or "simulation"
+    simulated = thermal_model(file).simulate(conditions, run=run, seed=seed)
+    findings = simulation_findings(simulated)
+    return simulated, {run: out}, out.with_suffix(".machine.toml"), findings, [*read, *([cycle] if cycle else [])]
+
+
+def _driven(
+    file: ModelFile,
+    model: Path,
+    out: Path,
+    inputs: list[Path],
+    machine: Path | None,
+    seed: int | None,
+    report: Any,
+) -> _Work:
+    """One simulation of every recorded run."""
+    from selector.physics.thermal.driving import driven_runs
+    from selector.physics.thermal.schedule import scheduled
+    from selector.physics.thermal.thermal_model import thermal_model
+    from selector.readers import read as read_recordings
+    from selector.readers.writing import run_files
+
+    if out.exists() and not out.is_dir():
+        raise OptionError(
+            "a file of this name exists",
+            expected="a folder, or a name that is free: --inputs writes one file a run",
+            where=f"--out {out}",
+            advice="choose another name",
+        )
+    reading = read_recordings(inputs, machine=machine)
+    columns, read = _columns(file, model)
+    otherwise = scheduled(
+        file.conditions,
+        columns,
+        duration_s=max(file.run.duration_min * 60.0, *(run.duration_s for run in reading.runs)),
+        period_s=file.run.period_s,
+    )
+    simulated, findings = driven_runs(
+        thermal_model(file),
+        reading.recording,
+        inputs=file.inputs,
+        otherwise=otherwise,
+        seed=seed,
+        progress=report,
+    )
+    read += [Path(run.file) for run in reading.runs]
+    if reading.machine_file is not None:
+        read.append(Path(reading.machine_file))
+    return simulated, run_files(simulated.runs, out, "csv"), out / "machine.toml", (*reading.findings, *findings), read
+
+
+def _cyclogram(cycle: Path) -> Cyclogram:
+    """The duty cycle in a file."""
+    import numpy as np
+
+    from selector.physics.thermal.cyclogram import Cyclogram
+    from selector.readers import read as read_recordings
+
+    recording = read_recordings([cycle]).recording
+    speeds = recording.with_role("spindle_speed")
+    if len(speeds) != 1 or len(recording.runs) != 1:
+        raise ReadError(
+            f"{len(speeds)} columns with a spindle speed",
+            expected="the columns time_s and spindle_speed",
+            where=str(cycle),
+            advice="name the columns so",
+        )
+    time_s = recording.time_s(recording.runs[0])
+    speed_rpm = recording.values(recording.runs[0], speeds)[:, 0]
+    return Cyclogram(time_s[:-1], np.asarray(speed_rpm[:-1]), float(time_s[-1]))
+
+
+def _columns(file: ModelFile, model: Path) -> tuple[dict[str, tuple[Vector, Vector]], list[Path]]:
+    """Condition → (time_s, values) of the columns that the model file refers to, and the files that hold them."""
+    from selector.physics.thermal.model_file import columns_needed
+
+    found: dict[str, tuple[Vector, Vector]] = {}
+    read: list[Path] = []
+    for key, course in columns_needed(file).items():
+        where = f"{model}, key conditions.{key}.file"
+        path = _beside(model, course.file, where)
+        found[key] = _column(path, course.column, key, f"{model}, key conditions.{key}")
+        read.append(path)
+    return found, read
+
+
+def _beside(model: Path, name: str, where: str) -> Path:
+    """The file of this name in the folder of the model file, or below it.
+
+    Raises
+    ------
+    ModelFileError
+        The name leads elsewhere, also through a link.
+    """
+    folder = model.resolve().parent
+    path = (folder / name).resolve()
+    if Path(name).is_absolute() or not path.is_relative_to(folder):
+        raise ModelFileError(
+            f"{name!r}, which is outside the folder of the model file",
+            expected="a file beside the model file, or in a folder below it",
+            where=where,
+            advice="copy the recording there",
+        )
+    return path
+
+
+_ROLE_OF_KEY = {"spindle_speed_rpm": "spindle_speed", "ambient_degc": "ambient", "coolant_degc": "temperature"}
+
+
+def _column(path: Path, column: str, key: str, where: str) -> tuple[Vector, Vector]:
+    """(time_s, values) of a column, in the unit of its condition."""
+    from selector.readers import Overrides
+    from selector.readers import read as read_recordings
+
+    role = _ROLE_OF_KEY.get(key)
+    reading = read_recordings([path], overrides=Overrides(roles={column: role} if role else {}))
+    recording = reading.recording
+    names = [channel.name for channel in reading.channels if column in (channel.name, channel.column)]
+    if len(names) != 1 or len(recording.runs) != 1:
+        found = f"no column {column!r}" if not names else f"{len(recording.runs)} runs in {path.name}"
+        raise ReadError(
+            found,
+            expected="one of " + ", ".join(recording.names) + " in one run",
+            where=where,
+            advice="correct the name of the column, or of the file",
+        )
+    return recording.time_s(recording.runs[0]), recording.values(recording.runs[0], names)[:, 0]
+
+
+def _write(
+    simulated: Recording, targets: dict[str, Path], machine_path: Path, machine_name: str, *, in_folder: bool
+) -> list[Path]:
+    """The recordings and their machine file, all or none."""
+    from selector.readers.writing import write_recording
+
+    if not in_folder or machine_path.parent.exists():
+        return write_recording(simulated, targets, machine_path, machine_name)
+    with folder_written_whole(machine_path.parent) as folder:
+        drafts = {run: folder / path.name for run, path in targets.items()}
+        write_recording(simulated, drafts, folder / machine_path.name, machine_name)
+    return [*targets.values(), machine_path]
+
+
+def _summary(
+    file: ModelFile,
+    model: Path,
+    simulated: Recording,
+    targets: dict[str, Path],
+    machine_path: Path,
+    written: list[Path],
+    findings: Iterable[Finding],
+) -> dict[str, Any]:
+    """The contract `selector.simulation/1`."""
+    balances = simulated.provenance["runs"]
+    runs = []
+    for run in simulated.runs:
+        time_s = simulated.time_s(run)
+        runs.append(
+            {
+                "run": run,
+                "file": targets[run],
+                "rows": len(time_s),
+                "duration_s": time_s[-1] - time_s[0],
+                "balance": balances.get(run) or None,
+            }
+        )
+    channels = []
+    for channel in simulated.channels:
+        values = simulated.frame[channel.name]
+        channels.append(
+            {
+                "name": channel.name,
+                "role": channel.role,
+                "unit": channel.unit,
+                "place": channel.place,
+                "axis": channel.axis,
+                "min": float(values.min()),
+                "max": float(values.max()),
+            }
+        )
+    return {
+        "schema": "selector.simulation/1",
+        "kind": "thermal",
+        "model": {"file": model, "kind": file.model.kind, "name": file.model.name},
+        "seed": simulated.provenance["simulated"]["seed"] if simulated.provenance["simulated"]["instruments"] else None,
+        "files": written,
+        "machine_file": machine_path,
+        "runs": runs,
+        "channels": channels,
+        "findings": list(findings),
+    }
+
+
+def _show(console: Console, simulated: Recording, summary: dict[str, Any], findings: Iterable[Finding]) -> None:
+    rows = [(c["name"], c["role"], c["unit"], c["place"] or c["axis"], c["min"], c["max"]) for c in summary["channels"]]
+    title = f"{summary['model']['name']}: simulated, {len(simulated.runs)} run{'s' * (len(simulated.runs) != 1)}"
+    columns = ["channel", "role", "unit", "place or axis", "lowest", "highest"]
+    console.print(showing.table(title, columns, rows, numeric=["lowest", "highest"]))
+    showing.show_findings(console, findings)
+    *tables, machine_file = summary["files"]
+    named = str(tables[0]) if len(tables) == 1 else f"{len(tables)} files to {tables[0].parent}"
+    console.print(f"wrote {named}, and {machine_file}", markup=False, soft_wrap=True)
+    console.print(f"read it with --machine {machine_file}", markup=False, soft_wrap=True)

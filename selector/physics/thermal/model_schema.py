@@ -1,0 +1,278 @@
+"""Which keys may a thermal model file have: closed sections for networks, modes and the field machine.
+
+A key carries its unit in its name, as everywhere in the program: a number in a file then has one meaning, and the
+same name serves the file, the law in Python and the parameter of a fit. What each key means stands in
+`docs/reference/thermal-model.md`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, StrictBool, Tag
+
+MOST_NODES = 300
+"""Nodes of a network. Its exact stepping costs their number cubed."""
+
+MOST_SAMPLES = 2_000_000
+"""Samples of one run, and steps of the calculation."""
+
+
+def _printable(text: str) -> str:
+    if not text.strip() or not text.isprintable() or len(text) > 100:
+        raise ValueError("a name of 1 to 100 printable characters")
+    return text
+
+
+def _limited(low: float, high: float, *, above: bool = False) -> Any:
+    bounds: dict[str, Any] = {"gt": low} if above else {"ge": low}
+    return Field(strict=True, allow_inf_nan=False, le=high, **bounds)
+
+
+Name = Annotated[str, AfterValidator(_printable)]
+Positive = Annotated[float, _limited(1e-9, 1e12)]
+NonNegative = Annotated[float, _limited(0, 1e12)]
+Signed = Annotated[float, _limited(-1e9, 1e9)]
+Share = Annotated[float, _limited(0, 1)]
+Exponent = Annotated[float, _limited(0, 4)]
+Degrees = Annotated[float, _limited(-100, 1000)]
+Point = Annotated[tuple[Signed, Signed, Signed], Field()]
+Speed = Annotated[float, _limited(0, 1e6, above=True)]
+
+
+class Entry(BaseModel):
+    """A section of the file: unknown keys are refused, nothing changes once it is read."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Sine(Entry):
+    """A course that swings: mean + amplitude·sin(2π(t − phase)/period); values in the unit of its key."""
+
+    mean: Signed
+    amplitude: Signed
+    period_min: Positive = 1440.0
+    phase_min: Signed = 0.0
+
+
+class Column(Entry):
+    """A course that is read from a column of a recording in the folder of the model file; each value is held."""
+
+    file: Annotated[str, AfterValidator(_printable)]
+    column: Annotated[str, Field(min_length=1, max_length=200)]
+
+
+Step = tuple[Annotated[float, _limited(0, 1e9)], Signed]
+Steps = Annotated[tuple[Step, ...], Field(min_length=1, max_length=10_000)]
+
+
+def _course_kind(value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return "steps"
+    if isinstance(value, Column) or (isinstance(value, Mapping) and ("file" in value or "column" in value)):
+        return "column"
+    return "sine" if isinstance(value, Sine | Mapping) else "number"
+
+
+Course = Annotated[
+    Annotated[Signed, Tag("number")]
+    | Annotated[Steps, Tag("steps")]
+    | Annotated[Sine, Tag("sine")]
+    | Annotated[Column, Tag("column")],
+    Discriminator(_course_kind),
+]
+"""A number that holds for the whole run, steps [from minute, value], a sine, or a column of a file."""
+
+COURSE_KINDS = ("number", "steps", "sine", "column")
+
+
+class ModelSection(Entry):
+    """``[model]``."""
+
+    kind: Literal["network", "modes", "field"]
+    name: Name
+    note: Annotated[str, Field(max_length=4000)] = ""
+
+
+class RunSection(Entry):
+    """``[run]``: how long, how often, how finely, and from which state."""
+
+    duration_min: Annotated[float, _limited(0, 1e6, above=True)]
+    period_s: Annotated[float, _limited(0, 1e6, above=True)] = 60.0
+    step_s: Annotated[float, _limited(0, 1e6, above=True)] = 10.0
+    start_degc: Degrees | None = None
+    seed: Annotated[int, Field(strict=True, ge=0, lt=2**63)] = 0
+
+
+class ConditionsSection(Entry):
+    """``[conditions]``: what is done to the machine."""
+
+    spindle_speed_rpm: Course
+    torque_nm: Course = 0.0
+    ambient_degc: Course = 20.0
+    coolant_on: Course = 0.0
+    coolant_degc: Course = 20.0
+    machine_on: Course = 1.0
+
+
+class SpeedOnly(Entry):
+    """``[conditions]`` of thermal modes, which know the spindle speed only."""
+
+    spindle_speed_rpm: Course
+
+
+class InputsSection(Entry):
+    """``[inputs]``: channels of a recording that drives the model, where the role does not tell."""
+
+    spindle_speed: Name | None = None
+    torque: Name | None = None
+    ambient: Name | None = None
+    coolant_on: Name | None = None
+    coolant: Name | None = None
+    machine_on: Name | None = None
+
+
+class Sensor(Entry):
+    """``[[sensors]]``: a thermometer and its faults."""
+
+    name: Name
+    at: Name | None = None
+    place: Name | None = None
+    xyz: Point | None = None
+    lag_s: NonNegative = 0.0
+    noise_k: Annotated[float, _limited(0, 100)] = 0.0
+    resolution_k: Annotated[float, _limited(0, 100)] = 0.0
+
+
+class Gauge(Entry):
+    """``[[gauges]]``: a displacement gauge and its faults."""
+
+    name: Name
+    of: Name | None = None
+    axis: Name | None = None
+    zeroed: StrictBool = True
+    noise_um: Annotated[float, _limited(0, 1e4)] = 0.0
+    resolution_um: Annotated[float, _limited(0, 1e4)] = 0.0
+
+
+class Node(Entry):
+    """``[nodes.NAME]``."""
+
+    heat_capacity_j_per_k: Positive
+    place: Name | None = None
+    xyz: Point | None = None
+    expansion_um_per_k: Annotated[dict[Name, Signed], Field(max_length=20)] = Field(default_factory=dict)
+
+
+class Link(Entry):
+    """``[[links]]``."""
+
+    between: Annotated[tuple[Name, Name], Field()]
+    conductance_w_per_k: Positive
+
+
+class SourceLaw(Entry):
+    """``[sources.NAME]`` of the field machine; see `laws.HeatLaw`."""
+
+    on_w: Annotated[float, _limited(-1e9, 1e9)] = 0.0
+    turning_w: NonNegative = 0.0
+    coolant_w: Annotated[float, _limited(-1e9, 1e9)] = 0.0
+    speed_w: NonNegative = 0.0
+    reference_rpm: Speed = 1000.0
+    exponent: Exponent = 1.0
+    torque_share: Share = 0.0
+    softening_per_k: Annotated[float, _limited(0, 1)] = 0.0
+    softening_degc: Degrees = 20.0
+    at: Name | None = None
+
+
+class NodeSource(SourceLaw):
+    """``[sources.NAME]`` of a network: the law, and the nodes that the heat goes to."""
+
+    shares: Annotated[
+        dict[Name, Annotated[float, _limited(0, 1, above=True)]], Field(min_length=1, max_length=MOST_NODES)
+    ]
+
+
+class FilmKeys(Entry):
+    """``[films.NAME]`` of the field machine; see `laws.FilmLaw`."""
+
+    still_w_per_m2_k: NonNegative
+    speed_w_per_m2_k: NonNegative = 0.0
+    reference_rpm: Speed = 1000.0
+    exponent: Exponent = 1.0
+    while_coolant: StrictBool = False
+    fluid: Literal["ambient", "coolant", "fixed"] = "ambient"
+    fixed_degc: Degrees = 20.0
+
+
+class NodeFilm(FilmKeys):
+    """``[films.NAME]`` of a network: the law, and the area of every node that it wets."""
+
+    area_m2: Annotated[dict[Name, Positive], Field(min_length=1, max_length=MOST_NODES)]
+
+
+class ModesSection(Entry):
+    """``[modes]``: time constants shared by all displacements, steady gains per tested speed and mode."""
+
+    tau_s: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=20)]
+    speed_rpm: Annotated[tuple[Speed, ...], Field(min_length=1, max_length=200)]
+    gains_um: Annotated[
+        dict[Name, Annotated[tuple[tuple[Signed, ...], ...], Field(max_length=200)]], Field(min_length=1, max_length=20)
+    ]
+    exponent: Annotated[float, _limited(0, 4, above=True)] = 1.0
+
+
+class FieldSection(Entry):
+    """``[field]``: the shipped finite-element machine and what is varied on it."""
+
+    machine: Literal["virtual-machining-centre"] = "virtual-machining-centre"
+    variant: Literal["linear", "speed-dependent-convection", "everything"] = "everything"
+
+
+Bounds = Annotated[dict[str, Annotated[tuple[Signed, Signed], Field()]], Field(max_length=5_000)]
+
+
+class _Common(Entry):
+    model: ModelSection
+    run: RunSection
+    inputs: InputsSection = InputsSection()
+    gauges: Annotated[tuple[Gauge, ...], Field(max_length=100)] = ()
+    bounds: Bounds = Field(default_factory=dict)
+
+
+class NetworkFile(_Common):
+    """A lumped network of nodes, links, films and sources."""
+
+    conditions: ConditionsSection
+    nodes: Annotated[dict[Name, Node], Field(min_length=1, max_length=MOST_NODES)]
+    links: Annotated[tuple[Link, ...], Field(max_length=20 * MOST_NODES)] = ()
+    films: Annotated[dict[Name, NodeFilm], Field(max_length=MOST_NODES)] = Field(default_factory=dict)
+    sources: Annotated[dict[Name, NodeSource], Field(max_length=MOST_NODES)] = Field(default_factory=dict)
+    sensors: Annotated[tuple[Sensor, ...], Field(max_length=1000)] = ()
+
+
+class ModesFile(_Common):
+    """Thermal modes: displacements only, no thermometers."""
+
+    conditions: SpeedOnly
+    modes: ModesSection
+
+
+class FieldFile(_Common):
+    """The finite-element machine; its laws may be replaced source by source and film by film."""
+
+    conditions: ConditionsSection
+    field: FieldSection = FieldSection()
+    films: Annotated[dict[Name, FilmKeys], Field(max_length=100)] = Field(default_factory=dict)
+    sources: Annotated[dict[Name, SourceLaw], Field(max_length=100)] = Field(default_factory=dict)
+    sensors: Annotated[tuple[Sensor, ...], Field(max_length=1000)] = ()
+
+
+ModelFile = NetworkFile | ModesFile | FieldFile
+KINDS: Mapping[str, type[NetworkFile] | type[ModesFile] | type[FieldFile]] = {
+    "network": NetworkFile,
+    "modes": ModesFile,
+    "field": FieldFile,
+}

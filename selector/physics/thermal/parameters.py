@@ -1,0 +1,175 @@
+"""Which numbers of a thermal model could be fitted again: named, with unit and bounds."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from selector.errors import ModelFileError, OptionError
+from selector.physics.thermal.model_file import ModelFile, NetworkFile, checked_model_file, plain_values
+
+_UNITS = (
+    ("_j_per_k", "J/K"), ("_w_per_m2_k", "W/(m²·K)"), ("_w_per_k", "W/K"), ("_um_per_k", "µm/K"), ("_per_k", "1/K"),
+    ("_m2", "m²"), ("_rpm", "r/min"), ("_degc", "°C"), ("_um", "µm"), ("_w", "W"), ("_s", "s"),
+)  # fmt: skip
+_FIXED = ("reference_rpm", "speed_rpm", "softening_degc", "xyz", "shares")
+"""Numbers that say where others are counted from, which a fit could not tell apart, or that must add up to 1."""
+
+_SECTIONS = ("nodes", "links", "films", "sources", "modes")
+_TIMES = 10.0
+_DEGREES = 30.0
+
+Path = tuple[str | int, ...]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number of a model: its value, its unit, and the bounds between which a fit may look for it."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+
+
+def parameters(file: ModelFile) -> dict[str, Parameter]:
+    """The physics of a model file as named numbers; what the file does not say (switched off) is no parameter.
+
+    Names are the keys of the file: ``nodes.column.heat_capacity_j_per_k``, ``links.bed~column.conductance_w_per_k``,
+    ``films.hall.still_w_per_m2_k``, ``modes.gains_um.Z.2000 rpm.mode 1``, ``run.start_degc``. Bounds are a tenth and
+    ten times the value, 0 to 4 for exponents, 0 to 1 for `torque_share`, ±30 K for temperatures, unless ``[bounds]``
+    says otherwise.
+
+    Raises
+    ------
+    ModelFileError
+        ``[bounds]`` names what is no parameter, or excludes the value of one.
+    """
+    found: dict[str, Parameter] = {}
+    values = plain_values(file)
+    for name, path in _paths(file, values).items():
+        value = float(_at(values, path))
+        low, high = file.bounds.get(name, _bounds(path, value))
+        if not low <= value <= high:
+            raise _bad_bounds(name, f"[{low:g}, {high:g}]", f"limits around the value, {value:g}")
+        found[name] = Parameter(value, low, high, _unit(path))
+    for name in file.bounds:
+        if name not in found:
+            raise _bad_bounds(name, "no parameter of this name", "one of " + ", ".join(list(found)[:12]) + ", …")
+    return found
+
+
+def with_parameters(file: ModelFile, values: Mapping[str, float]) -> ModelFile:
+    """The model file with other values of some parameters, checked as if it were read.
+
+    Raises
+    ------
+    OptionError
+        There is no such parameter.
+    ModelFileError
+        A value is impossible, e.g. a negative heat capacity.
+    """
+    plain = copy.deepcopy(plain_values(file))
+    paths = _paths(file, plain)
+    # bounds guide a fit; a value outside them is the caller's decision
+    for name, value in values.items():
+        if name not in paths:
+            raise OptionError(
+                f"no parameter {name!r}",
+                expected="one of " + ", ".join(list(paths)[:12]) + ", …",
+                where=f"model {file.model.name!r}",
+                advice="look the names up in `parameters`",
+            )
+        _put(plain, paths[name], float(value))
+    return checked_model_file(plain, where=f"model {file.model.name!r}")
+
+
+def _paths(file: ModelFile, values: Mapping[str, Any]) -> dict[str, Path]:
+    """Name of a parameter → where its number stands in the plain values."""
+    found: dict[str, Path] = {}
+    for section in _SECTIONS:
+        for path in _numbers(values.get(section, {}), (section,)):
+            if not any(part in _FIXED for part in path):
+                found[_name(file, path)] = path
+    if file.run.start_degc is not None:
+        found["run.start_degc"] = ("run", "start_degc")
+    return found
+
+
+def _numbers(value: Any, path: Path) -> Iterator[Path]:
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            yield from _numbers(inner, (*path, key))
+    elif isinstance(value, list | tuple):
+        for position, inner in enumerate(value):
+            yield from _numbers(inner, (*path, position))
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        yield path
+
+
+def _name(file: ModelFile, path: Path) -> str:
+    parts = [str(part) for part in path]
+    if isinstance(file, NetworkFile) and path[0] == "links" and isinstance(path[1], int):
+        parts[1] = "~".join(file.links[path[1]].between)
+    if path[0] == "modes":
+        speeds = [f"{speed:g} rpm" for speed in plain_values(file)["modes"]["speed_rpm"]]
+        *head, mode = path
+        if isinstance(mode, int):
+            parts[-1] = f"mode {mode + 1}"
+        if path[1] == "gains_um" and isinstance(head[-1], int):
+            parts[-2] = speeds[head[-1]]
+    return ".".join(parts)
+
+
+def _key(path: Path) -> str:
+    """The key that carries the unit: the last one that is not the name of a node or a displacement."""
+    words = [part for part in path[1:] if isinstance(part, str)]
+    ends = tuple(end for end, _ in _UNITS)
+    return next((word for word in reversed(words) if word.endswith(ends)), words[-1])
+
+
+def _unit(path: Path) -> str:
+    key = _key(path)
+    return next((unit for end, unit in _UNITS if key.endswith(end)), "1")
+
+
+def _bounds(path: Path, value: float) -> tuple[float, float]:
+    key = _key(path)
+    if key.endswith("exponent"):
+        return 0.0, max(4.0, value)
+    if key == "torque_share":
+        return 0.0, 1.0
+    if key.endswith("_degc"):
+        return value - _DEGREES, value + _DEGREES
+    if value == 0.0:
+        return (-1.0, 1.0) if key.endswith(("_um", "_um_per_k")) else (0.0, 1.0)
+    if key.endswith(("_um", "_um_per_k")):
+        return -_TIMES * abs(value), _TIMES * abs(value)
+    low, high = sorted((value / _TIMES, value * _TIMES))
+    return low, high
+
+
+def _at(values: Any, path: Path) -> Any:
+    for part in path:
+        values = values[part]
+    return values
+
+
+def _put(values: Any, path: Path, number: float) -> None:
+    """Sets a number; arrays on the way become lists, which can be changed."""
+    for part in path[:-1]:
+        if isinstance(values[part], tuple):
+            values[part] = list(values[part])
+        values = values[part]
+    values[path[-1]] = number
+
+
+def _bad_bounds(name: str, found: str, expected: str) -> ModelFileError:
+    return ModelFileError(
+        found,
+        expected=expected,
+        where=f"key bounds.{name}",
+        advice="correct the name and the limits, or leave them out",
+    )

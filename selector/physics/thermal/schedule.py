@@ -1,0 +1,205 @@
+"""What is done to the machine, when: the courses of a model file, or a recording, as operating conditions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.errors import InputError, OptionError
+from selector.physics.thermal.cyclogram import Cyclogram
+from selector.physics.thermal.laws import Conditions
+from selector.physics.thermal.model_schema import Column, ConditionsSection, InputsSection, Sine, SpeedOnly
+from selector.recording import Recording
+
+Vector = NDArray[np.float64]
+
+NAMES = ("spindle_speed", "torque", "ambient", "coolant_on", "coolant", "machine_on")
+"""Names of the conditions as inputs of a model and as channels of a recording."""
+
+_KEYS = ("spindle_speed_rpm", "torque_nm", "ambient_degc", "coolant_on", "coolant_degc", "machine_on")
+_FIELDS = ("spindle_speed", "torque", "ambient_degc", "coolant_on", "coolant_degc", "machine_on")
+_RESTING = (0.0, 0.0, 20.0, 0.0, 20.0, 1.0)
+_ROLES = {"spindle_speed": "spindle_speed", "ambient": "ambient"}
+_LIMITS: Mapping[str, tuple[float, float]] = {
+    "spindle_speed": (0.0, 1e6),
+    "torque": (-1e9, 1e9),
+    "ambient": (-100.0, 1000.0),
+    "coolant_on": (0.0, 1.0),
+    "coolant": (-100.0, 1000.0),
+    "machine_on": (0.0, 1.0),
+}
+
+
+@dataclass(frozen=True)
+class Driven:
+    """What drove a simulation: the conditions, channel → condition, and conditions that the recording did not say."""
+
+    conditions: Conditions
+    channels: Mapping[str, str]
+    not_recorded: tuple[str, ...]
+
+
+def condition(conditions: Conditions, name: str) -> Vector:
+    """The values of one of `NAMES`, shape (n_samples,)."""
+    values: Vector = getattr(conditions, _FIELDS[NAMES.index(name)])
+    return values
+
+
+def held_at(conditions: Conditions, name: str, time_s: Vector) -> Vector:
+    """The value of one of `NAMES` that is held at each time [s], shape (n_times,)."""
+    rows = np.clip(np.searchsorted(conditions.time_s, time_s, side="right") - 1, 0, None)
+    return condition(conditions, name)[rows]
+
+
+def scheduled(
+    section: ConditionsSection | SpeedOnly,
+    columns: Mapping[str, tuple[Vector, Vector]],
+    *,
+    duration_s: float,
+    period_s: float,
+    cyclogram: Cyclogram | None = None,
+) -> Conditions:
+    """The conditions that a model file describes, up to `duration_s`.
+
+    Steps change at their own times; a sine is held over every `period_s` at the value of its middle. `columns` holds
+    (time_s, values) for every key whose course is a column of a file; the last value is held. A `cyclogram` takes the
+    place of the file's spindle speed, and its last speed is held.
+
+    Raises
+    ------
+    InputError
+        A condition is outside what is physical, or `columns` lacks one.
+    """
+    courses = {name: getattr(section, key, rest) for name, key, rest in zip(NAMES, _KEYS, _RESTING, strict=True)}
+    stepwise: dict[str, tuple[Vector, Vector]] = {}
+    for name, key in zip(NAMES, _KEYS, strict=True):
+        course = courses[name]
+        if name == "spindle_speed" and cyclogram is not None:
+            stepwise[name] = (cyclogram.start_s, cyclogram.speed_rpm)
+        elif isinstance(course, Column):
+            stepwise[name] = _column(key, course, columns)
+        elif isinstance(course, tuple):
+            steps = np.array(course, dtype=np.float64)
+            stepwise[name] = (steps[:, 0] * 60.0, steps[:, 1])
+        elif isinstance(course, Sine):
+            start = np.arange(0.0, duration_s, period_s)
+            stepwise[name] = (start, _sine(course, (start + np.minimum(start + period_s, duration_s)) / 2.0))
+        else:
+            stepwise[name] = (np.zeros(1), np.array([course], dtype=np.float64))
+    changes = np.unique(np.concatenate([start for start, _ in stepwise.values()]))
+    time_s = np.r_[changes[(changes > 0.0) & (changes < duration_s)], duration_s]
+    time_s = np.r_[0.0, time_s]
+    values = {name: _held(start, course, time_s) for name, (start, course) in stepwise.items()}
+    for name, key in zip(NAMES, _KEYS, strict=True):
+        _within_limits(name, values[name], f"key conditions.{key}")
+    return Conditions(time_s, *(values[name] for name in NAMES))
+
+
+def driven(recording: Recording, run: str, inputs: InputsSection, otherwise: Conditions) -> Driven:
+    """The conditions of a recorded run, at its own time stamps; a missing sample takes the one before it.
+
+    Spindle speed and hall temperature are known by their roles, anything else by its name, unless `inputs` names the
+    channel. A condition that was not recorded has the value of `otherwise`, the conditions of the model file.
+
+    Raises
+    ------
+    OptionError
+        A channel that `inputs` names is not there or empty, more than one channel has the role, a value is outside
+        what is physical, or nothing tells the spindle speed.
+    """
+    time_s = recording.time_s(run)
+    if len(time_s) < 2:
+        raise _unusable(f"a single sample in run {run!r}", "two samples or more", "leave this run out")
+    values: dict[str, Vector] = {}
+    channels: dict[str, str] = {}
+    for name in NAMES:
+        channel = _channel(recording, name, getattr(inputs, name))
+        course = None if channel is None else recording.values(run, [channel])[:, 0]
+        if channel is None or course is None or not np.isfinite(course).any():
+            if getattr(inputs, name) is not None:
+                raise _unusable(f"nothing in channel {channel!r} of run {run!r}", "samples", "leave this run out")
+            values[name] = held_at(otherwise, name, time_s)
+            continue
+        if name == "spindle_speed":
+            course = np.abs(course)
+        values[name] = _without_gaps(course)
+        channels[channel] = name
+        _within_limits(name, values[name], f"channel {channel!r} of run {run!r}")
+    absent = tuple(name for name in NAMES if name not in channels.values())
+    if "spindle_speed" in absent and np.ptp(otherwise.spindle_speed) > 0:
+        raise _unusable(
+            f"no spindle speed in run {run!r}, and a schedule of its own in the model file",
+            "a channel with the role spindle_speed",
+            "give the channel this role in the machine file, or name it in [inputs] of the model file",
+        )
+    return Driven(Conditions(time_s, *(values[name] for name in NAMES)), channels, absent)
+
+
+def _channel(recording: Recording, name: str, asked: str | None) -> str | None:
+    if asked is not None:
+        if asked not in recording.names:
+            found = f"no channel {asked!r}, which the model file names in inputs.{name}"
+            raise _unusable(found, "one of " + ", ".join(recording.names), "correct the name")
+        return asked
+    if name not in _ROLES:
+        return name if name in recording.names else None
+    known = recording.with_role(_ROLES[name])
+    if len(known) > 1 and name not in known:
+        found = f"{len(known)} channels with the role {_ROLES[name]} ({', '.join(known)})"
+        raise _unusable(found, "one, or one that is named", f'write {name} = "{known[0]}" under [inputs]')
+    return name if name in known else known[0] if known else None
+
+
+def _column(key: str, course: Column, columns: Mapping[str, tuple[Vector, Vector]]) -> tuple[Vector, Vector]:
+    if key not in columns:
+        raise InputError(
+            f"nothing was read from column {course.column!r} of {course.file}",
+            expected="its times and values",
+            where=f"key conditions.{key}",
+            advice="read the file first, or write the course into the model file",
+        )
+    time_s, values = columns[key]
+    there = np.isfinite(values)
+    if not there.any():
+        raise InputError(
+            f"no value in column {course.column!r} of {course.file}",
+            expected="numbers",
+            where=f"key conditions.{key}",
+            advice="choose another column",
+        )
+    return np.asarray(time_s[there] - time_s[0]), np.asarray(values[there])
+
+
+def _sine(course: Sine, time_s: Vector) -> Vector:
+    phase = (time_s / 60.0 - course.phase_min) / course.period_min
+    return np.asarray(course.mean + course.amplitude * np.sin(2.0 * np.pi * phase))
+
+
+def _held(start_s: Vector, values: Vector, time_s: Vector) -> Vector:
+    """Each value from its start to the next; before the first one, the first."""
+    return values[np.clip(np.searchsorted(start_s, time_s, side="right") - 1, 0, None)]
+
+
+def _without_gaps(values: Vector) -> Vector:
+    there = np.flatnonzero(np.isfinite(values))
+    return values[there[np.clip(np.searchsorted(there, np.arange(len(values)), side="right") - 1, 0, None)]]
+
+
+def _within_limits(name: str, values: Vector, where: str) -> None:
+    low, high = _LIMITS[name]
+    wrong = ~((values >= low) & (values <= high))
+    if wrong.any():
+        expected = "0 (off) to 1 (on)" if name in ("coolant_on", "machine_on") else f"{low:g} to {high:g}"
+        raise OptionError(
+            f"{name} = {values[np.argmax(wrong)]:g}",
+            expected=expected,
+            where=where,
+            advice="correct the value, or its unit",
+        )
+
+
+def _unusable(found: str, expected: str, advice: str) -> OptionError:
+    return OptionError(found, expected=expected, where="the recording that drives the model", advice=advice)

@@ -1,0 +1,330 @@
+"""A thermal model that runs: conditions in, a recording out, its parameters open to be fitted again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol, Self
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from selector.errors import InputError
+from selector.findings import Finding, Where
+from selector.physics.thermal.cyclogram import Cyclogram
+from selector.physics.thermal.instruments import lagged, read_out
+from selector.physics.thermal.laws import Conditions
+from selector.physics.thermal.model_file import ModelFile, ModesFile
+from selector.physics.thermal.model_schema import Gauge, Sensor
+from selector.physics.thermal.model_systems import HeatMachine, heat_machine, modal_machine
+from selector.physics.thermal.modes import ModalModel
+from selector.physics.thermal.parameters import Parameter, parameters, with_parameters
+from selector.physics.thermal.schedule import held_at
+from selector.physics.thermal.transient import simulate_heat
+from selector.recording import Channel, Recording
+from selector.units import CANONICAL_UNITS
+
+Vector = NDArray[np.float64]
+
+ALWAYS_RECORDED = ("spindle_speed", "ambient")
+"""Conditions that a simulated recording holds even if they do not change."""
+
+_COLD_DEGC, _HOT_DEGC = -50.0, 200.0
+_AXES = ("X", "Y", "Z", "A", "B", "C")
+_INPUT_ROLES = {
+    "spindle_speed": ("spindle_speed", None),
+    "torque": ("state", "torque of the spindle [N·m]"),
+    "ambient": ("ambient", "hall"),
+    "coolant_on": ("state", "coolant: 0 off, 1 on"),
+    "coolant": ("temperature", "coolant"),
+    "machine_on": ("state", "machine: 0 off, 1 on"),
+}
+
+
+class ThermalModel(Protocol):
+    """What may be driven, compared with a recording, and fitted again, whatever is inside."""
+
+    @property
+    def name(self) -> str:
+        """What the model is called."""
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the conditions that act on it, of `schedule.NAMES`."""
+
+    @property
+    def outputs(self) -> tuple[Channel, ...]:
+        """Channels that it gives: thermometers, then displacements."""
+
+    @property
+    def parameters(self) -> Mapping[str, Parameter]:
+        """Its physics as named numbers with units and bounds."""
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Where an effect may be added: nodes or sources and surfaces."""
+
+    def with_parameters(self, values: Mapping[str, float]) -> Self:
+        """The same model with other values of some parameters."""
+
+    def simulate(
+        self,
+        conditions: Conditions,
+        *,
+        time_s: Vector | None = None,
+        run: str = "simulation",
+        seed: int | None = None,
+        instruments: bool = True,
+    ) -> Recording:
+        """The outputs under these conditions as a recording of one run."""
+
+
+@dataclass(frozen=True)
+class FileModel:
+    """The model that a model file describes; made by `thermal_model`.
+
+    Attributes
+    ----------
+    file : ModelFile
+        The file's content.
+    machine : HeatMachine or ModalModel
+        The equations that were built from it.
+    """
+
+    file: ModelFile
+    machine: HeatMachine | ModalModel
+
+    @property
+    def name(self) -> str:
+        """What the file calls it."""
+        return self.file.model.name
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the conditions that act on it, of `schedule.NAMES`."""
+        if isinstance(self.machine, ModalModel):
+            return self.machine.inputs
+        laws = self.machine.laws
+        used = {
+            "spindle_speed": True,
+            "torque": any(law.torque_share for law in laws.heat),
+            "ambient": True,
+            "coolant_on": any(law.while_coolant for law in laws.films) or any(law.coolant_w for law in laws.heat),
+            "coolant": any(law.fluid == "coolant" for law in laws.films),
+            "machine_on": any(law.on_w for law in laws.heat),
+        }
+        return tuple(name for name, is_used in used.items() if is_used)
+
+    @property
+    def outputs(self) -> tuple[Channel, ...]:
+        """Thermometers, then displacements."""
+        thermometers = [
+            Channel(s.name, "temperature", CANONICAL_UNITS["temperature"], self._place(s), xyz_m=self._xyz(s))
+            for s in self._sensors
+        ]
+        gauges = [Channel(g.name, "displacement", CANONICAL_UNITS["displacement"], axis=_axis(g)) for g in self._gauges]
+        return (*thermometers, *gauges)
+
+    @property
+    def parameters(self) -> Mapping[str, Parameter]:
+        """Named numbers with units and bounds, see `parameters.parameters`."""
+        return parameters(self.file)
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Nodes of a network, responses of modes; otherwise sources, then surfaces."""
+        if isinstance(self.machine, ModalModel):
+            return self.machine.places
+        system = self.machine.system
+        return system.states or tuple(dict.fromkeys([*system.sources, *system.films]))
+
+    def with_parameters(self, values: Mapping[str, float]) -> FileModel:
+        """The same model with other values of some parameters; errors as in `parameters.with_parameters`.
+
+        A body whose parameters are all in its laws is not built again.
+        """
+        file = with_parameters(self.file, values)
+        old = self.machine if isinstance(self.machine, HeatMachine) else None
+        return FileModel(file, _machine(file, old))
+
+    def simulate(
+        self,
+        conditions: Conditions,
+        *,
+        time_s: Vector | None = None,
+        run: str = "simulation",
+        seed: int | None = None,
+        instruments: bool = True,
+    ) -> Recording:
+        """The conditions that act on the model and its outputs, as a recording of one run.
+
+        Parameters
+        ----------
+        conditions : Conditions
+            What is done to the machine, to the end of the run.
+        time_s : ndarray of shape (n_times,), optional
+            Times of the samples [s]; default: every `period_s` of the file.
+        run : str
+            Name of the run.
+        seed : int, optional
+            Of the instruments' noise; default: that of the file.
+        instruments : bool
+            Noise and resolution; without them only the lag of the thermometers remains.
+
+        Raises
+        ------
+        InputError
+            The spindle is faster than a model of thermal modes knows, or a time is outside the conditions.
+        """
+        settings = self.file.run
+        if time_s is None:
+            last = conditions.time_s[-1] * (1.0 + 1e-12)  # a step that ends there up to rounding is the last one
+            time_s = np.minimum(np.arange(0.0, last, settings.period_s), conditions.time_s[-1])
+        seed = settings.seed if seed is None else seed
+        degc, um, balance = self._courses(conditions, time_s)
+        acting = {name: held_at(conditions, name, time_s) for name in self.inputs}
+        # a coolant that is never switched on, or a machine that is never switched off, needs no channel
+        said = {n: course for n, course in acting.items() if n in ALWAYS_RECORDED or np.ptp(course) > 0}
+        columns: dict[str, Vector] = dict(said)
+        for sensor in self._sensors:
+            true = lagged(time_s, degc[sensor.at or sensor.name], sensor.lag_s)
+            columns[sensor.name] = read_out(
+                true,
+                noise=sensor.noise_k * instruments,
+                resolution=sensor.resolution_k * instruments,
+                seed=seed,
+                channel=sensor.name,
+            )
+        for gauge in self._gauges:
+            true = um[gauge.of or gauge.name]
+            columns[gauge.name] = read_out(
+                true - (true[0] if gauge.zeroed else 0.0),
+                noise=gauge.noise_um * instruments,
+                resolution=gauge.resolution_um * instruments,
+                seed=seed,
+                channel=gauge.name,
+            )
+        table = pd.DataFrame(columns, index=pd.Index(time_s, name="time_s"))
+        provenance = {
+            "simulated": {"model": self.name, "kind": self.file.model.kind, "seed": seed, "instruments": instruments},
+            "runs": {run: balance},
+        }
+        return Recording.from_runs({run: table}, (*map(input_channel, said), *self.outputs), provenance)
+
+    def _courses(
+        self, conditions: Conditions, time_s: Vector
+    ) -> tuple[dict[str, Vector], dict[str, Vector], dict[str, Any]]:
+        """True temperatures [°C] and displacements [µm] by name, and the heat balance."""
+        if isinstance(self.machine, ModalModel):
+            changes = np.flatnonzero(np.r_[True, np.diff(conditions.spindle_speed[:-1]) != 0])
+            start = conditions.time_s[changes] - conditions.time_s[0]
+            end = float(conditions.time_s[-1] - conditions.time_s[0])
+            um = self.machine.displacement_um(
+                Cyclogram(start, conditions.spindle_speed[changes], end), time_s - conditions.time_s[0]
+            )
+            return {}, {name: um[:, k] for k, name in enumerate(self.machine.responses)}, {}
+        settings = self.file.run
+        history = simulate_heat(
+            self.machine.system,
+            self.machine.laws,
+            conditions,
+            time_s=time_s,
+            step_s=settings.step_s,
+            start_degc=float(conditions.ambient_degc[0]) if settings.start_degc is None else settings.start_degc,
+        )
+        balance = {
+            "stored_j": history.balance.stored_j,
+            "sources_j": dict(history.balance.sources_j),
+            "films_j": dict(history.balance.films_j),
+            "missing_share": history.balance.missing_share,
+        }
+        return (
+            {name: history.probe_degc[:, k] for k, name in enumerate(history.probes)},
+            {name: history.displacement_um[:, k] for k, name in enumerate(history.displacements)},
+            balance,
+        )
+
+    @property
+    def _sensors(self) -> tuple[Sensor, ...]:
+        if isinstance(self.machine, ModalModel) or isinstance(self.file, ModesFile):
+            return ()
+        return self.file.sensors or tuple(Sensor(name=name) for name in self.machine.probes)
+
+    @property
+    def _gauges(self) -> tuple[Gauge, ...]:
+        machine = self.machine
+        known = machine.responses if isinstance(machine, ModalModel) else tuple(machine.system.displacements)
+        return self.file.gauges or tuple(Gauge(name=name) for name in known)
+
+    def _place(self, sensor: Sensor) -> str | None:
+        probe = sensor.at or sensor.name
+        known = {} if isinstance(self.machine, ModalModel) else self.machine.place_of_probe
+        return sensor.place or known.get(probe, probe)
+
+    def _xyz(self, sensor: Sensor) -> tuple[float, float, float] | None:
+        known = {} if isinstance(self.machine, ModalModel) else self.machine.xyz_of_probe
+        return sensor.xyz or known.get(sensor.at or sensor.name)
+
+
+def thermal_model(file: ModelFile) -> FileModel:
+    """The model that a model file describes, ready to run.
+
+    Raises
+    ------
+    ModelFileError
+        A part of the file contradicts the machine that it describes.
+    """
+    model = FileModel(file, _machine(file))
+    _ = model.parameters  # the bounds are checked here, not when a fit asks for them
+    return model
+
+
+def simulation_findings(simulated: Recording) -> tuple[Finding, ...]:
+    """What is odd about a simulation: temperatures that no machine tool survives.
+
+    Raises
+    ------
+    InputError
+        The numbers left all bounds: heat that grows with the temperature it makes.
+    """
+    if not np.isfinite(simulated.frame.to_numpy()).all():
+        raise InputError(
+            "a simulation whose temperatures grow beyond all bounds",
+            expected="heat that the films can carry away",
+            where="simulation",
+            advice="check the signs and sizes of the sources, and give every part a way to a fluid",
+        )
+    names = simulated.with_role("temperature")
+    values = simulated.frame[list(names)]
+    odd = [name for name in names if values[name].max() > _HOT_DEGC or values[name].min() < _COLD_DEGC]
+    if not odd:
+        return ()
+    low, high = float(values[odd].min().min()), float(values[odd].max().max())
+    return (
+        Finding(
+            "unlikely-temperature",
+            "warning",
+            f"{', '.join(odd[:8])}: {low:.4g} to {high:.4g} °C, which no machine tool survives.",
+            Where(channel=odd[0] if len(odd) == 1 else None),
+            {"channels": odd, "lowest_degc": low, "highest_degc": high},
+            "check heat capacities, films and sources in the model file; its keys carry their units",
+        ),
+    )
+
+
+def input_channel(name: str) -> Channel:
+    """The channel that holds a condition, by its name in `schedule.NAMES`."""
+    role, place = _INPUT_ROLES[name]
+    return Channel(name, role, CANONICAL_UNITS[role], place)
+
+
+def _machine(file: ModelFile, built: HeatMachine | None = None) -> HeatMachine | ModalModel:
+    return modal_machine(file) if isinstance(file, ModesFile) else heat_machine(file, built)
+
+
+def _axis(gauge: Gauge) -> str | None:
+    """The axis that the file says, or the one after which the displacement is called: Z, Z_lower, Y upper."""
+    letter = (gauge.of or gauge.name)[:1].upper()
+    rest = (gauge.of or gauge.name)[1:2]
+    return gauge.axis or (letter if letter in _AXES and not rest.isalnum() else None)
