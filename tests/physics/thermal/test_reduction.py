@@ -27,7 +27,7 @@ def machine():
 
 @pytest.fixture(scope="module")
 def small(machine):
-    return reduced(machine, SETS)
+    return reduced(machine, SETS, tolerance=1e-4)
 
 
 def shift(seed):
@@ -55,7 +55,10 @@ def shift_errors(machine, small, seed):
 def test_a_shift_of_the_reduced_system_is_that_of_the_full_one(machine, small, seed):
     assert small.size < machine.size / 10
     # the promise is 1 % of the peak of every probe and displacement; films lie between the sets of the basis
-    assert shift_errors(machine, small, seed).max() < 0.01
+    # and the probe at the back, far from all heat, is the worst: 0.5 %; displacements have 0.01 %
+    errors = shift_errors(machine, small, seed)
+    assert errors.max() < 0.01
+    assert errors[-3:].max() < 0.0005
 
 
 def test_more_states_mean_less_error(machine):
@@ -115,7 +118,7 @@ def test_passive(small):
 def test_reducing_again_changes_nothing(machine, small):
     again = reduced(small, SETS, tolerance=1e-6)
     assert again.size <= small.size
-    # the fields of the first basis come back; 1e-5 is the second tolerance times their number, squared sums
+    # the fields of the first basis come back up to the second tolerance; probes feel it most
     assert shift_errors(small, again, 1).max() < 1e-3
     other = projected(small, np.eye(small.size))
     np.testing.assert_allclose(other.conduction, small.conduction, atol=1e-12 * np.abs(small.conduction).max())
