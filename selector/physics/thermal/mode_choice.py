@@ -94,10 +94,10 @@ def choose_modes(tests: Sequence[ThermalTest], responses: Sequence[str]) -> Moda
     """The simplest modes whose error on what was left out is within noise of the best.
 
     Tried are 1 to 5 modes with constant time constants, and 1 to 4 with a film that grows with the speed, by their
-    error on stretches of time that are left out; then the laws of the speed, by their error on speeds that are left out.
-    The zero of every run is free. Runs begin at rest and cold, but for those in which the spindle never turns, and those
-    that nothing else explains (a finding says so). A recorded hall temperature drives the same modes where that lowers
-    the error on left-out stretches; predictions are for a constant hall.
+    error on stretches of time that are left out; then the laws of the speed, by their error on left-out speeds.
+    The zero of every run is free. Runs begin at rest and cold, but for those in which the spindle never turns, and
+    those that nothing else explains (a finding says so). A recorded hall temperature drives the same modes where that
+    lowers the error on left-out stretches; predictions are for a constant hall.
 
     Raises
     ------

@@ -135,28 +135,54 @@ def solved(spec: ModeSpec, data: ModeData, theta: Vector, weights: Vector) -> So
     states, left = columns(spec, data, theta)
     design = states.reshape(len(states), -1)
     coefficients = np.zeros((design.shape[1], weights.shape[1]))
-    residual = np.zeros(weights.shape)
     left_out = np.zeros(weights.shape)
     for alike in _alike(weights):
         w = weights[:, alike[0]]
-        scale = weights[:, alike].max(axis=0) / max(w.max(), 1e-300)
-        y = data.displacement_um[:, alike]
-        plain, aim, fixed = design.copy(), y.copy(), []
-        for run, (begin, end) in enumerate(data.bounds):
-            nuisance = np.ones((end - begin, 1))
-            if run in spec.free_starts:
-                nuisance = np.column_stack([nuisance, left[begin:end]])
-            rows = slice(begin, end)
-            both = np.column_stack([design[rows], y[rows]])
-            part = _best(nuisance * w[rows, None], both * w[rows, None])
-            plain[rows] -= nuisance @ part[:, : design.shape[1]]
-            aim[rows] -= nuisance @ part[:, design.shape[1] :]
-            fixed.append(part)
-        found = _best(plain * w[:, None], aim * w[:, None])
-        coefficients[:, alike] = found
+        both = _without_nuisances(spec, data, left, w, np.column_stack([design, data.displacement_um[:, alike]]))
+        plain, aim = both[:, : design.shape[1]], both[:, design.shape[1] :]
+        coefficients[:, alike] = found = _best(plain * w[:, None], aim * w[:, None])
         left_out[:, alike] = aim - plain @ found
-        residual[:, alike] = left_out[:, alike] * w[:, None] * scale
-    return Solution(coefficients, residual, left_out)
+    return Solution(coefficients, left_out * weights, left_out)
+
+
+def _derivative(spec: ModeSpec, data: ModeData, theta: Vector, weights: Vector, free: Vector) -> Vector:
+    """Derivative of the weighted residuals, shape (n_blocks·n_responses, n_free), with gains that follow.
+
+    Kaufman's form of variable projection: the part of the derivative that the columns cannot describe.
+    """
+    states, left = columns(spec, data, theta)
+    design = states.reshape(len(states), -1)
+    solution = solved(spec, data, theta, weights).coefficients
+    changes = []
+    for i in free:
+        moved = theta.copy()
+        moved[i] += STEP
+        changes.append((columns(spec, data, moved)[0].reshape(len(states), -1) - design) @ solution / STEP)
+    out = np.zeros((len(states), weights.shape[1], len(free)))
+    for alike in _alike(weights):
+        w = weights[:, alike[0]]
+        moves = np.concatenate([change[:, alike] for change in changes], axis=1)
+        both = _without_nuisances(spec, data, left, w, np.column_stack([design, moves])) * w[:, None]
+        basis = np.linalg.qr(both[:, : design.shape[1]])[0]
+        part = both[:, design.shape[1] :]
+        part = part - basis @ (basis.T @ part)
+        scale = np.array([weights[:, r].max() for r in alike]) / max(float(w.max()), 1e-300)
+        out[:, alike] = -part.reshape(len(states), len(free), len(alike)).transpose(0, 2, 1) * scale[:, None]
+    return out.reshape(-1, len(free))
+
+
+def _without_nuisances(spec: ModeSpec, data: ModeData, left: Vector, w: Vector, values: Vector) -> Vector:
+    """Columns less what the zero (and start, if it is free) of every run describes, with weights w (n_blocks,)."""
+    begins = [begin for begin, _ in data.bounds]
+    lengths = [end - begin for begin, end in data.bounds]
+    square = (w**2)[:, None]
+    mean = np.add.reduceat(values * square, begins) / np.maximum(np.add.reduceat(square, begins), 1e-300)
+    values = values - np.repeat(mean, lengths, axis=0)
+    for run in spec.free_starts:
+        begin, end = data.bounds[run]
+        nuisance = np.column_stack([np.ones(end - begin), left[begin:end]])
+        values[begin:end] -= nuisance @ _best(nuisance * w[begin:end, None], values[begin:end] * w[begin:end, None])
+    return values
 
 
 def _best(design: Vector, aim: Vector) -> Vector:
@@ -247,13 +273,25 @@ def searched(
     if not len(free):
         return Fit(spec, start, weights, solved(spec, data, start, weights))
 
-    def residual(part: Vector) -> Vector:
+    def at(part: Vector) -> Vector:
         theta = start.copy()
         theta[free] = part
+        return theta
+
+    def residual(part: Vector) -> Vector:
+        theta = at(part)
         return np.r_[solved(spec, data, theta, weights).residual.ravel(), expectations(spec, theta)]
 
+    def derivative(part: Vector) -> Vector:
+        theta, known = at(part), []
+        for i in free:
+            moved = theta.copy()
+            moved[i] += STEP
+            known.append((expectations(spec, moved) - expectations(spec, theta)) / STEP)
+        return np.vstack([_derivative(spec, data, theta, weights, free), np.column_stack(known)])
+
     result = least_squares(
-        residual, start[free], bounds=(low[free], high[free]), diff_step=[STEP], x_scale=1.0, ftol=1e-7, xtol=1e-6,
+        residual, start[free], jac=derivative, bounds=(low[free], high[free]), x_scale=1.0, ftol=1e-7, xtol=1e-6,
         gtol=1e-9, max_nfev=max_steps,
     )  # fmt: skip
     theta = start.copy()
