@@ -112,8 +112,9 @@ class StateSpace:
     @property
     def time_constants_s(self) -> Vector:
         """−1 / real part of every pole [s]: negative for what grows, infinite for what neither grows nor decays."""
+        real = self.poles.real
         with np.errstate(divide="ignore"):
-            return np.asarray(-1.0 / self.poles.real)
+            return np.where(real == 0.0, np.inf, -1.0 / real)
 
     def step_matrices(self, step_s: float) -> tuple[Matrix, Matrix]:
         """E and F of x(t + step) = E·x(t) + F·u for inputs held over the step; no approximation (`expm`)."""

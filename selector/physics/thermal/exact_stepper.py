@@ -7,8 +7,8 @@ g + g'·t, the solution and its integral are (with x = λ·t and the φ-function
     ∫z dt    = t·φ1(x)·z0 + t²·φ2(x)·g + t³·φ3(x)·g'.
 
 Held heat makes g' = 0: an interval of any length is one step without error. Heat that depends on temperature is
-taken linear over steps of `step_s`, from its value at the start to that at the state predicted with the starting
-value: second order.
+taken linear over steps of `step_s`, between its values at the start and at the end, which is found together with the
+state there: second order, and stable for any step.
 """
 
 from __future__ import annotations
@@ -68,7 +68,9 @@ class ExactStepper:
         """See `Stepper.advance`."""
         modal = self._modal_of(held)
         z = modal.to_modal @ rise
-        depends = self._body.softens and held.heat_depends_on_temperature
+        lubricants, soft = self._body.lubricants, self._body.soft
+        nominal = held.lubricant_w[soft]
+        depends = bool(np.any(nominal))
         steps = max(1, int(np.ceil(held.duration_s / self._step_s * (1 - 1e-12)))) if depends else 1
         ends = held.duration_s * np.arange(1, steps + 1) / steps
         read_until, keep_until = np.searchsorted(read_s, ends, "right"), np.searchsorted(keep_s, ends, "right")
@@ -76,19 +78,25 @@ class ExactStepper:
         fluid = modal.film_loads @ (held.film_w_per_m2_k * held.fluid_rise)
         step = held.duration_s / steps
         factors = modal.factors(step)
-        integral, heat = np.zeros(len(z)), np.zeros(len(held.firm_w))
+        steady = self._body.steady_heat_w(held)
+        steady_load = fluid + modal.heat_loads @ steady
+        per_watt = (factors.slope_end / step)[:, None] * modal.heat_loads[:, soft]
+        lubricant_per_watt = modal.lubricants @ per_watt
+        integral, heat = np.zeros(len(z)), held.duration_s * steady
         read, kept = [np.zeros((0, len(modal.rows)))], [np.zeros((0, len(z)))]
         first_read = first_keep = 0
         for k in range(steps):
-            before = self._body.heat_w(held, modal.lubricants @ z) if depends else held.firm_w + held.lubricant_w
-            load = fluid + modal.heat_loads @ before
-            ahead, area = factors.step(z, load)
-            slope = None
-            after = before
+            load, slope = steady_load, None
             if depends:
-                after = self._body.heat_w(held, modal.lubricants @ ahead)
-                slope = modal.heat_loads @ ((after - before) / step)
+                before = lubricants.heat_w(nominal, modal.lubricants @ z)
+                load = steady_load + modal.heat_loads[:, soft] @ before
+            ahead, area = factors.step(z, load)
+            if depends:
+                without = modal.lubricants @ ahead - lubricant_per_watt @ before
+                after = lubricants.settled_heat_w(nominal, without, lubricant_per_watt)
+                slope = modal.heat_loads[:, soft] @ ((after - before) / step)
                 ahead, area = ahead + factors.slope_end * slope, area + factors.slope_area * slope
+                heat[soft] += 0.5 * step * (before + after)
             if read_until[k] > first_read:
                 at = read_s[first_read : read_until[k]] - step * k
                 at_end = len(at) == 1 and at[0] == step
@@ -99,7 +107,6 @@ class ExactStepper:
                 kept.append(_at(modal.rate, z, load, slope, at, modal.shapes))
                 first_keep = keep_until[k]
             integral += area
-            heat += 0.5 * step * (before + after)
             z = ahead
         return Advance(modal.shapes @ z, np.concatenate(read), np.concatenate(kept), modal.film_rows @ integral, heat)
 
@@ -116,7 +123,7 @@ class ExactStepper:
             shapes=shapes,
             to_modal=shapes.T @ self._capacity,
             rows=body.rows @ shapes,
-            lubricants=body.lubricants @ shapes,
+            lubricants=body.lubricants.rows @ shapes,
             heat_loads=shapes.T @ body.heat_loads,
             film_loads=shapes.T @ body.film_loads,
             film_rows=body.film_rows @ shapes,

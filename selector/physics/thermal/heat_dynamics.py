@@ -68,12 +68,14 @@ class HeatDynamics:
         """Rates [K/s] of the states at temperatures `x` [°C] under inputs `u`; `t_s` does not matter."""
         body, held = self._body, self._held(u)
         load = body.film_loads @ (held.film_w_per_m2_k * held.fluid_rise)
-        load = load + body.heat_loads @ body.heat_w(held, body.lubricants @ x)
+        heat, soft = body.steady_heat_w(held), body.soft
+        heat[soft] += body.lubricants.heat_w(held.lubricant_w[soft], body.lubricants.rows @ x)
+        load = load + body.heat_loads @ heat
         return self._divided_by_capacity(load - body.conductance(held) @ x)
 
     def output(self, t_s: float, x: Vector, u: Vector) -> Vector:
         """Probe temperatures [°C] and displacements [µm]."""
-        rows = self._body.rows[: len(self.outputs)]
+        rows = self._body.rows
         shift = np.r_[np.zeros(len(self.system.probes)), np.full(len(self.system.displacements), self.reference_degc)]
         return np.asarray(rows @ x - shift * (rows @ self.system.uniform))
 

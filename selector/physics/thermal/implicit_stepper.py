@@ -1,14 +1,14 @@
 """How a large body warms: an implicit method of second order, one factorisation for all steps of equal length.
 
-The additive Runge–Kutta method of Ascher, Ruuth and Spiteri (1997), "(2,2,2)". Conduction and films are treated
-implicitly by the L-stable, stiffly accurate SDIRK method of two stages (γ = 1 − 1/√2), so that steps much longer than
-the quickest time constants do no harm. Heat that depends on temperature enters explicitly, of second order too:
+The L-stable, stiffly accurate diagonally implicit Runge–Kutta method of two stages (Alexander 1977, γ = 1 − 1/√2):
+steps much longer than the quickest time constants do no harm. With M = K + Σ h_f·A_f and g = all heat,
 
-    (C + γ·h·M)·Y1 = C·r0 + γ·h·(a + B·q(r0))
-    (C + γ·h·M)·Y2 = C·r0 + (1 − γ)·h·(a − M·Y1) + γ·h·a + h·B·(δ·q(r0) + (1 − δ)·q(Y1)),   δ = 1 − 1/(2γ)
+    (C + γ·h·M)·Y1 = C·r0 + γ·h·g(Y1)
+    (C + γ·h·M)·Y2 = C·r0 + (1 − γ)/γ·C·(Y1 − r0) + γ·h·g(Y2),
 
-M = K + Σ h_f·A_f, a = the heat of fluids, and Y2 is the state after the step. Summed with `uniform`, these equations
-are the energy balance of the step: it closes to what the solver leaves.
+and Y2 is the state after the step. Where heat depends on the temperatures of a few lubricants, their equations are
+all that is non-linear; they are solved apart. Summed with `uniform`, the stages are the energy balance of the step:
+it closes to what the solver leaves.
 """
 
 from __future__ import annotations
@@ -29,7 +29,6 @@ Array = NDArray[np.float64]
 Solve = Callable[[Vector], Vector]
 
 GAMMA = 1.0 - np.sqrt(0.5)
-DELTA = 1.0 - 0.5 / GAMMA
 
 _CACHE_BYTES = 1e9
 """Memory for factorisations. One of 20 000 finite-element nodes takes some 200 MB; at least two are kept."""
@@ -42,7 +41,7 @@ class ImplicitStepper:
     def __init__(self, body: Body, step_s: float) -> None:
         self._body = body
         self._step_s = step_s
-        self._solvers: OrderedDict[tuple[float, bytes], Solver] = OrderedDict()
+        self._solvers: OrderedDict[tuple[float, bytes], tuple[Solve, Array]] = OrderedDict()
         self._room = 2
 
     def advance(self, rise: Vector, held: Interval, read_s: Vector, keep_s: Vector) -> Advance:
@@ -54,50 +53,57 @@ class ImplicitStepper:
         ends = step * np.arange(1, steps + 1)
         read_until, keep_until = np.searchsorted(read_s, ends, "right"), np.searchsorted(keep_s, ends, "right")
         read_until[-1], keep_until[-1] = len(read_s), len(keep_s)
-        solve = self._solver(held, step)
-        fluid = body.film_loads @ (held.film_w_per_m2_k * held.fluid_rise)
-        depends = body.softens and held.heat_depends_on_temperature
-        film, heat = np.zeros(len(body.film_rows)), np.zeros(len(held.firm_w))
+        solve, per_watt = self._solver(held, step)
+        lubricants, soft = body.lubricants, body.soft
+        lubricant_per_watt = lubricants.rows @ per_watt
+        nominal = held.lubricant_w[soft]
+        depends = bool(np.any(nominal))
+        steady = body.steady_heat_w(held)
+        load = GAMMA * step * (body.film_loads @ (held.film_w_per_m2_k * held.fluid_rise) + body.heat_loads @ steady)
+        film, heat = np.zeros(len(body.film_rows)), step * steps * steady
         read, kept = [np.zeros((0, len(body.rows)))], [np.zeros((0, len(rise)))]
         first_read = first_keep = 0
-        q0 = q1 = held.firm_w + held.lubricant_w
         stored = capacity @ rise
+
+        def stage(right: Vector, weight: float) -> Vector:
+            state = solve(right)
+            if depends:
+                given = lubricants.settled_heat_w(nominal, lubricants.rows @ state, lubricant_per_watt)
+                heat[soft] += weight * step * given
+                state = state + per_watt @ given
+            return state
+
         for k in range(steps):
-            if depends:
-                q0 = body.heat_w(held, body.lubricants @ rise)
-            load = fluid + body.heat_loads @ q0
-            stage = solve(stored + GAMMA * step * load)
-            # (1 − γ)·h·(a − M·Y1), from the first equation
-            flow = (1.0 - GAMMA) / GAMMA * (capacity @ stage - stored) - (1.0 - GAMMA) * step * (load - fluid)
-            if depends:
-                q1 = body.heat_w(held, body.lubricants @ stage)
-            given = DELTA * q0 + (1.0 - DELTA) * q1
-            ahead = solve(stored + flow + step * (GAMMA * fluid + body.heat_loads @ given))
+            inner = stage(stored + load, 1.0 - GAMMA)
+            gained = capacity @ inner - stored
+            ahead = stage(stored + (1.0 - GAMMA) / GAMMA * gained + load, GAMMA)
             if read_until[k] > first_read:
                 at = (read_s[first_read : read_until[k]] - step * k) / step
-                read.append(_parabola(at) @ (np.array([rise, stage, ahead]) @ body.rows.T))
+                read.append(_parabola(at) @ (np.array([rise, inner, ahead]) @ body.rows.T))
                 first_read = read_until[k]
             if keep_until[k] > first_keep:
                 at = (keep_s[first_keep : keep_until[k]] - step * k) / step
-                kept.append(_parabola(at) @ np.array([rise, stage, ahead]))
+                kept.append(_parabola(at) @ np.array([rise, inner, ahead]))
                 first_keep = keep_until[k]
-            film += body.film_rows @ (step * ((1.0 - GAMMA) * stage + GAMMA * ahead))
-            heat += step * given
+            film += body.film_rows @ (step * ((1.0 - GAMMA) * inner + GAMMA * ahead))
             rise, stored = ahead, capacity @ ahead
         return Advance(rise, np.concatenate(read), np.concatenate(kept), film, heat)
 
-    def _solver(self, held: Interval, step: float) -> Solve:
+    def _solver(self, held: Interval, step: float) -> tuple[Solve, Array]:
+        """Solver of a stage, and the rise that 1 W of every lubricant adds to the stage's state."""
         key = (step, held.film_w_per_m2_k.tobytes())
         if key in self._solvers:
             self._solvers.move_to_end(key)
-            return self._solvers[key].solve
+            return self._solvers[key]
         # room is made before the next one is built
         while len(self._solvers) >= self._room:
             self._solvers.popitem(last=False)
         solver = factorised(self._body.system.capacity + GAMMA * step * self._body.conductance(held))
         self._room = int(np.clip(_CACHE_BYTES // solver.n_bytes, 2, _MOST))
-        self._solvers[key] = solver
-        return solver.solve
+        loads = GAMMA * step * self._body.heat_loads[:, self._body.soft]
+        per_watt = np.array([solver.solve(column) for column in loads.T]).reshape(loads.T.shape).T
+        self._solvers[key] = solver.solve, per_watt
+        return self._solvers[key]
 
 
 @dataclass(frozen=True)

@@ -49,13 +49,6 @@ def heat_parts(laws: Laws, conditions: Conditions) -> tuple[Matrix, Matrix]:
     return _table(firm, len(turns_per_s)), _table(lubricant, len(turns_per_s))
 
 
-def softening(laws: Laws, at_degc: Matrix) -> Matrix:
-    """Factor s of every heat law at its lubricant's temperature `at_degc` [°C], shape (..., n_heat_laws)."""
-    per_k = np.array([law.softening_per_k for law in laws.heat])
-    zero = np.array([law.softening_degc for law in laws.heat])
-    return np.asarray(np.exp(-per_k * (at_degc - zero)))
-
-
 def heat_w(laws: Laws, conditions: Conditions, readings: Mapping[str, Vector] | None = None) -> Matrix:
     """Heat [W] of every law, shape (n_samples, n_heat_laws).
 
@@ -72,15 +65,13 @@ def heat_w(laws: Laws, conditions: Conditions, readings: Mapping[str, Vector] | 
         If a law names a probe that has no readings.
     """
     firm, lubricant = heat_parts(laws, conditions)
-    at = np.zeros_like(firm)
     for column, law in enumerate(laws.heat):
         if law.softening_per_k != 0.0:
             if law.at not in (readings or {}):
                 raise _unknown("probe", law.at, tuple(readings or {}), f"the law of the source {law.source!r}")
-            at[:, column] = (readings or {})[law.at]
-        else:
-            at[:, column] = law.softening_degc
-    return firm + lubricant * softening(laws, at)
+            at_degc = np.asarray((readings or {})[law.at])
+            lubricant[:, column] *= np.exp(-law.softening_per_k * (at_degc - law.softening_degc))
+    return firm + lubricant
 
 
 def require_known_places(laws: Laws, system: HeatSystem) -> None:
@@ -98,6 +89,13 @@ def require_known_places(laws: Laws, system: HeatSystem) -> None:
         if heat.softening_per_k != 0.0 and heat.at not in system.probes:
             raise _unknown("probe", heat.at, tuple(system.probes), where)
         _require_finite(heat, where)
+        if heat.softening_per_k < 0:
+            raise InputError(
+                f"softening_per_k = {heat.softening_per_k:g}",
+                expected="0 or more",
+                where=where,
+                advice="friction falls as a lubricant warms: write the coefficient without a sign",
+            )
     for film in laws.films:
         where = f"the law of the surface {film.film!r}"
         if film.film not in system.films:

@@ -14,7 +14,6 @@ from selector.physics.thermal.law_values import (
     fluid_degc,
     heat_parts,
     require_known_places,
-    softening,
 )
 from selector.physics.thermal.laws import Conditions, Laws
 from selector.physics.thermal.stepping import Body, Interval
@@ -28,8 +27,7 @@ def steady_state(system: HeatSystem, laws: Laws, conditions: Conditions) -> Vect
     Raises
     ------
     InputError
-        If the conditions change; if a part of the body reaches no fluid; if heat that grows with temperature finds
-        no balance.
+        If the conditions change; if a part of the body reaches no fluid.
     """
     require_known_places(laws, system)
     columns = (film_coefficients(laws, conditions), fluid_degc(laws, conditions), *heat_parts(laws, conditions))
@@ -46,13 +44,12 @@ def steady_state(system: HeatSystem, laws: Laws, conditions: Conditions) -> Vect
     held = Interval(0.0, films, fluids - datum, firm, lubricant)
     _require_a_way_to_a_fluid(body, held)
     solve = factorised(body.conductance(held)).solve
-    without = solve(body.film_loads @ (films * held.fluid_rise) + body.heat_loads @ firm)
-    if body.softens and held.heat_depends_on_temperature:
-        per_watt = np.column_stack([solve(load) for load in body.heat_loads.T])
-        lubricant_rise = _balance(body, held, body.lubricants @ without, body.lubricants @ per_watt)
-        rise = without + per_watt @ (body.heat_w(held, lubricant_rise) - firm)
-    else:
-        rise = without + solve(body.heat_loads @ lubricant)
+    soft = body.soft
+    rise = solve(body.film_loads @ (films * held.fluid_rise) + body.heat_loads @ body.steady_heat_w(held))
+    if len(soft):
+        per_watt = np.column_stack([solve(load) for load in body.heat_loads[:, soft].T])
+        rows = body.lubricants.rows
+        rise = rise + per_watt @ body.lubricants.settled_heat_w(lubricant[soft], rows @ rise, rows @ per_watt)
     return np.asarray(rise + datum * system.uniform)
 
 
@@ -83,27 +80,3 @@ def _require_a_way_to_a_fluid(body: Body, held: Interval) -> None:
             where="steady state",
             advice="such a part warms for ever: add convection or a link, or simulate a limited time instead",
         )
-
-
-def _balance(body: Body, held: Interval, without: Vector, per_watt: NDArray[np.float64]) -> Vector:
-    """Lubricant temperatures x (rises) with x = without + per_watt·(heat of the lubricants at x); Newton."""
-    soft = np.array([law.softening_per_k for law in body.laws.heat])
-    x = without.copy()
-    for _ in range(200):
-        with np.errstate(over="ignore", invalid="ignore"):
-            heat = held.lubricant_w * softening(body.laws, x + body.datum_of_lubricants)
-            gap = x - without - per_watt @ heat
-            slope = np.eye(len(x)) + per_watt * (soft * heat)
-        if not np.isfinite(slope).all() or not np.isfinite(gap).all():
-            break
-        change = np.linalg.solve(slope, -gap)
-        x = x + change
-        # far below what a sensor tells, far above rounding
-        if np.max(np.abs(change)) <= 1e-10 * max(1.0, float(np.max(np.abs(x)))):
-            return x
-    raise InputError(
-        "heat that grows faster with temperature than the machine can give away",
-        expected="lubricants whose friction falls as they warm (softening_per_k of 0 or more)",
-        where="steady state",
-        advice="check softening_per_k, or simulate a limited time instead",
-    )

@@ -16,8 +16,8 @@ from scipy import sparse
 
 from selector.physics.thermal.eigenmodes import conductance
 from selector.physics.thermal.heat_system import HeatSystem, Matrix
-from selector.physics.thermal.law_values import softening
 from selector.physics.thermal.laws import Laws
+from selector.physics.thermal.lubricants import Lubricants
 
 Vector = NDArray[np.float64]
 Array = NDArray[np.float64]
@@ -48,17 +48,30 @@ class Body:
 
     @cached_property
     def rows(self) -> Array:
-        """Probes, then displacements, then the temperatures that lubricants have; shape (n_rows, n)."""
-        system = self.system
-        none = np.zeros(system.size)
-        at = [system.probes[law.at] if law.softening_per_k != 0.0 else none for law in self.laws.heat]
-        rows = [*system.probes.values(), *system.displacements.values(), *at]
-        return np.array(rows, dtype=np.float64).reshape(len(rows), system.size)
+        """Probes, then displacements, shape (n_rows, n)."""
+        rows = [*self.system.probes.values(), *self.system.displacements.values()]
+        return np.array(rows, dtype=np.float64).reshape(len(rows), self.system.size)
 
     @cached_property
-    def lubricants(self) -> Array:
-        """The last of `rows`, shape (n_heat_laws, n)."""
-        return self.rows[len(self.rows) - len(self.laws.heat) :]
+    def soft(self) -> NDArray[np.intp]:
+        """Positions of the heat laws whose heat depends on temperature, shape (n_soft,)."""
+        laws = self.laws.heat
+        return np.array(
+            [k for k, law in enumerate(laws) if law.softening_per_k > 0 and law.speed_w != 0], dtype=np.intp
+        )
+
+    @cached_property
+    def lubricants(self) -> Lubricants:
+        """What the soft laws' heat follows."""
+        laws = [self.laws.heat[k] for k in self.soft]
+        rows = [self.system.probes[law.at] for law in laws]
+        at = np.array(rows, dtype=np.float64).reshape(len(rows), self.system.size)
+        zero = np.array([law.softening_degc for law in laws], dtype=np.float64)
+        return Lubricants(
+            rows=at,
+            per_k=np.array([law.softening_per_k for law in laws], dtype=np.float64),
+            zero_rise=zero - at @ self.system.uniform * self.datum_degc,
+        )
 
     @cached_property
     def heat_loads(self) -> Array:
@@ -78,19 +91,11 @@ class Body:
         rows = [np.asarray(self.system.films[law.film].T @ self.system.uniform) for law in self.laws.films]
         return np.array(rows, dtype=np.float64).reshape(len(rows), self.system.size)
 
-    @cached_property
-    def softens(self) -> bool:
-        """Whether some heat depends on temperature."""
-        return any(law.softening_per_k != 0.0 and law.speed_w != 0.0 for law in self.laws.heat)
-
-    @cached_property
-    def datum_of_lubricants(self) -> Vector:
-        """Temperature of every lubricant [°C] when all rises are 0."""
-        return self.lubricants @ self.system.uniform * self.datum_degc
-
-    def heat_w(self, held: Interval, lubricant_rise: Vector) -> Vector:
-        """Heat of every law [W] with its lubricant at this rise."""
-        return held.firm_w + held.lubricant_w * softening(self.laws, lubricant_rise + self.datum_of_lubricants)
+    def steady_heat_w(self, held: Interval) -> Vector:
+        """Heat of every law [W] without that which depends on temperature."""
+        heat = held.firm_w + held.lubricant_w
+        heat[self.soft] = held.firm_w[self.soft]
+        return heat
 
     def conductance(self, held: Interval) -> Matrix:
         """K + Σ h_f·A_f [W/K] with the film coefficients of an interval."""
@@ -119,11 +124,6 @@ class Interval:
     fluid_rise: Vector
     firm_w: Vector
     lubricant_w: Vector
-
-    @property
-    def heat_depends_on_temperature(self) -> bool:
-        """Whether some lubricant makes heat now."""
-        return bool(np.any(self.lubricant_w))
 
 
 @dataclass(frozen=True)

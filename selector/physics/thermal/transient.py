@@ -174,7 +174,7 @@ def simulate_heat(
     n_probes, n_displacements = len(system.probes), len(system.displacements)
     uniform = body.rows @ system.uniform
     offset = np.r_[np.full(n_probes, datum), np.full(n_displacements, datum - reference_degc)]
-    shown = readings[:, : n_probes + n_displacements] + offset * uniform[: n_probes + n_displacements]
+    shown = readings + offset * uniform
     stored = float(weights @ (rise - (start - datum * system.uniform)))
     return HeatHistory(
         time_s=read,
@@ -245,15 +245,17 @@ def _times(asked: ArrayLike, conditions: Conditions, name: str) -> Vector:
             f"{name} that is missing or runs backwards", expected="times that increase", where="simulation",
             advice="sort the times",
         )  # fmt: skip
-    if len(times) and (times[0] < begin or times[-1] > end):
-        wrong = times[0] if times[0] < begin else times[-1]
+    # sums of steps miss the end by rounding
+    slack = 1e-9 * (end - begin)
+    if len(times) and (times[0] < begin - slack or times[-1] > end + slack):
+        wrong = times[0] if times[0] < begin - slack else times[-1]
         raise InputError(
             f"{name} reaches {wrong:g} s",
             expected=f"times within the conditions, {begin:g} to {end:g} s",
             where="simulation",
             advice="let the conditions last as long as the simulation",
         )
-    return times
+    return np.clip(times, begin, end)
 
 
 def _summed(names: Sequence[str], amounts: Vector) -> dict[str, float]:
