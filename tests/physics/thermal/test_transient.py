@@ -99,7 +99,7 @@ def test_energy_closes_for_any_machine_with_the_implicit_stepper(data):
     found = simulate_heat(
         network.heat_system(), laws, conditions, time_s=[0.0], step_s=100.0, start_degc=20.0, method="implicit"
     )
-    # the sums of the steps balance whatever the step; what is left is the solver's rounding, a random walk over the steps
+    # the sums of the steps balance whatever the step; what is left is the solver's rounding, added up over the steps
     assert abs(found.balance.missing_j) <= 1e-10 * found.balance.turnover_j + 1e-6
 
 
