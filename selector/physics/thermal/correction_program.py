@@ -42,7 +42,7 @@ class Operation:
     @property
     def durations_s(self) -> Vector:
         """How long each correction is the last one [s], shape (n,); they add up to the length of the operation."""
-        return np.diff(np.r_[self.times_s, self.end_s])
+        return np.asarray(np.diff(np.r_[self.times_s, self.end_s]))
 
     @property
     def offsets_um(self) -> Vector:
@@ -148,8 +148,8 @@ def correction_program(
     for start, end in zip(np.r_[0.0, ends[:-1]], ends, strict=True):
         inside = (time > start) & (time < end)
         t = np.r_[start, time[inside], end]
-        d = np.interp(t, time, displacement)
-        d -= d[0]
+        d = np.asarray(np.interp(t, time, displacement))
+        d = d - d[0]
         if resolution_s is None:
             times, corrections = _when_reached(t, d, tolerance_um)
         else:
@@ -194,7 +194,7 @@ def _on_a_grid(t: Vector, d: Vector, tolerance_um: float, resolution_s: float) -
         )
     grid = t[0] + resolution_s * np.arange(count)
     edges = np.r_[grid, t[-1]]
-    at_edges = np.interp(edges, t, d)
+    at_edges = np.asarray(np.interp(edges, t, d))
     lows, highs = _extremes(t, d, edges, at_edges)
     times: list[float] = []
     corrections: list[float] = []

@@ -42,7 +42,7 @@ _HEADINGS = (
 def notation(operation: Operation) -> str:
     """One operation as the source prints it (C eq. 5): ``3-{18,27,15}-{0,10,10}``, minutes and µm.
 
-    Rounded to 0.01 min and 0.01 µm for reading; `Operation` has the exact values.
+    Rounded to 0.1 min and 0.1 µm for reading; `Operation` has the exact values.
     """
     durations = ",".join(_short(value / 60.0) for value in operation.durations_s)
     corrections = ",".join(_short(value) for value in operation.corrections_um)
@@ -110,7 +110,7 @@ def _clock(time_s: float) -> str:
 
 
 def _short(value: float) -> str:
-    text = f"{value:.2f}".rstrip("0").rstrip(".")
+    text = f"{value:.1f}".rstrip("0").rstrip(".")
     return "0" if text == "-0" else text
 
 

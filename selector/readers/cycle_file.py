@@ -1,0 +1,203 @@
+"""Cycle file → times and speeds of a duty cycle; strict, because a wrong cell would be a wrong prediction."""
+
+from __future__ import annotations
+
+import csv
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.errors import ReadError
+from selector.readers.encodings import decoded
+from selector.readers.layout import is_time_name
+from selector.readers.names import name_and_unit, printable_name
+from selector.readers.numeric_clock import time_unit
+from selector.readers.roles import role_guess
+from selector.units import convert, parse_unit, unit_for_role
+
+Vector = NDArray[np.float64]
+
+MOST_BYTES = 20_000_000
+MOST_ROWS = 10_000
+
+_SEPARATORS = (";", "\t", "|", ",", " ")
+_NUMBER = re.compile(r"[+-]?(\d+([.]\d*)?|[.]\d+)([eE][+-]?\d+)?")
+_EXAMPLE = "a header such as time_s,spindle_speed and below it one row for every change of the speed"
+_ROW = "a time and a speed"
+
+
+@dataclass(frozen=True)
+class CycleFile:
+    """A duty cycle as it stands in its file.
+
+    Attributes
+    ----------
+    file : str
+        Name of the file, fit to be shown.
+    time_s, speed_rpm : ndarray of shape (n_rows,)
+        From each time [s] on the speed [r/min] is held; times start at 0 and increase.
+    """
+
+    file: str
+    time_s: Vector
+    speed_rpm: Vector
+
+
+def read_cycle(path: Path) -> CycleFile:
+    """Read a duty cycle: text with a header, a column of times with their unit, and a column of the spindle speed.
+
+    The unit of the time stands in its heading (``time_s``, ``t_min``, ``time [h]``). Without one, a speed is in r/min.
+    Other columns are refused only if it is not clear which one is the speed.
+
+    Raises
+    ------
+    ReadError
+        The file cannot be read, a unit is missing or unknown, a cell holds no number, times do not start at 0 or do not
+        increase, or a speed is negative.
+    """
+    name = printable_name(path.name)
+    rows = _rows(path, name)
+    time, speed, scale = _columns([cell.strip() for cell in rows[0][1]], name)
+    comma = not any("." in cell for _, cells in rows[1:] for cell in cells)
+    times, speeds = np.empty(len(rows) - 1), np.empty(len(rows) - 1)
+    for i, (line, cells) in enumerate(rows[1:]):
+        where = f"{name}, line {line}"
+        if len(cells) != len(rows[0][1]):
+            raise _error(f"{len(cells)} cells", f"{len(rows[0][1])}, as in the header", where, "complete the row")
+        times[i] = _number(cells[time], "time", where, comma)
+        speeds[i] = _number(cells[speed], "speed", where, comma)
+    times, speeds = convert(times, scale[0], "s"), convert(speeds, scale[1], "rpm")
+    _check(times, speeds, [line for line, _ in rows[1:]], name)
+    return CycleFile(name, times, speeds)
+
+
+def _rows(path: Path, name: str) -> list[tuple[int, list[str]]]:
+    """Line numbers and cells of the lines that are neither empty nor comments, the header first."""
+    if path.is_dir():
+        raise _error("a folder", "a file", name, "name the file with the duty cycle")
+    if path.exists() and not path.is_file():
+        raise _error("not a regular file", "a text file", name, "write the duty cycle into a file and name that")
+    size = path.stat().st_size
+    if size > MOST_BYTES:
+        raise _error(
+            f"{size / 1e6:.0f} MB", f"a duty cycle, at most {MOST_BYTES / 1e6:.0f} MB", name,
+            "give one row for every change of the speed, not one for every sample",
+        )  # fmt: skip
+    data = path.read_bytes()
+    if not data.strip():
+        raise _error("an empty file", _EXAMPLE, name, "write the duty cycle into the file")
+    text = decoded(data, name).utf8.decode("utf-8")
+    lines = [(i, line) for i, line in enumerate(text.split("\n"), start=1) if line.strip(' \t\r;,|"')]
+    lines = [(i, line) for i, line in lines if not line.lstrip().startswith("#")]
+    if lines and re.fullmatch(r'"?sep=."?', lines[0][1].strip(), re.IGNORECASE):
+        lines = lines[1:]
+    if len(lines) > MOST_ROWS + 1:
+        raise _error(
+            f"{len(lines) - 1} rows", f"at most {MOST_ROWS}", name,
+            "give one row for every change of the speed, not one for every sample",
+        )  # fmt: skip
+    if len(lines) < 2:
+        raise _error(
+            "no row below the header" if lines else "nothing but comments", _EXAMPLE, name, "add the missing rows"
+        )
+    mark = next((mark for mark in _SEPARATORS if mark in lines[0][1].strip()), None)
+    if mark is None:
+        raise _error(
+            f"a header with one column ({lines[0][1].strip()[:60]!r})", _EXAMPLE, f"{name}, line {lines[0][0]}",
+            "separate the columns by commas or semicolons",
+        )  # fmt: skip
+    return [(number, _cells(line, mark)) for number, line in lines]
+
+
+def _cells(line: str, mark: str) -> list[str]:
+    if mark == " ":
+        return line.split()
+    return next(csv.reader([line.rstrip("\r")], delimiter=mark))
+
+
+def _columns(header: list[str], name: str) -> tuple[int, int, tuple[str, str]]:
+    """Positions of time and speed, and their units."""
+    parts = [name_and_unit(cell, time=True) for cell in header]
+    times = [i for i, (word, _) in enumerate(parts) if is_time_name(word)]
+    where = f"{name}, header"
+    if len(times) != 1:
+        raise _error(
+            f"{len(times)} columns of time among {', '.join(map(repr, header))}", "one, such as time_s", where,
+            "name the column with the times time_s, or t_min if they are in minutes",
+        )  # fmt: skip
+    _refuse_unknown_unit(header[times[0]], parts[times[0]][1], where)
+    unit = time_unit(parts[times[0]][1])
+    if unit is None:
+        written = parts[times[0]][1]
+        raise _error(
+            f"no unit of time in {header[times[0]]!r}" if written is None else f"unit {written!r} of the time",
+            "a unit of time, as in time_s, t_min or time [h]", where, "write the unit into the heading of the times",
+        )  # fmt: skip
+    others = [i for i in range(len(header)) if i != times[0]]
+    speeds = [i for i in others if _is_speed(*parts[i])]
+    if len(speeds) != 1:
+        raise _error(
+            f"{len(speeds)} columns of the spindle speed among {', '.join(map(repr, header))}",
+            "one, such as spindle_speed", where, "name the column with the speeds spindle_speed",
+        )  # fmt: skip
+    _refuse_unknown_unit(header[speeds[0]], parts[speeds[0]][1], where)
+    speed_unit = unit_for_role(parts[speeds[0]][1] or "rpm", "spindle_speed", where=f"{where} {header[speeds[0]]!r}")
+    return times[0], speeds[0], (unit, speed_unit)
+
+
+def _refuse_unknown_unit(heading: str, unit: str | None, where: str) -> None:
+    bracketed = re.search(r"[\[({<]([^\])}>]*)[\])}>]", heading)
+    if unit is None and bracketed:
+        raise _error(
+            f"unit {bracketed[1]!r} in {heading!r}", "a unit that is known", where,
+            "write s, min or h for times, and rpm or 1/s for speeds",
+        )  # fmt: skip
+
+
+def _is_speed(name: str, unit: str | None) -> bool:
+    example = np.array([0.0, 1000.0, 2000.0])
+    units = {None, parse_unit(unit) if unit else None}
+    return any(role_guess(name, known, example).role == "spindle_speed" for known in units)
+
+
+def _number(cell: str, what: str, where: str, comma: bool) -> float:
+    text = cell.strip().replace("−", "-")
+    if comma and text.count(",") == 1:
+        text = text.replace(",", ".")
+    if not text:
+        raise _error(
+            f"no {what}", _ROW, where, "give every row its time and its speed; write 0 where the spindle stands"
+        )
+    value = float(text) if _NUMBER.fullmatch(text) else float("nan")
+    if not np.isfinite(value):
+        raise _error(f"{what} {cell.strip()[:40]!r}", f"{_ROW}, both numbers", where, "correct the cell")
+    return value
+
+
+def _check(time: Vector, speed: Vector, lines: list[int], name: str) -> None:
+    for i, line in enumerate(lines):
+        where = f"{name}, line {line}"
+        if time[i] < 0:
+            raise _error(f"time {time[i]:g} s", "times from 0 on", where, "count the time from the start of the cycle")
+        if i == 0 and time[0] != 0:
+            raise _error(
+                f"a first time of {time[0]:g} s", "a first row at time 0", where,
+                "add a row for time 0, with speed 0 if the spindle stands at first",
+            )  # fmt: skip
+        if i and time[i] <= time[i - 1]:
+            raise _error(
+                f"time {time[i]:g} s after {time[i - 1]:g} s", "times that increase", where,
+                "sort the rows by time and keep one row a time",
+            )  # fmt: skip
+        if speed[i] < 0:
+            raise _error(
+                f"speed {speed[i]:g} r/min", "a speed of 0 or more", where,
+                "give the speed without a sign: the sense of rotation does not matter here",
+            )  # fmt: skip
+
+
+def _error(found: str, expected: str, where: str, advice: str) -> ReadError:
+    return ReadError(found, expected=expected, where=where, advice=advice)

@@ -1,0 +1,309 @@
+"""`selector predict` from the command line: the contract, the printed example, and what cannot be used."""
+
+from __future__ import annotations
+
+import json
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from selector.cli import exit_status
+
+FIXTURES = Path(__file__).resolve().parents[2] / "fixtures" / "dutycycle"
+CYCLES = FIXTURES / "cycles"
+SIMULATED = runpy.run_path(str(FIXTURES.parent / "make" / "dutycycle.py"))
+PRINTED = ["3-{18,27,15}-{0,10,10}", "3-{15,40,5}-{0,10,10}", "1-{60}-{0}", "1-{60}-{0}", "1-{60}-{0}"]
+
+MACHINE = """
+[time]
+column = "t"
+unit = "min"
+[channels.spindle_speed]
+role = "spindle_speed"
+unit = "rpm"
+[channels.Z]
+role = "displacement"
+unit = "um"
+"""
+
+
+def steadies_of_the_printed_program():
+    """One mode from which the printed program follows: δ reaches 10 and 20 µm 18 and 45 min after the first zero, and
+    15 and 55 min after the second, where the speed rises at 60 min and falls at 75 min."""
+    # the time constant solves (1 − e^(−45/τ)) = 2·(1 − e^(−18/τ))
+    x = np.roots([1, 0, 0, -2, 0, 1])  # x = e^(−9/τ): x⁵ − 2x² + 1 = 0
+    x = float(x[(abs(x.imag) < 1e-12) & (x.real > 0) & (x.real < 0.999)].real[0])
+    tau = -9.0 / np.log(x)
+    first = 10 / (1 - x**2)
+    zero = first * (1 - np.exp(-60 / tau))
+    second = zero + 10 / (1 - np.exp(-15 / tau))
+    third = zero + 10 + 10 / (1 - np.exp(-40 / tau))
+    return tau, {1000.0: first, 2000.0: second, 1600.0: third}
+
+
+@pytest.fixture(scope="module")
+def one_mode(tmp_path_factory):
+    """Tests without noise of a machine with one mode, from which the printed program follows."""
+    folder = tmp_path_factory.mktemp("one_mode")
+    tau, steady = steadies_of_the_printed_program()
+    minutes = np.arange(0.0, 481.0)
+    for speed, level in steady.items():
+        turning = np.where(minutes < 240, speed, 0.0)
+        heated = level * (1 - np.exp(-minutes / tau))
+        cooled = level * (1 - np.exp(-240 / tau)) * np.exp(-(minutes - 240) / tau)
+        rows = zip(minutes, turning, np.where(minutes < 240, heated, cooled), strict=True)
+        text = "t,spindle_speed,Z\n" + "".join(f"{t:g},{n:g},{z:.9f}\n" for t, n, z in rows)
+        (folder / f"n{speed:g}.csv").write_text(text, encoding="utf-8")
+    (folder / "machine.toml").write_text(MACHINE, encoding="utf-8")
+    (folder.parent / "example.csv").write_text(
+        "time_s,spindle_speed\n0,1000\n3600,2000\n4500,1600\n18000,1600\n", encoding="utf-8"
+    )
+    return folder
+
+
+def run(capfd, *arguments):
+    code = exit_status(["predict", *map(str, arguments)])
+    out, err = capfd.readouterr()
+    return code, out, err
+
+
+def predicted(capfd, tests, *arguments):
+    code, out, err = run(capfd, tests, "--machine", tests / "machine.toml", *arguments, "--json")
+    assert code == 0, err
+    return json.loads(out)
+
+
+@pytest.mark.parametrize("method", ["modal", "piecewise"])
+def test_printed_program_from_the_command_line(one_mode, capfd, method):
+    found = predicted(
+        capfd, one_mode, "--response", "Z", "--cycle", one_mode.parent / "example.csv", "--method", method,
+        "--operations", "60,60,60,60,60", "--tolerance", "10",
+    )  # fmt: skip
+    assert [line["notation"] for line in found["program"]] == PRINTED
+    assert [line["operation"] for line in found["program"]] == [1, 2, 3, 4, 5]
+    assert found["program"][0]["corrections_um"] == [0.0, 10.0, 10.0]
+    # block averages are off by up to 8e-5 of the amplitude, 0.003 µm, and the displacement grows by 0.29 µm/min at 45 min;
+    # a duration has two ends
+    assert found["program"][0]["durations_min"] == pytest.approx([18, 27, 15], abs=0.02)
+    assert found["schema"] == "selector.prediction/1"
+    assert len(found["modes"]) == (1 if method == "modal" else 0)
+
+
+def fixture_prediction(capfd, *arguments):
+    code, out, err = run(capfd, FIXTURES / "tests", "--machine", FIXTURES / "machine.toml", *arguments, "--json")
+    assert code == 0, err
+    return json.loads(out)
+
+
+def test_program_follows_from_the_curve_beside_it(capfd):
+    found = fixture_prediction(
+        capfd, "--response", "Z", "--response", "Y", "--cycle", CYCLES / "random.csv", "--method", "piecewise",
+        "--operations", "100,80,120", "--tolerance", "4",
+    )  # fmt: skip
+    time = np.array(found["time_s"])
+    assert time[0] == 0.0
+    assert time[-1] == 18000.0
+    assert np.diff(time).max() <= 60.0 + 1e-9
+    assert {2400.0, 5400.0, 6000.0, 7200.0, 10800.0, 12000.0, 15000.0} <= set(found["time_s"])
+    for response in ("Z", "Y"):
+        course = np.array(found["displacement_um"][response])
+        start = 0.0
+        lines = [line for line in found["program"] if line["response"] == response]
+        for line, minutes in zip(lines, (100, 80, 120), strict=True):
+            assert sum(line["durations_min"]) == pytest.approx(minutes, rel=1e-12)  # sums of a few numbers
+            begins = start + 60 * np.r_[0.0, np.cumsum(line["durations_min"])]
+            offsets = np.cumsum(line["corrections_um"])
+            for begin, end, offset in zip(begins[:-1], begins[1:], offsets, strict=True):
+                at = np.r_[begin, time[(time > begin) & (time < end)], end]
+                drift = np.interp(at, time, course) - np.interp(start, time, course) - offset
+                assert np.abs(drift).max() <= 4.0 + 1e-6  # rounding of minutes
+            start += 60 * minutes
+
+
+def test_out_is_written_whole(capfd, tmp_path):
+    out = tmp_path / "out"
+    arguments = [
+        FIXTURES / "tests", "--machine", FIXTURES / "machine.toml", "--response", "Z", "--cycle", CYCLES / "rising.csv",
+        "--method", "piecewise", "--out", out,
+    ]  # fmt: skip
+    code, text, err = run(capfd, *arguments, "--operations", "60,60,60,60,60", "--resolution", "1")
+    assert code == 0, err
+    assert "10 µm was taken" in text
+    assert sorted(path.name for path in out.iterdir()) == ["prediction.json", "program.csv", "program.txt"]
+    document = json.loads((out / "prediction.json").read_text(encoding="utf-8"))
+    for line in document["program"]:
+        assert line["durations_min"] == pytest.approx(np.round(line["durations_min"]), abs=1e-9)  # rounding of s/60
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    code, _, _ = run(capfd, *arguments, "--tolerance", "1e-9")
+    assert code == 2
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
+def test_without_program_options_there_is_no_program(capfd):
+    found = fixture_prediction(capfd, "--response", "Z", "--cycle", CYCLES / "falling.csv", "--method", "piecewise")
+    assert found["program"] == []
+    # falling: after 60 min at 2000 r/min the displacement is beyond what lower speeds reach
+    assert "additional-operation" in {finding["id"] for finding in found["findings"]}
+    assert found["kind"] == "falling"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "time_s;spindle_speed\n0;1250\n3600;0\n7200;0\n",
+        "\ufefft_min,spindle_speed\r\n0,1250\r\n60,0\r\n120,0\r\n",
+        'time [h];"n [1/min]"\n0;1250\n1,0;0\n2,0;0\n',
+        "# plan of Monday\nt_s\tspindle_speed_rpm\tnote\n0\t1250\twarm up\n3600\t0\tpause\n7200\t0\tend\n",
+        "sep=;\ntime_min;spindle_speed [1/s]\n0;20,833333333333\n60;0\n120;0\n\n",
+    ],
+)
+def test_ways_of_writing_a_cycle(capfd, tmp_path, text):
+    path = tmp_path / "cycle.csv"
+    path.write_text(text, encoding="utf-8", newline="")
+    found = fixture_prediction(capfd, "--response", "Z", "--cycle", path, "--method", "piecewise")
+    assert found["time_s"][-1] == 7200.0
+    peak = max(found["displacement_um"]["Z"])
+    # one speed from rest is a characteristic itself: as good as its smoothing, of samples with 0.3 µm of noise
+    true = SIMULATED["course"]([(60, 1250)])[2][:, 2].max()
+    assert peak == pytest.approx(true, abs=0.3)
+
+
+GOOD = "time_s,spindle_speed\n0,1000\n3600,0\n7200,0\n"
+
+
+@pytest.mark.parametrize(
+    ("cycle", "options", "said"),
+    [
+        ("time_s,spindle_speed\n0,1000\n-60,0\n", [], "-60"),
+        ("time_s,spindle_speed\n60,1000\n3600,0\n", [], "time 0"),
+        ("time_s,spindle_speed\n0,1000\n3600,0\n3600,500\n", [], "line 4"),
+        ("time_s,spindle_speed\n0,1000\n3600,0\n1800,500\n", [], "increase"),
+        ("time_s,spindle_speed\n0,1000\n3600,\n7200,0\n", [], "no speed"),
+        ("time_s,spindle_speed\n0,1000\n3600\n7200,0\n", [], "line 3"),
+        ("time_s,spindle_speed\n0,nan\n3600,0\n", [], "nan"),
+        ("time_s,spindle_speed\n0,1000\ninf,0\n", [], "inf"),
+        ("time_s,spindle_speed\n0,fast\n3600,0\n", [], "fast"),
+        ("time_s,spindle_speed\n0,1e999\n3600,0\n", [], "1e999"),
+        ("time_s,spindle_speed\n0,-500\n3600,0\n", [], "-500"),
+        ("time_s,spindle_speed\n0,9000\n3600,0\n", [], "2500 r/min"),
+        ("time,spindle_speed\n0,1000\n3600,0\n", [], "no unit of time"),
+        ("time [parsec],spindle_speed\n0,1000\n3600,0\n", [], "parsec"),
+        ("time_s,spindle_speed [kg]\n0,1000\n3600,0\n", [], "kg"),
+        ("time_s,coolant\n0,1000\n3600,0\n", [], "spindle_speed"),
+        ("time_s,spindle_speed\n", [], "no row"),
+        ("", [], "empty"),
+        ("1,2\n", [], "What to do"),
+        ("time_s,spindle_speed\n0,1000\n", [], "--operations"),
+        ("time_s,spindle_speed\n0,1000\n9e9,0\n", [], "31 days"),
+        ("time_s,spindle_speed\n0,1.000,5\n3600,0\n", [], "3 cells"),
+        (GOOD, ["--tolerance", "0"], "--tolerance"),
+        (GOOD, ["--tolerance", "-3"], "--tolerance"),
+        (GOOD, ["--tolerance", "nan"], "--tolerance"),
+        (GOOD, ["--tolerance", "inf"], "--tolerance"),
+        (GOOD, ["--tolerance", "ten"], "--tolerance"),
+        (GOOD, ["--tolerance", "1e-12"], "larger tolerance"),
+        (GOOD, ["--operations", "60,0"], "--operations"),
+        (GOOD, ["--operations", "60,-60"], "--operations"),
+        (GOOD, ["--operations", "60;60"], "--operations"),
+        (GOOD, ["--operations", "an hour"], "--operations"),
+        (GOOD, ["--operations", ""], "--operations"),
+        (GOOD, ["--operations", "60,,60"], "--operations"),
+        (GOOD, ["--operations", "1e9"], "31 days"),
+        (GOOD, ["--operations", "nan"], "--operations"),
+        (GOOD, ["--tolerance", "10", "--resolution", "0"], "--resolution"),
+        (GOOD, ["--resolution", "1"], "--operations"),
+        (GOOD, ["--method", "magic"], "modal or piecewise"),
+        (GOOD, ["--response", "W"], "one of X, Y, Z"),
+        (GOOD, ["--response", "spindle_speed"], "one of X, Y, Z"),
+    ],
+)
+def test_what_cannot_be_used(capfd, tmp_path, cycle, options, said):
+    path = tmp_path / "cycle.csv"
+    path.write_text(cycle, encoding="utf-8")
+    chosen = [] if "--response" in options else ["--response", "Z"]
+    chosen += [] if "--method" in options else ["--method", "piecewise"]
+    out = tmp_path / "out"
+    code, text, err = run(
+        capfd, FIXTURES / "tests", "--machine", FIXTURES / "machine.toml", *chosen, "--cycle", path, *options,
+        "--out", out, "--json",
+    )  # fmt: skip
+    assert (code, text) == (2, ""), err
+    assert said in err
+    for part in ("Where:", "Expected:", "What to do:"):
+        assert part in err
+    assert "Traceback" not in err
+    assert not out.exists()
+
+
+def test_speed_outside_the_tests_with_the_modal_method(capfd, tmp_path):
+    path = tmp_path / "cycle.csv"
+    path.write_text("time_s,spindle_speed\n0,2600\n3600,0\n", encoding="utf-8")
+    code, _, err = run(
+        capfd, FIXTURES / "tests", "--machine", FIXTURES / "machine.toml", "--response", "Z", "--cycle", path
+    )
+    assert code == 2
+    assert "2600 r/min" in err
+    assert "0 to 2500 r/min" in err
+
+
+@pytest.mark.parametrize("place", ["no such.csv", "."])
+def test_cycles_that_are_no_files(capfd, tmp_path, place):
+    code, _, err = run(
+        capfd,
+        FIXTURES / "tests",
+        "--machine",
+        FIXTURES / "machine.toml",
+        "--response",
+        "Z",
+        "--cycle",
+        tmp_path / place,
+    )
+    assert code == 2
+    assert "What to do:" in err
+
+
+def test_a_huge_cycle_is_refused_before_it_is_read(capfd, tmp_path):
+    path = tmp_path / "cycle.csv"
+    with path.open("wb") as file:
+        file.truncate(3_000_000_000)
+    code, _, err = run(
+        capfd, FIXTURES / "tests", "--machine", FIXTURES / "machine.toml", "--response", "Z", "--cycle", path
+    )
+    assert code == 2
+    assert "3000 MB" in err
+
+
+TEST_ROWS = "".join(f"{t},{1000 if t < 120 else 0},{min(t, 120) / 4 + t % 2 / 10:.1f}\n" for t in range(240))
+
+
+@pytest.mark.parametrize(
+    ("machine", "table", "said"),
+    [
+        (
+            MACHINE.replace('role = "spindle_speed"', 'role = "feed_rate"').replace('"rpm"', '"mm/min"'),
+            TEST_ROWS,
+            "role",
+        ),
+        (MACHINE, "".join(f"{t},0,{t % 3 / 10}\n" for t in range(240)), "spindle turns"),
+        (MACHINE, "0,1000,0\n1,1000,3\n2,1000,5\n3,1000,6\n", "readings"),
+        (MACHINE, "".join(f"{t},1000,\n" for t in range(240)), "Z"),
+        (MACHINE.replace('unit = "um"\n', ""), TEST_ROWS, "no unit of Z"),
+        (MACHINE.replace('unit = "min"\n', ""), TEST_ROWS, "no unit of the time"),
+    ],
+    ids=["no-speed", "only-idle", "short", "no-readings", "displacement-unit", "time-unit"],
+)
+@pytest.mark.parametrize("method", ["modal", "piecewise"])
+def test_recordings_that_cannot_be_used(capfd, tmp_path, machine, table, said, method):
+    (tmp_path / "machine.toml").write_text(machine, encoding="utf-8")
+    (tmp_path / "r1.csv").write_text("t,spindle_speed,Z\n" + table, encoding="utf-8")
+    (tmp_path / "cycle.txt").write_text(GOOD, encoding="utf-8")
+    code, text, err = run(
+        capfd, tmp_path / "r1.csv", "--machine", tmp_path / "machine.toml", "--response", "Z", "--cycle",
+        tmp_path / "cycle.txt", "--method", method, "--json",
+    )  # fmt: skip
+    assert (code, text) == (2, ""), err
+    assert said in err
+    assert "What to do:" in err
+    assert "Traceback" not in err
