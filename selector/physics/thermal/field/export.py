@@ -15,7 +15,7 @@ _VTK_CORNERS = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1)
 
 
 def write_vtu(
-    machine: FieldMachine, temperature_degc: NDArray[np.float64], path: Path, reference_degc: float = 20.0
+    machine: FieldMachine, temperature_degc: NDArray[np.float64], path: str | Path, reference_degc: float = 20.0
 ) -> None:
     """Write ``temperature`` [°C], ``displacement`` [µm] of the nodes and ``part`` (a number) of the cells.
 
@@ -28,15 +28,7 @@ def write_vtu(
     from skfem import ElementHex1
 
     body = machine.mesh
-    temperature = np.asarray(temperature_degc, dtype=np.float64)
-    if temperature.shape != (len(body.nodes_m),) or not np.isfinite(temperature).all():
-        raise InputError(
-            f"temperatures of shape {temperature.shape}"
-            + ("" if np.isfinite(temperature).all() else ", some of them no number"),
-            expected=f"one finite temperature [°C] for each of {len(body.nodes_m)} nodes",
-            where="field",
-            advice="pass the states of the unreduced system, FieldMachine.system",
-        )
+    displacement = machine.deformation(temperature_degc, reference_degc)
     here = [tuple(corner) for corner in ElementHex1.doflocs.astype(int)]
     order = [here.index(corner) for corner in _VTK_CORNERS]
     parts = list(dict.fromkeys(body.parts))
@@ -44,7 +36,7 @@ def write_vtu(
     mesh = meshio.Mesh(
         body.nodes_m,
         [("hexahedron", body.cells[:, order])],
-        point_data={"temperature": temperature, "displacement": machine.deformation(temperature, reference_degc)},
+        point_data={"temperature": np.asarray(temperature_degc, dtype=np.float64), "displacement": displacement},
         cell_data={"part": [number]},
     )
     try:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.errors import OptionError
+from selector.errors import InputError, OptionError
 from selector.physics.thermal.field.conduction import conduction_matrices, film, surface_source, volume_source
 from selector.physics.thermal.field.geometry import MachineGeometry, machine_blocks
 from selector.physics.thermal.field.materials import MATERIALS, Material
@@ -63,8 +63,23 @@ class FieldMachine:
         return tuple(self.system.sources)
 
     def deformation(self, temperature_degc: Vector, reference_degc: float = 20.0) -> Vector:
-        """Displacement of every node, of shape (n_nodes, 3) [µm], for the temperatures of the nodes [°C]."""
-        return self.elasticity.displacement_um(np.asarray(temperature_degc, dtype=np.float64) - reference_degc)
+        """Displacement of every node, of shape (n_nodes, 3) [µm], for the temperatures of the nodes [°C].
+
+        Raises
+        ------
+        InputError
+            If there is not one finite temperature for every node.
+        """
+        temperature = np.asarray(temperature_degc, dtype=np.float64)
+        if temperature.shape != (self.system.size,) or not np.isfinite(temperature).all():
+            raise InputError(
+                f"temperatures of shape {temperature.shape}"
+                + ("" if np.isfinite(temperature).all() else ", some of them no number"),
+                expected=f"one finite temperature [°C] for each of {self.system.size} nodes",
+                where="field",
+                advice="pass a state of the unreduced system, FieldMachine.system",
+            )
+        return self.elasticity.displacement_um(temperature - reference_degc)
 
     def surface(self) -> Indices:
         """Triangles of the whole surface, of shape (n_triangles, 3), as numbers of nodes; for drawing."""
@@ -110,6 +125,13 @@ def field_machine(
         )
     geometry = MachineGeometry() if geometry is None else geometry
     body = block_mesh(machine_blocks(geometry), CELL_M / refinement)
+    if body.pieces() != 1:
+        raise OptionError(
+            f"{body.pieces()} separate bodies",
+            expected="parts that touch each other",
+            where="geometry of the machine",
+            advice="correct the lengths; the defaults of MachineGeometry are a machine that fits together",
+        )
     springs = np.zeros((len(body.nodes_m), 3))
     for facets in feet(body, geometry).values():
         springs += surface_source(body, facets)[:, None] * np.array(foot_n_per_m)

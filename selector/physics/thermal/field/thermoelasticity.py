@@ -47,9 +47,9 @@ class Elasticity:
         """Displacement of every node, of shape (n, 3) [µm], for its temperature rise [K]."""
         return np.asarray(self.solve(self.expansion @ rise_k)).reshape(-1, 3) * 1e6
 
-    def row_um_per_k(self, reading: Vector) -> Vector:
-        """Row Fᵀ·K⁻¹·e of shape (n,) [µm/K] of the reading e·u, e of shape (3n,): the adjoint method."""
-        return np.asarray(self.expansion.T @ self.solve(reading)) * 1e6
+    def row_um_per_k(self, row: Vector) -> Vector:
+        """Row Fᵀ·K⁻¹·e of shape (n,) [µm/K] of the reading e·u, `row` e of shape (3n,): adjoint method."""
+        return np.asarray(self.expansion.T @ self.solve(row)) * 1e6
 
 
 def elasticity(
