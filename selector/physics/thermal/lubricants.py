@@ -38,8 +38,8 @@ class Lubricants:
     def settled_heat_w(self, nominal_w: Vector, without: Vector, per_watt: Array) -> Vector:
         """Heat q [W] that agrees with the rises without + per_watt·q [K] that it brings about itself.
 
-        Newton's method on the rises. For one lubricant it comes from the cold side without overshooting and always
-        ends, because heat falls convexly with temperature.
+        Newton's method on the rises, its step halved until the disagreement shrinks. One lubricant alone is reached
+        from the cold side without overshooting, because heat falls convexly with temperature.
 
         Raises
         ------
@@ -47,14 +47,24 @@ class Lubricants:
             If it finds no agreement.
         """
         rise = without
+        heat = self.heat_w(nominal_w, rise)
+        gap = without + per_watt @ heat - rise
         for _ in range(200):
-            heat = self.heat_w(nominal_w, rise)
-            slope = np.eye(len(rise)) + per_watt * (self.per_k * heat)
-            change = np.linalg.solve(slope, without + per_watt @ heat - rise)
-            rise = rise + change
+            change = np.linalg.solve(np.eye(len(rise)) + per_watt * (self.per_k * heat), gap)
+            size, share = float(np.linalg.norm(gap)), 1.0
+            while share > 1e-9:
+                ahead = rise + share * change
+                with np.errstate(over="ignore", invalid="ignore"):
+                    heat = self.heat_w(nominal_w, ahead)
+                    gap = without + per_watt @ heat - ahead
+                    # once rounding is all that is left, it need not shrink
+                    if np.linalg.norm(gap) <= max(size, 1e-12 * (1.0 + float(np.max(np.abs(ahead))))):
+                        break
+                share *= 0.5
+            rise = ahead
             # far below what a sensor tells; the error of the heat is the square of the last change
-            if np.max(np.abs(change)) <= 1e-7 * (1.0 + np.max(np.abs(rise))):
-                return self.heat_w(nominal_w, rise)
+            if share == 1.0 and np.max(np.abs(change)) <= 1e-7 * (1.0 + np.max(np.abs(rise))):
+                return heat
         raise InputError(
             "lubricants whose heat and temperature do not settle",
             expected="heat that falls as a lubricant warms",
