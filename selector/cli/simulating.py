@@ -124,6 +124,7 @@ _Work = tuple["Recording", dict[str, Path], Path, tuple[Finding, ...], list[Path
 
 def _scheduled(file: ModelFile, model: Path, out: Path, cycle: Path | None, seed: int | None) -> _Work:
     """The run that the model file describes."""
+    from selector.physics.thermal.model_file import require_few_samples
     from selector.physics.thermal.schedule import scheduled
     from selector.physics.thermal.thermal_model import simulation_findings, thermal_model
 
@@ -135,13 +136,15 @@ def _scheduled(file: ModelFile, model: Path, out: Path, cycle: Path | None, seed
             advice="name the recording, e.g. --out run1.csv; only --inputs writes a folder",
         )
     columns, read = _columns(file, model)
-    cyclogram = None
-    if cycle is not None:
-        cyclogram = _cyclogram(cycle)
+    duration_s = file.run.duration_min * 60.0
+    cyclogram = None if cycle is None else _cyclogram(cycle, duration_s)
+    if cyclogram is not None:
+        duration_s = cyclogram.end_s
+        require_few_samples(file, duration_s, f"the duty cycle {cycle}")
     conditions = scheduled(
         file.conditions,
         columns,
-        duration_s=file.run.duration_min * 60.0 if cyclogram is None else cyclogram.end_s,
+        duration_s=duration_s,
         period_s=file.run.period_s,
         cyclogram=cyclogram,
     )
@@ -196,25 +199,15 @@ def _driven(
     return simulated, run_files(simulated.runs, out, "csv"), out / "machine.toml", (*reading.findings, *findings), read
 
 
-def _cyclogram(cycle: Path) -> Cyclogram:
-    """The duty cycle in a file."""
-    import numpy as np
-
+def _cyclogram(cycle: Path, duration_s: float) -> Cyclogram:
+    """The duty cycle in a file; its last row is the end, a single row holds for the duration of the model file."""
     from selector.physics.thermal.cyclogram import Cyclogram
-    from selector.readers import read as read_recordings
+    from selector.readers.cycle_file import read_cycle
 
-    recording = read_recordings([cycle]).recording
-    speeds = recording.with_role("spindle_speed")
-    if len(speeds) != 1 or len(recording.runs) != 1:
-        raise ReadError(
-            f"{len(speeds)} columns with a spindle speed",
-            expected="the columns time_s and spindle_speed",
-            where=str(cycle),
-            advice="name the columns so",
-        )
-    time_s = recording.time_s(recording.runs[0])
-    speed_rpm = recording.values(recording.runs[0], speeds)[:, 0]
-    return Cyclogram(time_s[:-1], np.asarray(speed_rpm[:-1]), float(time_s[-1]))
+    rows = read_cycle(cycle)
+    if len(rows.time_s) == 1:
+        return Cyclogram(rows.time_s, rows.speed_rpm, duration_s)
+    return Cyclogram(rows.time_s[:-1], rows.speed_rpm[:-1], float(rows.time_s[-1]))
 
 
 def _columns(file: ModelFile, model: Path) -> tuple[dict[str, tuple[Vector, Vector]], list[Path]]:

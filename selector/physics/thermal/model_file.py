@@ -118,6 +118,24 @@ def columns_needed(file: ModelFile) -> dict[str, Column]:
     return {name: course for name, course in courses.items() if isinstance(course, Column)}
 
 
+def require_few_samples(file: ModelFile, duration_s: float, where: str) -> None:
+    """Refuses a run of this length [s] that the sampling and the steps of the file make too long to be held.
+
+    Raises
+    ------
+    ModelFileError
+        It has more than `MOST_SAMPLES` samples or steps.
+    """
+    count = duration_s / min(file.run.period_s, file.run.step_s)
+    if count > MOST_SAMPLES:
+        raise ModelFileError(
+            f"{duration_s / 3600:.6g} h, which make {count:.3g} samples or steps",
+            expected=f"at most {MOST_SAMPLES}",
+            where=where,
+            advice="make run.period_s and run.step_s of the model file larger, or simulate a shorter time",
+        )
+
+
 def key_text(key: Sequence[str | int]) -> str:
     """A place in a TOML file as text; entries of an array count from 1.
 
@@ -166,7 +184,7 @@ def _of_network(file: NetworkFile) -> Iterator[tuple[Key, str, str, str]]:
         a, b = link.between
         for node in (a, b):
             if node not in file.nodes:
-                yield ("links", number, "between"), *_unknown("node", node, known)
+                yield ("links", number, "between"), *unknown_name("node", node, known)
         if a == b:
             yield ("links", number, "between"), f"{a!r} twice", "two different nodes", "name both ends of the link"
     pairs = Counter(frozenset(link.between) for link in file.links)
@@ -177,11 +195,11 @@ def _of_network(file: NetworkFile) -> Iterator[tuple[Key, str, str, str]]:
     for name, film in file.films.items():
         for node in film.area_m2:
             if node not in file.nodes:
-                yield ("films", name, "area_m2"), *_unknown("node", node, known)
+                yield ("films", name, "area_m2"), *unknown_name("node", node, known)
     for name, source in file.sources.items():
         for node in source.shares:
             if node not in file.nodes:
-                yield ("sources", name, "shares"), *_unknown("node", node, known)
+                yield ("sources", name, "shares"), *unknown_name("node", node, known)
         total = sum(source.shares.values())
         if abs(total - 1.0) > 1e-6:  # numbers of a few digits add up to 1 far better than this
             yield ("sources", name, "shares"), f"shares that add up to {total:g}", "1", "share out all of the heat"
@@ -189,10 +207,10 @@ def _of_network(file: NetworkFile) -> Iterator[tuple[Key, str, str, str]]:
             advice = 'add at = "NODE", the node whose temperature thins the lubricant'
             yield ("sources", name, "softening_per_k"), "softening without a place", "a node", advice
         if source.at is not None and source.at not in file.nodes:
-            yield ("sources", name, "at"), *_unknown("node", source.at, known)
+            yield ("sources", name, "at"), *unknown_name("node", source.at, known)
     for number, sensor in enumerate(file.sensors):
         if (sensor.at or sensor.name) not in file.nodes:
-            yield ("sensors", number, "at"), *_unknown("node", sensor.at or sensor.name, known)
+            yield ("sensors", number, "at"), *unknown_name("node", sensor.at or sensor.name, known)
     displacements = list(dict.fromkeys(d for node in file.nodes.values() for d in node.expansion_um_per_k))
     yield from _of_gauges(file, displacements)
 
@@ -214,7 +232,7 @@ def _of_modes(file: ModesFile) -> Iterator[tuple[Key, str, str, str]]:
 def _of_gauges(file: ModelFile, displacements: list[str]) -> Iterator[tuple[Key, str, str, str]]:
     for number, gauge in enumerate(file.gauges):
         if (gauge.of or gauge.name) not in displacements:
-            yield ("gauges", number, "of"), *_unknown("displacement", gauge.of or gauge.name, displacements)
+            yield ("gauges", number, "of"), *unknown_name("displacement", gauge.of or gauge.name, displacements)
 
 
 def _of_names(file: ModelFile) -> Iterator[tuple[Key, str, str, str]]:
@@ -233,7 +251,8 @@ RECORDED_CONDITIONS = ("time_s", "spindle_speed", "ambient", "torque", "coolant_
 """Names of the channels that hold the conditions of a simulation; sensors and gauges have others."""
 
 
-def _unknown(what: str, name: str, known: Sequence[str]) -> tuple[str, str, str]:
+def unknown_name(what: str, name: str, known: Sequence[str]) -> tuple[str, str, str]:
+    """(found, expected, advice) of a name that does not exist, with the nearest that does."""
     near = _closest(name, known)
     return (
         f"no {what} called {name!r}",
@@ -316,6 +335,18 @@ def _shown(value: object) -> str:
 
 
 __all__ = [
-    "RECORDED_CONDITIONS", "FieldFile", "ModelFile", "ModesFile", "NetworkFile", "checked_model_file",
-    "columns_needed", "contradictions", "key_text", "parsed_model_file", "plain_values", "read_model_file",
-]  # fmt: skip
+    "RECORDED_CONDITIONS",
+    "FieldFile",
+    "ModelFile",
+    "ModesFile",
+    "NetworkFile",
+    "checked_model_file",
+    "columns_needed",
+    "contradictions",
+    "key_text",
+    "parsed_model_file",
+    "plain_values",
+    "read_model_file",
+    "require_few_samples",
+    "unknown_name",
+]

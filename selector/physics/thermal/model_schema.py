@@ -172,32 +172,32 @@ class Link(Entry):
     conductance_w_per_k: Positive
 
 
-class SourceLaw(Entry):
-    """``[sources.NAME]`` of the field machine; see `laws.HeatLaw`."""
-
-    on_w: Annotated[float, _limited(-1e9, 1e9)] = 0.0
-    turning_w: NonNegative = 0.0
-    coolant_w: Annotated[float, _limited(-1e9, 1e9)] = 0.0
-    speed_w: NonNegative = 0.0
-    reference_rpm: Speed = 1000.0
-    exponent: Exponent = 1.0
-    torque_share: Share = 0.0
-    softening_per_k: Annotated[float, _limited(0, 1)] = 0.0
-    softening_degc: Degrees = 20.0
-    at: Name | None = None
+Heat = Annotated[float, _limited(-1e9, 1e9)]
+Softening = Annotated[float, _limited(0, 1)]
 
 
-class NodeSource(SourceLaw):
-    """``[sources.NAME]`` of a network: the law, and the nodes that the heat goes to."""
+class NodeSource(Entry):
+    """``[sources.NAME]`` of a network: the nodes that the heat goes to, and its law, see `laws.HeatLaw`."""
 
     shares: Annotated[
         dict[Name, Annotated[float, _limited(0, 1, above=True)]], Field(min_length=1, max_length=MOST_NODES)
     ]
+    on_w: Heat = 0.0
+    turning_w: NonNegative = 0.0
+    coolant_w: Heat = 0.0
+    speed_w: NonNegative = 0.0
+    reference_rpm: Speed = 1000.0
+    exponent: Exponent = 1.0
+    torque_share: Share = 0.0
+    softening_per_k: Softening = 0.0
+    softening_degc: Degrees = 20.0
+    at: Name | None = None
 
 
-class FilmKeys(Entry):
-    """``[films.NAME]`` of the field machine; see `laws.FilmLaw`."""
+class NodeFilm(Entry):
+    """``[films.NAME]`` of a network: the area of every node that it wets, and its law, see `laws.FilmLaw`."""
 
+    area_m2: Annotated[dict[Name, Positive], Field(min_length=1, max_length=MOST_NODES)]
     still_w_per_m2_k: NonNegative
     speed_w_per_m2_k: NonNegative = 0.0
     reference_rpm: Speed = 1000.0
@@ -207,10 +207,27 @@ class FilmKeys(Entry):
     fixed_degc: Degrees = 20.0
 
 
-class NodeFilm(FilmKeys):
-    """``[films.NAME]`` of a network: the law, and the area of every node that it wets."""
+class FieldSource(Entry):
+    """``[sources.NAME]`` of the field machine: what is said takes the place of the shipped law, key by key."""
 
-    area_m2: Annotated[dict[Name, Positive], Field(min_length=1, max_length=MOST_NODES)]
+    on_w: Heat | None = None
+    turning_w: NonNegative | None = None
+    coolant_w: Heat | None = None
+    speed_w: NonNegative | None = None
+    reference_rpm: Speed | None = None
+    exponent: Exponent | None = None
+    torque_share: Share | None = None
+    softening_per_k: Softening | None = None
+    softening_degc: Degrees | None = None
+
+
+class FieldFilm(Entry):
+    """``[films.NAME]`` and ``[coolant_films.NAME]`` of the field machine, key by key as `FieldSource`."""
+
+    still_w_per_m2_k: NonNegative | None = None
+    speed_w_per_m2_k: NonNegative | None = None
+    reference_rpm: Speed | None = None
+    exponent: Exponent | None = None
 
 
 class ModesSection(Entry):
@@ -225,10 +242,11 @@ class ModesSection(Entry):
 
 
 class FieldSection(Entry):
-    """``[field]``: the shipped finite-element machine and what is varied on it."""
+    """``[field]``: what is varied on the shipped finite-element machine."""
 
-    machine: Literal["virtual-machining-centre"] = "virtual-machining-centre"
-    variant: Literal["linear", "speed-dependent-convection", "everything"] = "everything"
+    physics: Literal["linear", "convection", "everything"] = "everything"
+    refinement: Annotated[float, _limited(0.1, 2.0)] = 1.0
+    geometry: Annotated[dict[str, Signed], Field(max_length=100)] = Field(default_factory=dict)
 
 
 Bounds = Annotated[dict[str, Annotated[tuple[Signed, Signed], Field()]], Field(max_length=5_000)]
@@ -265,8 +283,9 @@ class FieldFile(_Common):
 
     conditions: ConditionsSection
     field: FieldSection = FieldSection()
-    films: Annotated[dict[Name, FilmKeys], Field(max_length=100)] = Field(default_factory=dict)
-    sources: Annotated[dict[Name, SourceLaw], Field(max_length=100)] = Field(default_factory=dict)
+    sources: Annotated[dict[Name, FieldSource], Field(max_length=100)] = Field(default_factory=dict)
+    films: Annotated[dict[Name, FieldFilm], Field(max_length=100)] = Field(default_factory=dict)
+    coolant_films: Annotated[dict[Name, FieldFilm], Field(max_length=100)] = Field(default_factory=dict)
     sensors: Annotated[tuple[Sensor, ...], Field(max_length=1000)] = ()
 
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from selector.physics.thermal.heat_system import HeatSystem
 from selector.physics.thermal.laws import FilmLaw, HeatLaw, Laws
 from selector.physics.thermal.model_file import FieldFile, ModesFile, NetworkFile
-from selector.physics.thermal.model_schema import FilmKeys, SourceLaw
 from selector.physics.thermal.modes import ModalModel
 from selector.physics.thermal.network import HeatShare, Link, Network, Node, Surface
 from selector.physics.thermal.speed_law import SpeedLaw
@@ -28,29 +27,41 @@ class HeatMachine:
         The body.
     laws : Laws
         How it is heated and cooled.
+    probes : tuple of str
+        Probes that are read where the file names no thermometers.
     place_of_probe, xyz_of_probe : mapping of str to str, to three floats [m]
         In words, and on the machine, where it is known.
     """
 
     system: HeatSystem
     laws: Laws
+    probes: tuple[str, ...]
     place_of_probe: Mapping[str, str] = field(default_factory=dict)
     xyz_of_probe: Mapping[str, Point] = field(default_factory=dict)
-
-    @property
-    def probes(self) -> tuple[str, ...]:
-        """Names of the places whose temperature is known."""
-        return tuple(self.system.probes)
 
 
 def heat_machine(file: NetworkFile | FieldFile, built: HeatMachine | None = None) -> HeatMachine:
     """The body and the laws of a network or of the field machine.
 
-    `built` is a machine of the same kind and geometry; its body is used again where only laws differ.
+    `built` is the machine of a file that differs in its laws only; a field machine is then not built again.
+
+    Raises
+    ------
+    ModelFileError
+        The file names a source, film, place or length that the field machine does not have.
     """
-    if isinstance(file, FieldFile):
-        raise NotImplementedError
-    return network_machine(file)
+    if isinstance(file, NetworkFile):
+        return network_machine(file)
+    # scikit-fem comes in with the field machine, which most model files do not need
+    from selector.physics.thermal import field_model
+
+    laws = field_model.laws_of(file)
+    if built is not None:
+        return replace(built, laws=laws)
+    system = field_model.system_of(file, laws)
+    return HeatMachine(
+        system, laws, field_model.SENSOR_NAMES, field_model.place_of_sensor(), field_model.xyz_of_sensor()
+    )
 
 
 def network_machine(file: NetworkFile) -> HeatMachine:
@@ -71,12 +82,16 @@ def network_machine(file: NetworkFile) -> HeatMachine:
         ),
     )
     laws = Laws(
-        tuple(heat_law(name, source) for name, source in file.sources.items()),
-        tuple(film_law(name, film) for name, film in file.films.items()),
+        tuple(
+            HeatLaw(source=name, at=source.at or "", **source.model_dump(exclude={"shares", "at"}))
+            for name, source in file.sources.items()
+        ),
+        tuple(FilmLaw(film=name, **film.model_dump(exclude={"area_m2"})) for name, film in file.films.items()),
     )
     return HeatMachine(
         network.heat_system(),
         laws,
+        tuple(file.nodes),
         {name: node.place for name, node in file.nodes.items() if node.place is not None},
         {name: node.xyz for name, node in file.nodes.items() if node.xyz is not None},
     )
@@ -97,14 +112,3 @@ def modal_machine(file: ModesFile) -> ModalModel:
         fastest_rpm=float(speed[-1]),
         cooling_growth=np.zeros(len(modes.tau_s)),
     )
-
-
-def heat_law(name: str, keys: SourceLaw) -> HeatLaw:
-    """The law of a source of a model file."""
-    values = keys.model_dump(exclude={"shares", "at"})
-    return HeatLaw(source=name, at=keys.at or "", **values)
-
-
-def film_law(name: str, keys: FilmKeys) -> FilmLaw:
-    """The law of a film of a model file."""
-    return FilmLaw(film=name, **keys.model_dump(exclude={"area_m2"}))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from selector.errors import ModelFileError, OptionError
-from selector.physics.thermal.model_file import ModelFile, NetworkFile, checked_model_file, plain_values
+from selector.physics.thermal.model_file import FieldFile, ModelFile, NetworkFile, checked_model_file, plain_values
 
 _UNITS = (
     ("_j_per_k", "J/K"), ("_w_per_m2_k", "W/(m²·K)"), ("_w_per_k", "W/K"), ("_um_per_k", "µm/K"), ("_per_k", "1/K"),
@@ -17,7 +17,7 @@ _UNITS = (
 _FIXED = ("reference_rpm", "speed_rpm", "softening_degc", "xyz", "shares")
 """Numbers that say where others are counted from, which a fit could not tell apart, or that must add up to 1."""
 
-_SECTIONS = ("nodes", "links", "films", "sources", "modes")
+_SECTIONS = ("nodes", "links", "films", "coolant_films", "sources", "modes")
 _TIMES = 10.0
 _DEGREES = 30.0
 
@@ -48,13 +48,13 @@ def parameters(file: ModelFile) -> dict[str, Parameter]:
         ``[bounds]`` names what is no parameter, or excludes the value of one.
     """
     found: dict[str, Parameter] = {}
-    values = plain_values(file)
+    values = _complete_values(file)
     for name, path in _paths(file, values).items():
         value = float(_at(values, path))
         low, high = file.bounds.get(name, _bounds(path, value))
         if not low <= value <= high:
             raise _bad_bounds(name, f"[{low:g}, {high:g}]", f"limits around the value, {value:g}")
-        found[name] = Parameter(value, low, high, _unit(path))
+        found[name] = Parameter(value, low, high, unit_of_key(_key(path)))
     for name in file.bounds:
         if name not in found:
             raise _bad_bounds(name, "no parameter of this name", "one of " + ", ".join(list(found)[:12]) + ", …")
@@ -71,7 +71,7 @@ def with_parameters(file: ModelFile, values: Mapping[str, float]) -> ModelFile:
     ModelFileError
         A value is impossible, e.g. a negative heat capacity.
     """
-    plain = copy.deepcopy(plain_values(file))
+    plain = copy.deepcopy(_complete_values(file))
     paths = _paths(file, plain)
     # bounds guide a fit; a value outside them is the caller's decision
     for name, value in values.items():
@@ -84,6 +84,16 @@ def with_parameters(file: ModelFile, values: Mapping[str, float]) -> ModelFile:
             )
         _put(plain, paths[name], float(value))
     return checked_model_file(plain, where=f"model {file.model.name!r}")
+
+
+def _complete_values(file: ModelFile) -> dict[str, Any]:
+    """The sections as plain values; those of the field machine with the laws that the file does not mention."""
+    values = plain_values(file)
+    if isinstance(file, FieldFile):
+        from selector.physics.thermal.field_model import law_sections
+
+        values |= law_sections(file)
+    return values
 
 
 def _paths(file: ModelFile, values: Mapping[str, Any]) -> dict[str, Path]:
@@ -130,8 +140,12 @@ def _key(path: Path) -> str:
     return next((word for word in reversed(words) if word.endswith(ends)), words[-1])
 
 
-def _unit(path: Path) -> str:
-    key = _key(path)
+def unit_of_key(key: str) -> str:
+    """The unit that the name of a key carries; "1" if none.
+
+    >>> unit_of_key("still_w_per_m2_k"), unit_of_key("exponent")
+    ('W/(m²·K)', '1')
+    """
     return next((unit for end, unit in _UNITS if key.endswith(end)), "1")
 
 

@@ -145,8 +145,8 @@ class FileModel:
         A body whose parameters are all in its laws is not built again.
         """
         file = with_parameters(self.file, values)
-        old = self.machine if isinstance(self.machine, HeatMachine) else None
-        return FileModel(file, _machine(file, old))
+        built = self.machine if isinstance(self.machine, HeatMachine) else None
+        return FileModel(file, _machine(file, built))
 
     def simulate(
         self,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import math
 import tomllib
 from pathlib import Path
@@ -16,10 +17,13 @@ from hypothesis import strategies as st
 from selector.errors import InputError, ModelFileError, OptionError
 from selector.physics.thermal.cyclogram import Cyclogram
 from selector.physics.thermal.driving import driven_runs
+from selector.physics.thermal.field.virtual_laws import machine_laws
+from selector.physics.thermal.field.virtual_machine import SENSORS
+from selector.physics.thermal.field_model import laws_of
 from selector.physics.thermal.instruments import lagged, read_out
 from selector.physics.thermal.model_file import checked_model_file, parsed_model_file, plain_values, read_model_file
 from selector.physics.thermal.model_schema import InputsSection
-from selector.physics.thermal.parameters import parameters
+from selector.physics.thermal.parameters import parameters, with_parameters
 from selector.physics.thermal.schedule import NAMES, condition, driven, held_at, scheduled
 from selector.physics.thermal.thermal_model import simulation_findings, thermal_model
 from selector.recording import Channel, Recording
@@ -237,9 +241,13 @@ def test_parameters_have_units_values_and_bounds():
 def test_every_parameter_does_something(example):
     file = read_model_file(EXAMPLES / example)
     model = thermal_model(file)
-    speeds = Cyclogram.of_segments((60, 800), (60, 1250), (60, 1600), (60, 2000), (180, 0))
+    speeds = Cyclogram.of_segments((15, 800), (15, 1250), (15, 1600), (15, 2000), (15, 0))
     conditions = own_conditions(file, cyclogram=speeds)
-    time_s = np.arange(0.0, speeds.end_s, 1800.0)
+    if example == "headstock.toml":
+        # the file has coolant and torque from the second hour on only
+        always = np.ones_like(conditions.time_s)
+        conditions = dataclasses.replace(conditions, coolant_on=always, torque=10.0 * always)
+    time_s = np.arange(0.0, speeds.end_s, 300.0)
 
     def outputs(changed) -> np.ndarray:
         recording = changed.simulate(conditions, time_s=time_s, instruments=False)
@@ -369,6 +377,81 @@ def test_a_name_in_inputs_decides():
     )  # fmt: skip
     assert set(condition(drive.conditions, "ambient")) == {30.0}
     assert drive.channels == {"n": "spindle_speed", "hall2": "ambient"}
+
+
+# the field machine
+
+
+FIELD = (EXAMPLES / "field.toml").read_text(encoding="utf-8")
+
+
+def test_the_laws_of_the_field_machine_are_varied_key_by_key():
+    file = parsed_model_file(FIELD)
+    shipped = {law.source: law for law in machine_laws("everything").heat}
+    varied = {law.source: law for law in laws_of(file).heat}
+    assert varied["lower bearing"].speed_w == 150.0 != shipped["lower bearing"].speed_w
+    assert varied["lower bearing"].exponent == shipped["lower bearing"].exponent
+    assert {n: law for n, law in varied.items() if n != "lower bearing"} == {
+        n: law for n, law in shipped.items() if n != "lower bearing"
+    }
+    found = parameters(file)
+    assert found["sources.lower bearing.speed_w"].value == 150.0
+    assert found["coolant_films.table top.still_w_per_m2_k"].unit == "W/(m²·K)"
+    for name, parameter in found.items():
+        assert parameter.low <= parameter.value <= parameter.high, name
+        changed = with_parameters(file, {name: parameter.value * 1.1})
+        assert parameters(changed)[name].value == parameter.value * 1.1
+        assert laws_of(changed) != laws_of(file), name
+    assert laws_of(with_parameters(file, {})) == laws_of(file)
+
+
+@pytest.mark.parametrize(
+    ("more", "where", "named"),
+    [
+        ('[sources."lower bering"]\nspeed_w = 1', 'sources."lower bering"', "'lower bearing' perhaps"),
+        ('[films."table tops"]\nstill_w_per_m2_k = 1', 'films."table tops"', "'table top' perhaps"),
+        ("[coolant_films.column]\nstill_w_per_m2_k = 1", "coolant_films.column", "table top"),
+        ("[sources.motor]\nsoftening_per_k = 0.01", "sources.motor.softening_per_k", "lower bearing"),
+        ("[sources.motor]\nshares = { motor = 1 }", "sources.motor.shares", "on_w"),
+        ("[field.geometry]\ncolumn_hight_m = 2", "field.geometry.column_hight_m", "column_width_m"),
+        ('[[sensors]]\nname = "T99"', "sensors[6].at", "T01"),
+        ("[nodes.x]\nheat_capacity_j_per_k = 1", "nodes", "network"),
+        ('physics = "all"', "field.physics", "everything"),
+    ],
+)
+def test_what_the_field_machine_does_not_have_is_refused(more, where, named):
+    # each of these before the machine is built
+    text = f"{FIELD}\n{more}\n" if more.startswith("[") else FIELD.replace('physics = "everything"', more)
+    with pytest.raises(ModelFileError) as caught:
+        thermal_model(parsed_model_file(text))
+    assert where in caught.value.where
+    assert named in str(caught.value)
+
+
+def test_the_field_machine_runs_with_sensors_anywhere():
+    place = SENSORS["T19"].xyz_m
+    same = f'[[sensors]]\nname = "same"\nxyz = {list(place)}\n'
+    file = parsed_model_file(FIELD + same)
+    model = thermal_model(file)
+    conditions = own_conditions(file)
+    time_s = np.arange(0.0, 18000.0, 600.0)
+    recording = model.simulate(conditions, time_s=time_s, instruments=False)
+    # one place, one row of the field: equal up to rounding
+    np.testing.assert_allclose(column(recording, "same"), column(recording, "column front"), atol=1e-9)
+    assert recording.channel("column front").place == SENSORS["T19"].place
+    assert recording.channel("Y_lower").axis == "Y"
+    assert recording.provenance["runs"]["simulation"]["missing_share"] < 1e-9
+    softer = model.with_parameters({"sources.lower bearing.speed_w": 75.0})
+    assert softer.machine.system is model.machine.system
+    weaker = softer.simulate(conditions, time_s=time_s, instruments=False)
+    # half of the heat of the hottest bearing: several K and several µm less
+    assert column(recording, "T01").max() - column(weaker, "T01").max() > 1.0
+    assert column(recording, "Z").max() - column(weaker, "Z").max() > 3.0
+    elsewhere = FIELD + '[[sensors]]\nname = "far"\nxyz = [3.0, 3.0, 3.0]\n'
+    with pytest.raises(ModelFileError, match=r"sensors\[6\]\.xyz"):
+        thermal_model(parsed_model_file(elsewhere))
+    with pytest.raises(ModelFileError, match=r"gauges\[5\]\.of"):
+        thermal_model(parsed_model_file(FIELD + '[[gauges]]\nname = "W"\n'))
 
 
 # what is refused

@@ -1,0 +1,151 @@
+"""Which field machine does a model file describe: the shipped one with its lengths, laws and thermometers varied."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.errors import InputError, ModelFileError
+from selector.physics.thermal.field import BlockMesh, MachineGeometry, probe_row
+from selector.physics.thermal.field.virtual_laws import Physics, machine_laws
+from selector.physics.thermal.field.virtual_machine import SENSORS, film_sets, virtual_machining_centre
+from selector.physics.thermal.heat_system import HeatSystem
+from selector.physics.thermal.laws import FilmLaw, Laws
+from selector.physics.thermal.model_file import FieldFile, key_text, unknown_name
+from selector.physics.thermal.model_schema import FieldFilm
+from selector.physics.thermal.reduction import projected, reduced_basis
+
+SENSOR_NAMES = tuple(SENSORS)
+"""The thermometers of the shipped machine."""
+
+Vector = NDArray[np.float64]
+Point = tuple[float, float, float]
+
+_HEAT_KEYS = ("on_w", "turning_w", "coolant_w", "speed_w", "torque_share", "softening_per_k")
+_FILM_KEYS = ("still_w_per_m2_k", "speed_w_per_m2_k")
+
+
+def place_of_sensor() -> dict[str, str]:
+    """Thermometer of the shipped machine → where it sits, in words."""
+    return {name: sensor.place for name, sensor in SENSORS.items()}
+
+
+def xyz_of_sensor() -> dict[str, Point]:
+    """Thermometer of the shipped machine → its place [m]."""
+    return {name: sensor.xyz_m for name, sensor in SENSORS.items()}
+
+
+def laws_of(file: FieldFile) -> Laws:
+    """The shipped laws with what the file says in their place, key by key.
+
+    Raises
+    ------
+    ModelFileError
+        The machine has no such source or film, or a source without a lubricant is told to soften.
+    """
+    shipped = machine_laws(file.field.physics)
+    _require_known(file.sources, [law.source for law in shipped.heat], "source", "sources")
+    _require_known(file.films, [law.film for law in shipped.films if not law.while_coolant], "film", "films")
+    _require_known(
+        file.coolant_films, [law.film for law in shipped.films if law.while_coolant], "film", "coolant_films"
+    )
+    heat = []
+    for law in shipped.heat:
+        said = file.sources[law.source].model_dump(exclude_none=True) if law.source in file.sources else {}
+        if said.get("softening_per_k") and not law.at:
+            raise ModelFileError(
+                "softening of a source without lubricant",
+                expected="one of " + ", ".join(other.source for other in shipped.heat if other.at),
+                where=f"key {key_text(('sources', law.source, 'softening_per_k'))}",
+                advice="leave softening_per_k out here",
+            )
+        heat.append(dataclasses.replace(law, **said))
+    return Laws(
+        tuple(heat), tuple(_film(law, file.coolant_films if law.while_coolant else file.films) for law in shipped.films)
+    )
+
+
+def law_sections(file: FieldFile) -> dict[str, dict[str, dict[str, float]]]:
+    """All laws of the machine as sections of a model file; what is switched off is left out."""
+    laws = laws_of(file)
+    sections: dict[str, dict[str, dict[str, float]]] = {"sources": {}, "films": {}, "coolant_films": {}}
+    for heat in laws.heat:
+        keys = (*_HEAT_KEYS, *(("exponent", "reference_rpm") if heat.speed_w else ()))
+        sections["sources"][heat.source] = {key: getattr(heat, key) for key in keys if getattr(heat, key)}
+    for film in laws.films:
+        keys = (*_FILM_KEYS, *(("exponent", "reference_rpm") if film.speed_w_per_m2_k else ()))
+        values = {key: getattr(film, key) for key in keys if getattr(film, key)}
+        sections["coolant_films" if film.while_coolant else "films"][film.film] = values
+    return sections
+
+
+def system_of(file: FieldFile, laws: Laws) -> HeatSystem:
+    """The reduced field with the thermometers of the file; takes ten seconds to a minute.
+
+    Raises
+    ------
+    ModelFileError
+        A thermometer is at a place that the machine does not have, a gauge reads a displacement that it does not
+        have, or a length is not one of its.
+    """
+    settings = file.field
+    lengths = [part.name for part in dataclasses.fields(MachineGeometry)]
+    _require_known(settings.geometry, lengths, "length", "field", "geometry")
+    anywhere = {s.name: s.xyz for s in file.sensors if s.at is None and s.xyz is not None}
+    for number, sensor in enumerate(file.sensors):
+        if sensor.name not in anywhere and (sensor.at or sensor.name) not in SENSORS:
+            _refuse_name("place", sensor.at or sensor.name, list(SENSORS), ("sensors", number, "at"))
+    machine = _shipped(settings.physics, tuple(sorted(settings.geometry.items())), settings.refinement)
+    for number, gauge in enumerate(file.gauges):
+        if (gauge.of or gauge.name) not in machine.full.displacements:
+            known = list(machine.full.displacements)
+            _refuse_name("displacement", gauge.of or gauge.name, known, ("gauges", number, "of"))
+    full = machine.full
+    for number, sensor in enumerate(file.sensors):
+        place = anywhere.get(sensor.name)
+        if place is not None:
+            try:
+                row = probe_row(machine.mesh, place, sensor.name)
+            except InputError as error:
+                where = f"key {key_text(('sensors', number, 'xyz'))}"
+                raise ModelFileError(error.found, expected=error.expected, where=where, advice=error.advice) from None
+            beside = np.zeros(full.size - len(row))
+            full = dataclasses.replace(full, probes={**full.probes, sensor.name: np.r_[row, beside]})
+    if laws.films == machine_laws(settings.physics).films:
+        return projected(full, machine.basis)
+    # other film coefficients ask for other fields
+    return projected(full, reduced_basis(full, film_sets(laws)))
+
+
+class _Shipped(NamedTuple):
+    full: HeatSystem
+    basis: Vector
+    mesh: BlockMesh
+
+
+@functools.lru_cache(maxsize=1)
+def _shipped(physics: Physics, geometry: tuple[tuple[str, float], ...], refinement: float) -> _Shipped:
+    """The machine without its stiffness, which takes the most memory; the last one is kept for the next model."""
+    machine = virtual_machining_centre(physics, geometry=MachineGeometry(**dict(geometry)), refinement=refinement)
+    return _Shipped(machine.full, machine.basis, machine.field.mesh)
+
+
+def _film(law: FilmLaw, sections: Mapping[str, FieldFilm]) -> FilmLaw:
+    said: dict[str, Any] = sections[law.film].model_dump(exclude_none=True) if law.film in sections else {}
+    return dataclasses.replace(law, **said)
+
+
+def _require_known(names: Iterable[str], known: list[str], what: str, *section: str) -> None:
+    for name in names:
+        if name not in known:
+            _refuse_name(what, name, known, (*section, name))
+
+
+def _refuse_name(what: str, name: str, known: list[str], key: tuple[str | int, ...]) -> None:
+    found, expected, advice = unknown_name(what, name, known)
+    raise ModelFileError(found, expected=expected, where=f"key {key_text(key)}", advice=advice)
