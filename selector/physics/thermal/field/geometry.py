@@ -82,7 +82,7 @@ class MachineGeometry:
             ("bed_top_m", "saddle_bottom_m", "saddle_top_m", "table_bottom_m", "table_top_m", "headstock_bottom_m"),
             ("headstock_bottom_m", "headstock_top_m", "column_top_m"),
             ("headstock_back_m", "motor_back_m", "motor_front_m", "headstock_front_m"),
-            ("screw_width_m", "spindle_width_m", "guideway_inner_m", "guideway_outer_m", "saddle_width_m"),
+            ("screw_width_m", "spindle_width_m", "guideway_inner_m", "guideway_outer_m"),
         )
         for field in fields(self):
             value = getattr(self, field.name)
@@ -93,6 +93,11 @@ class MachineGeometry:
                 if not getattr(self, lower) < getattr(self, upper):
                     found = f"{lower} = {getattr(self, lower):g} m and {upper} = {getattr(self, upper):g} m"
                     self._refuse(found, f"{lower} below {upper}")
+        for name in ("headstock_width_m", "column_width_m", "saddle_width_m", "bed_width_m"):
+            width, rails = getattr(self, name), 2 * self.guideway_outer_m
+            if (width > rails) if name == "headstock_width_m" else (width < rails):
+                side = "narrower" if name == "headstock_width_m" else "wider"
+                self._refuse(f"{name} = {width:g} m, guideways {rails:g} m apart", f"a part {side} than the guideways")
 
     @staticmethod
     def _refuse(found: str, expected: str) -> None:

@@ -125,13 +125,6 @@ def field_machine(
         )
     geometry = MachineGeometry() if geometry is None else geometry
     body = block_mesh(machine_blocks(geometry), CELL_M / refinement)
-    if body.pieces() != 1:
-        raise OptionError(
-            f"{body.pieces()} separate bodies",
-            expected="parts that touch each other",
-            where="geometry of the machine",
-            advice="correct the lengths; the defaults of MachineGeometry are a machine that fits together",
-        )
     springs = np.zeros((len(body.nodes_m), 3))
     for facets in feet(body, geometry).values():
         springs += surface_source(body, facets)[:, None] * np.array(foot_n_per_m)

@@ -130,12 +130,12 @@ class BlockMesh:
         return np.asarray(ring[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3), dtype=np.int64)
 
     def pieces(self) -> int:
-        """Number of separate bodies that share no node."""
-        links = sparse.coo_array(
-            (np.ones(self.cells.size), (np.repeat(np.arange(len(self.cells)), 8), self.cells.ravel())),
-            shape=(len(self.cells), len(self.nodes_m)),
-        ).tocsr()
-        return int(sparse.csgraph.connected_components(links.T @ links, directed=False)[0])
+        """Number of bodies that no face joins; an edge or a corner in common is a hinge, not a joint."""
+        beside = np.asarray(self.mesh.f2t)
+        first, second = beside[:, beside[1] >= 0]
+        n = len(self.cells)
+        links = sparse.coo_array((np.ones(len(first)), (first, second)), shape=(n, n))
+        return int(sparse.csgraph.connected_components(links, directed=False)[0])
 
 
 def block_mesh(blocks: Sequence[Block], cell_m: float | Point) -> BlockMesh:

@@ -198,8 +198,13 @@ def test_no_refinement_is_refused(refinement):
         {"table_top_m": 1.0},
         {"spindle_y_m": 0.7},
         {"bed_back_m": -0.2},
+        {"column_width_m": 0.3},
+        {"saddle_width_m": 0.5},
+        {"bed_width_m": 0.5},
+        {"headstock_width_m": 0.6},
+        {"motor_back_m": 0.5, "motor_front_m": 0.52, "headstock_top_m": 1.0},
     ],
 )
 def test_lengths_that_do_not_fit_together_are_refused(lengths):
-    with pytest.raises(OptionError, match="geometry of the machine"):
-        MachineGeometry(**lengths)
+    with pytest.raises(OptionError, match="correct the length"):
+        machine_blocks(MachineGeometry(**lengths))

@@ -94,6 +94,8 @@ def test_later_blocks_take_the_room_of_earlier_ones_and_void_cuts():
     assert body.pieces() == 1
     apart = [*blocks[:2], Block("core", "steel", (0.15, 0.15, 0.15), (0.25, 0.25, 0.25))]
     assert block_mesh(apart, 0.05).pieces() == 2
+    corner_to_corner = [Block("a", "steel", (0.0, 0.0, 0.0), (0.1,) * 3), Block("b", "steel", (0.1,) * 3, (0.2,) * 3)]
+    assert block_mesh(corner_to_corner, 0.05).pieces() == 2
 
 
 @pytest.mark.parametrize("cell_m", [0.0, -0.1, np.nan, np.inf])
