@@ -25,7 +25,7 @@ CELL_M = 0.04
 """Longest cell at refinement 1 [m]: one cell in a wall, about 20 000 nodes."""
 
 FOOT_N_PER_M = (1e8, 1e8, 5e8)
-"""Stiffness of one foot along X, Y, Z [N/m], of the order that makers of levelling shoes state."""
+"""Stiffness of one foot along X, Y, Z [N/m]: an assumption; docs/explanation/thermal-field.md says what hangs on it."""
 
 BAR_M = (0.30, 0.05)
 """How far below the spindle face the lower and the upper gauge touch the test bar [m]; 250 mm apart (P)."""

@@ -54,7 +54,7 @@ _STEEL = Material(46.0, 470.0, 7850.0, 11.7e-6, 210e9, 0.30)
 
 MATERIALS: Mapping[str, Material] = MappingProxyType(
     {
-        # grey iron EN-GJL-250 and bearing or heat-treatable steel: rounded values of EN 1561 annex A and of suppliers
+        # grey iron of 250 MPa and structural steel, rounded within what tables of materials give at room temperature
         "cast iron": _GREY_IRON,
         "steel": _STEEL,
         # a motor is half copper and laminations, half gaps
