@@ -84,8 +84,8 @@ def test_printed_program_from_the_command_line(one_mode, capfd, method):
     assert [line["notation"] for line in found["program"]] == PRINTED
     assert [line["operation"] for line in found["program"]] == [1, 2, 3, 4, 5]
     assert found["program"][0]["corrections_um"] == [0.0, 10.0, 10.0]
-    # block averages are off by up to 8e-5 of the amplitude, 0.003 µm, and the displacement grows by 0.29 µm/min at 45 min;
-    # a duration has two ends
+    # block averages are off by up to 8e-5 of the amplitude, 0.003 µm, and the displacement grows by 0.29 µm/min at
+    # 45 min; a duration has two ends
     assert found["program"][0]["durations_min"] == pytest.approx([18, 27, 15], abs=0.02)
     assert found["schema"] == "selector.prediction/1"
     assert len(found["modes"]) == (1 if method == "modal" else 0)
