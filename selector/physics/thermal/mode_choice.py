@@ -24,6 +24,8 @@ MOST_MODES = 5
 MOST_WITH_FILM = 4
 NO_WORSE = 0.01
 """Mean squared errors that differ by less than this share are the same."""
+FAR_AHEAD = 0.3
+"""A film this much better in the logarithm of the error is not the law of the speed in disguise."""
 WARM_START = 3.0
 """A run whose residuals are this much larger than the others', and become this much smaller with a start of its own,
 did not begin at rest and cold."""
@@ -147,11 +149,31 @@ def _swept(spec: ModeSpec, data: ModeData) -> tuple[list[tuple[Fit, Vector]], Fi
     for k in range(1, MOST_MODES + 1):
         plain = grown(plain, replace(spec, n_modes=k), data, weights)
         tried.append((plain, _scores(plain, data)))
+        # before a film is believed in, gains that follow no simple law must have had their chance
+        for other in _OTHER_LAWS if _laws_open(tried, data, spec) else ():
+            one = with_law(plain, data, other)
+            tried.append((one, _scores(one, data)))
         if k <= MOST_WITH_FILM and _worth_a_film(tried, k):
             film = with_film(plain, data, film)
             tried.append((film, _scores(film, data)))
-    tried.sort(key=lambda one: one[0].spec.n_searched)
+    tried.sort(key=_complexity)
     return tried, tried[_simplest([scores for _, scores in tried])][0]
+
+
+_OTHER_LAWS: tuple[Law, ...] = ("mode-powers", "levels")
+
+
+def _complexity(candidate: tuple[Fit, Vector]) -> tuple[bool, int, bool]:
+    spec = candidate[0].spec
+    return spec.film == "growing", spec.n_modes, spec.law_kind != "powers"
+
+
+def _laws_open(tried: list[tuple[Fit, Vector]], data: ModeData, spec: ModeSpec) -> bool:
+    """Whether other laws can be told apart, and a film is not far ahead of all of them."""
+    films = [float(np.log(scores).mean()) for fit, scores in tried if fit.spec.film == "growing"]
+    plains = [float(np.log(scores).mean()) for fit, scores in tried if fit.spec.film == "none"]
+    ahead = bool(films) and min(films) < min(plains) - FAR_AHEAD
+    return len(data.levels_rpm) > 2 and spec.law_kind == "powers" and len(films) < MOST_WITH_FILM and not ahead
 
 
 def _worth_a_film(tried: list[tuple[Fit, Vector]], k: int) -> bool:
@@ -175,7 +197,7 @@ def _simplest(errors: Sequence[Vector]) -> int:
         # the median over responses would hide the one that needs the mode; the mean does not
         difference = (one - logs[best]).mean(axis=1)
         spread = float(difference.std(ddof=1) / np.sqrt(len(difference))) if len(difference) > 1 else 0.0
-        if float(difference.mean()) <= max(NO_WORSE, min(spread, 5 * NO_WORSE)):
+        if float(difference.mean()) <= max(NO_WORSE, min(2.0 * spread, 5 * NO_WORSE)):
             return i
     return best
 

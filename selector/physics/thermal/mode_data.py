@@ -12,10 +12,10 @@ from selector.errors import InputError
 from selector.physics.thermal.thermal_test import ThermalTest
 
 Vector = NDArray[np.float64]
-GROWTH = 0.06
+GROWTH = 0.08
 """Length of a block as a share of the time since the speed last changed. The mean of e^(−t/τ) over a block differs from
-its value at the mean time by at most 0.54·GROWTH²/24 = 8e-5 of the mode's amplitude: far below any noise."""
-LONGEST = 1 / 60
+its value at the mean time by at most 0.54·GROWTH²/24 = 1.4e-4 of the mode's amplitude: far below any noise."""
+LONGEST = 1 / 50
 """Longest block as a share of its run, for what moves without the spindle (hall temperature, start not at rest)."""
 SAME_SPEED = 0.02
 """Speeds that differ by less than this share of the fastest count as one level: jitter."""

@@ -24,6 +24,10 @@ USUAL_EXPONENT = 1.2, 0.5
 """Heat of bearings and drives grows with n^1 to n^1.5: where tests say nothing, exponents stay near this (±)."""
 USUAL_FILM_EXPONENT = 0.8, 0.2
 """Forced convection grows with n^0.5 (laminar) to n^0.8 (turbulent), windage up to n^1 (±)."""
+LONGEST_TAU = 2.0
+"""Longest time constant in lengths of the longest run: of a slower mode the tests show a straight line."""
+STRONGEST = 2.5
+"""Bound of the film's vector (its square is the growth of a mode's rate) and of the logarithms of the drives."""
 STEP = 1e-4
 """Step of numerical derivatives in logarithms of time constants and in exponents."""
 
@@ -256,8 +260,10 @@ class Fit:
 def limits(spec: ModeSpec, data: ModeData) -> tuple[Vector, Vector]:
     """Bounds of the searched parameters."""
     modes, films = spec.n_modes, spec.n_films
-    low = np.r_[np.full(modes, np.log(data.period_s / 3)), np.full(spec.n_powers, 0.3), np.full(films, -6.0)]
-    high = np.r_[np.full(modes, np.log(5 * data.longest_s)), np.full(spec.n_powers, 3.0), np.full(films, 6.0)]
+    low = np.r_[np.full(modes, np.log(data.period_s / 3)), np.full(spec.n_powers, 0.3), np.full(films, -STRONGEST)]
+    high = np.r_[
+        np.full(modes, np.log(LONGEST_TAU * data.longest_s)), np.full(spec.n_powers, 3.0), np.full(films, STRONGEST)
+    ]
     if films:
         low[-1], high[-1] = 0.2, 2.0
     return low, high
@@ -291,7 +297,7 @@ def searched(
         return np.vstack([_derivative(spec, data, theta, weights, free), np.column_stack(known)])
 
     result = least_squares(
-        residual, start[free], jac=derivative, bounds=(low[free], high[free]), x_scale=1.0, ftol=1e-7, xtol=1e-6,
+        residual, start[free], jac=derivative, bounds=(low[free], high[free]), x_scale=1.0, ftol=1e-6, xtol=1e-5,
         gtol=1e-9, max_nfev=max_steps,
     )  # fmt: skip
     theta = start.copy()
@@ -361,7 +367,7 @@ def with_film(fit: Fit, data: ModeData, smaller: Fit | None = None) -> Fit:
         starts.append(np.r_[log_tau, powers, vector, np.zeros(modes - 1), USUAL_FILM_EXPONENT[0]])
     if smaller is not None:
         starts += _one_more(smaller, spec, data)
-    found = [searched(spec, data, theta, fit.weights) for theta in starts]
+    found = [searched(spec, data, theta, fit.weights, max_steps=25) for theta in starts]
     return min(found, key=lambda one: one.cost)
 
 

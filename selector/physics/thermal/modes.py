@@ -77,7 +77,7 @@ class ModalModel:
         if self.gains_um.shape != (self.law.size, modes, len(self.responses)):
             raise ValueError(f"gains of shape {self.gains_um.shape} do not fit the law, modes and responses")
         if self.cooling_growth.shape != (modes, modes):
-            raise ValueError(f"film growth of shape {self.cooling_growth.shape} for {modes} modes")
+            raise ValueError(f"cooling growth of shape {self.cooling_growth.shape} for {modes} modes")
 
     @property
     def speed_limits_rpm(self) -> tuple[float, float]:
