@@ -98,7 +98,13 @@ def thermal(
         for path in (*targets.values(), machine_path):
             refuse_to_replace_input(path, [model, *read], "--out")
         report(1, 1, "writing")
-        written = _write(simulated, targets, machine_path, f"{file.model.name} (SIMULATED)", in_folder=bool(inputs))
+        written = _write(
+            simulated,
+            targets,
+            machine_path,
+            f"{file.model.name} (SIMULATED)",
+            in_folder=machine_path.name == "machine.toml",
+        )
     summary = _summary(file, model, simulated, targets, machine_path, written, findings)
     if as_json:
         showing.print_json(summary)
@@ -170,7 +176,8 @@ def _driven(
     from selector.readers import read as read_recordings
     from selector.readers.writing import run_files
 
-    if out.exists() and not out.is_dir():
+    single = out.suffix.lower() == ".csv" and not out.is_dir()
+    if out.exists() and not out.is_dir() and not single:
         raise OptionError(
             "a file of this name exists",
             expected="a folder, or a name that is free: --inputs writes one file a run",
@@ -178,6 +185,13 @@ def _driven(
             advice="choose another name",
         )
     reading = read_recordings(inputs, machine=machine)
+    if single and len(reading.runs) != 1:
+        raise OptionError(
+            f"{out.name!r} for {len(reading.runs)} runs",
+            expected="a folder: --inputs writes one file a run",
+            where=f"--out {out}",
+            advice="name a folder, e.g. --out simulated",
+        )
     columns, read = _columns(file, model)
     otherwise = scheduled(
         file.conditions,
@@ -196,7 +210,10 @@ def _driven(
     read += [Path(run.file) for run in reading.runs]
     if reading.machine_file is not None:
         read.append(Path(reading.machine_file))
-    return simulated, run_files(simulated.runs, out, "csv"), out / "machine.toml", (*reading.findings, *findings), read
+    findings = (*reading.findings, *findings)
+    if single:
+        return simulated, {simulated.runs[0]: out}, out.with_suffix(".machine.toml"), findings, read
+    return simulated, run_files(simulated.runs, out, "csv"), out / "machine.toml", findings, read
 
 
 def _cyclogram(cycle: Path, duration_s: float) -> Cyclogram:

@@ -52,6 +52,7 @@ noise_um = 0.2
 def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("model.toml").write_text(ONE_NODE, encoding="utf-8")
+    Path("more.csv").write_text("time_s,spindle_speed\n0,1000\n600,0\n", encoding="utf-8")
     Path("cycle.csv").write_text("time_s,spindle_speed\n0,1000\n600,0\n900,2000\n1200,0\n", encoding="utf-8")
     return tmp_path
 
@@ -143,6 +144,9 @@ def test_recorded_runs_drive_the_model(folder, capfd):
             np.testing.assert_array_equal(recorded.values(run, [name]), model.values(run, [name]))
     (z,) = recorded.with_role("displacement")
     assert model.values("r2", [z]).max() > 1.0
+    single = simulated(capfd, "model.toml", "--out", "one.csv", "--inputs", "runs/r1.csv")
+    assert single["files"] == ["one.csv", "one.machine.toml"]
+    assert Path("one.csv").read_bytes() == Path("sim/r1.csv").read_bytes()
     # once more into the folder that is there
     assert simulated(capfd, "model.toml", "--out", "sim", "--inputs", "runs")["files"] == shown["files"]
 
@@ -216,7 +220,9 @@ def test_names_that_a_spreadsheet_would_run_are_written_harmlessly(folder, capfd
         (["model.toml", "--out", "run.csv", "--machine", "model.toml"], "--inputs"),
         (["model.toml", "--out", "sim", "--inputs", "cycle.csv", "--cycle", "cycle.csv"], "leave one out"),
         (["model.toml", "--out", "sim", "--inputs", "nothing.csv"], "nothing.csv"),
-        (["model.toml", "--out", "cycle.csv", "--inputs", "cycle.csv"], "folder"),
+        (["model.toml", "--out", "cycle.csv", "--inputs", "cycle.csv"], "one of the inputs"),
+        (["model.toml", "--out", "cycle.csv", "--inputs", "."], "--out simulated"),
+        (["model.toml", "--out", "model.toml", "--inputs", "cycle.csv"], "folder"),
         (["model.toml", "--out", ".", "--inputs", "cycle.csv"], "one of the inputs"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else None,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from selector.findings import Finding, Where
@@ -14,6 +15,11 @@ from selector.physics.thermal.model_schema import InputsSection
 from selector.physics.thermal.schedule import driven, held_at
 from selector.physics.thermal.thermal_model import ThermalModel, input_channel, simulation_findings
 from selector.recording import Channel, Recording
+
+_START_K = 1.0
+"""What a machine that stood for a night may differ from its hall."""
+
+_START_SAMPLES = 5
 
 Progress = Callable[[int, int, str], None]
 
@@ -74,7 +80,8 @@ def driven_runs(
     inputs_as_recorded = [_as_recorded(recording.channel(channel), name) for channel, name in used.items()]
     channels = (*inputs_as_recorded, *(matched[channel.name] for channel in model.outputs))
     answer = Recording.from_runs(runs, channels, provenance)
-    return answer, (*findings, *_not_compared(model, matched, recording), *simulation_findings(answer))
+    findings += [*_not_compared(model, matched, recording), *_other_start(answer, recording)]
+    return answer, (*findings, *simulation_findings(answer))
 
 
 def _as_recorded(channel: Channel, name: str) -> Channel:
@@ -124,6 +131,34 @@ def _not_recorded(name: str, runs: list[str], recording: Recording, otherwise: C
         {"input": name, "runs": runs},
         f"record it, or name its channel under [inputs]: {name} = \"CHANNEL\"",
     )  # fmt: skip
+
+
+def _other_start(answer: Recording, recording: Recording) -> list[Finding]:
+    """Runs whose recorded thermometers began elsewhere than the model, which starts with one temperature."""
+    shared = [name for name in answer.with_role("temperature") if name in recording.with_role("temperature")]
+    off_k: dict[str, float] = {}
+    for run in answer.runs:
+        first = recording.values(run, shared)[:_START_SAMPLES] - answer.values(run, shared)[:_START_SAMPLES]
+        there = first[:, np.isfinite(first).any(axis=0)]
+        if there.size:
+            gaps = np.nanmedian(there, axis=0)
+            worst = float(gaps[np.argmax(np.abs(gaps))])
+            if abs(worst) > _START_K:
+                off_k[run] = worst
+    if not off_k:
+        return []
+    worst_run = max(off_k, key=lambda run: abs(off_k[run]))
+    return [
+        Finding(
+            "start-differs",
+            "warning",
+            f"{len(off_k)} of {len(answer.runs)} runs did not begin at the temperature at which the model starts: in "
+            f"{worst_run} a thermometer read {off_k[worst_run]:+.1f} K against it.",
+            Where(run=worst_run if len(off_k) == 1 else None),
+            {"largest_difference_k": off_k},
+            "compare the later hours only, or set start_degc under [run]",
+        )
+    ]
 
 
 def _not_compared(model: ThermalModel, matched: dict[str, Channel], recording: Recording) -> list[Finding]:

@@ -138,6 +138,26 @@ def driven(recording: Recording, run: str, inputs: InputsSection, otherwise: Con
     return Driven(Conditions(time_s, *(values[name] for name in NAMES)), channels, absent)
 
 
+def condensed(conditions: Conditions, step_s: float) -> Conditions:
+    """Conditions of which many fall into a step [s], averaged over such steps; others as they are.
+
+    Heat and temperatures follow the mean; a recording with a sample every second and a speed that trembles would
+    otherwise ask for a matrix of its own at every sample.
+    """
+    time_s = conditions.time_s
+    if len(time_s) <= 2.0 * (time_s[-1] - time_s[0]) / step_s + 2:
+        return conditions
+    step = np.floor((time_s[:-1] - time_s[0]) / step_s)
+    first = np.flatnonzero(np.r_[True, step[1:] != step[:-1]])
+    length = np.diff(time_s)
+    total = np.add.reduceat(length, first)
+    means = [
+        np.r_[np.add.reduceat(values[:-1] * length, first) / total, values[-1]]
+        for values in (condition(conditions, name) for name in NAMES)
+    ]
+    return Conditions(np.r_[time_s[first], time_s[-1]], *means)
+
+
 def _channel(recording: Recording, name: str, asked: str | None) -> str | None:
     if asked is not None:
         if asked not in recording.names:

@@ -20,7 +20,7 @@ from selector.physics.thermal.model_schema import Gauge, Sensor
 from selector.physics.thermal.model_systems import HeatMachine, heat_machine, modal_machine
 from selector.physics.thermal.modes import ModalModel
 from selector.physics.thermal.parameters import Parameter, parameters, with_parameters
-from selector.physics.thermal.schedule import held_at
+from selector.physics.thermal.schedule import condensed, held_at
 from selector.physics.thermal.transient import simulate_heat
 from selector.recording import Channel, Recording
 from selector.units import CANONICAL_UNITS
@@ -228,7 +228,7 @@ class FileModel:
         history = simulate_heat(
             self.machine.system,
             self.machine.laws,
-            conditions,
+            condensed(conditions, settings.step_s),
             time_s=time_s,
             step_s=settings.step_s,
             start_degc=float(conditions.ambient_degc[0]) if settings.start_degc is None else settings.start_degc,

@@ -24,8 +24,9 @@ from selector.physics.thermal.instruments import lagged, read_out
 from selector.physics.thermal.model_file import checked_model_file, parsed_model_file, plain_values, read_model_file
 from selector.physics.thermal.model_schema import InputsSection
 from selector.physics.thermal.parameters import parameters, with_parameters
-from selector.physics.thermal.schedule import NAMES, condition, driven, held_at, scheduled
+from selector.physics.thermal.schedule import NAMES, condensed, condition, driven, held_at, scheduled
 from selector.physics.thermal.thermal_model import simulation_findings, thermal_model
+from selector.physics.thermal.transient import simulate_heat
 from selector.recording import Channel, Recording
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "fixtures" / "thermal"
@@ -352,6 +353,46 @@ def test_gaps_hold_the_last_value_and_rotation_has_no_sign():
     drive = driven(recording_of(n=gaps), "r1", InputsSection(), own_conditions(checked_model_file(ONE_NODE)))
     np.testing.assert_array_equal(drive.conditions.spindle_speed, speed)
     assert set(drive.not_recorded) == set(NAMES) - {"spindle_speed", "ambient"}
+
+
+def test_samples_closer_than_a_step_drive_as_their_mean():
+    time_s = np.arange(0.0, 7200.0, 1.0)
+    noise = np.random.default_rng(3).normal(0.0, 5.0, len(time_s))
+    clean = np.where(time_s < 3605.0, 1000.0, 0.0)
+    frame = pd.DataFrame({"n": clean + np.where(clean > 0, noise, 0.0)}, index=pd.Index(time_s, name="time_s"))
+    trembling = Recording.from_runs({"r": frame}, [Channel("n", "spindle_speed", "rpm")])
+    conditions = own_conditions(checked_model_file(ONE_NODE))
+    drive = driven(trembling, "r", InputsSection(), conditions).conditions
+    fewer = condensed(drive, 60.0)
+    assert len(fewer.time_s) == 121
+    assert fewer.time_s[-1] == drive.time_s[-1]
+    for name in NAMES:
+        # the integral over the run is kept: sums of 7200 numbers of up to 1000, rounded at 1e-16
+        before = np.sum(condition(drive, name)[:-1] * np.diff(drive.time_s))
+        after = np.sum(condition(fewer, name)[:-1] * np.diff(fewer.time_s))
+        assert after == pytest.approx(before, rel=1e-12)
+    model = thermal_model(checked_model_file(ONE_NODE))
+    full = model.machine
+    every = simulate_heat(full.system, full.laws, drive, time_s=time_s[::60], step_s=60.0, start_degc=22.0)
+    simulated = model.simulate(drive, time_s=time_s[::60])
+    # the heat of the 5 s in which the spindle still turns is spread over its minute; noise averages to less
+    bound = UM_PER_K * RISE_K * 5.0 * 60.0 / TAU_S**2
+    np.testing.assert_allclose(
+        column(simulated, "Z"), every.displacement_um[:, 0] - every.displacement_um[0, 0], atol=bound
+    )
+    assert condensed(fewer, 60.0) is fewer
+
+
+def test_a_warm_start_is_told():
+    cold, told = driven_by(
+        recording_of(T9=column(recording_of(), "hall")), one_node(sensors=[{"name": "T9", "at": "block"}])
+    )
+    assert "start-differs" not in [finding.id for finding in told]
+    warm = recording_of(T9=np.full(120, 27.5))
+    _, told = driven_by(warm, one_node(sensors=[{"name": "T9", "at": "block"}]))
+    (finding,) = (finding for finding in told if finding.id == "start-differs")
+    assert finding.where.run == "r1"
+    assert finding.evidence["largest_difference_k"]["r1"] == pytest.approx(27.5 - column(cold, "T9")[2], abs=1e-9)
 
 
 def test_what_cannot_drive_a_model_is_refused():
