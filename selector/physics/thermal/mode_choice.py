@@ -26,6 +26,8 @@ NO_WORSE = 0.01
 """Mean squared errors that differ by less than this share are the same."""
 FAR_AHEAD = 0.3
 """A film this much better in the logarithm of the error is not the law of the speed in disguise."""
+WORTH_A_GUESS = 0.2
+"""Time constants longer than the runs are accepted where they improve the logarithm of the error by this much."""
 WARM_START = 3.0
 """A run whose residuals are this much larger than the others', and become this much smaller with a start of its own,
 did not begin at rest and cold."""
@@ -157,7 +159,14 @@ def _swept(spec: ModeSpec, data: ModeData) -> tuple[list[tuple[Fit, Vector]], Fi
             film = with_film(plain, data, film)
             tried.append((film, _scores(film, data)))
     tried.sort(key=_complexity)
-    return tried, tried[_simplest([scores for _, scores in tried])][0]
+    best = tried[_simplest([scores for _, scores in tried])]
+    # a mode slower than the longest run is a straight line there, and anything beyond it
+    seen = [one for one in tried if float(one[0].tau_s.max()) <= data.longest_s]
+    if seen:
+        bounded = seen[_simplest([scores for _, scores in seen])]
+        if float(np.log(bounded[1] / best[1]).mean()) < WORTH_A_GUESS:
+            best = bounded
+    return tried, best[0]
 
 
 _OTHER_LAWS: tuple[Law, ...] = ("mode-powers", "levels")

@@ -16,7 +16,9 @@ GROWTH = 0.08
 """Length of a block as a share of the time since the speed last changed. The mean of e^(−t/τ) over a block differs from
 its value at the mean time by at most 0.54·GROWTH²/24 = 1.4e-4 of the mode's amplitude: far below any noise."""
 LONGEST = 1 / 50
-"""Longest block as a share of its run, for what moves without the spindle (hall temperature, start not at rest)."""
+"""Longest block as a share of its run, for what moves without the spindle (start not at rest, a wandering gauge)."""
+LONGEST_WITH_HALL = 1 / 200
+"""The same where the hall temperature was recorded, since it is held within a block."""
 SAME_SPEED = 0.02
 """Speeds that differ by less than this share of the fastest count as one level: jitter."""
 SHORTEST_LEVEL = 0.02
@@ -120,7 +122,8 @@ def _unusable(found: str, expected: str, where: str) -> InputError:
 
 def _blocks(test: ThermalTest, same_rpm: float) -> dict[str, Vector]:
     time, speed = test.time_s - test.time_s[0], test.speed_rpm
-    longest = LONGEST * time[-1]
+    known = np.zeros(0, np.bool_) if test.ambient_degc is None else np.isfinite(test.ambient_degc)
+    longest = (LONGEST_WITH_HALL if known.any() else LONGEST) * time[-1]
     starts, changed_s, level, begun_s = [0], 0.0, speed[0], 0.0
     for i in range(1, len(time)):
         if abs(speed[i] - level) > same_rpm:
@@ -140,11 +143,11 @@ def _blocks(test: ThermalTest, same_rpm: float) -> dict[str, Vector]:
     total = np.add.reduceat(weight, first)
     middle = np.where(total > 0, np.add.reduceat(time * weight, first) / np.maximum(total, 1.0), time[first])
     hall = np.zeros(len(first))
-    if test.ambient_degc is not None and np.isfinite(test.ambient_degc).any():
-        known = np.isfinite(test.ambient_degc)
+    if test.ambient_degc is not None and known.any():
         filled = np.interp(time, time[known], test.ambient_degc[known])
-        hall = np.add.reduceat(filled * held_s, first) / length_s
-        hall = hall - filled[time <= min(600.0, 0.02 * time[-1])].mean()
+        early = (time <= max(0.02 * time[-1], time[min(10, len(time) - 1)])) & known
+        at_start = np.polyfit(time[early], filled[early], 1)[1] if early.sum() > 3 else filled[0]
+        hall = np.add.reduceat(filled * held_s, first) / length_s - at_start
     return {
         "before": middle - time[first],
         "after": length_s - (middle - time[first]),

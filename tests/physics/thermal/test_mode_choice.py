@@ -128,10 +128,13 @@ def test_the_hall_does_not_pollute_the_gains():
         )
     fit = choose_modes(tests, RESPONSES)
     assert "hall-temperature-drives-displacement" in ids(fit)
-    errors = relative_errors(machine, fit.model, duty_cycles(rng, count=2))[:, 0]
+    errors = relative_errors(machine, fit.model, duty_cycles(np.random.default_rng(1), count=2))[:, 0]
     assert errors.max() < 0.02  # the aim without a hall
     blind = choose_modes([replace(test, ambient_degc=None) for test in tests], RESPONSES)
-    assert relative_errors(machine, blind.model, duty_cycles(rng, count=2))[:, 0].max() > 2 * errors.max()
+    assert (
+        relative_errors(machine, blind.model, duty_cycles(np.random.default_rng(1), count=2))[:, 0].max()
+        > 2 * errors.max()
+    )
 
 
 def test_missing_readings_ramps_and_jitter_of_the_speed():
