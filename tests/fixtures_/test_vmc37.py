@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from selector.physics.thermal.field.virtual_machine import virtual_machining_centre
 from selector.shipped import shipped
 
 ROOT = Path(__file__).parents[2]
@@ -37,26 +38,36 @@ def make():
     del sys.modules["make_vmc37"]
 
 
-@pytest.mark.parametrize("number", [5, 8])
-def test_generator_makes_the_shipped_run(number, make, tables):
-    made = make.recorded(make.runs()[number - 1], number)
+@pytest.fixture(scope="module")
+def machine():
+    return virtual_machining_centre()
+
+
+@pytest.mark.parametrize("number", [1, 5, 8])
+def test_generator_makes_the_shipped_run(number, make, machine, tables):
+    made = make.recorded(make.runs()[number - 1], number, machine)
     assert list(made) == list(tables[f"r{number}"])
     for name, texts in made.items():
         gap = np.abs(np.array(texts, dtype=np.float64) - tables[f"r{number}"][name])
-        # another exp() may tip a value to the next step of its instrument, at most 0.1, and rarely
+        # other linear algebra may tip a value to the next step of its instrument, at most 0.1, and rarely
         assert gap.max() < 0.101, name
-        assert (gap > 0).mean() < 0.01, name
+        assert (gap > 0).mean() < 0.02, name
 
 
-def test_network_keeps_its_energy(make):
-    """Without losses a machine at hall temperature stays there; all conductances are positive."""
-    decay, gain = make._transition(coolant=True)
-    convection = np.array([node.convection for node in make.NODES])
-    at_rest = np.full(len(make.NODES), 20.0)
-    # 1e-9 of 20 K: rounding of a 98 × 98 matrix exponential
-    np.testing.assert_allclose(decay @ at_rest + gain @ (convection * 20.0), at_rest, rtol=1e-9)
-    assert all(watts > 0 for *_, watts in (*make.LINKS, *make.COOLANT_LINKS))
-    assert np.abs(np.linalg.eigvals(decay)).max() < 1
+def test_runs_follow_their_stories(make):
+    for run in make.runs():
+        conditions, start_s = make.conditions_of(run)
+        assert conditions.time_s[-1] - start_s == run.hours * 3600
+        working = conditions.spindle_speed > 0
+        assert (conditions.machine_on[working] == 1).all()
+        assert (conditions.machine_on[conditions.time_s < 12 * 3600] == 0).all()  # a night at rest
+        assert (conditions.coolant_on[conditions.time_s < start_s] == 0).all()
+        # the pump adds 6 K at most, the hall moves by 5 K at most
+        assert np.abs(conditions.coolant_degc - conditions.ambient_degc.mean()).max() < 11
+    cycle, start_s = make.conditions_of(make.runs()[4])
+    of_part = (cycle.time_s >= start_s) & (cycle.time_s < start_s + 720)
+    speeds = cycle.spindle_speed[of_part]
+    assert [speeds[0], *speeds[1:][np.diff(speeds) != 0]] == [3000, 0, 2400, 3000, 1800]
 
 
 def test_size_labels_and_machine_file(tables):
@@ -75,16 +86,16 @@ def test_size_labels_and_machine_file(tables):
 
 def test_looks_like_the_machine_of_the_patent(tables):
     largest = {axis: max(table[axis].max() for table in tables.values()) for axis in "ZY"}
-    assert 80 < largest["Z"] < 110
-    assert 40 < largest["Y"] < 70
+    assert 40 < largest["Z"] < 90
+    assert 20 < largest["Y"] < 60
     for table in tables.values():
         assert 6 * 60 <= table["t_min"][-1] <= 8 * 60
         assert (np.diff(table["t_min"]) == 1).all()
-    assert 6 < np.ptp(tables["r1"]["T01"]) < 12  # bearings rise 6–10 K; noise and the hall add to it
+    assert 10 < np.ptp(tables["r1"]["T01"]) < 20  # what grease-lubricated bearings of this size do
 
 
-def test_three_sensors_compensate_and_memory_helps(tables):
-    sensors, tau_min = ("T01", "T05", "T19"), 60.0
+def test_some_sensors_compensate_and_memory_helps(tables):
+    sensors, tau_min = ("T01", "T05", "T08", "T13", "T27", "T28", "T36"), 60.0
 
     def lagged(rise):
         out = np.zeros_like(rise)
@@ -107,7 +118,7 @@ def test_three_sensors_compensate_and_memory_helps(tables):
 
     uncompensated = np.sqrt(np.mean([np.mean(table["Z"] ** 2) for table in tables.values()]))
     static, memory = held_out_um(memory=False), held_out_um(memory=True)
-    # the README's 57.0, 3.6 and 2.0 µm
-    assert uncompensated == pytest.approx(57.0, abs=0.05)
-    assert static == pytest.approx(3.6, abs=0.05)
-    assert memory == pytest.approx(2.0, abs=0.05)
+    # the README's numbers
+    assert uncompensated == pytest.approx(38.8, abs=0.05)
+    assert static == pytest.approx(2.3, abs=0.05)
+    assert memory == pytest.approx(1.7, abs=0.05)
