@@ -88,7 +88,10 @@ def test_printed_program_from_the_command_line(one_mode, capfd, method):
     # 45 min; a duration has two ends
     assert found["program"][0]["durations_min"] == pytest.approx([18, 27, 15], abs=0.02)
     assert found["schema"] == "selector.prediction/1"
-    assert len(found["modes"]) == (1 if method == "modal" else 0)
+    tau_s = 60 * steadies_of_the_printed_program()[0]
+    # without noise, even the 8e-5 may be taken for a further mode
+    assert method == "piecewise" or any(mode["tau_s"] == pytest.approx(tau_s, rel=1e-3) for mode in found["modes"])
+    assert method == "modal" or found["modes"] == []
 
 
 def fixture_prediction(capfd, *arguments):

@@ -194,8 +194,8 @@ def predict(
     else:
         curves = characteristics(usable, responses)
         time = _times(lambda t: piecewise_displacement_um(curves, cyclogram, t)[0], cyclogram, operations_s)
-        displacement, told = piecewise_displacement_um(curves, cyclogram, time)
-        findings += told
+        displacement, assumed = piecewise_displacement_um(curves, cyclogram, time)
+        findings += assumed
     programs: dict[str, CorrectionProgram] = {}
     if operations_s is not None or tolerance_um is not None:
         lengths = [cyclogram.end_s] if operations_s is None else list(operations_s)

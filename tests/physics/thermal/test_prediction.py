@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from selector.errors import InputError
+from selector.findings import Finding
 from selector.physics.thermal import mode_choice
 from selector.physics.thermal.cyclogram import Cyclogram
 from selector.physics.thermal.prediction import cyclogram_of_rows, predict
@@ -126,6 +127,15 @@ def test_what_was_assumed_is_told(tests):
     prediction = predict(tests, RESPONSES, CYCLE, method="piecewise", tolerance_um=3.0)
     assert "one-operation" in {finding.id for finding in prediction.findings}
     assert prediction.programs["Z"].operations[0].end_s == CYCLE.end_s
+
+
+def test_findings_of_earlier_steps_stand_first_and_none_twice(tests):
+    earlier = Finding("gap", "info", "A gap.")
+    for method in ("modal", "piecewise"):
+        findings = predict(tests, RESPONSES, CYCLE, method=method, tolerance_um=3.0, told=[earlier]).findings
+        assert findings[0] is earlier
+        said = [(finding.id, finding.where, finding.statement) for finding in findings]
+        assert len(said) == len(set(said))
 
 
 def test_runs_without_readings_are_left_out_and_told(tests):
