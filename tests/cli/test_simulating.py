@@ -94,6 +94,7 @@ def test_every_example_runs_and_is_read_back(example, folder, capfd):
     assert reading.recording.with_role("displacement")
     (run,) = shown["runs"]
     assert run["rows"] == len(reading.recording.frame)
+    assert run["balance"] is None or run["balance"]["missing_share"] < 1e-9
     # the hottest displacement of an example is of the order that machine tools have
     assert 10.0 < max(c["max"] for c in shown["channels"] if c["role"] == "displacement") < 300.0
 

@@ -38,7 +38,7 @@ Share = Annotated[float, _limited(0, 1)]
 Exponent = Annotated[float, _limited(0, 4)]
 Degrees = Annotated[float, _limited(-100, 1000)]
 Point = Annotated[tuple[Signed, Signed, Signed], Field()]
-Speed = Annotated[float, _limited(0, 1e6, above=True)]
+Speed = Annotated[float, _limited(1e-3, 1e6)]
 
 
 class Entry(BaseModel):

@@ -608,6 +608,26 @@ def test_junk_anywhere_is_read_or_refused_but_never_a_defect(place, junk):
     assert all(refusal)
 
 
+NUMBERS = st.sampled_from([0, 1, -1, 4, 100, 1e-9, 1e-3, 1e3, 1e6, 1e9, 1e12, 1e300, -1e9, 1e-300])
+PHYSICS = sorted(parameters(parsed_model_file(HEADSTOCK)))
+
+
+@given(changes=st.dictionaries(st.sampled_from(PHYSICS), NUMBERS, max_size=4))
+@settings(max_examples=60, deadline=None)
+def test_absurd_physics_is_simulated_or_refused_but_never_a_defect(changes):
+    file = parsed_model_file(HEADSTOCK)
+    cyclogram = Cyclogram(np.array([0.0, 300.0]), np.array([3000.0, 0.0]), 600.0)
+    conditions = scheduled(file.conditions, {}, duration_s=600.0, period_s=60.0, cyclogram=cyclogram)
+    try:
+        recording = thermal_model(with_parameters(file, changes)).simulate(conditions)
+        told = simulation_findings(recording)
+    except InputError as error:
+        outcome = [error.where, error.advice]
+    else:
+        outcome = [recording.runs, *(finding.statement for finding in told)]
+    assert all(outcome)
+
+
 @pytest.mark.parametrize("example", sorted(path.name for path in EXAMPLES.glob("*.toml")))
 def test_examples_read_back_as_they_are(example):
     file = read_model_file(EXAMPLES / example)
