@@ -89,8 +89,8 @@ def test_printed_program_from_the_command_line(one_mode, capfd, method):
     assert found["program"][0]["durations_min"] == pytest.approx([18, 27, 15], abs=0.02)
     assert found["schema"] == "selector.prediction/1"
     tau_s = 60 * steadies_of_the_printed_program()[0]
-    # without noise, even the 8e-5 may be taken for a further mode
-    assert method == "piecewise" or any(mode["tau_s"] == pytest.approx(tau_s, rel=1e-3) for mode in found["modes"])
+    # without noise, even the 8e-5 may be taken for a further mode or for cooling that depends on the speed
+    assert method == "piecewise" or any(mode["tau_s"] == pytest.approx(tau_s, rel=5e-3) for mode in found["modes"])
     assert method == "modal" or found["modes"] == []
 
 
