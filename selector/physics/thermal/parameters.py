@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -67,13 +68,12 @@ def with_parameters(file: ModelFile, values: Mapping[str, float]) -> ModelFile:
     Raises
     ------
     OptionError
-        There is no such parameter.
+        There is no such parameter, or the value is outside the bounds that the file gives it.
     ModelFileError
         A value is impossible, e.g. a negative heat capacity.
     """
     plain = copy.deepcopy(_complete_values(file))
     paths = _paths(file, plain)
-    # bounds guide a fit; a value outside them is the caller's decision
     for name, value in values.items():
         if name not in paths:
             raise OptionError(
@@ -81,6 +81,14 @@ def with_parameters(file: ModelFile, values: Mapping[str, float]) -> ModelFile:
                 expected="one of " + ", ".join(list(paths)[:12]) + ", …",
                 where=f"model {file.model.name!r}",
                 advice="look the names up in `parameters`",
+            )
+        low, high = file.bounds.get(name, (-math.inf, math.inf))
+        if value < low or value > high:
+            raise OptionError(
+                f"{name} = {value:g}",
+                expected=f"{low:g} to {high:g}, its bounds in the model file",
+                where=f"model {file.model.name!r}",
+                advice="stay within the bounds, or widen them in the file",
             )
         _put(plain, paths[name], float(value))
     return checked_model_file(plain, where=f"model {file.model.name!r}")

@@ -272,6 +272,10 @@ def test_parameters_that_do_not_exist_or_cannot_be_are_refused():
         model.with_parameters({"nodes.block.heat_capacity_j_per_k": -1.0})
     with pytest.raises(ModelFileError):
         model.with_parameters({"nodes.block.heat_capacity_j_per_k": math.nan})
+    bounded = thermal_model(checked_model_file(one_node(bounds={"sources.bearing.speed_w": [50.0, 150.0]})))
+    assert bounded.with_parameters({"sources.bearing.speed_w": 150.0}).parameters["sources.bearing.speed_w"].low == 50.0
+    with pytest.raises(OptionError, match="50 to 150"):
+        bounded.with_parameters({"sources.bearing.speed_w": 151.0})
 
 
 def test_a_fit_finds_the_parameter_again():
