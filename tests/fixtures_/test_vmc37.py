@@ -62,8 +62,8 @@ def test_runs_follow_their_stories(make):
         assert (conditions.machine_on[working] == 1).all()
         assert (conditions.machine_on[conditions.time_s < 12 * 3600] == 0).all()  # a night at rest
         assert (conditions.coolant_on[conditions.time_s < start_s] == 0).all()
-        # the pump adds 6 K at most, the hall moves by 5 K at most
-        assert np.abs(conditions.coolant_degc - conditions.ambient_degc.mean()).max() < 11
+        # the pump adds 7.5 K at most, the hall moves by 5 K at most
+        assert np.abs(conditions.coolant_degc - conditions.ambient_degc.mean()).max() < 12.5
     cycle, start_s = make.conditions_of(make.runs()[4])
     of_part = (cycle.time_s >= start_s) & (cycle.time_s < start_s + 720)
     speeds = cycle.spindle_speed[of_part]
@@ -119,6 +119,6 @@ def test_some_sensors_compensate_and_memory_helps(tables):
     uncompensated = np.sqrt(np.mean([np.mean(table["Z"] ** 2) for table in tables.values()]))
     static, memory = held_out_um(memory=False), held_out_um(memory=True)
     # the README's numbers
-    assert uncompensated == pytest.approx(38.8, abs=0.05)
-    assert static == pytest.approx(2.3, abs=0.05)
-    assert memory == pytest.approx(1.7, abs=0.05)
+    assert uncompensated == pytest.approx(38.6, abs=0.05)
+    assert static == pytest.approx(2.1, abs=0.05)
+    assert memory == pytest.approx(1.8, abs=0.05)

@@ -10,6 +10,8 @@
     thermoelasticity      → displacements of the tool, deformation
     machine               all of it for the machining centre
     export                → files for ParaView
+    virtual_laws          what heats and cools it
+    virtual_machine       → the machine that can be run: reduced, with its laws and sensors
 """
 
 from __future__ import annotations
@@ -22,9 +24,18 @@ from selector.physics.thermal.field.materials import MATERIALS, Material
 from selector.physics.thermal.field.mesh import VOID, Block, BlockMesh, block_mesh
 from selector.physics.thermal.field.probes import probe_row
 from selector.physics.thermal.field.thermoelasticity import Elasticity, elasticity, rigid_motion_reading
+from selector.physics.thermal.field.virtual_laws import machine_laws, parts_beside
+from selector.physics.thermal.field.virtual_machine import (
+    SENSORS,
+    Sensor,
+    VirtualMachine,
+    film_sets,
+    virtual_machining_centre,
+)
 
 __all__ = [
     "MATERIALS",
+    "SENSORS",
     "VOID",
     "Block",
     "BlockMesh",
@@ -32,15 +43,21 @@ __all__ = [
     "FieldMachine",
     "MachineGeometry",
     "Material",
+    "Sensor",
+    "VirtualMachine",
     "block_mesh",
     "conduction_matrices",
     "elasticity",
     "field_machine",
     "film",
+    "film_sets",
     "machine_blocks",
+    "machine_laws",
+    "parts_beside",
     "probe_row",
     "rigid_motion_reading",
     "surface_source",
+    "virtual_machining_centre",
     "volume_source",
     "write_vtu",
 ]
