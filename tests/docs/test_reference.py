@@ -18,6 +18,7 @@ def test_command_line_page_is_up_to_date():
 
 def test_the_commands_of_the_contract_are_there():
     promised = {"describe", "convert", "apply", "model show", "model check", "audit-patent", "select", "demo"}
+    promised |= {"predict", "simulate thermal"}
     assert {f"selector {name}" for name in promised} <= set(COMMANDS)
 
 
