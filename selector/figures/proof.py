@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from selector.figures import style
+from selector.figures.traces import Traced, beside_each_other, common_ranges, telling_samples
 from selector.selection import Selection
 from selector.selection.result import Trace
 
@@ -109,8 +109,6 @@ def measured_and_predicted(selection: Selection, response: str, runs: Sequence[s
         traces.setdefault(trace.run, []).append(trace)
     wanted = [run for run in (traces if runs is None else runs) if run in traces]
     proofs = {part.name: part for part in selection.proof.per_response[response]}
-    columns = 1 if len(wanted) == 1 else 2
-    rows = max(1, math.ceil(len(wanted) / columns))
     source = {
         "run": "predicted from the other runs",
         "condition": "predicted from other conditions",
@@ -120,71 +118,17 @@ def measured_and_predicted(selection: Selection, response: str, runs: Sequence[s
         f"{style.label(response)} measured and {source}: "
         f"largest residual {style.number(selection.proof.max_um(response))} µm"
     )
-    drawn = style.figure(title, 90 + 260 * rows)
-    drawn.update_layout(margin={"b": 10})
-    longest = max((float(trace.time_s[-1]) for run in wanted for trace in traces[run]), default=1.0)
-    unit, seconds = style.time_unit(longest)
-    value_range, residual_range = _common_ranges(selection.proof.traces, j)
-    for k, run in enumerate(wanted):
-        row, column = divmod(k, columns)
-        x, upper, lower = f"x{k + 1}", f"y{2 * k + 1}", f"y{2 * k + 2}"
+    shown = []
+    for run in wanted:
         time_s, measured, predicted = _drawn_samples(traces[run], j)
-        common = {"x": (time_s / seconds).astype(np.float32), "mode": "lines", "xaxis": x}
-        for values, name, colour, yaxis in (
-            (measured, "measured", style.MEASURED, upper),
-            (predicted, "predicted", style.PREDICTED, upper),
-            (measured - predicted, "residual", style.RESIDUAL, lower),
-        ):
-            drawn.add_scatter(
-                **common,
-                y=values.astype(np.float32),
-                yaxis=yaxis,
-                name=name,
-                legendgroup=name,
-                showlegend=k == 0,
-                line={"color": colour, "width": 1.6},
-                hovertemplate=f"%{{x:.3g}} {unit}, {name} %{{y:.4g}} µm<extra></extra>",
-            )
-        top, bottom = 1 - row / rows, 1 - (row + 1) / rows
-        gap = min(0.30, 56 / 260) / rows
-        middle = bottom + gap + (top - bottom - gap) * 0.34
-        left = column / columns + (0.035 if column else 0.0)
-        right = (column + 1) / columns - (0.035 if columns == 2 and not column else 0.0)
-        is_first = column == 0
-        layout = drawn.layout
-        layout[f"xaxis{k + 1 if k else ''}"] = {
-            "domain": [left, right],
-            "anchor": lower,
-            "title": {"text": f"time [{unit}]", "standoff": 2},
-        }
-        layout[f"yaxis{2 * k + 1 if k else ''}"] = {
-            "domain": [middle + 0.012 / rows * 2, top - 0.085 / rows],
-            "anchor": x,
-            "title": {"text": f"{style.label(response, 12)} [µm]" if is_first else ""},
-            "range": value_range,
-        }
-        layout[f"yaxis{2 * k + 2}"] = {
-            "domain": [bottom + gap, middle],
-            "anchor": x,
-            "title": {"text": "residual [µm]" if is_first else ""},
-            "range": residual_range,
-            "zeroline": True,
-            "zerolinecolor": style.MUTED,
-            "nticks": 4,
-        }
         part = proofs.get(run)
         more = f": rms {style.number(part.rmse_um)} µm, largest {style.number(part.max_um)} µm" if part else ""
-        drawn.add_annotation(
-            text=f"<b>{style.label(run)}</b>{more}",
-            x=left,
-            y=top - 0.08 / rows,
-            xref="paper",
-            yref="paper",
-            xanchor="left",
-            yanchor="bottom",
-            showarrow=False,
-        )
-    return drawn
+        shown.append(Traced(run, more, time_s, measured, predicted))
+    ranges = common_ranges(
+        [trace.measured_um[:, j] for trace in selection.proof.traces],
+        [trace.predicted_um[:, j] for trace in selection.proof.traces],
+    )
+    return beside_each_other(title, shown, response, *ranges)
 
 
 def errors_per_run(selection: Selection, response: str) -> go.Figure:
@@ -248,39 +192,19 @@ def errors_per_run(selection: Selection, response: str) -> go.Figure:
     return drawn
 
 
-def _common_ranges(traces: Sequence[Trace], j: int) -> tuple[list[float], list[float]]:
-    """Ranges of displacement and residual that all runs of a recording fit in, so that pictures can be compared."""
-    values = [array for trace in traces for array in (trace.measured_um[:, j], trace.predicted_um[:, j])]
-    low, high = min(float(v.min()) for v in values), max(float(v.max()) for v in values)
-    errors = [trace.measured_um[:, j] - trace.predicted_um[:, j] for trace in traces]
-    least, most = min(0.0, *(float(e.min()) for e in errors)), max(0.0, *(float(e.max()) for e in errors))
-    rooms = 0.06 * max(high - low, 1e-9), 0.12 * max(most - least, 1e-9)
-    return [low - rooms[0], high + rooms[0]], [least - rooms[1], most + rooms[1]]
-
-
 def _drawn_samples(
     traces: Sequence[Trace], j: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Time, measured, predicted of the parts of a run in order of time, a gap between parts."""
     times, measured, predicted = [], [], []
     for trace in sorted(traces, key=lambda trace: float(trace.time_s[0])):
-        keep = _telling_samples(
+        keep = telling_samples(
             trace.measured_um[:, j] - trace.predicted_um[:, j], max(20, POINTS_PER_RUN // len(traces))
         )
         times += [trace.time_s[keep], trace.time_s[keep[-1:]]]
         measured += [trace.measured_um[keep, j], [np.nan]]
         predicted += [trace.predicted_um[keep, j], [np.nan]]
     return np.concatenate(times)[:-1], np.concatenate(measured)[:-1], np.concatenate(predicted)[:-1]
-
-
-def _telling_samples(residual: NDArray[np.float64], points: int) -> NDArray[np.int64]:
-    """Of each of `points` / 2 stretches the first sample and the one with the largest residual: no peak is lost."""
-    n = len(residual)
-    if n <= points:
-        return np.arange(n)
-    edges = np.linspace(0, n, points // 2 + 1).astype(np.int64)
-    peaks = [a + int(np.argmax(np.abs(residual[a:b]))) for a, b in pairwise(edges.tolist())]
-    return np.unique([*edges[:-1].tolist(), *peaks, n - 1])
 
 
 def _value_axis(values: Sequence[float]) -> dict[str, object]:

@@ -1,0 +1,133 @@
+"""Courses measured and predicted side by side, run by run, each with its residual below."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import plotly.graph_objects as go
+from numpy.typing import NDArray
+
+from selector.figures import style
+
+Vector = NDArray[np.float64]
+_ROW_PX = 260
+
+
+@dataclass(frozen=True)
+class Traced:
+    """One run of a picture: its name, a remark beside it, times [s] and displacements [µm], NaN where there is none."""
+
+    run: str
+    remark: str
+    time_s: Vector
+    measured_um: Vector
+    predicted_um: Vector
+
+
+def beside_each_other(
+    title: str,
+    runs: Sequence[Traced],
+    response: str,
+    value_range: Sequence[float],
+    residual_range: Sequence[float],
+) -> go.Figure:
+    """All runs in two columns, the same scales everywhere; samples are drawn as they come, see `telling_samples`.
+
+    Parameters
+    ----------
+    title : str
+        Plain text, as `style.label` makes it.
+    runs : sequence of Traced
+    response : str
+        Name of the displacement.
+    value_range, residual_range : sequence of two floats
+        Ends of the axes [µm], as `common_ranges` gives them.
+    """
+    columns = 1 if len(runs) == 1 else 2
+    rows = max(1, math.ceil(len(runs) / columns))
+    drawn = style.figure(title, 90 + _ROW_PX * rows)
+    drawn.update_layout(margin={"b": 10})
+    unit, seconds = style.time_unit(max((float(one.time_s[-1]) for one in runs), default=1.0))
+    for k, one in enumerate(runs):
+        row, column = divmod(k, columns)
+        x, upper, lower = f"x{k + 1}", f"y{2 * k + 1}", f"y{2 * k + 2}"
+        common = {"x": (one.time_s / seconds).astype(np.float32), "mode": "lines", "xaxis": x}
+        for values, name, colour, yaxis in (
+            (one.measured_um, "measured", style.MEASURED, upper),
+            (one.predicted_um, "predicted", style.PREDICTED, upper),
+            (one.measured_um - one.predicted_um, "residual", style.RESIDUAL, lower),
+        ):
+            drawn.add_scatter(
+                **common,
+                y=values.astype(np.float32),
+                yaxis=yaxis,
+                name=name,
+                legendgroup=name,
+                showlegend=k == 0,
+                line={"color": colour, "width": 1.6},
+                hovertemplate=f"%{{x:.3g}} {unit}, {name} %{{y:.4g}} µm<extra></extra>",
+            )
+        top, bottom = 1 - row / rows, 1 - (row + 1) / rows
+        gap = min(0.30, 56 / _ROW_PX) / rows
+        middle = bottom + gap + (top - bottom - gap) * 0.34
+        left = column / columns + (0.035 if column else 0.0)
+        right = (column + 1) / columns - (0.035 if columns == 2 and not column else 0.0)
+        is_first = column == 0
+        layout = drawn.layout
+        layout[f"xaxis{k + 1 if k else ''}"] = {
+            "domain": [left, right],
+            "anchor": lower,
+            "title": {"text": f"time [{unit}]", "standoff": 2},
+        }
+        layout[f"yaxis{2 * k + 1 if k else ''}"] = {
+            "domain": [middle + 0.012 / rows * 2, top - 0.085 / rows],
+            "anchor": x,
+            "title": {"text": f"{style.label(response, 12)} [µm]" if is_first else ""},
+            "range": list(value_range),
+        }
+        layout[f"yaxis{2 * k + 2}"] = {
+            "domain": [bottom + gap, middle],
+            "anchor": x,
+            "title": {"text": "residual [µm]" if is_first else ""},
+            "range": list(residual_range),
+            "zeroline": True,
+            "zerolinecolor": style.MUTED,
+            "nticks": 4,
+        }
+        drawn.add_annotation(
+            text=f"<b>{style.label(one.run)}</b>{one.remark}",
+            x=left,
+            y=top - 0.08 / rows,
+            xref="paper",
+            yref="paper",
+            xanchor="left",
+            yanchor="bottom",
+            showarrow=False,
+        )
+    return drawn
+
+
+def common_ranges(measured_um: Sequence[Vector], predicted_um: Sequence[Vector]) -> tuple[list[float], list[float]]:
+    """Ranges of displacement and residual that all runs fit in, so that pictures can be compared."""
+    values = [*measured_um, *predicted_um]
+    low, high = min(float(np.nanmin(v)) for v in values), max(float(np.nanmax(v)) for v in values)
+    errors = [m - p for m, p in zip(measured_um, predicted_um, strict=True)]
+    least = min(0.0, *(float(np.nanmin(e)) for e in errors))
+    most = max(0.0, *(float(np.nanmax(e)) for e in errors))
+    rooms = 0.06 * max(high - low, 1e-9), 0.12 * max(most - least, 1e-9)
+    return [low - rooms[0], high + rooms[0]], [least - rooms[1], most + rooms[1]]
+
+
+def telling_samples(residual: Vector, points: int) -> NDArray[np.int64]:
+    """Of each of `points` / 2 stretches the first sample and the one with the largest residual: no peak is lost."""
+    n = len(residual)
+    if n <= points:
+        return np.arange(n)
+    edges = np.linspace(0, n, points // 2 + 1).astype(np.int64)
+    size = np.nan_to_num(np.abs(residual))
+    peaks = [a + int(np.argmax(size[a:b])) for a, b in pairwise(edges.tolist())]
+    return np.unique([*edges[:-1].tolist(), *peaks, n - 1])
