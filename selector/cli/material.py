@@ -10,7 +10,7 @@ from typing import Any
 from selector.cli.source import Source
 from selector.findings import Finding, Where
 from selector.quality import StreamWithoutFaults, inspect, without_faults
-from selector.readers import is_large, machine, stream_parquet
+from selector.readers import Reading, is_large, machine, stream_parquet
 from selector.readers.names import printable_name
 from selector.recording import RunSource, thinned
 
@@ -39,13 +39,18 @@ def material_of(source: Source) -> Material:
         return _streamed(source)
     reading = source.reading()
     faults = inspect(reading.recording)
-    provenance = {
-        "machine": None if reading.machine is None or reading.machine.machine is None else reading.machine.machine.name,
-        "runs": {run.name: {"file": printable_name(Path(run.file).name), "sha256": run.sha256} for run in reading.runs},
-    }
     copies = tuple(_copies({run.name: run.sha256 for run in reading.runs}))
     recording = without_faults(reading.recording, (*faults, *copies))
-    return Material(recording, (*reading.findings, *copies, *faults), provenance, reading.description())
+    return Material(recording, (*reading.findings, *copies, *faults), provenance_of(reading), reading.description())
+
+
+def provenance_of(reading: Reading) -> dict[str, Any]:
+    """The machine's name, and file and SHA-256 of every run, as reports show them."""
+    machine_section = None if reading.machine is None else reading.machine.machine
+    return {
+        "machine": None if machine_section is None else machine_section.name,
+        "runs": {run.name: {"file": printable_name(Path(run.file).name), "sha256": run.sha256} for run in reading.runs},
+    }
 
 
 def _copies(hashes: dict[str, str]) -> Iterator[Finding]:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from selector.physics.thermal.prediction import Prediction
     from selector.readers import Reading
+    from selector.readers.cycle_file import CycleFile
     from selector.recording import Recording
 
 _PROGRAM = "Correction program"
@@ -61,7 +62,9 @@ Resolution = Annotated[
 Out = Annotated[
     Path | None,
     typer.Option(
-        "--out", metavar="DIR", help="Write prediction.json, and program.csv and program.txt if there is a program."
+        "--out",
+        metavar="DIR",
+        help="Write prediction.json, report.html, and program.csv and program.txt if there is a program.",
     ),
 ]
 
@@ -96,7 +99,8 @@ def predict(
         require_writable_folder(out, "--out")
     steps = read_cycle(cycle)
     cyclogram, of_cycle = cyclogram_of_rows(steps.time_s, steps.speed_rpm, lengths_s)
-    recording, responses, of_recording = _tests(source.reading(), response)
+    reading = source.reading()
+    recording, responses, of_recording = _tests(reading, response)
     prediction = predicted(
         thermal_tests(recording, responses),
         responses,
@@ -107,16 +111,14 @@ def predict(
         resolution_s=None if resolution is None else 60.0 * resolution,
         told=(*of_recording, *of_cycle),
     )
-    if out is not None:
-        _write(prediction, out)
+    written = [] if out is None else _write(prediction, reading, steps, out)
     if as_json:
         showing.print_json(prediction.as_dict())
     console = showing.screen(as_json)
     if not as_json:
         _show(console, prediction)
     if out is not None:
-        names = "prediction.json, program.csv, program.txt" if prediction.programs else "prediction.json"
-        console.print(f"wrote {out}: {names}", markup=False)
+        console.print(f"wrote {out}: {', '.join(written)}", markup=False)
 
 
 def _tests(reading: Reading, response: list[str] | None) -> tuple[Recording, tuple[str, ...], tuple[Finding, ...]]:
@@ -197,8 +199,11 @@ def _require_positive(value: float | None, where: str, expected: str, advice: st
         raise OptionError(f"{value:g}", expected=expected, where=where, advice=advice)
 
 
-def _write(prediction: Prediction, out: Path) -> None:
+def _write(prediction: Prediction, reading: Reading, cycle: CycleFile, out: Path) -> list[str]:
+    """The names of the files that were written."""
+    from selector.cli.material import provenance_of
     from selector.physics.thermal.correction_text import program_blocks, program_table
+    from selector.report import write_prediction_report
 
     files = {"prediction.json": showing.json_text(prediction.as_dict()) + "\n"}
     if prediction.programs:
@@ -207,6 +212,13 @@ def _write(prediction: Prediction, out: Path) -> None:
     with folder_written_whole(out) as folder:
         for name, text in files.items():
             (folder / name).write_text(text, encoding="utf-8", newline="\n")
+        write_prediction_report(
+            prediction,
+            folder / "report.html",
+            description=reading.description(),
+            provenance={**provenance_of(reading), "duty cycle": cycle.file},
+        )
+    return [*files, "report.html"]
 
 
 def _show(console: Console, prediction: Prediction) -> None:

@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from selector.figures import style
 
+Vector = NDArray[np.float64]
+
 _HEIGHT = 640
 _SHOWN_SHARE = 0.08
+_MOST_LABELS = 12
 _HEAT_SCALE = ((0.0, "#f2f0ea"), (0.3, "#f6c667"), (0.6, "#e2652a"), (1.0, "#6b0f1a"))
 _SIZE_SCALE = ((0.0, "#f7fbff"), (0.35, "#b5d4e9"), (0.7, "#3787c0"), (1.0, "#08306b"))
-_CAMERA = {"eye": {"x": 1.25, "y": 1.45, "z": 0.75}, "center": {"x": 0, "y": 0, "z": -0.05}}
+_CAMERA = {"eye": {"x": 1.5, "y": 1.7, "z": 0.9}, "center": {"x": 0, "y": 0, "z": -0.08}}
+_LIGHT = {"ambient": 0.75, "diffuse": 0.5, "specular": 0.05, "facenormalsepsilon": 0.0, "vertexnormalsepsilon": 0.0}
+"""Without the two epsilons, cells of some millimetres have no normal, and are drawn as dark patches."""
+_ON_THE_MACHINE_M = 0.15
+_TRIED = 200
+_ROOM_M = 0.04
+_BESIDE_M = 0.05
+"""Distance of a sensor's mark from the surface, so that it is not half inside."""
 
 
 def machine_field(
@@ -21,8 +33,11 @@ def machine_field(
     temperature_degc: NDArray[np.float64],
     deformation_um: NDArray[np.float64],
     title: str,
+    places_m: Mapping[str, tuple[float, float, float]] | None = None,
 ) -> go.Figure:
     """Temperature of the surface beside its deformation, which is scaled so that it can be seen; the scale is stated.
+
+    The picture can be turned with the mouse.
 
     Parameters
     ----------
@@ -34,6 +49,8 @@ def machine_field(
     deformation_um : ndarray of shape (n_nodes, 3)
     title : str
         When this is, and under which load.
+    places_m : mapping of str to (x, y, z), optional
+        Sensors [m], drawn on the surface that is nearest.
     """
     nodes, corners = np.unique(triangles, return_inverse=True)
     corners = corners.reshape(triangles.shape)
@@ -42,6 +59,7 @@ def machine_field(
     extent = float(np.ptp(place, axis=0).max())
     scale = _round_scale(_SHOWN_SHARE * extent / max(float(size.max()) * 1e-6, 1e-12))
     drawn = style.figure(style.label(title, 200), _HEIGHT)
+    count = np.uint16 if len(place) < 2**16 else np.int32
     parts = (
         ("scene", place, temperature_degc[nodes], _HEAT_SCALE, "temperature [°C]", 0.44, "%{intensity:.2f} °C"),
         ("scene2", place + moved * 1e-6 * scale, size, _SIZE_SCALE, "displacement [µm]", 1.0, "%{intensity:.1f} µm"),
@@ -51,28 +69,96 @@ def machine_field(
             x=points[:, 0].astype(np.float32),
             y=points[:, 1].astype(np.float32),
             z=points[:, 2].astype(np.float32),
-            i=corners[:, 0].astype(np.int32),
-            j=corners[:, 1].astype(np.int32),
-            k=corners[:, 2].astype(np.int32),
+            i=corners[:, 0].astype(count),
+            j=corners[:, 1].astype(count),
+            k=corners[:, 2].astype(count),
             intensity=values.astype(np.float32),
             colorscale=colours,
             colorbar={"title": {"text": text, "side": "right"}, "thickness": 14, "len": 0.7, "x": bar_at},
             flatshading=True,
-            lighting={"ambient": 0.75, "diffuse": 0.5, "specular": 0.05},
+            lighting=_LIGHT,
             hovertemplate=hover + "<extra></extra>",
             scene=scene,
         )
-    axes = {name: {"title": {"text": f"{name[0].upper()} [m]"}} for name in ("xaxis", "yaxis", "zaxis")}
+    everything = np.vstack([place, place + moved * 1e-6 * scale])
+    if places_m:
+        marks = _on_the_surface(np.array(list(places_m.values()), dtype=np.float64), place, corners)
+        names = [style.label(name) for name in places_m]
+        drawn.add_scatter3d(
+            x=marks[:, 0].astype(np.float32),
+            y=marks[:, 1].astype(np.float32),
+            z=marks[:, 2].astype(np.float32),
+            mode="markers+text" if len(names) <= _MOST_LABELS else "markers",
+            text=names,
+            textposition="top center",
+            textfont={"size": 11},
+            marker={"size": 4, "color": style.PREDICTED, "line": {"color": "#ffffff", "width": 1}},
+            hovertemplate="%{text}<extra></extra>",
+            showlegend=False,
+            scene="scene",
+        )
+        everything = np.vstack([everything, marks])
+    low, high = everything.min(axis=0) - _ROOM_M, everything.max(axis=0) + _ROOM_M
+    axes = {
+        f"{name}axis": {
+            "title": {"text": f"{name.upper()} [m]"},
+            "nticks": 5,
+            "range": [float(low[k]), float(high[k])],
+        }
+        for k, name in enumerate("xyz")
+    }
     drawn.update_layout(
-        scene={"domain": {"x": [0.0, 0.44]}, "aspectmode": "data", "camera": _CAMERA, **axes},
+        scene={"domain": {"x": [0.02, 0.46]}, "aspectmode": "data", "camera": _CAMERA, **axes},
         scene2={"domain": {"x": [0.54, 0.98]}, "aspectmode": "data", "camera": _CAMERA, **axes},
         margin={"l": 0, "r": 0, "b": 10},
     )
-    for at, text in ((0.22, "temperature"), (0.76, f"deformation, drawn {scale:,.0f} times larger".replace(",", " "))):
+    heading = "temperature" + (f", with {len(places_m)} thermometers" if places_m else "")
+    larger = f"{scale:,.0f}".replace(",", " ")
+    for at, text in ((0.22, heading), (0.76, f"deformation, drawn {larger} times larger")):
         drawn.add_annotation(
-            text=text, x=at, y=0.0, xref="paper", yref="paper", xanchor="center", yanchor="bottom", showarrow=False
-        )
+            text=f"<b>{text}</b>", x=at, y=1.0, xref="paper", yref="paper", xanchor="center", yanchor="bottom",
+            showarrow=False,
+        )  # fmt: skip
     return drawn
+
+
+def _on_the_surface(points_m: Vector, nodes_m: Vector, corners: NDArray[np.int64]) -> Vector:
+    """Beside the nearest triangle that can be seen from outside; points that are far from the machine stay."""
+    ends = nodes_m[corners]
+    middles = ends.mean(axis=1)
+    normals = np.cross(ends[:, 1] - ends[:, 0], ends[:, 2] - ends[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+    marks = points_m.copy()
+    for mark in marks:
+        distance = np.linalg.norm(middles - mark, axis=1)
+        near = np.argsort(distance)[:_TRIED]
+        near = near[distance[near] < _ON_THE_MACHINE_M]
+        seen = (t for t in near.tolist() if _is_seen(middles[t] + 1e-6 * normals[t], normals[t], ends))
+        if len(near):
+            nearest = next(seen, int(near[0]))
+            mark[:] = middles[nearest] + _BESIDE_M * normals[nearest]
+    return marks
+
+
+def _is_seen(origin_m: Vector, normal: Vector, ends_m: Vector) -> bool:
+    """Whether anything leads away from here: the walls of chambers look at each other in every direction."""
+    tangents = np.cross(normal, np.eye(3))
+    ways = [normal, *(normal + sign * tangent for tangent in tangents for sign in (1.0, -1.0))]
+    return not all(_meets_any(origin_m, way, ends_m) for way in ways)
+
+
+def _meets_any(origin_m: Vector, direction: Vector, ends_m: Vector) -> bool:
+    """Whether a ray meets any triangle (Möller and Trumbore, 1997)."""
+    first, second = ends_m[:, 1] - ends_m[:, 0], ends_m[:, 2] - ends_m[:, 0]
+    across = np.cross(direction, second)
+    size = (first * across).sum(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        from_corner = origin_m - ends_m[:, 0]
+        u = (from_corner * across).sum(axis=1) / size
+        turned = np.cross(from_corner, first)
+        v = (turned @ direction) / size
+        ahead = (turned * second).sum(axis=1) / size
+        return bool(((u >= 0) & (v >= 0) & (u + v <= 1) & (ahead > 0)).any())
 
 
 def _round_scale(value: float) -> float:

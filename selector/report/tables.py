@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from selector.findings import Finding
 from selector.report.formula import coefficient_rows, unit_of, variable_text
 from selector.report.numbers import NONE, number_text, place_text, share_text
 from selector.selection import Selection
@@ -68,8 +69,13 @@ def table(headings: Sequence[str], rows: Sequence[Sequence[str]], note: str = ""
 
 def remarks(selection: Selection, *levels: str) -> tuple[Remark, ...]:
     """Findings of these levels (all when none is given), the worst first."""
+    return remarks_of(selection.findings, *levels)
+
+
+def remarks_of(findings: Iterable[Finding], *levels: str) -> tuple[Remark, ...]:
+    """These findings, see `remarks`."""
     wanted = levels or _LEVELS
-    ordered = sorted(selection.findings, key=lambda finding: _LEVELS.index(finding.level))
+    ordered = sorted(findings, key=lambda finding: _LEVELS.index(finding.level))
     return tuple(
         Remark(one.id, one.level, one.statement, place_text(one.where), _ACTIONS[one.action], one.suggestion)
         for one in ordered

@@ -68,7 +68,12 @@ def data_label(
     selection: Selection, description: Mapping[str, Any] | None, title: str
 ) -> Literal["simulated", "reconstructed"] | None:
     """Whether the data say of themselves that they are no measurement (machine name, notes, title)."""
-    said = [title, *_telling(selection.provenance), *_telling(description or {})]
+    return label_of(title, selection.provenance, description or {})
+
+
+def label_of(title: str, *told: Mapping[str, Any]) -> Literal["simulated", "reconstructed"] | None:
+    """What a title and what is told of data say about them, see `data_label`."""
+    said = [title, *(text for one in told for text in _telling(one))]
     text = " ".join(said).lower()
     if re.search(r"\breconstruct", text):
         return "reconstructed"

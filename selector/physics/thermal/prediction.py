@@ -17,6 +17,7 @@ from selector.physics.thermal.correction_text import notation
 from selector.physics.thermal.cyclogram import Cyclogram
 from selector.physics.thermal.cyclogram_kind import cyclogram_kind
 from selector.physics.thermal.piecewise import piecewise_displacement_um
+from selector.physics.thermal.repeated_tests import RepeatedTest, modal_repeats, piecewise_repeats
 from selector.physics.thermal.thermal_test import ThermalTest
 
 Vector = NDArray[np.float64]
@@ -66,6 +67,8 @@ class Prediction:
         RMS error on the tests that were fitted, and on tests that were left out [µm].
     findings : tuple of Finding
         What to know about it.
+    repeats : tuple of RepeatedTest
+        The tests beside what the method makes of them.
     """
 
     responses: tuple[str, ...]
@@ -78,6 +81,7 @@ class Prediction:
     residual_um: Vector | None
     heldout_um: Vector | None
     findings: tuple[Finding, ...]
+    repeats: tuple[RepeatedTest, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
         """JSON form, `selector.prediction/1`."""
@@ -191,11 +195,18 @@ def predict(
         findings += [*fit.findings, *_longer_than_tests(usable, cyclogram)]
         time = _times(lambda t: fit.model.displacement_um(cyclogram, t), cyclogram, operations_s)
         displacement = fit.model.displacement_um(cyclogram, time)
+        repeats = modal_repeats(
+            usable,
+            fit.model,
+            warm=[str(one.where.run) for one in fit.findings if one.id == "start-not-at-rest"],
+            with_hall=any(one.id == "hall-temperature-drives-displacement" for one in fit.findings),
+        )
     else:
         curves = characteristics(usable, responses)
         time = _times(lambda t: piecewise_displacement_um(curves, cyclogram, t)[0], cyclogram, operations_s)
         displacement, assumed = piecewise_displacement_um(curves, cyclogram, time)
         findings += assumed
+        repeats = piecewise_repeats(usable, curves)
     programs: dict[str, CorrectionProgram] = {}
     if operations_s is not None or tolerance_um is not None:
         lengths = [cyclogram.end_s] if operations_s is None else list(operations_s)
@@ -210,7 +221,17 @@ def predict(
         )  # fmt: skip
     findings = [*told, *findings]
     return Prediction(
-        tuple(responses), method, cyclogram, time, displacement, modes, programs, residual, heldout, tuple(findings)
+        tuple(responses),
+        method,
+        cyclogram,
+        time,
+        displacement,
+        modes,
+        programs,
+        residual,
+        heldout,
+        tuple(findings),
+        repeats,
     )
 
 

@@ -1,0 +1,125 @@
+"""A duty cycle: its speeds, the displacement that is predicted, and what the corrections leave of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import plotly.graph_objects as go
+from numpy.typing import NDArray
+
+from selector.figures import style
+from selector.figures.panels import Line, Panel, stacked
+from selector.figures.traces import Traced, beside_each_other, common_ranges, telling_samples
+from selector.physics.thermal.correction_program import CorrectionProgram
+from selector.physics.thermal.prediction import Prediction
+from selector.physics.thermal.repeated_tests import RepeatedTest
+
+Vector = NDArray[np.float64]
+
+POINTS_PER_TEST = 600
+
+
+def duty_cycle(prediction: Prediction, response: str) -> go.Figure:
+    """Speed, displacement with the corrections as steps, and the drift that is left with the tolerance as a band."""
+    displacement = prediction.displacement_um[:, prediction.responses.index(response)]
+    cyclogram, end_s = prediction.cyclogram, float(prediction.time_s[-1])
+    program = prediction.programs.get(response)
+    largest = int(np.argmax(np.abs(displacement)))
+    at_s = float(prediction.time_s[largest])
+    unit, seconds = style.time_unit(end_s)
+    title = (
+        f"{style.label(response)} moves by up to {style.number(float(displacement[largest]))} µm, "
+        f"after {at_s / seconds:.2g} {unit}"
+    )
+    if program is not None:
+        title += f"; {_corrections(program)} keep it within {program.tolerance_um:g} µm"
+    lines = [Line("predicted", prediction.time_s, displacement, style.PREDICTED, width=2.2)]
+    panels = [
+        Panel(
+            "speed [r/min]",
+            [
+                Line(
+                    "",
+                    np.r_[cyclogram.start_s, end_s],
+                    np.r_[cyclogram.speed_rpm, cyclogram.speed_rpm[-1]],
+                    style.INK,
+                    steps=True,
+                )
+            ],
+            height_px=110,
+            least=0.0,
+        ),
+        Panel(f"{style.label(response, 12)} [µm]", lines, height_px=260, least=0.0),
+    ]
+    marks: list[float] = []
+    if program is not None:
+        lines.append(_taken_off(program, prediction.time_s, displacement))
+        drift_s, drift = program.drift_left_um(prediction.time_s, displacement)
+        band = (-program.tolerance_um, program.tolerance_um)
+        panels.append(Panel("drift left [µm]", [Line("", drift_s, drift, style.RESIDUAL)], height_px=130, band=band))
+        marks = [operation.start_s for operation in program.operations[1:]]
+    drawn = stacked(title, panels, end_s, marks)
+    if program is not None and len(program.operations) > 1:
+        _number_operations(drawn, program, seconds)
+    return drawn
+
+
+def prediction_of_tests(prediction: Prediction, response: str, repeats: tuple[RepeatedTest, ...]) -> go.Figure:
+    """The tests beside what the method makes of them, the residual below; `repeats` are those of the prediction."""
+    r = prediction.responses.index(response)
+    worst = max(repeats, key=lambda one: float(one.rmse_um[r]))
+    how = {"modal": "the thermal modes repeat", "piecewise": "the pieces of the characteristics repeat"}
+    title = (
+        f"{style.label(response)}: {how[prediction.method]} the tests within "
+        f"{style.number(float(worst.rmse_um[r]), 2)} µm, root mean square ({style.label(worst.run)} is the worst)"
+    )
+    traced = []
+    for one in repeats:
+        residual = one.measured_um[:, r] - one.predicted_um[:, r]
+        kept = telling_samples(residual, POINTS_PER_TEST)
+        speeds = [f"{speed:.4g}" for speed in dict.fromkeys(one.speed_rpm.tolist()) if speed > 0]
+        turning = f", {speeds[0]} r/min" if len(speeds) == 1 else ""
+        traced.append(
+            Traced(
+                one.run,
+                f"{turning}: rms {style.number(float(one.rmse_um[r]), 2)} µm, "
+                f"largest {style.number(float(np.nanmax(np.abs(residual))), 2)} µm",
+                one.time_s[kept],
+                one.measured_um[kept, r],
+                one.predicted_um[kept, r],
+            )
+        )
+    ranges = common_ranges([one.measured_um[:, r] for one in repeats], [one.predicted_um[:, r] for one in repeats])
+    return beside_each_other(title, traced, response, *ranges)
+
+
+def _taken_off(program: CorrectionProgram, time_s: Vector, displacement_um: Vector) -> Line:
+    """What zeros and corrections take off [µm]: the displacement at the zero of each operation, and its offsets."""
+    times, values = [], []
+    for operation in program.operations:
+        zero = float(np.interp(operation.start_s, time_s, displacement_um))
+        times.append(operation.times_s)
+        values.append(zero + operation.offsets_um)
+    end_s = program.operations[-1].end_s
+    return Line(
+        "zero and corrections",
+        np.r_[np.concatenate(times), end_s],
+        np.r_[np.concatenate(values), values[-1][-1]],
+        style.CHOSEN,
+        steps=True,
+    )
+
+
+def _corrections(program: CorrectionProgram) -> str:
+    count = sum(len(operation.times_s) - 1 for operation in program.operations)
+    zeros = len(program.operations)
+    new = f"the zero{'s' * (zeros > 1)} of {zeros} operation{'s' * (zeros > 1)}"
+    return f"{count} correction{'s' * (count != 1)} and {new}" if count else f"{new} alone"
+
+
+def _number_operations(drawn: go.Figure, program: CorrectionProgram, seconds: float) -> None:
+    for number, operation in enumerate(program.operations, start=1):
+        drawn.add_annotation(
+            text=f"operation {number}" if number == 1 else f"{number}", x=operation.start_s / seconds, xref="x",
+            xanchor="left", y=1.0, yref="paper", yanchor="bottom", showarrow=False,
+            font={"color": style.MUTED, "size": 11},
+        )  # fmt: skip

@@ -1,0 +1,175 @@
+"""Courses over one time axis, in panels one above the other, with the names of the lines at their ends."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import plotly.graph_objects as go
+from numpy.typing import NDArray
+
+from selector.figures import style
+
+Vector = NDArray[np.float64]
+
+POINTS = 900
+"""Points of a line, about one a pixel."""
+
+_GAP_PX = 16
+_LABEL_PX = 17
+_BOTTOM_PX = 44
+_MARGIN_RIGHT_PX = 150
+_ROOM = 0.08
+
+
+@dataclass(frozen=True)
+class Line:
+    """A course: its name (empty: none is shown), times [s], values, colour; steps are held from each time on."""
+
+    name: str
+    time_s: Vector
+    values: Vector
+    colour: str
+    steps: bool = False
+    dash: str = "solid"
+    width: float = 1.8
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A panel: the title of its axis with the unit, its lines, its height [px], and a band of values that is shaded."""
+
+    axis: str
+    lines: Sequence[Line]
+    height_px: int = 160
+    band: tuple[float, float] | None = None
+    least: float | None = None
+    """A value that the axis shows in any case."""
+
+
+def stacked(title: str, panels: Sequence[Panel], end_s: float, marks_s: Sequence[float] = ()) -> go.Figure:
+    """Panels one above the other; hovering and zooming go through all of them.
+
+    Parameters
+    ----------
+    title : str
+        Plain text, as `style.label` makes it.
+    panels : sequence of Panel
+        From top to bottom.
+    end_s : float
+        End of the time axis [s].
+    marks_s : sequence of float
+        Times [s] of dotted lines through all panels.
+    """
+    heights = [max(panel.height_px, _LABEL_PX * sum(bool(line.name) for line in panel.lines)) for panel in panels]
+    inside = sum(heights) + _GAP_PX * (len(panels) - 1)
+    drawn = style.figure(title, inside)
+    top = int(drawn.layout.margin.t)
+    drawn.update_layout(
+        height=top + inside + _BOTTOM_PX,
+        margin={"b": _BOTTOM_PX, "r": _MARGIN_RIGHT_PX},
+        showlegend=False,
+    )
+    unit, seconds = style.time_unit(end_s)
+    edge = inside
+    for number, (panel, height) in enumerate(zip(panels, heights, strict=True), start=1):
+        key = "" if number == 1 else str(number)
+        high, low = edge / inside, (edge - height) / inside
+        edge -= height + _GAP_PX
+        is_last = number == len(panels)
+        drawn.layout[f"xaxis{key}"] = {
+            "anchor": f"y{key}",
+            "range": [0.0, end_s / seconds],
+            "showticklabels": is_last,
+            "ticks": "outside" if is_last else "",
+            "title": {"text": f"time [{unit}]" if is_last else ""},
+            **({"matches": "x"} if number > 1 else {}),
+        }
+        drawn.layout[f"yaxis{key}"] = {
+            "anchor": f"x{key}",
+            "domain": [max(low, 0.0), min(high, 1.0)],
+            "title": {"text": panel.axis},
+            "range": _range(panel),
+            "nticks": max(3, height // 32),
+        }
+        if panel.band is not None:
+            drawn.add_shape(
+                type="rect", xref=f"x{key} domain", x0=0, x1=1, yref=f"y{key}", y0=panel.band[0], y1=panel.band[1],
+                fillcolor=style.CHOSEN, opacity=0.12, line={"width": 0}, layer="below",
+            )  # fmt: skip
+        for mark in marks_s:
+            drawn.add_shape(
+                type="line", xref=f"x{key}", x0=mark / seconds, x1=mark / seconds, yref=f"y{key} domain", y0=0, y1=1,
+                line={"color": style.MUTED, "width": 1, "dash": "dot"}, layer="below",
+            )  # fmt: skip
+        for line in panel.lines:
+            at = shown_samples(line.time_s, line.values, line.steps)
+            drawn.add_scatter(
+                x=(line.time_s[at] / seconds).astype(np.float32),
+                y=line.values[at].astype(np.float32),
+                xaxis=f"x{key}",
+                yaxis=f"y{key}",
+                mode="lines",
+                name=style.label(line.name),
+                line={
+                    "color": line.colour,
+                    "width": line.width,
+                    "dash": line.dash,
+                    "shape": "hv" if line.steps else "linear",
+                },
+                hovertemplate=f"%{{x:.4g}} {unit}: %{{y:.5g}}<extra>{style.label(line.name)}</extra>",
+            )
+        _name_lines(drawn, panel, low * inside, height, inside)
+    return drawn
+
+
+def shown_samples(time_s: Vector, values: Vector, steps: bool = False, points: int = POINTS) -> NDArray[np.int64]:
+    """Positions of the samples that draw a course: of each stretch the ends, the lowest and the highest; all steps."""
+    n = len(values)
+    if n <= points:
+        return np.arange(n)
+    if steps:
+        changes = np.flatnonzero(np.diff(values) != 0) + 1
+        if len(changes) <= points:
+            return np.unique([0, *changes.tolist(), n - 1])
+    edges = np.searchsorted(time_s, np.linspace(time_s[0], time_s[-1], points // 3 + 1)).tolist()
+    kept = {0, n - 1, *edges[:-1]}
+    for a, b in pairwise(edges):
+        if b > a and np.isfinite(values[a:b]).any():
+            kept |= {a + int(np.nanargmin(values[a:b])), a + int(np.nanargmax(values[a:b]))}
+    return np.array(sorted(kept))
+
+
+def _range(panel: Panel) -> list[float]:
+    ends = [float(extreme(line.values)) for line in panel.lines for extreme in (np.nanmin, np.nanmax)]
+    if panel.band is not None:
+        ends += panel.band
+    if panel.least is not None:
+        ends.append(panel.least)
+    low, high = min(ends), max(ends)
+    room = _ROOM * max(high - low, 1e-3 * max(abs(low), abs(high)), 1e-9)
+    return [low - room, high + room]
+
+
+def _name_lines(drawn: go.Figure, panel: Panel, floor_px: float, height_px: int, inside_px: int) -> None:
+    """Names to the right of the panel in the order of the lines' ends, each beside its end where there is room."""
+    low, high = _range(panel)
+    named = [line for line in panel.lines if line.name]
+    ends = [float(line.values[np.isfinite(line.values)][-1]) for line in named]
+    order = sorted(range(len(named)), key=lambda k: ends[k])
+    wanted = [height_px * (ends[k] - low) / (high - low) for k in order]
+    placed: list[float] = []
+    for want in wanted:
+        placed.append(max(want, placed[-1] + _LABEL_PX if placed else _LABEL_PX / 2))
+    ceiling = height_px - _LABEL_PX / 2
+    for k in reversed(range(len(placed))):
+        placed[k] = min(placed[k], ceiling)
+        ceiling = placed[k] - _LABEL_PX
+    for k, at in zip(order, placed, strict=True):
+        drawn.add_annotation(
+            text=style.label(named[k].name, 24), font={"color": named[k].colour, "size": 12},
+            x=1.0, xref="paper", xanchor="left", xshift=6, y=(floor_px + at) / inside_px, yref="paper",
+            yanchor="middle", showarrow=False,
+        )  # fmt: skip
