@@ -156,6 +156,22 @@ def test_places_show_where_the_kept_sensors_sit():
     assert [list(t.y) for t in drawn.data if t.mode == "lines"] == [[0, 2], [0, 2]]
 
 
+def test_a_thermometer_in_the_hall_does_not_make_the_machine_small():
+    selection = studies.small()
+    places = places_of(selection)
+    first = next(iter(places))
+    body = [np.array(list(places.values()))]
+    near = figures.sensor_places(selection, places, body)
+    far = figures.sensor_places(selection, {**places, first: (30.0, 0.0, 0.0)}, body)
+    assert "beside the machine" not in near.layout.title.text.replace("<br>", " ")
+    assert f"beside the machine, not drawn: {style.label(first)}" in far.layout.title.text.replace("<br>", " ")
+    assert (
+        far.layout.xaxis.range[1]
+        < 30.0
+        < figures.sensor_places(selection, {**places, first: (30.0, 0.0, 0.0)}).layout.xaxis.range[1]
+    )
+
+
 def test_curve_holds_the_held_out_errors():
     selection = studies.small()
     for j, response in enumerate(selection.models):

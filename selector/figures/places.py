@@ -17,6 +17,7 @@ _VIEWS = (("x", "front view", "X [m]", 0), ("x2", "side view", "Y [m]", 1))
 _HEIGHTS = (360, 900)
 _PLOT_WIDTH = 870
 _ROOM = 0.08
+_BESIDE = 0.25
 _SIDES = ("middle right", "middle left", "bottom center", "top center")
 _LABEL = np.array([0.12, 0.035])
 """Width and height of a label as shares of the picture."""
@@ -33,17 +34,21 @@ def sensor_places(
     ----------
     selection : Selection
     places_m : mapping of str to (x, y, z)
-        Coordinates [m], Z upwards; sensors that are not named here are not drawn.
+        Coordinates [m], Z upwards; sensors that are not named here are not drawn, nor those far off the outline.
     outline_m : sequence of ndarray of shape (n_points, 3), optional
-        Lines of the machine's body [m].
+        Lines of the machine's body [m], e.g. `machine_outline` of the thermal field.
     """
-    there = [i for i, name in enumerate(selection.sensors) if name in places_m]
+    known = [i for i, name in enumerate(selection.sensors) if name in places_m]
+    there = [i for i in known if _at_the_machine(places_m[selection.sensors[i]], outline_m)]
+    there.sort(key=lambda i: selection.sensors[i] in selection.chosen)  # the kept ones on top
+    apart = [selection.sensors[i] for i in known if i not in there]
     chosen = [i for i in there if selection.sensors[i] in selection.chosen]
     n = len(selection.sensors)
     title = (
         f"{len(selection.chosen)} of {n} sensors are kept: "
         + style.listed(selection.chosen)
-        + (f"; the place of {n - len(there)} is not known" if len(there) < n else "")
+        + (f"; beside the machine, not drawn: {style.listed(apart)}" if apart else "")
+        + (f"; the place of {n - len(known)} is not known" if len(known) < n else "")
     )
     points = np.array([places_m[selection.sensors[i]] for i in there], dtype=np.float64).reshape(-1, 3)
     everything = np.vstack([points, *outline_m]) if len(points) or outline_m else np.zeros((1, 3))
@@ -56,11 +61,14 @@ def sensor_places(
     tree = dendrogram(selection.grouping.similarity.matrix)
     colours = group_colours(tree, first_partition(selection))
     names = [style.label(selection.sensors[i]) for i in there]
+    # one trace for the whole body: lines end at a gap
+    gap = np.full((1, 3), np.nan)
+    lines = np.vstack([part for line in outline_m for part in (line, gap)] or [gap])[:-1]
     for axis, _, _, across in _VIEWS:
-        for line in outline_m:
+        if lines.size:
             drawn.add_scatter(
-                x=line[:, across],
-                y=line[:, 2],
+                x=lines[:, across],
+                y=lines[:, 2],
                 xaxis=axis,
                 mode="lines",
                 line={"color": style.BEFORE, "width": 1},
@@ -107,6 +115,15 @@ def sensor_places(
         )
     drawn.update_yaxes(title_text="Z [m]", range=[float(low[2]), float(high[2])], constrain="domain")
     return drawn
+
+
+def _at_the_machine(place_m: tuple[float, float, float], outline_m: Sequence[NDArray[np.float64]]) -> bool:
+    """Whether a sensor is on the body or close to it; one in the hall would make the machine small."""
+    if not outline_m:
+        return True
+    body = np.vstack(outline_m)
+    reach = _BESIDE * float(np.ptp(body, axis=0).max())
+    return bool(((place_m >= body.min(axis=0) - reach) & (place_m <= body.max(axis=0) + reach)).all())
 
 
 def _label_sides(points: NDArray[np.float64], span: float) -> list[str]:

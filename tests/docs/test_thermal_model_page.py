@@ -25,13 +25,14 @@ SECTIONS = {
     "`[sources.NAME]` of a network": schema.NodeSource,
     "`[modes]`": schema.ModesSection,
     "`[field]`": schema.FieldSection,
+    "`[candidates]`": schema.CandidatesSection,
     "`[sources.NAME]` of the field machine": schema.FieldSource,
     "`[films.NAME]` and `[coolant_films.NAME]` of the field machine": schema.FieldFilm,
     "`[[sensors]]`": schema.Sensor,
     "`[[gauges]]`": schema.Gauge,
     "`[bounds]`": None,
 }
-UNITS_BY_ENDING = {"_min": "min", "_nm": "N·m", "_k": "K", "xyz": "m", "geometry": "m"}
+UNITS_BY_ENDING = {"_min": "min", "_nm": "N·m", "_k": "K", "xyz": "m", "geometry": "m", "spacing_m": "m"}
 
 
 def tables() -> dict[str, dict[str, tuple[str, str, str]]]:
@@ -67,6 +68,8 @@ def default_text(field) -> str:
         return "true" if default else "false"
     if isinstance(default, int | float):
         return f"{default:g}"
+    if default and isinstance(default, tuple):
+        return ", ".join(default)
     return default if isinstance(default, str) and default else "–"
 
 

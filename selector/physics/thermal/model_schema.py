@@ -15,6 +15,9 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field
 MOST_NODES = 300
 """Nodes of a network. Its exact stepping costs their number cubed."""
 
+MOST_SENSORS = 1000
+"""Thermometers of a model, candidates among them."""
+
 MOST_SAMPLES = 2_000_000
 """Samples of one run, and steps of the calculation."""
 
@@ -249,6 +252,22 @@ class FieldSection(Entry):
     geometry: Annotated[dict[str, Signed], Field(max_length=100)] = Field(default_factory=dict)
 
 
+class CandidatesSection(Entry):
+    """``[candidates]`` of the field machine: thermometers spread over its surfaces, see `field.sensor_candidates`."""
+
+    spacing_m: Annotated[float, _limited(0.03, 10)] = 0.3
+    surfaces: Annotated[tuple[Name, ...], Field(min_length=1, max_length=100)] = (
+        "headstock",
+        "motor",
+        "column",
+        "saddle",
+        "bed",
+    )
+    lag_s: NonNegative = 0.0
+    noise_k: Annotated[float, _limited(0, 100)] = 0.0
+    resolution_k: Annotated[float, _limited(0, 100)] = 0.0
+
+
 Bounds = Annotated[dict[str, Annotated[tuple[Signed, Signed], Field()]], Field(max_length=5_000)]
 
 
@@ -268,7 +287,7 @@ class NetworkFile(_Common):
     links: Annotated[tuple[Link, ...], Field(max_length=20 * MOST_NODES)] = ()
     films: Annotated[dict[Name, NodeFilm], Field(max_length=MOST_NODES)] = Field(default_factory=dict)
     sources: Annotated[dict[Name, NodeSource], Field(max_length=MOST_NODES)] = Field(default_factory=dict)
-    sensors: Annotated[tuple[Sensor, ...], Field(max_length=1000)] = ()
+    sensors: Annotated[tuple[Sensor, ...], Field(max_length=MOST_SENSORS)] = ()
 
 
 class ModesFile(_Common):
@@ -286,7 +305,8 @@ class FieldFile(_Common):
     sources: Annotated[dict[Name, FieldSource], Field(max_length=100)] = Field(default_factory=dict)
     films: Annotated[dict[Name, FieldFilm], Field(max_length=100)] = Field(default_factory=dict)
     coolant_films: Annotated[dict[Name, FieldFilm], Field(max_length=100)] = Field(default_factory=dict)
-    sensors: Annotated[tuple[Sensor, ...], Field(max_length=1000)] = ()
+    sensors: Annotated[tuple[Sensor, ...], Field(max_length=MOST_SENSORS)] = ()
+    candidates: CandidatesSection | None = None
 
 
 ModelFile = NetworkFile | ModesFile | FieldFile

@@ -15,7 +15,7 @@ from selector.findings import Finding, Where
 from selector.physics.thermal.cyclogram import Cyclogram
 from selector.physics.thermal.instruments import lagged, read_out
 from selector.physics.thermal.laws import Conditions
-from selector.physics.thermal.model_file import ModelFile, ModesFile
+from selector.physics.thermal.model_file import FieldFile, ModelFile, ModesFile
 from selector.physics.thermal.model_schema import Gauge, Sensor
 from selector.physics.thermal.model_systems import HeatMachine, heat_machine, modal_machine
 from selector.physics.thermal.modes import ModalModel
@@ -275,6 +275,11 @@ def thermal_model(file: ModelFile) -> FileModel:
     ModelFileError
         A part of the file contradicts the machine that it describes.
     """
+    if isinstance(file, FieldFile) and file.candidates is not None:
+        # scikit-fem comes in with the surfaces of the machine
+        from selector.physics.thermal.field_candidates import with_candidates
+
+        file = with_candidates(file)
     model = FileModel(file, _machine(file))
     _ = model.parameters  # the bounds are checked here, not when a fit asks for them
     return model

@@ -12,16 +12,19 @@
     export                → files for ParaView
     virtual_laws          what heats and cools it
     virtual_machine       → the machine that can be run: reduced, with its laws and sensors
+    candidates, outline   → where thermometers could sit, and the lines that draw the machine
 """
 
 from __future__ import annotations
 
+from selector.physics.thermal.field.candidates import ACCESSIBLE, sensor_candidates
 from selector.physics.thermal.field.conduction import conduction_matrices, film, surface_source, volume_source
 from selector.physics.thermal.field.export import write_vtu
 from selector.physics.thermal.field.geometry import MachineGeometry, machine_blocks
 from selector.physics.thermal.field.machine import FieldMachine, field_machine
 from selector.physics.thermal.field.materials import MATERIALS, Material
 from selector.physics.thermal.field.mesh import VOID, Block, BlockMesh, block_mesh
+from selector.physics.thermal.field.outline import machine_outline
 from selector.physics.thermal.field.probes import probe_row
 from selector.physics.thermal.field.thermoelasticity import Elasticity, elasticity, rigid_motion_reading
 from selector.physics.thermal.field.virtual_laws import machine_laws, parts_beside
@@ -34,6 +37,7 @@ from selector.physics.thermal.field.virtual_machine import (
 )
 
 __all__ = [
+    "ACCESSIBLE",
     "MATERIALS",
     "SENSORS",
     "VOID",
@@ -53,9 +57,11 @@ __all__ = [
     "film_sets",
     "machine_blocks",
     "machine_laws",
+    "machine_outline",
     "parts_beside",
     "probe_row",
     "rigid_motion_reading",
+    "sensor_candidates",
     "surface_source",
     "virtual_machining_centre",
     "volume_source",
