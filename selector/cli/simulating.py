@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,6 +13,7 @@ import typer
 from selector.cli import showing
 from selector.cli.files import folder_written_whole, refuse_to_replace_input
 from selector.cli.showing import AsJson
+from selector.cli.simulation_page import PictureAt, Report, page_of, require_page_options, write_page
 from selector.cli.source import MachineFile
 from selector.errors import InputError, ModelFileError, OptionError, ReadError
 from selector.findings import Finding
@@ -20,8 +22,10 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from selector.physics.thermal.cyclogram import Cyclogram
+    from selector.physics.thermal.laws import Conditions
     from selector.physics.thermal.model_file import ModelFile
     from selector.physics.thermal.schedule import Vector
+    from selector.physics.thermal.thermal_model import FileModel
     from selector.recording import Recording
 
 ThermalModelFile = Annotated[
@@ -64,6 +68,8 @@ def thermal(
             help="Of the instruments' noise. Default: that of the model file; none with --inputs.",
         ),
     ] = None,
+    report: Report = None,
+    picture_at_min: PictureAt = None,
     as_json: AsJson = False,
 ) -> None:
     """Simulates how a machine warms and moves, and writes a recording of it.
@@ -75,6 +81,7 @@ def thermal(
     from selector.physics.thermal.model_file import read_model_file
 
     file = read_model_file(model)
+    require_page_options(file, report, picture_at_min)
     if cycle is not None and inputs:
         raise OptionError(
             "--cycle and --inputs together",
@@ -89,27 +96,34 @@ def thermal(
             where="--machine",
             advice="add --inputs RUN, or leave --machine out",
         )
-    with showing.progress("simulating") as report, _named(model):
-        simulated, targets, machine_path, findings, read = (
-            _driven(file, model, out, inputs, machine, seed, report)
+    with showing.progress("simulating") as say, _named(model):
+        work = (
+            _driven(file, model, out, inputs, machine, seed, say)
             if inputs
             else _scheduled(file, model, out, cycle, seed)
         )
-        for path in (*targets.values(), machine_path):
-            refuse_to_replace_input(path, [model, *read], "--out")
-        report(1, 1, "writing")
+        for path in (*work.targets.values(), work.machine_path):
+            refuse_to_replace_input(path, [model, *work.read], "--out")
+        if report is not None:
+            refuse_to_replace_input(report, [model, *work.read], "--report")
+        say(1, 1, "writing")
+        page = None
+        if report is not None:
+            page = page_of(work.machine, work.simulated, work.findings, work.conditions, model, picture_at_min)
         written = _write(
-            simulated,
-            targets,
-            machine_path,
+            work.simulated,
+            work.targets,
+            work.machine_path,
             f"{file.model.name} (SIMULATED)",
-            in_folder=machine_path.name == "machine.toml",
+            in_folder=work.machine_path.name == "machine.toml",
         )
-    summary = _summary(file, model, simulated, targets, machine_path, written, findings)
+        if report is not None and page is not None:
+            write_page(page, report)
+    summary = _summary(file, model, work, written, report)
     if as_json:
         showing.print_json(summary)
         return
-    _show(showing.screen(), simulated, summary, findings)
+    _show(showing.screen(), work.simulated, summary, work.findings)
 
 
 @contextmanager
@@ -124,8 +138,17 @@ def _named(model: Path) -> Iterator[None]:
         raise type(error)(error.found, expected=error.expected, where=where, advice=error.advice) from error
 
 
-_Work = tuple["Recording", dict[str, Path], Path, tuple[Finding, ...], list[Path]]
-"""A simulation, the file of each run, the machine file, what is to be said, and which files were read."""
+@dataclass(frozen=True)
+class _Work:
+    """A simulation, the file of each run, the machine file, what is to be said, which files were read, what acted."""
+
+    simulated: Recording
+    targets: dict[str, Path]
+    machine_path: Path
+    findings: tuple[Finding, ...]
+    read: list[Path]
+    machine: FileModel
+    conditions: Callable[[str], Conditions]
 
 
 def _scheduled(file: ModelFile, model: Path, out: Path, cycle: Path | None, seed: int | None) -> _Work:
@@ -155,9 +178,12 @@ def _scheduled(file: ModelFile, model: Path, out: Path, cycle: Path | None, seed
         cyclogram=cyclogram,
     )
     run = out.stem or "simulation"
-    simulated = thermal_model(file).simulate(conditions, run=run, seed=seed)
+    machine = thermal_model(file)
+    simulated = machine.simulate(conditions, run=run, seed=seed)
     findings = simulation_findings(simulated)
-    return simulated, {run: out}, out.with_suffix(".machine.toml"), findings, [*read, *([cycle] if cycle else [])]
+    read += [cycle] if cycle else []
+    beside = out.with_suffix(".machine.toml")
+    return _Work(simulated, {run: out}, beside, findings, read, machine, lambda _: conditions)
 
 
 def _driven(
@@ -171,7 +197,7 @@ def _driven(
 ) -> _Work:
     """One simulation of every recorded run."""
     from selector.physics.thermal.driving import driven_runs
-    from selector.physics.thermal.schedule import scheduled
+    from selector.physics.thermal.schedule import driven, scheduled
     from selector.physics.thermal.thermal_model import thermal_model
     from selector.readers import read as read_recordings
     from selector.readers.writing import run_files
@@ -199,8 +225,9 @@ def _driven(
         duration_s=max(file.run.duration_min * 60.0, *(run.duration_s for run in reading.runs)),
         period_s=file.run.period_s,
     )
+    model_of_file = thermal_model(file)
     simulated, findings = driven_runs(
-        thermal_model(file),
+        model_of_file,
         reading.recording,
         inputs=file.inputs,
         otherwise=otherwise,
@@ -211,9 +238,16 @@ def _driven(
     if reading.machine_file is not None:
         read.append(Path(reading.machine_file))
     findings = (*reading.findings, *findings)
-    if single:
-        return simulated, {simulated.runs[0]: out}, out.with_suffix(".machine.toml"), findings, read
-    return simulated, run_files(simulated.runs, out, "csv"), out / "machine.toml", findings, read
+    targets = {simulated.runs[0]: out} if single else run_files(simulated.runs, out, "csv")
+    return _Work(
+        simulated,
+        targets,
+        out.with_suffix(".machine.toml") if single else out / "machine.toml",
+        findings,
+        read,
+        model_of_file,
+        lambda run: driven(reading.recording, run, file.inputs, otherwise).conditions,
+    )
 
 
 def _cyclogram(cycle: Path, duration_s: float) -> Cyclogram:
@@ -298,16 +332,9 @@ def _write(
     return [*targets.values(), machine_path]
 
 
-def _summary(
-    file: ModelFile,
-    model: Path,
-    simulated: Recording,
-    targets: dict[str, Path],
-    machine_path: Path,
-    written: list[Path],
-    findings: Iterable[Finding],
-) -> dict[str, Any]:
+def _summary(file: ModelFile, model: Path, work: _Work, written: list[Path], report: Path | None) -> dict[str, Any]:
     """The contract `selector.simulation/1`."""
+    simulated = work.simulated
     balances = simulated.provenance["runs"]
     runs = []
     for run in simulated.runs:
@@ -315,7 +342,7 @@ def _summary(
         runs.append(
             {
                 "run": run,
-                "file": targets[run],
+                "file": work.targets[run],
                 "rows": len(time_s),
                 "duration_s": time_s[-1] - time_s[0],
                 "balance": balances.get(run) or None,
@@ -341,10 +368,11 @@ def _summary(
         "model": {"file": model, "kind": file.model.kind, "name": file.model.name},
         "seed": simulated.provenance["simulated"]["seed"] if simulated.provenance["simulated"]["instruments"] else None,
         "files": written,
-        "machine_file": machine_path,
+        "machine_file": work.machine_path,
+        "report": report,
         "runs": runs,
         "channels": channels,
-        "findings": list(findings),
+        "findings": list(work.findings),
     }
 
 
@@ -357,4 +385,6 @@ def _show(console: Console, simulated: Recording, summary: dict[str, Any], findi
     *tables, machine_file = summary["files"]
     named = str(tables[0]) if len(tables) == 1 else f"{len(tables)} files to {tables[0].parent}"
     console.print(f"wrote {named}, and {machine_file}", markup=False, soft_wrap=True)
+    if summary["report"] is not None:
+        console.print(f"wrote {summary['report']}", markup=False, soft_wrap=True)
     console.print(f"read it with --machine {machine_file}", markup=False, soft_wrap=True)

@@ -125,19 +125,31 @@ def machine_field(
 def _on_the_surface(points_m: Vector, nodes_m: Vector, corners: NDArray[np.int64]) -> Vector:
     """Beside the nearest triangle that can be seen from outside; points that are far from the machine stay."""
     ends = nodes_m[corners]
-    middles = ends.mean(axis=1)
     normals = np.cross(ends[:, 1] - ends[:, 0], ends[:, 2] - ends[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
     marks = points_m.copy()
     for mark in marks:
-        distance = np.linalg.norm(middles - mark, axis=1)
-        near = np.argsort(distance)[:_TRIED]
+        touched = _in_triangles(mark, ends)
+        distance = np.linalg.norm(touched - mark, axis=1)
+        near = np.argsort(distance, kind="stable")[:_TRIED]
         near = near[distance[near] < _ON_THE_MACHINE_M]
-        seen = (t for t in near.tolist() if _is_seen(middles[t] + 1e-6 * normals[t], normals[t], ends))
+        seen = (t for t in near.tolist() if _is_seen(touched[t] + 1e-6 * normals[t], normals[t], ends))
         if len(near):
             nearest = next(seen, int(near[0]))
-            mark[:] = middles[nearest] + _BESIDE_M * normals[nearest]
+            mark[:] = touched[nearest] + _BESIDE_M * normals[nearest]
     return marks
+
+
+def _in_triangles(point_m: Vector, ends_m: Vector) -> Vector:
+    """A point of every triangle near this one: its foot on the plane, drawn in where that is outside."""
+    first, second = ends_m[:, 1] - ends_m[:, 0], ends_m[:, 2] - ends_m[:, 0]
+    along = point_m - ends_m[:, 0]
+    a, b, c = (first * first).sum(axis=1), (first * second).sum(axis=1), (second * second).sum(axis=1)
+    d, e = (along * first).sum(axis=1), (along * second).sum(axis=1)
+    size = np.maximum(a * c - b * b, 1e-30)
+    v, w = (c * d - b * e) / size, (a * e - b * d) / size
+    shares = np.maximum(np.stack([1.0 - v - w, v, w], axis=1), 0.0)
+    return np.asarray(np.einsum("tk,tkx->tx", shares / shares.sum(axis=1, keepdims=True), ends_m))
 
 
 def _is_seen(origin_m: Vector, normal: Vector, ends_m: Vector) -> bool:

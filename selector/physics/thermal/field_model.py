@@ -116,23 +116,36 @@ def system_of(file: FieldFile, laws: Laws) -> HeatSystem:
                 raise ModelFileError(error.found, expected=error.expected, where=where, advice=error.advice) from None
             beside = np.zeros(full.size - len(row))
             full = dataclasses.replace(full, probes={**full.probes, sensor.name: np.r_[row, beside]})
-    if laws.films == machine_laws(settings.physics).films:
-        return projected(full, machine.basis)
-    # other film coefficients ask for other fields
-    return projected(full, reduced_basis(full, film_sets(laws)))
+    return projected(full, _basis(machine._replace(full=full), settings.physics, laws))
 
 
-class _Shipped(NamedTuple):
+class FieldBody(NamedTuple):
+    """The machine before its reduction, the basis of the reduction, and its mesh, whose nodes are the first states."""
+
     full: HeatSystem
     basis: Vector
     mesh: BlockMesh
 
 
 @functools.lru_cache(maxsize=1)
-def _shipped(physics: Physics, geometry: tuple[tuple[str, float], ...], refinement: float) -> _Shipped:
+def _shipped(physics: Physics, geometry: tuple[tuple[str, float], ...], refinement: float) -> FieldBody:
     """The machine without its stiffness, which takes the most memory; the last one is kept for the next model."""
     machine = virtual_machining_centre(physics, geometry=MachineGeometry(**dict(geometry)), refinement=refinement)
-    return _Shipped(machine.full, machine.basis, machine.field.mesh)
+    return FieldBody(machine.full, machine.basis, machine.field.mesh)
+
+
+def field_of(file: FieldFile, laws: Laws) -> FieldBody:
+    """The body that `system_of` reduces, with the shipped thermometers; at once after it."""
+    settings = file.field
+    machine = _shipped(settings.physics, tuple(sorted(settings.geometry.items())), settings.refinement)
+    return machine._replace(basis=_basis(machine, settings.physics, laws))
+
+
+def _basis(machine: FieldBody, physics: Physics, laws: Laws) -> Vector:
+    if laws.films == machine_laws(physics).films:
+        return machine.basis
+    # other film coefficients ask for other fields
+    return reduced_basis(machine.full, film_sets(laws))
 
 
 def _film(law: FilmLaw, sections: Mapping[str, FieldFilm]) -> FilmLaw:

@@ -125,10 +125,7 @@ def field_machine(
         )
     geometry = MachineGeometry() if geometry is None else geometry
     body = block_mesh(machine_blocks(geometry), CELL_M / refinement)
-    springs = np.zeros((len(body.nodes_m), 3))
-    for facets in feet(body, geometry).values():
-        springs += surface_source(body, facets)[:, None] * np.array(foot_n_per_m)
-    elastic = elasticity(body, materials, springs)
+    elastic = elasticity(body, materials, foot_springs(body, geometry, foot_n_per_m))
     rows = {name: elastic.row_um_per_k(reading) for name, reading in displacement_readings(body, geometry).items()}
     rows["Y"] = (rows["Y_lower"] + rows["Y_upper"]) / 2
     capacity, conduction = conduction_matrices(body, materials)
@@ -146,6 +143,16 @@ def field_machine(
         uniform=np.ones(len(body.nodes_m)),
     )
     return FieldMachine(geometry, body, system, elastic)
+
+
+def foot_springs(
+    body: BlockMesh, geometry: MachineGeometry, foot_n_per_m: tuple[float, float, float] = FOOT_N_PER_M
+) -> Vector:
+    """Stiffness [N/m] of the feet at every node, along X, Y, Z, of shape (n_nodes, 3)."""
+    springs = np.zeros((len(body.nodes_m), 3))
+    for facets in feet(body, geometry).values():
+        springs += surface_source(body, facets)[:, None] * np.array(foot_n_per_m)
+    return springs
 
 
 def displacement_readings(body: BlockMesh, geometry: MachineGeometry) -> dict[str, Vector]:
