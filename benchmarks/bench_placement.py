@@ -42,6 +42,7 @@ from selector.selection import Options, Selection, select
 ROOT = Path(__file__).resolve().parents[1]
 RESPONSES = ("Z", "Y")
 LARGEST = 6
+OWN_SIZES = (2, 4, 6)
 DRAWS = 200
 TAUS_S = (600.0, 1200.0, 2400.0, 4800.0, 9600.0, 19200.0)
 SPACINGS_M = (0.37, 0.17, 0.11)
@@ -178,8 +179,18 @@ def unseen_um(training: Sequence[Run], unseen: Sequence[Run], sensors: Sequence[
 
 def with_memory_um(training: Sequence[Run], unseen: Sequence[Run], sensors: Sequence[int]):
     def left_out(tau_s: float) -> float:
-        pairs = [([r for r in training if r is not run], [run]) for run in training]
-        return sum(float((unseen_um(rest, one, sensors, tau_s) ** 2).sum()) for rest, one in pairs)
+        """Squared error when each training run is predicted from the others, by cross-products."""
+        products = []
+        for run in training:
+            both = np.hstack([columns_of(run, sensors, tau_s), run.displacement_um])
+            products.append(both.T @ both)
+        whole, n = np.sum(products, axis=0), 1 + 2 * len(sensors)
+        error = 0.0
+        for one in products:
+            rest = whole - one
+            beta = np.linalg.lstsq(rest[:n, :n], rest[:n, n:], rcond=1e-13)[0]
+            error += float(np.trace(one[n:, n:] - 2 * beta.T @ one[:n, n:] + beta.T @ one[:n, :n] @ beta))
+        return error
 
     return unseen_um(training, unseen, sensors, min(TAUS_S, key=left_out))
 
@@ -206,8 +217,7 @@ def show(title: str, seeds: Sequence[Rows]) -> None:
         cells = []
         for k in range(1, LARGEST + 1):
             known = [rows[name][k] for rows in seeds if k in rows[name]]
-            z, y = np.median(known, axis=0) if known else (np.nan, np.nan)
-            cells.append(f"{z:6.2f}/{y:5.2f}")
+            cells.append("{:6.2f}/{:5.2f}".format(*np.median(known, axis=0)) if known else "-")
         print(f"{name:32s}" + "".join(f"{cell:>13s}" for cell in cells), flush=True)
 
 
@@ -220,7 +230,7 @@ def compared(training: list[Run], unseen: list[Run], places: dict[str, Sensor]) 
     print(f"  by itself it keeps {', '.join(free.chosen)}", flush=True)
     chosen: dict[str, dict[int, list[int]]] = {"ours": ours(free)}
     own: Rows = {"ours, own model": {}, "ours, own model, --memory": {}}
-    for k in range(1, LARGEST + 1):
+    for k in OWN_SIZES:
         for memory, name in enumerate(own):
             selection = select(learnt, Options(responses=RESPONSES, max_sensors=k, memory=bool(memory)))
             own[name][k] = own_um(selection, new)
