@@ -134,7 +134,12 @@ def test_out_is_written_whole(capfd, tmp_path):
     code, text, err = run(capfd, *arguments, "--operations", "60,60,60,60,60", "--resolution", "1")
     assert code == 0, err
     assert "10 µm was taken" in text
-    assert sorted(path.name for path in out.iterdir()) == ["prediction.json", "program.csv", "program.txt", "report.html"]
+    assert sorted(path.name for path in out.iterdir()) == [
+        "prediction.json",
+        "program.csv",
+        "program.txt",
+        "report.html",
+    ]
     document = json.loads((out / "prediction.json").read_text(encoding="utf-8"))
     for line in document["program"]:
         assert line["durations_min"] == pytest.approx(np.round(line["durations_min"]), abs=1e-9)  # rounding of s/60
