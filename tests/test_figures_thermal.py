@@ -125,8 +125,12 @@ def test_heat_that_came_in_went_out_or_stayed():
     page = predictions.simulation()
     balance = page.recording.provenance["runs"][page.recording.runs[0]]
     drawn = heat_balance(balance)
-    # the balance closes to rounding; what is below a ten-thousandth of the heat is not drawn
-    assert abs(sum(drawn.data[0].x)) < 1e-3 * max(drawn.data[0].x)
+    # the balance closes to rounding
+    assert abs(sum(drawn.data[0].x)) < 1e-9 * max(drawn.data[0].x)
+    many = {"sources_j": {f"s{k}": 1e3 + k for k in range(40)}, "films_j": {"b": 4e4 + 780}, "stored_j": 0.0}
+    bars = heat_balance(many)
+    assert sum(bars.data[0].x) == pytest.approx(0.0, abs=1e-9)  # rounding of 41 kJ
+    assert "28 more sources" in bars.layout.yaxis.ticktext
     emptied = heat_balance({"sources_j": {"a": 0.0}, "films_j": {"b": 0.0}, "stored_j": 0.0})
     assert emptied.layout.title.text == "Simulated: no heat"
     cooling = heat_balance({"sources_j": {}, "films_j": {"b": 2e6}, "stored_j": -2e6})

@@ -13,7 +13,7 @@ from selector.figures.panels import Line, Panel, stacked
 from selector.recording import Channel, Recording
 
 MOST_IN_A_PANEL = 8
-MOST_BARS = 24
+MOST_BARS = 12
 _DASHES = ("solid", "dash", "dot")
 _IN, _OUT, _KEPT = style.RESIDUAL, style.PREDICTED, style.CHOSEN
 _ELSEWHERE = "thermometers"
@@ -91,9 +91,8 @@ def heat_balance(balance: Mapping[str, Any]) -> go.Figure:
             f"coolant and {100 * max(kept, 0.0) / came:.0f} % stayed in the machine"
         )
     )
-    rows = [(f"{name}, source", j, _IN) for name, j in sorted(sources.items(), key=lambda item: -item[1])]
-    rows += [(f"{name}, surface", -j, _OUT) for name, j in sorted(films.items(), key=lambda item: -abs(item[1]))]
-    rows = [row for row in rows if abs(row[1]) > 1e-4 * max(came, 1e-30)][:MOST_BARS]
+    rows = [(name, j, _IN) for name, j in _largest(sources, "source")]
+    rows += [(name, -j, _OUT) for name, j in _largest(films, "surface")]
     rows.append(("stayed in the machine" if kept >= 0 else "given off by the machine itself", -kept, _KEPT))
     drawn = style.figure(title, 130 + 24 * len(rows))
     drawn.add_bar(
@@ -117,6 +116,14 @@ def heat_balance(balance: Mapping[str, Any]) -> go.Figure:
         ticks="",
     )
     return drawn
+
+
+def _largest(amounts: Mapping[str, float], what: str) -> list[tuple[str, float]]:
+    """The largest amounts by name, and the sum of the others."""
+    ranked = sorted(amounts.items(), key=lambda item: -abs(item[1]))
+    told = [(f"{name}, {what}", amount) for name, amount in ranked[:MOST_BARS]]
+    rest = ranked[MOST_BARS:]
+    return told + ([(f"{len(rest)} more {what}s", sum(amount for _, amount in rest))] if rest else [])
 
 
 def largest_displacement(recording: Recording, run: str) -> tuple[str, float, float]:
