@@ -7,6 +7,7 @@ import json
 import re
 
 import numpy as np
+import pandas as pd
 import plotly.graph_objects as go
 import pytest
 from hypothesis import given
@@ -17,6 +18,7 @@ from selector.figures.duty_cycle import duty_cycle, prediction_of_tests
 from selector.figures.field import machine_field
 from selector.figures.panels import shown_samples
 from selector.figures.simulation import heat_balance, inputs_and_displacements, largest_displacement, temperatures
+from selector.recording import Channel, Recording
 from tests.report import predictions
 from tests.report.studies import HOSTILE
 
@@ -200,3 +202,22 @@ def test_thinning_keeps_every_step():
     values = np.repeat([0.0, 1000.0, 2000.0, 0.0], [3000, 1, 2999, 10])
     kept = shown_samples(np.arange(6010.0), values, steps=True)
     assert {0, 3000, 3001, 6000, 6009} == set(kept.tolist())
+
+
+def test_thermometers_stand_with_their_part_and_the_lonely_ones_together():
+    names = [*(f"h{k}" for k in range(14)), "c1", "c2", "bed", "motor", "nowhere"]
+    places = ["headstock, front"] * 14 + ["column", "column, back", "bed", "motor, flange", None]
+    channels = [Channel(name, "temperature", "degC", place) for name, place in zip(names, places, strict=True)]
+    rises = np.arange(len(names), dtype=np.float64)
+    table = pd.DataFrame(20.0 + np.outer([0.0, 1.0], rises), index=[0.0, 600.0], columns=names)
+    drawn = temperatures(Recording.from_runs({"r": table}, channels), "r", ())
+    layout = drawn.to_plotly_json()["layout"]
+    titles = [layout[key]["title"]["text"] for key in layout if re.fullmatch(r"yaxis\d*", key)]
+    assert titles == ["headstock [°C]", "column [°C]", "elsewhere [°C]"]
+    of_panel = {key: [trace.name for trace in drawn.data if trace.yaxis == key] for key in ("y", "y2", "y3")}
+    # of very many those from the least to the most
+    assert len(of_panel["y"]) == 12
+    assert (of_panel["y"][0], of_panel["y"][-1]) == ("h0", "h13")
+    assert of_panel["y2"] == ["c1", "c2"]
+    assert of_panel["y3"] == ["bed", "motor", "nowhere"]
+    assert drawn.layout.title.text == "Simulated: nowhere warms most, by 18.0 K"

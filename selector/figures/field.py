@@ -112,7 +112,7 @@ def machine_field(
         scene2={"domain": {"x": [0.54, 0.98]}, "aspectmode": "data", "camera": _CAMERA, **axes},
         margin={"l": 0, "r": 0, "b": 10},
     )
-    heading = "temperature" + (f", with {len(places_m)} thermometers" if places_m else "")
+    heading = "temperature" + (f", with {len(places_m)} thermometer{'s' * (len(places_m) != 1)}" if places_m else "")
     larger = f"{scale:,.0f}".replace(",", " ")
     for at, text in ((0.22, heading), (0.76, f"deformation, drawn {larger} times larger")):
         drawn.add_annotation(

@@ -12,11 +12,11 @@ from selector.figures import style
 from selector.figures.panels import Line, Panel, stacked
 from selector.recording import Channel, Recording
 
-MOST_IN_A_PANEL = 8
+MOST_IN_A_PANEL = 12
 MOST_BARS = 12
 _DASHES = ("solid", "dash", "dot")
 _IN, _OUT, _KEPT = style.RESIDUAL, style.PREDICTED, style.CHOSEN
-_ELSEWHERE = "thermometers"
+_ELSEWHERE = "elsewhere"
 
 
 def inputs_and_displacements(recording: Recording, run: str, inputs: Sequence[str]) -> go.Figure:
@@ -54,7 +54,10 @@ def inputs_and_displacements(recording: Recording, run: str, inputs: Sequence[st
 
 
 def temperatures(recording: Recording, run: str, inputs: Sequence[str]) -> go.Figure:
-    """The thermometers in groups by the part they sit on: the first words of their places, up to a comma."""
+    """The thermometers in groups by the part they sit on: the first words of their places, up to a comma.
+
+    Those that are alone on their part share a panel.
+    """
     names = [name for name in recording.with_role("temperature") if name not in inputs]
     rise = {name: _rise(recording, run, name) for name in names}
     groups: dict[str, list[Channel]] = {}
@@ -62,15 +65,17 @@ def temperatures(recording: Recording, run: str, inputs: Sequence[str]) -> go.Fi
         channel = recording.channel(name)
         part = (channel.place or "").split(",")[0].strip() or _ELSEWHERE
         groups.setdefault(part, []).append(channel)
-    if len(groups) > max(MOST_IN_A_PANEL, len(names) // 2):  # every thermometer has a part of its own
-        groups = {_ELSEWHERE: [recording.channel(name) for name in names]}
+    alone = [channel for channels in groups.values() if len(channels) == 1 for channel in channels]
+    if len(alone) > 1:
+        groups = {part: channels for part, channels in groups.items() if len(channels) > 1}
+        groups |= {_ELSEWHERE: [*groups.get(_ELSEWHERE, []), *alone]}
     warmest = max(names, key=lambda name: abs(rise[name]))
     verb = "warms" if rise[warmest] >= 0 else "cools"
     title = f"Simulated: {style.label(warmest)} {verb} most, by {style.number(abs(rise[warmest]))} K"
     panels = []
     for part, channels in groups.items():
         shown = _spread(channels, rise)
-        text = style.label(part, 18)
+        text = style.label(part, 16)
         panels.append(Panel(f"{text} [°C]", _lines(recording, run, shown), max(110, 19 * len(shown))))
     return stacked(title, panels, float(recording.time_s(run)[-1]))
 

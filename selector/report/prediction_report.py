@@ -217,7 +217,7 @@ _COURSE = (
     "corrections take off. Bottom: what is left of it; the band is the tolerance."
 )
 _TESTS = (
-    "Each test is predicted as if it were a duty cycle, from rest and cold; the zero of the gauge is fitted, and where a "
-    "finding says so the part of the hall temperature and the state at the start. The residual is measured minus "
+    "Each test is predicted as if it were a duty cycle, from rest and cold; the zero of the gauge is fitted, and where "
+    "a finding says so the part of the hall temperature and the state at the start. The residual is measured minus "
     "predicted. All panels have the same scales."
 )

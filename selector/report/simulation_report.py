@@ -217,8 +217,8 @@ def _parameters_table(parameters: Mapping[str, Parameter]) -> Table | None:
 
 _COURSES = "Top: what is done to the machine. Bottom: the tool against the table, as the simulated gauges read it."
 _GROUPED = (
-    "Thermometers on one part of the machine stand in one panel; where there are many, some are drawn, from the one "
-    "that warms least to the one that warms most."
+    "Thermometers on one part of the machine stand in one panel; where there are very many, some are drawn, from the "
+    "one that warms least to the one that warms most. The table of channels says where each of them sits."
 )
 _BALANCE = "From the start to the end of the run. What comes in leaves through surfaces, or stays."
 _PICTURE = (

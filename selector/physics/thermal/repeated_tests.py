@@ -47,7 +47,8 @@ class RepeatedTest:
     @property
     def rmse_um(self) -> Vector:
         """Root mean square of measured minus predicted [µm], shape (n_responses,)."""
-        return np.asarray(np.sqrt(np.nanmean((self.measured_um - self.predicted_um) ** 2, axis=0)))
+        error = self.measured_um - self.predicted_um
+        return np.asarray(np.sqrt(np.nansum(error**2, axis=0) / np.maximum(np.isfinite(error).sum(axis=0), 1)))
 
 
 def modal_repeats(
@@ -101,9 +102,10 @@ def piecewise_repeats(tests: Sequence[ThermalTest], curves: Sequence[Characteris
 
 
 def _samples(test: ThermalTest) -> tuple[Vector, Vector]:
-    """Times from the start and displacements, thinned where there are very many."""
-    stride = max(1, -(-len(test.time_s) // MOST_SAMPLES))
-    return test.time_s[::stride] - test.time_s[0], test.displacement_um[::stride]
+    """Times from the start and displacements where anything was read, thinned where there are very many."""
+    read = np.flatnonzero(np.isfinite(test.displacement_um).any(axis=1))
+    read = read[:: max(1, -(-len(read) // MOST_SAMPLES))]
+    return test.time_s[read] - test.time_s[0], test.displacement_um[read]
 
 
 def _cyclogram(data: ModeData, run: int) -> Cyclogram:
