@@ -7,23 +7,31 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from selector.errors import OptionError
 from selector.findings import Finding
 from selector.physics.thermal.mode_data import ModeData, mode_data
 from selector.physics.thermal.mode_findings import choice_findings
-from selector.physics.thermal.mode_fit import Film, Fit, Law, ModeSpec, block_weights, grown, searched, with_film
+from selector.physics.thermal.mode_fit import Film, Fit, Law, ModeSpec, block_weights
 from selector.physics.thermal.mode_heldout import held_out_um, time_folds
-from selector.physics.thermal.mode_intervals import tau_intervals
+from selector.physics.thermal.mode_intervals import resemblance, tau_intervals
 from selector.physics.thermal.mode_law_choice import law_candidates, law_errors, speed_folds, with_law
+from selector.physics.thermal.mode_search import grown, searched, with_film
 from selector.physics.thermal.modes import ModalModel
 from selector.physics.thermal.thermal_test import ThermalTest
 
 Vector = NDArray[np.float64]
-MOST_MODES = 5
-MOST_WITH_FILM = 4
+MOST_MODES = 7
+MOST_WITH_FILM = 5
 NO_WORSE = 0.01
 """Mean squared errors that differ by less than this share are the same."""
+TURNING = 0.1
+"""Heat that does not depend on the speed while the spindle turns is believed where it lowers the logarithm of the error
+at left-out speeds by this much: below the slowest tested speed it makes a large difference that no test shows."""
+CERTAIN = 0.999
+"""Probability with which chance must not explain what a mode adds."""
 FAR_AHEAD = 0.3
 """A film this much better in the logarithm of the error is not the law of the speed in disguise."""
 WORTH_A_GUESS = 0.2
@@ -77,10 +85,19 @@ def fit_modes(
     InputError
         If the tests cannot be used.
     OptionError
-        If the number of modes is not 1 to 5.
+        If the number of modes is not 1 to 7.
     """
     if not 1 <= n_modes <= MOST_MODES:
-        raise OptionError(f"{n_modes} modes", expected="1 to 5", where="n_modes", advice="ask for fewer modes")
+        raise OptionError(
+            f"{n_modes} modes", expected=f"1 to {MOST_MODES}", where="n_modes", advice="ask for fewer modes"
+        )
+    with threadpool_limits(1, "blas"):
+        return _fitted(tests, responses, n_modes, law_kind, film)
+
+
+def _fitted(
+    tests: Sequence[ThermalTest], responses: Sequence[str], n_modes: int, law_kind: Law, film: Film
+) -> ModalFit:
     data = mode_data(tests)
     _check_responses(data, responses)
     weights = block_weights(data)
@@ -97,7 +114,7 @@ def fit_modes(
 def choose_modes(tests: Sequence[ThermalTest], responses: Sequence[str]) -> ModalFit:
     """The simplest modes whose error on what was left out is within noise of the best.
 
-    Tried are 1 to 5 modes with constant time constants, and 1 to 4 with a film that grows with the speed, by their
+    Tried are 1 to 7 modes with constant time constants, and 1 to 5 with a film that grows with the speed, by their
     error on stretches of time that are left out; then the laws of the speed, by their error on left-out speeds.
     The zero of every run is free. Runs begin at rest and cold, but for those in which the spindle never turns, and
     those that nothing else explains (a finding says so). A recorded hall temperature drives the same modes where that
@@ -108,6 +125,11 @@ def choose_modes(tests: Sequence[ThermalTest], responses: Sequence[str]) -> Moda
     InputError
         If the tests cannot be used: none, none that turns, too few samples.
     """
+    with threadpool_limits(1, "blas"):  # thousands of small matrices: threads would only wait for each other
+        return _chosen(tests, responses)
+
+
+def _chosen(tests: Sequence[ThermalTest], responses: Sequence[str]) -> ModalFit:
     data = mode_data(tests)
     _check_responses(data, responses)
     spec = ModeSpec(1, _sweep_law(data), free_starts=_idle_runs(data))
@@ -124,7 +146,11 @@ def choose_modes(tests: Sequence[ThermalTest], responses: Sequence[str]) -> Moda
 
 
 def _sweep_law(data: ModeData) -> Law:
-    """Two powers where they describe the levels as well as a free gain at each does, else the free gains."""
+    """Two powers, or with them what runs while the spindle turns, where they describe the levels as free gains do.
+
+    Laws are compared by their error at left-out speeds, each without or with a film, whichever is better: a film that
+    is missing would be taken for the law.
+    """
     if len(data.levels_rpm) < 2:
         return "power"
     weights = block_weights(data)
@@ -133,13 +159,20 @@ def _sweep_law(data: ModeData) -> Law:
     for k in range(1, 4):
         fit = grown(fit, replace(spec, n_modes=k), data, weights)
     assert fit is not None
-    folds = speed_folds(data)
     free = with_law(fit, data, "levels")
-    if folds:
-        two, levels = law_errors(fit, data, folds), law_errors(free, data, folds)
-        if float(np.log(two / levels).mean()) < 0.1 and fit.cost < 3.0 * free.cost:
-            return "powers"
-    return "powers" if fit.cost < 1.1 * free.cost else "levels"
+    folds = speed_folds(data)
+    if not folds:
+        return "powers" if fit.cost < 1.1 * free.cost else "levels"
+    kinds: tuple[Law, ...] = ("powers", "turning", "turning-powers") if len(data.levels_rpm) > 2 else ("powers",)
+    filmed = with_film(fit, data)
+    errors, costs = {}, {}
+    for kind in kinds:
+        both = [with_law(one, data, kind) for one in (fit, filmed)]
+        errors[kind] = min(float(np.log(law_errors(one, data, folds)).mean()) for one in both)
+        costs[kind] = min(one.cost for one in both)
+    law = min(kinds, key=lambda one: errors[one] - (TURNING if one == "powers" else 0.0))
+    better = float(np.log(law_errors(free, data, folds)).mean()) < errors[law] - 0.1
+    return "levels" if better or costs[law] > 3.0 * free.cost else law
 
 
 def _swept(spec: ModeSpec, data: ModeData) -> tuple[list[tuple[Fit, Vector]], Fit]:
@@ -166,7 +199,21 @@ def _swept(spec: ModeSpec, data: ModeData) -> tuple[list[tuple[Fit, Vector]], Fi
         bounded = seen[_simplest([scores for _, scores in seen])]
         if float(np.log(bounded[1] / best[1]).mean()) < WORTH_A_GUESS:
             best = bounded
-    return tried, best[0]
+    return tried, _without_chance(best[0], tried, data)
+
+
+def _without_chance(fit: Fit, tried: list[tuple[Fit, Vector]], data: ModeData) -> Fit:
+    """The fit less its last modes, as long as chance alone lowers the sum of squares as much as the last one did."""
+    for simpler, _ in sorted(tried, key=lambda one: -one[0].spec.n_modes):
+        spec = simpler.spec
+        if (spec.n_modes, spec.film, spec.law_kind) == (fit.spec.n_modes - 1, fit.spec.film, fit.spec.law_kind):
+            added = fit.spec.n_searched - spec.n_searched
+            added += fit.solution.coefficients.size - simpler.solution.coefficients.size
+            variance = fit.cost / max(int((fit.weights > 0).sum()), 1) * resemblance(fit, data)
+            if simpler.cost - fit.cost > variance * float(chi2.ppf(CERTAIN, added)):
+                break
+            fit = simpler
+    return fit
 
 
 _OTHER_LAWS: tuple[Law, ...] = ("mode-powers", "levels")
@@ -174,7 +221,7 @@ _OTHER_LAWS: tuple[Law, ...] = ("mode-powers", "levels")
 
 def _complexity(candidate: tuple[Fit, Vector]) -> tuple[bool, int, bool]:
     spec = candidate[0].spec
-    return spec.film == "growing", spec.n_modes, spec.law_kind != "powers"
+    return spec.film == "growing", spec.n_modes, spec.law_kind in _OTHER_LAWS
 
 
 def _laws_open(tried: list[tuple[Fit, Vector]], data: ModeData, spec: ModeSpec) -> bool:
@@ -186,16 +233,17 @@ def _laws_open(tried: list[tuple[Fit, Vector]], data: ModeData, spec: ModeSpec) 
 
 
 def _worth_a_film(tried: list[tuple[Fit, Vector]], k: int) -> bool:
-    """Up to two modes always; beyond, if the film has been the better choice so far."""
+    """Up to two modes always; beyond, if it was better for one mode less."""
     if k <= 2:
         return True
-    films = [float(np.log(scores).mean()) for fit, scores in tried if fit.spec.film == "growing"]
-    plains = [float(np.log(scores).mean()) for fit, scores in tried if fit.spec.film == "none"]
-    return min(films) < min(plains) - 0.5 * NO_WORSE
+    before = [(fit.spec, float(np.log(scores).mean())) for fit, scores in tried if fit.spec.n_modes == k - 1]
+    films = [error for spec, error in before if spec.film == "growing"]
+    plains = [error for spec, error in before if spec.film == "none"]
+    return bool(films) and min(films) < min(plains) - NO_WORSE
 
 
 def _scores(fit: Fit, data: ModeData) -> Vector:
-    return held_out_um(fit, data, time_folds(data), own_zeros=False)
+    return 1e-9 + held_out_um(fit, data, time_folds(data), own_zeros=False)
 
 
 def _simplest(errors: Sequence[Vector]) -> int:
@@ -206,7 +254,7 @@ def _simplest(errors: Sequence[Vector]) -> int:
         # the median over responses would hide the one that needs the mode; the mean does not
         difference = (one - logs[best]).mean(axis=1)
         spread = float(difference.std(ddof=1) / np.sqrt(len(difference))) if len(difference) > 1 else 0.0
-        if float(difference.mean()) <= max(NO_WORSE, min(2.0 * spread, 5 * NO_WORSE)):
+        if float(difference.mean()) <= max(NO_WORSE, min(2.0 * spread, 10 * NO_WORSE)):
             return i
     return best
 

@@ -13,7 +13,7 @@ from selector.physics.thermal.mode_fit import Fit
 from selector.physics.thermal.thermal_test import ThermalTest
 
 Vector = NDArray[np.float64]
-NEAR = 1.6
+NEAR = 1.7
 """Neighbouring time constants below this ratio look like one in most records."""
 
 

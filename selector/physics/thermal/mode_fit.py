@@ -1,14 +1,13 @@
-"""Variable projection: time constants are searched, everything that enters linearly is solved for on the way."""
+"""What a fit of thermal modes is: at given time constants, everything that enters linearly is solved for."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from selector.physics.thermal._mode_filter import filtered
 from selector.physics.thermal.mode_data import ModeData
@@ -16,18 +15,16 @@ from selector.physics.thermal.modes import ModalModel
 from selector.physics.thermal.speed_law import SpeedLaw
 
 Vector = NDArray[np.float64]
-Law = Literal["levels", "power", "powers", "mode-powers"]
+Law = Literal["levels", "power", "powers", "turning", "turning-powers", "mode-powers"]
 Film = Literal["none", "growing"]
-CLOSEST = 1.15
-"""Neighbouring time constants in a fit have at least this ratio: nearer ones are one mode with enormous gains."""
+SHRINKAGE: dict[Film, float] = {"none": 2.0, "growing": 20.0}
+"""Gains are drawn to 0 as if each were known to be 0 ± the displacement divided by this: little beside what thousands
+of samples say, but it keeps modes that nearly cancel from growing enormous, for which unseen courses would pay. Modes
+that a film couples cancel more easily."""
 USUAL_EXPONENT = 1.2, 0.5
 """Heat of bearings and drives grows with n^1 to n^1.5: where tests say nothing, exponents stay near this (±)."""
-USUAL_FILM_EXPONENT = 0.8, 0.2
+USUAL_FILM_EXPONENT = 0.8, 0.01
 """Forced convection grows with n^0.5 (laminar) to n^0.8 (turbulent), windage up to n^1 (±)."""
-LONGEST_TAU = 2.0
-"""Longest time constant in lengths of the longest run: of a slower mode the tests show a straight line."""
-STRONGEST = 2.5
-"""Bound of the film's vector (its square is the growth of a mode's rate) and of the logarithms of the drives."""
 STEP = 1e-4
 """Step of numerical derivatives in logarithms of time constants and in exponents."""
 
@@ -40,8 +37,9 @@ class ModeSpec:
     ----------
     n_modes : int
         Number of modes.
-    law_kind : {"levels", "power", "powers", "mode-powers"}
-        Gains: free at every tested level; c·n^p with one p; c·n^p + d·n^(p + 1/2); c_k·n^(p_k) with a p for every mode.
+    law_kind : {"levels", "power", "powers", "turning", "turning-powers", "mode-powers"}
+        Gains: free at every tested level; c·n^p with one p; c·n^p + d·n^(p + 1/2); c·n^p + d·[n > 0];
+        c·n + d·n^1.5 + e·[n > 0]; c_k·n^(p_k) with a p for every mode.
     film : {"none", "growing"}
         Convection that does not depend on the speed, or one film that grows with it and couples the modes.
     level_exponent : float
@@ -62,7 +60,8 @@ class ModeSpec:
     @property
     def n_powers(self) -> int:
         """How many exponents are searched."""
-        return {"levels": 0, "power": 1, "powers": 1, "mode-powers": self.n_modes}[self.law_kind]
+        searched_powers = {"power": 1, "powers": 1, "turning": 1, "mode-powers": self.n_modes}
+        return searched_powers.get(self.law_kind, 0)
 
     @property
     def n_films(self) -> int:
@@ -81,6 +80,10 @@ class ModeSpec:
             return SpeedLaw((self.level_exponent,), data.fastest_rpm, data.levels_rpm)
         if self.law_kind == "powers":
             return SpeedLaw((float(powers[0]), float(powers[0]) + 0.5), data.fastest_rpm)
+        if self.law_kind == "turning":
+            return SpeedLaw((0.0, float(powers[0])), data.fastest_rpm)
+        if self.law_kind == "turning-powers":
+            return SpeedLaw((0.0, 1.0, 1.5), data.fastest_rpm)
         return SpeedLaw(tuple(float(p) for p in powers), data.fastest_rpm)
 
     def films(self, theta: Vector) -> tuple[Vector, Vector, float]:
@@ -109,11 +112,14 @@ class Solution:
         Weighted residuals: of variance 1 where the noise is what it was taken to be.
     left_out_um : ndarray of shape (n_blocks, n_responses)
         Residuals [µm], all blocks, also those without weight.
+    shrinkage : ndarray of shape (n_responses,)
+        What coefficients are multiplied with to be counted as residuals.
     """
 
     coefficients: Vector
     residual: Vector
     left_out_um: Vector
+    shrinkage: Vector
 
 
 def columns(spec: ModeSpec, data: ModeData, theta: Vector) -> tuple[Vector, Vector]:
@@ -139,43 +145,26 @@ def solved(spec: ModeSpec, data: ModeData, theta: Vector, weights: Vector) -> So
     states, left = columns(spec, data, theta)
     design = states.reshape(len(states), -1)
     coefficients = np.zeros((design.shape[1], weights.shape[1]))
-    left_out = np.zeros(weights.shape)
-    for alike in _alike(weights):
+    left_out, shrinkage = np.zeros(weights.shape), np.zeros(weights.shape[1])
+    for alike in alike_weights(weights):
         w = weights[:, alike[0]]
-        both = _without_nuisances(spec, data, left, w, np.column_stack([design, data.displacement_um[:, alike]]))
+        scale, common = scales(spec, data, weights, alike)
+        both = without_nuisances(spec, data, left, w, np.column_stack([design, data.displacement_um[:, alike]]))
         plain, aim = both[:, : design.shape[1]], both[:, design.shape[1] :]
-        coefficients[:, alike] = found = _best(plain * w[:, None], aim * w[:, None])
+        coefficients[:, alike] = found = _best(plain * w[:, None], aim * w[:, None], common)
         left_out[:, alike] = aim - plain @ found
-    return Solution(coefficients, left_out * weights, left_out)
+        shrinkage[alike] = common * scale
+    return Solution(coefficients, left_out * weights, left_out, shrinkage)
 
 
-def _derivative(spec: ModeSpec, data: ModeData, theta: Vector, weights: Vector, free: Vector) -> Vector:
-    """Derivative of the weighted residuals, shape (n_blocks·n_responses, n_free), with gains that follow.
-
-    Kaufman's form of variable projection: the part of the derivative that the columns cannot describe.
-    """
-    states, left = columns(spec, data, theta)
-    design = states.reshape(len(states), -1)
-    solution = solved(spec, data, theta, weights).coefficients
-    changes = []
-    for i in free:
-        moved = theta.copy()
-        moved[i] += STEP
-        changes.append((columns(spec, data, moved)[0].reshape(len(states), -1) - design) @ solution / STEP)
-    out = np.zeros((len(states), weights.shape[1], len(free)))
-    for alike in _alike(weights):
-        w = weights[:, alike[0]]
-        moves = np.concatenate([change[:, alike] for change in changes], axis=1)
-        both = _without_nuisances(spec, data, left, w, np.column_stack([design, moves])) * w[:, None]
-        basis = np.linalg.qr(both[:, : design.shape[1]])[0]
-        part = both[:, design.shape[1] :]
-        part = part - basis @ (basis.T @ part)
-        scale = np.array([weights[:, r].max() for r in alike]) / max(float(w.max()), 1e-300)
-        out[:, alike] = -part.reshape(len(states), len(free), len(alike)).transpose(0, 2, 1) * scale[:, None]
-    return out.reshape(-1, len(free))
+def scales(spec: ModeSpec, data: ModeData, weights: Vector, alike: list[int]) -> tuple[Vector, float]:
+    """Weights of responses relative to the first of them, and the shrinkage that they share."""
+    scale = np.array([weights[:, r].max() for r in alike]) / max(float(weights[:, alike[0]].max()), 1e-300)
+    peaks = np.ptp(data.displacement_um[:, alike], axis=0)
+    return scale, SHRINKAGE[spec.film] / max(float(np.median(peaks * scale)), 1e-9)
 
 
-def _without_nuisances(spec: ModeSpec, data: ModeData, left: Vector, w: Vector, values: Vector) -> Vector:
+def without_nuisances(spec: ModeSpec, data: ModeData, left: Vector, w: Vector, values: Vector) -> Vector:
     """Columns less what the zero (and start, if it is free) of every run describes, with weights w (n_blocks,)."""
     begins = [begin for begin, _ in data.bounds]
     lengths = [end - begin for begin, end in data.bounds]
@@ -189,17 +178,16 @@ def _without_nuisances(spec: ModeSpec, data: ModeData, left: Vector, w: Vector, 
     return values
 
 
-def _best(design: Vector, aim: Vector) -> Vector:
-    """Least squares by QR with a whisper of ridge: columns without any weight get 0."""
+def _best(design: Vector, aim: Vector, shrinkage: float = 0.0) -> Vector:
+    """Least squares by QR, with as much ridge as columns without any weight need to get 0."""
     size = np.sqrt((design**2).sum(axis=0))
     size[size == 0.0] = 1.0
-    ridge = 1e-9 * np.eye(design.shape[1])
-    q, r = np.linalg.qr(np.vstack([design / size, ridge]))
+    q, r = np.linalg.qr(np.vstack([design / size, np.diag(1e-9 + shrinkage / size)]))
     full = q[: len(design)].T @ aim
     return np.linalg.solve(r, full) / size[:, None]
 
 
-def _alike(weights: Vector) -> list[list[int]]:
+def alike_weights(weights: Vector) -> list[list[int]]:
     """Responses whose weights are the same up to a factor can be solved for together."""
     groups: list[list[int]] = []
     for r in range(weights.shape[1]):
@@ -231,8 +219,9 @@ class Fit:
 
     @property
     def cost(self) -> float:
-        """Weighted sum of squares."""
-        return float((self.solution.residual**2).sum())
+        """Weighted sum of squares, shrinkage of the gains included."""
+        shrunk = self.solution.shrinkage * self.solution.coefficients
+        return float((self.solution.residual**2).sum() + (shrunk**2).sum())
 
     @property
     def tau_s(self) -> Vector:
@@ -257,63 +246,9 @@ class Fit:
         )  # fmt: skip
 
 
-def limits(spec: ModeSpec, data: ModeData) -> tuple[Vector, Vector]:
-    """Bounds of the searched parameters."""
-    modes, films = spec.n_modes, spec.n_films
-    low = np.r_[np.full(modes, np.log(data.period_s / 3)), np.full(spec.n_powers, 0.3), np.full(films, -STRONGEST)]
-    high = np.r_[
-        np.full(modes, np.log(LONGEST_TAU * data.longest_s)), np.full(spec.n_powers, 3.0), np.full(films, STRONGEST)
-    ]
-    if films:
-        low[-1], high[-1] = 0.2, 2.0
-    return low, high
-
-
-def searched(
-    spec: ModeSpec, data: ModeData, start: Vector, weights: Vector, *, held: int | None = None, max_steps: int = 40
-) -> Fit:
-    """The fit that is reached from this start; one parameter may be held."""
-    low, high = limits(spec, data)
-    start = np.clip(start, low + 1e-6, high - 1e-6)
-    free = np.array([i for i in range(len(start)) if i != held])
-    if not len(free):
-        return Fit(spec, start, weights, solved(spec, data, start, weights))
-
-    def at(part: Vector) -> Vector:
-        theta = start.copy()
-        theta[free] = part
-        return theta
-
-    def residual(part: Vector) -> Vector:
-        theta = at(part)
-        return np.r_[solved(spec, data, theta, weights).residual.ravel(), expectations(spec, theta)]
-
-    def derivative(part: Vector) -> Vector:
-        theta, known = at(part), []
-        for i in free:
-            moved = theta.copy()
-            moved[i] += STEP
-            known.append((expectations(spec, moved) - expectations(spec, theta)) / STEP)
-        return np.vstack([_derivative(spec, data, theta, weights, free), np.column_stack(known)])
-
-    result = least_squares(
-        residual, start[free], jac=derivative, bounds=(low[free], high[free]), x_scale=1.0, ftol=1e-6, xtol=1e-5,
-        gtol=1e-9, max_nfev=max_steps,
-    )  # fmt: skip
-    theta = start.copy()
-    theta[free] = result.x
+def fit_at(spec: ModeSpec, data: ModeData, theta: Vector, weights: Vector) -> Fit:
+    """The fit with these searched parameters."""
     return Fit(spec, theta, weights, solved(spec, data, theta, weights))
-
-
-def expectations(spec: ModeSpec, theta: Vector) -> Vector:
-    """What is known without the tests: modes are apart, exponents near the usual ones."""
-    modes, powers = spec.n_modes, spec.n_powers
-    gap = np.diff(np.sort(theta[:modes])) - np.log(CLOSEST)
-    parts = [1e3 * np.minimum(gap, 0.0), (theta[modes : modes + powers] - USUAL_EXPONENT[0]) / USUAL_EXPONENT[1]]
-    if spec.n_films:
-        parts.append((theta[-1:] - USUAL_FILM_EXPONENT[0]) / USUAL_FILM_EXPONENT[1])
-        parts.append(theta[modes + powers : -1] / 3.0)
-    return np.concatenate(parts)
 
 
 def block_weights(data: ModeData, fit: Fit | None = None) -> Vector:
@@ -338,49 +273,3 @@ def block_weights(data: ModeData, fit: Fit | None = None) -> Vector:
         [np.mean((squares[:, r] / (1.0 / samples[:, r] + low))[there[:, r]]) for r in range(there.shape[1])]
     )
     return np.where(there, 1.0 / (data.noise_um * scale * np.sqrt(1.0 / samples + low)), 0.0)
-
-
-def grown(fit: Fit | None, spec: ModeSpec, data: ModeData, weights: Vector) -> Fit:
-    """A fit with one mode more than this one (None: the first): tried at many places, searched from the best two."""
-    low, high = limits(ModeSpec(1), data)
-    places = np.linspace(low[0] + np.log(3.0), high[0] - np.log(4.0), 14)
-    have = np.empty(0) if fit is None else fit.theta[: fit.spec.n_modes]
-    tail = np.full(spec.n_powers, USUAL_EXPONENT[0])
-    starts = [
-        np.r_[np.sort(np.r_[have, place]), tail]
-        for place in places
-        if not len(have) or np.abs(have - place).min() > np.log(1.3)
-    ]
-    costs = [float((solved(spec, data, theta, weights).residual ** 2).sum()) for theta in starts]
-    best = [starts[i] for i in np.argsort(costs)[:2]]
-    return min((searched(spec, data, theta, weights) for theta in best), key=lambda one: one.cost)
-
-
-def with_film(fit: Fit, data: ModeData, smaller: Fit | None = None) -> Fit:
-    """The fit with a film that grows with the speed: from the modes of this one, and from a film of one mode less."""
-    spec = replace(fit.spec, film="growing")
-    modes, powers = spec.n_modes, fit.theta[fit.spec.n_modes : fit.spec.n_modes + fit.spec.n_powers]
-    starts = []
-    for sign in (1.0, -1.0) if modes > 1 else (1.0,):
-        vector = 0.7 * np.resize([1.0, sign], modes)
-        log_tau = np.sort(fit.theta[:modes])
-        starts.append(np.r_[log_tau, powers, vector, np.zeros(modes - 1), USUAL_FILM_EXPONENT[0]])
-    if smaller is not None:
-        starts += _one_more(smaller, spec, data)
-    found = [searched(spec, data, theta, fit.weights, max_steps=25) for theta in starts]
-    return min(found, key=lambda one: one.cost)
-
-
-def _one_more(fit: Fit, spec: ModeSpec, data: ModeData) -> list[Vector]:
-    """The best places for one mode more, with the film's other parameters as they are."""
-    modes, low, high = fit.spec.n_modes, *limits(ModeSpec(1), data)
-    tail = fit.theta[modes:]
-    powers, vector, drive = np.split(tail[:-1], [fit.spec.n_powers, fit.spec.n_powers + modes])
-    starts = []
-    for place in np.linspace(low[0] + np.log(3.0), high[0] - np.log(4.0), 14):
-        if np.abs(fit.theta[:modes] - place).min() > np.log(1.3):
-            # the new mode stands last, so that the drive of the first one stays the unit
-            taus = np.r_[fit.theta[:modes], place]
-            starts.append(np.r_[taus, powers, vector, 0.2, drive, 0.0, tail[-1]])
-    costs = [float((solved(spec, data, theta, fit.weights).residual ** 2).sum()) for theta in starts]
-    return [starts[i] for i in np.argsort(costs)[:1]]

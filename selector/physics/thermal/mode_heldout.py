@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.physics.thermal.mode_data import ModeData
-from selector.physics.thermal.mode_fit import STEP, Fit, columns, expectations
+from selector.physics.thermal.mode_fit import STEP, Fit, columns
+from selector.physics.thermal.mode_search import expectations
 
 Vector = NDArray[np.float64]
 Rows = NDArray[np.bool_]
@@ -62,15 +63,21 @@ def _nuisances(fit: Fit, data: ModeData, left: Vector) -> Vector:
 
 
 def expected_rows(fit: Fit, width: int) -> Vector:
-    """Derivative of what is known without the tests, shape (n_rows, width)."""
-    rows = []
+    """Derivative of what is known without the tests, shape (n_rows, width), for a `jacobian` of that many columns."""
+    moves = []
     for i in range(len(fit.theta)):
         moved = fit.theta.copy()
         moved[i] += STEP
-        rows.append((expectations(fit.spec, moved) - expectations(fit.spec, fit.theta)) / STEP)
-    out = np.zeros((len(rows[0]), width))
-    out[:, : len(rows)] = np.column_stack(rows)
-    return out
+        moves.append((expectations(fit.spec, moved) - expectations(fit.spec, fit.theta)) / STEP)
+    usual = np.zeros((len(moves[0]), width))
+    usual[:, : len(moves)] = np.column_stack(moves)
+    n_columns, n_responses = fit.solution.coefficients.shape
+    own = (width - len(moves)) // n_responses
+    shrunk = np.zeros((n_responses * n_columns, width))
+    for r in range(n_responses):
+        rows = np.arange(n_columns)
+        shrunk[r * n_columns + rows, len(moves) + r * own + rows] = fit.solution.shrinkage[r]
+    return np.vstack([usual, shrunk])
 
 
 def held_out_um(fit: Fit, data: ModeData, folds: Sequence[Rows], *, own_zeros: bool) -> Vector:

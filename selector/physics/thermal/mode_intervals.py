@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from selector.physics.thermal.mode_data import ModeData
-from selector.physics.thermal.mode_fit import Fit, limits, searched
+from selector.physics.thermal.mode_fit import Fit
 from selector.physics.thermal.mode_heldout import expected_rows, jacobian
+from selector.physics.thermal.mode_search import limits, searched
 
 Vector = NDArray[np.float64]
 CONFIDENCE = 0.95

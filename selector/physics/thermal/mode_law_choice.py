@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.physics.thermal.mode_data import ModeData
-from selector.physics.thermal.mode_fit import USUAL_EXPONENT, Fit, Law, searched, solved
+from selector.physics.thermal.mode_fit import USUAL_EXPONENT, Fit, Law, solved
 from selector.physics.thermal.mode_heldout import held_out_um, run_folds, time_folds
+from selector.physics.thermal.mode_search import searched
 
 Vector = NDArray[np.float64]
 Rows = NDArray[np.bool_]
@@ -90,12 +91,16 @@ def law_candidates(fit: Fit, data: ModeData) -> list[tuple[Fit, Vector]]:
     With tests at two levels, or none that can be left out, the errors are those of left-out stretches of time.
     """
     folds = speed_folds(data)
+    several = len(data.levels_rpm) > 2
+    turning = fit.spec.law_kind in ("turning", "turning-powers")
     kinds: list[Law] = ["power"]
     if len(data.levels_rpm) > 1:
         kinds.append("powers")
-    if len(data.levels_rpm) > 2 and fit.spec.film == "none" and fit.spec.n_modes > 1:
+    if several and turning:
+        kinds += ["turning", "turning-powers"]
+    if several and not turning and fit.spec.film == "none" and fit.spec.n_modes > 1:
         kinds.append("mode-powers")
-    if len(data.levels_rpm) > 2:
+    if several:
         kinds.append("levels")
     found = []
     for kind in kinds:

@@ -193,5 +193,5 @@ def test_unusable_tests_are_refused():
         choose_modes([replace(turning, time_s=time[::-1])], ("Z",))
     with pytest.raises(InputError, match="fewer than 10 readings"):
         choose_modes([replace(turning, displacement_um=np.full((100, 1), np.nan))], ("Z",))
-    with pytest.raises(OptionError, match="1 to 5"):
-        fit_modes([turning], ("Z",), n_modes=6)
+    with pytest.raises(OptionError, match="1 to 7"):
+        fit_modes([turning], ("Z",), n_modes=8)
