@@ -21,6 +21,8 @@ LONGEST_WITH_HALL = 1 / 200
 """The same where the hall temperature was recorded, since it is held within a block."""
 SAME_SPEED = 0.02
 """Speeds that differ by less than this share of the fastest count as one level: jitter."""
+MOST_JITTER = 0.1
+"""A speed that changes by more than this share of the fastest at every other sample is a duty cycle, not jitter."""
 SHORTEST_LEVEL = 0.02
 """A speed that ran for less than this share of the turning time is part of a ramp, not a level."""
 
@@ -84,7 +86,8 @@ def mode_data(tests: Sequence[ThermalTest]) -> ModeData:
         raise _unusable("no test in which the spindle turns", "at least one heating test", "the tests")
     for test in tests:
         _check(test)
-    same_rpm = max(SAME_SPEED * fastest, 6.0 * max(_roughness(test.speed_rpm) for test in tests))
+    jitter = max(_roughness(test.speed_rpm) for test in tests)
+    same_rpm = float(np.clip(6.0 * jitter, SAME_SPEED * fastest, MOST_JITTER * fastest))
     pieces = [_blocks(test, same_rpm) for test in tests]
     ends = np.cumsum([len(piece["speed"]) for piece in pieces]).tolist()
     joined = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}

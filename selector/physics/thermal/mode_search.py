@@ -29,6 +29,9 @@ CLOSEST = {"none": 1.4, "growing": 2.2}
 lets modes imitate each other, so that only modes further apart predict unseen courses."""
 LONGEST_TAU = 2.0
 """Longest time constant in lengths of the longest run: of a slower mode the tests show a straight line."""
+LEAST_EXPONENT, LARGEST_EXPONENT = 0.8, 2.5
+"""Losses grow at least nearly in proportion to the speed. A smaller exponent only imitates heat that does not depend on
+the speed, and is wrong below the slowest tested speed."""
 STRONGEST = 2.5
 """Bound of the film's vector (its square is the growth of a mode's rate) and of the logarithms of the drives."""
 
@@ -36,9 +39,13 @@ STRONGEST = 2.5
 def limits(spec: ModeSpec, data: ModeData) -> tuple[Vector, Vector]:
     """Bounds of the searched parameters."""
     modes, films = spec.n_modes, spec.n_films
-    low = np.r_[np.full(modes, np.log(data.period_s / 3)), np.full(spec.n_powers, 0.3), np.full(films, -STRONGEST)]
+    low = np.r_[
+        np.full(modes, np.log(data.period_s)), np.full(spec.n_powers, LEAST_EXPONENT), np.full(films, -STRONGEST)
+    ]
     high = np.r_[
-        np.full(modes, np.log(LONGEST_TAU * data.longest_s)), np.full(spec.n_powers, 3.0), np.full(films, STRONGEST)
+        np.full(modes, np.log(LONGEST_TAU * data.longest_s)),
+        np.full(spec.n_powers, LARGEST_EXPONENT),
+        np.full(films, STRONGEST),
     ]
     if films:
         low[-1], high[-1] = 0.2, 2.0
