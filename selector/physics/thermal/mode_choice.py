@@ -191,6 +191,8 @@ def _swept(spec: ModeSpec, data: ModeData) -> tuple[list[tuple[Fit, Vector]], Fi
         if k <= MOST_WITH_FILM and _worth_a_film(tried, k):
             film = with_film(plain, data, film)
             tried.append((film, _scores(film, data)))
+        elif _no_gain([scores for fit, scores in tried if fit.spec == replace(spec, n_modes=fit.spec.n_modes)]):
+            break
     tried.sort(key=_complexity)
     best = tried[_simplest([scores for _, scores in tried])]
     # a mode slower than the longest run is a straight line there, and anything beyond it
@@ -230,6 +232,12 @@ def _laws_open(tried: list[tuple[Fit, Vector]], data: ModeData, spec: ModeSpec) 
     plains = [float(np.log(scores).mean()) for fit, scores in tried if fit.spec.film == "none"]
     ahead = bool(films) and min(films) < min(plains) - FAR_AHEAD
     return len(data.levels_rpm) > 2 and spec.law_kind == "powers" and len(films) < MOST_WITH_FILM and not ahead
+
+
+def _no_gain(scores: Sequence[Vector]) -> bool:
+    """Whether the last two modes did not lower the error."""
+    means = [float(np.log(one).mean()) for one in scores]
+    return len(means) > 2 and min(means[-2:]) > min(means[:-2]) - 0.5 * NO_WORSE
 
 
 def _worth_a_film(tried: list[tuple[Fit, Vector]], k: int) -> bool:
