@@ -40,7 +40,8 @@ def choice_findings(
             evidence={"growth_at_fastest": round(growth, 3), "exponent": round(fit.spec.films(fit.theta)[2], 2)},
         )
     if fit.spec.with_hall:
-        per_kelvin = fit.solution.coefficients.reshape(fit.spec.n_modes, -1, len(heldout_um))[:, -1].sum(axis=0)
+        gains = fit.solution.coefficients.reshape(fit.spec.n_modes, -1, len(heldout_um))[:, -1]
+        per_kelvin = fit.spec.films(fit.theta)[1] @ gains
         yield Finding(
             "hall-temperature-drives-displacement",
             "warning",
