@@ -172,7 +172,7 @@ def scale_of(x: Floats) -> Scale:
         distinct=int(steps.size) + 1,
         low=low,
         high=high,
-        start=float(np.median(x[: max(5, x.size // 20)])),
+        start=float(np.median(x[: max(5, x.size // 200)])),
         span=float(ordered[int(0.98 * (x.size - 1))] - ordered[int(0.02 * (x.size - 1))]),
         quantum=quantum,
         noise=float(np.median(blocks)) if blocks.size else 0.0,

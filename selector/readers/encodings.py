@@ -18,7 +18,7 @@ _BOMS = (
     (codecs.BOM_UTF16_LE, "utf-16-le"),
     (codecs.BOM_UTF16_BE, "utf-16-be"),
 )
-_CANDIDATES = ("gb18030", "cp932", "cp1251", "cp1252", "cp1250", "cp850", "big5", "euc_kr", "koi8_r", "cp866")
+_CANDIDATES = ("gb18030", "cp932", "cp1252", "cp1251", "cp1250", "cp850", "big5", "euc_kr", "koi8_r", "cp866")
 
 # Words that head the columns of recordings, in the languages of those encodings. Only non-ASCII ones are evidence.
 _WORDS = (
