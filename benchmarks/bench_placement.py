@@ -1,6 +1,7 @@
 """Placement before drilling: our choice of places against QR pivots (PySensors), greedy search and chance.
 
-    python benchmarks/bench_placement.py [--split kinds|plenty|drawn6|drawn24] [--seeds 1 2 3] [--own-models] [--growth]
+    python benchmarks/bench_placement.py [--refinement 0.2] [--split kinds mixed …] [--seeds 1 2 3] [--own-models]
+    python benchmarks/bench_placement.py [--refinement 0.2] --growth
 
 The virtual machining centre gets a thermometer at every candidate place, and one in the hall. Every way of choosing
 sees the same training runs (temperature rises; ours and the greedy one also the displacements Z and Y) and names k
@@ -10,6 +11,7 @@ seen; the tables are medians over the seeds.
 
     kinds     learns r1-r4 of fixtures/vmc37 (steps, long heat, intermittent, random), predicts r5-r8 (coolant, warm
               start, cold morning, summer, winter)
+    mixed     learns r1, r3, r5, r7, predicts r2, r4, r6, r8
     plenty    learns r1-r4 and 20 random shifts, which cost nothing but computing, predicts r5-r8
     drawn6    learns 6 random shifts, predicts 12 others
     drawn24   learns 24 random shifts, predicts 12 others
@@ -292,7 +294,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--refinement", type=float, default=1.0)
     parser.add_argument("--spacing", type=float, default=0.3)
-    parser.add_argument("--split", choices=("kinds", "plenty", "drawn6", "drawn24"), nargs="*")
+    parser.add_argument("--split", choices=("kinds", "mixed", "plenty", "drawn6", "drawn24"), nargs="*")
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3])
     parser.add_argument(
         "--own-models", action="store_true", help="also the models that select makes; minutes with 24 runs"
@@ -306,7 +308,7 @@ def main() -> None:
     places = sensor_candidates(spacing_m=options.spacing)
     machine = virtual_machining_centre(refinement=options.refinement, sensors={n: at.xyz_m for n, at in places.items()})
     print(f"{len(places)} candidates and the hall, {machine.full.size} states, seeds {options.seeds}")
-    for split in options.split or ("kinds", "plenty", "drawn6", "drawn24"):
+    for split in options.split or ("kinds", "mixed", "plenty", "drawn6", "drawn24"):
         print(f"\n== {split} ==")
         found: list[dict[str, Rows]] = []
         for seed in options.seeds:
@@ -314,6 +316,7 @@ def main() -> None:
             shifts = simulated(machine, list(places), drawn(range(100 * seed, 100 * seed + 36)), seed + 1000)
             training, unseen = {
                 "kinds": (told[:4], told[4:]),
+                "mixed": (told[0::2], told[1::2]),
                 "plenty": (told[:4] + shifts[:20], told[4:]),
                 "drawn6": (shifts[12:18], shifts[:12]),
                 "drawn24": (shifts[12:], shifts[:12]),
