@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from selector.cli import showing
-from selector.cli.files import folder_written_whole, refuse_to_replace_input
 from selector.cli.showing import AsJson
+from selector.cli.simulation_files import LABEL, require_places, written_together
 from selector.cli.simulation_page import PictureAt, Report, page_of, require_page_options, write_page
 from selector.cli.source import MachineFile
-from selector.errors import InputError, ModelFileError, OptionError, ReadError
+from selector.errors import CancelledError, InputError, ModelFileError, OptionError
 from selector.findings import Finding
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from selector.physics.thermal.schedule import Vector
     from selector.physics.thermal.thermal_model import FileModel
     from selector.recording import Recording
+    from selector.report.simulation_report import SimulationPage
 
 ThermalModelFile = Annotated[
     Path,
@@ -98,32 +99,23 @@ def thermal(
         )
     with showing.progress("simulating") as say, _named(model):
         work = (
-            _driven(file, model, out, inputs, machine, seed, say)
+            _driven(file, model, out, inputs, machine, seed, report, say)
             if inputs
-            else _scheduled(file, model, out, cycle, seed)
+            else _scheduled(file, model, out, cycle, seed, report)
         )
-        for path in (*work.targets.values(), work.machine_path):
-            refuse_to_replace_input(path, [model, *work.read], "--out")
-        if report is not None:
-            refuse_to_replace_input(report, [model, *work.read], "--report")
         say(1, 1, "writing")
         page = None
         if report is not None:
             page = page_of(work.machine, work.simulated, work.findings, work.conditions, model, picture_at_min)
-        written = _write(
-            work.simulated,
-            work.targets,
-            work.machine_path,
-            f"{file.model.name} (SIMULATED)",
-            in_folder=work.machine_path.name == "machine.toml",
-        )
-        if report is not None and page is not None:
-            write_page(page, report)
-    summary = _summary(file, model, work, written, report)
-    if as_json:
-        showing.print_json(summary)
-        return
-    _show(showing.screen(), work.simulated, summary, work.findings)
+        summary = _summary(file, model, work, report)
+        _write(work, f"{file.model.name}{LABEL}", page, report)
+    try:
+        if as_json:
+            showing.print_json(summary)
+        else:
+            _show(showing.screen(), work.simulated, summary, work.findings)
+    except KeyboardInterrupt:
+        raise CancelledError("stopped after the simulation; its files were written") from None
 
 
 @contextmanager
@@ -151,9 +143,12 @@ class _Work:
     conditions: Callable[[str], Conditions]
 
 
-def _scheduled(file: ModelFile, model: Path, out: Path, cycle: Path | None, seed: int | None) -> _Work:
+def _scheduled(
+    file: ModelFile, model: Path, out: Path, cycle: Path | None, seed: int | None, report: Path | None
+) -> _Work:
     """The run that the model file describes."""
     from selector.physics.thermal.model_file import require_few_samples
+    from selector.physics.thermal.model_findings import model_findings
     from selector.physics.thermal.schedule import scheduled
     from selector.physics.thermal.thermal_model import simulation_findings, thermal_model
 
@@ -164,12 +159,23 @@ def _scheduled(file: ModelFile, model: Path, out: Path, cycle: Path | None, seed
             where="--out",
             advice="name the recording, e.g. --out run1.csv; only --inputs writes a folder",
         )
-    columns, read = _columns(file, model)
+    columns, read, findings = _columns(file, model)
+    read += [cycle] if cycle else []
+    run = out.stem or "simulation"
+    beside = out.with_suffix(".machine.toml")
+    require_places([out], beside, report, [model, *read])
     duration_s = file.run.duration_min * 60.0
     cyclogram = None if cycle is None else _cyclogram(cycle, duration_s)
     if cyclogram is not None:
         duration_s = cyclogram.end_s
         require_few_samples(file, duration_s, f"the duty cycle {cycle}")
+    if duration_s < file.run.period_s:
+        raise ModelFileError(
+            f"a run of {duration_s:g} s with a sample every {file.run.period_s:g} s",
+            expected="a run of one period or more",
+            where="key run.duration_min" if cycle is None else f"{cycle}, with key run.period_s of {model}",
+            advice="make run.duration_min larger or run.period_s smaller",
+        )
     conditions = scheduled(
         file.conditions,
         columns,
@@ -177,12 +183,9 @@ def _scheduled(file: ModelFile, model: Path, out: Path, cycle: Path | None, seed
         period_s=file.run.period_s,
         cyclogram=cyclogram,
     )
-    run = out.stem or "simulation"
     machine = thermal_model(file)
     simulated = machine.simulate(conditions, run=run, seed=seed)
-    findings = simulation_findings(simulated)
-    read += [cycle] if cycle else []
-    beside = out.with_suffix(".machine.toml")
+    findings = (*findings, *model_findings(file), *simulation_findings(simulated))
     return _Work(simulated, {run: out}, beside, findings, read, machine, lambda _: conditions)
 
 
@@ -193,10 +196,12 @@ def _driven(
     inputs: list[Path],
     machine: Path | None,
     seed: int | None,
-    report: Any,
+    report: Path | None,
+    progress: Any,
 ) -> _Work:
     """One simulation of every recorded run."""
     from selector.physics.thermal.driving import driven_runs
+    from selector.physics.thermal.model_findings import model_findings
     from selector.physics.thermal.schedule import driven, scheduled
     from selector.physics.thermal.thermal_model import thermal_model
     from selector.readers import read as read_recordings
@@ -218,7 +223,14 @@ def _driven(
             where=f"--out {out}",
             advice="name a folder, e.g. --out simulated",
         )
-    columns, read = _columns(file, model)
+    columns, read, said = _columns(file, model)
+    read += [Path(run.file) for run in reading.runs]
+    if reading.machine_file is not None:
+        read.append(Path(reading.machine_file))
+    runs = reading.recording.runs
+    targets = {runs[0]: out} if single else run_files(runs, out, "csv")
+    machine_path = out.with_suffix(".machine.toml") if single else out / "machine.toml"
+    require_places(targets.values(), machine_path, report, [model, *read])
     otherwise = scheduled(
         file.conditions,
         columns,
@@ -232,17 +244,13 @@ def _driven(
         inputs=file.inputs,
         otherwise=otherwise,
         seed=seed,
-        progress=report,
+        progress=progress,
     )
-    read += [Path(run.file) for run in reading.runs]
-    if reading.machine_file is not None:
-        read.append(Path(reading.machine_file))
-    findings = (*reading.findings, *findings)
-    targets = {simulated.runs[0]: out} if single else run_files(simulated.runs, out, "csv")
+    findings = (*reading.findings, *said, *model_findings(file), *findings)
     return _Work(
         simulated,
         targets,
-        out.with_suffix(".machine.toml") if single else out / "machine.toml",
+        machine_path,
         findings,
         read,
         model_of_file,
@@ -261,78 +269,34 @@ def _cyclogram(cycle: Path, duration_s: float) -> Cyclogram:
     return Cyclogram(rows.time_s[:-1], rows.speed_rpm[:-1], float(rows.time_s[-1]))
 
 
-def _columns(file: ModelFile, model: Path) -> tuple[dict[str, tuple[Vector, Vector]], list[Path]]:
-    """Condition → (time_s, values) of the columns that the model file refers to, and the files that hold them."""
+def _columns(file: ModelFile, model: Path) -> tuple[dict[str, tuple[Vector, Vector]], list[Path], tuple[Finding, ...]]:
+    """Condition → (time_s, values) of the columns that the model file refers to, the files that hold them, findings."""
+    from selector.cli.simulation_columns import column_beside
     from selector.physics.thermal.model_file import columns_needed
 
     found: dict[str, tuple[Vector, Vector]] = {}
     read: list[Path] = []
+    findings: list[Finding] = []
     for key, course in columns_needed(file).items():
-        where = f"{model}, key conditions.{key}.file"
-        path = _beside(model, course.file, where)
-        found[key] = _column(path, course.column, key, f"{model}, key conditions.{key}")
+        path, found[key], told = column_beside(model, course, key)
         read.append(path)
-    return found, read
+        findings += told
+    return found, read, tuple(findings)
 
 
-def _beside(model: Path, name: str, where: str) -> Path:
-    """The file of this name in the folder of the model file, or below it.
-
-    Raises
-    ------
-    ModelFileError
-        The name leads elsewhere, also through a link.
-    """
-    folder = model.resolve().parent
-    path = (folder / name).resolve()
-    if Path(name).is_absolute() or not path.is_relative_to(folder):
-        raise ModelFileError(
-            f"{name!r}, which is outside the folder of the model file",
-            expected="a file beside the model file, or in a folder below it",
-            where=where,
-            advice="copy the recording there",
-        )
-    return path
-
-
-_ROLE_OF_KEY = {"spindle_speed_rpm": "spindle_speed", "ambient_degc": "ambient", "coolant_degc": "temperature"}
-
-
-def _column(path: Path, column: str, key: str, where: str) -> tuple[Vector, Vector]:
-    """(time_s, values) of a column, in the unit of its condition."""
-    from selector.readers import Overrides
-    from selector.readers import read as read_recordings
-
-    role = _ROLE_OF_KEY.get(key)
-    reading = read_recordings([path], overrides=Overrides(roles={column: role} if role else {}))
-    recording = reading.recording
-    names = [channel.name for channel in reading.channels if column in (channel.name, channel.column)]
-    if len(names) != 1 or len(recording.runs) != 1:
-        found = f"no column {column!r}" if not names else f"{len(recording.runs)} runs in {path.name}"
-        raise ReadError(
-            found,
-            expected="one of " + ", ".join(recording.names) + " in one run",
-            where=where,
-            advice="correct the name of the column, or of the file",
-        )
-    return recording.time_s(recording.runs[0]), recording.values(recording.runs[0], names)[:, 0]
-
-
-def _write(
-    simulated: Recording, targets: dict[str, Path], machine_path: Path, machine_name: str, *, in_folder: bool
-) -> list[Path]:
-    """The recordings and their machine file, all or none."""
+def _write(work: _Work, machine_name: str, page: SimulationPage | None, report: Path | None) -> None:
+    """The recordings, their machine file and the page, all or none."""
     from selector.readers.writing import write_recording
 
-    if not in_folder or machine_path.parent.exists():
-        return write_recording(simulated, targets, machine_path, machine_name)
-    with folder_written_whole(machine_path.parent) as folder:
-        drafts = {run: folder / path.name for run, path in targets.items()}
-        write_recording(simulated, drafts, folder / machine_path.name, machine_name)
-    return [*targets.values(), machine_path]
+    pages = [] if page is None or report is None else [report]
+    with written_together([*pages, *work.targets.values(), work.machine_path]) as drafts:
+        if page is not None and report is not None:
+            write_page(page, drafts[report])
+        at = {run: drafts[path] for run, path in work.targets.items()}
+        write_recording(work.simulated, at, drafts[work.machine_path], machine_name)
 
 
-def _summary(file: ModelFile, model: Path, work: _Work, written: list[Path], report: Path | None) -> dict[str, Any]:
+def _summary(file: ModelFile, model: Path, work: _Work, report: Path | None) -> dict[str, Any]:
     """The contract `selector.simulation/1`."""
     simulated = work.simulated
     balances = simulated.provenance["runs"]
@@ -367,7 +331,7 @@ def _summary(file: ModelFile, model: Path, work: _Work, written: list[Path], rep
         "kind": "thermal",
         "model": {"file": model, "kind": file.model.kind, "name": file.model.name},
         "seed": simulated.provenance["simulated"]["seed"] if simulated.provenance["simulated"]["instruments"] else None,
-        "files": written,
+        "files": [*work.targets.values(), work.machine_path],
         "machine_file": work.machine_path,
         "report": report,
         "runs": runs,

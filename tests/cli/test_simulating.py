@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from selector.cli import exit_status
+from selector.cli import exit_status, simulating
 from selector.readers import read
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -237,6 +237,77 @@ def test_the_model_file_is_never_replaced(folder, capfd):
     assert "one of the inputs" in refused(capfd, "run.machine.toml", "--out", "run.csv")
     shutil.copy("model.toml", "model.csv")
     assert "one of the inputs" in refused(capfd, "model.csv", "--out", "model.csv")
+
+
+def test_what_was_measured_is_never_replaced(folder, capfd):
+    measured = "time_s,T1\n0,20\n60,21\n"
+    Path("day.csv").write_text(measured, encoding="utf-8")
+    assert "did not write it" in refused(capfd, "model.toml", "--out", "day.csv")
+    Path("day.machine.toml").write_text('[machine]\nname = "lathe"\n', encoding="utf-8")
+    assert "did not write it" in refused(capfd, "model.toml", "--out", "day.csv")
+    Path("runs").mkdir()
+    Path("runs/cycle.csv").write_text(measured, encoding="utf-8")
+    assert "did not write it" in refused(capfd, "model.toml", "--inputs", "cycle.csv", "--out", "runs")
+    Path("page.html").write_text("<title>Something</title>", encoding="utf-8")
+    assert "page of a simulation" in refused(capfd, "model.toml", "--out", "run.csv", "--report", "page.html")
+    assert Path("day.csv").read_text(encoding="utf-8") == measured
+    assert Path("runs/cycle.csv").read_text(encoding="utf-8") == measured
+    for seed in ("1", "2"):
+        simulated(capfd, "model.toml", "--out", "run.csv", "--seed", seed)
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, OSError])
+@pytest.mark.parametrize("late", [False, True])
+def test_a_page_that_fails_leaves_no_recording(late, error, folder, capfd, monkeypatch):
+    simulated(capfd, "model.toml", "--out", "old.csv")
+    old = {path.name: path.read_bytes() for path in folder.iterdir()}
+    if late:
+        moved = Path.replace
+
+        def stops(path, target):
+            if Path(target).name.endswith("machine.toml") and path.parent.name.endswith(".part"):
+                monkeypatch.setattr(Path, "replace", moved)
+                raise error
+            return moved(path, target)
+
+        # the last of the files cannot take its place
+        monkeypatch.setattr(Path, "replace", stops)
+    else:
+
+        def fails(*_):
+            raise error
+
+        monkeypatch.setattr(simulating, "write_page", fails)
+    line = ["simulate", "thermal", "model.toml", "--seed", "7", "--out", "old.csv", "--report", "pages/a.html"]
+    assert exit_status(line) == (130 if error is KeyboardInterrupt else 2)
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == old
+
+
+@pytest.mark.skipif(not Path("/dev/null").exists(), reason="no such folder on this system")
+def test_devices_are_no_place_for_files(folder, capfd):
+    assert "devices" in refused(capfd, "model.toml", "--out", "/dev/stdout.csv")
+
+
+def test_a_column_for_the_speed(folder, capfd):
+    Path("day.csv").write_text("time_s,n [rpm],Z [um]\n0,1000,0\n600,0,3\n1800,0,5\n", encoding="utf-8")
+    for column in ("nope", "n", "Z"):
+        text = ONE_NODE.replace("rpm = 1000\n", f'rpm = {{ file = "day.csv", column = "{column}" }}\n')
+        Path(f"{column}.toml").write_text(text, encoding="utf-8")
+    said = refused(capfd, "nope.toml", "--out", "run.csv")
+    assert "key conditions.spindle_speed_rpm.column" in said
+    assert "--role" not in said
+    assert simulated(capfd, "n.toml", "--out", "run.csv")["findings"] == []
+    refused(capfd, "Z.toml", "--out", "other.csv")
+    Path("day.csv").write_text("time_s,n,Z\n0,1000,0\n600,0,3\n1800,0,5\n", encoding="utf-8")
+    (told,) = simulated(capfd, "Z.toml", "--out", "run.csv")["findings"]
+    assert (told["id"], told["level"]) == ("unlike-column", "warning")
+
+
+def test_a_run_shorter_than_a_period_is_refused(folder, capfd):
+    Path("short.toml").write_text(ONE_NODE.replace("duration_min = 30", "duration_min = 0.5"), encoding="utf-8")
+    assert "run.duration_min" in refused(capfd, "short.toml", "--out", "run.csv")
+    Path("brief.csv").write_text("time_s,spindle_speed\n0,1000\n30,0\n", encoding="utf-8")
+    assert "brief.csv" in refused(capfd, "model.toml", "--out", "run.csv", "--cycle", "brief.csv")
 
 
 def test_for_people(folder, capfd):

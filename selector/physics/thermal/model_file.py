@@ -15,6 +15,7 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 
 from selector.errors import ModelFileError
+from selector.physics.thermal.model_mistakes import expected_text
 from selector.physics.thermal.model_schema import (
     COURSE_KINDS,
     KINDS,
@@ -33,6 +34,11 @@ LARGEST_FILE_BYTES = 4_000_000
 PAGE = "docs/reference/thermal-model.md"
 Key = tuple[str | int, ...]
 
+_MOST_PARTS = 32
+_PART = r"""(?:(?<![\w-])[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
+_LONG_KEY = re.compile(rf"(?:{_PART}[ \t]*+\.[ \t]*+){{{_MOST_PARTS}}}")
+"""Reading a dotted key takes a time that grows with the square of its parts."""
+
 
 def read_model_file(path: str | Path) -> ModelFile:
     """The thermal model file at `path`.
@@ -44,6 +50,9 @@ def read_model_file(path: str | Path) -> ModelFile:
         kind or outside its limits, or two places that contradict each other; the message names file and key.
     """
     place = Path(path)
+    if place.exists() and not (place.is_file() or place.is_dir()):
+        # opening a pipe would wait for ever
+        raise _no_model_file("not a regular file but a device, a pipe or a socket", str(place))
     try:
         with place.open("rb") as file:
             content = file.read(LARGEST_FILE_BYTES + 1)
@@ -66,6 +75,14 @@ def parsed_model_file(text: str, *, where: str = "model file") -> ModelFile:
     ModelFileError
         As `read_model_file`.
     """
+    long = _LONG_KEY.search(text)
+    if long is not None:
+        raise ModelFileError(
+            f"a key of more than {_MOST_PARTS} parts ({_shown(long.group()[:30])} …)",
+            expected="keys of a few parts, such as nodes.bed.place",
+            where=f"{where}, line {text.count(chr(10), 0, long.start()) + 1}",
+            advice="correct this line",
+        )
     try:
         values = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
@@ -292,7 +309,7 @@ def _invalid(error: ValidationError, schema: type[BaseModel], where: str) -> Mod
         found, expected = f"no {_shown(key[-1]) if isinstance(key[-1], str) else 'further value'}{more}", "this key"
     else:
         found = f"{_shown(first['input'])}{more}"
-        expected = str(first["msg"]).removeprefix("Value error, ").removeprefix("Input should be ")
+        expected = expected_text(first)
     return ModelFileError(found, expected=expected, where=place, advice=f"correct this value; {PAGE} explains it")
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import copy
 import dataclasses
 import math
+import os
+import time
 import tomllib
 from pathlib import Path
 
@@ -22,6 +24,7 @@ from selector.physics.thermal.field.virtual_machine import SENSORS
 from selector.physics.thermal.field_model import laws_of
 from selector.physics.thermal.instruments import lagged, read_out
 from selector.physics.thermal.model_file import checked_model_file, parsed_model_file, plain_values, read_model_file
+from selector.physics.thermal.model_findings import model_findings
 from selector.physics.thermal.model_schema import InputsSection
 from selector.physics.thermal.parameters import parameters, with_parameters
 from selector.physics.thermal.schedule import NAMES, condensed, condition, driven, held_at, scheduled
@@ -547,6 +550,11 @@ def refused(text: str) -> ModelFileError:
         ("[run]", "[run", "m.toml", "line"),
         ("[run]\n", "[run]\nx = " + "[" * 5000 + "]" * 5000 + "\n", "m.toml", "deep"),
         ("[run]\n", "[run]\n[run]\n", "m.toml", "TOML"),
+        ("[run]\n", "[run]\n" + "a." * 500_000 + "a = 1\n", "line ", "more than 32 parts"),
+        ("[run]\n", "[run]\nx = { " + "a . 'b' . " * 200_000 + "a = 1 }\n", "line ", "more than 32 parts"),
+        ('["spindle", "lower_bearing"]', '["spindle", "lower_bearing", "bed"]', "links[1].between", "at most 2 values"),
+        ('["spindle", "lower_bearing"]', '"spindle"', "links[1].between", "an array"),
+        ("spindle = 0.4 }", "spindle = 0.4 }\n[sources.none]\nshares = {}", "sources.none.shares", "at least 1 entry"),
     ],
 )
 def test_a_file_with_a_mistake_is_refused_with_its_place(old, new, where, named):
@@ -586,6 +594,37 @@ def test_files_that_are_no_model_files(tmp_path):
         with pytest.raises(ModelFileError) as caught:
             read_model_file(tmp_path / name)
         assert str(tmp_path) in caught.value.where
+
+
+def test_keys_of_a_million_letters_cost_no_time():
+    # a search that grows with the square takes an hour, tomllib itself some tenths of a second
+    begun = time.perf_counter()
+    for text in ("a" * 4_000_000, "a " * 2_000_000, "a." * 30 + "b" * 3_000_000, '"' * 3_999_999):
+        refused(f"[model]\n{text}")
+    assert time.perf_counter() - begun < 30.0
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes on this system")
+def test_a_pipe_is_no_model_file(tmp_path):
+    os.mkfifo(tmp_path / "pipe.toml")
+    with pytest.raises(ModelFileError, match="a device, a pipe"):
+        read_model_file(tmp_path / "pipe.toml")
+
+
+def test_parts_that_no_heat_leaves_are_named():
+    assert model_findings(checked_model_file(ONE_NODE)) == ()
+    alone = {"nodes": {"lid": {"heat_capacity_j_per_k": 1e3}}}
+    (told,) = model_findings(checked_model_file(one_node(**alone)))
+    assert (told.id, told.level, told.where.channel) == ("no-way-for-heat", "warning", "lid")
+    assert "its temperature never changes" in told.statement
+    linked = alone | {"links": [{"between": ["block", "lid"], "conductance_w_per_k": 1.0}]}
+    assert model_findings(checked_model_file(one_node(**linked))) == ()
+    closed = one_node(**linked)
+    del closed["films"]
+    (told,) = model_findings(checked_model_file(closed))
+    assert told.evidence["nodes"] == ["block", "lid"]
+    assert "no film at all" in told.statement
+    assert "stays there" in told.statement
 
 
 JSON = st.recursive(
