@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -23,6 +25,8 @@ if TYPE_CHECKING:
     from selector.readers.cycle_file import CycleFile
     from selector.recording import Recording
 
+_SPEED_UNIT = re.compile(r"rpm|(1|r|u|rev|об)\s*/\s*min|min\s*(\^?-1|⁻¹)|об/мин", re.IGNORECASE)
+"""Names of a spindle speed that say its unit, r/min."""
 _PROGRAM = "Correction program"
 
 Responses = Annotated[
@@ -59,11 +63,23 @@ Resolution = Annotated[
         rich_help_panel=_PROGRAM,
     ),
 ]
+
+
+def _folder(text: str) -> Path:
+    # an empty path would be the folder that one is in
+    if not text.strip():
+        raise OptionError(
+            "no name", expected="a folder for the results", where="--out", advice="name one, e.g. --out prediction"
+        )
+    return Path(text)
+
+
 Out = Annotated[
     Path | None,
     typer.Option(
         "--out",
         metavar="DIR",
+        parser=_folder,
         help="Write prediction.json, report.html, and program.csv and program.txt if there is a program.",
     ),
 ]
@@ -97,9 +113,12 @@ def predict(
     _require_positive(resolution, "--resolution", "minutes above 0", "e.g. --resolution 1, or leave it out")
     if out is not None:
         require_writable_folder(out, "--out")
+        _refuse_folder_of_inputs(out, [cycle, *([] if source.machine is None else [source.machine]), *source.runs])
     steps = read_cycle(cycle)
     cyclogram, of_cycle = cyclogram_of_rows(steps.time_s, steps.speed_rpm, lengths_s)
     reading = source.reading()
+    if out is not None:
+        _refuse_folder_of_inputs(out, [run.file for run in reading.runs])
     recording, responses, of_recording = _tests(reading, response)
     prediction = predicted(
         thermal_tests(recording, responses),
@@ -119,6 +138,20 @@ def predict(
         _show(console, prediction)
     if out is not None:
         console.print(f"wrote {out}: {', '.join(written)}", markup=False)
+
+
+def _refuse_folder_of_inputs(out: Path, inputs: Sequence[str | Path]) -> None:
+    """What is written must replace no input, and must not be read as a run by the next command."""
+    from selector.readers.names import printable_name
+
+    for file in (Path(one) for one in inputs):
+        held = file if file.is_dir() else file.absolute().parent
+        if out.exists() and file.exists() and out.samefile(held):
+            raise OptionError(
+                f"this folder holds {printable_name(file.name)}, which is read", where=f"--out {out}",
+                expected="a folder that holds no recording, duty cycle or machine file of this command",
+                advice="choose another folder, e.g. one inside of it",
+            )  # fmt: skip
 
 
 def _tests(reading: Reading, response: list[str] | None) -> tuple[Recording, tuple[str, ...], tuple[Finding, ...]]:
@@ -157,6 +190,15 @@ def _require_units(reading: Reading, used: set[str]) -> None:
             advice='write unit = "s" (or "min", ...) under [time] in the machine file, or give --time-unit',
         )  # fmt: skip
     for channel in reading.channels:
+        if channel.name in used and channel.role == "spindle_speed" and "unit" in channel.guessed:
+            if any(_SPEED_UNIT.search(name) for name in (channel.name, str(channel.column))):
+                continue
+            raise OptionError(
+                f"no unit of {channel.name} (taken for {channel.unit_in_file})",
+                expected="a unit that the file or the machine file says", where="the recordings",
+                advice=f'write unit = "rpm" (or "1/s") under [channels.{channel.name}], or give --unit '
+                f"{channel.name}=rpm",
+            )  # fmt: skip
         if channel.name in used and channel.role == "displacement" and "unit" in channel.guessed:
             raise OptionError(
                 f"no unit of {channel.name} (taken for {channel.unit_in_file})",
@@ -258,4 +300,9 @@ def _show(console: Console, prediction: Prediction) -> None:
         rows = [(number, notation(operation)) for number, operation in enumerate(program.operations, start=1)]
         title = f"Corrections of {name}, tolerance {program.tolerance_um:g} µm: number-{{minutes}}-{{µm}}"
         console.print(showing.table(title, ["operation", "corrections"], rows, numeric=["operation"]))
+    if prediction.programs:
+        console.print(
+            "Times are rounded down to 0.1 min here, so corrections act up to 6 s early; --json has the exact ones.",
+            markup=False,
+        )
     showing.show_findings(console, prediction.findings)

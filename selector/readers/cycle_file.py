@@ -22,6 +22,8 @@ Vector = NDArray[np.float64]
 
 MOST_BYTES = 20_000_000
 MOST_ROWS = 10_000
+LONGEST_LINE = 4_000
+"""Longer lines are no rows of a duty cycle; patterns for names and units take long on long text."""
 
 _SEPARATORS = (";", "\t", "|", ",", " ")
 _NUMBER = re.compile(r"[+-]?(\d+([.]\d*)?|[.]\d+)([eE][+-]?\d+)?")
@@ -59,9 +61,9 @@ def read_cycle(path: Path) -> CycleFile:
         increase, or a speed is negative.
     """
     name = printable_name(path.name)
-    rows = _rows(path, name)
+    rows, mark = _rows(path, name)
     time, speed, scale = _columns([cell.strip() for cell in rows[0][1]], name)
-    comma = not any("." in cell for _, cells in rows[1:] for cell in cells)
+    comma = mark != "," and not any("." in cell for _, cells in rows[1:] for cell in cells)
     times, speeds = np.empty(len(rows) - 1), np.empty(len(rows) - 1)
     for i, (line, cells) in enumerate(rows[1:]):
         where = f"{name}, line {line}"
@@ -74,8 +76,8 @@ def read_cycle(path: Path) -> CycleFile:
     return CycleFile(name, times, speeds)
 
 
-def _rows(path: Path, name: str) -> list[tuple[int, list[str]]]:
-    """Line numbers and cells of the lines that are neither empty nor comments, the header first."""
+def _rows(path: Path, name: str) -> tuple[list[tuple[int, list[str]]], str]:
+    """Line numbers and cells of the lines that are neither empty nor comments, the header first; the separator."""
     if path.is_dir():
         raise _error("a folder", "a file", name, "name the file with the duty cycle")
     if path.exists() and not path.is_file():
@@ -103,13 +105,19 @@ def _rows(path: Path, name: str) -> list[tuple[int, list[str]]]:
         raise _error(
             "no row below the header" if lines else "nothing but comments", _EXAMPLE, name, "add the missing rows"
         )
+    for number, line in lines:
+        if len(line) > LONGEST_LINE:
+            raise _error(
+                f"a line of {len(line)} characters", f"at most {LONGEST_LINE}", f"{name}, line {number}",
+                "give one row for every change of the speed, with a time and a speed",
+            )  # fmt: skip
     mark = next((mark for mark in _SEPARATORS if mark in lines[0][1].strip()), None)
     if mark is None:
         raise _error(
             f"a header with one column ({lines[0][1].strip()[:60]!r})", _EXAMPLE, f"{name}, line {lines[0][0]}",
             "separate the columns by commas or semicolons",
         )  # fmt: skip
-    return [(number, _cells(line, mark)) for number, line in lines]
+    return [(number, _cells(line, mark)) for number, line in lines], mark
 
 
 def _cells(line: str, mark: str) -> list[str]:
@@ -171,6 +179,11 @@ def _number(cell: str, what: str, where: str, comma: bool) -> float:
         raise _error(
             f"no {what}", _ROW, where, "give every row its time and its speed; write 0 where the spindle stands"
         )
+    if "," in text:
+        raise _error(
+            f"{what} {cell.strip()[:40]!r} with a comma in it", "decimal points, and no thousands separators", where,
+            "write 1500 for fifteen hundred; decimal commas are read only between semicolons or tabs",
+        )  # fmt: skip
     value = float(text) if _NUMBER.fullmatch(text) else float("nan")
     if not np.isfinite(value):
         raise _error(f"{what} {cell.strip()[:40]!r}", f"{_ROW}, both numbers", where, "correct the cell")

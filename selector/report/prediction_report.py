@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 from selector import __version__
 from selector.controllers.atomic_file import write_whole
 from selector.figures.duty_cycle import duty_cycle, prediction_of_tests
+from selector.findings import Where
 from selector.physics.thermal.correction_text import program_blocks
 from selector.physics.thermal.cyclogram_kind import cyclogram_kind
 from selector.physics.thermal.prediction import Prediction
@@ -69,7 +71,19 @@ def prediction_html(
 ) -> str:
     """The report as text, see `write_prediction_report`."""
     pictures = Pictures()
-    told, described = provenance or {}, description or {}
+    told, described = _visible(provenance or {}), _visible(description or {})
+    prediction = replace(
+        prediction,
+        findings=tuple(
+            replace(
+                one,
+                statement=_visible(one.statement),
+                where=Where(**{k: _visible(v) for k, v in vars(one.where).items()}),
+            )
+            for one in prediction.findings
+        ),
+        repeats=tuple(replace(one, run=_visible(one.run)) for one in prediction.repeats),
+    )
     names = prediction.responses
     machine = told.get("machine")
     values: dict[str, Any] = {
@@ -96,6 +110,17 @@ def prediction_html(
     return rendered("prediction.html", values)
 
 
+def _visible(value: Any) -> Any:
+    """Without the control characters that names may hold, also inside of what is nested."""
+    if isinstance(value, str):
+        return "".join(sign if sign.isprintable() or sign in "\n\t" else " " for sign in value)
+    if isinstance(value, Mapping):
+        return {_visible(key): _visible(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_visible(item) for item in value]
+    return value
+
+
 def _tests(pictures: Pictures, prediction: Prediction, response: str) -> list[Picture]:
     """All tests, or of many those that are repeated worst, in the order in which they were read."""
     if not prediction.repeats:
@@ -114,11 +139,11 @@ def _program_table(prediction: Prediction) -> Table | None:
         return None
     rows = [
         (
-            name,
+            _visible(name),
             str(number),
             f"{_down(time_s):.1f}",
             f"{_down(time_s - operation.start_s):.1f}",
-            f"{held_s / 60:.1f}",
+            f"{_down(time_s + held_s) - _down(time_s):.1f}",
             "new zero" if k == 0 else number_text(step_um),
             number_text(offset_um),
             f"{offset_um / 1000:.4f}".replace("-", "−"),
@@ -140,7 +165,8 @@ def _program_table(prediction: Prediction) -> Table | None:
         ">offset [mm]",
     ]
     more = f" {len(rows) - MOST_ROWS} more rows are in program.csv." if len(rows) > MOST_ROWS else ""
-    note = "Step and offset are the displacement to be subtracted, counted as the gauge counted in the tests." + more
+    note = "Step and offset are the displacement to be subtracted, counted as the gauge counted in the tests. "
+    note += "Times are rounded down to 0.1 min, so corrections act up to 6 s early; the JSON form is exact." + more
     return table(headings, rows[:MOST_ROWS], note)
 
 
@@ -163,7 +189,7 @@ def _blocks(prediction: Prediction) -> str:
 
 def _accuracy_table(prediction: Prediction) -> Table:
     """Errors of every response; those of single tests too."""
-    columns = [f">{name} [µm]" for name in prediction.responses]
+    columns = [f">{_visible(name)} [µm]" for name in prediction.responses]
     rows = [
         (label, *(number_text(float(value), 2) for value in values))
         for label, values in (

@@ -206,6 +206,9 @@ GOOD = "time_s,spindle_speed\n0,1000\n3600,0\n7200,0\n"
         ("time_s,spindle_speed\n0,1000\n", [], "--operations"),
         ("time_s,spindle_speed\n0,1000\n9e9,0\n", [], "31 days"),
         ("time_s,spindle_speed\n0,1.000,5\n3600,0\n", [], "3 cells"),
+        ('time_s,spindle_speed\n0,"1,500"\n3600,0\n', [], "no thousands separators"),
+        ('time_s,spindle_speed,note\n0,1000,"' + 140_000 * "x" + '"\n3600,0,\n', [], "line of 140"),
+        ("time_s,spindle_speed" + 50_000 * " [" + "\n0,1000\n3600,0\n", [], "line of 100020"),
         (GOOD, ["--tolerance", "0"], "--tolerance"),
         (GOOD, ["--tolerance", "-3"], "--tolerance"),
         (GOOD, ["--tolerance", "nan"], "--tolerance"),
@@ -299,8 +302,10 @@ TEST_ROWS = "".join(f"{t},{1000 if t < 120 else 0},{min(t, 120) / 4 + t % 2 / 10
         (MACHINE, "".join(f"{t},1000,\n" for t in range(240)), "Z"),
         (MACHINE.replace('unit = "um"\n', ""), TEST_ROWS, "no unit of Z"),
         (MACHINE.replace('unit = "min"\n', ""), TEST_ROWS, "no unit of the time"),
+        (MACHINE.replace('unit = "rpm"\n', ""), TEST_ROWS, "no unit of spindle_speed"),
+        (MACHINE, "".join(f"{t},{1000 if t < 120 else 0},5.3\n" for t in range(240)), "Z"),
     ],
-    ids=["no-speed", "only-idle", "short", "no-readings", "displacement-unit", "time-unit"],
+    ids=["no-speed", "only-idle", "short", "no-readings", "displacement-unit", "time-unit", "speed-unit", "dead"],
 )
 @pytest.mark.parametrize("method", ["modal", "piecewise"])
 def test_recordings_that_cannot_be_used(capfd, tmp_path, machine, table, said, method):
@@ -315,3 +320,28 @@ def test_recordings_that_cannot_be_used(capfd, tmp_path, machine, table, said, m
     assert said in err
     assert "What to do:" in err
     assert "Traceback" not in err
+
+
+def test_inputs_are_not_written_over(one_mode, capfd):
+    cycle = one_mode.parent / "plans" / "program.csv"
+    cycle.parent.mkdir()
+    cycle.write_text(GOOD, encoding="utf-8")
+    before = {path: path.read_bytes() for path in [*one_mode.iterdir(), cycle]}
+    for out, said in ((cycle.parent, "holds program.csv"), (one_mode, "this folder holds"), ("", "no name")):
+        code, _, err = run(
+            capfd, one_mode, "--machine", one_mode / "machine.toml", "--cycle", cycle, "--method", "piecewise",
+            "--operations", "60", "--out", out,
+        )  # fmt: skip
+        assert code == 2
+        assert said in err
+    assert {path: path.read_bytes() for path in [*one_mode.iterdir(), *cycle.parent.iterdir()]} == before
+
+
+def test_a_speed_whose_name_says_its_unit(one_mode, capfd, tmp_path):
+    for path in one_mode.glob("*.csv"):
+        text = path.read_text(encoding="utf-8").replace("spindle_speed", "n [1/min]", 1)
+        (tmp_path / path.name).write_text(text, encoding="utf-8")
+    machine = MACHINE.replace('unit = "rpm"\n', 'column = "n [1/min]"\n')
+    (tmp_path / "machine.toml").write_text(machine, encoding="utf-8")
+    found = predicted(capfd, tmp_path, "--cycle", one_mode.parent / "example.csv", "--method", "piecewise")
+    assert max(found["displacement_um"]["Z"]) > 10.0

@@ -194,7 +194,9 @@ def _of_response(
         steady,
         _exponent(np.array(speeds), steady.sum(axis=1)),
         fall_tau,
-        np.array([fall.solved(fall_tau, False)[0][: len(fall_tau)] for fall in falls]).reshape(len(falls), -1),
+        np.array([fall.solved(fall_tau, False)[0][: len(fall_tau)] for fall in falls]).reshape(
+            len(falls), len(fall_tau)
+        ),
         float(data.noise_um[r]),
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from collections.abc import Iterator, Mapping
 
 from selector.physics.thermal.correction_program import CorrectionProgram, Operation
@@ -23,7 +24,9 @@ VERIFY THE SIGN ON THE MACHINE (apply 10 µm by hand and read the gauge) before 
 Every operation begins with a new zero: touch off the workpiece or the tool, and set the offset to 0 there. A control
 takes the offset as an external work zero or an external zero offset (`offset`, replacing the value before), or as an
 increment (`step`, added to it), never both. The times hold for the duty cycle of the prediction: after a stop, predict
-again. Spread large steps over a moment without cutting contact.
+again. The notation number-{minutes}-{µm} is for reading: its times are rounded down to 0.1 min, so that corrections
+read from there act up to 6 s early; prediction.json has the exact ones.
+Spread large steps over a moment without cutting contact.
 """
 
 _HEADINGS = (
@@ -42,15 +45,18 @@ _HEADINGS = (
 def notation(operation: Operation) -> str:
     """One operation as the source prints it (C eq. 5): ``3-{18,27,15}-{0,10,10}``, minutes and µm.
 
-    Rounded to 0.1 min and 0.1 µm for reading; `Operation` has the exact values.
+    For reading: the times of the corrections are rounded down to 0.1 min, so that none is late and the durations add up
+    to the operation, the corrections to 0.1 µm; `Operation` has the exact values.
     """
-    durations = ",".join(_short(value / 60.0) for value in operation.durations_s)
+    starts = [_tenths(time_s - operation.start_s) for time_s in operation.times_s.tolist()]
+    ends = [*starts[1:], (operation.end_s - operation.start_s) / 60.0]
+    durations = ",".join(_minutes(end - start) for start, end in zip(starts, ends, strict=True))
     corrections = ",".join(_short(value) for value in operation.corrections_um)
     return f"{len(operation.corrections_um)}-{{{durations}}}-{{{corrections}}}"
 
 
 def program_table(programs: Mapping[str, CorrectionProgram]) -> str:
-    """The programs (response → program) as CSV, one row a correction.
+    """The programs (response → program) as CSV, one row a correction; times are rounded down to 0.0001 min.
 
     A response whose name a spreadsheet would run as a formula gets a leading apostrophe.
     """
@@ -65,8 +71,8 @@ def program_table(programs: Mapping[str, CorrectionProgram]) -> str:
                         _no_formula(_one_line(response)),
                         number,
                         correction,
-                        f"{time_s / 60.0:.4f}",
-                        f"{duration_s / 60.0:.4f}",
+                        f"{_ten_thousandths(time_s):.4f}",
+                        f"{_ten_thousandths(time_s + duration_s) - _ten_thousandths(time_s):.4f}",
                         f"{step_um:.3f}",
                         f"{offset_um:.3f}",
                         f"{step_um / 1000.0:.6f}",
@@ -107,6 +113,20 @@ def _clock(time_s: float) -> str:
     # down, so that a correction read from here is never late
     seconds = int(time_s + 1e-6)
     return f"{seconds // 3600}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
+
+
+def _tenths(time_s: float) -> float:
+    """Minutes, rounded down to 0.1; what is less than 0.06 s before a tenth counts as that tenth (fitted curves)."""
+    return math.floor(time_s / 6.0 + 0.01) / 10.0
+
+
+def _ten_thousandths(time_s: float) -> float:
+    return math.floor(time_s / 60.0 * 1e4 + 1e-4) / 1e4
+
+
+def _minutes(minutes: float) -> str:
+    text = f"{max(minutes, 0.0):.4f}".rstrip("0").rstrip(".")
+    return text or "0"
 
 
 def _short(value: float) -> str:

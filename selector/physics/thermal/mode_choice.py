@@ -341,5 +341,5 @@ def _finished(
         residual_um=np.sqrt(squares.sum(axis=0) / data.counts.sum(axis=0)),
         heldout_um=heldout,
         candidates=candidates,
-        findings=tuple(choice_findings(tests, data, fit, tried, low, high, heldout)),
+        findings=tuple(choice_findings(tests, data, fit, tried, low, high, heldout, responses)),
     )

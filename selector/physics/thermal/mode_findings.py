@@ -25,6 +25,7 @@ def choice_findings(
     tau_low_s: Vector,
     tau_high_s: Vector,
     heldout_um: Vector,
+    responses: Sequence[str],
 ) -> Iterator[Finding]:
     """Findings on the number of modes, their certainty, speeds, film, hall and starts."""
     yield from _number_of_modes(fit, data, tried)
@@ -64,13 +65,14 @@ def choice_findings(
             suggestion="let the machine rest until it is cold before a heating test" if turning else "",
         )
     noisy = np.flatnonzero(np.sqrt(_mean_square(fit, data)) > 3.0 * data.noise_um)
-    for r in noisy:
+    for r in noisy.tolist():
         value, noise = float(np.sqrt(_mean_square(fit, data))[r]), float(data.noise_um[r])
         yield Finding(
             "modes-leave-structure",
             "warning",
-            f"Response {r + 1} keeps a residual of {value:.3g} µm RMS after averaging, while its noise is {noise:.3g} "
+            f"{responses[r]} keeps a residual of {value:.3g} µm RMS after averaging, while its noise is {noise:.3g} "
             "µm a sample: something else than these modes moves it (hall temperature, coolant, contact of the gauge).",
+            where=Where(channel=responses[r]),
             evidence={"residual_um": value, "noise_um": noise},
             suggestion="record the hall temperature with the tests, and look at the runs for steps",
         )
@@ -94,10 +96,14 @@ def _number_of_modes(fit: Fit, data: ModeData, tried: Sequence[tuple[Fit, Vector
                 suggestion="look at the residuals: a continuum of modes, or something that is no thermal mode",
             )  # fmt: skip
         return
-    better = 1.0 - float(np.exp(np.log(more[0][1] / same[0][1]).mean()))
+    # short runs leave some stretches without readings
+    both = np.isfinite(more[0][1]) & np.isfinite(same[0][1])
+    better = 1.0 - float(np.exp(np.log(more[0][1][both] / same[0][1][both]).mean())) if both.any() else 0.0
     tau = np.sort(more[0][0].tau_s)
     reasons = [
-        f"the error on left-out stretches would {'fall' if better > 0 else 'rise'} by {abs(better):.1%}, "
+        "the runs are too short to leave stretches out"
+        if not both.any()
+        else f"the error on left-out stretches would {'fall' if better > 0 else 'rise'} by {abs(better):.1%}, "
         "which is within chance"
         if better < 0.05
         else f"the error on left-out stretches would fall by {better:.1%}, not in all of them"

@@ -112,6 +112,9 @@ def grown(fit: Fit | None, spec: ModeSpec, data: ModeData, weights: Vector) -> F
         for place in places
         if not len(have) or np.abs(have - place).min() > np.log(1.3)
     ]
+    if not starts:  # short runs have room for few time constants
+        widest = max(places, key=lambda place: float(np.abs(have - place).min()))
+        starts = [np.r_[np.sort(np.r_[have, widest]), tail]]
     costs = [fit_at(spec, data, theta, weights).cost for theta in starts]
     best = [starts[i] for i in np.argsort(costs)[:2]]
     return min((searched(spec, data, theta, weights) for theta in best), key=lambda one: one.cost)

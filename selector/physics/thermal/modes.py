@@ -15,6 +15,9 @@ Vector = NDArray[np.float64]
 BEYOND = 0.005
 """Speeds this fraction above the fastest tested one are still that speed: sensors of speed are no better."""
 
+ROUNDING = 1e-9
+"""Times this share beyond the end of a duty cycle are its end."""
+
 
 def heating(time_s: Vector, tau_s: Vector, steady_um: Vector, initial_um: Vector) -> Vector:
     """Σ_k A_k (1 − e^(−t/τ_k)) + Σ_k B_k e^(−t/τ_k) [µm], shape (n_times,) (C eq. 1, 3).
@@ -109,7 +112,8 @@ class ModalModel:
             If a speed is outside the tests, or a time outside the cyclogram.
         """
         time = np.atleast_1d(np.asarray(time_s, dtype=np.float64))
-        inside = (time >= 0.0) & (time <= cyclogram.end_s)
+        # sums of decimal minutes are off by roundings
+        inside = (time >= 0.0) & (time <= cyclogram.end_s * (1.0 + ROUNDING))
         if not inside.all():
             raise InputError(
                 f"a prediction at {time[~inside][0]:g} s",

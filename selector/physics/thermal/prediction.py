@@ -18,6 +18,12 @@ from selector.physics.thermal.cyclogram import Cyclogram
 from selector.physics.thermal.cyclogram_kind import cyclogram_kind
 from selector.physics.thermal.piecewise import piecewise_displacement_um
 from selector.physics.thermal.repeated_tests import RepeatedTest, modal_repeats, piecewise_repeats
+from selector.physics.thermal.tests_judged import (
+    contradiction_findings,
+    movement_findings,
+    speed_findings,
+    warm_start_findings,
+)
 from selector.physics.thermal.thermal_test import ThermalTest
 
 Vector = NDArray[np.float64]
@@ -27,6 +33,8 @@ USUAL_TOLERANCE_UM = 10.0
 """Tolerance of the printed example (C eq. 6), taken when operations are given without one."""
 LONGEST_S = 31 * 86_400.0
 """A duty cycle that lasts longer is a mistake in a unit."""
+LARGE_ERROR = 0.3
+"""Share of the tolerance beyond which the error on tests that were left out is a warning."""
 _FEWEST_READINGS = 10
 _STEP_S = 60.0
 _STEPS_S = (30.0, 20.0, 15.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)
@@ -180,6 +188,9 @@ def predict(
         If the tests are too few or too short, a speed is outside of them, or the program's options cannot be used.
     """
     usable, findings = _usable(tests, responses)
+    findings += movement_findings(usable, responses)
+    findings += warm_start_findings(usable, responses)
+    findings += speed_findings(usable, cyclogram)
     modes: tuple[Mode, ...] = ()
     residual: Vector | None = None
     heldout: Vector | None = None
@@ -192,7 +203,9 @@ def predict(
             for tau, low, high in zip(fit.model.tau_s, fit.tau_low_s, fit.tau_high_s, strict=True)
         )
         residual, heldout = fit.residual_um, fit.heldout_um
-        findings += [*fit.findings, *_longer_than_tests(usable, cyclogram)]
+        # said above, about the speeds of this duty cycle
+        findings += [one for one in fit.findings if one.id != "one-tested-speed"]
+        findings += [*_longer_than_tests(usable, cyclogram)]
         time = _times(lambda t: fit.model.displacement_um(cyclogram, t), cyclogram, operations_s)
         displacement = fit.model.displacement_um(cyclogram, time)
         repeats = modal_repeats(
@@ -207,6 +220,7 @@ def predict(
         displacement, assumed = piecewise_displacement_um(curves, cyclogram, time)
         findings += assumed
         repeats = piecewise_repeats(usable, curves)
+    findings += contradiction_findings(usable, repeats, responses)
     programs: dict[str, CorrectionProgram] = {}
     if operations_s is not None or tolerance_um is not None:
         lengths = [cyclogram.end_s] if operations_s is None else list(operations_s)
@@ -340,12 +354,13 @@ def _of_program(
             Where(), {}, "verify the sign on the machine before the first part",
         )
     )  # fmt: skip
+    allowed_um = USUAL_TOLERANCE_UM if tolerance_um is None else tolerance_um
     for r, name in enumerate(responses):
         error = _at(heldout, r)
         if error is not None:
             findings.append(
                 Finding(
-                    "drift-beyond-tolerance", "info",
+                    "drift-beyond-tolerance", "warning" if error > LARGE_ERROR * allowed_um else "info",
                     f"The program keeps the predicted {name} within the tolerance; the true one exceeds it by the "
                     f"error of the prediction, which was {error:.2g} µm (RMS) on tests that were left out.",
                     Where(channel=name), {"heldout_um": error},

@@ -80,13 +80,15 @@ def test_drift_never_exceeds_the_tolerance(curve):
 @given(curves(), st.sampled_from([0.5, 5.0, 60.0]))
 def test_a_resolution_is_kept_and_never_late(curve, resolution_s):
     time, displacement, lengths, tolerance = curve
-    fine = np.union1d(np.linspace(0, time[-1], 2001), time)
+    # the curve moves most in a window that begins or ends where it bends
+    bends = np.clip(np.r_[time, time + resolution_s, time - resolution_s], 0.0, time[-1])
+    fine = np.union1d(np.linspace(0, time[-1], 2001), bends)
     of = np.interp(fine, time, displacement)
     try:
         program = correction_program(time, displacement, lengths, tolerance, resolution_s)
     except InputError:
         # only where the curve moves by more than the tolerance within the resolution
-        ends = np.searchsorted(fine, fine + resolution_s, side="right")
+        ends = np.searchsorted(fine, fine + resolution_s * (1 + 1e-9), side="right")
         assert max(np.ptp(of[i : max(end, i + 1)]) for i, end in enumerate(ends)) > 0.9 * tolerance
         return
     _, left = program.drift_left_um(time, displacement)
@@ -171,3 +173,22 @@ def test_blocks_are_never_late():
     program = correction_program(np.array([0.0, 3600]), np.array([0.0, 10.1]), [3600.0], 10.0)
     # reached after 3564.36 s = 59 min 24.36 s
     assert "AT   0:59:24" in program_blocks({"Z": program})
+
+
+@settings(max_examples=200, deadline=None)
+@given(curves())
+def test_printed_times_are_never_late_and_add_up(curve):
+    time, displacement, lengths, tolerance = curve
+    for operation in correction_program(time, displacement, lengths, tolerance).operations:
+        durations = [float(part) for part in notation(operation).split("{")[1].split("}")[0].split(",")]
+        minutes = (operation.end_s - operation.start_s) / 60
+        # each is printed to 0.0001 min
+        assert sum(durations) == pytest.approx(minutes, abs=1e-4 * len(durations) + 1e-9)
+        late = np.cumsum(durations[:-1]) - (operation.times_s[1:] - operation.start_s) / 60
+        assert (late <= 0.001 + 1e-9).all()  # 0.06 s, see `notation`
+        assert (late > -0.1 - 1e-9).all()
+
+
+def test_program_csv_is_rounded_down():
+    program = correction_program(np.array([0.0, 3600]), np.array([0.0, 10.1]), [3600.0], 10.0)
+    assert program_table({"Z": program}).splitlines()[2].split(",")[3] == "59.4059"  # 59.40594 min

@@ -1,0 +1,104 @@
+"""What is doubtful about tests is told with the names of run and channel, and nothing about good ones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from selector.errors import InputError
+from selector.physics.thermal.cyclogram import Cyclogram
+from selector.physics.thermal.prediction import predict
+from selector.physics.thermal.repeated_tests import RepeatedTest
+from selector.physics.thermal.tests_judged import (
+    contradiction_findings,
+    movement_findings,
+    speed_findings,
+    warm_start_findings,
+)
+from selector.physics.thermal.thermal_test import ThermalTest
+from tests.physics.thermal.mode_machines import RESPONSES, heat_and_cool, modal_machine, recorded
+
+
+@pytest.fixture(scope="module")
+def tests():
+    machine = modal_machine([600.0, 4000.0], [[25.0, -8.0, 4.0], [35.0, 25.0, 8.0]], [1.2, 1.3])
+    return recorded(machine, np.random.default_rng(4), 0.2, 60.0, heat_and_cool((800.0, 1250.0, 2000.0)))
+
+
+def cut(test, rows):
+    time = test.time_s[rows]
+    return ThermalTest(test.run, time - time[0], test.speed_rpm[rows], test.displacement_um[rows])
+
+
+def repeats(tests, error_um):
+    return [
+        RepeatedTest(one.run, one.time_s, one.speed_rpm, one.displacement_um, one.displacement_um + off)
+        for one, off in zip(tests, error_um, strict=True)
+    ]
+
+
+def test_nothing_is_told_of_good_tests(tests):
+    assert movement_findings(tests, RESPONSES) == []
+    assert warm_start_findings(tests, RESPONSES) == []
+    assert contradiction_findings(tests, repeats(tests, [0.2, 0.3, 0.2]), RESPONSES) == []
+    assert speed_findings(tests, Cyclogram.of_segments((60, 1000), (60, 0))) == []
+
+
+@pytest.mark.parametrize("level", [0.0, 5.3])
+@pytest.mark.parametrize("method", ["modal", "piecewise"])
+def test_a_dead_gauge_is_refused(tests, level, method):
+    dead = []
+    for test in tests:
+        displacement = test.displacement_um.copy()
+        displacement[:, 1] = level
+        dead.append(replace(test, displacement_um=displacement))
+    with pytest.raises(InputError, match="Y does not move"):
+        predict(dead, RESPONSES, Cyclogram.of_segments((60, 1000)), method=method)
+
+
+def test_noise_alone_is_told(tests):
+    rng = np.random.default_rng(1)
+    noise = [replace(test, displacement_um=rng.normal(0.0, 0.3, (len(test.time_s), 1))) for test in tests]
+    assert [finding.id for finding in movement_findings(noise, ["Z"])] == ["no-thermal-movement"]
+
+
+def test_warm_starts_are_named(tests):
+    # 100 minutes of heating are cut off
+    warm = [cut(tests[0], slice(100, None)), *tests[1:]]
+    assert [(f.id, f.where.run) for f in warm_start_findings(warm, RESPONSES)] == [("run-begins-warm", tests[0].run)]
+
+
+def test_a_reversed_gauge_is_named(tests):
+    turned = [replace(tests[0], displacement_um=-tests[0].displacement_um), *tests[1:]]
+    found = contradiction_findings(turned, repeats(turned, [0.2] * 3), ["Z"])
+    assert [(f.id, f.where.run, f.where.channel) for f in found] == [("run-contradicts-others", tests[0].run, "Z")]
+
+
+def test_a_run_far_beyond_the_others_is_named(tests):
+    found = contradiction_findings(tests, repeats(tests, [0.2, 30.0, 0.3]), ["Z"])
+    assert [f.where.run for f in found] == [tests[1].run]
+
+
+def test_speeds_that_the_tests_say_little_about(tests):
+    other = Cyclogram.of_segments((60, 1000), (60, 2000))
+    assert [f.id for f in speed_findings(tests[2:], other)] == ["one-speed-tested"]
+    assert speed_findings(tests[2:], Cyclogram.of_segments((60, 2000), (60, 0))) == []
+    slow = speed_findings(tests, Cyclogram.of_segments((60, 1.5)))
+    assert [f.id for f in slow] == ["slower-than-tests"]
+    assert "1.5 r/min" in slow[0].statement
+    assert "800 r/min" in slow[0].statement
+
+
+def test_tests_without_any_cooling(tests):
+    heating = [cut(test, test.speed_rpm > 0) for test in tests]
+    found = predict(heating, RESPONSES, Cyclogram.of_segments((60, 1000), (30, 0)), method="piecewise").findings
+    assert "cooling-assumed" in {finding.id for finding in found}
+
+
+@pytest.mark.parametrize("method", ["modal", "piecewise"])
+def test_twelve_samples(tests, method):
+    short = [cut(test, slice(0, 12)) for test in tests]
+    found = predict(short, RESPONSES, Cyclogram.of_segments((10, 1000)), method=method).findings
+    assert not any("nan" in finding.statement for finding in found)
