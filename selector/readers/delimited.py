@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -176,6 +176,8 @@ def _sheet(utf8: bytes, overrides: Overrides, separator: str | None, skipped: in
         )
     sample = _inner_lines(utf8, raw)
     chosen = dialect(sample, told[:60], where, separator, overrides.decimal)
+    if overrides.decimal is None:
+        chosen = _with_mark_of_first_rows(chosen, sample, told, separator)
     checked_width(chosen.n_columns, where)
     kinds = column_kinds(
         [cells_of(line, chosen.separator, chosen.quoted) for line in sample], chosen.n_columns, chosen.decimal
@@ -188,6 +190,23 @@ def _sheet(utf8: bytes, overrides: Overrides, separator: str | None, skipped: in
     header_row = None if overrides.header_row is None else overrides.header_row - 1 - skipped
     found = layout(rows, kinds, chosen.decimal, header_row, where)
     return _Sheet(rows[: found.first + 1], raw, chosen, kinds, found)
+
+
+def _with_mark_of_first_rows(chosen: Dialect, sample: list[str], told: list[str], separator: str | None) -> Dialect:
+    """The decimal comma if the inner lines, whole numbers all, show no mark, and the first rows have commas only."""
+    single = chosen.n_columns == 1 and separator is None
+    if chosen.decimal != "." or (chosen.separator == "," and not single):
+        return chosen
+    cut = ";" if single else chosen.separator
+    cells = [cell for line in sample for cell in cells_of(line, cut, chosen.quoted)]
+    if any(re.search(r"\d[.,]|[.,]\d", cell) for cell in cells):
+        return chosen
+    first = [cell for line in told for cell in cells_of(line, cut, chosen.quoted)]
+    if any(re.fullmatch(r"[+-]?\d*\.\d+", cell) for cell in first):
+        return chosen
+    if not any(re.fullmatch(r"[+-]?\d+,\d+", cell) for cell in first):
+        return chosen
+    return replace(chosen, separator=cut, decimal=",")
 
 
 def _other_cut(line: str, cells: list[str], chosen: Dialect) -> list[str]:

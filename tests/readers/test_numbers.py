@@ -4,6 +4,8 @@ import math
 
 import pytest
 
+from selector.readers import read
+
 
 @pytest.mark.parametrize(
     ("cells", "expected"),
@@ -102,3 +104,13 @@ def test_every_float_survives(reads, column):
     values = [0.1, 1 / 3, 1e-300, 1.7976931348623157e308, 5e-324, -0.0, 123456789.123456789]
     reading = reads("t [s],Z [um]\n" + "".join(f"{i},{v!r}\n" for i, v in enumerate(values)))
     assert [v.hex() for v in column(reading, "Z")] == [v.hex() for v in values]
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["time_s;T\n0;20,5\n1;21\n2;22\n", "time_s\tT\n0\t20,5\n1\t21\n2\t22\n", "T1\n20,5\n21\n22\n", "20,5\n21\n22\n"],
+)
+def test_a_decimal_comma_in_the_first_row_alone(text, tmp_path):
+    (tmp_path / "r.csv").write_text(text, encoding="utf-8")
+    values = read([tmp_path / "r.csv"]).recording.frame.to_numpy()
+    assert values.ravel().tolist() == [20.5, 21.0, 22.0]
