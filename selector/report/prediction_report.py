@@ -126,8 +126,9 @@ def _tests(pictures: Pictures, prediction: Prediction, response: str) -> list[Pi
     if not prediction.repeats:
         return []
     r = prediction.responses.index(response)
-    ranked = sorted(prediction.repeats, key=lambda one: -float(one.rmse_um[r]))[:MOST_TESTS]
-    shown = tuple(one for one in prediction.repeats if one in ranked)
+    repeats = prediction.repeats
+    ranked = sorted(range(len(repeats)), key=lambda k: -float(repeats[k].rmse_um[r]))[:MOST_TESTS]
+    shown = tuple(repeats[k] for k in sorted(ranked))
     text = _TESTS
     if len(shown) < len(prediction.repeats):
         text += f" Of {len(prediction.repeats)} tests, the {len(shown)} that are repeated worst are drawn."

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from selector.errors import OptionError
+from selector.findings import Finding, Where
 from selector.report import prediction_html, write_prediction_report
 from selector.report.prediction_wording import prediction_advice
 from tests.report import predictions
@@ -149,3 +150,16 @@ def test_a_reading_of_a_page_is_late_for_no_correction(page):
         for time_s in operation.times_s[1:]:
             # tenths of a minute, rounded down
             assert any(0 <= time_s / 60 - minutes < 0.1 + 1e-6 for minutes in shown)
+
+
+def test_names_with_control_characters_are_shown_without_them():
+    made = predictions.prediction()
+    bad = "run\x1b[31m\x07"
+    made = dataclasses.replace(
+        made,
+        repeats=tuple(dataclasses.replace(one, run=bad) for one in made.repeats),
+        findings=(Finding("test-left-out", "warning", f"Run {bad} is left out.", Where(run=bad)),),
+    )
+    html = prediction_html(made, provenance={"runs": {bad: {"file": bad}}})
+    assert "run [31m " in html
+    assert not {"\x1b", "\x07"} & set(html)

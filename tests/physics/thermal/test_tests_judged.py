@@ -9,8 +9,10 @@ import pytest
 
 from selector.errors import InputError
 from selector.physics.thermal.cyclogram import Cyclogram
+from selector.physics.thermal.modes import ModalModel
 from selector.physics.thermal.prediction import predict
 from selector.physics.thermal.repeated_tests import RepeatedTest
+from selector.physics.thermal.speed_law import SpeedLaw
 from selector.physics.thermal.tests_judged import (
     contradiction_findings,
     movement_findings,
@@ -102,3 +104,13 @@ def test_twelve_samples(tests, method):
     short = [cut(test, slice(0, 12)) for test in tests]
     found = predict(short, RESPONSES, Cyclogram.of_segments((10, 1000)), method=method).findings
     assert not any("nan" in finding.statement for finding in found)
+
+
+def test_the_end_of_a_duty_cycle_may_be_off_by_rounding():
+    law = SpeedLaw((1.2,), 2000.0)
+    model = ModalModel(("Z",), np.array([600.0]), np.array([[[30.0]]]), law, 2000.0, np.zeros(1))
+    cycle = Cyclogram.of_segments((60, 1000))
+    beyond, end = model.displacement_um(cycle, cycle.end_s * np.array([1.0 + 5e-10, 1.0]))
+    assert beyond == pytest.approx(end, rel=1e-6)  # 1e-9 of an hour is no time for modes of minutes
+    with pytest.raises(InputError, match="a prediction at"):
+        model.displacement_um(cycle, np.array([cycle.end_s * 1.001]))
