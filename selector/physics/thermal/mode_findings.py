@@ -35,10 +35,12 @@ def choice_findings(
         growth = float(np.trace(np.diag(np.exp(fit.theta[: fit.spec.n_modes])) @ fit.spec.films(fit.theta)[0]))
         yield Finding(
             "cooling-grows-with-speed",
-            "info",
+            "warning",
             "The machine cools better while the spindle turns: with constant time constants the tests are predicted "
-            "worse. The time constants given are those of the standing spindle.",
+            "worse. The time constants given are those of the standing spindle. How much better is less certain than "
+            "they are: duty cycles with pauses may be off by several times the error on what was left out.",
             evidence={"growth_at_fastest": round(growth, 3), "exponent": round(fit.spec.films(fit.theta)[2], 2)},
+            suggestion="add a test in which the spindle turns and rests by turns",
         )
     if fit.spec.with_hall:
         gains = fit.solution.coefficients.reshape(fit.spec.n_modes, -1, len(heldout_um))[:, -1]
