@@ -57,6 +57,10 @@ class ModalFit:
         Root mean square of the block residuals [µm], each block counting as its samples.
     heldout_um : ndarray of shape (n_responses,) or None
         The same on what was left out: speeds where runs at others remain, else stretches of time.
+    warm : tuple of str
+        Runs that do not begin at rest and cold.
+    with_hall : bool
+        Whether the hall temperature drives the same modes.
     candidates : tuple of (int, str, float)
         Modes, film, and error on left-out stretches relative to the best, of everything that was tried.
     findings : tuple of Finding
@@ -68,6 +72,8 @@ class ModalFit:
     tau_high_s: Vector
     residual_um: Vector
     heldout_um: Vector | None
+    warm: tuple[str, ...]
+    with_hall: bool
     candidates: tuple[tuple[int, str, float], ...]
     findings: tuple[Finding, ...]
 
@@ -340,6 +346,8 @@ def _finished(
         tau_high_s=high,
         residual_um=np.sqrt(squares.sum(axis=0) / data.counts.sum(axis=0)),
         heldout_um=heldout,
+        warm=tuple(tests[run].run for run in fit.spec.free_starts),
+        with_hall=fit.spec.with_hall,
         candidates=candidates,
         findings=tuple(choice_findings(tests, data, fit, tried, low, high, heldout, responses)),
     )

@@ -208,12 +208,7 @@ def predict(
         findings += [*_longer_than_tests(usable, cyclogram)]
         time = _times(lambda t: fit.model.displacement_um(cyclogram, t), cyclogram, operations_s)
         displacement = fit.model.displacement_um(cyclogram, time)
-        repeats = modal_repeats(
-            usable,
-            fit.model,
-            warm=[str(one.where.run) for one in fit.findings if one.id == "start-not-at-rest"],
-            with_hall=any(one.id == "hall-temperature-drives-displacement" for one in fit.findings),
-        )
+        repeats = modal_repeats(usable, fit.model, warm=fit.warm, with_hall=fit.with_hall)
     else:
         curves = characteristics(usable, responses)
         time = _times(lambda t: piecewise_displacement_um(curves, cyclogram, t)[0], cyclogram, operations_s)

@@ -13,7 +13,6 @@ from selector.physics.thermal.field.virtual_laws import MAX_RPM, machine_laws, p
 from selector.physics.thermal.field.virtual_machine import SENSORS, film_sets, virtual_machining_centre
 from selector.physics.thermal.laws import Conditions
 from selector.physics.thermal.reduction import projected, reduction_error
-from selector.physics.thermal.stored_system import read_system, write_system
 from selector.physics.thermal.transient import simulate_heat
 
 SHIFT_S = np.arange(0.0, 8 * 3600 + 1, 60.0)
@@ -160,14 +159,6 @@ def test_temperatures_of_all_nodes(machine):
         assert degc == pytest.approx(column(history, name)[0], abs=1e-9)  # the same sum in another order
     # no node is below the hall or the coolant, up to the error of the reduction: 1 % of a rise of 20 K
     assert nodes.min() > 18.3 - 0.2
-
-
-def test_stored_and_read_again_it_runs_the_same(machine, tmp_path):
-    write_system(tmp_path / "machine.npz", machine.system)
-    again = replace(machine, system=read_system(tmp_path / "machine.npz"))
-    conditions = random_shift(3)
-    one, other = (each.simulate(conditions, time_s=SHIFT_S[::60]) for each in (machine, again))
-    np.testing.assert_array_equal(one.displacement_um, other.displacement_um)
 
 
 def test_virtual_sensors_anywhere():
