@@ -1,0 +1,58 @@
+"""A feed axis as a whole: mechanics, friction, transmission, servo and sensing in SI units.
+
+One form serves the rigid and the three-mass structure; gains of the servo count per unit of motor speed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from selector.errors import InputError
+from selector.physics.drive.checks import require_positive
+from selector.physics.drive.friction import Friction, Ripple
+from selector.physics.drive.mechanics import Mechanics, RigidMechanics
+from selector.physics.drive.servo import Sensing, Servo
+from selector.physics.drive.transmission import AxialCompliance, Transmission
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A feed axis: `servo` None leaves it to itself (free motion, or driven by given commands).
+
+    Raises
+    ------
+    InputError
+        If a part needs a structure or a servo that the axis has not.
+    """
+
+    mechanics: Mechanics
+    servo: Servo | None = None
+    friction: Friction = field(default_factory=Friction)
+    transmission: Transmission = field(default_factory=Transmission)
+    ripple: tuple[Ripple, ...] = ()
+    ripple_period: float = 2.0 * math.pi
+    compliance: AxialCompliance | None = None
+    sensing: Sensing = field(default_factory=Sensing)
+
+    def __post_init__(self) -> None:
+        require_positive(self, "ripple_period")
+        rigid = isinstance(self.mechanics, RigidMechanics)
+        for is_there, what in (
+            (self.transmission.backlash_m > 0, "backlash"),
+            (self.compliance is not None, "an axial compliance"),
+            (self.friction.screw_coulomb_nm > 0, "friction of the screw"),
+        ):
+            if rigid and is_there:
+                raise _unfit(f"{what} in a rigid axis", "a three-mass axis", "describe motor, screw and table")
+        sampled = self.servo is not None and self.servo.sample_s > 0
+        for is_there, what in (
+            (self.servo is not None and self.servo.delay_s > 0, "a delay"),
+            (self.sensing != Sensing(), "an encoder or noise"),
+        ):
+            if is_there and not sampled:
+                raise _unfit(f"{what} without a sampled servo", "sample_s above 0", "give the servo's sample time")
+
+
+def _unfit(found: str, expected: str, advice: str) -> InputError:
+    return InputError(found, expected=expected, where="feed axis", advice=advice)
