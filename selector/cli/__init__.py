@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from selector import __version__
-from selector.cli import applying, demo, models, patent, predicting, reading, running, selecting, simulating
+from selector.cli import applying, demo, models, patent, predicting, reading, running, selecting, simulating_thermal
 
 __all__ = ["app", "exit_status", "main"]
 
@@ -61,7 +61,7 @@ _command("demo", demo.demo)
 _command("apply", applying.apply)
 _command("predict", predicting.predict)
 _simulate = typer.Typer(help="Write a recording of a machine that a model file describes.")
-_command("thermal", simulating.thermal, _simulate)
+_command("thermal", simulating_thermal.thermal, _simulate)
 app.add_typer(_simulate, name="simulate")
 _model = typer.Typer(help="Look at a model file.")
 _command("show", models.show, _model)

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from selector.cli import exit_status, simulating
+from selector.cli import exit_status, simulating_thermal
 from selector.readers import read
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -277,7 +277,7 @@ def test_a_page_that_fails_leaves_no_recording(late, error, folder, capfd, monke
         def fails(*_):
             raise error
 
-        monkeypatch.setattr(simulating, "write_page", fails)
+        monkeypatch.setattr(simulating_thermal, "write_page", fails)
     line = ["simulate", "thermal", "model.toml", "--seed", "7", "--out", "old.csv", "--report", "pages/a.html"]
     assert exit_status(line) == (130 if error is KeyboardInterrupt else 2)
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == old
