@@ -2,42 +2,31 @@
 
 from __future__ import annotations
 
-import difflib
-import json
-import re
-import tomllib
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, get_args
-
-from pydantic import BaseModel, ValidationError
+from typing import Any
 
 from selector.errors import ModelFileError
-from selector.physics.thermal.model_mistakes import expected_text
+from selector.physics.model_text import (
+    Contradiction,
+    Key,
+    ModelFamily,
+    bound_contradictions,
+    key_text,
+    plain_values,
+    unknown_name,
+)
 from selector.physics.thermal.model_schema import (
-    COURSE_KINDS,
     KINDS,
     MOST_SAMPLES,
     Column,
-    Entry,
     FieldFile,
     ModelFile,
     ModesFile,
     NetworkFile,
 )
-
-LARGEST_FILE_BYTES = 4_000_000
-"""A network of the largest size that is allowed takes a tenth of it."""
-
-PAGE = "docs/reference/thermal-model.md"
-Key = tuple[str | int, ...]
-
-_MOST_PARTS = 32
-_PART = r"""(?:(?<![\w-])[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
-_LONG_KEY = re.compile(rf"(?:{_PART}[ \t]*+\.[ \t]*+){{{_MOST_PARTS}}}")
-"""Reading a dotted key takes a time that grows with the square of its parts."""
 
 
 def read_model_file(path: str | Path) -> ModelFile:
@@ -46,25 +35,9 @@ def read_model_file(path: str | Path) -> ModelFile:
     Raises
     ------
     ModelFileError
-        The file cannot be read, is not TOML, has an unknown key (the nearest known one is named), a value of the wrong
-        kind or outside its limits, or two places that contradict each other; the message names file and key.
+        As `selector.physics.model_text.ModelFamily.read`.
     """
-    place = Path(path)
-    if place.exists() and not (place.is_file() or place.is_dir()):
-        # opening a pipe would wait for ever
-        raise _no_model_file("not a regular file but a device, a pipe or a socket", str(place))
-    try:
-        with place.open("rb") as file:
-            content = file.read(LARGEST_FILE_BYTES + 1)
-    except OSError as error:
-        raise _no_model_file(f"a file that cannot be opened ({error.strerror or error})", str(place)) from error
-    if len(content) > LARGEST_FILE_BYTES:
-        raise _no_model_file(f"a file of more than {LARGEST_FILE_BYTES // 10**6} MB", str(place))
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise _no_model_file(f"text that is not UTF-8 at byte {error.start}", str(place)) from None
-    return parsed_model_file(text.replace("\r\n", "\n"), where=str(place))
+    return _FAMILY.read(path)
 
 
 def parsed_model_file(text: str, *, where: str = "model file") -> ModelFile:
@@ -75,25 +48,7 @@ def parsed_model_file(text: str, *, where: str = "model file") -> ModelFile:
     ModelFileError
         As `read_model_file`.
     """
-    long = _LONG_KEY.search(text)
-    if long is not None:
-        raise ModelFileError(
-            f"a key of more than {_MOST_PARTS} parts ({_shown(long.group()[:30])} …)",
-            expected="keys of a few parts, such as nodes.bed.place",
-            where=f"{where}, line {text.count(chr(10), 0, long.start()) + 1}",
-            advice="correct this line",
-        )
-    try:
-        values = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
-        said = "nested too deep" if isinstance(error, RecursionError) else str(error)[:200]
-        raise ModelFileError(
-            f"text that is not TOML ({said})",
-            expected="sections such as [model] and [run] with key = value lines",
-            where=where,
-            advice="correct this line; texts need quotation marks, numbers a decimal point and no unit",
-        ) from None
-    return checked_model_file(values, where=where)
+    return _FAMILY.parsed(text, where=where)
 
 
 def checked_model_file(values: Mapping[str, Any], *, where: str = "model file") -> ModelFile:
@@ -104,28 +59,7 @@ def checked_model_file(values: Mapping[str, Any], *, where: str = "model file") 
     ModelFileError
         As `read_model_file`.
     """
-    section = values.get("model")
-    kind = section.get("kind") if isinstance(section, Mapping) else None
-    if not isinstance(kind, str) or kind not in KINDS:
-        raise ModelFileError(
-            f"kind {_shown(kind)}" if isinstance(section, Mapping) and "kind" in section else "no kind of model",
-            expected="one of " + ", ".join(f'"{name}"' for name in KINDS),
-            where=f"{where}, key model.kind",
-            advice='begin the file with [model], kind = "network" and name = "…"',
-        )
-    schema = KINDS[kind]
-    try:
-        read: ModelFile = schema.model_validate(dict(values))
-    except ValidationError as error:
-        raise _invalid(error, schema, where) from None
-    for key, found, expected, advice in contradictions(read):
-        raise ModelFileError(found, expected=expected, where=f"{where}, key {key_text(key)}", advice=advice)
-    return read
-
-
-def plain_values(file: ModelFile) -> dict[str, Any]:
-    """The sections as plain values, as they were given; `checked_model_file` makes an equal file of them."""
-    return file.model_dump(mode="python", exclude_unset=True)
+    return _FAMILY.checked(values, where=where)
 
 
 def columns_needed(file: ModelFile) -> dict[str, Column]:
@@ -153,24 +87,7 @@ def require_few_samples(file: ModelFile, duration_s: float, where: str) -> None:
         )
 
 
-def key_text(key: Sequence[str | int]) -> str:
-    """A place in a TOML file as text; entries of an array count from 1.
-
-    >>> key_text(("links", 2, "between")), key_text(("nodes", "upper bearing", "xyz"))
-    ('links[3].between', 'nodes."upper bearing".xyz')
-    """
-    text = ""
-    for part in key:
-        if isinstance(part, int):
-            text += f"[{part + 1}]"
-        else:
-            # at most a line of it: a key may be as long as the file
-            word = part if re.fullmatch(r"[A-Za-z0-9_-]{1,60}", part) else json.dumps(part[:60])
-            text += f".{word}" if text else word
-    return text
-
-
-def contradictions(file: ModelFile) -> Iterator[tuple[Key, str, str, str]]:
+def contradictions(file: ModelFile) -> Iterator[Contradiction]:
     """(key, found, expected, advice) of whatever does not fit together in a file whose values are valid one by one."""
     run = file.run
     for key in ("period_s", "step_s"):
@@ -190,12 +107,10 @@ def contradictions(file: ModelFile) -> Iterator[tuple[Key, str, str, str]]:
     if isinstance(file, ModesFile):
         yield from _of_modes(file)
     yield from _of_names(file)
-    for name, (low, high) in file.bounds.items():
-        if low >= high:
-            yield ("bounds", name), f"[{low:g}, {high:g}]", "a lower and a higher limit", "exchange the two numbers"
+    yield from bound_contradictions(file.bounds)
 
 
-def _of_network(file: NetworkFile) -> Iterator[tuple[Key, str, str, str]]:
+def _of_network(file: NetworkFile) -> Iterator[Contradiction]:
     known = list(file.nodes)
     for number, link in enumerate(file.links):
         a, b = link.between
@@ -232,7 +147,7 @@ def _of_network(file: NetworkFile) -> Iterator[tuple[Key, str, str, str]]:
     yield from _of_gauges(file, displacements)
 
 
-def _of_modes(file: ModesFile) -> Iterator[tuple[Key, str, str, str]]:
+def _of_modes(file: ModesFile) -> Iterator[Contradiction]:
     modes = file.modes
     for key, values in (("tau_s", modes.tau_s), ("speed_rpm", modes.speed_rpm)):
         if any(b <= a for a, b in pairwise(values)):
@@ -246,13 +161,13 @@ def _of_modes(file: ModesFile) -> Iterator[tuple[Key, str, str, str]]:
     yield from _of_gauges(file, list(modes.gains_um))
 
 
-def _of_gauges(file: ModelFile, displacements: list[str]) -> Iterator[tuple[Key, str, str, str]]:
+def _of_gauges(file: ModelFile, displacements: list[str]) -> Iterator[Contradiction]:
     for number, gauge in enumerate(file.gauges):
         if (gauge.of or gauge.name) not in displacements:
             yield ("gauges", number, "of"), *unknown_name("displacement", gauge.of or gauge.name, displacements)
 
 
-def _of_names(file: ModelFile) -> Iterator[tuple[Key, str, str, str]]:
+def _of_names(file: ModelFile) -> Iterator[Contradiction]:
     entries: list[tuple[Key, str]] = []
     if not isinstance(file, ModesFile):
         entries += [(("sensors", number, "name"), sensor.name) for number, sensor in enumerate(file.sensors)]
@@ -267,88 +182,9 @@ def _of_names(file: ModelFile) -> Iterator[tuple[Key, str, str, str]]:
 RECORDED_CONDITIONS = ("time_s", "spindle_speed", "ambient", "torque", "coolant_on", "coolant", "machine_on")
 """Names of the channels that hold the conditions of a simulation; sensors and gauges have others."""
 
-
-def unknown_name(what: str, name: str, known: Sequence[str]) -> tuple[str, str, str]:
-    """(found, expected, advice) of a name that does not exist, with the nearest that does."""
-    near = _closest(name, known)
-    return (
-        f"no {what} called {name!r}",
-        (f"{near!r} perhaps; " if near else "") + "one of " + (", ".join(known[:20]) or "none, there are none"),
-        "correct the name, or add what it names",
-    )
-
-
-def _no_model_file(found: str, where: str) -> ModelFileError:
-    return ModelFileError(
-        found, expected="a thermal model file (TOML text)", where=where, advice="check the path; see fixtures/thermal"
-    )
-
-
-def _invalid(error: ValidationError, schema: type[BaseModel], where: str) -> ModelFileError:
-    """The first thing that is wrong, in words; a key that is not known before one that is missing."""
-    problems: list[Any] = error.errors(include_url=False)
-    rank = {"extra_forbidden": 0, "missing": 2}
-    first = min(problems, key=lambda one: rank.get(one["type"], 1))
-    key: Key = tuple(part for part in first["loc"] if part not in COURSE_KINDS and part != "[key]")
-    place = f"{where}, key {key_text(key)}"
-    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    if first["type"] == "extra_forbidden":
-        known = _keys_at(schema, first["loc"][:-1])
-        near = _closest(str(key[-1]), known)
-        elsewhere = [name for name, other in KINDS.items() if len(key) == 1 and key[0] in other.model_fields]
-        advice = (
-            f"this section belongs to models of kind {', '.join(elsewhere)}" if elsewhere else "correct the spelling"
-        )
-        return ModelFileError(
-            f"unknown key {_shown(key[-1])}{more}",
-            expected=(f"{near!r} perhaps; " if near else "") + "one of " + ", ".join(known),
-            where=place,
-            advice=f"{advice}, or remove it; {PAGE} explains every key",
-        )
-    if first["type"] == "missing":
-        found, expected = f"no {_shown(key[-1]) if isinstance(key[-1], str) else 'further value'}{more}", "this key"
-    else:
-        found = f"{_shown(first['input'])}{more}"
-        expected = expected_text(first)
-    return ModelFileError(found, expected=expected, where=place, advice=f"correct this value; {PAGE} explains it")
-
-
-def _keys_at(schema: type[BaseModel], path: Sequence[str | int]) -> list[str]:
-    """Keys that the section at this path may have."""
-    kinds: list[Any] = [schema]
-    for part in path:
-        inner: list[Any] = []
-        for kind in kinds:
-            if isinstance(part, str) and part in kind.model_fields:
-                inner += _entries_in(kind.model_fields[part].annotation)
-            else:
-                inner.append(kind)
-        kinds = inner
-    return list(dict.fromkeys(name for kind in kinds for name in kind.model_fields))
-
-
-def _entries_in(annotation: Any) -> Iterable[type[Entry]]:
-    """Sections inside a type such as ``dict[str, Node]``."""
-    if isinstance(annotation, type) and issubclass(annotation, Entry):
-        return [annotation]
-    return [entry for inner in get_args(annotation) for entry in _entries_in(inner)]
-
-
-def _closest(name: str, among: Sequence[str]) -> str | None:
-    near = difflib.get_close_matches(name[:100].lower(), [known.lower() for known in among], n=1, cutoff=0.5)
-    return next((known for known in among if near and known.lower() == near[0]), None)
-
-
-def _shown(value: object) -> str:
-    """A value of the file on one short line of printable characters."""
-    if isinstance(value, Mapping):
-        return f"a table with {len(value)} keys"
-    if isinstance(value, list | tuple) and len(value) > 8:
-        return f"an array of {len(value)} values"
-    if isinstance(value, int) and abs(value) >= 10**18:
-        return "a number beyond all limits"
-    text = ascii(value)
-    return text if len(text) <= 80 else f"{text[:79]}…"
+_FAMILY: ModelFamily[ModelFile] = ModelFamily(
+    "thermal", KINDS, contradictions, page="docs/reference/thermal-model.md", examples="fixtures/thermal"
+)
 
 
 __all__ = [

@@ -10,7 +10,24 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, StrictBool, Tag
+from pydantic import Discriminator, Field, StrictBool, Tag
+
+from selector.physics.model_entries import (
+    MOST_SAMPLES,
+    Bounds,
+    Column,
+    Entry,
+    Name,
+    NonNegative,
+    Note,
+    Point,
+    Positive,
+    Seed,
+    Share,
+    Signed,
+    choice_tag,
+    limited,
+)
 
 MOST_NODES = 300
 """Nodes of a network. Its exact stepping costs their number cubed."""
@@ -18,36 +35,9 @@ MOST_NODES = 300
 MOST_SENSORS = 1000
 """Thermometers of a model, candidates among them."""
 
-MOST_SAMPLES = 2_000_000
-"""Samples of one run, and steps of the calculation."""
-
-
-def _printable(text: str) -> str:
-    if not text.strip() or not text.isprintable() or len(text) > 100:
-        raise ValueError("a name of 1 to 100 printable characters")
-    return text
-
-
-def _limited(low: float, high: float, *, above: bool = False) -> Any:
-    bounds: dict[str, Any] = {"gt": low} if above else {"ge": low}
-    return Field(strict=True, allow_inf_nan=False, le=high, **bounds)
-
-
-Name = Annotated[str, AfterValidator(_printable)]
-Positive = Annotated[float, _limited(1e-9, 1e12)]
-NonNegative = Annotated[float, _limited(0, 1e12)]
-Signed = Annotated[float, _limited(-1e9, 1e9)]
-Share = Annotated[float, _limited(0, 1)]
-Exponent = Annotated[float, _limited(0, 4)]
-Degrees = Annotated[float, _limited(-100, 1000)]
-Point = Annotated[tuple[Signed, Signed, Signed], Field()]
-Speed = Annotated[float, _limited(1e-3, 1e6)]
-
-
-class Entry(BaseModel):
-    """A section of the file: unknown keys are refused, nothing changes once it is read."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
+Exponent = Annotated[float, limited(0, 4)]
+Degrees = Annotated[float, limited(-100, 1000)]
+Speed = Annotated[float, limited(1e-3, 1e6)]
 
 
 class Sine(Entry):
@@ -59,35 +49,28 @@ class Sine(Entry):
     phase_min: Signed = 0.0
 
 
-class Column(Entry):
-    """A course that is read from a column of a recording in the folder of the model file; each value is held."""
-
-    file: Annotated[str, AfterValidator(_printable)]
-    column: Annotated[str, Field(min_length=1, max_length=200)]
-
-
-Step = tuple[Annotated[float, _limited(0, 1e9)], Signed]
+Step = tuple[Annotated[float, limited(0, 1e9)], Signed]
 Steps = Annotated[tuple[Step, ...], Field(min_length=1, max_length=10_000)]
 
 
 def _course_kind(value: Any) -> str:
     if isinstance(value, list | tuple):
-        return "steps"
+        return _STEPS
     if isinstance(value, Column) or (isinstance(value, Mapping) and ("file" in value or "column" in value)):
-        return "column"
-    return "sine" if isinstance(value, Sine | Mapping) else "number"
+        return _COLUMN
+    return _SINE if isinstance(value, Sine | Mapping) else _NUMBER
 
+
+_NUMBER, _STEPS, _SINE, _COLUMN = (choice_tag(form) for form in ("number", "steps", "sine", "column"))
 
 Course = Annotated[
-    Annotated[Signed, Tag("number")]
-    | Annotated[Steps, Tag("steps")]
-    | Annotated[Sine, Tag("sine")]
-    | Annotated[Column, Tag("column")],
+    Annotated[Signed, Tag(_NUMBER)]
+    | Annotated[Steps, Tag(_STEPS)]
+    | Annotated[Sine, Tag(_SINE)]
+    | Annotated[Column, Tag(_COLUMN)],
     Discriminator(_course_kind),
 ]
 """A number that holds for the whole run, steps [from minute, value], a sine, or a column of a file."""
-
-COURSE_KINDS = ("number", "steps", "sine", "column")
 
 
 class ModelSection(Entry):
@@ -95,17 +78,17 @@ class ModelSection(Entry):
 
     kind: Literal["network", "modes", "field"]
     name: Name
-    note: Annotated[str, Field(max_length=4000)] = ""
+    note: Note = ""
 
 
 class RunSection(Entry):
     """``[run]``: how long, how often, how finely, and from which state."""
 
-    duration_min: Annotated[float, _limited(0, 1e6, above=True)]
-    period_s: Annotated[float, _limited(0, 1e6, above=True)] = 60.0
-    step_s: Annotated[float, _limited(0, 1e6, above=True)] = 10.0
+    duration_min: Annotated[float, limited(0, 1e6, above=True)]
+    period_s: Annotated[float, limited(0, 1e6, above=True)] = 60.0
+    step_s: Annotated[float, limited(0, 1e6, above=True)] = 10.0
     start_degc: Degrees | None = None
-    seed: Annotated[int, Field(strict=True, ge=0, lt=2**63)] = 0
+    seed: Seed = 0
 
 
 class ConditionsSection(Entry):
@@ -144,8 +127,8 @@ class Sensor(Entry):
     place: Name | None = None
     xyz: Point | None = None
     lag_s: NonNegative = 0.0
-    noise_k: Annotated[float, _limited(0, 100)] = 0.0
-    resolution_k: Annotated[float, _limited(0, 100)] = 0.0
+    noise_k: Annotated[float, limited(0, 100)] = 0.0
+    resolution_k: Annotated[float, limited(0, 100)] = 0.0
 
 
 class Gauge(Entry):
@@ -155,8 +138,8 @@ class Gauge(Entry):
     of: Name | None = None
     axis: Name | None = None
     zeroed: StrictBool = True
-    noise_um: Annotated[float, _limited(0, 1e4)] = 0.0
-    resolution_um: Annotated[float, _limited(0, 1e4)] = 0.0
+    noise_um: Annotated[float, limited(0, 1e4)] = 0.0
+    resolution_um: Annotated[float, limited(0, 1e4)] = 0.0
 
 
 class Node(Entry):
@@ -175,15 +158,15 @@ class Link(Entry):
     conductance_w_per_k: Positive
 
 
-Heat = Annotated[float, _limited(-1e9, 1e9)]
-Softening = Annotated[float, _limited(0, 1)]
+Heat = Annotated[float, limited(-1e9, 1e9)]
+Softening = Annotated[float, limited(0, 1)]
 
 
 class NodeSource(Entry):
     """``[sources.NAME]`` of a network: the nodes that the heat goes to, and its law, see `laws.HeatLaw`."""
 
     shares: Annotated[
-        dict[Name, Annotated[float, _limited(0, 1, above=True)]], Field(min_length=1, max_length=MOST_NODES)
+        dict[Name, Annotated[float, limited(0, 1, above=True)]], Field(min_length=1, max_length=MOST_NODES)
     ]
     on_w: Heat = 0.0
     turning_w: NonNegative = 0.0
@@ -241,21 +224,21 @@ class ModesSection(Entry):
     gains_um: Annotated[
         dict[Name, Annotated[tuple[tuple[Signed, ...], ...], Field(max_length=200)]], Field(min_length=1, max_length=20)
     ]
-    exponent: Annotated[float, _limited(0, 4, above=True)] = 1.0
+    exponent: Annotated[float, limited(0, 4, above=True)] = 1.0
 
 
 class FieldSection(Entry):
     """``[field]``: what is varied on the shipped finite-element machine."""
 
     physics: Literal["linear", "convection", "everything"] = "everything"
-    refinement: Annotated[float, _limited(0.1, 2.0)] = 1.0
+    refinement: Annotated[float, limited(0.1, 2.0)] = 1.0
     geometry: Annotated[dict[str, Signed], Field(max_length=100)] = Field(default_factory=dict)
 
 
 class CandidatesSection(Entry):
     """``[candidates]`` of the field machine: thermometers spread over its surfaces, see `field.sensor_candidates`."""
 
-    spacing_m: Annotated[float, _limited(0.03, 10)] = 0.3
+    spacing_m: Annotated[float, limited(0.03, 10)] = 0.3
     surfaces: Annotated[tuple[Name, ...], Field(min_length=1, max_length=100)] = (
         "headstock",
         "motor",
@@ -264,11 +247,8 @@ class CandidatesSection(Entry):
         "bed",
     )
     lag_s: NonNegative = 0.0
-    noise_k: Annotated[float, _limited(0, 100)] = 0.0
-    resolution_k: Annotated[float, _limited(0, 100)] = 0.0
-
-
-Bounds = Annotated[dict[str, Annotated[tuple[Signed, Signed], Field()]], Field(max_length=5_000)]
+    noise_k: Annotated[float, limited(0, 100)] = 0.0
+    resolution_k: Annotated[float, limited(0, 100)] = 0.0
 
 
 class _Common(Entry):
@@ -315,3 +295,10 @@ KINDS: Mapping[str, type[NetworkFile] | type[ModesFile] | type[FieldFile]] = {
     "modes": ModesFile,
     "field": FieldFile,
 }
+
+__all__ = [
+    "KINDS", "MOST_NODES", "MOST_SAMPLES", "MOST_SENSORS", "CandidatesSection", "Column", "ConditionsSection", "Entry",
+    "FieldFile", "FieldFilm", "FieldSection", "FieldSource", "Gauge", "InputsSection", "Link", "ModelFile",
+    "ModelSection", "ModesFile", "ModesSection", "NetworkFile", "Node", "NodeFilm", "NodeSource", "RunSection",
+    "Sensor", "Sine", "SpeedOnly",
+]  # fmt: skip

@@ -4,11 +4,19 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import Any
 
-from selector.errors import ModelFileError, OptionError
+from selector.physics.model_parameters import (
+    Parameter,
+    bad_bounds,
+    numbers_in,
+    outside_bounds,
+    put_at,
+    unknown_parameter,
+    value_at,
+)
+from selector.physics.model_text import Key
 from selector.physics.thermal.model_file import FieldFile, ModelFile, NetworkFile, checked_model_file, plain_values
 
 _UNITS = (
@@ -21,18 +29,6 @@ _FIXED = ("reference_rpm", "speed_rpm", "softening_degc", "xyz", "shares")
 _SECTIONS = ("nodes", "links", "films", "coolant_films", "sources", "modes")
 _TIMES = 10.0
 _DEGREES = 30.0
-
-Path = tuple[str | int, ...]
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """A number of a model: its value, its unit, and the bounds between which a fit may look for it."""
-
-    value: float
-    low: float
-    high: float
-    unit: str
 
 
 def parameters(file: ModelFile) -> dict[str, Parameter]:
@@ -51,14 +47,14 @@ def parameters(file: ModelFile) -> dict[str, Parameter]:
     found: dict[str, Parameter] = {}
     values = _complete_values(file)
     for name, path in _paths(file, values).items():
-        value = float(_at(values, path))
+        value = float(value_at(values, path))
         low, high = file.bounds.get(name, _bounds(path, value))
         if not low <= value <= high:
-            raise _bad_bounds(name, f"[{low:g}, {high:g}]", f"limits around the value, {value:g}")
+            raise bad_bounds(name, f"[{low:g}, {high:g}]", f"limits around the value, {value:g}")
         found[name] = Parameter(value, low, high, unit_of_key(_key(path)))
     for name in file.bounds:
         if name not in found:
-            raise _bad_bounds(name, "no parameter of this name", "one of " + ", ".join(list(found)[:12]) + ", …")
+            raise bad_bounds(name, "no parameter of this name", "one of " + ", ".join(list(found)[:12]) + ", …")
     return found
 
 
@@ -76,21 +72,11 @@ def with_parameters(file: ModelFile, values: Mapping[str, float]) -> ModelFile:
     paths = _paths(file, plain)
     for name, value in values.items():
         if name not in paths:
-            raise OptionError(
-                f"no parameter {name!r}",
-                expected="one of " + ", ".join(list(paths)[:12]) + ", …",
-                where=f"model {file.model.name!r}",
-                advice="look the names up in `parameters`",
-            )
+            raise unknown_parameter(name, list(paths), file.model.name)
         low, high = file.bounds.get(name, (-math.inf, math.inf))
         if value < low or value > high:
-            raise OptionError(
-                f"{name} = {value:g}",
-                expected=f"{low:g} to {high:g}, its bounds in the model file",
-                where=f"model {file.model.name!r}",
-                advice="stay within the bounds, or widen them in the file",
-            )
-        _put(plain, paths[name], float(value))
+            raise outside_bounds(name, value, low, high, file.model.name)
+        put_at(plain, paths[name], float(value))
     return checked_model_file(plain, where=f"model {file.model.name!r}")
 
 
@@ -104,11 +90,11 @@ def _complete_values(file: ModelFile) -> dict[str, Any]:
     return values
 
 
-def _paths(file: ModelFile, values: Mapping[str, Any]) -> dict[str, Path]:
+def _paths(file: ModelFile, values: Mapping[str, Any]) -> dict[str, Key]:
     """Name of a parameter → where its number stands in the plain values."""
-    found: dict[str, Path] = {}
+    found: dict[str, Key] = {}
     for section in _SECTIONS:
-        for path in _numbers(values.get(section, {}), (section,)):
+        for path in numbers_in(values.get(section, {}), (section,)):
             if not any(part in _FIXED for part in path):
                 found[_name(file, path)] = path
     if file.run.start_degc is not None:
@@ -116,18 +102,7 @@ def _paths(file: ModelFile, values: Mapping[str, Any]) -> dict[str, Path]:
     return found
 
 
-def _numbers(value: Any, path: Path) -> Iterator[Path]:
-    if isinstance(value, Mapping):
-        for key, inner in value.items():
-            yield from _numbers(inner, (*path, key))
-    elif isinstance(value, list | tuple):
-        for position, inner in enumerate(value):
-            yield from _numbers(inner, (*path, position))
-    elif isinstance(value, int | float) and not isinstance(value, bool):
-        yield path
-
-
-def _name(file: ModelFile, path: Path) -> str:
+def _name(file: ModelFile, path: Key) -> str:
     parts = [str(part) for part in path]
     if isinstance(file, NetworkFile) and path[0] == "links" and isinstance(path[1], int):
         parts[1] = "~".join(file.links[path[1]].between)
@@ -141,7 +116,7 @@ def _name(file: ModelFile, path: Path) -> str:
     return ".".join(parts)
 
 
-def _key(path: Path) -> str:
+def _key(path: Key) -> str:
     """The key that carries the unit: the last one that is not the name of a node or a displacement."""
     words = [part for part in path[1:] if isinstance(part, str)]
     ends = tuple(end for end, _ in _UNITS)
@@ -157,7 +132,7 @@ def unit_of_key(key: str) -> str:
     return next((unit for end, unit in _UNITS if key.endswith(end)), "1")
 
 
-def _bounds(path: Path, value: float) -> tuple[float, float]:
+def _bounds(path: Key, value: float) -> tuple[float, float]:
     key = _key(path)
     if key.endswith("exponent"):
         return 0.0, max(4.0, value)
@@ -173,25 +148,4 @@ def _bounds(path: Path, value: float) -> tuple[float, float]:
     return low, high
 
 
-def _at(values: Any, path: Path) -> Any:
-    for part in path:
-        values = values[part]
-    return values
-
-
-def _put(values: Any, path: Path, number: float) -> None:
-    """Sets a number; arrays on the way become lists, which can be changed."""
-    for part in path[:-1]:
-        if isinstance(values[part], tuple):
-            values[part] = list(values[part])
-        values = values[part]
-    values[path[-1]] = number
-
-
-def _bad_bounds(name: str, found: str, expected: str) -> ModelFileError:
-    return ModelFileError(
-        found,
-        expected=expected,
-        where=f"key bounds.{name}",
-        advice="correct the name and the limits, or leave them out",
-    )
+__all__ = ["Parameter", "parameters", "unit_of_key", "with_parameters"]

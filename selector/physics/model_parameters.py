@@ -1,0 +1,78 @@
+"""A number of a model that could be fitted again: value, unit and bounds; where it stands in the plain values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from selector.errors import ModelFileError, OptionError
+from selector.physics.model_text import Key
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number of a model: its value, its unit, and the bounds between which a fit may look for it."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+
+
+def numbers_in(value: Any, path: Key) -> Iterator[Key]:
+    """Places of all numbers inside plain values, below `path`."""
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            yield from numbers_in(inner, (*path, key))
+    elif isinstance(value, list | tuple):
+        for position, inner in enumerate(value):
+            yield from numbers_in(inner, (*path, position))
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        yield path
+
+
+def value_at(values: Any, path: Key) -> Any:
+    """What stands at a place of plain values."""
+    for part in path:
+        values = values[part]
+    return values
+
+
+def put_at(values: Any, path: Key, number: float) -> None:
+    """Sets a number; arrays on the way become lists, which can be changed."""
+    for part in path[:-1]:
+        if isinstance(values[part], tuple):
+            values[part] = list(values[part])
+        values = values[part]
+    values[path[-1]] = number
+
+
+def unknown_parameter(name: str, known: Sequence[str], model: str) -> OptionError:
+    """The error for a name that no parameter of the model has."""
+    return OptionError(
+        f"no parameter {name!r}",
+        expected="one of " + ", ".join(known[:12]) + ", …",
+        where=f"model {model!r}",
+        advice="look the names up in `parameters`",
+    )
+
+
+def outside_bounds(name: str, value: float, low: float, high: float, model: str) -> OptionError:
+    """The error for a value outside the bounds that the file gives."""
+    return OptionError(
+        f"{name} = {value:g}",
+        expected=f"{low:g} to {high:g}, its bounds in the model file",
+        where=f"model {model!r}",
+        advice="stay within the bounds, or widen them in the file",
+    )
+
+
+def bad_bounds(name: str, found: str, expected: str) -> ModelFileError:
+    """The error for an entry of ``[bounds]`` that cannot be."""
+    return ModelFileError(
+        found,
+        expected=expected,
+        where=f"key bounds.{name}",
+        advice="correct the name and the limits, or leave them out",
+    )

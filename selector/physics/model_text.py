@@ -1,0 +1,261 @@
+"""What does a model file say: TOML text → checked values, or an error that names the key; the same for every physics.
+
+A `ModelFamily` knows the sections of one physics and what contradicts what in them; all else is common.
+"""
+
+from __future__ import annotations
+
+import difflib
+import json
+import re
+import tomllib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Generic, TypeVar, get_args
+
+from pydantic import BaseModel, Tag, ValidationError
+
+from selector.errors import ModelFileError
+from selector.physics.model_entries import Entry, is_choice_tag
+from selector.physics.model_mistakes import expected_text
+
+LARGEST_FILE_BYTES = 4_000_000
+"""A thermal network of the largest size that is allowed takes a tenth of it."""
+
+FAMILY_OF_KIND = {"network": "thermal", "modes": "thermal", "field": "thermal", "drive": "drive"}
+"""``kind`` of a model file → the physics, and the command of `selector simulate`, that it belongs to."""
+
+Key = tuple[str | int, ...]
+Contradiction = tuple[Key, str, str, str]
+"""(key, found, expected, advice) of what does not fit together in a file whose values are valid one by one."""
+
+File = TypeVar("File", bound=Entry)
+
+_MOST_PARTS = 32
+_PART = r"""(?:(?<![\w-])[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
+_LONG_KEY = re.compile(rf"(?:{_PART}[ \t]*+\.[ \t]*+){{{_MOST_PARTS}}}")
+"""Reading a dotted key takes a time that grows with the square of its parts."""
+
+
+@dataclass(frozen=True)
+class ModelFamily(Generic[File]):
+    """The model files of one physics.
+
+    Attributes
+    ----------
+    physics : str
+        What they are called: "thermal" for thermal model files.
+    kinds : mapping of str to type
+        ``kind`` in ``[model]`` → its sections.
+    contradictions : callable
+        File → whatever does not fit together in it, as (key, found, expected, advice).
+    page, examples : str
+        Page that explains every key; folder with examples.
+    """
+
+    physics: str
+    kinds: Mapping[str, type[File]]
+    contradictions: Callable[[File], Iterable[Contradiction]]
+    page: str
+    examples: str
+
+    def read(self, path: str | Path) -> File:
+        """The model file at `path`.
+
+        Raises
+        ------
+        ModelFileError
+            The file cannot be read, is not TOML, has an unknown key (the nearest known one is named), a value of the
+            wrong kind or outside its limits, or two places that contradict each other; the message names file and key.
+        """
+        return self.parsed(self._text(Path(path)), where=str(path))
+
+    def parsed(self, text: str, *, where: str = "model file") -> File:
+        """The model file with this content; `where` names it in messages. Errors as `read`."""
+        return self.checked(sections_of_text(text, where=where), where=where)
+
+    def checked(self, values: Mapping[str, Any], *, where: str = "model file") -> File:
+        """The model file with these sections as plain values. Errors as `read`."""
+        schema = self._schema(values, where)
+        try:
+            file = schema.model_validate(dict(values))
+        except ValidationError as error:
+            raise self._invalid(error, schema, where) from None
+        for key, found, expected, advice in self.contradictions(file):
+            raise ModelFileError(found, expected=expected, where=f"{where}, key {key_text(key)}", advice=advice)
+        return file
+
+    def _text(self, place: Path) -> str:
+        if place.exists() and not (place.is_file() or place.is_dir()):
+            # opening a pipe would wait for ever
+            raise self._no_model_file("not a regular file but a device, a pipe or a socket", str(place))
+        try:
+            with place.open("rb") as file:
+                content = file.read(LARGEST_FILE_BYTES + 1)
+        except OSError as error:
+            said = f"a file that cannot be opened ({error.strerror or error})"
+            raise self._no_model_file(said, str(place)) from error
+        if len(content) > LARGEST_FILE_BYTES:
+            raise self._no_model_file(f"a file of more than {LARGEST_FILE_BYTES // 10**6} MB", str(place))
+        try:
+            text = content.decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            raise self._no_model_file(f"text that is not UTF-8 at byte {error.start}", str(place)) from None
+        return text.replace("\r\n", "\n")
+
+    def _no_model_file(self, found: str, where: str) -> ModelFileError:
+        expected, advice = f"a {self.physics} model file (TOML text)", f"check the path; see {self.examples}"
+        return ModelFileError(found, expected=expected, where=where, advice=advice)
+
+    def _schema(self, values: Mapping[str, Any], where: str) -> type[File]:
+        section = values.get("model")
+        kind = section.get("kind") if isinstance(section, Mapping) else None
+        if isinstance(kind, str) and kind in self.kinds:
+            return self.kinds[kind]
+        other = FAMILY_OF_KIND.get(kind) if isinstance(kind, str) else None
+        example = f'begin the file with [model], kind = "{next(iter(self.kinds))}" and name = "…"'
+        raise ModelFileError(
+            f"kind {shown(kind)}" if isinstance(section, Mapping) and "kind" in section else "no kind of model",
+            expected="one of " + ", ".join(f'"{name}"' for name in self.kinds),
+            where=f"{where}, key model.kind",
+            advice=f"run such a model with `selector simulate {other}`" if other else example,
+        )
+
+    def _invalid(self, error: ValidationError, schema: type[BaseModel], where: str) -> ModelFileError:
+        """The first thing that is wrong, in words; a key that is not known before one that is missing."""
+        problems: list[Any] = error.errors(include_url=False)
+        rank = {"extra_forbidden": 0, "missing": 2}
+        first = min(problems, key=lambda one: rank.get(one["type"], 1))
+        key: Key = tuple(part for part in first["loc"] if not is_choice_tag(part) and part != "[key]")
+        place = f"{where}, key {key_text(key)}"
+        more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+        if first["type"] == "extra_forbidden":
+            known = _keys_at(schema, first["loc"][:-1])
+            near = _closest(str(key[-1]), known)
+            elsewhere = [name for name, other in self.kinds.items() if len(key) == 1 and key[0] in other.model_fields]
+            advice = (
+                f"this section belongs to models of kind {', '.join(elsewhere)}"
+                if elsewhere
+                else "correct the spelling"
+            )
+            return ModelFileError(
+                f"unknown key {shown(key[-1])}{more}",
+                expected=(f"{near!r} perhaps; " if near else "") + "one of " + ", ".join(known),
+                where=place,
+                advice=f"{advice}, or remove it; {self.page} explains every key",
+            )
+        if first["type"] == "missing":
+            found, expected = f"no {shown(key[-1]) if isinstance(key[-1], str) else 'further value'}{more}", "this key"
+        else:
+            found = f"{shown(first['input'])}{more}"
+            expected = expected_text(first)
+        advice = f"correct this value; {self.page} explains it"
+        return ModelFileError(found, expected=expected, where=place, advice=advice)
+
+
+def sections_of_text(text: str, *, where: str) -> dict[str, Any]:
+    """The sections of a TOML text as plain values; `where` names it in messages.
+
+    Raises
+    ------
+    ModelFileError
+        It is not TOML, or made so that reading it would take very long.
+    """
+    long = _LONG_KEY.search(text)
+    if long is not None:
+        raise ModelFileError(
+            f"a key of more than {_MOST_PARTS} parts ({shown(long.group()[:30])} …)",
+            expected="keys of a few parts, such as nodes.bed.place",
+            where=f"{where}, line {text.count(chr(10), 0, long.start()) + 1}",
+            advice="correct this line",
+        )
+    try:
+        return tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
+        said = "nested too deep" if isinstance(error, RecursionError) else str(error)[:200]
+        raise ModelFileError(
+            f"text that is not TOML ({said})",
+            expected="sections such as [model] and [run] with key = value lines",
+            where=where,
+            advice="correct this line; texts need quotation marks, numbers a decimal point and no unit",
+        ) from None
+
+
+def plain_values(file: Entry) -> dict[str, Any]:
+    """The sections as plain values, as they were given; `ModelFamily.checked` makes an equal file of them."""
+    return file.model_dump(mode="python", exclude_unset=True)
+
+
+def bound_contradictions(bounds: Mapping[str, tuple[float, float]]) -> Iterator[Contradiction]:
+    """Those of ``[bounds]``: limits in the wrong order."""
+    for name, (low, high) in bounds.items():
+        if low >= high:
+            yield ("bounds", name), f"[{low:g}, {high:g}]", "a lower and a higher limit", "exchange the two numbers"
+
+
+def key_text(key: Sequence[str | int]) -> str:
+    """A place in a TOML file as text; entries of an array count from 1.
+
+    >>> key_text(("links", 2, "between")), key_text(("nodes", "upper bearing", "xyz"))
+    ('links[3].between', 'nodes."upper bearing".xyz')
+    """
+    text = ""
+    for part in key:
+        if isinstance(part, int):
+            text += f"[{part + 1}]"
+        else:
+            # at most a line of it: a key may be as long as the file
+            word = part if re.fullmatch(r"[A-Za-z0-9_-]{1,60}", part) else json.dumps(part[:60])
+            text += f".{word}" if text else word
+    return text
+
+
+def unknown_name(what: str, name: str, known: Sequence[str]) -> tuple[str, str, str]:
+    """(found, expected, advice) of a name that does not exist, with the nearest that does."""
+    near = _closest(name, known)
+    return (
+        f"no {what} called {name!r}",
+        (f"{near!r} perhaps; " if near else "") + "one of " + (", ".join(known[:20]) or "none, there are none"),
+        "correct the name, or add what it names",
+    )
+
+
+def shown(value: object) -> str:
+    """A value of the file on one short line of printable characters."""
+    if isinstance(value, Mapping):
+        return f"a table with {len(value)} keys"
+    if isinstance(value, list | tuple) and len(value) > 8:
+        return f"an array of {len(value)} values"
+    if isinstance(value, int) and abs(value) >= 10**18:
+        return "a number beyond all limits"
+    text = ascii(value)
+    return text if len(text) <= 80 else f"{text[:79]}…"
+
+
+def _keys_at(schema: type[BaseModel], path: Sequence[str | int]) -> list[str]:
+    """Keys that the section at this path may have."""
+    entries: list[type[BaseModel]] = [schema]
+    annotations: list[Any] = []
+    for part in path:
+        if is_choice_tag(part):
+            entries = [entry for annotation in annotations for entry in _entries_in(annotation, str(part))]
+        elif inner := [e.model_fields[part].annotation for e in entries if part in e.model_fields]:
+            annotations = inner
+            entries = [entry for annotation in annotations for entry in _entries_in(annotation)]
+    return list(dict.fromkeys(name for entry in entries for name in entry.model_fields))
+
+
+def _entries_in(annotation: Any, tag: str | None = None) -> list[type[BaseModel]]:
+    """Sections inside a type such as ``dict[str, Node]``; of a choice with a tag, that one."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    inner = get_args(annotation)
+    if any(isinstance(part, Tag) and tag not in (None, part.tag) for part in inner):
+        return []
+    return [entry for part in inner for entry in _entries_in(part, tag)]
+
+
+def _closest(name: str, among: Sequence[str]) -> str | None:
+    near = difflib.get_close_matches(name[:100].lower(), [known.lower() for known in among], n=1, cutoff=0.5)
+    return next((known for known in among if near and known.lower() == near[0]), None)
