@@ -49,7 +49,13 @@ class Panel:
     """A value that the axis shows in any case."""
 
 
-def stacked(title: str, panels: Sequence[Panel], end_s: float, marks_s: Sequence[float] = ()) -> go.Figure:
+def stacked(
+    title: str,
+    panels: Sequence[Panel],
+    end_s: float,
+    marks_s: Sequence[float] = (),
+    spans_s: Sequence[tuple[float, float]] = (),
+) -> go.Figure:
     """Panels one above the other; hovering and zooming go through all of them.
 
     Parameters
@@ -62,6 +68,8 @@ def stacked(title: str, panels: Sequence[Panel], end_s: float, marks_s: Sequence
         End of the time axis [s].
     marks_s : sequence of float
         Times [s] of dotted lines through all panels.
+    spans_s : sequence of (float, float)
+        Stretches of time [s] that are shaded in all panels.
     """
     heights = [max(panel.height_px, _LABEL_PX * sum(bool(line.name) for line in panel.lines)) for panel in panels]
     inside = sum(heights) + _GAP_PX * (len(panels) - 1)
@@ -98,6 +106,11 @@ def stacked(title: str, panels: Sequence[Panel], end_s: float, marks_s: Sequence
             drawn.add_shape(
                 type="rect", xref=f"x{key} domain", x0=0, x1=1, yref=f"y{key}", y0=panel.band[0], y1=panel.band[1],
                 fillcolor=style.CHOSEN, opacity=0.12, line={"width": 0}, layer="below",
+            )  # fmt: skip
+        for start, stop in spans_s:
+            drawn.add_shape(
+                type="rect", xref=f"x{key}", x0=start / seconds, x1=stop / seconds, yref=f"y{key} domain", y0=0, y1=1,
+                fillcolor=style.RESIDUAL, opacity=0.15, line={"width": 0}, layer="below",
             )  # fmt: skip
         for mark in marks_s:
             drawn.add_shape(

@@ -1,0 +1,72 @@
+"""A tracking error is split into what goes with speed, acceleration and direction, and nothing is lost."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from selector.physics.drive.error_parts import direction_of_travel, error_parts
+from selector.physics.drive.motion import Motion
+
+TIME_S = np.linspace(0.0, 2.0, 4001)
+REFERENCE_M = 0.1 * np.sin(2.0 * np.pi * TIME_S) + 0.03 * np.sin(6.0 * np.pi * TIME_S)
+SPEED = np.gradient(REFERENCE_M, TIME_S)
+
+
+def motion_with(error_m: np.ndarray, reference_m: np.ndarray = REFERENCE_M) -> Motion:
+    nothing = np.zeros_like(error_m)
+    return Motion(
+        time_s=np.linspace(0.0, 2.0, len(error_m)),
+        reference_m=reference_m,
+        table_m=reference_m - error_m,
+        table_speed_m_per_s=nothing,
+        motor=nothing,
+        motor_speed=nothing,
+        measured_m=nothing,
+        command=nothing,
+        actuator_force=nothing,
+        axial_force_n=nothing,
+        friction_n=nothing,
+    )
+
+
+@given(
+    lag_s=st.floats(-0.05, 0.05),
+    per_acceleration_s2=st.floats(-1e-4, 1e-4),
+    reversal_m=st.floats(-1e-4, 1e-4),
+    constant_m=st.floats(-1e-4, 1e-4),
+)
+def test_what_an_error_is_made_of_is_found_again(lag_s, per_acceleration_s2, reversal_m, constant_m):
+    planted = (
+        lag_s * SPEED
+        + per_acceleration_s2 * np.gradient(SPEED, TIME_S)
+        + reversal_m * direction_of_travel(SPEED)
+        + constant_m
+    )
+    parts = error_parts(motion_with(planted))
+    # rounding of positions of 0.1 m, 1e-17 m, over rows whose condition number is below 100
+    assert parts.lag_s == pytest.approx(lag_s, abs=1e-13)
+    assert parts.per_acceleration_s2 == pytest.approx(per_acceleration_s2, abs=1e-14)
+    assert parts.reversal_m == pytest.approx(reversal_m, abs=1e-13)
+    assert parts.constant_m == pytest.approx(constant_m, abs=1e-13)
+    assert parts.rms_m["rest"] < 1e-14
+
+
+def test_the_largest_part_is_named():
+    assert error_parts(motion_with(0.01 * SPEED)).largest == "speed"
+    assert error_parts(motion_with(1e-5 * direction_of_travel(SPEED))).largest == "direction"
+    assert error_parts(motion_with(np.full_like(SPEED, 1e-5))).largest == "constant"
+    assert error_parts(motion_with(1e-5 * np.sin(400.0 * TIME_S))).largest == "rest"
+
+
+def test_an_axis_that_stands_has_only_a_constant_part():
+    parts = error_parts(motion_with(np.full(100, 2e-6), np.zeros(100)))
+    assert (parts.lag_s, parts.reversal_m) == (0.0, 0.0)
+    assert parts.constant_m == pytest.approx(2e-6, rel=1e-12)  # rounding
+
+
+def test_a_standing_axis_keeps_the_direction_of_its_last_motion():
+    speed = np.array([0.0, 0.0, 1.0, 0.0, 1e-9, -1.0, 0.0])
+    assert direction_of_travel(speed).tolist() == [0, 0, 1, 1, 1, -1, -1]

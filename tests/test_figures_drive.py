@@ -1,0 +1,143 @@
+"""Figures of feed axes show what the results hold, with units, peaks kept, and no name is markup."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+
+from selector.figures.drive import (
+    ROTARY,
+    axis_course,
+    frequency_response,
+    friction_over_speed,
+    stiffness_and_damping,
+    stretches,
+    varying_against_constant,
+)
+from selector.physics.drive.motion import Motion
+from tests.report.studies import HOSTILE
+from tests.test_figures_thermal import FLOAT32, drawn_values, strings_of
+
+TIME_S = np.linspace(0.0, 1.0, 20_001)
+FREQUENCY_HZ = np.geomspace(1.0, 1000.0, 300)
+
+
+def moved() -> Motion:
+    """An axis with a lag, a spike of one sample, and friction that changes with its direction."""
+    reference = 0.1 * np.sin(2.0 * np.pi * TIME_S)
+    speed = 0.2 * np.pi * np.cos(2.0 * np.pi * TIME_S)
+    error = 1e-3 * speed
+    error[12_345] = 5e-3
+    nothing = np.zeros_like(TIME_S)
+    return Motion(
+        time_s=TIME_S,
+        reference_m=reference,
+        table_m=reference - error,
+        table_speed_m_per_s=speed,
+        motor=nothing,
+        motor_speed=nothing,
+        measured_m=reference - error,
+        command=np.clip(speed * 40.0, -20.0, 20.0),
+        actuator_force=nothing,
+        axial_force_n=nothing,
+        friction_n=200.0 * np.sign(speed),
+    )
+
+
+def response(corner_hz: float) -> tuple[np.ndarray, np.ndarray]:
+    loop = 1.0 / (1.0 + 1j * FREQUENCY_HZ / corner_hz)
+    return np.abs(loop), np.degrees(np.angle(loop))
+
+
+def bode() -> go.Figure:
+    both = {name: response(corner) for name, corner in ((HOSTILE[0], 10.0), ("at 0.5 s", 12.0))}
+    return frequency_response(
+        FREQUENCY_HZ, {name: one[0] for name, one in both.items()}, {name: one[1] for name, one in both.items()}, "x"
+    )
+
+
+def every_figure() -> list[go.Figure]:
+    motion = moved()
+    return [
+        axis_course(motion, HOSTILE[0], "A", limited=np.abs(motion.command) >= 20.0),
+        axis_course(motion, "B", "A", measures=ROTARY),
+        stiffness_and_damping(TIME_S, 1e8 + 1e7 * TIME_S, 100.0 + TIME_S, (0.1, 0.5)),
+        varying_against_constant(TIME_S, motion.tracking_error_m, 0.9 * motion.tracking_error_m),
+        bode(),
+        friction_over_speed(motion, HOSTILE[0], near_m_per_s=0.01),
+        friction_over_speed(motion, ""),
+    ]
+
+
+def test_every_axis_has_a_unit():
+    units = r"\[(mm|µm|m/min|A|N|N/µm|kN·s/m|Hz|dB|°|µrad|r/min|N·m|s)\]"
+    for drawn in every_figure():
+        layout = drawn.to_plotly_json()["layout"]
+        assert drawn.layout.title.text
+        titles = [layout[key].get("title", {}).get("text") for key in layout if re.fullmatch(r"[xy]axis\d*", key)]
+        assert [title for title in titles if title]
+        assert not [title for title in titles if title and not re.search(units, title)]
+
+
+def test_names_are_never_markup():
+    own = re.compile(r"</?(?:b|br|extra)>")
+    texts = [own.sub("", text) for drawn in every_figure() for text in strings_of(json.loads(drawn.to_json()))]
+    assert any("&lt;" in text for text in texts)
+    assert not [text for text in texts if "<" in text]
+
+
+def test_the_largest_error_survives_thinning_and_stands_in_the_title():
+    drawn = axis_course(moved(), "X", "A")
+    (error,) = (trace for trace in json.loads(drawn.to_json())["data"] if trace["yaxis"] == "y3")
+    values = drawn_values(error["y"])
+    assert len(values) < 1000
+    assert float(values.max()) == pytest.approx(5000.0, rel=FLOAT32)
+    assert "5000 µm (after 0.617 s)" in drawn.layout.title.text
+
+
+def test_limits_are_shaded_where_they_were_reached():
+    motion = moved()
+    limited = np.abs(motion.command) >= 20.0
+    found = stretches(TIME_S, limited)
+    # |cos| above 20/(40·0.2π): at the start, in the middle and at the end
+    edge = np.arccos(20.0 / (40.0 * 0.2 * np.pi)) / (2.0 * np.pi)
+    expected = [(0.0, edge), (0.5 - edge, 0.5 + edge), (1.0 - edge, 1.0)]
+    np.testing.assert_allclose(found, expected, atol=1.01 * TIME_S[1])  # a sample at each end
+    shaded = [s for s in axis_course(motion, "X", "A", limited=limited).layout.shapes if s.type == "rect"]
+    assert [(s.x0, s.x1) for s in shaded[:3]] == found
+    assert stretches(TIME_S, np.zeros(len(TIME_S), dtype=bool)) == []
+
+
+def test_limits_that_are_touched_all_the_time_are_few_shapes():
+    assert len(stretches(TIME_S, np.arange(len(TIME_S)) % 2 == 0)) == 1
+
+
+def test_varying_and_constant_are_told_apart():
+    motion = moved()
+    drawn = varying_against_constant(TIME_S, motion.tracking_error_m, 0.5 * motion.tracking_error_m)
+    share = 100.0 * np.mean(np.abs(motion.tracking_error_m) > 0.5 * np.abs(motion.tracking_error_m))
+    assert f"larger {share:.0f} % of the time" in drawn.layout.title.text
+
+
+def test_amplitudes_are_decibels():
+    drawn = bode()
+    amplitude = drawn_values(json.loads(drawn.to_json())["data"][0]["y"])
+    k = int(np.argmin(np.abs(FREQUENCY_HZ - 10.0)))
+    # at its corner a lag of first order is 3.01 dB down; the grid hits the corner within 1.2 %, 0.05 dB
+    assert amplitude[k] == pytest.approx(-3.01, abs=0.06)
+    assert {trace.yaxis for trace in drawn.data} == {"y", "y2"}
+
+
+def test_the_reversal_is_enlarged_with_its_jump():
+    drawn = friction_over_speed(moved(), "X", near_m_per_s=0.01)
+    near = drawn.data[1]
+    speed, friction = np.asarray(near.x, dtype=float), np.asarray(near.y, dtype=float)
+    # two reversals, each ends with a gap
+    assert np.isnan(speed).sum() == 2
+    assert {-200.0, 200.0} <= set(friction[np.isfinite(friction)].tolist())
+    assert np.nanmax(np.abs(speed)) < 1.1 * 0.01 * 60.0
+    assert len(friction_over_speed(moved(), "X", near_m_per_s=10.0).data) == 1
