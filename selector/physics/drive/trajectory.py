@@ -1,0 +1,306 @@
+"""How a reference comes about: sines, moves as fast as limits allow, and recorded courses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import interpolate, signal
+
+from selector.errors import InputError
+from selector.findings import Finding
+from selector.physics.drive.reference import Reference
+
+Vector = NDArray[np.float64]
+
+EVEN = 1e-3
+"""Clocks that stray by less, as a share of their period, count as even: rounded times."""
+WINDOW = 11
+"""Samples of the local cubic from which derivatives of a recorded course are taken."""
+
+
+def sine(
+    amplitude_m: float,
+    frequency_hz: float,
+    duration_s: float,
+    period_s: float,
+    *,
+    phase_rad: float = 0.0,
+    offset_m: float = 0.0,
+) -> Reference:
+    """The course offset + amplitude·sin(2πft + phase) with exact derivatives (F: 100 mm, 1 Hz).
+
+    Without a phase it starts in the middle, at full speed: an axis at rest needs a moment to catch up.
+
+    Raises
+    ------
+    InputError
+        A frequency, duration or period that is not above 0.
+    """
+    _require(frequency_hz=frequency_hz, duration_s=duration_s, period_s=period_s)
+    time_s = np.arange(math.floor(duration_s / period_s * (1.0 + 1e-12)) + 1) * period_s
+    omega = 2.0 * math.pi * frequency_hz
+    angle = omega * time_s + phase_rad
+    wave = amplitude_m * np.sin(angle)
+    return Reference(period_s, offset_m + wave, amplitude_m * omega * np.cos(angle), -(omega**2) * wave)
+
+
+@dataclass(frozen=True)
+class MovePhases:
+    """Phases of the fastest move from rest to rest: jerk, acceleration, jerk, travel, and back in reverse.
+
+    Attributes
+    ----------
+    jerk_s, acceleration_s, travel_s : float
+        Duration of each of the four jerk phases, of both phases of constant acceleration, of constant speed [s].
+    """
+
+    jerk_s: float
+    acceleration_s: float
+    travel_s: float
+
+    @property
+    def duration_s(self) -> float:
+        """Of the whole move [s]."""
+        return 4.0 * self.jerk_s + 2.0 * self.acceleration_s + self.travel_s
+
+
+def move_phases(
+    distance_m: float, *, speed_m_per_s: float, acceleration_m_per_s2: float, jerk_m_per_s3: float = math.inf
+) -> MovePhases:
+    """The phases in which `distance_m` is covered in the shortest time within limits; an infinite jerk is a trapezoid.
+
+    Lambrechts, Boerlage, Steinbuch (2005), Control Engineering Practice 13, 145–157: the shortest jerk phase that
+    jerk, acceleration, speed or distance ask for, then the longest phase of acceleration, then the rest.
+
+    Raises
+    ------
+    InputError
+        A limit that is not above 0.
+    """
+    _require(speed_m_per_s=speed_m_per_s, acceleration_m_per_s2=acceleration_m_per_s2)
+    if not jerk_m_per_s3 > 0:
+        raise _unfit("jerk_m_per_s3", jerk_m_per_s3)
+    distance = abs(distance_m)
+    if not math.isfinite(distance):
+        raise _unfit("distance_m", distance_m, "a finite number")
+    if distance == 0.0:
+        return MovePhases(0.0, 0.0, 0.0)
+    v, a, j = speed_m_per_s, acceleration_m_per_s2, jerk_m_per_s3
+    if math.isinf(j):
+        jerk_s, gained = 0.0, a
+        acceleration_s = min(v / a, math.sqrt(distance / a))
+    else:
+        jerk_s = min(a / j, math.sqrt(v / j), math.cbrt(distance / (2.0 * j)))
+        gained = j * jerk_s
+        longest = math.sqrt(0.25 * jerk_s**2 + distance / gained) - 1.5 * jerk_s
+        acceleration_s = max(0.0, min(v / gained - jerk_s, longest))
+    rise_s = jerk_s + acceleration_s
+    return MovePhases(jerk_s, acceleration_s, max(0.0, distance / (gained * rise_s) - rise_s - jerk_s))
+
+
+def moves(
+    targets_m: Sequence[float],
+    period_s: float,
+    *,
+    speed_m_per_s: float | Sequence[float],
+    acceleration_m_per_s2: float,
+    jerk_m_per_s3: float = math.inf,
+    start_m: float = 0.0,
+    dwell_s: float | Sequence[float] = 0.0,
+    repeat: int = 1,
+) -> Reference:
+    """Moves from rest to rest, one after the other, each as fast as its limits allow; exact at every sample.
+
+    Parameters
+    ----------
+    targets_m
+        Positions to go to, in turn [m].
+    period_s
+        Distance of the samples [s]; moves may begin and end between samples.
+    speed_m_per_s, dwell_s
+        Largest speed, and rest after the move [s]: one number, or one a target.
+    acceleration_m_per_s2, jerk_m_per_s3
+        Further limits; an infinite jerk lets the acceleration jump.
+    start_m
+        Position before the first move [m].
+    repeat
+        How often the targets are gone through.
+
+    Raises
+    ------
+    InputError
+        No target, a limit or period that is not above 0, a dwell below 0, or lists of different lengths.
+    """
+    _require(period_s=period_s)
+    count = len(targets_m)
+    if count == 0 or repeat < 1:
+        raise _unfit("targets_m" if count == 0 else "repeat", count or repeat, "at least one")
+    speeds, dwells = _one_each("speed_m_per_s", speed_m_per_s, count), _one_each("dwell_s", dwell_s, count)
+    begin, here, begins_s = 0.0, start_m, []
+    stretches = []
+    for target, speed, dwell in list(zip(targets_m, speeds, dwells, strict=True)) * repeat:
+        if not (math.isfinite(dwell) and dwell >= 0):
+            raise _unfit("dwell_s", dwell, "0 or more")
+        phases = move_phases(
+            target - here,
+            speed_m_per_s=speed,
+            acceleration_m_per_s2=acceleration_m_per_s2,
+            jerk_m_per_s3=jerk_m_per_s3,
+        )
+        begins_s.append(begin)
+        stretches.append((here, target, phases))
+        begin, here = begin + phases.duration_s + dwell, target
+    time_s = np.arange(math.ceil(begin / period_s * (1.0 - 1e-12)) + 1, dtype=np.float64) * period_s
+    if len(time_s) < 2:
+        raise _unfit("targets_m", 0, "a target away from the start, or a dwell")
+    course = np.empty((3, len(time_s)))
+    edges = np.append(np.searchsorted(time_s, begins_s), len(time_s))
+    for (origin, target, phases), first, last, since in zip(stretches, edges[:-1], edges[1:], begins_s, strict=True):
+        course[:, first:last] = _move(origin, target, phases, time_s[first:last] - since)
+    return Reference(period_s, *course)
+
+
+def recorded(time_s: ArrayLike, position_m: ArrayLike, period_s: float | None = None) -> Reference:
+    """A recorded course, on an even grid.
+
+    Positions stay as they are where the clock is even; where it jitters, or another period is asked for, they are
+    taken from the cubic spline through the samples. Derivatives are those of a cubic fitted to 11 samples around each
+    (Savitzky–Golay; edges: of the first and last 11), which keeps the rounding of the positions out of them.
+    `clock_findings` says how uneven the clock is.
+
+    Raises
+    ------
+    InputError
+        Fewer than 11 samples, missing values, times that do not increase, or a gap: a step above 1.5 periods.
+    """
+    time, position = _checked(time_s, position_m)
+    median_s = float(np.median(np.diff(time)))
+    step_s = median_s if period_s is None else period_s
+    _require(period_s=step_s)
+    if _stray(time) > EVEN or (period_s is not None and abs(step_s / median_s - 1.0) * len(time) > EVEN):
+        grid = time[0] + np.arange(math.floor((time[-1] - time[0]) / step_s * (1.0 + 1e-12)) + 1) * step_s
+        position = np.asarray(interpolate.CubicSpline(time, position)(np.minimum(grid, time[-1])))
+    else:
+        step_s = float((time[-1] - time[0]) / (len(time) - 1)) if period_s is None else step_s
+    if len(position) < WINDOW:
+        raise _unfit("position_m", len(position), f"at least {WINDOW} samples")
+    speed, acceleration = (
+        np.asarray(signal.savgol_filter(position, WINDOW, 3, deriv=order, delta=step_s)) for order in (1, 2)
+    )
+    return Reference(step_s, position, speed, acceleration)
+
+
+def clock_findings(time_s: ArrayLike) -> tuple[Finding, ...]:
+    """What `recorded` did about a clock that is not even: nothing to say below a thousandth of the period."""
+    time = np.array(time_s, dtype=np.float64)
+    stray = _stray(time)
+    if stray <= EVEN:
+        return ()
+    period_s = float(np.median(np.diff(time)))
+    return (
+        Finding(
+            id="recorded-clock-jitter",
+            level="info" if stray < 0.1 else "warning",
+            statement=f"Times stray by up to {stray:.1%} of their period of {period_s:g} s; positions were brought to "
+            "an even grid by a cubic spline.",
+            suggestion="Nothing is left out; if the true clock is even, give positions without times.",
+        ),
+    )
+
+
+def _move(origin: float, target: float, phases: MovePhases, since_s: Vector) -> NDArray[np.float64]:
+    """Position, speed, acceleration at times from the beginning of a move, (3, n); at rest after it."""
+    distance = target - origin
+    course = np.zeros((3, len(since_s)))
+    course[0] = target
+    total_s, rise_s = phases.duration_s, phases.jerk_s + phases.acceleration_s
+    if total_s == 0.0:
+        return course
+    late = since_s > 0.5 * total_s
+    # the second half is the first one backwards: symmetric and on target without any sum of seven phases
+    t = np.maximum(np.where(late, total_s - since_s, since_s), 0.0)
+    top_speed = distance / (rise_s + phases.jerk_s + phases.travel_s)
+    top = top_speed / rise_s
+    jerk = top / phases.jerk_s if phases.jerk_s > 0 else 0.0
+    full_s = rise_s + phases.jerk_s
+    u, w = t - phases.jerk_s, full_s - t
+    first, second, third = t < phases.jerk_s, t < rise_s, t < full_s
+    ramp = jerk * phases.jerk_s
+    pick = [first, second, third]
+    gone = np.select(
+        pick,
+        [
+            jerk * t**3 / 6.0,
+            ramp * (phases.jerk_s**2 / 6.0 + 0.5 * phases.jerk_s * u) + 0.5 * top * u**2,
+            top_speed * (0.5 * full_s - w) + jerk * w**3 / 6.0,
+        ],
+        top_speed * (t - 0.5 * full_s),
+    )
+    speed = np.select(
+        pick, [0.5 * jerk * t**2, 0.5 * ramp * phases.jerk_s + top * u, top_speed - 0.5 * jerk * w**2], top_speed
+    )
+    acceleration = np.select(pick, [jerk * t, np.full_like(t, top), jerk * w], 0.0)
+    moving = since_s < total_s * (1.0 - 1e-12)
+    course[0] = np.where(moving, np.where(late, target - gone, origin + gone), target)
+    course[1] = np.where(moving, speed, 0.0)
+    course[2] = np.where(moving, np.where(late, -acceleration, acceleration), 0.0)
+    return course
+
+
+def _stray(time: Vector) -> float:
+    """Largest distance of the times from an even grid between their ends, as a share of the median step."""
+    even = np.linspace(time[0], time[-1], len(time))
+    return float(np.abs(time - even).max() / np.median(np.diff(time)))
+
+
+def _checked(time_s: ArrayLike, position_m: ArrayLike) -> tuple[Vector, Vector]:
+    time, position = np.array(time_s, dtype=np.float64), np.array(position_m, dtype=np.float64)
+    where, advice = "recorded course", "leave the rows without a value out, or interpolate them before"
+    if time.ndim != 1 or time.shape != position.shape or len(time) < WINDOW:
+        raise InputError(
+            f"{time.shape} times and {position.shape} positions",
+            expected=f"at least {WINDOW} of both, as many of one as of the other",
+            where=where,
+            advice="give a longer course",
+        )
+    if not (np.isfinite(time).all() and np.isfinite(position).all()):
+        raise InputError("missing values", expected="finite numbers", where=where, advice=advice)
+    steps = np.diff(time)
+    if (steps <= 0).any():
+        at = int(np.argmin(steps > 0))
+        raise InputError(
+            f"the time {time[at + 1]:g} s after {time[at]:g} s",
+            expected="times that increase",
+            where=where,
+            advice="sort the rows and keep one a time",
+        )
+    gaps = np.flatnonzero(steps > 1.5 * np.median(steps))
+    if len(gaps):
+        raise InputError(
+            f"{len(gaps)} gaps, the first of {steps[gaps[0]]:g} s at {time[gaps[0]]:g} s",
+            expected=f"steps near {np.median(steps):g} s",
+            where=where,
+            advice="use a stretch without gaps, or fill them before",
+        )
+    return time, position
+
+
+def _one_each(name: str, given: float | Sequence[float], count: int) -> list[float]:
+    values = [float(given)] * count if isinstance(given, int | float) else [float(value) for value in given]
+    if len(values) != count:
+        raise _unfit(name, len(values), f"one number, or one for each of the {count} targets")
+    return values
+
+
+def _require(**values: float) -> None:
+    for name, value in values.items():
+        if not (math.isfinite(value) and value > 0):
+            raise _unfit(name, value)
+
+
+def _unfit(name: str, found: float, expected: str = "a number above 0") -> InputError:
+    return InputError(f"{found:g}", expected=expected, where=name, advice="correct this parameter of the trajectory")
