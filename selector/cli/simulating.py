@@ -21,9 +21,6 @@ if TYPE_CHECKING:
     from selector.readers import Reading
     from selector.recording import Recording
 
-KINDS = {"thermal": ("network", "modes", "field"), "drive": ("drive",)}
-"""Command → `model.kind` of the files that belong to it."""
-
 Inputs = Annotated[
     list[Path] | None,
     typer.Option(
@@ -56,7 +53,7 @@ class Simulated:
     destination : Destination
     findings : tuple of Finding
     command : str
-        Kind of the simulation, a key of `KINDS`.
+        Kind of the simulation: its word behind `simulate`.
     model : mapping
         ``file``, ``kind`` and ``name`` of the model.
     seed : int or None

@@ -38,6 +38,8 @@ if TYPE_CHECKING:
     from selector.physics.thermal.thermal_model import FileModel
     from selector.recording import Recording
 
+_ROLES_OF_COLUMNS = {"spindle_speed_rpm": "spindle_speed", "ambient_degc": "ambient", "coolant_degc": "temperature"}
+
 ThermalModelFile = Annotated[
     Path,
     typer.Argument(metavar="MODEL.toml", help="Model file of a network, of thermal modes, or of the field machine."),
@@ -226,14 +228,7 @@ def _cyclogram(cycle: Path, duration_s: float) -> Cyclogram:
 
 def _columns(file: ModelFile, model: Path) -> tuple[dict[str, tuple[Vector, Vector]], list[Path], tuple[Finding, ...]]:
     """Condition → (time_s, values) of the columns that the model file refers to, the files that hold them, findings."""
-    from selector.cli.simulation_columns import column_beside
+    from selector.cli.simulation_columns import columns_beside
     from selector.physics.thermal.model_file import columns_needed
 
-    found: dict[str, tuple[Vector, Vector]] = {}
-    read: list[Path] = []
-    findings: list[Finding] = []
-    for key, course in columns_needed(file).items():
-        path, found[key], told = column_beside(model, course, key)
-        read.append(path)
-        findings += told
-    return found, read, tuple(findings)
+    return columns_beside(model, columns_needed(file), _ROLES_OF_COLUMNS, "conditions.")

@@ -1,39 +1,78 @@
-"""Which values has a column that a model file refers to, and does it look like what the key asks for."""
+"""Which values have the columns that a model file refers to, and do they look like what the keys ask for."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from selector.errors import InputError, ModelFileError
 from selector.findings import Finding, Where
 
 if TYPE_CHECKING:
-    from selector.physics.thermal.model_schema import Column
-    from selector.physics.thermal.schedule import Vector
+    import numpy as np
+    from numpy.typing import NDArray
 
-_ROLE_OF_KEY = {"spindle_speed_rpm": "spindle_speed", "ambient_degc": "ambient", "coolant_degc": "temperature"}
-_ALIKE = ({"temperature", "ambient"}, {"spindle_speed"}, {"displacement"})
+    Vector = NDArray[np.float64]
+
+_ALIKE = (
+    {"temperature", "ambient"},
+    {"spindle_speed"},
+    {"displacement"},
+    {"position", "position_command"},
+    {"velocity"},
+    {"force"},
+)
 
 
-def column_beside(model: Path, course: Column, key: str) -> tuple[Path, tuple[Vector, Vector], list[Finding]]:
-    """The file, (time_s, values) in the unit of the key, and a warning if the column looks like something else.
+class ColumnOfFile(Protocol):
+    """A column of a recording beside the model file, as its sections name it."""
+
+    @property
+    def file(self) -> str:
+        """Name of the file."""
+
+    @property
+    def column(self) -> str:
+        """Name of the column or channel in it."""
+
+
+def columns_beside(
+    model: Path, needed: Mapping[str, ColumnOfFile], roles: Mapping[str, str], section: str = ""
+) -> tuple[dict[str, tuple[Vector, Vector]], list[Path], tuple[Finding, ...]]:
+    """Key → (time_s, values in the unit of its role) of the columns that a model file refers to; the files; warnings.
+
+    A warning says that a column looks like something else than its key asks for. `section` stands before the keys.
 
     Raises
     ------
     InputError
-        The file is elsewhere or cannot be read, or it has no such column in one run.
+        A file is elsewhere or cannot be read, or it has no such column in one run.
     """
+    found: dict[str, tuple[Vector, Vector]] = {}
+    read: list[Path] = []
+    findings: list[Finding] = []
+    for key, course in needed.items():
+        path, found[key], told = _column_beside(model, course, f"{section}{key}", roles.get(key))
+        read.append(path)
+        findings += told
+    return found, read, tuple(findings)
+
+
+def _column_beside(
+    model: Path, course: ColumnOfFile, key: str, role: str | None
+) -> tuple[Path, tuple[Vector, Vector], list[Finding]]:
     from selector.readers import Overrides
     from selector.readers import read as read_recordings
 
-    where = f"{model}, key conditions.{key}"
+    where = f"{model}, key {key}"
+    column, unit = course.column, getattr(course, "unit", None)
     path = _beside(model, course.file, f"{where}.file")
-    role, column = _ROLE_OF_KEY.get(key), course.column
+    said = Overrides(roles={column: role} if role else {}, units={column: unit} if unit else {})
     try:
-        reading = read_recordings([path], overrides=Overrides(roles={column: role} if role else {}))
+        reading = read_recordings([path], overrides=said)
     except InputError as error:
-        if error.where != "--role":
+        if error.where not in ("--role", "--unit"):
             raise
         raise ModelFileError(
             f"no column {column!r} in {path.name}", expected=error.expected, where=f"{where}.column",
@@ -67,7 +106,7 @@ def _of_another_kind(path: Path, column: str, role: str | None, key: str) -> lis
         Finding(
             "unlike-column",
             "warning",
-            f"Column {column!r} of {path.name} looks like the role {taken}, but conditions.{key} takes its values.",
+            f"Column {column!r} of {path.name} looks like the role {taken}, but {key} takes its values.",
             Where(channel=column, file=path.name),
             {"column": column, "role": taken, "key": key},
             "check the name of the column in the model file",
