@@ -47,7 +47,8 @@ class Friction:
     coulomb_negative_n : float or None
         C for v < 0 [N], as a positive number; None: as for v > 0.
     static_n, static_negative_n : float or None
-        Breakaway S of the two directions [N]; None: equal to C, no Stribeck effect.
+        Breakaway S of the two directions [N]; None: equal to C, no Stribeck effect. If nothing is given for v < 0,
+        both C and S are those of v > 0.
     stribeck_speed_m_per_s, stribeck_exponent : float
         v_s, δ; they matter only where S differs from C.
     offset_n : float
@@ -74,6 +75,15 @@ class Friction:
         )
         require_positive(self, "stribeck_speed_m_per_s", "stribeck_exponent")
         require_finite(self, "offset_n")
+
+    @property
+    def directions(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """(C, S) for v > 0, and for v < 0 [N]."""
+        up = (self.coulomb_n, self.coulomb_n if self.static_n is None else self.static_n)
+        if self.coulomb_negative_n is None and self.static_negative_n is None:
+            return up, up
+        coulomb = self.coulomb_n if self.coulomb_negative_n is None else self.coulomb_negative_n
+        return up, (coulomb, coulomb if self.static_negative_n is None else self.static_negative_n)
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,10 @@ class Motion:
         Force of the screw on the table [N]; of a rigid axis the actuator's force.
     friction_n : ndarray
         Dry friction of the guide, positive against the positive direction [N]; without viscous friction and offset.
+    screw, screw_speed : ndarray or None
+        Position [rad] and speed [rad/s] of the screw; of a rigid axis those of the motor. None: not known.
+    bristle_m : ndarray or None
+        Deflection of the bristles of the guide [m]. None: not known.
     """
 
     time_s: Vector
@@ -45,9 +49,14 @@ class Motion:
     actuator_force: Vector
     axial_force_n: Vector
     friction_n: Vector
+    screw: Vector | None = None
+    screw_speed: Vector | None = None
+    bristle_m: Vector | None = None
 
     def __post_init__(self) -> None:
         for field in fields(self):
+            if getattr(self, field.name) is None:
+                continue
             values = np.array(getattr(self, field.name), dtype=np.float64)
             values.setflags(write=False)
             object.__setattr__(self, field.name, values)

@@ -14,7 +14,7 @@ class Servo:
 
     ``speed* = Kp·(r − y)/R + ff_v·r'/R``; ``u = Kvp·e + Kvi·∫e dt + ff_a·I·r''/(R·Kf)`` with
     e = speed* − motor speed and I the inertia of the whole axis at the motor; torque or force = Kf·u.
-    F writes K_pp = Kp/R.
+    F writes K_pp = Kp/R. Sampled: ∫e dt is the sum of sample_s·e over the samples before this one.
 
     Attributes
     ----------

@@ -22,7 +22,7 @@ class Transmission:
     backlash_m : float
         Lost motion at reversal, the whole gap [m]; three-mass axis only.
     pitch_amplitude_m, pitch_phase_rad : float
-        Error that repeats with the lead: amplitude·sin(θl + phase) [m].
+        Error that repeats with the lead: amplitude·sin(θl + phase) [m]; of a rigid axis θl is 2π a `ripple_period`.
     pitch_slope : float
         Cumulative pitch error, travel per travel (1e-6: 1 µm/m).
     pitch_position_m, pitch_error_m : tuple of float

@@ -1,0 +1,328 @@
+"""How an axis gets from one instant to the next (compiled): steps of order 4, cut where it sticks, slips or touches.
+
+A step whose end contradicts its modes is repeated, shorter, until it ends just past the first contradiction; there the
+modes are decided anew. After MOST_EVENTS of them within one step the rest of it is taken by `_coarse`, of order 1.
+"""
+
+# mypy: disable-error-code="no-untyped-def, untyped-decorator, no-untyped-call"
+from __future__ import annotations
+
+import math
+
+from selector.physics.drive._equations import (
+    ALSO,
+    GUIDE_BALANCE,
+    K1,
+    K2,
+    K3,
+    K4,
+    KEND,
+    LOWER,
+    NEW,
+    SCREW_BALANCE,
+    STAGE_A,
+    STAGE_B,
+    STAGE_C,
+    UPPER,
+    Y,
+    bristle_rate,
+    compiled,
+    derivative,
+)
+from selector.physics.drive._packed import (
+    BACKLASH,
+    BRISTLE,
+    CONTACT,
+    COULOMB_DOWN,
+    COULOMB_UP,
+    DRY,
+    EXCESS_DOWN,
+    EXCESS_UP,
+    GUIDE,
+    INTEGRAL,
+    LUGRE,
+    MASS,
+    MOST_EVENTS,
+    PERIOD,
+    QL,
+    QM,
+    SCREW,
+    SCREW_COULOMB,
+    SCREW_DRY,
+    SCREW_INERTIA,
+    WL,
+    WM,
+    V,
+    X,
+    Z,
+)
+
+STATES = 8
+# below this speed the bristles do not feel which way it goes: |v|·dt is below the rounding of their deflection
+STILL = 1e-13
+
+
+@compiled
+def _phi(x):
+    """exp(x) and the weights φ1, φ2, φ3 of exponential integrators, for x ≤ 0."""
+    if x < -1.0:
+        e = math.exp(x)
+        one = (e - 1.0) / x
+        two = (one - 1.0) / x
+        return e, one, two, (two - 0.5) / x
+    # Taylor from φ3 on: 16 terms reach rounding at |x| = 1
+    three, term = 0.0, 1.0 / 6.0
+    for k in range(16):
+        three += term
+        term *= x / (k + 4.0)
+    two = 0.5 + x * three
+    one = 1.0 + x * two
+    return 1.0 + x * one, one, two, three
+
+
+@compiled
+def _step(w, h, s, i, u, p, o, ref):
+    """NEW from Y and its rates K1 by one step of length h: Runge–Kutta 4, its exponential form for the bristles."""
+    half, ds = 0.5 * h, h / p[PERIOD]
+    bristles = o[LUGRE] == 1
+    stiff, e_half, weight, end, b1, b2, b4 = 0.0, 1.0, half, 1.0, 0.0, 0.0, 0.0
+    if bristles:
+        # the faster of both ends of the step: too much of it in the exponential is stable, too little is not
+        fast = bristle_rate(o[GUIDE], w[Y, V], p)
+        stiff = max(fast, bristle_rate(o[GUIDE], w[Y, V] + h * w[K1, V], p), 0.0)
+        e_half, one, two, three = _phi(-stiff * half)
+        weight = half * one
+        end, one, two, three = _phi(-stiff * h)
+        b1, b2, b4 = h * (one - 3.0 * two + 4.0 * three), h * (2.0 * two - 4.0 * three), h * (4.0 * three - two)
+    for k in range(STATES):
+        w[STAGE_A, k] = w[Y, k] + half * w[K1, k]
+    if bristles:
+        na = w[K1, Z] + stiff * w[Y, Z]
+        w[STAGE_A, Z] = e_half * w[Y, Z] + weight * na
+    derivative(w, STAGE_A, K2, s + 0.5 * ds, i, u, p, o, ref)
+    for k in range(STATES):
+        w[STAGE_B, k] = w[Y, k] + half * w[K2, k]
+    if bristles:
+        nb = w[K2, Z] + stiff * w[STAGE_A, Z]
+        w[STAGE_B, Z] = e_half * w[Y, Z] + weight * nb
+    derivative(w, STAGE_B, K3, s + 0.5 * ds, i, u, p, o, ref)
+    for k in range(STATES):
+        w[STAGE_C, k] = w[Y, k] + h * w[K3, k]
+    if bristles:
+        nc = w[K3, Z] + stiff * w[STAGE_B, Z]
+        w[STAGE_C, Z] = e_half * w[STAGE_A, Z] + weight * (2.0 * nc - na)
+    derivative(w, STAGE_C, K4, s + ds, i, u, p, o, ref)
+    for k in range(STATES):
+        w[NEW, k] = w[Y, k] + h / 6.0 * (w[K1, k] + 2.0 * (w[K2, k] + w[K3, k]) + w[K4, k])
+    if bristles:
+        nd = w[K4, Z] + stiff * w[STAGE_C, Z]
+        w[NEW, Z] = end * w[Y, Z] + b1 * na + b2 * (nb + nc) + b4 * nd
+        _hold_bristles(w, NEW, p)
+
+
+@compiled
+def _hold_bristles(w, row, p):
+    """|z| ≤ the larger breakaway / σ0, which the equation keeps by itself."""
+    most = max(max(p[COULOMB_UP], p[COULOMB_UP] + p[EXCESS_UP]), max(p[COULOMB_DOWN], p[COULOMB_DOWN] + p[EXCESS_DOWN]))
+    w[row, Z] = min(max(w[row, Z], -most / p[BRISTLE]), most / p[BRISTLE])
+
+
+@compiled
+def _validity(w, row, p, o):
+    """Positive as long as the modes fit the state in `row`, whose rates were the last to be asked for."""
+    least = math.inf
+    v = w[row, V]
+    if o[DRY]:
+        if o[GUIDE] == 0:
+            balance = w[ALSO, GUIDE_BALANCE]
+            least = min(p[COULOMB_UP] + p[EXCESS_UP] - balance, p[COULOMB_DOWN] + p[EXCESS_DOWN] + balance)
+        else:
+            least = o[GUIDE] * v
+    elif o[LUGRE] and (abs(v) > STILL or abs(w[Y, V]) > STILL):
+        least = o[GUIDE] * v
+    if o[SCREW_DRY]:
+        if o[SCREW] == 0:
+            least = min(least, p[SCREW_COULOMB] - abs(w[ALSO, SCREW_BALANCE]))
+        else:
+            least = min(least, o[SCREW] * w[row, WL])
+    if o[BACKLASH]:
+        if o[CONTACT] > 0:
+            least = min(least, w[ALSO, UPPER])
+        elif o[CONTACT] < 0:
+            least = min(least, w[ALSO, LOWER])
+        else:
+            least = min(least, -max(w[ALSO, UPPER], w[ALSO, LOWER]))
+    return least
+
+
+@compiled
+def settle(w, s, i, u, p, o, ref):
+    """Modes that fit the state Y and the inputs of this instant, and its rates K1."""
+    if o[DRY] and o[GUIDE] * w[Y, V] <= 0.0:
+        w[Y, V] = 0.0
+    if o[SCREW_DRY] and o[SCREW] * w[Y, WL] <= 0.0:
+        w[Y, WL] = 0.0
+    derivative(w, Y, K1, s, i, u, p, o, ref)
+    if o[BACKLASH]:
+        contact = 1 if w[ALSO, UPPER] > 0.0 else (-1 if w[ALSO, LOWER] > 0.0 else 0)
+        if contact != o[CONTACT]:
+            o[CONTACT] = contact
+            derivative(w, Y, K1, s, i, u, p, o, ref)
+    changed = False
+    if o[DRY] and w[Y, V] == 0.0:
+        balance = w[ALSO, GUIDE_BALANCE]
+        guide = 0
+        if balance > p[COULOMB_UP] + p[EXCESS_UP]:
+            guide = 1
+        elif -balance > p[COULOMB_DOWN] + p[EXCESS_DOWN]:
+            guide = -1
+        changed = guide != o[GUIDE]
+        o[GUIDE] = guide
+    elif o[LUGRE]:
+        heading = w[Y, V] if w[Y, V] != 0.0 else w[K1, V]
+        guide = -1 if heading < 0.0 else 1
+        changed = guide != o[GUIDE]
+        o[GUIDE] = guide
+    if o[SCREW_DRY] and w[Y, WL] == 0.0:
+        balance = w[ALSO, SCREW_BALANCE]
+        screw = 1 if balance > p[SCREW_COULOMB] else (-1 if balance < -p[SCREW_COULOMB] else 0)
+        changed = changed or screw != o[SCREW]
+        o[SCREW] = screw
+    if changed:
+        derivative(w, Y, K1, s, i, u, p, o, ref)
+
+
+@compiled
+def _dip(w, h, mode, speed):
+    """Time within a step at which a sliding speed that is positive at both ends may have been lowest, or 0."""
+    before, after = mode * w[Y, speed], mode * w[NEW, speed]
+    fall, rise = mode * w[K1, speed], mode * w[KEND, speed]
+    # a course that opens upwards stays above its tangent
+    if before + h * fall >= 0.0 or rise <= 0.0:
+        return 0.0
+    # the lowest point of the cubic through both ends: c1 + 2·c2·s + 3·c3·s² = 0
+    c1, c2, c3 = h * fall, 3.0 * (after - before) - h * (2.0 * fall + rise), 2.0 * (before - after) + h * (fall + rise)
+    root = c2 * c2 - 3.0 * c1 * c3
+    if root <= 0.0:
+        return 0.0
+    at = -c1 / (c2 + math.sqrt(root)) if c2 + math.sqrt(root) > 0.0 else 0.0
+    return at * h if 0.0 < at < 1.0 else 0.0
+
+
+@compiled
+def _trial(w, h, s, i, u, p, o, ref):
+    """One step to NEW with its rates KEND; returns how valid the modes are there."""
+    _step(w, h, s, i, u, p, o, ref)
+    derivative(w, NEW, KEND, s + h / p[PERIOD], i, u, p, o, ref)
+    return _validity(w, NEW, p, o)
+
+
+@compiled
+def _event(w, low, high, at_low, at_high, s, i, u, p, o, ref):
+    """Shortest step known to end past the first contradiction (bracketed; Illinois false position): its length."""
+    side = 0
+    closest = 1e-14 * high
+    for _ in range(80):
+        if high - low <= closest:
+            break
+        middle = 0.5 * (low + high)
+        if at_low > 0.0:
+            guess = (low * at_high - high * at_low) / (at_high - at_low)
+            if low < guess < high:
+                middle = guess
+        found = _trial(w, middle, s, i, u, p, o, ref)
+        if found < 0.0:
+            high, at_high = middle, found
+            if side == -1:
+                at_low *= 0.5
+            side = -1
+        else:
+            low, at_low = middle, found
+            if found == 0.0:
+                return middle
+            if side == 1:
+                at_high *= 0.5
+            side = 1
+    _trial(w, high, s, i, u, p, o, ref)
+    return high
+
+
+@compiled
+def advance(w, h, s, i, u, p, o, ref):
+    """Y and K1 a time h further, through all events on the way."""
+    left = h
+    for _ in range(o[MOST_EVENTS]):
+        validity = _trial(w, left, s, i, u, p, o, ref)
+        high = left
+        if validity >= 0.0:
+            high = 0.0
+            if o[DRY] and o[GUIDE] != 0:
+                high = _dip(w, left, o[GUIDE], V)
+            if high == 0.0 and o[SCREW_DRY] and o[SCREW] != 0:
+                high = _dip(w, left, o[SCREW], WL)
+            if high > 0.0:
+                validity = _trial(w, high, s, i, u, p, o, ref)
+                if validity >= 0.0:
+                    _trial(w, left, s, i, u, p, o, ref)
+                    high = 0.0
+            if high == 0.0:
+                for k in range(STATES):
+                    w[Y, k], w[K1, k] = w[NEW, k], w[KEND, k]
+                return
+        before = _validity_now(w, s, i, u, p, o, ref)
+        high = _event(w, 0.0, high, before, validity, s, i, u, p, o, ref)
+        for k in range(STATES):
+            w[Y, k] = w[NEW, k]
+        s += high / p[PERIOD]
+        left -= high
+        settle(w, s, i, u, p, o, ref)
+        if left <= 1e-13 * h:
+            return
+    _coarse(w, left, s, i, u, p, o, ref)
+
+
+@compiled
+def _validity_now(w, s, i, u, p, o, ref):
+    derivative(w, Y, KEND, s, i, u, p, o, ref)
+    return _validity(w, Y, p, o)
+
+
+@compiled
+def _stopped(speed, balance, inertia, most, h):
+    free = speed + h * balance / inertia
+    stop = h * most / inertia
+    return 0.0 if abs(free) <= stop else free - math.copysign(stop, free)
+
+
+@compiled
+def _coarse(w, h, s, i, u, p, o, ref):
+    """Y and K1 a time h further in one step of order 1 (semi-implicit Euler) without events.
+
+    Friction is an impulse that stops what it can stop.
+    """
+    for k in (WM, WL, V, INTEGRAL):
+        w[NEW, k] = w[Y, k] + h * w[K1, k]
+    if o[DRY]:
+        most = p[COULOMB_UP] + p[EXCESS_UP]
+        if w[Y, V] < 0.0 or (w[Y, V] == 0.0 and w[ALSO, GUIDE_BALANCE] < 0.0):
+            most = p[COULOMB_DOWN] + p[EXCESS_DOWN]
+        w[NEW, V] = _stopped(w[Y, V], w[ALSO, GUIDE_BALANCE], p[MASS], most, h)
+    if o[SCREW_DRY]:
+        w[NEW, WL] = _stopped(w[Y, WL], w[ALSO, SCREW_BALANCE], p[SCREW_INERTIA], p[SCREW_COULOMB], h)
+    for position, speed in ((QM, WM), (QL, WL), (X, V)):
+        w[NEW, position] = w[Y, position] + h * w[NEW, speed]
+    w[NEW, Z] = w[Y, Z]
+    if o[LUGRE]:
+        whole, one, _, _ = _phi(-abs(bristle_rate(o[GUIDE], w[NEW, V], p)) * h)
+        w[NEW, Z] = whole * w[Y, Z] + h * one * w[NEW, V]
+        _hold_bristles(w, NEW, p)
+    for k in range(STATES):
+        w[Y, k] = w[NEW, k]
+    o[GUIDE], o[SCREW] = sign(w[Y, V]), sign(w[Y, WL])
+    settle(w, s + h / p[PERIOD], i, u, p, o, ref)
+
+
+@compiled
+def sign(value):
+    """1, 0 or −1."""
+    return 1 if value > 0.0 else (-1 if value < 0.0 else 0)

@@ -1,0 +1,222 @@
+"""How an axis follows its reference: the simulated motion, its step-size error, and why one could not go on."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from selector.errors import InputError
+from selector.physics.drive import _packed as at
+from selector.physics.drive.axis import Axis
+from selector.physics.drive.axis_system import largest_stable_step_s
+from selector.physics.drive.course import ParameterCourse
+from selector.physics.drive.mechanics import RigidMechanics
+from selector.physics.drive.motion import Motion
+from selector.physics.drive.reference import Reference
+from selector.physics.drive.state import AxisState, unloaded_state
+
+Vector = NDArray[np.float64]
+
+# events within one step before the rest of it is taken without looking for more
+MOST_EVENTS = 32
+
+_STATES = (
+    "position of the motor",
+    "speed of the motor",
+    "position of the screw",
+    "speed of the screw",
+    "position of the table",
+    "speed of the table",
+    "deflection of the bristles",
+    "integral of the servo",
+)
+
+
+def simulate_axis(
+    axis: Axis,
+    reference: Reference,
+    *,
+    step_s: float,
+    course: ParameterCourse | None = None,
+    start: AxisState | None = None,
+    commands: ArrayLike | None = None,
+    seed: int = 0,
+) -> Motion:
+    """How an axis follows a reference, at the samples of the reference; see docs/explanation/drive-simulation.md.
+
+    Runge–Kutta of order 4 with a fixed step; sticking, slipping and touching are located in time.
+
+    Parameters
+    ----------
+    axis, reference
+        What moves, and what it is asked to do; an axis without a servo ignores all of the reference but its force.
+    step_s
+        Largest step [s]: a whole number of equal steps fills every period of reference and servo.
+    course
+        Stiffness and damping that change in time, on the grid of the reference.
+    start
+        Where everything is at first; None: at rest at the first position of the reference.
+    commands : array-like of shape (n_samples,)
+        What drives the actuator instead of the servo, each held for a period [actuator unit]; before the first one
+        has passed the delay it counts too. Gain and delay are those of the servo, 1 and 0 without one.
+    seed
+        Of the current noise.
+
+    Raises
+    ------
+    InputError
+        If periods do not fit together, shapes do not fit, or the motion leaves all bounds.
+    """
+    from selector.physics.drive import _kernel
+
+    p, o = at.packed_axis(axis)
+    ref = _packed_reference(axis, reference, course, o)
+    given = _given(axis, reference, commands, seed, o)
+    _lay_grid(axis, reference.period_s, step_s, p, o)
+    w, begin = _kernel.work_space(), start or unloaded_state(axis, float(reference.position_m[0]))
+    w[0] = _packed_state(axis, begin)
+    count = len(reference.position_m)
+    out = np.empty((count, _kernel.COURSES))
+    lost, state = _kernel.loop(w, p, o, ref, given, _bounds(axis, reference, begin), out)
+    if lost >= 0:
+        raise _runaway(axis, lost * reference.period_s, _STATES[state], p[at.STEP])
+    return Motion(reference.time_s, reference.position_m, *out.T)
+
+
+def step_error(
+    axis: Axis,
+    reference: Reference,
+    step_s: float,
+    *,
+    course: ParameterCourse | None = None,
+    start: AxisState | None = None,
+    seed: int = 0,
+) -> float:
+    """Largest difference of the table's position between this step and half of it [m]."""
+    whole, half = (
+        simulate_axis(axis, reference, step_s=step, course=course, start=start, seed=seed).table_m
+        for step in (step_s, step_s / 2)
+    )
+    return float(np.abs(whole - half).max())
+
+
+def _packed_reference(axis: Axis, reference: Reference, course: ParameterCourse | None, o: at.Switches) -> Vector:
+    count = len(reference.position_m)
+    # one row more than samples, so that the last sample has a period of its own
+    ref = np.zeros((count + 1, at.COLUMNS))
+    ref[:count, at.POSITION] = reference.position_m
+    ref[:count, at.SPEED] = reference.speed_m_per_s
+    ref[:count, at.ACCELERATION] = reference.acceleration_m_per_s2
+    if reference.force_n is not None:
+        ref[:count, at.FORCE] = reference.force_n
+    if course is not None:
+        axial, guide = course.axial_stiffness_n_per_m, course.guide_damping_ns_per_m
+        _check_course(axis, reference, course)
+        if axial is not None:
+            o[at.VARYING_AXIAL], ref[:count, at.COURSE_AXIAL] = 1, axial
+        if guide is not None:
+            o[at.VARYING_GUIDE], ref[:count, at.COURSE_GUIDE] = 1, guide
+    ref[count] = ref[count - 1]
+    return ref
+
+
+def _check_course(axis: Axis, reference: Reference, course: ParameterCourse) -> None:
+    axial = course.axial_stiffness_n_per_m
+    rows = [len(values) for values in (axial, course.guide_damping_ns_per_m) if values is not None]
+    count = len(reference.position_m)
+    found, expected = "", f"the {count} samples and {reference.period_s:g} s of the reference"
+    if any(row != count for row in rows) or not math.isclose(course.period_s, reference.period_s, rel_tol=1e-9):
+        found = f"{rows} samples every {course.period_s:g} s"
+    elif axial is not None and isinstance(axis.mechanics, RigidMechanics):
+        found, expected = "an axial stiffness for a rigid axis", "a three-mass axis"
+    elif axial is not None and axis.compliance is not None:
+        found, expected = "an axial stiffness beside an axial compliance", "one of them"
+    if found:
+        raise InputError(
+            found, expected=expected, where="course of parameters", advice="make the course from axis and reference"
+        )
+
+
+def _given(axis: Axis, reference: Reference, commands: ArrayLike | None, seed: int, o: at.Switches) -> Vector:
+    """Commands if they are given, else the noise of a sampled servo."""
+    if commands is not None:
+        values = np.array(commands, dtype=np.float64)
+        if values.shape != reference.position_m.shape or not np.isfinite(values).all():
+            raise InputError(
+                f"commands of shape {values.shape}" + ("" if np.isfinite(values).all() else " with missing values"),
+                expected=f"{len(reference.position_m)} finite numbers, one a sample of the reference",
+                where="commands",
+                advice="give the commands at the times of the reference",
+            )
+        o[at.CONTROL] = at.GIVEN
+        return values
+    if o[at.CONTROL] != at.SAMPLED or axis.sensing.current_noise == 0 or axis.servo is None:
+        return np.zeros(0)
+    duration = reference.period_s * (len(reference.position_m) - 1)
+    count = math.floor(duration / axis.servo.sample_s * (1 + 1e-9)) + 2
+    return np.random.default_rng(seed).normal(0.0, axis.sensing.current_noise, count)
+
+
+def _lay_grid(axis: Axis, period_s: float, step_s: float, p: Vector, o: at.Switches) -> None:
+    """Equal steps that fill the periods of reference and servo, and where between them a delayed command arrives."""
+    if not (math.isfinite(step_s) and step_s > 0):
+        raise InputError(
+            f"{step_s:g} s", expected="a number above 0", where="step_s", advice="give the largest step in seconds"
+        )
+    per_period, per_sample = 1, 1
+    if o[at.CONTROL] == at.SAMPLED:
+        ratio = period_s / p[at.SAMPLE]
+        share = Fraction(ratio).limit_denominator(1000)
+        if share.numerator > 1_000_000 or abs(ratio / share - 1) > 1e-9 if share else True:
+            raise InputError(
+                f"a reference every {period_s:g} s and a servo every {p[at.SAMPLE]:g} s",
+                expected="two periods of which one is a multiple, or a simple share, of the other",
+                where="sample_s",
+                advice="sample the reference at a multiple of the servo's period",
+            )
+        per_period, per_sample = share.numerator, share.denominator
+    tick = period_s / per_period
+    # a step that fits but for rounding is one that fits
+    steps = max(1, math.ceil(tick / step_s * (1 - 1e-12)))
+    o[at.PERIOD_STEPS], o[at.SAMPLE_STEPS], o[at.MOST_EVENTS] = per_period * steps, per_sample * steps, MOST_EVENTS
+    p[at.PERIOD], p[at.STEP] = period_s, tick / steps
+    delay = axis.servo.delay_s if axis.servo is not None and o[at.CONTROL] != at.CONTINUOUS else 0.0
+    whole = math.floor(delay / p[at.STEP] + 1e-9)
+    part = delay / p[at.STEP] - whole
+    o[at.DELAY_STEPS], p[at.DELAY_PART] = whole, part if part > 1e-9 else 0.0
+
+
+def _packed_state(axis: Axis, start: AxisState) -> Vector:
+    if isinstance(axis.mechanics, RigidMechanics):
+        place = (0.0, 0.0, 0.0, 0.0, start.motor, start.motor_speed)
+    else:
+        turning = (start.motor, start.motor_speed, start.screw, start.screw_speed)
+        place = (*turning, start.table_m, start.table_speed_m_per_s)
+    return np.array([*place, start.bristle_m, start.integral])
+
+
+def _bounds(axis: Axis, reference: Reference, start: AxisState) -> Vector:
+    """A thousand times farther than anything is asked to go; speeds have to be numbers."""
+    farthest = 1000.0 * (1.0 + float(np.abs(reference.position_m).max()) + abs(start.table_m))
+    turns = farthest / axis.mechanics.travel_per_motion + 1000.0 * (abs(start.motor) + abs(start.screw))
+    largest = float(np.finfo(np.float64).max)
+    return np.array([turns, largest, turns, largest, farthest, largest, largest, largest])
+
+
+def _runaway(axis: Axis, time_s: float, state: str, step_s: float) -> InputError:
+    stable = largest_stable_step_s(axis)
+    if step_s > stable:
+        advice = f"the step of {step_s:.3g} s is too long for the fastest vibration: take at most {stable:.3g} s"
+    elif axis.servo is None:
+        advice = "check the commands and the forces: nothing holds the axis"
+    else:
+        advice = "the loop is unstable: lower the position gain or the velocity gains, or shorten sample time and delay"
+    return InputError(
+        f"the {state} left all bounds before {time_s:.6g} s",
+        expected="a motion that stays near its reference",
+        where="simulation of the axis",
+        advice=advice,
+    )
