@@ -1,0 +1,370 @@
+"""What is behind a circular test: which causes make the deviation, how much each, and what cannot be told apart."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from selector.errors import InputError
+from selector.findings import Finding, Where
+from selector.physics.drive.ball_bar import BallBarTrace
+from selector.physics.drive.circle_basis import CirclePair, pair_of
+from selector.physics.drive.circle_fit import CircleFit, circle_fit
+from selector.physics.drive.circle_quantities import paired
+
+Vector = NDArray[np.float64]
+
+Kind = Literal[
+    "radius",
+    "gain-mismatch",
+    "squareness",
+    "scale-mismatch",
+    "straightness",
+    "backlash",
+    "reversal-spike",
+    "cyclic-pitch",
+]
+
+FALSE_ALARM = 0.01
+"""Chance that a test of one feed names any cause that is not there, as far as its residual is noise."""
+
+_TESTS = 12
+_PLAIN = 0.1
+_STRUCTURED = 3.0
+
+
+@dataclass(frozen=True)
+class Amount:
+    """A number with its standard error and its unit; the standard error is NaN where none can be given."""
+
+    value: float
+    standard_error: float
+    unit: str
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "value", float(self.value))
+        object.__setattr__(self, "standard_error", float(self.standard_error))
+
+
+@dataclass(frozen=True)
+class Cause:
+    """One cause at one feed.
+
+    Attributes
+    ----------
+    kind : str
+        What it is.
+    axis : str or None
+        Axis it belongs to.
+    found : bool
+        Whether it stands out of the residual: its chance is below `FALSE_ALARM` over all causes and shapes tried.
+    amounts : mapping of str to Amount
+        Its numbers by name.
+    largest_um, range_um : float
+        Largest deviation it makes by itself, and from its smallest to its largest [µm].
+    share : float
+        Of the sum of squares of the deviation about its centre; shares and what remains add up to 1.
+    probability : float
+        Chance of an amount like this if the cause is not there.
+    """
+
+    kind: Kind
+    axis: str | None
+    found: bool
+    amounts: Mapping[str, Amount]
+    largest_um: float
+    range_um: float
+    share: float
+    probability: float
+
+
+@dataclass(frozen=True)
+class FeedCauses:
+    """The causes at one feed.
+
+    Attributes
+    ----------
+    feed_mm_per_min : float
+        Feed [mm/min].
+    causes : tuple of Cause
+        Those that were found first, the largest first.
+    centre : mapping of str to Amount
+        Axis → place of the spindle ball against the middle: set-up, no error of the machine.
+    deviation_rms_um, remaining_rms_um, remaining_share : float
+        Deviation about its centre; what no cause explains [µm], as a share of the sum of squares.
+    fitted_um, remaining_um : tuples of two ndarrays
+        Counter-clockwise and clockwise, sample by sample [µm].
+    """
+
+    feed_mm_per_min: float
+    causes: tuple[Cause, ...]
+    centre: Mapping[str, Amount]
+    deviation_rms_um: float
+    remaining_rms_um: float
+    remaining_share: float
+    fitted_um: tuple[Vector, ...]
+    remaining_um: tuple[Vector, ...]
+
+    def cause(self, kind: Kind, axis: str | None = None) -> Cause:
+        """The cause of this kind, of this axis if it belongs to one."""
+        return next(one for one in self.causes if (one.kind, one.axis) == (kind, axis))
+
+
+@dataclass(frozen=True)
+class CircleCauses:
+    """The causes at every feed, slowest first; `through_feeds`: laws through all feeds; and what cannot be told apart."""
+
+    feeds: tuple[FeedCauses, ...]
+    through_feeds: Mapping[str, Amount]
+    findings: tuple[Finding, ...]
+
+
+def circle_causes(traces: Sequence[BallBarTrace], *, lead_m: Mapping[str, float] | None = None) -> CircleCauses:
+    """The deviation of a circular test, taken apart.
+
+    Each feed by itself: least squares on the columns of `circle_basis`, then laws through the feeds: lag and length of
+    the bar part by feed², squareness and gain mismatch by the direction.
+
+    Parameters
+    ----------
+    traces : sequence of BallBarTrace
+        Both directions at one or more feeds, of two linear axes.
+    lead_m : mapping of str to float or None
+        Axis → lead of its screw [m]: wavelength of the cyclic error; where it is missing it is searched.
+
+    Raises
+    ------
+    InputError
+        If a direction is missing, or a rotary axis took part: its circle has no causes at fixed angles.
+    """
+    leads = dict(lead_m or {})
+    pairs = paired(traces)
+    names = pairs[0][0].axes
+    if any(pair[0].axes != names or pair[0].radius_m != pairs[0][0].radius_m for pair in pairs):
+        raise _unfit("circles of different axes or radii", "one circle at several feeds", "analyse them one by one")
+    if len(names) != 2:
+        raise _unfit(f"a rotary axis ({names[2]})", "two linear axes", "take apart the circle of the linear axes alone")
+    if not set(leads) <= set(names) or not all(0 < lead <= pairs[0][0].radius_m for lead in leads.values()):
+        raise _unfit(
+            f"leads {leads}", f"leads in m of {' and '.join(names)}, up to the radius", "give the leads of the screws"
+        )
+    waves = {names.index(name): lead * 1e6 for name, lead in leads.items()}
+    circles = [pair_of(pair) for pair in pairs]
+    fits = [(circle, circle_fit(circle, waves)) for circle in circles]
+    feeds = tuple(_feed(pair, fit, names) for pair, fit in fits)
+    return CircleCauses(feeds, _overall(fits, names), _findings(feeds, fits))
+
+
+def _feed(pair: CirclePair, fit: CircleFit, names: tuple[str, ...]) -> FeedCauses:
+    centred = pair.deviation_um - fit.part_um("centre 0", "centre 1")
+    total = float(centred @ centred)
+    per_m = 2e6 / pair.radius_um
+
+    def cause(kind: Kind, axis: int | None, columns: Sequence[str], amounts: Mapping[str, Amount], tried: int) -> Cause:
+        values, covariance = fit.amounts(*columns)
+        part = fit.part_um(*columns)
+        chance = _probability(values, covariance, tried)
+        return Cause(
+            kind,
+            None if axis is None else names[axis],
+            chance < FALSE_ALARM / _TESTS,
+            amounts,
+            float(np.abs(part).max()),
+            float(np.ptp(part)),
+            float(part @ centred) / total if total > 0 else 0.0,
+            chance,
+        )
+
+    causes = [
+        cause("radius", None, ["radius"], _radius(pair, fit), 1),
+        cause("gain-mismatch", None, ["gain-mismatch"], _mismatch(pair, fit), 1),
+        cause("squareness", None, ["squareness"], {"squareness": _scaled(fit, "squareness", per_m, "µm/m")}, 1),
+        cause("scale-mismatch", None, ["scale-mismatch"], {"scale": _scaled(fit, "scale-mismatch", per_m, "µm/m")}, 1),
+    ]
+    for axis in (0, 1):
+        bow, ends = f"straightness {axis}", [f"backlash {axis}+", f"backlash {axis}-"]
+        tops, waves = [f"spike {axis}+", f"spike {axis}-"], [f"cyclic {axis}c", f"cyclic {axis}s"]
+        causes += [
+            cause("straightness", axis, [bow], {"bow": _scaled(fit, bow, 1.0, "µm")}, 1),
+            cause("backlash", axis, ends, _of_ends(fit, ends), 1),
+            cause("reversal-spike", axis, tops, _spikes(pair, fit, axis, tops), fit.shapes.widths_tried),
+            cause("cyclic-pitch", axis, waves, _cyclic(fit, axis, waves), fit.shapes.wavelengths_tried[axis]),
+        ]
+    causes.sort(key=lambda one: (not one.found, -one.largest_um))
+    remaining = float(fit.residual_um @ fit.residual_um)
+    return FeedCauses(
+        pair.speed_um_per_s * 60e-3,
+        tuple(causes),
+        {name: _scaled(fit, f"centre {axis}", 1.0, "µm") for axis, name in enumerate(names)},
+        math.sqrt(total / len(centred)),
+        math.sqrt(remaining / len(centred)),
+        remaining / total if total > 0 else 0.0,
+        tuple((pair.deviation_um - fit.residual_um)[part] for part in pair.parts),
+        tuple(fit.residual_um[part] for part in pair.parts),
+    )
+
+
+def _probability(values: Vector, covariance: Vector, tried: int) -> float:
+    """Chance of such amounts by noise, the best of `tried` shapes taken."""
+    if not values.any():
+        return 1.0
+    try:
+        distance = float(values @ np.linalg.solve(covariance, values))
+    except np.linalg.LinAlgError:  # nothing remains, so nothing is uncertain
+        return 0.0
+    return min(1.0, tried * float(stats.chi2.sf(distance, len(values))))
+
+
+def _scaled(fit: CircleFit, name: str, factor: float, unit: str) -> Amount:
+    values, covariance = fit.amounts(name)
+    return Amount(float(values[0]) * factor, math.sqrt(float(covariance[0, 0])) * abs(factor), unit)
+
+
+def _weighted(fit: CircleFit, names: Sequence[str], weights: Sequence[float], unit: str) -> Amount:
+    values, covariance = fit.amounts(*names)
+    w = np.array(weights)
+    return Amount(float(w @ values), math.sqrt(float(w @ covariance @ w)), unit)
+
+
+def _radius(pair: CirclePair, fit: CircleFit) -> dict[str, Amount]:
+    change = _scaled(fit, "radius", 1.0, "µm")
+    amounts = {"radius": change}
+    if change.value < 0:
+        gain = pair.speed_um_per_s / math.sqrt(-2.0 * pair.radius_um * change.value)
+        amounts["gain if all of it is lag"] = Amount(gain, gain * change.standard_error / -change.value / 2.0, "1/s")
+    return amounts
+
+
+def _mismatch(pair: CirclePair, fit: CircleFit) -> dict[str, Amount]:
+    return {
+        "difference of the lags": _scaled(fit, "gain-mismatch", 2.0, "µm"),
+        "difference of the lag times": _scaled(fit, "gain-mismatch", 2e3 / pair.speed_um_per_s, "ms"),
+    }
+
+
+def _of_ends(fit: CircleFit, ends: Sequence[str]) -> dict[str, Amount]:
+    return {
+        "at the positive end": _scaled(fit, ends[0], 1.0, "µm"),
+        "at the negative end": _scaled(fit, ends[1], 1.0, "µm"),
+        "mean": _weighted(fit, ends, (0.5, 0.5), "µm"),
+    }
+
+
+def _spikes(pair: CirclePair, fit: CircleFit, axis: int, tops: Sequence[str]) -> dict[str, Amount]:
+    width_s = fit.shapes.width_s[axis]
+    return {
+        **_of_ends(fit, tops),
+        "width": _shape(fit, f"spike {axis} shape", width_s * 1e3, "ms"),
+        "travel": _shape(fit, f"spike {axis} shape", width_s * pair.speed_um_per_s * 1e-3, "mm"),
+    }
+
+
+def _shape(fit: CircleFit, name: str, value: float, unit: str) -> Amount:
+    """A searched number; its error is known relative to it, and only where its cause stands out."""
+    if name not in fit.names:
+        return Amount(value, math.nan, unit)
+    at = fit.names.index(name)
+    return Amount(value, value * math.sqrt(float(fit.covariance[at, at])), unit)
+
+
+def _cyclic(fit: CircleFit, axis: int, waves: Sequence[str]) -> dict[str, Amount]:
+    values, _ = fit.amounts(*waves)
+    size = float(np.hypot(values[0], values[1]))
+    direction = values / size if size > 0 else np.array([1.0, 0.0])
+    along = _weighted(fit, waves, [float(one) for one in direction], "µm")
+    return {
+        "amplitude": Amount(size, along.standard_error, "µm"),
+        "wavelength": _shape(fit, f"cyclic {axis} shape", fit.shapes.wavelength_um[axis] * 1e-3, "mm"),
+    }
+
+
+def _overall(fits: Sequence[tuple[CirclePair, CircleFit]], names: tuple[str, ...]) -> dict[str, Amount]:
+    """Laws through the feeds: constants of the geometry and of the control."""
+    feed = np.array([pair.speed_um_per_s for pair, _ in fits])
+    radius_um = fits[0][0].radius_um
+    per_m = 2e6 / radius_um
+    one, several = np.ones((len(feed), 1)), len(feed) > 1
+    squares = np.column_stack([one, feed**2]) if several else one
+    found: dict[str, Amount] = {}
+    radius, radius_c = _law(fits, "radius", squares)
+    if several:
+        found["radius at standstill"] = Amount(radius[0], math.sqrt(radius_c[0, 0]), "µm")
+        falls = -2.0 * radius_um * radius[1]
+        if falls > 3.0 * 2.0 * radius_um * math.sqrt(radius_c[1, 1]):
+            gain = 1.0 / math.sqrt(falls)
+            found["gain by the radius"] = Amount(gain, gain * math.sqrt(radius_c[1, 1]) / -radius[1] / 2.0, "1/s")
+    scale, scale_c = _law(fits, "scale-mismatch", squares)
+    found["scale mismatch"] = Amount(scale[0] * per_m, math.sqrt(scale_c[0, 0]) * per_m, "µm/m")
+    square, square_c = _law(fits, "squareness", one)
+    found["squareness"] = Amount(square[0] * per_m, math.sqrt(square_c[0, 0]) * per_m, "µm/m")
+    lag, lag_c = _law(fits, "gain-mismatch", feed[:, None])
+    late = Amount(lag[0] * 2e3, math.sqrt(lag_c[0, 0]) * 2e3, "ms")
+    found["difference of the lag times"] = late
+    gained = found.get("gain by the radius")
+    if gained is not None:
+        percent = -late.value * gained.value * 0.1
+        error = abs(percent) * gained.standard_error / gained.value
+        found["gain mismatch"] = Amount(
+            percent, math.hypot(late.standard_error * gained.value * 0.1, error), f"% {names[0]} over {names[1]}"
+        )
+    for axis, name in enumerate(names):
+        for end, word in (("+", "positive"), ("-", "negative")):
+            gap, gap_c = _law(fits, f"backlash {axis}{end}", one)
+            found[f"backlash {name}, {word} end"] = Amount(gap[0], math.sqrt(gap_c[0, 0]), "µm")
+    return found
+
+
+def _law(fits: Sequence[tuple[CirclePair, CircleFit]], name: str, columns: Vector) -> tuple[Vector, Vector]:
+    """Coefficients of an amount over the feeds, and their covariance: wider where feeds disagree more than they may."""
+    pairs = [fit.amounts(name) for _, fit in fits]
+    values = np.array([float(value[0]) for value, _ in pairs])
+    # an amount without any error would silence the others
+    errors = np.sqrt(np.array([float(covariance[0, 0]) for _, covariance in pairs]))
+    errors = np.maximum(errors, 1e-9 + 1e-6 * np.abs(values))
+    size = np.abs(columns).max(axis=0)
+    weighted = columns / size / errors[:, None]
+    inverse = np.linalg.inv(weighted.T @ weighted)
+    amounts = inverse @ weighted.T @ (values / errors)
+    spare = len(values) - columns.shape[1]
+    left = values / errors - weighted @ amounts
+    wider = max(1.0, float(left @ left) / spare) if spare > 0 else 1.0
+    return amounts / size, inverse * wider / np.outer(size, size)
+
+
+def _findings(feeds: Sequence[FeedCauses], fits: Sequence[tuple[CirclePair, CircleFit]]) -> tuple[Finding, ...]:
+    told = []
+    if len(feeds) == 1:
+        told.append(
+            Finding(
+                "ball-bar-single-feed",
+                "info",
+                f"At one feed ({feeds[0].feed_mm_per_min:.4g} mm/min) lag of the drives, an error of the bar's length "
+                "and a scale error of both axes all change the radius alike, and different scales look like different "
+                "amplitudes.",
+                suggestion="Run the circle at a second feed, three times faster or more.",
+            )
+        )
+    for feed, (_, fit) in zip(feeds, fits, strict=True):
+        if feed.remaining_share > _PLAIN and fit.resemblance > _STRUCTURED:
+            told.append(
+                Finding(
+                    "ball-bar-unexplained",
+                    "warning",
+                    f"At {feed.feed_mm_per_min:.4g} mm/min {feed.remaining_rms_um:.2g} µm (RMS) of "
+                    f"{feed.deviation_rms_um:.2g} µm follow none of the causes and are not noise.",
+                    Where(),
+                    {"feed_mm_per_min": feed.feed_mm_per_min, "remaining_share": feed.remaining_share},
+                    "Look at the polar plot: vibration, stick-slip and lateral play are not among the causes.",
+                )
+            )
+    return tuple(told)
+
+
+def _unfit(found: str, expected: str, advice: str) -> InputError:
+    return InputError(found, expected=expected, where="causes of a circular test", advice=advice)
