@@ -6,12 +6,16 @@ same name serves the file, the law in Python and the parameter of a fit.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field
 
 MOST_SAMPLES = 2_000_000
 """Samples of one run, and steps of the calculation where they are as long as the samples."""
+
+NO_SUCH_KIND = "no_such_kind"
+"""Type of the problem where a table has none of the kinds that it may have."""
 
 _MARK = "\x1f"
 """No name and no key of a file may hold it, so that it tells choices from keys."""
@@ -25,6 +29,17 @@ def choice_tag(name: str) -> str:
 def is_choice_tag(part: object) -> bool:
     """Whether a part of a place is a tag of `choice_tag` and not a key."""
     return isinstance(part, str) and part.startswith(_MARK)
+
+
+def by_kind(*kinds: str) -> Discriminator:
+    """Which of several forms a table has: the one with the `choice_tag` of its ``kind = "…"``."""
+
+    def tag(value: Any) -> str | None:
+        kind = value.get("kind") if isinstance(value, Mapping) else getattr(value, "kind", None)
+        return choice_tag(kind) if kind in kinds else None
+
+    words = ", ".join(f'"{kind}"' for kind in kinds)
+    return Discriminator(tag, custom_error_type=NO_SUCH_KIND, custom_error_message=f"one of {words}")
 
 
 def printable(text: str) -> str:

@@ -15,6 +15,7 @@ _WORDS = {
     "bool_type": "true or false",
     "int_type": "a whole number",
     "float_type": "a number",
+    "string_pattern_mismatch": "a letter, then letters, digits and _, 16 at most",
 }
 _ENTRIES = {"Dictionary": "entry", "String": "character"}
 

@@ -17,7 +17,7 @@ from typing import Any, Generic, TypeVar, get_args
 from pydantic import BaseModel, Tag, ValidationError
 
 from selector.errors import ModelFileError
-from selector.physics.model_entries import Entry, is_choice_tag
+from selector.physics.model_entries import NO_SUCH_KIND, Entry, is_choice_tag
 from selector.physics.model_mistakes import expected_text
 
 LARGEST_FILE_BYTES = 4_000_000
@@ -128,6 +128,9 @@ class ModelFamily(Generic[File]):
         rank = {"extra_forbidden": 0, "missing": 2}
         first = min(problems, key=lambda one: rank.get(one["type"], 1))
         key: Key = tuple(part for part in first["loc"] if not is_choice_tag(part) and part != "[key]")
+        held = first["input"]
+        if first["type"] == NO_SUCH_KIND and isinstance(held, Mapping):
+            key, held = (*key, "kind"), held.get("kind")
         place = f"{where}, key {key_text(key)}"
         more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
         if first["type"] == "extra_forbidden":
@@ -148,7 +151,7 @@ class ModelFamily(Generic[File]):
         if first["type"] == "missing":
             found, expected = f"no {shown(key[-1]) if isinstance(key[-1], str) else 'further value'}{more}", "this key"
         else:
-            found = f"{shown(first['input'])}{more}"
+            found = f"{shown(held)}{more}"
             expected = expected_text(first)
         advice = f"correct this value; {self.page} explains it"
         return ModelFileError(found, expected=expected, where=place, advice=advice)

@@ -1,0 +1,325 @@
+"""A feed drive that runs: its file in, recordings of its axes out, its parameters open to be fitted again."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from selector.errors import InputError
+from selector.physics.drive.axis import Axis
+from selector.physics.drive.ball_bar import LONGEST_PERIOD_S, BallBarTrace, PairGeometry, ball_bar_run
+from selector.physics.drive.catalogue import Parts
+from selector.physics.drive.circle import Circle, circle_references, measured_samples
+from selector.physics.drive.course import ParameterCourse
+from selector.physics.drive.drive_channels import axis_channels, axis_courses
+from selector.physics.drive.mechanics import RigidMechanics
+from selector.physics.drive.model_axes import FileAxis, file_axis
+from selector.physics.drive.model_file import columns_needed
+from selector.physics.drive.model_motion import Columns, circle_plan, file_reference, moved_axes
+from selector.physics.drive.model_schema import MOST_STEPS, CircleMotion, DriveFile
+from selector.physics.drive.motion import Motion
+from selector.physics.drive.parameters import parameters, with_parameters
+from selector.physics.drive.reference import Reference
+from selector.physics.drive.simulation import simulate_axis
+from selector.physics.drive.step_choice import advised_step_s
+from selector.physics.model_parameters import Parameter
+from selector.physics.model_values import value_of
+from selector.recording import Channel, Recording
+
+Vector = NDArray[np.float64]
+
+DEVIATION = Channel("deviation", "displacement", "um", "ball-bar")
+ANGLE = Channel("angle", "state", "1", "ball-bar [rad]")
+
+
+@dataclass(frozen=True)
+class AxisRun:
+    """What one axis was asked, and what it did.
+
+    Attributes
+    ----------
+    axis : Axis
+        The axis that was simulated.
+    reference : Reference
+        What it was asked to do.
+    motion : Motion
+        What it did.
+    course : ParameterCourse or None
+        Stiffness and damping that it had, with ``varying = "command"``.
+    step_s : float
+        Largest step of the calculation [s].
+    """
+
+    axis: Axis
+    reference: Reference
+    motion: Motion
+    course: ParameterCourse | None
+    step_s: float
+
+
+@dataclass(frozen=True)
+class DriveSimulation:
+    """A simulation of one or more runs.
+
+    Attributes
+    ----------
+    recording : Recording
+        What a measurement would hold, see `drive_channels`.
+    axes : mapping of str to mapping of str to AxisRun
+        Run → axis → what it did.
+    traces : mapping of str to BallBarTrace
+        Run → what a ball-bar shows of it; empty unless the axes went in circles.
+    """
+
+    recording: Recording
+    axes: Mapping[str, Mapping[str, AxisRun]]
+    traces: Mapping[str, BallBarTrace] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class DriveModel:
+    """The feed drive that a model file describes; made by `drive_model`.
+
+    Attributes
+    ----------
+    file : DriveFile
+        The file's content.
+    columns : mapping
+        Values of the columns that it refers to, see `model_file.columns_needed`; empty without such.
+    """
+
+    file: DriveFile
+    columns: Columns = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """What the file calls it."""
+        return self.file.model.name
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of what acts on it: the command of every axis that moves."""
+        return tuple(axis_channels(name, axis, loaded=False)["command"].name for name, axis in self.axes.items())
+
+    @property
+    def outputs(self) -> tuple[Channel, ...]:
+        """Channels that it gives: what every axis does, then what a ball-bar shows."""
+        shown = (ANGLE, DEVIATION) if isinstance(self.file.motion, CircleMotion) else ()
+        return (*self._axis_outputs(tuple(self.axes)), *shown)
+
+    @property
+    def parameters(self) -> Mapping[str, Parameter]:
+        """Named numbers with units and bounds, see `parameters.parameters`."""
+        return parameters(self.file)
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Where an effect may be added: servo, motor, screw, nut, guide, table of every axis."""
+        found = []
+        for name, axis in self.axes.items():
+            rigid = isinstance(axis.axis.mechanics, RigidMechanics)
+            parts = (
+                ("servo", "motor", "guide", "table") if rigid else ("servo", "motor", "screw", "nut", "guide", "table")
+            )
+            found += [f"{name}.{part}" for part in parts]
+        return tuple(found)
+
+    @cached_property
+    def axes(self) -> Mapping[str, FileAxis]:
+        """Axis → its values, for the axes that the motion moves."""
+        return {name: self.file_axes[name] for name in moved_axes(self.file)}
+
+    @cached_property
+    def file_axes(self) -> Mapping[str, FileAxis]:
+        """Axis → its values, for all axes of the file."""
+        return {name: file_axis(section) for name, section in self.file.axes.items()}
+
+    @property
+    def parts(self) -> Mapping[str, Parts]:
+        """Axis → its catalogue parts, for the axes that are described by parts."""
+        return {name: axis.parts for name, axis in self.axes.items() if axis.parts is not None}
+
+    @cached_property
+    def runs(self) -> Mapping[str, Circle | None]:
+        """Run of `simulation` → its circle; a motion of one axis is one run with an empty name, for any name."""
+        if not isinstance(self.file.motion, CircleMotion):
+            return {"": None}
+        turns = {1: "ccw", -1: "cw"}
+        return {f"F{one.feed_mm_per_min:g} {turns[one.direction]}": one for one in circle_plan(self.file).circles}
+
+    def with_parameters(self, values: Mapping[str, float]) -> DriveModel:
+        """The same model with other values of some parameters; errors as in `parameters.with_parameters`."""
+        return DriveModel(with_parameters(self.file, values), self.columns)
+
+    def simulate(self, *, run: str = "simulation", seed: int | None = None) -> Recording:
+        """The recording of `simulation`."""
+        return self.simulation(run=run, seed=seed).recording
+
+    def simulation(self, *, run: str = "simulation", seed: int | None = None) -> DriveSimulation:
+        """What the axes do in the motion of the file.
+
+        Parameters
+        ----------
+        run : str
+            Name of the run; those of circles are called after feed and direction, such as ``"F1000 ccw"``.
+        seed : int, optional
+            Of the noise; default: that of the file.
+
+        Raises
+        ------
+        InputError
+            An axis runs away, or the steps of the calculation are too many.
+        """
+        noise = self.file.run.seed if seed is None else seed
+        if isinstance(self.file.motion, CircleMotion):
+            return self._circles(noise)
+        reference = file_reference(self.file, self.columns)
+        name = next(iter(self.axes))
+        done = self.axis_run(name, reference, seed=noise)
+        return self.gathered({run: {name: done}}, {run: reference.time_s}, noise)
+
+    def axis_run(self, name: str, reference: Reference, *, commands: Vector | None = None, seed: int = 0) -> AxisRun:
+        """What one axis does along a reference, or, with `commands`, when its control is replaced by them.
+
+        Parameters
+        ----------
+        name : str
+            Of the axis.
+        reference : Reference
+            What it is asked to do.
+        commands : ndarray of shape (n_samples,), optional
+            What the control would put out [actuator unit], each held until the next.
+        seed : int
+            Of the noise.
+
+        Raises
+        ------
+        InputError
+            It runs away, or the steps are too many.
+        """
+        axis, file = self.file_axes[name].axis, self.file
+        step_s = file.run.step_s or advised_step_s(axis, reference.period_s)
+        _require_few_steps(name, (len(reference.position_m) - 1) * reference.period_s, step_s)
+        course = self.file_axes[name].course(reference)
+        motion = simulate_axis(axis, reference, step_s=step_s, course=course, commands=commands, seed=seed)
+        return AxisRun(axis, reference, motion, course, step_s)
+
+    def gathered(
+        self,
+        axes: Mapping[str, Mapping[str, AxisRun]],
+        times_s: Mapping[str, Vector],
+        seed: int,
+    ) -> DriveSimulation:
+        """Runs of axes as one recording whose samples stand at `times_s` of each run."""
+        names = tuple(dict.fromkeys(name for done in axes.values() for name in done))
+        loaded = {name for done in axes.values() for name, one in done.items() if one.reference.force_n is not None}
+        tables, told = {}, {}
+        for run, done in axes.items():
+            columns: dict[str, Vector] = {}
+            for name, one in done.items():
+                channels = axis_channels(name, self.file_axes[name], loaded=name in loaded)
+                courses = axis_courses(one.motion, one.reference)
+                for kind, channel in channels.items():
+                    columns[channel.name] = _at(times_s[run], one.motion.time_s, courses[kind])
+            tables[run] = pd.DataFrame(columns, index=pd.Index(times_s[run], name="time_s"))
+            told[run] = {"step_s": {name: one.step_s for name, one in done.items()}}
+        return DriveSimulation(
+            Recording.from_runs(tables, self._axis_outputs(names, loaded), self._provenance(seed, told)), axes
+        )
+
+    def _circles(self, seed: int) -> DriveSimulation:
+        plan, geometry = circle_plan(self.file), PairGeometry()
+        if self.file.ball_bar is not None:
+            geometry = value_of(PairGeometry, self.file.ball_bar)
+        axes = {name: axis.axis for name, axis in self.axes.items()}
+        step_s = self.file.run.step_s or min(advised_step_s(axis, LONGEST_PERIOD_S) for axis in axes.values())
+        runs: dict[str, dict[str, AxisRun]] = {}
+        traces: dict[str, BallBarTrace] = {}
+        tables, told = {}, {}
+        for number, (run, circle) in enumerate(self.runs.items()):
+            if circle is None:
+                continue
+            _require_few_steps("circle", circle.duration_s, step_s)
+            trace, motions = ball_bar_run(axes, circle, geometry, plan, step_s=step_s, seed=seed, number=number)
+            time_s = next(iter(motions.values())).time_s
+            references = circle_references(circle, tuple(axes), period_s=float(time_s[1] - time_s[0]))
+            runs[run] = {name: AxisRun(axes[name], references[name], motions[name], None, step_s) for name in axes}
+            traces[run] = trace
+            inside = measured_samples(circle, time_s)
+            columns: dict[str, Vector] = {}
+            for name, axis in self.axes.items():
+                courses = axis_courses(motions[name], references[name])
+                columns |= {
+                    channel.name: courses[kind][inside]
+                    for kind, channel in axis_channels(name, axis, loaded=False).items()
+                }
+            columns |= {ANGLE.name: trace.angle_rad, DEVIATION.name: trace.deviation_um}
+            tables[run] = pd.DataFrame(columns, index=pd.Index(time_s[inside] - time_s[inside][0], name="time_s"))
+            told[run] = {"step_s": dict.fromkeys(axes, step_s)}
+        return DriveSimulation(Recording.from_runs(tables, self.outputs, self._provenance(seed, told)), runs, traces)
+
+    def _axis_outputs(self, names: tuple[str, ...], loaded: Collection[str] = ()) -> tuple[Channel, ...]:
+        return tuple(
+            channel
+            for name in names
+            for channel in axis_channels(name, self.file_axes[name], loaded=name in loaded).values()
+        )
+
+    def _provenance(self, seed: int, told: Mapping[str, Any]) -> dict[str, Any]:
+        return {
+            "simulated": {"model": self.name, "kind": self.file.model.kind, "seed": seed, "instruments": True},
+            "runs": dict(told),
+        }
+
+
+def drive_model(file: DriveFile, columns: Columns | None = None) -> DriveModel:
+    """The feed drive that a model file describes, ready to run.
+
+    Parameters
+    ----------
+    file : DriveFile
+        The file's content.
+    columns : mapping, optional
+        Values of the columns that it refers to, see `model_file.columns_needed`.
+
+    Raises
+    ------
+    InputError
+        A column lacks.
+    ModelFileError
+        ``[bounds]`` names what is no parameter, or excludes the value of one.
+    """
+    lacking = [key for key in columns_needed(file) if key not in (columns or {})]
+    if lacking:
+        raise InputError(
+            "a column that was not read",
+            expected="values of every column that the model file refers to",
+            where=f"key {lacking[0]}",
+            advice="read the file beside the model and give its values",
+        )
+    model = DriveModel(file, columns or {})
+    _ = model.parameters  # the bounds are checked here, not when a fit asks for them
+    return model
+
+
+def _at(time_s: Vector, grid_s: Vector, values: Vector) -> Vector:
+    """A course at other times; itself where they are its own up to a millionth of a period."""
+    if len(time_s) == len(grid_s) and np.allclose(time_s, grid_s, rtol=0.0, atol=1e-6 * (grid_s[1] - grid_s[0])):
+        return values
+    return np.interp(time_s, grid_s, values)
+
+
+def _require_few_steps(name: str, duration_s: float, step_s: float) -> None:
+    if duration_s / step_s > MOST_STEPS:
+        raise InputError(
+            f"{duration_s / step_s:.3g} steps of {step_s:.3g} s in a motion of {duration_s:.6g} s ({name})",
+            expected=f"at most {MOST_STEPS}",
+            where="key run.step_s",
+            advice="simulate a shorter motion, a faster feed, or give a larger run.step_s",
+        )

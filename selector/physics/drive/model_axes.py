@@ -1,0 +1,197 @@
+"""Which axis does a section of the model file describe."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+from selector.errors import InputError
+from selector.physics.drive.axis import Axis
+from selector.physics.drive.catalogue import Parts
+from selector.physics.drive.course import ParameterCourse
+from selector.physics.drive.damping import dry_friction, parameter_course
+from selector.physics.drive.friction import Friction, Ripple
+from selector.physics.drive.mechanics import Mechanics, RigidMechanics, ThreeMassMechanics
+from selector.physics.drive.model_parts import parts_contradictions, parts_of
+from selector.physics.drive.model_schema import AxisSection
+from selector.physics.drive.reference import Reference
+from selector.physics.drive.servo import Sensing, Servo
+from selector.physics.drive.stiffness import axial_compliance, three_mass_mechanics
+from selector.physics.drive.transmission import Transmission
+from selector.physics.model_text import Contradiction, Key
+from selector.physics.model_values import given, refused, value_of
+
+_VALUES: dict[str, type] = {"friction": Friction, "transmission": Transmission, "servo": Servo, "sensing": Sensing}
+
+
+@dataclass(frozen=True)
+class FileAxis:
+    """An axis of a model file.
+
+    Attributes
+    ----------
+    axis : Axis
+        Its values.
+    parts : Parts or None
+        What it is built from, where the file says so.
+    section : AxisSection
+        Its section of the file.
+    """
+
+    axis: Axis
+    parts: Parts | None
+    section: AxisSection
+
+    @property
+    def rotary(self) -> bool:
+        """Whether it turns: rad, kg·m² and N·m in the place of m, kg and N."""
+        return is_rotary(self.section)
+
+    def course(self, reference: Reference) -> ParameterCourse | None:
+        """Stiffness and damping along a reference, with ``varying = "command"``; else None.
+
+        Raises
+        ------
+        InputError
+            The reference moves the nut off the screw.
+        """
+        if self.parts is None or self.section.varying != "command":
+            return None
+        asked = self.section.course
+        return parameter_course(
+            self.parts,
+            reference,
+            stiffness=asked.stiffness,
+            damping=asked.damping,
+            reversal_speed_m_per_s=asked.reversal_speed_m_per_s,
+        )
+
+
+def is_rotary(section: AxisSection) -> bool:
+    """Whether the axis turns: rad, kg·m² and N·m in the place of m, kg and N."""
+    return getattr(section.mechanics, "kind", None) == "rotary"
+
+
+def file_axis(section: AxisSection) -> FileAxis:
+    """The axis of a section.
+
+    With parts, mechanics, friction and what the motor can give come from them; keys of `friction` and `servo` that are
+    said count more.
+
+    Raises
+    ------
+    InputError
+        A value cannot be, or two do not fit together.
+    """
+    parts = None if section.parts is None else parts_of(section.parts)
+    axis = Axis(
+        mechanics=_mechanics(section, parts),
+        friction=replace(_friction_of_parts(section, parts), **given(Friction, section.friction)),
+        servo=Servo(**(_servo_of_parts(parts) | given(Servo, section.servo))),
+        transmission=value_of(Transmission, section.transmission),
+        sensing=value_of(Sensing, section.sensing),
+        ripple=tuple(value_of(Ripple, one) for one in section.ripple),
+        ripple_period=section.ripple_period or 2.0 * math.pi,
+        compliance=axial_compliance(parts) if parts is not None and section.varying == "state" else None,
+    )
+    return FileAxis(axis, parts, section)
+
+
+def axis_contradictions(name: str, section: AxisSection) -> Iterator[Contradiction]:
+    """What cannot be, or does not fit together, in ``[axes.NAME]``."""
+    at: Key = ("axes", name)
+    wrong = [*_of_structure(at, section), *_refused(at, section)]
+    yield from wrong or _misfits(at, section)
+
+
+def _mechanics(section: AxisSection, parts: Parts | None) -> Mechanics:
+    if parts is not None:
+        return three_mass_mechanics(parts)
+    if section.mechanics is None:
+        raise ValueError("an axis without mechanics and parts, which the file's contradictions tell")
+    if getattr(section.mechanics, "kind", None) == "three-mass":
+        return value_of(ThreeMassMechanics, section.mechanics)
+    return value_of(RigidMechanics, section.mechanics)
+
+
+def _friction_of_parts(section: AxisSection, parts: Parts | None) -> Friction:
+    # along the command dry friction is part of the damping
+    return Friction() if parts is None or section.varying == "command" else dry_friction(parts)
+
+
+def _servo_of_parts(parts: Parts | None) -> dict[str, Any]:
+    if parts is None:
+        return {}
+    motor = parts.motor
+    return {
+        "actuator_gain": motor.torque_constant_nm_per_a,
+        "command_limit": motor.peak_torque_nm / motor.torque_constant_nm_per_a,
+        "speed_limit": motor.top_speed_rpm * math.pi / 30.0,
+    }
+
+
+def _of_structure(at: Key, section: AxisSection) -> Iterator[Contradiction]:
+    if (section.mechanics is None) == (section.parts is None):
+        found = "neither mechanics nor parts" if section.parts is None else "mechanics and parts"
+        advice = "describe the masses under mechanics, or the catalogue parts under parts"
+        yield at, found, "one of them", advice
+    if section.parts is None:
+        for key in ("varying", "course"):
+            if key in section.model_fields_set:
+                yield (*at, key), f"{key} without parts", "parts, which say how", "leave it out, or give the parts"
+    elif section.varying is None:
+        advice = 'add varying = "constant", "command" (F\'s time-varying model) or "state" (the spring itself)'
+        yield (*at, "varying"), "no 'varying'", "this key, which parts need", advice
+    elif section.varying != "command" and "course" in section.model_fields_set:
+        yield (*at, "course"), f'varying = "{section.varying}"', 'varying = "command"', "leave the section out"
+
+
+def _refused(at: Key, section: AxisSection) -> Iterator[Contradiction]:
+    if section.parts is not None:
+        yield from parts_contradictions((*at, "parts"), section.parts)
+    elif section.mechanics is not None:
+        try:
+            _mechanics(section, None)
+        except InputError as error:
+            yield refused(error, (*at, "mechanics"), section.mechanics)
+    for name, kind in _VALUES.items():
+        try:
+            value_of(kind, getattr(section, name))
+        except InputError as error:
+            yield refused(error, (*at, name), getattr(section, name))
+    for number, ripple in enumerate(section.ripple):
+        try:
+            value_of(Ripple, ripple)
+        except InputError as error:
+            yield refused(error, (*at, "ripple", number), ripple)
+
+
+def _misfits(at: Key, section: AxisSection) -> Iterator[Contradiction]:
+    friction, transmission = value_of(Friction, section.friction), value_of(Transmission, section.transmission)
+    servo, sensing = value_of(Servo, section.servo), value_of(Sensing, section.sensing)
+    if section.parts is None and getattr(section.mechanics, "kind", None) != "three-mass":
+        advice = 'describe motor, screw and table (mechanics.kind = "three-mass", or parts), or leave this key out'
+        for part, key, value in (
+            ("transmission", "backlash_m", transmission.backlash_m),
+            ("friction", "screw_coulomb_nm", friction.screw_coulomb_nm),
+        ):
+            if value > 0:
+                yield (*at, part, key), f"{value:g} in an axis of one mass", "0, or an axis of three masses", advice
+    if section.varying == "command":
+        advice = 'leave it out, or say varying = "state", where friction is dry'
+        for key in ("coulomb_n", "coulomb_negative_n", "static_n", "static_negative_n", "lugre"):
+            if getattr(friction, key):
+                yield (*at, "friction", key), "friction of the guide twice", "that of the parts alone", advice
+    if servo.sample_s == 0:
+        advice = "give servo.sample_s, the period of the control in seconds, or leave this key out"
+        if servo.delay_s > 0:
+            yield (*at, "servo", "delay_s"), "a delay in a continuous control", "a sampled control", advice
+        if sensing != Sensing():
+            found = f"{', '.join(sorted(section.sensing.model_fields_set))} in a continuous control"
+            yield (*at, "sensing"), found, "a sampled control", advice
+    try:
+        file_axis(section)
+    except InputError as error:
+        yield at, error.found, error.expected, error.advice

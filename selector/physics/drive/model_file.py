@@ -1,0 +1,149 @@
+"""What does the model file of a feed drive say: TOML text → checked values, or an error that names the key."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from selector.errors import InputError
+from selector.physics.drive.ball_bar import PairGeometry
+from selector.physics.drive.model_axes import axis_contradictions, is_rotary
+from selector.physics.drive.model_motion import circle_plan, motion_counts, moved_axes, planned_reference
+from selector.physics.drive.model_schema import KINDS, MOST_SAMPLES, MOST_STEPS, CircleMotion, ColumnMotion, DriveFile
+from selector.physics.model_entries import Column
+from selector.physics.model_text import (
+    Contradiction,
+    ModelFamily,
+    bound_contradictions,
+    plain_values,
+    unknown_name,
+)
+from selector.physics.model_values import refused, value_of
+
+COLUMN_ROLES = {"motion": "position_command", "motion.force_n": "force"}
+"""Key of a column of `columns_needed` → role of its values, which are in the unit of that role."""
+
+
+def read_model_file(path: str | Path) -> DriveFile:
+    """The model file of a feed drive at `path`.
+
+    Raises
+    ------
+    ModelFileError
+        As `selector.physics.model_text.ModelFamily.read`.
+    """
+    return _FAMILY.read(path)
+
+
+def parsed_model_file(text: str, *, where: str = "model file") -> DriveFile:
+    """The model file with this content; `where` names it in messages. Errors as `read_model_file`."""
+    return _FAMILY.parsed(text, where=where)
+
+
+def checked_model_file(values: Mapping[str, Any], *, where: str = "model file") -> DriveFile:
+    """The model file with these sections as plain values. Errors as `read_model_file`."""
+    return _FAMILY.checked(values, where=where)
+
+
+def columns_needed(file: DriveFile) -> dict[str, Column | ColumnMotion]:
+    """Key of the file → column of a recording beside it that its values are read from, see `COLUMN_ROLES`."""
+    found: dict[str, Column | ColumnMotion] = {}
+    if isinstance(file.motion, CircleMotion):
+        return found
+    if isinstance(file.motion, ColumnMotion):
+        found["motion"] = file.motion
+    if isinstance(file.motion.force_n, Column):
+        found["motion.force_n"] = file.motion.force_n
+    return found
+
+
+def contradictions(file: DriveFile) -> Iterator[Contradiction]:
+    """(key, found, expected, advice) of whatever does not fit together in a file whose values are valid one by one."""
+    for name, section in file.axes.items():
+        yield from axis_contradictions(name, section)
+    yield from _of_motion(file)
+    yield from bound_contradictions(file.bounds)
+    yield from _of_length(file)
+
+
+def _of_motion(file: DriveFile) -> Iterator[Contradiction]:
+    motion, known = file.motion, list(file.axes)
+    if isinstance(motion, CircleMotion):
+        yield from _of_circle(file, motion)
+        return
+    if file.ball_bar is not None:
+        yield ("ball_bar",), "a ball-bar without a circle", 'motion.kind = "circle"', "leave the section out"
+    if motion.axis is None and len(known) > 1:
+        advice = f'add axis = "{known[0]}"'
+        yield ("motion", "axis"), f"{len(known)} axes ({', '.join(known)})", "the one that moves", advice
+    elif motion.axis is not None and motion.axis not in file.axes:
+        yield ("motion", "axis"), *unknown_name("axis", motion.axis, known)
+    elif is_rotary(file.axes[moved_axes(file)[0]]):
+        advice = "rotary axes take part in circles only"
+        yield ("motion", "axis"), f"{moved_axes(file)[0]!r}, which turns", "an axis that slides", advice
+    if isinstance(motion.force_n, tuple):
+        starts = [start for start, _ in motion.force_n]
+        if starts[0] != 0.0 or any(b <= a for a, b in pairwise(starts)):
+            advice = "begin with [0, …] and sort the steps; one value a time"
+            yield ("motion", "force_n"), f"steps at {starts[:6]} s", "times that begin with 0 and increase", advice
+
+
+def _of_circle(file: DriveFile, motion: CircleMotion) -> Iterator[Contradiction]:
+    known = list(file.axes)
+    for number, name in enumerate(motion.axes):
+        if name not in file.axes:
+            yield ("motion", "axes", number), *unknown_name("axis", name, known)
+            return
+    if len(set(motion.axes)) < len(motion.axes):
+        yield ("motion", "axes"), f"{', '.join(motion.axes)}", "an axis once", "name two different linear axes"
+    for number, name in enumerate(motion.axes):
+        turns = is_rotary(file.axes[name])
+        if turns != (number == 2):
+            found = f"{name!r}, which {'turns' if turns else 'slides'}"
+            expected = "a rotary axis in the third place, linear ones before it"
+            yield ("motion", "axes", number), found, expected, 'a rotary axis has mechanics.kind = "rotary"'
+    if len(motion.axes) == 3 and motion.table_ball is None:
+        advice = "add [motion.table_ball] with distance_mm"
+        yield ("motion", "table_ball"), "a rotary axis without a ball on it", "its place", advice
+    if len(motion.axes) == 2 and motion.table_ball is not None:
+        yield ("motion", "table_ball"), "a ball on no rotary axis", "three axes", "name the rotary axis in motion.axes"
+    if file.ball_bar is not None:
+        try:
+            value_of(PairGeometry, file.ball_bar)
+        except InputError as error:
+            yield refused(error, ("ball_bar",), file.ball_bar)
+
+
+def _of_length(file: DriveFile) -> Iterator[Contradiction]:
+    """Runs that are too long to be held or to be waited for, and motions that are none."""
+    for key, what, count, most in motion_counts(file):
+        if count > most:
+            yield key, f"{count:.3g} {what}", f"at most {most}", "correct it, or make the motion shorter"
+            return
+    try:
+        if isinstance(file.motion, CircleMotion):
+            circle_plan(file)
+        elif not isinstance(file.motion, ColumnMotion):
+            planned_reference(file)
+    except InputError as error:
+        yield refused(error, ("motion",), file.motion)
+
+
+_FAMILY: ModelFamily[DriveFile] = ModelFamily(
+    "drive", KINDS, contradictions, page="docs/reference/drive-model.md", examples="fixtures/drive"
+)
+
+__all__ = [
+    "COLUMN_ROLES",
+    "MOST_SAMPLES",
+    "MOST_STEPS",
+    "DriveFile",
+    "checked_model_file",
+    "columns_needed",
+    "contradictions",
+    "parsed_model_file",
+    "plain_values",
+    "read_model_file",
+]

@@ -1,0 +1,122 @@
+"""Between which bounds may a fit look for a number of a feed drive, and in which unit is it."""
+
+from __future__ import annotations
+
+import math
+
+from selector.physics.drive.mechanics import RigidMechanics
+from selector.physics.drive.model_axes import FileAxis
+from selector.physics.model_text import Key
+
+_UNITS = (
+    ("_nms_per_rad", "N·m·s/rad"), ("_nm_per_rad", "N·m/rad"), ("_nm_per_a", "N·m/A"), ("_ns_per_m", "N·s/m"),
+    ("_n_per_um", "N/µm"), ("_n_per_m", "N/m"), ("_m_per_s2", "m/s²"), ("_m_per_s3", "m/s³"), ("_m_per_s", "m/s"),
+    ("_kg_per_m3", "kg/m³"), ("_kg_m2", "kg·m²"), ("_um_per_m", "µm/m"), ("_mm_per_min", "mm/min"), ("_per_s", "1/s"),
+    ("_kg", "kg"), ("_nm", "N·m"), ("_n", "N"), ("_mm", "mm"), ("_um", "µm"), ("_m", "m"), ("_rad", "rad"),
+    ("_deg", "°"), ("_gpa", "GPa"), ("_rpm", "r/min"), ("_hz", "Hz"), ("_s", "s"),
+)  # fmt: skip
+_TURNING = {"kg": "kg·m²", "N·s/m": "N·m·s/rad", "N/m": "N·m/rad", "N": "N·m", "m/s": "rad/s", "m": "rad"}
+
+_TIMES = 10.0
+_OFF = {
+    "backlash_m": 1e-3,
+    "pitch_amplitude_m": 1e-4,
+    "fading_speed_m_per_s": 0.1,
+    "delay_s": 0.02,
+    "velocity_feedforward": 2.0,
+    "acceleration_feedforward": 2.0,
+}
+"""Keys that may be 0, which switches something off, and how far at least they may go up."""
+
+_EITHER_SIGN = {"pitch_slope": 1e-3, "share": 0.5, "pitch_phase_rad": math.pi, "phase_rad": math.pi}
+_BETWEEN = {
+    "stribeck_speed_m_per_s": (1e-4, 0.5),
+    "stribeck_exponent": (0.5, 4.0),
+    "contact_angle_deg": (15.0, 75.0),
+    "conformity": (0.505, 0.6),
+    "rigidity_share": (0.1, 1.0),
+}
+_FRICTION_M_PER_S2 = 3.0
+"""No dry friction of a machine's guides is larger than 0.3 of the weight."""
+
+_DAMPING_PER_S = 10.0
+"""No guide stops a table within less than a tenth of a second by viscous friction alone."""
+
+_OF_CRITICAL = 0.2
+
+
+def parameter_bounds(path: Key, value: float, made: FileAxis) -> tuple[float, float]:
+    """Lower and upper bound of the parameter at a path below its axis.
+
+    A tenth and ten times the value; from 0 where 0 switches something off, and then up to what a machine of this mass
+    could have: 0.3 of its weight of dry friction, damping that stops it in 0.1 s, a fifth of critical damping in its
+    springs, 1 mm of backlash, 0.1 mm of pitch error, 20 ms of delay. Always around the value.
+    """
+    key = str(path[-1])
+    low, high = value / _TIMES, value * _TIMES
+    off = _OFF.get(key) or _off_from_mass(path, made)
+    sign = _EITHER_SIGN.get(key) or _sign_from_mass(path, made)
+    if key in _BETWEEN:
+        low, high = _BETWEEN[key]
+    elif sign is not None:
+        high = max(sign, _TIMES * abs(value))
+        low = -high
+    elif off is not None:
+        low, high = 0.0, max(off, _TIMES * value)
+    elif value <= 0.0:
+        low, high = 0.0, 1.0
+    return min(low, value), max(high, value)
+
+
+def unit_of_parameter(path: Key, made: FileAxis) -> str:
+    """The unit of the parameter at a path below its axis."""
+    unit = unit_of_key(str(path[-1]))
+    return _TURNING.get(unit, unit) if made.rotary else unit
+
+
+def unit_of_key(key: str) -> str:
+    """The unit that the name of a key carries; "1" if none.
+
+    >>> unit_of_key("guide_damping_ns_per_m"), unit_of_key("velocity_gain")
+    ('N·s/m', '1')
+    """
+    return next((unit for end, unit in _UNITS if key.endswith(end)), "1")
+
+
+def _off_from_mass(path: Key, made: FileAxis) -> float | None:
+    """How far a force, torque or damping that may be 0 may go up."""
+    key, mechanics = str(path[-1]), made.axis.mechanics
+    rigid = isinstance(mechanics, RigidMechanics)
+    mass = mechanics.mass_kg if isinstance(mechanics, RigidMechanics) else mechanics.table_mass_kg
+    radius = mechanics.travel_per_motion
+    lugre, servo = made.axis.friction.lugre, made.axis.servo
+    if key in ("coulomb_n", "coulomb_negative_n", "static_n", "static_negative_n"):
+        return _FRICTION_M_PER_S2 * mass
+    if key in ("guide_damping_ns_per_m", "viscous_ns_per_m"):
+        return _DAMPING_PER_S * mass
+    if path[-2:] == ("lugre", "damping_ns_per_m") and lugre is not None:
+        return 2.0 * math.sqrt(lugre.stiffness_n_per_m * mass)
+    if key == "velocity_integral_gain" and servo is not None:
+        return 200.0 * servo.velocity_gain
+    if rigid or isinstance(mechanics, RigidMechanics):
+        return None
+    if key in ("screw_coulomb_nm", "drag_torque_nm"):
+        return _FRICTION_M_PER_S2 * mass * radius
+    if key in ("screw_damping_nms_per_rad", "damping_nms_per_rad"):
+        return _DAMPING_PER_S * mass * radius**2
+    if key == "torsional_damping_nms_per_rad":
+        return 2.0 * _OF_CRITICAL * math.sqrt(mechanics.torsional_stiffness_nm_per_rad * mechanics.screw_inertia_kg_m2)
+    if key == "axial_damping_ns_per_m":
+        return 2.0 * _OF_CRITICAL * math.sqrt(mechanics.axial_stiffness_n_per_m * mass)
+    return None
+
+
+def _sign_from_mass(path: Key, made: FileAxis) -> float | None:
+    mechanics = made.axis.mechanics
+    if isinstance(mechanics, RigidMechanics):
+        force = _FRICTION_M_PER_S2 * mechanics.mass_kg
+    else:
+        force = _FRICTION_M_PER_S2 * mechanics.table_mass_kg
+    if path[-1] == "offset_n":
+        return force
+    return force * mechanics.travel_per_motion if path[-1] == "cogging" else None
