@@ -42,6 +42,7 @@ from selector.physics.drive._packed import (
     SCALE_RESOLUTION,
     SCREW,
     SPEED_FROM_ENCODER,
+    SPEED_SAMPLES,
     STEP,
     TABLE_FEEDBACK,
     TRAVEL,
@@ -81,7 +82,7 @@ def _sampled(w, before, s, i, noise, p, o, ref):
     reading, measured = _readings(w, p, o)
     speed = w[Y, V] if o[RIGID] else w[Y, WM]
     if o[SPEED_FROM_ENCODER]:
-        speed = (reading - before) / p[SAMPLE]
+        speed = (reading - before) / (o[SPEED_SAMPLES] * p[SAMPLE])
     command, rate = servo_command(s, i, measured, speed, w[Y, INTEGRAL], noise, p, ref)
     w[Y, INTEGRAL] += p[SAMPLE] * rate
     return command, reading
@@ -130,7 +131,9 @@ def _kernel(sources: int) -> Any:
         command = u
         o[GUIDE], o[SCREW] = sign(w[Y, V]), sign(w[Y, WL])
         motor, motor_speed = (w[Y, X], w[Y, V]) if o[RIGID] else (w[Y, QM], w[Y, WM])
-        before = _quantised(motor - p[SAMPLE] * motor_speed, p[MOTOR_RESOLUTION])
+        readings = np.empty(o[SPEED_SAMPLES])
+        for k in range(len(readings)):
+            readings[k] = _quantised(motor - (len(readings) - k) * p[SAMPLE] * motor_speed, p[MOTOR_RESOLUTION])
         for i in range(count if sources >= 0 else 0):
             for j in range(steps):
                 step, s = i * steps + j, j / steps
@@ -140,7 +143,8 @@ def _kernel(sources: int) -> Any:
                         command = given[i]
                     else:
                         noise = given[drawn] if len(given) > 0 else 0.0
-                        command, before = _sampled(w, before, s, i, noise, p, o, ref)
+                        at = drawn % len(readings)
+                        command, readings[at] = _sampled(w, readings[at], s, i, noise, p, o, ref)
                     waiting[put % len(waiting)], due[put % len(waiting)] = command, step + whole
                     put += 1
                     drawn += 1

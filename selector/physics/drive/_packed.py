@@ -85,6 +85,7 @@ QM, WM, QL, WL, X, V, Z, INTEGRAL = range(8)
     RIPPLES,
     TABLE_FEEDBACK,
     SPEED_FROM_ENCODER,
+    SPEED_SAMPLES,
     PERIOD_STEPS,
     SAMPLE_STEPS,
     DELAY_STEPS,
@@ -96,7 +97,7 @@ QM, WM, QL, WL, X, V, Z, INTEGRAL = range(8)
     SCREW,
     CONTACT,
     SWITCHES,
-) = range(26)
+) = range(27)
 
 # what drives the actuator
 NOTHING, CONTINUOUS, SAMPLED, GIVEN = range(4)
@@ -166,7 +167,7 @@ def _pack_servo(axis: Axis, p: Vector, o: Switches) -> None:
     p[COMMAND_LIMIT] = p[SPEED_LIMIT] = math.inf
     o[TABLE_FEEDBACK] = servo is None or servo.feedback == "table"
     p[MOTOR_RESOLUTION], p[SCALE_RESOLUTION] = sensing.motor_resolution, sensing.scale_resolution_m
-    o[SPEED_FROM_ENCODER] = sensing.speed_from_encoder
+    o[SPEED_FROM_ENCODER], o[SPEED_SAMPLES] = sensing.speed_from_encoder, sensing.speed_samples
     if servo is None:
         return
     o[CONTROL] = SAMPLED if servo.sample_s > 0 else CONTINUOUS

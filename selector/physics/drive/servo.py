@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from selector.errors import InputError
 from selector.physics.drive.checks import require_not_negative, require_positive
 
 
@@ -66,7 +67,9 @@ class Sensing:
     scale_resolution_m : float
         Step of the linear scale [m].
     speed_from_encoder : bool
-        Speed as the difference of two encoder readings over a sample, as controls have it; else the true speed.
+        Speed as the difference of two encoder readings, as controls have it; else the true speed.
+    speed_samples : int
+        Samples between these two readings; over more than one the speed is smoother and later, by half of them.
     current_noise : float
         Standard deviation of noise on the command, drawn at every sample [actuator unit].
     """
@@ -74,7 +77,15 @@ class Sensing:
     motor_resolution: float = 0.0
     scale_resolution_m: float = 0.0
     speed_from_encoder: bool = False
+    speed_samples: int = 1
     current_noise: float = 0.0
 
     def __post_init__(self) -> None:
         require_not_negative(self, "motor_resolution", "scale_resolution_m", "current_noise")
+        if self.speed_samples < 1 or (self.speed_samples > 1 and not self.speed_from_encoder):
+            raise InputError(
+                f"{self.speed_samples}" + ("" if self.speed_samples < 1 else " without a speed from the encoder"),
+                expected="1, or more with speed_from_encoder",
+                where="speed_samples",
+                advice="set speed_from_encoder, or leave speed_samples out",
+            )
