@@ -93,7 +93,8 @@ Y, NEW, STAGE_A, STAGE_B, STAGE_C, K1, K2, K3, K4, KEND, ALSO, ROWS = range(12)
 # columns of ALSO: forces that would move guide and screw, force of the screw, how far each flank is engaged, …
 GUIDE_BALANCE, SCREW_BALANCE, AXIAL_FORCE, UPPER, LOWER, COMMAND, DRIVE, FRICTION = range(8)
 
-compiled = njit(cache=True, nogil=True, error_model="numpy")
+# not kept on disk one by one: what is kept would not know that a file it was compiled from has changed
+compiled = njit(nogil=True, error_model="numpy")
 
 
 @compiled

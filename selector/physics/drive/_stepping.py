@@ -221,16 +221,18 @@ def _trial(w, h, s, i, u, p, o, ref):
 def _event(w, low, high, at_low, at_high, s, i, u, p, o, ref):
     """Shortest step known to end past the first contradiction (bracketed; Illinois false position): its length."""
     side = 0
-    closest = 1e-14 * high
-    for _ in range(80):
-        if high - low <= closest:
+    least = 1e-13 * high
+    for _ in range(100):
+        if high - low <= 2.0 * least:
             break
         middle = 0.5 * (low + high)
         if at_low > 0.0:
             guess = (low * at_high - high * at_low) / (at_high - at_low)
-            if low < guess < high:
-                middle = guess
+            # never closer to an end than the accuracy asked for, so that the bracket closes from both sides
+            middle = min(max(guess, low + least), high - least)
         found = _trial(w, middle, s, i, u, p, o, ref)
+        if found == 0.0:
+            return middle
         if found < 0.0:
             high, at_high = middle, found
             if side == -1:
@@ -238,8 +240,6 @@ def _event(w, low, high, at_low, at_high, s, i, u, p, o, ref):
             side = -1
         else:
             low, at_low = middle, found
-            if found == 0.0:
-                return middle
             if side == 1:
                 at_high *= 0.5
             side = 1
