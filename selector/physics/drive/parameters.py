@@ -20,7 +20,8 @@ from selector.physics.model_text import Key
 _FIXED = frozenset(
     {
         "harmonic", "lead_m", "lead_mm", "sample_s", "density_kg_per_m3", "modulus_gpa", "shear_modulus_gpa",
-        "rigidity_preload_n", "origin_mm", "pitch_position_m", "pitch_error_m",
+        "rigidity_preload_n", "origin_mm", "pitch_position_m", "pitch_error_m", "diameter_mm", "root_diameter_mm",
+        "length_mm", "overhang_mm", "ball_diameter_mm", "pitch_circle_mm", "turns", "contact_angle_deg",
     }
 )  # fmt: skip
 """What is known exactly, or what a fit could not tell from its neighbours."""

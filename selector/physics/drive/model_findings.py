@@ -1,0 +1,191 @@
+"""What is odd about a feed drive: before it runs, and about what it did."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from selector.findings import Finding, Where
+from selector.physics.drive.axis_summary import limited_samples
+from selector.physics.drive.catalogue import Parts
+from selector.physics.drive.drive_model import AxisRun, DriveModel, DriveSimulation
+from selector.physics.drive.model_axes import FileAxis
+from selector.physics.drive.stability import stability_findings
+from selector.physics.drive.step_choice import fastest_rate_per_s
+
+COARSE_PER_MODE = 1.0
+"""Step × fastest rate above which a method of order 4 takes more than 4 % of that vibration a period (2π/144)."""
+
+_LIMIT_SHARE = 0.5
+"""Share of the samples at a limit above which a motion is more limit than control."""
+
+_START_SHARE = 0.02
+"""Speed of the first sample, as a share of the largest, from which on a motion begins with a jolt."""
+
+
+def model_findings(model: DriveModel) -> tuple[Finding, ...]:
+    """What is odd before it runs: loops that are unstable or nearly so, and a step too coarse for the fastest mode."""
+    found: list[Finding] = []
+    for name, axis in model.axes.items():
+        found += stability_findings(axis.axis, name)
+        step_s, rate = model.file.run.step_s, fastest_rate_per_s(axis.axis)
+        if step_s is not None and step_s * rate > COARSE_PER_MODE:
+            found.append(_coarse(name, step_s, rate))
+    return tuple(found)
+
+
+def simulation_findings(model: DriveModel, simulation: DriveSimulation) -> tuple[Finding, ...]:
+    """What is odd about what the axes did; of each the worst run, and how many runs it concerns.
+
+    Limits that were reached, commands that cannot be followed, a start in motion, a table off its screw, an encoder
+    that is coarser than the error.
+    """
+    found: list[Finding] = []
+    names = dict.fromkeys(name for done in simulation.axes.values() for name in done)
+    for name in names:
+        told: dict[str, list[tuple[float, Finding]]] = {}
+        for run, done in simulation.axes.items():
+            if name in done:
+                for size, one in _of_run(name, run, done[name], model.file_axes[name]):
+                    told.setdefault(one.id, []).append((size, one))
+        found += [_worst(ones, len(simulation.axes)) for ones in told.values()]
+    return tuple(found)
+
+
+def _of_run(name: str, run: str, done: AxisRun, made: FileAxis) -> Iterator[tuple[float, Finding]]:
+    """(how bad, finding) of one axis in one run."""
+    where = Where(channel=name, run=run or None)
+    yield from _limits(name, where, done)
+    yield from _too_fast(name, where, done, made.rotary)
+    yield from _jolt(name, where, done, made.rotary)
+    if made.parts is not None:
+        yield from _off_screw(name, where, done, made.parts)
+    yield from _coarse_encoder(name, where, done, made.rotary)
+
+
+def _limits(name: str, where: Where, done: AxisRun) -> Iterator[tuple[float, Finding]]:
+    share = float(limited_samples(done.axis, done.reference, done.motion).mean())
+    if share > 0:
+        yield (
+            share,
+            Finding(
+                "limit-reached",
+                "warning" if share > _LIMIT_SHARE else "info",
+                f"Axis {name} was at the limit of its current or speed for {share:.2%} of the time; then it does not "
+                "follow.",
+                where,
+                {"share": share},
+                "ask for less acceleration, or raise command_limit or speed_limit of the servo if the machine has more",
+            ),
+        )
+
+
+def _too_fast(name: str, where: Where, done: AxisRun, turns: bool) -> Iterator[tuple[float, Finding]]:
+    servo = done.axis.servo
+    if servo is None or servo.speed_limit is None:
+        return
+    most = servo.speed_limit * done.axis.mechanics.travel_per_motion
+    asked = float(np.abs(done.reference.speed_m_per_s).max())
+    if asked > most:
+        yield (
+            asked / most,
+            Finding(
+                "faster-than-speed-limit",
+                "warning",
+                f"Axis {name} is asked for {_speed(asked, turns)} and can go {_speed(most, turns)}: it falls behind.",
+                where,
+                {"asked_m_per_s": asked, "possible_m_per_s": most},
+                "ask for a lower feed, or raise servo.speed_limit",
+            ),
+        )
+
+
+def _jolt(name: str, where: Where, done: AxisRun, turns: bool) -> Iterator[tuple[float, Finding]]:
+    speed = np.abs(done.reference.speed_m_per_s)
+    share = float(speed[0] / speed.max()) if speed.max() > 0 else 0.0
+    if share > _START_SHARE:
+        yield (
+            share,
+            Finding(
+                "begins-in-motion",
+                "info",
+                f"The motion of {name} begins at {_speed(speed[0], turns)} while the axis stands: first it catches up, "
+                "which says nothing of its errors later.",
+                where,
+                {"speed_m_per_s": float(speed[0])},
+                "look at the error after the first moments, or begin at rest (a sine: phase_deg = 90)",
+            ),
+        )
+
+
+def _off_screw(name: str, where: Where, done: AxisRun, parts: Parts) -> Iterator[tuple[float, Finding]]:
+    near, far = -parts.screw.origin_mm * 1e-3, (parts.screw.length_mm - parts.screw.origin_mm) * 1e-3
+    places = np.concatenate([done.motion.table_m, done.reference.position_m])
+    low, high = float(places.min()), float(places.max())
+    beyond = max(near - low, high - far)
+    if beyond >= 0:
+        yield (
+            beyond,
+            Finding(
+                "table-off-the-screw",
+                "error",
+                f"The table of {name} goes from {low * 1e3:.6g} to {high * 1e3:.6g} mm; the nut is on the screw from "
+                f"{near * 1e3:.6g} to {far * 1e3:.6g} mm only.",
+                where,
+                {"from_m": low, "to_m": high, "nut_from_m": near, "nut_to_m": far},
+                "move less, or correct length_mm and origin_mm of the screw",
+            ),
+        )
+
+
+def _coarse_encoder(name: str, where: Where, done: AxisRun, turns: bool) -> Iterator[tuple[float, Finding]]:
+    servo, sensing = done.axis.servo, done.axis.sensing
+    if servo is None:
+        return
+    if servo.feedback == "table":
+        what, step_m = "scale", sensing.scale_resolution_m
+    else:
+        what, step_m = "encoder", sensing.motor_resolution * done.axis.mechanics.travel_per_motion
+    unit = "µrad" if turns else "µm"
+    rms_m = math.sqrt(float(np.mean(done.motion.tracking_error_m**2)))
+    if step_m > 0 and step_m > rms_m:
+        yield (
+            step_m / rms_m if rms_m > 0 else math.inf,
+            Finding(
+                "coarse-encoder",
+                "warning",
+                f"The {what} of {name} reads in steps of {step_m * 1e6:.3g} {unit}, and the error is {rms_m * 1e6:.3g} "
+                f"{unit} (RMS): what is seen of it is mostly rounding.",
+                where,
+                {"step_um": step_m * 1e6, "rms_um": rms_m * 1e6},
+                "give the encoder more lines, or do not read the error off the measured position",
+            ),
+        )
+
+
+def _speed(speed_m_per_s: float, turns: bool) -> str:
+    return f"{speed_m_per_s * 30 / math.pi:.4g} r/min" if turns else f"{speed_m_per_s * 60:.4g} m/min"
+
+
+def _coarse(name: str, step_s: float, rate_per_s: float) -> Finding:
+    return Finding(
+        "coarse-step",
+        "warning",
+        f"The step of {step_s:.3g} s is long for the fastest vibration of {name}, {rate_per_s / (2 * math.pi):.4g} Hz: "
+        "the calculation damps it.",
+        Where(channel=name),
+        {"step_s": step_s, "frequency_hz": rate_per_s / (2 * math.pi)},
+        f"take run.step_s = {COARSE_PER_MODE / rate_per_s / 2:.2g} or less, or leave it out",
+    )
+
+
+def _worst(ones: list[tuple[float, Finding]], runs: int) -> Finding:
+    """The worst of findings of one kind, with how many runs have it."""
+    worst = max(ones, key=lambda one: one[0])[1]
+    if runs == 1 or len(ones) == 1:
+        return worst
+    said = f"{worst.statement} So in {len(ones)} of {runs} runs; here the worst."
+    evidence = {**worst.evidence, "runs": [one.where.run for _, one in ones]}
+    return Finding(worst.id, worst.level, said, worst.where, evidence, worst.suggestion, worst.action)
