@@ -88,8 +88,8 @@ from selector.physics.drive._packed import (
     Z,
 )
 
-# rows of the work space: the state, trial states, rates; the last one holds what else was found
-Y, NEW, STAGE_A, STAGE_B, STAGE_C, K1, K2, K3, K4, KEND, ALSO, ROWS = range(12)
+# rows of the work space: the state, stages of a step, its end, rates of all of these, and what else was found
+Y, STAGE_A, STAGE_B, STAGE_C, NEW, K1, K2, K3, K4, KEND, ALSO, ROWS = range(12)
 # columns of ALSO: forces that would move guide and screw, force of the screw, how far each flank is engaged, …
 GUIDE_BALANCE, SCREW_BALANCE, AXIAL_FORCE, UPPER, LOWER, COMMAND, DRIVE, FRICTION = range(8)
 

@@ -82,42 +82,42 @@ def _phi(x):
 
 @compiled
 def _step(w, h, s, i, u, p, o, ref):
-    """NEW from Y and its rates K1 by one step of length h: Runge–Kutta 4, its exponential form for the bristles."""
+    """NEW and KEND from Y and its rates K1 by one step of length h; returns how valid the modes are there.
+
+    Runge–Kutta of order 4, for the bristles its exponential form (Cox, Matthews 2002, J. Comput. Phys. 176, 430–455).
+    """
     half, ds = 0.5 * h, h / p[PERIOD]
     bristles = o[LUGRE] == 1
     stiff, e_half, weight, end, b1, b2, b4 = 0.0, 1.0, half, 1.0, 0.0, 0.0, 0.0
     if bristles:
         # the faster of both ends of the step: too much of it in the exponential is stable, too little is not
-        fast = bristle_rate(o[GUIDE], w[Y, V], p)
-        stiff = max(fast, bristle_rate(o[GUIDE], w[Y, V] + h * w[K1, V], p), 0.0)
+        stiff = bristle_rate(o[GUIDE], w[Y, V], p)
+        stiff = max(stiff, bristle_rate(o[GUIDE], w[Y, V] + h * w[K1, V], p), 0.0)
         e_half, one, two, three = _phi(-stiff * half)
         weight = half * one
         end, one, two, three = _phi(-stiff * h)
         b1, b2, b4 = h * (one - 3.0 * two + 4.0 * three), h * (2.0 * two - 4.0 * three), h * (4.0 * three - two)
-    for k in range(STATES):
-        w[STAGE_A, k] = w[Y, k] + half * w[K1, k]
-    if bristles:
-        na = w[K1, Z] + stiff * w[Y, Z]
-        w[STAGE_A, Z] = e_half * w[Y, Z] + weight * na
-    derivative(w, STAGE_A, K2, s + 0.5 * ds, i, u, p, o, ref)
-    for k in range(STATES):
-        w[STAGE_B, k] = w[Y, k] + half * w[K2, k]
-    if bristles:
-        nb = w[K2, Z] + stiff * w[STAGE_A, Z]
-        w[STAGE_B, Z] = e_half * w[Y, Z] + weight * nb
-    derivative(w, STAGE_B, K3, s + 0.5 * ds, i, u, p, o, ref)
-    for k in range(STATES):
-        w[STAGE_C, k] = w[Y, k] + h * w[K3, k]
-    if bristles:
-        nc = w[K3, Z] + stiff * w[STAGE_B, Z]
-        w[STAGE_C, Z] = e_half * w[STAGE_A, Z] + weight * (2.0 * nc - na)
-    derivative(w, STAGE_C, K4, s + ds, i, u, p, o, ref)
-    for k in range(STATES):
-        w[NEW, k] = w[Y, k] + h / 6.0 * (w[K1, k] + 2.0 * (w[K2, k] + w[K3, k]) + w[K4, k])
-    if bristles:
-        nd = w[K4, Z] + stiff * w[STAGE_C, Z]
-        w[NEW, Z] = end * w[Y, Z] + b1 * na + b2 * (nb + nc) + b4 * nd
-        _hold_bristles(w, NEW, p)
+    for stage in range(4):
+        row = STAGE_A + stage
+        if stage < 3:
+            part = h if stage == 2 else half
+            for k in range(STATES):
+                w[row, k] = w[Y, k] + part * w[K1 + stage, k]
+        else:
+            for k in range(STATES):
+                w[row, k] = w[Y, k] + h / 6.0 * (w[K1, k] + 2.0 * (w[K2, k] + w[K3, k]) + w[K4, k])
+        if bristles:
+            na, nb = w[K1, Z] + stiff * w[Y, Z], w[K2, Z] + stiff * w[STAGE_A, Z]
+            nc, nd = w[K3, Z] + stiff * w[STAGE_B, Z], w[K4, Z] + stiff * w[STAGE_C, Z]
+            if stage < 2:
+                w[row, Z] = e_half * w[Y, Z] + weight * (na if stage == 0 else nb)
+            elif stage == 2:
+                w[row, Z] = e_half * w[STAGE_A, Z] + weight * (2.0 * nc - na)
+            else:
+                w[row, Z] = end * w[Y, Z] + b1 * na + b2 * (nb + nc) + b4 * nd
+                _hold_bristles(w, row, p)
+        derivative(w, row, K2 + stage, s + (0.5 * ds if stage < 2 else ds), i, u, p, o, ref)
+    return _validity(w, NEW, p, o)
 
 
 @compiled
@@ -162,13 +162,22 @@ def settle(w, s, i, u, p, o, ref):
         w[Y, V] = 0.0
     if o[SCREW_DRY] and o[SCREW] * w[Y, WL] <= 0.0:
         w[Y, WL] = 0.0
-    derivative(w, Y, K1, s, i, u, p, o, ref)
+    # contact decides the forces, these decide what slips
+    for _ in range(3):
+        derivative(w, Y, K1, s, i, u, p, o, ref)
+        if not _changed_modes(w, p, o):
+            return
+
+
+@compiled
+def _changed_modes(w, p, o):
+    """Whether a mode does not fit the state Y and its forces, and is another one now."""
     if o[BACKLASH]:
         contact = 1 if w[ALSO, UPPER] > 0.0 else (-1 if w[ALSO, LOWER] > 0.0 else 0)
         if contact != o[CONTACT]:
             o[CONTACT] = contact
-            derivative(w, Y, K1, s, i, u, p, o, ref)
-    changed = False
+            return True
+    guide, screw = o[GUIDE], o[SCREW]
     if o[DRY] and w[Y, V] == 0.0:
         balance = w[ALSO, GUIDE_BALANCE]
         guide = 0
@@ -176,20 +185,14 @@ def settle(w, s, i, u, p, o, ref):
             guide = 1
         elif -balance > p[COULOMB_DOWN] + p[EXCESS_DOWN]:
             guide = -1
-        changed = guide != o[GUIDE]
-        o[GUIDE] = guide
     elif o[LUGRE]:
-        heading = w[Y, V] if w[Y, V] != 0.0 else w[K1, V]
-        guide = -1 if heading < 0.0 else 1
-        changed = guide != o[GUIDE]
-        o[GUIDE] = guide
+        guide = -1 if (w[Y, V] if w[Y, V] != 0.0 else w[K1, V]) < 0.0 else 1
     if o[SCREW_DRY] and w[Y, WL] == 0.0:
         balance = w[ALSO, SCREW_BALANCE]
         screw = 1 if balance > p[SCREW_COULOMB] else (-1 if balance < -p[SCREW_COULOMB] else 0)
-        changed = changed or screw != o[SCREW]
-        o[SCREW] = screw
-    if changed:
-        derivative(w, Y, K1, s, i, u, p, o, ref)
+    changed = guide != o[GUIDE] or screw != o[SCREW]
+    o[GUIDE], o[SCREW] = guide, screw
+    return changed
 
 
 @compiled
@@ -210,17 +213,9 @@ def _dip(w, h, mode, speed):
 
 
 @compiled
-def _trial(w, h, s, i, u, p, o, ref):
-    """One step to NEW with its rates KEND; returns how valid the modes are there."""
-    _step(w, h, s, i, u, p, o, ref)
-    derivative(w, NEW, KEND, s + h / p[PERIOD], i, u, p, o, ref)
-    return _validity(w, NEW, p, o)
-
-
-@compiled
-def _event(w, low, high, at_low, at_high, s, i, u, p, o, ref):
+def _event(w, high, at_high, s, i, u, p, o, ref):
     """Shortest step known to end past the first contradiction (bracketed; Illinois false position): its length."""
-    side = 0
+    low, at_low, side = 0.0, 0.0, 0
     least = 1e-13 * high
     for _ in range(100):
         if high - low <= 2.0 * least:
@@ -230,7 +225,7 @@ def _event(w, low, high, at_low, at_high, s, i, u, p, o, ref):
             guess = (low * at_high - high * at_low) / (at_high - at_low)
             # never closer to an end than the accuracy asked for, so that the bracket closes from both sides
             middle = min(max(guess, low + least), high - least)
-        found = _trial(w, middle, s, i, u, p, o, ref)
+        found = _step(w, middle, s, i, u, p, o, ref)
         if found == 0.0:
             return middle
         if found < 0.0:
@@ -243,48 +238,53 @@ def _event(w, low, high, at_low, at_high, s, i, u, p, o, ref):
             if side == 1:
                 at_high *= 0.5
             side = 1
-    _trial(w, high, s, i, u, p, o, ref)
+    _step(w, high, s, i, u, p, o, ref)
     return high
 
 
 @compiled
 def advance(w, h, s, i, u, p, o, ref):
     """Y and K1 a time h further, through all events on the way."""
-    left = h
-    for _ in range(o[MOST_EVENTS]):
-        validity = _trial(w, left, s, i, u, p, o, ref)
-        high = left
-        if validity >= 0.0:
-            high = 0.0
-            if o[DRY] and o[GUIDE] != 0:
-                high = _dip(w, left, o[GUIDE], V)
-            if high == 0.0 and o[SCREW_DRY] and o[SCREW] != 0:
-                high = _dip(w, left, o[SCREW], WL)
-            if high > 0.0:
-                validity = _trial(w, high, s, i, u, p, o, ref)
-                if validity >= 0.0:
-                    _trial(w, left, s, i, u, p, o, ref)
-                    high = 0.0
-            if high == 0.0:
-                for k in range(STATES):
-                    w[Y, k], w[K1, k] = w[NEW, k], w[KEND, k]
+    left, length, looked = h, h, False
+    events = 0
+    while events < o[MOST_EVENTS]:
+        validity = _step(w, length, s, i, u, p, o, ref)
+        if validity < 0.0:
+            length = _event(w, length, validity, s, i, u, p, o, ref)
+            _take(w)
+            events += 1
+            s += length / p[PERIOD]
+            left -= length
+            settle(w, s, i, u, p, o, ref)
+            if left <= 1e-13 * h:
                 return
-        before = _validity_now(w, s, i, u, p, o, ref)
-        high = _event(w, 0.0, high, before, validity, s, i, u, p, o, ref)
-        for k in range(STATES):
-            w[Y, k] = w[NEW, k]
-        s += high / p[PERIOD]
-        left -= high
-        settle(w, s, i, u, p, o, ref)
-        if left <= 1e-13 * h:
-            return
+            length, looked = left, False
+        elif looked and length < left:
+            # nothing was wrong at the lowest point
+            length = left
+        else:
+            lowest = 0.0 if looked else _lowest(w, length, o)
+            looked = True
+            if lowest == 0.0:
+                _take(w)
+                return
+            length = lowest
     _coarse(w, left, s, i, u, p, o, ref)
 
 
 @compiled
-def _validity_now(w, s, i, u, p, o, ref):
-    derivative(w, Y, KEND, s, i, u, p, o, ref)
-    return _validity(w, Y, p, o)
+def _take(w):
+    for k in range(STATES):
+        w[Y, k], w[K1, k] = w[NEW, k], w[KEND, k]
+
+
+@compiled
+def _lowest(w, h, o):
+    """Time within a step at which what slides at both ends may have stood still between them, or 0."""
+    at = _dip(w, h, o[GUIDE], V) if o[DRY] and o[GUIDE] != 0 else 0.0
+    if at == 0.0 and o[SCREW_DRY] and o[SCREW] != 0:
+        at = _dip(w, h, o[SCREW], WL)
+    return at
 
 
 @compiled
