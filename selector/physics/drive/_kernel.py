@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numba import njit
 
 from selector.physics.drive import _equations, _packed, _stepping
 from selector.physics.drive._equations import (
@@ -113,11 +114,13 @@ def _runaway(w, bounds):
 
 
 def _kernel(sources: int) -> Any:
-    """The compiled loop. A compiled function is kept on disk as long as its own file is the same; that the other
-    files are the same too is told by `sources`, which a closure adds to the key of what is kept.
+    """The compiled loop, kept on disk with all that it calls.
+
+    Numba keeps it as long as this file is the same; `sources` tells that the others are: what a function closes over
+    is part of the key under which it is kept.
     """
 
-    @compiled
+    @njit(cache=True, nogil=True, error_model="numpy")
     def loop(w, p, o, ref, given, bounds, out):
         """Fills `out`, shape (n_samples, COURSES); returns the sample that could not be reached and its state."""
         count = ref.shape[0] - 1
