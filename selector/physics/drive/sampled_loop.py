@@ -1,0 +1,153 @@
+"""What an axis under sampled cascade control does from sample to sample: the exact discrete-time loop.
+
+Linear as `closed_loop` is. The mechanics between samples are those of held commands, by matrix exponentials; a delay is
+commands that wait, and the one that acts first for a part of a period is the older one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.errors import InputError
+from selector.physics.drive.axis import Axis
+from selector.physics.drive.closed_loop import (
+    inertia_at_motor,
+    measurement,
+    plant,
+    servo_of,
+    small_signal_mechanics,
+)
+from selector.physics.system import Matrix
+
+
+@dataclass(frozen=True)
+class SampledLoop:
+    """x[k+1] = A·x[k] + B·u[k], y[k] = C·x[k] + D·u[k].
+
+    Attributes
+    ----------
+    A, B, C, D : ndarrays of shape (n, n), (n, n_inputs), (n_outputs, n), (n_outputs, n_inputs)
+        Its matrices. States: those of the mechanics, commands that wait, past motor positions if the speed is
+        a difference of two, the integral of the speed error.
+    step_s : float
+        Period of the control [s].
+    """
+
+    A: Matrix
+    B: Matrix
+    C: Matrix
+    D: Matrix
+    step_s: float
+
+    @property
+    def poles(self) -> NDArray[np.complex128]:
+        """Eigenvalues z of A, the largest first."""
+        z = np.asarray(np.linalg.eigvals(self.A), dtype=np.complex128)
+        return z[np.argsort(-np.abs(z), kind="stable")]
+
+
+def sampled_closed_loop(axis: Axis) -> SampledLoop:
+    """Reference, its speed and acceleration at the samples to table position and command.
+
+    Raises
+    ------
+    InputError
+        If the axis has no servo, or one that is not sampled.
+    """
+    return _loop(axis, closed=True)
+
+
+def sampled_opened_position_loop(axis: Axis) -> SampledLoop:
+    """Position error to measured position at the samples, the velocity loop closed.
+
+    Raises
+    ------
+    InputError
+        If the axis has no servo, or one that is not sampled.
+    """
+    return _loop(axis, closed=False)
+
+
+def _loop(axis: Axis, *, closed: bool) -> SampledLoop:
+    servo, mechanics = servo_of(axis), small_signal_mechanics(axis)
+    if servo.sample_s <= 0:
+        raise InputError(
+            "a continuous servo",
+            expected="sample_s above 0",
+            where="servo",
+            advice="give the sample time, or look at the continuous loop",
+        )
+    system, radius, step_s = plant(mechanics), mechanics.travel_per_motion, servo.sample_s
+    position, speed = measurement(axis)
+    order, inputs = len(system.states), 3 if closed else 1
+    waiting = math.floor(servo.delay_s / step_s * (1.0 + 1e-12))
+    rest_s = max(servo.delay_s - waiting * step_s, 0.0)
+    partly = rest_s > 1e-9 * step_s
+    n_waiting = waiting + partly
+    n_past = axis.sensing.speed_samples if axis.sensing.speed_from_encoder else 0
+    has_integral = servo.velocity_integral_gain > 0
+    past, integral = order + n_waiting, order + n_waiting + n_past
+    size = integral + has_integral
+    gain = servo.position_gain_per_s / radius
+
+    measured, turning = np.zeros(size), np.zeros(size)
+    measured[:order] = position
+    if n_past:
+        turning[:order] = system.C[0] / (n_past * step_s)
+        turning[integral - 1] = -1.0 / (n_past * step_s)
+    else:
+        turning[:order] = speed
+    error_by_state, error_by_input = -turning - (gain * measured if closed else 0.0), np.zeros(inputs)
+    error_by_input[0] = gain
+    command_by_input = np.zeros(inputs)
+    if closed:
+        error_by_input[1] = servo.velocity_feedforward / radius
+        inertia = inertia_at_motor(mechanics) / (radius * servo.actuator_gain)
+        command_by_input[2] = servo.acceleration_feedforward * inertia
+    command_by_state = servo.velocity_gain * error_by_state
+    command_by_input += servo.velocity_gain * error_by_input
+    if has_integral:
+        command_by_state[integral] += servo.velocity_integral_gain
+
+    A, B = np.zeros((size, size)), np.zeros((size, inputs))
+    A[:order, :order], older, newer = _held(axis, rest_s)
+    # commands wait in order of age, the newest last; one computed now comes behind them
+    if n_waiting:
+        A[:order, order] += older if partly else newer
+        if partly and n_waiting > 1:
+            A[:order, order + 1] += newer
+        for place in range(n_waiting - 1):
+            A[order + place, order + place + 1] = 1.0
+        A[order + n_waiting - 1], B[order + n_waiting - 1] = command_by_state, command_by_input
+    if not n_waiting or (partly and n_waiting == 1):
+        A[:order] += np.outer(newer, command_by_state)
+        B[:order] += np.outer(newer, command_by_input)
+    if n_past:
+        A[past, :order] = system.C[0]
+        A[past + 1 : integral, past : integral - 1] = np.eye(n_past - 1)
+    if has_integral:
+        A[integral], B[integral] = step_s * error_by_state, step_s * error_by_input
+        A[integral, integral] += 1.0
+    C, D = np.zeros((2 if closed else 1, size)), np.zeros((2 if closed else 1, inputs))
+    if closed:
+        C[0, :order], C[1], D[1] = system.C[2], command_by_state, command_by_input
+    else:
+        C[0] = measured
+    return SampledLoop(A, B, C, D, step_s)
+
+
+def _held(axis: Axis, rest_s: float) -> tuple[Matrix, Matrix, Matrix]:
+    """Decay over a period, and what the command of its first `rest_s` and that of the rest do to the states."""
+    servo, system = servo_of(axis), plant(small_signal_mechanics(axis))
+    decay, load = system.step_matrices(servo.sample_s)
+    if rest_s == 0.0:
+        newer = load
+        older = np.zeros_like(load)
+    else:
+        after, newer = system.step_matrices(servo.sample_s - rest_s)
+        older = after @ system.step_matrices(rest_s)[1]
+    return decay, servo.actuator_gain * older[:, 0], servo.actuator_gain * newer[:, 0]

@@ -1,0 +1,111 @@
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from selector.errors import InputError
+from selector.physics.drive.axis import Axis
+from selector.physics.drive.catalogue import thc6350_servo, thc6350_x_axis
+from selector.physics.drive.closed_loop import closed_loop_transfer_function
+from selector.physics.drive.course import ParameterCourse
+from selector.physics.drive.frequency import frequency_response, frozen, frozen_figures, loop_figures
+from selector.physics.drive.mechanics import RigidMechanics
+from selector.physics.drive.sampled_loop import sampled_opened_position_loop
+from selector.physics.drive.servo import Servo
+from selector.physics.drive.stability import stability
+from selector.physics.drive.stiffness import axial_compliance, three_mass_mechanics
+
+AXIS = Axis(three_mass_mechanics(thc6350_x_axis()), thc6350_servo())
+
+
+def test_a_loop_of_first_order_has_the_bandwidth_of_its_gain():
+    # a velocity loop of 1e4 1/s is none to a position loop of 40 1/s: 1/(1 + s/40)
+    figures = loop_figures(Axis(RigidMechanics(1.0), Servo(40.0, 1e4)))
+    # 40/1e4 is the share by which it is not of first order
+    assert figures.bandwidth_hz == pytest.approx(40 / (2 * math.pi), rel=5e-3)
+    assert (figures.peak, figures.peak_hz) == (1.0, 0.0)
+    assert figures.phase_margin_deg == pytest.approx(90.0, abs=0.5)
+    assert figures.gain_margin_db == math.inf
+
+
+def test_resonance_of_a_loop_of_second_order():
+    # s² + 2·ζ·ω·s + ω²: velocity gain 2ζω, position gain ω/2ζ
+    omega, zeta = 100.0, 0.2
+    figures = loop_figures(Axis(RigidMechanics(1.0), Servo(omega / (2 * zeta), 2 * zeta * omega)))
+    # peak 1/(2ζ√(1−ζ²)) at ω√(1−2ζ²); the bandwidth in closed form; grid of 4000 over some eight decades
+    assert figures.peak == pytest.approx(1 / (2 * zeta * math.sqrt(1 - zeta**2)), rel=1e-4)
+    assert figures.peak_hz == pytest.approx(omega * math.sqrt(1 - 2 * zeta**2) / (2 * math.pi), rel=1e-2)
+    root = math.sqrt(1 - 2 * zeta**2 + math.sqrt(4 * zeta**4 - 4 * zeta**2 + 2))
+    assert figures.bandwidth_hz == pytest.approx(omega * root / (2 * math.pi), rel=1e-4)
+
+
+@pytest.mark.parametrize("sample_s", [0.0, 5e-4])
+def test_gain_margin_is_the_factor_that_makes_it_unstable(sample_s):
+    axis = replace(AXIS, servo=replace(thc6350_servo(), sample_s=sample_s, delay_s=sample_s))
+    figures, limits = loop_figures(axis), stability(axis).gain_limits
+    # crossings found from the response and roots found from eigenvalues
+    assert figures.gain_margin_db == pytest.approx(20 * math.log10(limits["position_gain_per_s"]), abs=0.01)
+
+
+@pytest.mark.parametrize("sample_s", [0.0, 5e-4])
+def test_bandwidth_is_where_the_amplitude_is_3_db_down(sample_s):
+    axis = replace(AXIS, servo=replace(thc6350_servo(), sample_s=sample_s))
+    figures = loop_figures(axis)
+    # straight line between points 0.3 % apart
+    assert abs(frequency_response(axis, figures.bandwidth_hz)) == pytest.approx(math.sqrt(0.5), rel=1e-5)
+    assert abs(frequency_response(axis, 1e-3)) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_sampled_margin_by_the_definition():
+    servo = replace(thc6350_servo(), sample_s=5e-4, delay_s=7e-4, position_gain_per_s=120.0, velocity_gain=4.0)
+    axis = replace(AXIS, servo=servo)
+    figures, loop = loop_figures(axis), sampled_opened_position_loop(axis)
+
+    def opened(frequency_hz: float) -> complex:
+        z = np.exp(2j * np.pi * frequency_hz * 5e-4)
+        return complex((loop.C @ np.linalg.solve(z * np.eye(len(loop.A)) - loop.A, loop.B))[0, 0])
+
+    at_phase, at_gain = opened(figures.phase_margin_hz), opened(figures.gain_margin_hz)
+    # interpolated between points 0.3 % apart
+    assert abs(at_phase) == pytest.approx(1.0, rel=1e-3)
+    assert math.degrees(np.angle(-at_phase)) == pytest.approx(figures.phase_margin_deg, abs=0.05)
+    assert at_gain == pytest.approx(-(10 ** (-figures.gain_margin_db / 20)), rel=5e-3)
+
+
+def test_feedforward_is_part_of_the_response():
+    servo = replace(thc6350_servo(), velocity_feedforward=1.0, acceleration_feedforward=0.5)
+    axis, hz = replace(AXIS, servo=servo), np.array([0.3, 4.0, 33.0])
+    expected = closed_loop_transfer_function(axis).at(2j * np.pi * hz)
+    np.testing.assert_allclose(frequency_response(axis, hz), expected, rtol=1e-8)
+    # the same with quick samples, which see their reference's derivatives exactly; delay of half a sample
+    quick = replace(axis, servo=replace(servo, sample_s=1e-5))
+    np.testing.assert_allclose(frequency_response(quick, hz), expected, rtol=2e-3)
+
+
+def test_an_unstable_loop_has_no_figures():
+    axis = replace(AXIS, servo=replace(thc6350_servo(), position_gain_per_s=2000.0))
+    figures = loop_figures(axis)
+    assert math.isnan(figures.bandwidth_hz)
+    assert math.isnan(figures.gain_margin_db)
+
+
+def test_frozen_takes_the_parameters_of_the_instant():
+    course = ParameterCourse(0.1, np.array([1e8, 2e8, 4e8]), np.array([100.0, 300.0, 500.0]))
+    axis = replace(AXIS, compliance=axial_compliance(thc6350_x_axis()))
+    at = frozen(axis, course, 0.15)
+    assert at.mechanics.axial_stiffness_n_per_m == pytest.approx(3e8)
+    assert at.mechanics.guide_damping_ns_per_m == pytest.approx(400.0)
+    assert at.compliance is None
+    figures = frozen_figures(axis, course, (0.0, 0.15))
+    assert figures[1] == loop_figures(at)
+    # a softer axis is nearer to swinging
+    assert figures[0].gain_margin_db < figures[1].gain_margin_db
+    rigid = Axis(RigidMechanics(1.0), Servo(40.0, 1e4))
+    assert frozen(rigid, replace(course, axial_stiffness_n_per_m=None), 0.2).mechanics == RigidMechanics(1.0, 500.0)
+    with pytest.raises(InputError, match="rigid"):
+        frozen(rigid, course, 0.0)
+    with pytest.raises(InputError, match="instant"):
+        frozen(axis, course, 0.3)
