@@ -161,6 +161,8 @@ def moves(
     edges = np.append(np.searchsorted(time_s, begins_s), len(time_s))
     for (origin, target, phases), first, last, since in zip(stretches, edges[:-1], edges[1:], begins_s, strict=True):
         course[:, first:last] = _move(origin, target, phases, time_s[first:last] - since)
+    # the last sample is at the end but for rounding, which must not leave it before
+    course[:, -1] = here, 0.0, 0.0
     return Reference(period_s, *course)
 
 
@@ -178,14 +180,13 @@ def recorded(time_s: ArrayLike, position_m: ArrayLike, period_s: float | None = 
         Fewer than 11 samples, missing values, times that do not increase, or a gap: a step above 1.5 periods.
     """
     time, position = _checked(time_s, position_m)
-    median_s = float(np.median(np.diff(time)))
-    step_s = median_s if period_s is None else period_s
+    # the mean, not the median: times that were rounded have few different steps, none of them the period
+    own_s = float((time[-1] - time[0]) / (len(time) - 1))
+    step_s = own_s if period_s is None else period_s
     _require(period_s=step_s)
-    if _stray(time) > EVEN or (period_s is not None and abs(step_s / median_s - 1.0) * len(time) > EVEN):
+    if _stray(time) > EVEN or abs(step_s / own_s - 1.0) * len(time) > EVEN:
         grid = time[0] + np.arange(math.floor((time[-1] - time[0]) / step_s * (1.0 + 1e-12)) + 1) * step_s
         position = np.asarray(interpolate.CubicSpline(time, position)(np.minimum(grid, time[-1])))
-    else:
-        step_s = float((time[-1] - time[0]) / (len(time) - 1)) if period_s is None else step_s
     if len(position) < WINDOW:
         raise _unfit("position_m", len(position), f"at least {WINDOW} samples")
     speed, acceleration = (

@@ -208,3 +208,12 @@ def test_recorded_courses_with_holes_are_refused(change, says):
     time = np.arange(101) * 1e-3
     with pytest.raises(InputError, match=says):
         recorded(*change(time, np.sin(time)))
+
+
+def test_rounded_times_are_an_even_clock():
+    # a recorder that counts in 2⁻²⁰ s: no step is a millisecond, and the positions must stay what they are
+    time = np.round(np.arange(2001) * 1e-3 * 2**20) / 2**20
+    position = np.round(0.05 * np.sin(2 * np.pi * 2 * time), 7)
+    found = recorded(time, position, 1e-3)
+    assert (found.position_m == position).all()
+    assert found.period_s == 1e-3
