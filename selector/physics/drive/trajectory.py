@@ -18,6 +18,8 @@ Vector = NDArray[np.float64]
 
 EVEN = 1e-3
 """Clocks that stray by less, as a share of their period, count as even: rounded times."""
+NOTHING_M = 1e-30
+"""Moves below this take no time: their phases would leave the range of numbers."""
 WINDOW = 11
 """Samples of the local cubic from which derivatives of a recorded course are taken."""
 
@@ -87,7 +89,7 @@ def move_phases(
     distance = abs(distance_m)
     if not math.isfinite(distance):
         raise _unfit("distance_m", distance_m, "a finite number")
-    if distance == 0.0:
+    if distance < NOTHING_M:
         return MovePhases(0.0, 0.0, 0.0)
     v, a, j = speed_m_per_s, acceleration_m_per_s2, jerk_m_per_s3
     if math.isinf(j):
