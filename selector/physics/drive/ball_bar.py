@@ -25,7 +25,6 @@ LONGEST_PERIOD_S = 0.01
 """A reversal takes some hundredths of a second, however slow the feed is."""
 
 SAMPLES_PER_TURN = 7200
-LARGEST_STEP_S = 1e-4
 _UM = 1e6
 
 
@@ -194,7 +193,7 @@ def ball_bar_test(
     geometry, plan
         None: ideal; the defaults of `BallBarPlan`.
     step_s : float or None
-        Longest step of the simulation [s]; None: `LARGEST_STEP_S`.
+        Longest step of the simulation [s]; None: half of what is stable for each axis.
     seed : int
         Of the noise of currents and bar.
 
@@ -221,6 +220,7 @@ def ball_bar_run(
     number: int = 0,
 ) -> tuple[BallBarTrace, dict[str, Motion]]:
     """One circle: its trace, and what every axis did from rest to rest; `number` parts the noise of runs."""
+    from selector.physics.drive.axis_system import largest_stable_step_s
     from selector.physics.drive.simulation import simulate_axis
 
     names = tuple(axes)
@@ -234,8 +234,9 @@ def ball_bar_run(
     period = plan.period_s or _period_s(circle, [axis.servo.sample_s if axis.servo else 0.0 for axis in axes.values()])
     references = circle_references(circle, names, period_s=period)
     seeds = np.random.SeedSequence([seed, number]).generate_state(len(names) + 1)
+    steps = {name: step_s or min(largest_stable_step_s(axis) / 2.0, period) for name, axis in axes.items()}
     motions = {
-        name: simulate_axis(axes[name], references[name], step_s=step_s or min(LARGEST_STEP_S, period), seed=int(own))
+        name: simulate_axis(axes[name], references[name], step_s=steps[name], seed=int(own))
         for name, own in zip(names, seeds, strict=False)
     }
     inside = measured_samples(circle, references[names[0]].time_s)

@@ -67,7 +67,7 @@ class Cause:
     amounts : mapping of str to Amount
         Its numbers by name.
     largest_um, range_um : float
-        Largest deviation it makes by itself, and from its smallest to its largest [µm].
+        Largest deviation it makes by itself, and from its innermost to its outermost, 0 included [µm].
     share : float
         Of the sum of squares of the deviation about its centre; shares and what remains add up to 1.
     probability : float
@@ -118,7 +118,7 @@ class FeedCauses:
 
 @dataclass(frozen=True)
 class CircleCauses:
-    """The causes at every feed, slowest first; `through_feeds`: laws through all feeds; and what cannot be told apart."""
+    """The causes at every feed, slowest first; the laws through all of them; and what cannot be told apart."""
 
     feeds: tuple[FeedCauses, ...]
     through_feeds: Mapping[str, Amount]
@@ -176,7 +176,7 @@ def _feed(pair: CirclePair, fit: CircleFit, names: tuple[str, ...]) -> FeedCause
             chance < FALSE_ALARM / _TESTS,
             amounts,
             float(np.abs(part).max()),
-            float(np.ptp(part)),
+            float(max(part.max(), 0.0) - min(part.min(), 0.0)),
             float(part @ centred) / total if total > 0 else 0.0,
             chance,
         )
@@ -193,10 +193,10 @@ def _feed(pair: CirclePair, fit: CircleFit, names: tuple[str, ...]) -> FeedCause
         causes += [
             cause("straightness", axis, [bow], {"bow": _scaled(fit, bow, 1.0, "µm")}, 1),
             cause("backlash", axis, ends, _of_ends(fit, ends), 1),
-            cause("reversal-spike", axis, tops, _spikes(pair, fit, axis, tops), fit.shapes.widths_tried),
+            cause("reversal-spike", axis, tops, _spikes(pair, fit, axis, tops), fit.shapes.spikes_tried),
             cause("cyclic-pitch", axis, waves, _cyclic(fit, axis, waves), fit.shapes.wavelengths_tried[axis]),
         ]
-    causes.sort(key=lambda one: (not one.found, -one.largest_um))
+    causes.sort(key=lambda one: (not one.found, -one.range_um))
     remaining = float(fit.residual_um @ fit.residual_um)
     return FeedCauses(
         pair.speed_um_per_s * 60e-3,
@@ -257,11 +257,12 @@ def _of_ends(fit: CircleFit, ends: Sequence[str]) -> dict[str, Amount]:
 
 
 def _spikes(pair: CirclePair, fit: CircleFit, axis: int, tops: Sequence[str]) -> dict[str, Amount]:
-    width_s = fit.shapes.width_s[axis]
+    width_s, steepness = fit.shapes.spike[axis]
     return {
         **_of_ends(fit, tops),
-        "width": _shape(fit, f"spike {axis} shape", width_s * 1e3, "ms"),
-        "travel": _shape(fit, f"spike {axis} shape", width_s * pair.speed_um_per_s * 1e-3, "mm"),
+        "width": _shape(fit, f"spike {axis} width", width_s * 1e3, "ms"),
+        "travel": _shape(fit, f"spike {axis} width", width_s * pair.speed_um_per_s * 1e-3, "mm"),
+        "steepness": _shape(fit, f"spike {axis} steepness", steepness, "–"),
     }
 
 
@@ -280,7 +281,7 @@ def _cyclic(fit: CircleFit, axis: int, waves: Sequence[str]) -> dict[str, Amount
     along = _weighted(fit, waves, [float(one) for one in direction], "µm")
     return {
         "amplitude": Amount(size, along.standard_error, "µm"),
-        "wavelength": _shape(fit, f"cyclic {axis} shape", fit.shapes.wavelength_um[axis] * 1e-3, "mm"),
+        "wavelength": _shape(fit, f"cyclic {axis} wavelength", fit.shapes.wavelength_um[axis] * 1e-3, "mm"),
     }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TypeVar
@@ -22,7 +23,7 @@ from selector.physics.drive.circle_basis import (
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 Two = tuple[float, float]
-T = TypeVar("T", int, float)
+T = TypeVar("T", int, float, Two)
 
 WIDEST_SPIKE_RAD = np.radians(15.0)
 """A longer course after a reversal is no spike."""
@@ -30,8 +31,11 @@ WIDEST_SPIKE_RAD = np.radians(15.0)
 SHORTEST_WAVE_UM = 1000.0
 _ROUNDS = 4
 _WIDTHS = 24
+_STEEPNESSES = (1.0, 2.0, 4.0, 8.0)
+_STEEPEST = 16.0
 _BINS = 3600
 _CLEAR = 5.0
+_ARCS = 72
 _SHIFT = 1e-3
 
 
@@ -43,18 +47,18 @@ class Shapes:
     ----------
     gap_um : tuple of pairs
         Lost motion at the positive and the negative end [µm].
-    width_s : tuple of two floats
-        Time from a reversal to the top of its spike [s].
+    spike : pairs of two floats
+        Time from a reversal to the top of its spike [s] and steepness of its flanks [–].
     wavelength_um : tuple of two floats
         Of the cyclic error [µm].
-    widths_tried, wavelengths_tried : int, tuple of two ints
+    spikes_tried, wavelengths_tried : int, tuple of two ints
         Values that a search chose from; 1: it was given.
     """
 
     gap_um: tuple[Two, Two] = ((0.0, 0.0), (0.0, 0.0))
-    width_s: Two = (0.0, 0.0)
+    spike: tuple[Two, Two] = ((0.0, 1.0), (0.0, 1.0))
     wavelength_um: Two = (0.0, 0.0)
-    widths_tried: int = _WIDTHS
+    spikes_tried: int = _WIDTHS * len(_STEEPNESSES)
     wavelengths_tried: tuple[int, int] = (1, 1)
 
 
@@ -114,11 +118,12 @@ def circle_fit(pair: CirclePair, wavelengths_um: Mapping[int, float] | None = No
     turn_s = 2.0 * np.pi * pair.radius_um / pair.speed_um_per_s
     narrowest = 2.0 * turn_s / samples
     widths = np.geomspace(narrowest, max(WIDEST_SPIKE_RAD / (2.0 * np.pi) * turn_s, 2.0 * narrowest), _WIDTHS)
-    shapes = Shapes(width_s=(float(widths[_WIDTHS // 2]),) * 2)
+    middle = (float(widths[_WIDTHS // 2]), _STEEPNESSES[1])
+    shapes = Shapes(spike=(middle, middle))
     for number in range(_ROUNDS):
         before = shapes
         for axis in (0, 1):
-            shapes = replace(shapes, width_s=_with(shapes.width_s, axis, _width(pair, shapes, axis, widths)))
+            shapes = replace(shapes, spike=_with(shapes.spike, axis, _spike(pair, shapes, axis, widths, number < 2)))
         columns = _columns(pair, shapes)
         amounts = np.linalg.lstsq(columns, pair.deviation_um, rcond=None)[0]
         gaps = [float(abs(one)) for one in amounts[len(SMOOTH) : len(SMOOTH) + 4]]
@@ -146,7 +151,7 @@ def _with(two: tuple[T, T], axis: int, value: T) -> tuple[T, T]:
 
 def _alike(one: Shapes, other: Shapes) -> bool:
     gaps = np.abs(np.subtract(one.gap_um, other.gap_um)).max()
-    ratios = np.log(np.divide([one.width_s, one.wavelength_um], [other.width_s, other.wavelength_um]))
+    ratios = np.log(np.divide([*one.spike, one.wavelength_um], [*other.spike, other.wavelength_um]))
     return bool(gaps <= 1e-3 * max(1.0, float(np.max(other.gap_um))) and np.abs(ratios).max() <= 1e-3)
 
 
@@ -154,7 +159,7 @@ def _columns(pair: CirclePair, shapes: Shapes, without: str = "") -> Matrix:
     """The columns of `NAMES`; waves without a wavelength, and those whose name begins with `without`, are left out."""
     parts = [("smooth", smooth_columns(pair))]
     parts += [(f"backlash {axis}", backlash_columns(pair, axis, shapes.gap_um[axis])) for axis in (0, 1)]
-    parts += [(f"spike {axis}", spike_columns(pair, axis, shapes.width_s[axis])) for axis in (0, 1)]
+    parts += [(f"spike {axis}", spike_columns(pair, axis, shapes.spike[axis])) for axis in (0, 1)]
     parts += [
         (f"cyclic {axis}", cyclic_columns(pair, axis, shapes.wavelength_um[axis]))
         for axis in (0, 1)
@@ -172,7 +177,22 @@ def _solved(pair: CirclePair, shapes: Shapes) -> CircleFit:
     inverse = _inverse(columns)
     searched, names = _slopes(pair, shapes, columns, amounts, np.asarray(np.sqrt(variance * np.diag(inverse))))
     every = np.column_stack([columns, searched])
-    return CircleFit((*NAMES, *names), columns, amounts, variance * _inverse(every), residual, resemblance, shapes)
+    inverse = _inverse(every)
+    wider = _widened(pair, every, residual, inverse, variance)
+    covariance = variance * inverse * np.outer(wider, wider)
+    return CircleFit((*NAMES, *names), columns, amounts, covariance, residual, resemblance, shapes)
+
+
+def _widened(pair: CirclePair, columns: Matrix, residual: Vector, inverse: Matrix, variance: float) -> Vector:
+    """Factor by which the error of each amount grows where the residual is larger just where its column is.
+
+    From the scores of arcs of 5°, each an independent piece; never below 1, since few arcs hold a spike.
+    """
+    arcs = np.floor((pair.angle_rad % (2.0 * np.pi)) / (2.0 * np.pi) * _ARCS).astype(np.int64) % _ARCS
+    pieces = arcs + _ARCS * (pair.direction < 0)
+    moved = (columns @ inverse) * residual[:, None]
+    summed = np.array([np.bincount(pieces, column, 2 * _ARCS) for column in moved.T])
+    return np.sqrt(np.maximum((summed**2).sum(axis=1) / (variance * np.diag(inverse)), 1.0))
 
 
 def _inverse(columns: Matrix) -> Matrix:
@@ -188,15 +208,27 @@ def _slopes(
     """How the fit moves with the logarithm of the shapes that stand out of the noise: their errors widen the others."""
     slopes, names = [np.empty((len(columns), 0))], []
     for axis in (0, 1):
-        for kind, ends, make, shape in (
-            ("spike", "+-", spike_columns, shapes.width_s[axis]),
-            ("cyclic", "cs", cyclic_columns, shapes.wavelength_um[axis]),
+        wave, (width, steepness) = shapes.wavelength_um[axis], shapes.spike[axis]
+
+        def wavy(by: float, axis: int = axis, wave: float = wave) -> Matrix:
+            return cyclic_columns(pair, axis, wave * by)
+
+        def wide(by: float, axis: int = axis, width: float = width, steepness: float = steepness) -> Matrix:
+            return spike_columns(pair, axis, (width * by, steepness))
+
+        def steep(by: float, axis: int = axis, width: float = width, steepness: float = steepness) -> Matrix:
+            return spike_columns(pair, axis, (width, steepness * by))
+
+        for kind, ends, made in (
+            ("cyclic", "cs", {"wavelength": wavy}),
+            ("spike", "+-", {"width": wide, "steepness": steep}),
         ):
             at = [NAMES.index(f"{kind} {axis}{end}") for end in ends]
             if (np.abs(amounts[at]) > _CLEAR * errors[at]).any():
-                moved = make(pair, axis, shape * np.exp(_SHIFT)) - make(pair, axis, shape * np.exp(-_SHIFT))
-                slopes.append((moved @ amounts[at] / (2.0 * _SHIFT))[:, None])
-                names.append(f"{kind} {axis} shape")
+                for shape, make in made.items():
+                    moved = make(math.exp(_SHIFT)) - make(math.exp(-_SHIFT))
+                    slopes.append((moved @ amounts[at] / (2.0 * _SHIFT))[:, None])
+                    names.append(f"{kind} {axis} {shape}")
     return np.column_stack(slopes), tuple(names)
 
 
@@ -213,19 +245,30 @@ def _gain(pair: CirclePair, rest: Matrix) -> Callable[[Matrix], float]:
     return gain
 
 
-def _width(pair: CirclePair, shapes: Shapes, axis: int, widths: Vector) -> float:
-    """Width [s] of the spikes of an axis that leaves the least of the deviation."""
+def _spike(pair: CirclePair, shapes: Shapes, axis: int, widths: Vector, anywhere: bool) -> Two:
+    """Width [s] and steepness of the spikes of an axis that leave the least of the deviation."""
     gain = _gain(pair, _columns(pair, shapes, f"spike {axis}"))
 
-    def lost(log_width: float) -> float:
-        return -gain(spike_columns(pair, axis, float(np.exp(log_width))))
+    def shape(logs: Vector) -> Two:
+        # flanks of two samples at least: less is a stray sample, not a spike
+        width = math.exp(logs[0])
+        return width, min(math.exp(logs[1]), max(1.0, (width / widths[0]) ** 2))
 
-    logs = np.log(widths)
-    losses = [lost(one) for one in logs]
-    at = int(np.argmin(losses))
-    near = (logs[max(at - 1, 0)], logs[min(at + 1, len(logs) - 1)])
-    found = optimize.minimize_scalar(lost, bounds=near, method="bounded", options={"xatol": 1e-3})
-    return float(np.exp(found.x if found.fun <= losses[at] else logs[at]))
+    def lost(logs: Vector) -> float:
+        return -gain(spike_columns(pair, axis, shape(logs)))
+
+    begin = np.log(shapes.spike[axis])
+    if anywhere:
+        asked = [np.log([width, steepness]) for steepness in _STEEPNESSES for width in widths]
+        begin = min(asked, key=lost)
+    found = optimize.minimize(
+        lost,
+        begin,
+        method="Nelder-Mead",
+        bounds=[(math.log(widths[0]), math.log(widths[-1])), (0.0, math.log(_STEEPEST))],
+        options={"xatol": 1e-3, "fatol": 1e-9 * float(pair.deviation_um @ pair.deviation_um), "maxfev": 60},
+    )
+    return shape(found.x)
 
 
 def _nearer_wavelength(pair: CirclePair, shapes: Shapes, axis: int) -> float:
