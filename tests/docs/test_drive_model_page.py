@@ -1,0 +1,110 @@
+"""The page on model files of feed drives names every key of the schema with its unit and its default, and no other."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import get_args
+
+import pytest
+
+from selector.physics.drive import model_schema as schema
+from selector.physics.drive.catalogue import thc6350_x_axis
+from selector.physics.drive.parameter_bounds import unit_of_key
+from selector.physics.model_entries import Column, Entry
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "drive-model.md"
+LUGRE = next(
+    kind
+    for kind in get_args(schema.FrictionSection.model_fields["lugre"].annotation)
+    if isinstance(kind, type) and issubclass(kind, Entry)
+)
+
+SECTIONS = {
+    "`[model]`": schema.ModelSection,
+    "`[run]`": schema.RunSection,
+    '`[motion]` with `kind = "sine"`': schema.SineMotion,
+    '`[motion]` with `kind = "moves"`': schema.MovesMotion,
+    '`[motion]` with `kind = "column"`': schema.ColumnMotion,
+    '`[motion]` with `kind = "circle"`': schema.CircleMotion,
+    "`[motion.table_ball]`": schema.TableBallSection,
+    "A column for `force_n`": Column,
+    "`[ball_bar]`": schema.BallBarSection,
+    "`[axes.NAME]`": schema.AxisSection,
+    '`[axes.NAME.mechanics]` with `kind = "rigid"` or `"rotary"`': schema.RigidSection,
+    '`[axes.NAME.mechanics]` with `kind = "three-mass"`': schema.ThreeMassSection,
+    "`[axes.NAME.parts]`": schema.PartsSection,
+    "`[axes.NAME.parts.motor]`": schema.MotorSection,
+    "`[axes.NAME.parts.coupling]`": schema.CouplingSection,
+    "`[axes.NAME.parts.screw]`": schema.ScrewSection,
+    "`[axes.NAME.parts.nut]`": schema.NutSection,
+    "`[axes.NAME.parts.bearings]`": schema.BearingsSection,
+    "`[axes.NAME.parts.guide]`": schema.GuideSection,
+    "`[axes.NAME.parts.table]`": schema.TableSection,
+    "`[axes.NAME.course]`": schema.CourseSection,
+    "`[axes.NAME.friction]`": schema.FrictionSection,
+    "`[axes.NAME.friction.lugre]`": LUGRE,
+    "`[axes.NAME.transmission]`": schema.TransmissionSection,
+    "`[[axes.NAME.ripple]]`": schema.RippleSection,
+    "`[axes.NAME.servo]`": schema.ServoSection,
+    "`[axes.NAME.sensing]`": schema.SensingSection,
+    "`[axes.NAME.recorded]`": schema.RecordedSection,
+    "`[bounds]`": None,
+}
+
+
+def tables() -> dict[str, dict[str, tuple[str, str, str]]]:
+    """Heading → key → unit, default, meaning."""
+    found: dict[str, dict[str, tuple[str, str, str]]] = {}
+    text = PAGE.read_text(encoding="utf-8").replace("\\|", "¦").partition("\n# What is recorded")[0]
+    for part in re.split(r"^##+ ", text, flags=re.MULTILINE)[1:]:
+        heading, _, body = part.partition("\n")
+        rows = re.findall(r"^\| `(\w+)` \| ([^|]*) \| ([^|]*) \| ([^|]*) \|$", body, flags=re.MULTILINE)
+        assert len({row[0] for row in rows}) == len(rows), f"a key twice under {heading}"
+        found[heading] = {key: (unit, default, meaning) for key, unit, default, meaning in rows}
+    return found
+
+
+def test_every_section_of_the_schema_has_its_heading():
+    assert list(tables()) == list(SECTIONS)
+    entries = {
+        value for value in vars(schema).values() if isinstance(value, type) and issubclass(value, Entry)
+    } - {Entry, schema.DriveFile, schema.RotarySection}  # fmt: skip
+    assert entries <= set(SECTIONS.values())
+    # rotary axes have the keys of rigid ones, as the heading says
+    assert list(schema.RotarySection.model_fields) == list(schema.RigidSection.model_fields)
+    assert {re.match(r"`\[+(\w+)", name)[1] for name in SECTIONS if name.startswith("`")} == set(
+        schema.DriveFile.model_fields
+    )
+
+
+def test_the_defaults_of_parts_are_those_of_the_named_machine():
+    pages = tables()
+    for name, part in vars(thc6350_x_axis()).items():
+        for key, (_, default, meaning) in pages[f"`[axes.NAME.parts.{name}]`"].items():
+            value = getattr(part, key)
+            text = "–" if value is None else str(value).lower() if isinstance(value, bool) else f"{value:g}"
+            assert default == text or meaning.endswith(f"with `like` {text}"), key
+
+
+def default_text(field) -> str:
+    if field.is_required():
+        return "required"
+    default = field.get_default(call_default_factory=True)
+    if isinstance(default, bool):
+        return "true" if default else "false"
+    if isinstance(default, int | float):
+        return f"{default:g}"
+    if default and isinstance(default, tuple):
+        return ", ".join(one if isinstance(one, str) else f"{one:g}" for one in default)
+    return default if isinstance(default, str) and default else "–"
+
+
+@pytest.mark.parametrize("heading", [name for name, entry in SECTIONS.items() if entry is not None])
+def test_every_key_is_explained_and_no_other(heading):
+    rows, fields = tables()[heading], SECTIONS[heading].model_fields
+    assert list(rows) == list(fields)
+    for key, (unit, default, meaning) in rows.items():
+        assert default == default_text(fields[key]), key
+        assert meaning.strip(), key
+        assert unit == {"1": "–"}.get(unit_of_key(key), unit_of_key(key)), key
