@@ -12,7 +12,18 @@ from typing import Annotated
 import typer
 
 from selector import __version__
-from selector.cli import applying, demo, models, patent, predicting, reading, running, selecting, simulating_thermal
+from selector.cli import (
+    applying,
+    demo,
+    models,
+    patent,
+    predicting,
+    reading,
+    running,
+    selecting,
+    simulating_drive,
+    simulating_thermal,
+)
 
 __all__ = ["app", "exit_status", "main"]
 
@@ -62,6 +73,7 @@ _command("apply", applying.apply)
 _command("predict", predicting.predict)
 _simulate = typer.Typer(help="Write a recording of a machine that a model file describes.")
 _command("thermal", simulating_thermal.thermal, _simulate)
+_command("drive", simulating_drive.drive, _simulate)
 app.add_typer(_simulate, name="simulate")
 _model = typer.Typer(help="Look at a model file.")
 _command("show", models.show, _model)

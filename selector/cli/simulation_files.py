@@ -58,6 +58,22 @@ def require_places(
         )  # fmt: skip
 
 
+def require_page_place(report: Path) -> None:
+    """Find out before long work whether the page can be written.
+
+    Raises
+    ------
+    OptionError
+        The name does not end in .html, or its place cannot be written to.
+    """
+    if report.suffix.lower() not in (".html", ".htm") or report.is_dir():
+        raise OptionError(
+            f"{report.name!r}", expected="a file that ends in .html", where="--report",
+            advice="name the page, e.g. --report run1.html",
+        )  # fmt: skip
+    require_writable_folder(report.parent, "--report")
+
+
 @contextmanager
 def written_together(paths: Iterable[Path]) -> Iterator[Mapping[Path, Path]]:
     """Path → draft to be written; when the block ends without an error, all drafts take their places, or none does."""

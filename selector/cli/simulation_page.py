@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from selector.cli.files import require_writable_folder
+from selector.cli.simulation_files import require_page_place
 from selector.errors import OptionError
 from selector.findings import Finding
 
@@ -46,12 +46,7 @@ def require_page_options(file: ModelFile, report: Path | None, picture_at_min: f
         The name does not end in .html, its place cannot be written to, or a time is given and no picture will be made.
     """
     if report is not None:
-        if report.suffix.lower() not in (".html", ".htm") or report.is_dir():
-            raise OptionError(
-                f"{report.name!r}", expected="a file that ends in .html", where="--report",
-                advice="name the page, e.g. --report run1.html",
-            )  # fmt: skip
-        require_writable_folder(report.parent, "--report")
+        require_page_place(report)
     if picture_at_min is None:
         return
     if report is None or file.model.kind != "field":

@@ -203,7 +203,8 @@ def friction_over_speed(
         shown_samples(motion.time_s, motion.table_speed_m_per_s), shown_samples(motion.time_s, motion.friction_n)
     )
     unit, times = measures.speed
-    peak = float(np.abs(motion.friction_n).max())
+    low, high = min(0.0, float(motion.friction_n.min())), max(0.0, float(motion.friction_n.max()))
+    peak = max(-low, high)
     who = style.label(name, 12) if name else "the table"
     drawn = style.figure(f"Simulated: up to {style.number(peak)} {measures.force} of dry friction on {who}", 340)
     near = None
@@ -237,7 +238,7 @@ def friction_over_speed(
         drawn.layout[f"yaxis{axis}"] = {
             "anchor": f"x{axis}",
             "title": {"text": f"dry friction [{measures.force}]" if k == 0 else ""},
-            "range": [-1.1 * peak, 1.1 * peak] if peak > 0 else [-1.0, 1.0],
+            "range": [low - 0.1 * peak, high + 0.1 * peak] if peak > 0 else [-1.0, 1.0],
             "zeroline": True,
             "zerolinecolor": style.GRID,
         }

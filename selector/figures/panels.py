@@ -101,6 +101,7 @@ def stacked(
             "title": {"text": panel.axis},
             "range": _range(panel),
             "nticks": max(3, height // 32),
+            "exponentformat": "none",
         }
         if panel.band is not None:
             drawn.add_shape(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -91,7 +91,7 @@ def simulation_html(page: SimulationPage) -> str:
         "picture": _moment(pictures, page),
         "runs": [_run(pictures, page, run) for run in runs],
         "more_runs": len(recording.runs) - len(runs),
-        "channels": _channels_table(page),
+        "channels": channels_table(page.recording, page.inputs),
         "constants": _constants_table(page.time_constants),
         "remarks": remarks_of(page.findings),
         "parameters": _parameters_table(page.parameters),
@@ -164,14 +164,15 @@ def _moment(pictures: Pictures, page: SimulationPage) -> Picture | None:
     return pictures.add(drawn, _PICTURE)
 
 
-def _channels_table(page: SimulationPage) -> Table:
+def channels_table(recording: Recording, inputs: Sequence[str]) -> Table:
+    """The channels of a simulated recording with their ranges; `inputs` names those that act."""
     rows = []
-    for channel in page.recording.channels:
-        values = page.recording.frame[channel.name]
+    for channel in recording.channels:
+        values = recording.frame[channel.name]
         rows.append(
             (
                 channel.name,
-                "input" if channel.name in page.inputs else "output",
+                "input" if channel.name in inputs else "output",
                 channel.role.replace("_", " "),
                 channel.place or channel.axis or NONE,
                 number_text(float(values.min()), 4),

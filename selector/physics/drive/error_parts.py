@@ -11,6 +11,7 @@ from selector.physics.drive.motion import Motion
 
 Vector = NDArray[np.float64]
 
+PARTS = ("speed", "acceleration", "direction", "constant", "rest")
 _STANDSTILL = 1e-6
 """Share of the largest speed below which an axis is said to stand: its direction is that of its last motion."""
 
@@ -58,6 +59,9 @@ def error_parts(motion: Motion) -> ErrorParts:
         "direction": direction_of_travel(speed),
         "constant": np.ones_like(error),
     }
+    if np.unique(rows["direction"][rows["direction"] != 0]).size < 2:
+        # one direction of travel is as good as a constant
+        del rows["direction"]
     scales = {name: float(np.abs(row).max()) or 1.0 for name, row in rows.items()}
     design = np.column_stack([row / scales[name] for name, row in rows.items()])
     found, *_ = np.linalg.lstsq(design, error, rcond=1e-9)
@@ -67,9 +71,9 @@ def error_parts(motion: Motion) -> ErrorParts:
     return ErrorParts(
         lag_s=weights["speed"],
         per_acceleration_s2=weights["acceleration"],
-        reversal_m=weights["direction"],
+        reversal_m=weights.get("direction", 0.0),
         constant_m=weights["constant"],
-        rms_m={name: float(np.sqrt(np.mean(part**2))) for name, part in parts.items()},
+        rms_m={name: float(np.sqrt(np.mean(parts[name] ** 2))) if name in parts else 0.0 for name in PARTS},
     )
 
 

@@ -70,3 +70,8 @@ def test_an_axis_that_stands_has_only_a_constant_part():
 def test_a_standing_axis_keeps_the_direction_of_its_last_motion():
     speed = np.array([0.0, 0.0, 1.0, 0.0, 1e-9, -1.0, 0.0])
     assert direction_of_travel(speed).tolist() == [0, 0, 1, 1, 1, -1, -1]
+
+
+def test_one_direction_of_travel_is_a_constant():
+    parts = error_parts(motion_with(np.full(500, 3e-5), np.linspace(0.0, 1.0, 500) ** 2))
+    assert (parts.largest, parts.reversal_m, parts.rms_m["direction"]) == ("constant", 0.0, 0.0)

@@ -1,0 +1,170 @@
+"""What stands on the page of a simulated feed drive: its axes in every run, its loops, its numbers and their origin."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.findings import Finding
+from selector.physics.drive.course import ParameterCourse
+
+if TYPE_CHECKING:
+    from selector.physics.drive.axis_summary import LoopSummary
+    from selector.physics.drive.drive_model import AxisRun, DriveModel, DriveSimulation
+    from selector.physics.drive.drive_summary import DriveSummary
+    from selector.report.drive_report import AxisOnPage, DrivePage, Response
+
+_OUTPUT_UNITS = {"current": "A", "voltage": "V", "force": "N", "number": "control's unit"}
+_FREQUENCIES = 600
+_SPREAD = 30.0
+"""Frequencies are shown from the bandwidth divided by this to the bandwidth times this."""
+
+
+def page_of(
+    model: DriveModel, simulation: DriveSimulation, summary: DriveSummary, findings: tuple[Finding, ...], path: Path
+) -> DrivePage:
+    """Everything that the page shows; `path` is the model file."""
+    from selector.report.ball_bar_part import BallBarOnPage
+    from selector.report.drive_report import MOST_RUNS, DrivePage
+
+    shown = list(simulation.axes)[: len(simulation.axes) if simulation.traces else MOST_RUNS]
+    runs = {
+        run: tuple(_axis(model, name, one, summary, run, compared=run in shown) for name, one in done.items())
+        for run, done in simulation.axes.items()
+    }
+    first = next(iter(runs.values()))
+    told = simulation.recording.provenance["simulated"]
+    return DrivePage(
+        recording=simulation.recording,
+        model=model.name,
+        runs=runs,
+        inputs=tuple(n for n in simulation.recording.names if simulation.recording.channel(n).role in _ACTING),
+        loops=summary.loops,
+        responses={one.name: _response(one, summary.loops[one.name]) for one in first if one.name in summary.loops},
+        ball_bar=BallBarOnPage(tuple(simulation.traces.values()), summary.quantities, summary.causes)
+        if summary.quantities
+        else None,
+        findings=findings,
+        parameters=tuple(_parameters(model)),
+        told={
+            "model file": path.name,
+            "SHA-256 of the model file": hashlib.sha256(path.read_bytes()).hexdigest(),
+            "note": model.file.model.note,
+            "step of the calculation [s]": {
+                f"{run}, {name}" if len(simulation.axes) > 1 else name: one.step_s
+                for run, done in list(simulation.axes.items())[:1]
+                for name, one in done.items()
+            },
+            "seed": told["seed"],
+        },
+    )
+
+
+_ACTING = ("position_command",)
+
+
+def _axis(model: DriveModel, name: str, one: AxisRun, summary: DriveSummary, run: str, *, compared: bool) -> AxisOnPage:
+    from selector.figures.drive import LINEAR, ROTARY
+    from selector.physics.drive.axis_summary import limited_samples
+    from selector.physics.drive.drive_summary import course_of
+    from selector.report.drive_report import AxisOnPage
+
+    course = course_of(model, name, one)
+    return AxisOnPage(
+        name=name,
+        axis=one.axis,
+        motion=one.motion,
+        summary=summary.axes[run][name],
+        limited=limited_samples(one.axis, one.reference, one.motion),
+        course=course,
+        constant_error_m=_constant_error_m(one, course) if compared and course is not None else None,
+        output_unit=_OUTPUT_UNITS[model.file_axes[name].section.output],
+        measures=ROTARY if model.file_axes[name].rotary else LINEAR,
+    )
+
+
+def _constant_error_m(one: AxisRun, course: ParameterCourse) -> NDArray[np.float64]:
+    """Tracking error with the stiffness unloaded at position 0 and the mean damping [m]."""
+    from selector.physics.drive.simulation import simulate_axis
+
+    damping = course.guide_damping_ns_per_m
+    mean = one.axis.mechanics.guide_damping_ns_per_m if damping is None else float(np.mean(damping))
+    axis = replace(one.axis, mechanics=replace(one.axis.mechanics, guide_damping_ns_per_m=mean), compliance=None)
+    return simulate_axis(axis, one.reference, step_s=one.step_s).tracking_error_m
+
+
+def _response(one: AxisOnPage, loop: LoopSummary) -> Response:
+    """Of the axis as it is, or frozen at three instants of its course: softest, stiffest and between."""
+    from selector.physics.drive.frequency import frequency_response, frozen
+    from selector.report.drive_report import Response
+
+    servo = one.axis.servo
+    middle_hz = loop.figures.bandwidth_hz
+    if not math.isfinite(middle_hz):
+        middle_hz = float(np.median(np.abs(loop.stability.poles))) / (2.0 * math.pi)
+    most_hz = math.inf if servo is None or servo.sample_s == 0 else 0.499 / servo.sample_s
+    frequency_hz = np.geomspace(middle_hz / _SPREAD, min(middle_hz * _SPREAD, most_hz), _FREQUENCIES)
+    course = one.course
+    if course is None:
+        return Response(frequency_hz, {"": frequency_response(one.axis, frequency_hz)})
+    instants = _instants_s(course)
+    return Response(
+        frequency_hz,
+        {
+            f"at {instant:.3g} s": frequency_response(frozen(one.axis, course, instant), frequency_hz)
+            for instant in instants
+        },
+        instants,
+    )
+
+
+def _instants_s(course: ParameterCourse) -> tuple[float, ...]:
+    """When the axis is softest, stiffest, and in the middle between; of a rigid one by its damping."""
+    values = course.axial_stiffness_n_per_m
+    if values is None or np.ptp(values) == 0:
+        values = course.guide_damping_ns_per_m
+    if values is None:
+        return (0.0,)
+    middle = (values.min() + values.max()) / 2.0
+    at = {int(np.argmin(values)), int(np.argmax(values)), int(np.argmin(np.abs(values - middle)))}
+    return tuple(k * course.period_s for k in sorted(at))
+
+
+def _parameters(model: DriveModel) -> list[tuple[str, float, str, str]]:
+    """(name, value, unit, where it is from) of every number of the axes."""
+    from selector.physics.model_text import plain_values
+
+    values = plain_values(model.file)
+    found = []
+    for name, one in model.parameters.items():
+        parts = name.split(".")
+        said = "model file" if _is_said(values, parts) else _otherwise(values, parts)
+        found.append((name, one.value, one.unit, said))
+    return found
+
+
+def _otherwise(values: Mapping[str, Any], path: list[str]) -> str:
+    section = values.get("axes", {}).get(path[1], {}) if len(path) > 1 else {}
+    parts = section.get("parts") if isinstance(section, Mapping) else None
+    like = parts if isinstance(parts, str) else parts.get("like") if isinstance(parts, Mapping) else None
+    if "parts" in path:
+        return f"catalogue values of {like}" if like else "left out: off"
+    return "from the parts, or left out" if parts is not None else "left out: default"
+
+
+def _is_said(values: Any, path: list[str]) -> bool:
+    for part in path:
+        if isinstance(values, Mapping) and part in values:
+            values = values[part]
+        elif isinstance(values, list | tuple) and part.isdigit() and int(part) <= len(values):
+            values = values[int(part) - 1]
+        else:
+            return False
+    return True

@@ -1,0 +1,74 @@
+"""What does a simulated feed drive amount to: every axis in every run, every loop, and how round its circles are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from selector.physics.drive.axis_summary import (
+    AxisSummary,
+    LoopSummary,
+    axis_summary,
+    loop_summary,
+    parameters_along,
+)
+from selector.physics.drive.circle_causes import CircleCauses, circle_causes
+from selector.physics.drive.circle_quantities import CircleQuantities, circle_quantities
+from selector.physics.drive.course import ParameterCourse
+from selector.physics.drive.drive_model import AxisRun, DriveModel, DriveSimulation
+from selector.physics.drive.mechanics import ThreeMassMechanics
+
+
+@dataclass(frozen=True)
+class DriveSummary:
+    """What a simulation amounts to.
+
+    Attributes
+    ----------
+    axes : mapping of str to mapping of str to AxisSummary
+        Run → axis → its errors.
+    loops : mapping of str to LoopSummary
+        Axis → its loop, for those with a control.
+    quantities : tuple of CircleQuantities
+        Of circles, slowest feed first.
+    causes : CircleCauses or None
+        Of circles of two linear axes.
+    """
+
+    axes: Mapping[str, Mapping[str, AxisSummary]]
+    loops: Mapping[str, LoopSummary]
+    quantities: tuple[CircleQuantities, ...] = ()
+    causes: CircleCauses | None = None
+
+
+def drive_summary(model: DriveModel, simulation: DriveSimulation) -> DriveSummary:
+    """The summary of a simulation of this model."""
+    axes = {
+        run: {
+            name: axis_summary(one.axis, one.reference, one.motion, course_of(model, name, one))
+            for name, one in done.items()
+        }
+        for run, done in simulation.axes.items()
+    }
+    known = {name: one.axis for done in simulation.axes.values() for name, one in done.items()}
+    loops = {name: loop_summary(axis) for name, axis in known.items()}
+    traces = tuple(simulation.traces.values())
+    return DriveSummary(
+        axes,
+        {name: loop for name, loop in loops.items() if loop is not None},
+        circle_quantities(traces) if traces else (),
+        circle_causes(traces, lead_m=_leads(model)) if traces and len(traces[0].axes) == 2 else None,
+    )
+
+
+def course_of(model: DriveModel, name: str, run: AxisRun) -> ParameterCourse | None:
+    """Stiffness and damping that an axis had in a run, given or from its own position and load; None if constant."""
+    return run.course or parameters_along(model.parts.get(name), run.axis, run.motion)
+
+
+def _leads(model: DriveModel) -> dict[str, float]:
+    return {
+        name: axis.axis.mechanics.lead_m
+        for name, axis in model.axes.items()
+        if isinstance(axis.axis.mechanics, ThreeMassMechanics)
+    }

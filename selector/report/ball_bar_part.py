@@ -1,0 +1,142 @@
+"""What the report says of a circular test: how round it is at every feed, and which causes are behind it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from selector.physics.drive.ball_bar import BallBarTrace
+from selector.physics.drive.circle_causes import Amount, Cause, CircleCauses, FeedCauses
+from selector.physics.drive.circle_quantities import CircleQuantities, Extreme
+from selector.report.numbers import number_text, share_text, uncertain_text
+from selector.report.page import Pictures
+from selector.report.tables import Table, table
+
+WORDS = {
+    "radius": "radius",
+    "gain-mismatch": "position gains that differ",
+    "squareness": "squareness",
+    "scale-mismatch": "scales that differ",
+    "straightness": "straightness",
+    "backlash": "backlash",
+    "reversal-spike": "reversal spikes",
+    "cyclic-pitch": "cyclic error of the pitch",
+}
+
+
+@dataclass(frozen=True)
+class BallBarOnPage:
+    """A circular test: its traces, their quantities, and their causes; none with a rotary axis."""
+
+    traces: tuple[BallBarTrace, ...]
+    quantities: tuple[CircleQuantities, ...]
+    causes: CircleCauses | None = None
+
+
+def ball_bar_sentences(shown: BallBarOnPage) -> list[str]:
+    """How round the circle is at the fastest and the slowest feed, and the largest causes."""
+    slowest, fastest = shown.quantities[0], shown.quantities[-1]
+    first = (
+        f"At {number_text(fastest.feed_mm_per_min, 4)} mm/min the circle is out of round by "
+        f"{number_text(fastest.both.circular_deviation_um)} µm, both directions together (ISO 230-4)"
+    )
+    if len(shown.quantities) > 1:
+        first += (
+            f"; at {number_text(slowest.feed_mm_per_min, 4)} mm/min by "
+            f"{number_text(slowest.both.circular_deviation_um)} µm"
+        )
+    told = [f"{first}."]
+    if shown.causes is not None:
+        for feed in dict.fromkeys((shown.causes.feeds[-1], shown.causes.feeds[0])):
+            found = [cause for cause in feed.causes if cause.found and cause.kind != "radius"][:3]
+            if found:
+                words = "; ".join(f"{cause_name(cause)} {number_text(cause.range_um)} µm" for cause in found)
+                told.append(f"Causes at {number_text(feed.feed_mm_per_min, 4)} mm/min, largest first: {words}.")
+    far = max(slowest, fastest, key=lambda one: abs(one.both.mean_radial_um)).both.mean_radial_um
+    told.append(f"The mean radius is off by up to {number_text(far)} µm.")
+    return told
+
+
+def cause_name(cause: Cause) -> str:
+    """A cause in words, with its axis."""
+    return WORDS[cause.kind] + (f" of {cause.axis}" if cause.axis else "")
+
+
+def ball_bar_part(pictures: Pictures, shown: BallBarOnPage) -> dict[str, Any]:
+    """Pictures and tables of the test."""
+    from selector.figures.ball_bar import ball_bar_figure
+
+    drawn = [
+        pictures.add(ball_bar_figure([trace for trace in shown.traces if _same(trace, one)]), _POLAR)
+        for one in reversed(shown.quantities)
+    ]
+    causes: list[tuple[str, Table]] = []
+    if shown.causes is not None:
+        causes += [
+            (f"Causes at {number_text(feed.feed_mm_per_min, 4)} mm/min", _causes_table(feed))
+            for feed in reversed(shown.causes.feeds)
+        ]
+        causes.append(("Through all feeds", _overall_table(shown.causes)))
+    return {"pictures": drawn, "quantities": quantities_table(shown.quantities), "causes": causes}
+
+
+def quantities_table(quantities: Sequence[CircleQuantities]) -> Table:
+    """The quantities of ISO 230-4 at every feed [µm]."""
+    rows = [
+        (
+            number_text(one.feed_mm_per_min, 4),
+            number_text(one.counter_clockwise.circular_deviation_um),
+            number_text(one.clockwise.circular_deviation_um),
+            number_text(one.both.circular_deviation_um),
+            _at(one.hysteresis),
+            _at(one.both.radial_max),
+            _at(one.both.radial_min),
+            number_text(one.both.mean_radial_um),
+        )
+        for one in quantities
+    ]
+    note = (
+        "G: circular deviation counter-clockwise and clockwise, G(b): both together, narrowest ring; H: hysteresis; "
+        "F: farthest from the nominal radius, about the least-squares centre; D: mean radius minus nominal; all in µm, "
+        "in brackets where."
+    )
+    return table([">mm/min", ">G ccw", ">G cw", ">G(b)", ">H", ">F max", ">F min", ">D"], rows, note)
+
+
+def _same(trace: BallBarTrace, one: CircleQuantities) -> bool:
+    return math.isclose(trace.feed_mm_per_min, one.feed_mm_per_min, rel_tol=0.01)
+
+
+def _at(extreme: Extreme) -> str:
+    return f"{number_text(extreme.value_um)} ({math.degrees(extreme.angle_rad) % 360:.0f}°)"
+
+
+def _causes_table(feed: FeedCauses) -> Table:
+    rows = [
+        (
+            cause_name(cause),
+            "; ".join(f"{name} {amount_text(one)}" for name, one in cause.amounts.items()),
+            number_text(cause.range_um),
+            share_text(cause.share),
+        )
+        for cause in feed.causes
+        if cause.found
+    ]
+    rows.append(("what remains", "", f"{number_text(feed.remaining_rms_um)} rms", share_text(feed.remaining_share)))
+    note = "± one standard error, from what remains. Causes that do not stand out of it are left out."
+    return table(["cause", "size", ">range [µm]", ">share"], rows, note)
+
+
+def _overall_table(causes: CircleCauses) -> Table:
+    rows = [(name, amount_text(one)) for name, one in causes.through_feeds.items()]
+    return table(["", ">value"], rows, "Constants of geometry and control that all feeds share.")
+
+
+def amount_text(amount: Amount) -> str:
+    """A number ± its standard error with its unit."""
+    return f"{uncertain_text(amount.value, amount.standard_error)} {amount.unit}"
+
+
+_POLAR = "Deviation of the bar, drawn larger than it is; the scale is in the picture."
