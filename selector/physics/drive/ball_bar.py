@@ -124,7 +124,7 @@ class BallBarPlan:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BallBarTrace:
     """One full circle as the bar shows it, simulated or measured.
 

@@ -32,7 +32,7 @@ SMOOTH = (
 """Columns that need no shape; 0 and 1 are the axes."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CirclePair:
     """The two directions of a circle, one after the other.
 

@@ -84,7 +84,7 @@ class Cause:
     probability: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FeedCauses:
     """The causes at one feed.
 

@@ -62,7 +62,7 @@ class Shapes:
     wavelengths_tried: tuple[int, int] = (1, 1)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CircleFit:
     """A fitted pair of circles.
 

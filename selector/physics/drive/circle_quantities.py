@@ -8,7 +8,7 @@ is admitted for it; here both are given, the smallest one exactly.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -176,6 +176,19 @@ def hysteresis(forward: BallBarTrace, back: BallBarTrace) -> Extreme:
     at = np.union1d(courses[0][0], courses[1][0])
     apart = np.abs(np.subtract(*(np.interp(at, *course, period=2.0 * np.pi) for course in courses)))
     return _extreme(apart, at, 1)
+
+
+def centred_traces(traces: Sequence[BallBarTrace]) -> tuple[BallBarTrace, ...]:
+    """Traces about the centre of the least-squares circle of all of them: the set-up taken out, for pictures."""
+    angle = np.concatenate([one.angle_rad for one in traces])
+    deviation = np.concatenate([one.deviation_um for one in traces])
+    radius_um = traces[0].radius_m * _UM
+    centre, _ = least_squares_circle(angle, deviation, radius_um)
+    moved = [_about(centre, one.angle_rad, one.deviation_um, radius_um) for one in traces]
+    return tuple(
+        replace(one, angle_rad=direction, deviation_um=radial)
+        for one, (radial, direction) in zip(traces, moved, strict=True)
+    )
 
 
 def least_squares_circle(
