@@ -84,20 +84,18 @@ def _axis(model: DriveModel, name: str, one: AxisRun, summary: DriveSummary, run
         summary=summary.axes[run][name],
         limited=limited_samples(one.axis, one.reference, one.motion),
         course=course,
-        constant_error_m=_constant_error_m(one, course) if compared and course is not None else None,
+        constant_error_m=_constant_error_m(one) if compared and course is not None else None,
         output_unit=_OUTPUT_UNITS[model.file_axes[name].section.output],
         measures=ROTARY if model.file_axes[name].rotary else LINEAR,
     )
 
 
-def _constant_error_m(one: AxisRun, course: ParameterCourse) -> NDArray[np.float64]:
-    """Tracking error with the stiffness unloaded at position 0 and the mean damping [m]."""
+def _constant_error_m(one: AxisRun) -> NDArray[np.float64]:
+    """Tracking error with the stiffness unloaded at position 0 and the damping at rest [m], as in `time_variation`."""
     from selector.physics.drive.simulation import simulate_axis
 
-    damping = course.guide_damping_ns_per_m
-    mean = one.axis.mechanics.guide_damping_ns_per_m if damping is None else float(np.mean(damping))
-    axis = replace(one.axis, mechanics=replace(one.axis.mechanics, guide_damping_ns_per_m=mean), compliance=None)
-    return simulate_axis(axis, one.reference, step_s=one.step_s).tracking_error_m
+    constant = replace(one.axis, compliance=None)
+    return simulate_axis(constant, one.reference, step_s=one.step_s).tracking_error_m
 
 
 def _response(one: AxisOnPage, loop: LoopSummary) -> Response:

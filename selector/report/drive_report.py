@@ -258,7 +258,7 @@ _THINNED = "Long courses are drawn with the lowest and highest sample of each of
 _COURSE = f"Error: commanded minus true position of the table. Output: what the control puts out. {_THINNED}"
 _LIMITED = " Shaded: a limit of current or speed is reached."
 _VARYING = "Stiffness changes with load and position, damping with speed. Dotted: instants of the frequency response."
-_COMPARED = "Constant: the stiffness at position 0 without load, and the mean damping."
+_COMPARED = "Constant: the stiffness at position 0 without load, and the damping of viscous friction alone."
 _FRICTION = (
     "Dry friction against the speed of the table, positive against the positive direction. Viscous friction is apart."
 )
