@@ -10,8 +10,10 @@ from selector.physics.drive.axis import Axis
 from selector.physics.drive.catalogue import thc6350_servo, thc6350_x_axis
 from selector.physics.drive.closed_loop import closed_loop, plant
 from selector.physics.drive.mechanics import RigidMechanics
+from selector.physics.drive.reference import Reference
 from selector.physics.drive.sampled_loop import sampled_closed_loop, sampled_opened_position_loop
 from selector.physics.drive.servo import Sensing
+from selector.physics.drive.simulation import simulate_axis
 from selector.physics.drive.stiffness import three_mass_mechanics
 
 MECHANICS = three_mass_mechanics(thc6350_x_axis())
@@ -106,3 +108,28 @@ def test_a_continuous_servo_has_no_samples():
         sampled_closed_loop(Axis(MECHANICS, thc6350_servo()))
     with pytest.raises(InputError, match="servo"):
         sampled_closed_loop(Axis(MECHANICS))
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.4, 2.0])
+@pytest.mark.parametrize("speed_samples", [0, 2])
+def test_states_do_what_the_simulation_does(delay, speed_samples):
+    servo = replace(
+        thc6350_servo(), sample_s=1e-3, delay_s=delay * 1e-3, velocity_gain=1.5, velocity_integral_gain=50.0,
+        velocity_feedforward=0.7, acceleration_feedforward=0.5, command_limit=None,
+    )  # fmt: skip
+    mechanics = replace(MECHANICS, torsional_damping_nms_per_rad=0.3, axial_damping_ns_per_m=2e4)
+    axis = Axis(
+        mechanics, servo, sensing=Sensing(speed_from_encoder=speed_samples > 0, speed_samples=max(speed_samples, 1))
+    )
+    columns = np.random.default_rng(5).normal(size=(60, 3)) * [1e-3, 0.1, 2.0]
+    columns[0] = 0.0
+    motion = simulate_axis(axis, Reference(1e-3, *columns.T), step_s=1e-5)
+    loop = sampled_closed_loop(axis)
+    x, found = np.zeros(len(loop.A)), []
+    for row in columns:
+        found.append(loop.C @ x + loop.D @ row)
+        x = loop.A @ x + loop.B @ row
+    # steps of order 4 and 10 µs against modes of 460 Hz: (2π·460·1e-5)⁴/120 a step
+    table, command = np.array(found).T
+    np.testing.assert_allclose(motion.table_m, table, rtol=0, atol=1e-6 * np.abs(table).max())
+    np.testing.assert_allclose(motion.command, command, rtol=0, atol=1e-6 * np.abs(command).max())

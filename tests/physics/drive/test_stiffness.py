@@ -165,7 +165,8 @@ def test_a_nut_outside_the_screw_is_refused(position_m):
 def test_printed_nut_rigidity_is_about_half_of_hertz_alone():
     # HIWIN double nuts, rigidity [N/µm] at 10 % of the dynamic load rating [N]: R40-20K4-FDC, R40-10T4-FDI,
     # R50-10T4-FDI. Balls of 6.35 mm on a pitch circle 6.49 mm wider than the printed core; all turns carrying alike,
-    # rigid nut and screw. That the catalogue has less is body deformation and load distribution: between 1/3 and 3/4.
+    # rigid nut and screw. That the catalogue has less is body deformation and load distribution: 0.58 to 0.61 with this
+    # conformity, which is known to be from 0.52 to 0.56 and is worth ± 10 %.
     for core, lead, rating, printed in (
         (34.91, 20, 51_300, 1150),
         (34.91, 10, 37_890, 1010),
@@ -177,4 +178,4 @@ def test_printed_nut_rigidity_is_about_half_of_hertz_alone():
         )  # fmt: skip
         parts = Parts(screw=Screw(diameter_mm=core + 5.1, root_diameter_mm=core, lead_mm=lead), nut=nut)
         share = printed / (float(nut_contact(parts).stiffness_n_per_m(0.0)) * 1e-6)
-        assert 1 / 3 < share < 3 / 4
+        assert share == pytest.approx(0.6, rel=0.1)
