@@ -226,7 +226,7 @@ class DriveModel:
                 channels = axis_channels(name, self.file_axes[name], loaded=name in loaded)
                 courses = axis_courses(one.motion, one.reference)
                 for kind, channel in channels.items():
-                    columns[channel.name] = _at(times_s[run], one.motion.time_s, courses[kind])
+                    columns[channel.name] = _at(times_s[run] - times_s[run][0], one.motion.time_s, courses[kind])
             tables[run] = pd.DataFrame(columns, index=pd.Index(times_s[run], name="time_s"))
             told[run] = {"step_s": {name: one.step_s for name, one in done.items()}}
         return DriveSimulation(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,12 @@ from selector.physics.drive.trajectory import clock_findings, recorded
 from selector.recording import Channel, Recording
 
 Vector = NDArray[np.float64]
+_FINEST_SHARE = 20
+"""Samples of a control in one of the recording, or the other way round, that clocks of the two may differ by."""
+
+_SAME_CLOCK = 1e-6
+"""Relative difference of two clocks that count as one: that of crystals, and of times written with few digits."""
+
 Progress = Callable[[int, int, str], None]
 
 
@@ -105,7 +112,7 @@ def matched_channels(name: str, axis: FileAxis, model: DriveModel, recording: Re
     Raises
     ------
     OptionError
-        The recording has no channel of a name that the file gives.
+        The recording has no channel of a name that the file gives, or the file gives one name twice.
     """
     own = axis_channels(name, axis, loaded=True)
     by_name = {channel.name: channel for channel in recording.channels}
@@ -119,11 +126,18 @@ def matched_channels(name: str, axis: FileAxis, model: DriveModel, recording: Re
                 where=f"key axes.{name}.recorded.{kind}",
                 advice="correct the name, or leave it out",
             )
+        if said in found.values():
+            raise OptionError(
+                f"{said!r} twice",
+                expected="a channel for one thing",
+                where=f"key axes.{name}.recorded.{kind}",
+                advice="leave one of the two out",
+            )
         if said is not None:
             found[kind] = said
     for kind, channel in own.items():
         same = by_name.get(channel.name)
-        if kind not in found and same is not None and same.role == channel.role:
+        if kind not in found and same is not None and same.role == channel.role and same.name not in found.values():
             found[kind] = same.name
     for kind in ("command", "position", "output"):
         if kind in found or own[kind].role == "state":
@@ -148,14 +162,25 @@ def _axis_run(
     seed: int,
 ) -> AxisRun:
     time_s = recording.time_s(run)
-    period_s = model.file.run.period_s
-    if period_s is not None and (time_s[-1] - time_s[0]) / period_s > MOST_SAMPLES:
-        period_s = None
-    reference = recorded(time_s - time_s[0], _values(recording, run, channels["command"]), period_s)
+    reference = recorded(
+        time_s - time_s[0], _values(recording, run, channels["command"]), _period_s(model, name, time_s)
+    )
     if "load" in channels:
         reference = replace(reference, force_n=_on_grid(recording, run, channels["load"], reference))
     commands = _on_grid(recording, run, channels["output"], reference) if opened else None
     return model.axis_run(name, reference, commands=commands, seed=seed)
+
+
+def _period_s(model: DriveModel, name: str, time_s: Vector) -> float | None:
+    """Period of the file; left out, that of the recording, rounded to one that fits the samples of the control."""
+    said, servo = model.file.run.period_s, model.file_axes[name].axis.servo
+    if len(time_s) < 2 or (said is not None and (time_s[-1] - time_s[0]) / said <= MOST_SAMPLES):
+        return said
+    if servo is None or servo.sample_s == 0:
+        return None
+    ratio = float(time_s[-1] - time_s[0]) / (len(time_s) - 1) / servo.sample_s
+    share = float(Fraction(ratio).limit_denominator(_FINEST_SHARE))
+    return share * servo.sample_s if share > 0 and abs(ratio / share - 1.0) < _SAME_CLOCK else None
 
 
 def _values(recording: Recording, run: str, channel: str) -> Vector:
@@ -164,8 +189,7 @@ def _values(recording: Recording, run: str, channel: str) -> Vector:
 
 def _on_grid(recording: Recording, run: str, channel: str, reference: Reference) -> Vector:
     """A recorded course at the samples of a reference, each value held until the next."""
-    time_s = recording.time_s(run) - recording.time_s(run)[0]
-    values = _values(recording, run, channel)
+    time_s, values = recording.time_s(run), _values(recording, run, channel)
     if not np.isfinite(values).all():
         raise OptionError(
             f"missing values of {channel!r} in {run}",
@@ -173,9 +197,10 @@ def _on_grid(recording: Recording, run: str, channel: str, reference: Reference)
             where=f"channel {channel}",
             advice="cut the recording to the stretch that is complete",
         )
-    # a time of the grid that falls on a sample up to rounding belongs to it
-    at = np.searchsorted(time_s, reference.time_s + 1e-6 * reference.period_s, side="right") - 1
-    return values[np.maximum(at, 0)]
+    # clocks jitter, controls do not; and a time of the grid that falls on a sample up to rounding belongs to it
+    period_s = (time_s[-1] - time_s[0]) / (len(time_s) - 1)
+    at = np.floor(reference.time_s / period_s + min(_SAME_CLOCK * len(time_s), 0.25)).astype(np.int64)
+    return values[np.minimum(at, len(values) - 1)]
 
 
 def _as_recorded(
