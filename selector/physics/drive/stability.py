@@ -122,8 +122,10 @@ def stability_findings(axis: Axis, where: str) -> tuple[Finding, ...]:
             where=Where(channel=where),
             evidence={
                 **evidence,
-                "gain_margin_db": figures.gain_margin_db,
-                "phase_margin_deg": figures.phase_margin_deg,
+                **{
+                    name: value if math.isfinite(value := getattr(figures, name)) else None
+                    for name in ("gain_margin_db", "phase_margin_deg")
+                },
             },
             suggestion="It swings after every change. With the other gains as they are: " + "; ".join(limits) + ".",
         ),

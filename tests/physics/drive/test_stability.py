@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 
@@ -113,3 +114,11 @@ def test_when_no_factor_helps_it_is_said():
     assert 0.0 in found.gain_limits.values()
     (finding,) = stability_findings(Axis(RigidMechanics(1.0), servo), "Y")
     assert "makes it stable" in finding.suggestion
+
+
+def test_findings_are_json_where_a_margin_is_infinite():
+    # second order with little damping: no frequency turns the phase by 180 degrees
+    (finding,) = stability_findings(Axis(RigidMechanics(1.0), Servo(1000.0, 40.0)), "X")
+    assert "degrees of phase margin" in finding.statement
+    assert finding.evidence["gain_margin_db"] is None
+    assert json.loads(json.dumps(finding.as_dict(), allow_nan=False))["level"] == "warning"

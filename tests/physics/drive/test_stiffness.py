@@ -87,8 +87,8 @@ def test_stiffness_is_the_slope_and_deflection_is_odd(parts, load_n):
     load = load_n + np.array([-1.0, 1.0])
     slope = 2.0 / float(np.diff(axial_deflection_m(parts, load_n=load))[0])
     stiffness = float(axial_stiffness_n_per_m(parts, load_n=load_n))
-    # a difference over 2 N of deflections known to 1e-12 of the load's; at a release the slope has a square root
-    assert stiffness == pytest.approx(slope, rel=2e-2)
+    # a difference over 2 N; at a release the slope has a square root, √(1/(2.1·300))/√8 = 1.4 % for the least preload
+    assert stiffness == pytest.approx(slope, rel=3e-2)
     assert float(axial_deflection_m(parts, load_n=-load_n)) == pytest.approx(
         -float(axial_deflection_m(parts, load_n=load_n)), rel=1e-9
     )
