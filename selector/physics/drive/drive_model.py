@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -33,6 +33,8 @@ from selector.physics.model_values import value_of
 from selector.recording import Channel, Recording
 
 Vector = NDArray[np.float64]
+
+Progress = Callable[[int, int, str], None]
 
 DEVIATION = Channel("deviation", "displacement", "um", "ball-bar")
 ANGLE = Channel("angle", "state", "1", "ball-bar [rad]")
@@ -161,7 +163,9 @@ class DriveModel:
         """The recording of `simulation`."""
         return self.simulation(run=run, seed=seed).recording
 
-    def simulation(self, *, run: str = "simulation", seed: int | None = None) -> DriveSimulation:
+    def simulation(
+        self, *, run: str = "simulation", seed: int | None = None, progress: Progress | None = None
+    ) -> DriveSimulation:
         """What the axes do in the motion of the file.
 
         Parameters
@@ -170,6 +174,8 @@ class DriveModel:
             Name of the run; those of circles are called after feed and direction, such as ``"F1000 ccw"``.
         seed : int, optional
             Of the noise; default: that of the file.
+        progress : callable, optional
+            Told how many circles of how many are done, and the run.
 
         Raises
         ------
@@ -178,7 +184,7 @@ class DriveModel:
         """
         noise = self.file.run.seed if seed is None else seed
         if isinstance(self.file.motion, CircleMotion):
-            return self._circles(noise)
+            return self._circles(noise, progress)
         reference = file_reference(self.file, self.columns)
         name = next(iter(self.axes))
         done = self.axis_run(name, reference, seed=noise)
@@ -233,7 +239,7 @@ class DriveModel:
             Recording.from_runs(tables, self._axis_outputs(names, loaded), self._provenance(seed, told)), axes
         )
 
-    def _circles(self, seed: int) -> DriveSimulation:
+    def _circles(self, seed: int, progress: Progress | None) -> DriveSimulation:
         plan, geometry = circle_plan(self.file), PairGeometry()
         if self.file.ball_bar is not None:
             geometry = value_of(PairGeometry, self.file.ball_bar)
@@ -245,6 +251,8 @@ class DriveModel:
         for number, (run, circle) in enumerate(self.runs.items()):
             if circle is None:
                 continue
+            if progress is not None:
+                progress(number, len(self.runs), run)
             _require_few_steps("circle", circle.duration_s, step_s)
             trace, motions = ball_bar_run(axes, circle, geometry, plan, step_s=step_s, seed=seed, number=number)
             time_s = next(iter(motions.values())).time_s

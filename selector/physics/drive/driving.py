@@ -6,7 +6,7 @@ recorded output of the real one acts on the axis: small errors of the force then
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from selector.errors import OptionError
 from selector.findings import Finding, Where
 from selector.physics.drive.drive_channels import KINDS, axis_channels
-from selector.physics.drive.drive_model import AxisRun, DriveModel, DriveSimulation
+from selector.physics.drive.drive_model import AxisRun, DriveModel, DriveSimulation, Progress
 from selector.physics.drive.model_axes import FileAxis
 from selector.physics.drive.model_schema import MOST_SAMPLES
 from selector.physics.drive.reference import Reference
@@ -29,8 +29,6 @@ _FINEST_SHARE = 20
 
 _SAME_CLOCK = 1e-6
 """Relative difference of two clocks that count as one: that of crystals, and of times written with few digits."""
-
-Progress = Callable[[int, int, str], None]
 
 
 @dataclass(frozen=True)
