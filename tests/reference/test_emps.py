@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import importlib.util
+import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from selector.physics.drive.identification import identified_axis_of_servo, identified_rigid_axis
+from selector.physics.drive.identification import filtered_motion, identified_axis_of_servo, identified_rigid_axis
+from selector.physics.drive.loop_identification import fitted_in_loop, loop_errors
 from selector.physics.drive.servo import Servo
+from selector.physics.drive.simulation import simulate_axis
 
 FOLDER = Path(__file__).parents[2] / "fixtures" / "emps"
 PERIOD_S = 1e-3
@@ -103,3 +108,84 @@ def test_positions_of_the_first_record_only_lie_on_the_grid_of_an_encoder(nomina
         steps = data["qm"] / 5e-8
         # even spread over a step: 1/√12; the file's own rounding: 1e-9
         assert np.std(steps - np.round(steps)) == pytest.approx(off_grid, abs=0.015)
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.03, 0.06), (0.07, 0.095), (0.11, 0.14)])
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_a_ripple_of_2_5_mm_is_left_at_every_speed(low, high, direction, nominal, servo):
+    held = 0.5 * PERIOD_S
+    found = identified_axis_of_servo(PERIOD_S, nominal["qm"], nominal["vir"], servo, delay_s=held)
+    position, speed, acceleration = filtered_motion(PERIOD_S, nominal["qm"], found.cut_off_hz)
+    force = np.interp(nominal["t"] - held, nominal["t"], servo.actuator_gain * nominal["vir"])
+    rest = force - found["mass_kg"] * acceleration - found["guide_damping_ns_per_m"] * speed
+    steady = (np.abs(acceleration) < 0.05) & (direction * speed > low) & (direction * speed < high)
+    x, rest = position[steady], rest[steady]
+
+    def amplitude(period_m):
+        angle = 2 * np.pi * x / period_m
+        return np.hypot(*np.linalg.lstsq(np.column_stack([np.cos(angle), np.sin(angle), angle**0]), rest)[0][:2])
+
+    assert 0.8 < amplitude(2.5e-3) < 1.5
+    # not just any period: neighbours that are as well resolved have a third of it at most
+    assert max(amplitude(2.0e-3), amplitude(3.2e-3)) < amplitude(2.5e-3) / 3
+
+
+@pytest.fixture(scope="module")
+def bench():
+    spec = importlib.util.spec_from_file_location("bench_emps", FOLDER.parents[1] / "benchmarks" / "bench_emps.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["bench_emps"] = module  # its dataclass looks its module up
+    spec.loader.exec_module(module)
+    yield module
+    del sys.modules["bench_emps"]
+
+
+def test_the_loop_is_simulated_to_microns_also_on_the_record_not_seen(bench):
+    nominal, pulses = bench.records()
+    fit = identified_axis_of_servo(PERIOD_S, nominal.position_m, nominal.voltage_v, nominal.servo)
+    said = {  # µm rms and mV rms, as in docs/explanation/emps-drive.md
+        ("true speed, now", "DATA_EMPS"): (3.17, 72.7),
+        ("over one sample", "DATA_EMPS"): (2.10, 68.8),
+        ("over two samples", "DATA_EMPS"): (1.62, 70.2),
+        ("true speed, now", "DATA_EMPS_PULSES"): (3.98, 129.4),
+        ("over one sample", "DATA_EMPS_PULSES"): (2.73, 103.2),
+        ("over two samples", "DATA_EMPS_PULSES"): (1.94, 85.2),
+    }
+    for law in bench.LAWS:
+        for record in (nominal, pulses):
+            axis = bench.axis_of(fit.values, record.servo, law)
+            motion = simulate_axis(axis, record.reference, step_s=PERIOD_S, start=record.start)
+            errors = loop_errors(motion, record.position_m, record.output_v, skip=bench.SKIP)
+            # the last printed digit, and the encoder's steps that another rounding may shift
+            found = (1e6 * errors.position_rms_m, 1e3 * errors.command_rms)
+            assert found == pytest.approx(said[law, record.name], rel=0.01)
+
+
+def test_a_wrong_law_of_the_control_comes_out_as_a_wrong_mass(bench):
+    nominal, _ = bench.records()
+    fit = identified_axis_of_servo(PERIOD_S, nominal.position_m, nominal.voltage_v, nominal.servo)
+    mass = {}
+    for law in (bench.RECORDED, "true speed, now"):
+        found = fitted_in_loop(
+            bench.axis_of(fit.values, nominal.servo, law),
+            nominal.reference,
+            nominal.position_m,
+            nominal.output_v,
+            step_s=PERIOD_S,
+            start=nominal.start,
+            skip=bench.SKIP,
+        )
+        mass[law] = found["mass_kg"]
+    # as in docs/explanation/emps-drive.md; the search stops within 1e-6 of a parameter
+    assert mass[bench.RECORDED] == pytest.approx(95.296, rel=1e-3)
+    assert mass["true speed, now"] == pytest.approx(92.183, rel=1e-3)
+
+
+def test_the_model_file_has_these_parameters(nominal, servo):
+    axis = tomllib.loads((FOLDER / "emps.toml").read_text(encoding="utf-8"))["axes"]["X"]
+    found = identified_axis_of_servo(PERIOD_S, nominal["qm"], nominal["vir"], servo)
+    written = axis["mechanics"] | axis["friction"]
+    assert [written[name] for name in found.names] == pytest.approx(found.values, rel=1e-5)  # the digits of the file
+    control = [axis["servo"][key] for key in ("position_gain_per_s", "velocity_gain", "actuator_gain")]
+    assert control == pytest.approx([servo.position_gain_per_s, servo.velocity_gain, servo.actuator_gain], rel=1e-6)
+    assert axis["sensing"]["speed_samples"] == 2
