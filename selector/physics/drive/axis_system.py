@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,6 +128,15 @@ class AxisSystem:
         command = u[1] if self.axis.servo is None else u[1] + self._control(self.axis.servo, t_s, state)[0]
         return np.array([motor + pitch_error_m(self.axis, motor)[0], motor, self._drive(command, motor)])
 
+    @cached_property
+    def _course(self) -> tuple[interpolate.CubicHermiteSpline, interpolate.CubicHermiteSpline]:
+        """Commanded position and speed between the samples."""
+        time_s, given = self.reference.time_s, self.reference
+        return (
+            interpolate.CubicHermiteSpline(time_s, given.position_m, given.speed_m_per_s),
+            interpolate.CubicHermiteSpline(time_s, given.speed_m_per_s, given.acceleration_m_per_s2),
+        )
+
     def _between(self, t_s: float, values: Vector) -> float:
         return float(np.interp(t_s, self.reference.time_s, values))
 
@@ -140,17 +150,12 @@ class AxisSystem:
 
     def _control(self, servo: Servo, t_s: float, state: dict[str, float]) -> tuple[float, float]:
         """Command, and rate of the integral."""
-        at = min(self._period(t_s), len(self.reference.position_m) - 2)
-        time, given = self.reference.time_s[at : at + 2], self.reference
-        position = interpolate.CubicHermiteSpline(time, given.position_m[at : at + 2], given.speed_m_per_s[at : at + 2])
-        ahead = interpolate.CubicHermiteSpline(
-            time, given.speed_m_per_s[at : at + 2], given.acceleration_m_per_s2[at : at + 2]
-        )
+        position, ahead = self._course
         mechanics = self.axis.mechanics
         travel = mechanics.travel_per_motion
         if isinstance(mechanics, RigidMechanics):
             inertia, motor, motor_speed = mechanics.mass_kg, state["position"], state["speed"]
-            table = motor + pitch_error_m(self.axis, motor)[0]
+            table = motor + float(pitch_error_m(self.axis, motor)[0])
         else:
             inertia = (
                 mechanics.motor_inertia_kg_m2 + mechanics.screw_inertia_kg_m2 + mechanics.table_mass_kg * travel**2
@@ -163,7 +168,7 @@ class AxisSystem:
             wanted = min(max(wanted, -servo.speed_limit), servo.speed_limit)
         error = wanted - motor_speed
         command = servo.velocity_gain * error + servo.velocity_integral_gain * state["integral"]
-        acceleration = self._between(t_s, given.acceleration_m_per_s2)
+        acceleration = self._between(t_s, self.reference.acceleration_m_per_s2)
         command += servo.acceleration_feedforward * inertia * acceleration / (travel * servo.actuator_gain)
         if servo.command_limit is not None and abs(command) > servo.command_limit:
             return math.copysign(servo.command_limit, command), 0.0
@@ -192,7 +197,7 @@ class AxisSystem:
     def _nut(self, mechanics: ThreeMassMechanics, t_s: float, state: dict[str, float]) -> tuple[float, float, float]:
         """Axial force, force of the walk along the strained shaft, and travel per turn of the screw [m/rad]."""
         travel = mechanics.travel_per_motion
-        error, slope = pitch_error_m(self.axis, state["screw"])
+        error, slope = (float(one) for one in pitch_error_m(self.axis, state["screw"]))
         deflection = travel * state["screw"] + error - state["table"]
         rate = (travel + slope) * state["screw_speed"] - state["table_speed"]
         half_gap = self.axis.transmission.backlash_m / 2
@@ -227,17 +232,14 @@ class AxisSystem:
 
 def _compliant(compliance: AxialCompliance, deflection: float, table_m: float) -> tuple[float, float]:
     """Force at a deflection by root finding, and the force along the travel of ½·force²·shaft(x)."""
-    free = min(max(compliance.origin_m + table_m, 0.0), compliance.length_m)
-    share, slope = free, 1.0
-    if compliance.both_ends:
-        share = free * (compliance.length_m - free) / compliance.length_m
-        slope = 1.0 - 2.0 * free / compliance.length_m
-    if not 0.0 < compliance.origin_m + table_m < compliance.length_m:
+    shaft, free = compliance.shaft_m_per_n(table_m), compliance.origin_m + table_m
+    slope = (1.0 - 2.0 * free / compliance.length_m) if compliance.both_ends else 1.0
+    if not 0.0 < free < compliance.length_m:
         slope = 0.0
     joints = interpolate.make_interp_spline(compliance.force_n, compliance.joint_deflection_m, k=1)
 
     def excess(force: float) -> float:
-        return float(force * share / compliance.shaft_n + joints(force) - deflection)
+        return float(force * shaft + joints(force) - deflection)
 
     reach = 1.0 + float(np.abs(compliance.force_n).max())
     while excess(-reach) > 0 or excess(reach) < 0:

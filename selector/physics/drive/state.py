@@ -55,7 +55,7 @@ def unloaded_state(axis: Axis, position_m: float, speed_m_per_s: float = 0.0) ->
     motor = position_m / travel
     if axis.servo is None or axis.servo.feedback == "table":
         motor = _motor_for(axis, position_m)
-    error, slope = pitch_error_m(axis, motor)
+    error, slope = (float(one) for one in pitch_error_m(axis, motor))
     motor_speed = speed_m_per_s / (travel + slope)
     if isinstance(axis.mechanics, RigidMechanics):
         return AxisState(motor, motor_speed, table_m=motor + error, table_speed_m_per_s=speed_m_per_s)
@@ -70,7 +70,9 @@ def _motor_for(axis: Axis, position_m: float) -> float:
         return position_m / travel
     ends = ((position_m - largest) / travel, (position_m + largest) / travel)
     return float(
-        optimize.brentq(lambda q: travel * q + pitch_error_m(axis, q)[0] - position_m, *ends, xtol=1e-14, rtol=1e-15)
+        optimize.brentq(
+            lambda q: travel * q + float(pitch_error_m(axis, q)[0]) - position_m, *ends, xtol=1e-14, rtol=1e-15
+        )
     )
 
 
