@@ -103,7 +103,7 @@ def show_analysis(console: Console, model: DriveModel, summary: DriveSummary) ->
         console.print(showing.table("Ball-bar, ISO 230-4, µm", columns, circles, numeric=columns))
     if summary.causes is not None:
         causes = [
-            (feed.feed_mm_per_min, cause.kind, cause.axis, cause.range_um, f"{100 * cause.share:.0f} %")
+            (feed.feed_mm_per_min, cause.kind, cause.axis, cause.range_um, f"{round(100 * cause.share)} %")
             for feed in summary.causes.feeds
             for cause in feed.causes
             if cause.found

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from selector.findings import Finding
 from selector.physics.drive.course import ParameterCourse
+from selector.physics.drive.friction import Friction
+from selector.physics.drive.servo import Servo
 
 if TYPE_CHECKING:
     from selector.physics.drive.axis_summary import LoopSummary
@@ -68,6 +70,7 @@ def page_of(
 
 
 _ACTING = ("position_command",)
+_DEFAULTS = {field.name: field.default for kind in (Friction, Servo) for field in fields(kind)}
 
 
 def _axis(model: DriveModel, name: str, one: AxisRun, summary: DriveSummary, run: str, *, compared: bool) -> AxisOnPage:
@@ -143,18 +146,20 @@ def _parameters(model: DriveModel) -> list[tuple[str, float, str, str]]:
     found = []
     for name, one in model.parameters.items():
         parts = name.split(".")
-        said = "model file" if _is_said(values, parts) else _otherwise(values, parts)
+        said = "model file" if _is_said(values, parts) else _otherwise(values, parts, one.value)
         found.append((name, one.value, one.unit, said))
     return found
 
 
-def _otherwise(values: Mapping[str, Any], path: list[str]) -> str:
+def _otherwise(values: Mapping[str, Any], path: list[str], value: float) -> str:
     section = values.get("axes", {}).get(path[1], {}) if len(path) > 1 else {}
     parts = section.get("parts") if isinstance(section, Mapping) else None
     like = parts if isinstance(parts, str) else parts.get("like") if isinstance(parts, Mapping) else None
     if "parts" in path:
         return f"catalogue values of {like}" if like else "left out: off"
-    return "from the parts, or left out" if parts is not None else "left out: default"
+    return (
+        "from the parts" if parts is not None and value not in (0.0, _DEFAULTS.get(path[-1])) else "left out: default"
+    )
 
 
 def _is_said(values: Any, path: list[str]) -> bool:

@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from selector.figures.ball_bar import ball_bar_figure
 from selector.physics.drive.ball_bar import BallBarTrace
 from selector.physics.drive.circle_causes import Amount, Cause, CircleCauses, FeedCauses
-from selector.physics.drive.circle_quantities import CircleQuantities, Extreme
-from selector.report.numbers import number_text, share_text, uncertain_text
+from selector.physics.drive.circle_quantities import CircleQuantities, Extreme, paired
+from selector.report.numbers import NONE, number_text, uncertain_text
 from selector.report.page import Pictures
 from selector.report.tables import Table, table
 
@@ -54,8 +55,12 @@ def ball_bar_sentences(shown: BallBarOnPage) -> list[str]:
             if found:
                 words = "; ".join(f"{cause_name(cause)} {number_text(cause.range_um)} µm" for cause in found)
                 told.append(f"Causes at {number_text(feed.feed_mm_per_min, 4)} mm/min, largest first: {words}.")
-    far = max(slowest, fastest, key=lambda one: abs(one.both.mean_radial_um)).both.mean_radial_um
-    told.append(f"The mean radius is off by up to {number_text(far)} µm.")
+    far = max(shown.quantities, key=lambda one: abs(one.both.mean_radial_um))
+    told.append(
+        f"At {number_text(far.feed_mm_per_min, 4)} mm/min the mean radius is "
+        f"{number_text(abs(far.both.mean_radial_um))} µm "
+        f"{'larger' if far.both.mean_radial_um > 0 else 'smaller'} than nominal."
+    )
     return told
 
 
@@ -66,12 +71,7 @@ def cause_name(cause: Cause) -> str:
 
 def ball_bar_part(pictures: Pictures, shown: BallBarOnPage) -> dict[str, Any]:
     """Pictures and tables of the test."""
-    from selector.figures.ball_bar import ball_bar_figure
-
-    drawn = [
-        pictures.add(ball_bar_figure([trace for trace in shown.traces if _same(trace, one)]), _POLAR)
-        for one in reversed(shown.quantities)
-    ]
+    drawn = [pictures.add(ball_bar_figure(pair), _POLAR) for pair in reversed(paired(shown.traces))]
     causes: list[tuple[str, Table]] = []
     if shown.causes is not None:
         causes += [
@@ -105,10 +105,6 @@ def quantities_table(quantities: Sequence[CircleQuantities]) -> Table:
     return table([">mm/min", ">G ccw", ">G cw", ">G(b)", ">H", ">F max", ">F min", ">D"], rows, note)
 
 
-def _same(trace: BallBarTrace, one: CircleQuantities) -> bool:
-    return math.isclose(trace.feed_mm_per_min, one.feed_mm_per_min, rel_tol=0.01)
-
-
 def _at(extreme: Extreme) -> str:
     return f"{number_text(extreme.value_um)} ({math.degrees(extreme.angle_rad) % 360:.0f}°)"
 
@@ -119,12 +115,12 @@ def _causes_table(feed: FeedCauses) -> Table:
             cause_name(cause),
             "; ".join(f"{name} {amount_text(one)}" for name, one in cause.amounts.items()),
             number_text(cause.range_um),
-            share_text(cause.share),
+            _percent(cause.share),
         )
         for cause in feed.causes
         if cause.found
     ]
-    rows.append(("what remains", "", f"{number_text(feed.remaining_rms_um)} rms", share_text(feed.remaining_share)))
+    rows.append(("what remains", "", f"{number_text(feed.remaining_rms_um)} rms", _percent(feed.remaining_share)))
     note = "± one standard error, from what remains. Causes that do not stand out of it are left out."
     return table(["cause", "size", ">range [µm]", ">share"], rows, note)
 
@@ -136,7 +132,12 @@ def _overall_table(causes: CircleCauses) -> Table:
 
 def amount_text(amount: Amount) -> str:
     """A number ± its standard error with its unit."""
-    return f"{uncertain_text(amount.value, amount.standard_error)} {amount.unit}"
+    return f"{uncertain_text(amount.value, amount.standard_error)} {amount.unit.removesuffix(NONE)}".rstrip()
 
 
-_POLAR = "Deviation of the bar, drawn larger than it is; the scale is in the picture."
+def _percent(share: float) -> str:
+    # rounded first, so that there is no −0
+    return f"{round(100 * share):d} %".replace("-", "−")
+
+
+_POLAR = "Distance of the two balls against the nominal radius, both directions; the rings say how many µm."

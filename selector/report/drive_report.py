@@ -242,7 +242,10 @@ def _loop(pictures: Pictures, page: DrivePage, name: str) -> dict[str, Any]:
 def _parameters(page: DrivePage) -> Table | None:
     if not page.parameters:
         return None
-    rows = [(name, number_text(value, 5), unit or NONE, said) for name, value, unit, said in page.parameters]
+    rows = [
+        (name, number_text(value, 5), NONE if unit in ("", "1") else unit, said)
+        for name, value, unit, said in page.parameters
+    ]
     more = f"{len(rows) - MOST_PARAMETERS} more are in the model file." if len(rows) > MOST_PARAMETERS else ""
     return table(["parameter", ">value", "unit", "from"], rows[:MOST_PARAMETERS], more)
 
