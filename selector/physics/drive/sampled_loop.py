@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,8 @@ from selector.physics.drive.closed_loop import (
     servo_of,
     small_signal_mechanics,
 )
-from selector.physics.system import Matrix
+from selector.physics.drive.mechanics import Mechanics
+from selector.physics.system import Matrix, Vector
 
 
 @dataclass(frozen=True)
@@ -114,7 +116,8 @@ def _loop(axis: Axis, *, closed: bool) -> SampledLoop:
         command_by_state[integral] += servo.velocity_integral_gain
 
     A, B = np.zeros((size, size)), np.zeros((size, inputs))
-    A[:order, :order], older, newer = _held(axis, rest_s)
+    A[:order, :order], older, newer = _held(mechanics, step_s, rest_s)
+    older, newer = servo.actuator_gain * older, servo.actuator_gain * newer
     # commands wait in order of age, the newest last; one computed now comes behind them
     if n_waiting:
         A[:order, order] += older if partly else newer
@@ -140,14 +143,18 @@ def _loop(axis: Axis, *, closed: bool) -> SampledLoop:
     return SampledLoop(A, B, C, D, step_s)
 
 
-def _held(axis: Axis, rest_s: float) -> tuple[Matrix, Matrix, Matrix]:
-    """Decay over a period, and what the command of its first `rest_s` and that of the rest do to the states."""
-    servo, system = servo_of(axis), plant(small_signal_mechanics(axis))
-    decay, load = system.step_matrices(servo.sample_s)
-    if rest_s == 0.0:
-        newer = load
-        older = np.zeros_like(load)
-    else:
-        after, newer = system.step_matrices(servo.sample_s - rest_s)
+@lru_cache(maxsize=64)
+def _held(mechanics: Mechanics, step_s: float, rest_s: float) -> tuple[Matrix, Vector, Vector]:
+    """Decay over a period, and what a force of 1 in its first `rest_s` and in the rest of it does to the states.
+
+    Kept, because the search for the limits of the gains asks for the same mechanics a thousand times.
+    """
+    system = plant(mechanics)
+    decay, load = system.step_matrices(step_s)
+    older, newer = np.zeros_like(load), load
+    if rest_s > 0.0:
+        after, newer = system.step_matrices(step_s - rest_s)
         older = after @ system.step_matrices(rest_s)[1]
-    return decay, servo.actuator_gain * older[:, 0], servo.actuator_gain * newer[:, 0]
+    for matrix in (decay, older, newer):
+        matrix.setflags(write=False)
+    return decay, older[:, 0], newer[:, 0]
