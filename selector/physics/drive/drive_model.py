@@ -27,6 +27,7 @@ from selector.physics.drive.motion import Motion
 from selector.physics.drive.parameters import parameters, with_parameters
 from selector.physics.drive.reference import Reference
 from selector.physics.drive.simulation import simulate_axis
+from selector.physics.drive.state import AxisState
 from selector.physics.drive.step_choice import advised_step_s
 from selector.physics.model_parameters import Parameter
 from selector.physics.model_values import value_of
@@ -190,7 +191,15 @@ class DriveModel:
         done = self.axis_run(name, reference, seed=noise)
         return self.gathered({run: {name: done}}, {run: reference.time_s}, noise)
 
-    def axis_run(self, name: str, reference: Reference, *, commands: Vector | None = None, seed: int = 0) -> AxisRun:
+    def axis_run(
+        self,
+        name: str,
+        reference: Reference,
+        *,
+        commands: Vector | None = None,
+        start: AxisState | None = None,
+        seed: int = 0,
+    ) -> AxisRun:
         """What one axis does along a reference, or, with `commands`, when its control is replaced by them.
 
         Parameters
@@ -201,6 +210,8 @@ class DriveModel:
             What it is asked to do.
         commands : ndarray of shape (n_samples,), optional
             What the control would put out [actuator unit], each held until the next.
+        start : AxisState, optional
+            Where it begins; default: at rest at the first position of the reference.
         seed : int
             Of the noise.
 
@@ -213,7 +224,7 @@ class DriveModel:
         step_s = file.run.step_s or advised_step_s(axis, reference.period_s)
         _require_few_steps(name, (len(reference.position_m) - 1) * reference.period_s, step_s)
         course = self.file_axes[name].course(reference)
-        motion = simulate_axis(axis, reference, step_s=step_s, course=course, commands=commands, seed=seed)
+        motion = simulate_axis(axis, reference, step_s=step_s, course=course, start=start, commands=commands, seed=seed)
         return AxisRun(axis, reference, motion, course, step_s)
 
     def gathered(

@@ -15,15 +15,20 @@ from numpy.typing import NDArray
 
 from selector.errors import OptionError
 from selector.findings import Finding, Where
+from selector.physics.drive.axis import Axis
 from selector.physics.drive.drive_channels import KINDS, axis_channels
 from selector.physics.drive.drive_model import AxisRun, DriveModel, DriveSimulation, Progress
 from selector.physics.drive.model_axes import FileAxis
 from selector.physics.drive.model_schema import MOST_SAMPLES
 from selector.physics.drive.reference import Reference
+from selector.physics.drive.state import AxisState, unloaded_state
 from selector.physics.drive.trajectory import clock_findings, recorded
 from selector.recording import Channel, Recording
 
 Vector = NDArray[np.float64]
+_AT_REST = 0.01
+"""Share of the largest speed below which a recording begins at rest: what rounding and smoothing make of standing."""
+
 _FINEST_SHARE = 20
 """Samples of a control in one of the recording, or the other way round, that clocks of the two may differ by."""
 
@@ -59,6 +64,8 @@ def driven_runs(
     progress: Progress | None = None,
 ) -> DrivenSimulation:
     """A simulation of every run of a recording: each axis of the model whose command was recorded follows it.
+
+    An axis begins where, and as fast as, its position was recorded; else at rest at its first command.
 
     Parameters
     ----------
@@ -166,7 +173,20 @@ def _axis_run(
     if "load" in channels:
         reference = replace(reference, force_n=_on_grid(recording, run, channels["load"], reference))
     commands = _on_grid(recording, run, channels["output"], reference) if opened else None
-    return model.axis_run(name, reference, commands=commands, seed=seed)
+    start = None
+    if "position" in channels:
+        start = _recorded_start(model.file_axes[name].axis, time_s, _values(recording, run, channels["position"]))
+    return model.axis_run(name, reference, commands=commands, start=start, seed=seed)
+
+
+def _recorded_start(axis: Axis, time_s: Vector, position_m: Vector) -> AxisState | None:
+    """All masses in step where the axis was, and as fast as it was; None where the recording does not say."""
+    if not np.isfinite(position_m).all():
+        return None
+    seen = recorded(time_s - time_s[0], position_m)
+    speed = float(seen.speed_m_per_s[0])
+    at_rest = abs(speed) <= _AT_REST * np.abs(seen.speed_m_per_s).max()
+    return unloaded_state(axis, float(position_m[0]), 0.0 if at_rest else speed)
 
 
 def _period_s(model: DriveModel, name: str, time_s: Vector) -> float | None:

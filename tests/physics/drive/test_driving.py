@@ -173,3 +173,16 @@ def test_progress_is_told():
     own = model().simulate(run="r1")
     driven_runs(model(), own, progress=lambda *said: seen.append(said))
     assert seen == [(0, 1, "r1")]
+
+
+def test_it_begins_where_and_as_fast_as_the_machine_did():
+    whole = model().simulate(run="r1")
+    late = whole.frame.iloc[100:]
+    rest = whole.with_values(late)
+    done = driven_runs(model(), rest).simulation.recording
+    blind = driven_runs(model(), renamed(rest, {}, without=("X_position", "X_table"))).simulation.recording
+    error, blind_error = (
+        np.abs(one.values("r1", ["X_table"]) - rest.values("r1", ["X_table"])).max() for one in (done, blind)
+    )
+    # 100 samples on, the axis runs at 0.12 m/s and 2.4 mm behind its command
+    assert error < 0.01 * blind_error
