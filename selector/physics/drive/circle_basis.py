@@ -120,17 +120,17 @@ def backlash_columns(pair: CirclePair, axis: int, gap_um: tuple[float, float]) -
     return np.column_stack([part * (1.0 + along) / 2.0, part * (1.0 - along) / 2.0])
 
 
-def spike_columns(pair: CirclePair, axis: int, shape: tuple[float, float]) -> Matrix:
+def spike_columns(pair: CirclePair, axis: int, spike: tuple[float, float]) -> Matrix:
     """Spikes of an axis after the reversals at its positive and negative end, (n_samples, 2); each multiplies µm.
 
-    ((s/w)·exp(1 − s/w))^k with (w, k) = `shape`: 1 at its highest, at s = w [s]; its width falls as w/√k. Positive
+    ((s/w)·exp(1 − s/w))^k with (w, k) = `spike`: 1 at its highest, at s = w [s]; its width falls as w/√k. Positive
     outwards: the axis stays where it turned, and follows when it breaks away.
     """
     height = np.abs(pair.along[axis])
     columns = []
     for arc in pair.since_reversal_rad[axis]:
-        reached = np.maximum(arc * pair.radius_um / pair.speed_um_per_s / shape[0], 1e-300)
-        columns.append(height * np.exp(shape[1] * (np.log(reached) + 1.0 - reached)))
+        reached = np.maximum(arc * pair.radius_um / pair.speed_um_per_s / spike[0], 1e-300)
+        columns.append(height * np.exp(spike[1] * (np.log(reached) + 1.0 - reached)))
     return np.column_stack(columns)
 
 
