@@ -56,7 +56,7 @@ SECTIONS = {
 def tables() -> dict[str, dict[str, tuple[str, str, str]]]:
     """Heading → key → unit, default, meaning."""
     found: dict[str, dict[str, tuple[str, str, str]]] = {}
-    text = PAGE.read_text(encoding="utf-8").replace("\\|", "¦").partition("\n# What is recorded")[0]
+    text = PAGE.read_text(encoding="utf-8").replace("\\|", "¦").partition("\n## What is recorded")[0]
     for part in re.split(r"^##+ ", text, flags=re.MULTILINE)[1:]:
         heading, _, body = part.partition("\n")
         rows = re.findall(r"^\| `(\w+)` \| ([^|]*) \| ([^|]*) \| ([^|]*) \|$", body, flags=re.MULTILINE)
