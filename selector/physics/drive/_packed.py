@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.physics.drive.axis import Axis
+from selector.physics.drive.closed_loop import inertia_at_motor
 from selector.physics.drive.mechanics import RigidMechanics
 
 Vector = NDArray[np.float64]
@@ -116,15 +117,6 @@ def packed_axis(axis: Axis) -> tuple[Vector, Switches]:
     return np.concatenate([p, *tables]), o
 
 
-def inertia_at_motor(axis: Axis) -> float:
-    """I of the whole axis on the side of the motor [kg·m²]; of a rigid axis its mass [kg]."""
-    mechanics = axis.mechanics
-    if isinstance(mechanics, RigidMechanics):
-        return mechanics.mass_kg
-    turning = mechanics.motor_inertia_kg_m2 + mechanics.screw_inertia_kg_m2
-    return turning + mechanics.table_mass_kg * mechanics.travel_per_motion**2
-
-
 def _pack_mechanics(axis: Axis, p: Vector, o: Switches) -> None:
     mechanics = axis.mechanics
     p[TRAVEL] = mechanics.travel_per_motion
@@ -178,7 +170,7 @@ def _pack_servo(axis: Axis, p: Vector, o: Switches) -> None:
     p[ACTUATOR_GAIN] = servo.actuator_gain
     p[SPEED_AHEAD] = servo.velocity_feedforward
     travel = axis.mechanics.travel_per_motion
-    p[ACCELERATION_AHEAD] = servo.acceleration_feedforward * inertia_at_motor(axis) / (travel * servo.actuator_gain)
+    p[ACCELERATION_AHEAD] = servo.acceleration_feedforward * inertia_at_motor(axis.mechanics) / (travel * servo.actuator_gain)
     if servo.command_limit is not None:
         p[COMMAND_LIMIT] = servo.command_limit
     if servo.speed_limit is not None:

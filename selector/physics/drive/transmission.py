@@ -93,7 +93,7 @@ class AxialCompliance:
             )
 
     def shaft_m_per_n(self, table_m: float) -> float:
-        """shaft(x): deflection of the shaft alone per force with the table there [m/N]; constant beyond the bearings."""
+        """Deflection of the shaft alone per force with the table there [m/N]; constant beyond the bearings."""
         free = min(max(self.origin_m + table_m, 0.0), self.length_m)
         share = free * (self.length_m - free) / self.length_m if self.both_ends else free
         return share / self.shaft_n
