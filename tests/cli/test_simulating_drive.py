@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -20,6 +21,12 @@ from selector.cli import exit_status
 from selector.readers import read
 
 ROOT = Path(__file__).resolve().parents[2]
+# those whose courses are recordings beside them run where they are
+EXAMPLES = [
+    path
+    for path in sorted((ROOT / "fixtures" / "drive").glob("*.toml"))
+    if 'kind = "column"' not in path.read_text(encoding="utf-8")
+]
 
 RIGID = """
 [model]
@@ -125,6 +132,26 @@ def test_a_recording_with_its_machine_file_is_written_and_read_back(folder, capf
     assert told["rms"] == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-12)
     table = pd.read_csv("run.csv")
     assert table["time_s"][int(np.argmax(np.abs(error)))] == pytest.approx(told["max_at_s"], abs=1e-12)
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
+def test_every_example_runs_and_is_read_back(example, folder, capfd):
+    text = example.read_text(encoding="utf-8")
+    # a turn at 100 mm/min takes six minutes of the machine
+    text = re.sub(r"feeds_mm_per_min = .*", "feeds_mm_per_min = [3000.0, 5000.0]", text)
+    Path("example.toml").write_text(text, encoding="utf-8")
+    is_circle = "feeds_mm_per_min" in text
+    shown = simulated(capfd, "example.toml", "--out", "circles" if is_circle else "run.csv")
+    assert not [one for one in shown["findings"] if one["level"] != "info"]
+    reading = read([Path("circles" if is_circle else "run.csv")], machine=Path(shown["machine_file"]))
+    assert [channel["name"] for channel in shown["channels"]] == list(reading.recording.names)
+    assert np.isfinite(reading.recording.frame.to_numpy()).all()
+    assert (shown["drive"]["ball_bar"] is not None) == is_circle
+    for axis in shown["drive"]["axes"]:
+        assert axis["loop"]["stable"] is True
+        for run in axis["runs"]:
+            # an axis follows its command: between a micrometre and some centimetres of lag
+            assert 1.0 < run["max"] < 5e4
 
 
 def test_the_loop_is_told_with_its_poles_and_limits(folder, capfd):
