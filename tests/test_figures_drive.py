@@ -8,12 +8,17 @@ import re
 import numpy as np
 import plotly.graph_objects as go
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
 
 from selector.figures.drive import (
+    FINEST_BIT,
     ROTARY,
     axis_course,
     frequency_response,
     friction_over_speed,
+    path_samples,
     stiffness_and_damping,
     stretches,
     varying_against_constant,
@@ -130,6 +135,22 @@ def test_amplitudes_are_decibels():
     # at its corner a lag of first order is 3.01 dB down; the grid hits the corner within 1.2 %, 0.05 dB
     assert amplitude[k] == pytest.approx(-3.01, abs=0.06)
     assert {trace.yaxis for trace in drawn.data} == {"y", "y2"}
+
+
+@given(values=arrays.arrays(np.float64, (2, 3000), elements=st.floats(-1e3, 1e3)), points=st.integers(50, 400))
+def test_a_path_is_drawn_with_its_ends_and_no_farther_apart_than_it_jumps(values, points):
+    x, y = values
+    kept = path_samples(x, y, points)
+    assert (kept[0], kept[-1]) == (0, len(x) - 1)
+    assert (np.diff(kept) > 0).all()
+    assert len(kept) <= 2 * points + 2
+    spans = [float(np.ptp(row)) or 1.0 for row in (x, y)]
+    steps = np.hypot(np.diff(x) / spans[0], np.diff(y) / spans[1])
+    bit = max(steps.sum() / (points / 2), FINEST_BIT)
+    gone = np.concatenate([[0.0], np.cumsum(steps)])
+    # between two that are kept, two bits of path at most, unless it jumped there; rounding of a sum of 3000 numbers
+    apart = np.diff(gone[kept])
+    assert (apart[np.diff(kept) > 1] <= 2.0 * bit + 1e-9).all()
 
 
 def test_the_reversal_is_enlarged_with_its_jump():

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 _ALIKE = (
     {"temperature", "ambient"},
     {"spindle_speed"},
-    {"displacement"},
-    {"position", "position_command"},
+    # a length without a role is taken for a displacement
+    {"displacement", "position", "position_command"},
     {"velocity"},
     {"force"},
 )

@@ -11,7 +11,7 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from selector.figures import style
-from selector.figures.panels import POINTS, Line, Panel, shown_samples, stacked
+from selector.figures.panels import POINTS, Line, Panel, stacked
 from selector.physics.drive.motion import Motion
 
 Vector = NDArray[np.float64]
@@ -23,6 +23,10 @@ SHORTEST_SPAN = 1 / 500
 
 MOST_REVERSALS = 6
 """Reversals that are drawn enlarged."""
+
+MOST_ON_A_PATH = 8000
+FINEST_BIT = 1 / 1000
+"""Samples of a path that are drawn at most, and the share of the picture below which two are not told apart."""
 
 _FLOOR_DB = -80.0
 _PHASE_STEP = 90.0
@@ -199,9 +203,7 @@ def friction_over_speed(
     motion: Motion, name: str, *, near_m_per_s: float | None = None, measures: Measures = LINEAR
 ) -> go.Figure:
     """Dry friction over the speed of the table; where `near_m_per_s` is given, the reversal beside it, enlarged."""
-    at = np.union1d(
-        shown_samples(motion.time_s, motion.table_speed_m_per_s), shown_samples(motion.time_s, motion.friction_n)
-    )
+    at = path_samples(motion.table_speed_m_per_s, motion.friction_n)
     unit, times = measures.speed
     low, high = min(0.0, float(motion.friction_n.min())), max(0.0, float(motion.friction_n.max()))
     peak = max(-low, high)
@@ -263,6 +265,18 @@ def stretches(time_s: Vector, mask: NDArray[np.bool_]) -> list[tuple[float, floa
         else:
             found.append((start, end))
     return found
+
+
+def path_samples(x: Vector, y: Vector, points: int = MOST_ON_A_PATH) -> NDArray[np.int64]:
+    """Positions of the samples that draw a path: one each time it has gone on by a bit, and both ends of jumps."""
+    spans = [float(np.ptp(row)) or 1.0 for row in (x, y)]
+    steps = np.hypot(np.diff(x) / spans[0], np.diff(y) / spans[1])
+    gone = np.concatenate([[0.0], np.cumsum(steps)])
+    # a jump may need two of them, and the ends are kept
+    bit = max(gone[-1] / (points / 2), FINEST_BIT)
+    passed = np.flatnonzero(np.diff(np.floor(gone / bit)) > 0) + 1
+    jumps = np.flatnonzero(steps > bit)
+    return np.unique(np.concatenate([[0, len(x) - 1], passed, jumps, jumps + 1]))
 
 
 def _phase_ticks(least: float) -> float:

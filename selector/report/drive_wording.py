@@ -52,9 +52,9 @@ def off_sentence(name: str, motion: Motion, measures: Measures, run: str = "") -
 def cause_sentence(parts: ErrorParts, axis: Axis, measures: Measures) -> str:
     """What most of the error goes with; in numbers that can be compared with the axis' settings."""
     unit, times = measures.error
-    share = _share_of(parts, parts.largest)
+    most, share = _share_of(parts, parts.largest)
     if parts.largest == "speed":
-        text = f"Most of it goes with the speed ({share}): the table follows {_ms(parts.lag_s)} behind."
+        text = f"{most} goes with the speed ({share}): the table follows {_ms(parts.lag_s)} behind."
         servo = axis.servo
         if servo is not None:
             expected = (1.0 - servo.velocity_feedforward) / servo.position_gain_per_s
@@ -68,13 +68,13 @@ def cause_sentence(parts: ErrorParts, axis: Axis, measures: Measures) -> str:
         return text
     if parts.largest == "acceleration":
         slope = number_text(parts.per_acceleration_s2 * times)
-        return f"Most of it goes with the acceleration ({share}): {slope} {unit} per {_per_acceleration(measures)}."
+        return f"{most} goes with the acceleration ({share}): {slope} {unit} per {_per_acceleration(measures)}."
     if parts.largest == "direction":
         size = number_text(abs(parts.reversal_m) * times)
-        return f"Most of it changes with the direction of travel ({share}): ±{size} {unit}, friction and lost motion."
+        return f"{most} changes with the direction of travel ({share}): ±{size} {unit}, friction and lost motion."
     if parts.largest == "constant":
-        return f"Most of it is always there ({share}): {number_text(parts.constant_m * times)} {unit}."
-    return f"Most of it goes with neither speed, acceleration nor direction ({share}); see its course."
+        return f"{most} is always there ({share}): {number_text(parts.constant_m * times)} {unit}."
+    return f"{most} goes with neither speed, acceleration nor direction ({share}); see its course."
 
 
 def parts_table(parts: ErrorParts, measures: Measures) -> Table:
@@ -98,9 +98,10 @@ def parts_table(parts: ErrorParts, measures: Measures) -> Table:
     return table(["goes with", f">rms [{unit}]", "size", "usual reason"], rows, note)
 
 
-def _share_of(parts: ErrorParts, name: str) -> str:
+def _share_of(parts: ErrorParts, name: str) -> tuple[str, str]:
     whole = sum(rms**2 for rms in parts.rms_m.values())
-    return f"{100 * parts.rms_m[name] ** 2 / whole:.0f} % of its square" if whole > 0 else "all of it"
+    share = parts.rms_m[name] ** 2 / whole if whole > 0 else 1.0
+    return ("Most of it" if share >= 0.5 else "The largest part of it"), f"{100 * share:.0f} % of its square"
 
 
 def _ms(seconds: float) -> str:
@@ -126,7 +127,7 @@ def loop_tables(loop: LoopSummary, axis: Axis) -> list[tuple[str, Table]]:
             name.removesuffix("_per_s").replace("_", " "),
             number_text(getattr(axis.servo, name), 4),
             NONE if low is None else number_text(low * getattr(axis.servo, name), 4),
-            NONE if high is None else number_text(high * getattr(axis.servo, name), 4),
+            NONE if not high else number_text(high * getattr(axis.servo, name), 4),
             _times(high),
         )
         for name, high in found.gain_limits.items()
@@ -159,8 +160,8 @@ def loop_tables(loop: LoopSummary, axis: Axis) -> list[tuple[str, Table]]:
 
 
 def _peak(figures: LoopFigures) -> str:
-    if figures.peak_hz == 0:
-        return "none above 1"
+    if not figures.peak_hz > 0:
+        return "none above 1" if figures.peak_hz == 0 else NONE
     return f"{number_text(figures.peak)} at {number_text(figures.peak_hz)} Hz"
 
 
@@ -169,7 +170,9 @@ def _margin(value: float) -> str:
 
 
 def _times(factor: float | None) -> str:
-    return "no limit" if factor is None else f"× {number_text(factor)}"
+    if factor is None:
+        return "no limit"
+    return f"× {number_text(factor)}" if factor > 0 else "never stable"
 
 
 def _damping(pole: complex) -> float:
