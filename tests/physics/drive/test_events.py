@@ -113,10 +113,18 @@ def test_grazing_ends(excess):
 def test_a_dip_inside_one_step_is_seen():
     """Speed positive at both ends of a step, but the course between them would be negative: it stops there first."""
     axis = Axis(replace(UNDAMPED, screw_inertia_kg_m2=1e9, motor_inertia_kg_m2=1e9), friction=Friction(1.0))
-    # the table swings on the screw; the offset of its centre makes the lowest speed −1 µm/s
-    w, swing = math.sqrt(1e8 / 300.0), 1e-7
-    start = AxisState(screw_speed=(swing * w - 1e-6) / UNDAMPED.travel_per_motion, table_speed_m_per_s=2 * swing * w)
-    fine = simulate_axis(axis, still(2e-4, 0.02), step_s=1e-6, start=start)
-    coarse = simulate_axis(axis, still(2e-4, 0.02), step_s=2e-4, start=start)
-    # steps of w·h = 0.12 rad; without looking into the step the dips are missed, which changes the phase
-    assert coarse.table_m == pytest.approx(fine.table_m, abs=2e-11)
+    # the table swings on the screw about the deflection that friction asks for; its lowest speed would be −1 µm/s, for
+    # 0.037 rad of the swing, and a step is 0.058 rad
+    travel, swing_m_per_s = UNDAMPED.travel_per_motion, 1e-5 * math.sqrt(1e8 / 300.0)
+    start = AxisState(
+        motor=1e-8 / travel,
+        screw=1e-8 / travel,
+        motor_speed=(swing_m_per_s - 1e-6) / travel,
+        screw_speed=(swing_m_per_s - 1e-6) / travel,
+        table_speed_m_per_s=2 * swing_m_per_s - 1e-6,
+    )
+    coarse, fine = (
+        simulate_axis(axis, still(1e-4, 0.1), step_s=step_s, start=start).table_m for step_s in (1e-4, 1e-6)
+    )
+    # 1e-5 m · (0.058)⁵/120 in each of 1000 steps; a dip that is missed would be 1e-6 m/s over 577 1/s, 2e-9 m
+    assert coarse == pytest.approx(fine, abs=3e-10)

@@ -14,6 +14,7 @@ from selector.physics.drive import _equations, _kernel, _packed, _stepping, simu
 from selector.physics.drive.axis import Axis
 from selector.physics.drive.energy import stored_energy_j
 from selector.physics.drive.friction import Friction, LuGre
+from selector.physics.drive.mechanics import RigidMechanics
 from selector.physics.drive.simulation import simulate_axis
 from selector.physics.drive.state import AxisState
 from selector.physics.drive.transmission import Transmission
@@ -74,6 +75,15 @@ def test_bristles_never_bend_further_than_breakaway():
         assert np.abs(motion.bristle_m).max() <= 35.0 / 1e8
         # it slides most of the time: where the bristles are at g/σ0 of the direction
         assert np.abs(motion.bristle_m).max() > 20.0 / 1e8
+
+
+def test_bristles_are_followed_by_steps_that_cannot_resolve_them():
+    """Rates of 0 at the beginning of the first step and of 490 a step at its end."""
+    axis = Axis(RigidMechanics(10.0), friction=Friction(20.0, lugre=LuGre(1e8, 1e3)))
+    motion = simulate_axis(axis, still(1e-3, 0.1, np.full(101, 1000.0)), step_s=1e-3)
+    # as with Coulomb friction, but for the first millisecond at most: 2 m/s² of 98 over it, and on with that speed
+    assert motion.table_m == pytest.approx(49.0 * motion.time_s**2, abs=2.0 * 1e-3 * 0.1)
+    assert motion.friction_n[2:] == pytest.approx(np.full(99, 20.0), rel=1e-9)
 
 
 def test_weights_of_the_exponential_step():
