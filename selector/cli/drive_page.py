@@ -36,7 +36,8 @@ def page_of(
     from selector.report.ball_bar_part import BallBarOnPage
     from selector.report.drive_report import MOST_RUNS, DrivePage
 
-    shown = list(simulation.axes)[: len(simulation.axes) if simulation.traces else MOST_RUNS]
+    # circles are drawn as circles
+    shown = list(simulation.axes)[: 0 if simulation.traces else MOST_RUNS]
     runs = {
         run: tuple(_axis(model, name, one, summary, run, compared=run in shown) for name, one in done.items())
         for run, done in simulation.axes.items()
@@ -47,7 +48,11 @@ def page_of(
         recording=simulation.recording,
         model=model.name,
         runs=runs,
-        inputs=tuple(n for n in simulation.recording.names if simulation.recording.channel(n).role in _ACTING),
+        inputs=tuple(
+            channel.name
+            for channel in simulation.recording.channels
+            if channel.role == "position_command" or channel.name in model.inputs
+        ),
         loops=summary.loops,
         responses={one.name: _response(one, summary.loops[one.name]) for one in first if one.name in summary.loops},
         ball_bar=BallBarOnPage(tuple(simulation.traces.values()), summary.quantities, summary.causes)
@@ -69,7 +74,6 @@ def page_of(
     )
 
 
-_ACTING = ("position_command",)
 _DEFAULTS = {field.name: field.default for kind in (Friction, Servo) for field in fields(kind)}
 
 
