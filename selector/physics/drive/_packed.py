@@ -169,8 +169,8 @@ def _pack_servo(axis: Axis, p: Vector, o: Switches) -> None:
     p[INTEGRAL_GAIN] = servo.velocity_integral_gain
     p[ACTUATOR_GAIN] = servo.actuator_gain
     p[SPEED_AHEAD] = servo.velocity_feedforward
-    travel = axis.mechanics.travel_per_motion
-    p[ACCELERATION_AHEAD] = servo.acceleration_feedforward * inertia_at_motor(axis.mechanics) / (travel * servo.actuator_gain)
+    motor_force = inertia_at_motor(axis.mechanics) / axis.mechanics.travel_per_motion
+    p[ACCELERATION_AHEAD] = servo.acceleration_feedforward * motor_force / servo.actuator_gain
     if servo.command_limit is not None:
         p[COMMAND_LIMIT] = servo.command_limit
     if servo.speed_limit is not None:
