@@ -39,7 +39,7 @@ def page_of(
     # circles are drawn as circles
     shown = list(simulation.axes)[: 0 if simulation.traces else MOST_RUNS]
     runs = {
-        run: tuple(_axis(model, name, one, summary, run, compared=run in shown) for name, one in done.items())
+        run: tuple(_axis(model, name, one.recorded, summary, run, compared=run in shown) for name, one in done.items())
         for run, done in simulation.axes.items()
     }
     first = next(iter(runs.values()))

@@ -28,20 +28,22 @@ def axis_channels(name: str, axis: FileAxis, *, loaded: bool) -> dict[str, Chann
     """Kind, of `KINDS`, → channel; ``load`` only of an axis that is `loaded`.
 
     Positions of a rotary axis have the role ``state``, in rad: recordings have no role for angles; its error in µrad.
+    The place of a position says whether it is what the control sees or what is true.
     """
     turns = axis.rotary
     servo = axis.axis.servo
-    seen = "table" if servo is None or servo.feedback == "table" else "motor"
+    seen = f"{'scale' if servo is None or servo.feedback == 'table' else 'motor'} (seen by the control)"
+    true = "table (true)"
     pushed = "motor" if isinstance(axis.axis.mechanics, RigidMechanics) else "screw"
     output = axis.section.output
     made = {
         "command": (f"{name}_command", "state" if turns else "position_command", "command [rad]" if turns else None),
         "position": (f"{name}_position", "state" if turns else "position", f"{seen} [rad]" if turns else seen),
-        "table": (f"{name}_table", "state" if turns else "position", "table [rad]" if turns else "table"),
+        "table": (f"{name}_table", "state" if turns else "position", f"{true} [rad]" if turns else true),
         "error": (f"{name}_error", "state" if turns else "displacement", "table [µrad]" if turns else "table"),
         "output": (f"{name}_{'output' if output in ('number', 'force') else output}", OUTPUT_ROLES[output], "control"),
         "force": (f"{name}_force", "state" if turns else "force", f"{pushed} [N·m]" if turns else pushed),
-        "load": (f"{name}_load", "state" if turns else "force", "outside"),
+        "load": (f"{name}_load", "state" if turns else "force", "outside [N·m]" if turns else "outside"),
     }
     return {
         kind: Channel(called, role, CANONICAL_UNITS[role], place, axis=name)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -57,6 +57,9 @@ class AxisRun:
         Stiffness and damping that it had, with ``varying = "command"``.
     step_s : float
         Largest step of the calculation [s].
+    measured : tuple of int or None
+        First sample that is recorded, and the first that is not any more; None: all are. Of a circle the 360° between
+        run-in and run-out.
     """
 
     axis: Axis
@@ -64,6 +67,19 @@ class AxisRun:
     motion: Motion
     course: ParameterCourse | None
     step_s: float
+    measured: tuple[int, int] | None = None
+
+    @property
+    def recorded(self) -> AxisRun:
+        """Of it what is recorded, with its own time 0; itself where all is."""
+        if self.measured is None:
+            return self
+        part = slice(*self.measured)
+        names = ("position_m", "speed_m_per_s", "acceleration_m_per_s2", "force_n")
+        reference = Reference(self.reference.period_s, **_cut(self.reference, names, part))
+        motion = _cut(self.motion, [one.name for one in fields(Motion)], part)
+        motion["time_s"] = motion["time_s"] - motion["time_s"][0]
+        return replace(self, reference=reference, motion=Motion(**motion), measured=None)
 
 
 @dataclass(frozen=True)
@@ -268,18 +284,21 @@ class DriveModel:
             trace, motions = ball_bar_run(axes, circle, geometry, plan, step_s=step_s, seed=seed, number=number)
             time_s = next(iter(motions.values())).time_s
             references = circle_references(circle, tuple(axes), period_s=float(time_s[1] - time_s[0]))
-            runs[run] = {name: AxisRun(axes[name], references[name], motions[name], None, step_s) for name in axes}
+            inside = np.flatnonzero(measured_samples(circle, time_s))
+            measured = (int(inside[0]), int(inside[-1]) + 1)
+            runs[run] = {
+                name: AxisRun(axes[name], references[name], motions[name], None, step_s, measured) for name in axes
+            }
             traces[run] = trace
-            inside = measured_samples(circle, time_s)
             columns: dict[str, Vector] = {}
             for name, axis in self.axes.items():
-                courses = axis_courses(motions[name], references[name])
+                done = runs[run][name].recorded
+                courses, time_s = axis_courses(done.motion, done.reference), done.motion.time_s
                 columns |= {
-                    channel.name: courses[kind][inside]
-                    for kind, channel in axis_channels(name, axis, loaded=False).items()
+                    channel.name: courses[kind] for kind, channel in axis_channels(name, axis, loaded=False).items()
                 }
             columns |= {ANGLE.name: trace.angle_rad, DEVIATION.name: trace.deviation_um}
-            tables[run] = pd.DataFrame(columns, index=pd.Index(time_s[inside] - time_s[inside][0], name="time_s"))
+            tables[run] = pd.DataFrame(columns, index=pd.Index(time_s, name="time_s"))
             told[run] = {"step_s": dict.fromkeys(axes, step_s)}
         return DriveSimulation(Recording.from_runs(tables, self.outputs, self._provenance(seed, told)), runs, traces)
 
@@ -325,6 +344,12 @@ def drive_model(file: DriveFile, columns: Columns | None = None) -> DriveModel:
     model = DriveModel(file, columns or {})
     _ = model.parameters  # the bounds are checked here, not when a fit asks for them
     return model
+
+
+def _cut(value: Reference | Motion, names: Iterable[str], part: slice) -> dict[str, Any]:
+    """A stretch of the courses of these names; None where there is none."""
+    courses = {name: getattr(value, name) for name in names}
+    return {name: None if course is None else course[part] for name, course in courses.items()}
 
 
 def _at(time_s: Vector, grid_s: Vector, values: Vector) -> Vector:

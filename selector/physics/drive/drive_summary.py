@@ -42,12 +42,9 @@ class DriveSummary:
 
 
 def drive_summary(model: DriveModel, simulation: DriveSimulation) -> DriveSummary:
-    """The summary of a simulation of this model."""
+    """The summary of a simulation of this model: of what is recorded, so of circles without run-in and run-out."""
     axes = {
-        run: {
-            name: axis_summary(one.axis, one.reference, one.motion, course_of(model, name, one))
-            for name, one in done.items()
-        }
+        run: {name: _of_recorded(model, name, one.recorded) for name, one in done.items()}
         for run, done in simulation.axes.items()
     }
     known = {name: one.axis for done in simulation.axes.values() for name, one in done.items()}
@@ -64,6 +61,10 @@ def drive_summary(model: DriveModel, simulation: DriveSimulation) -> DriveSummar
 def course_of(model: DriveModel, name: str, run: AxisRun) -> ParameterCourse | None:
     """Stiffness and damping that an axis had in a run, given or from its own position and load; None if constant."""
     return run.course or parameters_along(model.parts.get(name), run.axis, run.motion)
+
+
+def _of_recorded(model: DriveModel, name: str, run: AxisRun) -> AxisSummary:
+    return axis_summary(run.axis, run.reference, run.motion, course_of(model, name, run))
 
 
 def _leads(model: DriveModel) -> dict[str, float]:

@@ -57,12 +57,12 @@ def simulation_findings(model: DriveModel, simulation: DriveSimulation) -> tuple
 def _of_run(name: str, run: str, done: AxisRun, made: FileAxis) -> Iterator[tuple[float, Finding]]:
     """(how bad, finding) of one axis in one run."""
     where = Where(channel=name, run=run or None)
-    yield from _limits(name, where, done)
+    yield from _limits(name, where, done.recorded)
     yield from _too_fast(name, where, done, made.rotary)
     yield from _jolt(name, where, done, made.rotary)
     if made.parts is not None:
         yield from _off_screw(name, where, done, made.parts)
-    yield from _coarse_encoder(name, where, done, made.rotary)
+    yield from _coarse_encoder(name, where, done.recorded, made.rotary)
 
 
 def _limits(name: str, where: Where, done: AxisRun) -> Iterator[tuple[float, Finding]]:

@@ -13,7 +13,9 @@ from hypothesis import strategies as st
 from selector.errors import InputError, ModelFileError, OptionError
 from selector.physics.drive.circle import circle_references
 from selector.physics.drive.damping import parameter_course
+from selector.physics.drive.drive_channels import axis_channels
 from selector.physics.drive.drive_model import drive_model
+from selector.physics.drive.drive_summary import drive_summary
 from selector.physics.drive.model_file import checked_model_file, plain_values, read_model_file
 from selector.physics.drive.model_findings import model_findings, simulation_findings
 from selector.physics.drive.model_motion import file_reference
@@ -60,6 +62,14 @@ def test_channels_say_what_they_are():
     assert channels["X_current"].role == "current"
     assert [c.name for c in model(("axes.X.output", "voltage")).outputs][4] == "X_voltage"
     assert model(("axes.X.output", "force")).outputs[4].role == "force"
+    # a reader of the machine file can tell what the control sees from what is true
+    assert (channels["X_position"].place, channels["X_table"].place) == ("scale (seen by the control)", "table (true)")
+    by_motor = {channel.name: channel for channel in model(("axes.X.servo.feedback", "motor")).outputs}
+    assert by_motor["X_position"].place == "motor (seen by the control)"
+    rotary = {**RIGID["axes"]["X"], "mechanics": {"kind": "rotary", "mass_kg": 1.0}}
+    turning = model(("axes.C", rotary), ("motion.axis", "X")).file_axes["C"]
+    places = {kind: channel.place for kind, channel in axis_channels("C", turning, loaded=True).items()}
+    assert (places["load"], places["table"]) == ("outside [N·m]", "table (true) [rad]")
     loaded = model(("motion.force_n", [[0, 0.0], [0.25, 300.0]])).simulate()
     assert loaded.names[-1] == "X_load"
     np.testing.assert_array_equal(column(loaded, "X_load"), np.where(loaded.time_s("simulation") >= 0.25, 300.0, 0.0))
@@ -126,6 +136,25 @@ def test_a_circle_is_a_run_a_direction_and_only_its_measured_arc_is_recorded():
         axis_run = done.axes[run]["Y"]
         reference = circle_references(circle, ("X", "Y"), period_s=axis_run.reference.period_s)["Y"]
         np.testing.assert_array_equal(axis_run.reference.position_m, reference.position_m)
+
+
+def test_the_summary_of_a_circle_is_that_of_its_recording():
+    drive = model(
+        ("motion", {**CIRCLE, "feeds_mm_per_min": [3000.0, 5000.0]}),
+        ("axes.Y", RIGID["axes"]["X"]),
+    )
+    done = drive.simulation()
+    found = drive_summary(drive, done)
+    for run, axes in found.axes.items():
+        for name, one in axes.items():
+            error, time_s = column(done.recording, f"{name}_error", run), done.recording.time_s(run)
+            whole = done.axes[run][name].motion.tracking_error_m * 1e6
+            rms = np.sqrt(np.mean(error**2))
+            # run-in and run-out, an eighth of a turn each with a slower feed, would show
+            assert abs(np.sqrt(np.mean(whole**2)) / rms - 1.0) > 0.001
+            assert one.max_m * 1e6 == np.abs(error).max()
+            assert one.max_at_s == time_s[int(np.argmax(np.abs(error)))]
+            assert one.rms_m * 1e6 == pytest.approx(rms, rel=1e-12)  # rounding
 
 
 def test_endless_calculations_are_refused():
