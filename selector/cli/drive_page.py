@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from selector.findings import Finding
 from selector.physics.drive.course import ParameterCourse
 from selector.physics.drive.friction import Friction
+from selector.physics.drive.parameter_bounds import OUTPUT_UNITS
 from selector.physics.drive.servo import Servo
 
 if TYPE_CHECKING:
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from selector.physics.drive.drive_summary import DriveSummary
     from selector.report.drive_report import AxisOnPage, DrivePage, Response
 
-_OUTPUT_UNITS = {"current": "A", "voltage": "V", "force": "N", "number": "control's unit"}
 _FREQUENCIES = 600
 _SPREAD = 30.0
 """Frequencies are shown from the bandwidth divided by this to the bandwidth times this."""
@@ -92,7 +92,7 @@ def _axis(model: DriveModel, name: str, one: AxisRun, summary: DriveSummary, run
         limited=limited_samples(one.axis, one.reference, one.motion),
         course=course,
         constant_error_m=_constant_error_m(one) if compared and course is not None else None,
-        output_unit=_OUTPUT_UNITS[model.file_axes[name].section.output],
+        output_unit=OUTPUT_UNITS[model.file_axes[name].section.output] or "control's unit",
         measures=ROTARY if model.file_axes[name].rotary else LINEAR,
     )
 

@@ -17,6 +17,9 @@ _UNITS = (
 )  # fmt: skip
 _TURNING = {"kg": "kg·m²", "N·s/m": "N·m·s/rad", "N/m": "N·m/rad", "N": "N·m", "m/s": "rad/s", "m": "rad"}
 
+OUTPUT_UNITS = {"current": "A", "voltage": "V", "force": "N", "number": ""}
+"""``output`` of an axis in the model file → unit of what its control puts out; none where it is a mere number."""
+
 _TIMES = 10.0
 _OFF = {
     "backlash_m": 1e-3,
@@ -69,8 +72,25 @@ def parameter_bounds(path: Key, value: float, made: FileAxis) -> tuple[float, fl
 
 
 def unit_of_parameter(path: Key, made: FileAxis) -> str:
-    """The unit of the parameter at a path below its axis."""
-    unit = unit_of_key(str(path[-1]))
+    """The unit of the parameter at a path below its axis; gains, limits and cogging by what turns and what acts.
+
+    ``A·s/rad`` of the velocity gain of a motor that turns and is given a current; ``V·s/m`` of one mass and a voltage.
+    """
+    key = str(path[-1])
+    slides = isinstance(made.axis.mechanics, RigidMechanics) and not made.rotary
+    output, force = OUTPUT_UNITS[made.section.output], "N" if slides else "N·m"
+    per, over = ("m" if slides else "rad"), output or "1"
+    by_axis = {
+        "velocity_gain": f"{output}·s/{per}" if output else f"s/{per}",
+        "velocity_integral_gain": f"{over}/{per}",
+        "actuator_gain": "1" if output == force else f"{force}/{output}" if output else force,
+        "command_limit": over,
+        "speed_limit": f"{per}/s",
+        "cogging": force,
+    }
+    if key in by_axis:
+        return by_axis[key]
+    unit = unit_of_key(key)
     return _TURNING.get(unit, unit) if made.rotary else unit
 
 

@@ -189,6 +189,25 @@ def test_what_is_off_is_a_parameter_and_what_is_not_there_is_none():
     assert rotary["axes.B.friction.coulomb_n"].unit == "N·m"
 
 
+def test_units_follow_from_what_turns_and_what_the_control_puts_out():
+    servo = {**RIGID["axes"]["X"]["servo"], "command_limit": 10.0, "speed_limit": 300.0}
+    extra = {"servo": servo, "ripple": [{"harmonic": 2.0, "cogging": 1.0}]}
+    slide, turn = {**RIGID["axes"]["X"], **extra}, {**RIGID["axes"]["X"], **extra}
+    turn["mechanics"] = {"kind": "rotary", "mass_kg": 1.0}
+    keys = ("velocity_gain", "velocity_integral_gain", "actuator_gain", "command_limit", "speed_limit")
+
+    def units(section, output):
+        axis = ("axes.B", {**section, "output": output})
+        found = parameters(checked_model_file(changed(RIGID, axis, ("motion.axis", "X"))))
+        return [found[f"axes.B.servo.{key}"].unit for key in keys] + [found["axes.B.ripple.1.cogging"].unit]
+
+    screw = {**PARTS, **extra, "servo": {**servo, "actuator_gain": 0.8}}
+    assert units(slide, "voltage") == ["V·s/m", "V/m", "N/V", "V", "m/s", "N"]
+    assert units(slide, "force") == ["N·s/m", "N/m", "1", "N", "m/s", "N"]
+    assert units(screw, "current") == ["A·s/rad", "A/rad", "N·m/A", "A", "rad/s", "N·m"]
+    assert units(turn, "number") == ["s/rad", "1/rad", "N·m", "1", "rad/s", "N·m"]
+
+
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.toml")), ids=lambda path: path.stem)
 def test_every_parameter_can_be_set_to_what_it_is(path):
     file = read_model_file(path)
