@@ -10,6 +10,7 @@ import pytest
 
 from selector.physics.drive import model_schema as schema
 from selector.physics.drive.catalogue import thc6350_x_axis
+from selector.physics.drive.model_parts import INSTEAD, OFF
 from selector.physics.drive.parameter_bounds import unit_of_key
 from selector.physics.model_entries import Column, Entry
 
@@ -85,6 +86,20 @@ def test_the_defaults_of_parts_are_those_of_the_named_machine():
             value = getattr(part, key)
             text = "–" if value is None else str(value).lower() if isinstance(value, bool) else f"{value:g}"
             assert default == text or meaning.endswith(f"with `like` {text}"), key
+
+
+def test_the_page_says_which_keys_of_parts_may_be_left_out():
+    text = PAGE.read_text(encoding="utf-8").partition("## `[axes.NAME.parts]`")[2].partition("\n| ")[0]
+    off, instead = (part for part in text.split("\n- ")[1:])
+    for kind, keys in OFF.items():
+        part = kind.__name__.lower()
+        assert part in off, part
+        assert all(f"`{key}`" in off for key in keys)
+    for kind, keys in INSTEAD.items():
+        assert kind.__name__.lower() in instead
+        for key, spared in keys.items():
+            assert f"`{key}`" in instead
+            assert all(f"`{one}`" in instead for one in spared)
 
 
 def default_text(field) -> str:

@@ -5,6 +5,7 @@ Where each default comes from is told in docs/explanation/drive-stiffness.md. No
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 from selector.errors import InputError
@@ -233,6 +234,7 @@ def thc6350_servo() -> Servo:
         velocity_integral_gain=300.0,
         actuator_gain=motor.torque_constant_nm_per_a,
         command_limit=motor.peak_torque_nm / motor.torque_constant_nm_per_a,
+        speed_limit=motor.top_speed_rpm * math.pi / 30.0,
     )
 
 

@@ -6,12 +6,13 @@ import copy
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from selector.errors import InputError, ModelFileError
-from selector.physics.drive.catalogue import thc6350_x_axis
+from selector.physics.drive.catalogue import thc6350_servo, thc6350_x_axis
 from selector.physics.drive.drive_model import drive_model
 from selector.physics.drive.model_axes import file_axis
 from selector.physics.drive.model_file import (
@@ -21,7 +22,8 @@ from selector.physics.drive.model_file import (
     plain_values,
     read_model_file,
 )
-from selector.physics.drive.model_parts import parts_of
+from selector.physics.drive.model_parts import INSTEAD, OFF, parts_of
+from selector.physics.drive.stiffness import three_mass_mechanics
 from selector.physics.thermal.model_file import read_model_file as read_thermal_model_file
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "fixtures" / "drive"
@@ -173,6 +175,53 @@ def test_parts_without_a_name_are_said_in_full():
     assert parts_of(file.axes["X"].parts).nut.rigidity_n_per_um is None
 
 
+def written(parts, **without: tuple[str, ...]) -> dict:
+    """The parts as sections of a file, None left out, and of some parts these keys."""
+    return {
+        name: {k: v for k, v in vars(part).items() if v is not None and k not in without.get(name, ())}
+        for name, part in vars(parts).items()
+    }
+
+
+def of_parts(sections: dict):
+    return parts_of(checked_model_file(changed(RIGID, ("axes.X", {**PARTS, "parts": sections}))).axes["X"].parts)
+
+
+@pytest.mark.parametrize("kind", INSTEAD, ids=lambda kind: kind.__name__)
+def test_a_key_that_takes_the_place_of_others_frees_from_them(kind):
+    name = kind.__name__.lower()
+    ((instead, spared),) = INSTEAD[kind].items()
+    parts = thc6350_x_axis()
+    part = getattr(parts, name)
+    if getattr(part, instead) is None:
+        more = {"rigidity_preload_n": part.preload_n} if instead == "rigidity_n_per_um" else {}
+        parts = replace(parts, **{name: replace(part, **{instead: 700.0}, **more)})
+    short = of_parts(written(parts, **{name: tuple(spared)}))
+    # what was left out counts for nothing, whatever it is
+    other = {key: 1.01 * getattr(part, key) for key in spared if isinstance(getattr(part, key), float)}
+    assert other
+    moved = replace(parts, **{name: replace(getattr(parts, name), **other)})
+    assert three_mass_mechanics(short) == three_mass_mechanics(parts) == three_mass_mechanics(moved)
+    # without that key they are needed, all told at once
+    said = refusal(("axes.X", {**PARTS, "parts": written(parts, **{name: (*spared, instead, "rigidity_preload_n")})}))
+    assert all(f"'{key}'" in said.found for key in spared)
+    assert f"{instead} takes the place of" in said.advice
+    assert said.where.endswith(f"key axes.X.parts.{name}" + (f".{next(iter(spared))}" if len(spared) == 1 else ""))
+
+
+def test_what_no_catalogue_prints_is_off_when_left_out():
+    parts = thc6350_x_axis()
+    without = {kind.__name__.lower(): tuple(off) for kind, off in OFF.items()}
+    made = of_parts(written(parts, **without))
+    for kind, off in OFF.items():
+        for key, value in off.items():
+            assert getattr(getattr(made, kind.__name__.lower()), key) == value
+    assert made.screw.damping_nms_per_rad == made.guide.viscous_ns_per_m == 0.0
+    said = refusal(("axes.X", {**PARTS, "parts": {}}))
+    # a part that is not there at all is told with all of its keys
+    assert said.found == "no 'inertia_kg_m2', 'torque_constant_nm_per_a', 'peak_torque_nm', 'top_speed_rpm'"
+
+
 @pytest.mark.parametrize(
     ("key", "value"), [("screw.lead_mm", 0.0), ("table.mass_kg", -5.0), ("nut.contact_angle_deg", 90.0),
                        ("bearings.balls", 0), ("screw.origin_mm", 2000.0)],
@@ -198,6 +247,21 @@ def test_the_motor_says_gain_and_limits_unless_the_servo_does():
     assert axis.servo.command_limit * axis.servo.actuator_gain == pytest.approx(motor.peak_torque_nm, rel=1e-15)
     said = changed(RIGID, ("axes.X", PARTS), ("axes.X.servo.command_limit", 1.0))
     assert file_axis(checked_model_file(said).axes["X"]).axis.servo.command_limit == 1.0
+
+
+def test_the_example_of_the_published_size_has_the_documented_parts_and_servo():
+    made = file_axis(read_model_file(EXAMPLES / "thc6350-x.toml").axes["X"])
+    assert made.axis.servo == thc6350_servo()
+    assert made.parts == thc6350_x_axis()
+
+
+def test_the_example_from_catalogue_parts_needs_no_other():
+    section = read_model_file(EXAMPLES / "catalogue-axis.toml").axes["X"]
+    assert section.parts.like is None
+    for name, kind in vars(thc6350_x_axis()).items():
+        # a pattern to copy shows every key that is asked for
+        assert getattr(section.parts, name).model_fields_set, name
+        assert type(kind) is type(getattr(parts_of(section.parts), name))
 
 
 # text
