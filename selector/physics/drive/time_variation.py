@@ -39,7 +39,8 @@ class TimeVariation:
     varying, constant : Motion
         What the axis does with them and with constants (F fig. 9).
     from_s : float
-        The two are compared from this time on [s].
+        The two are compared from this time on up to, but without, the last sample [s]: of a whole
+        period the two ends are one instant.
     instants_s : tuple of float
         Instants of the frozen frequency responses [s] (F fig. 8).
     frequency_hz : ndarray of shape (n_frequencies,)
@@ -81,7 +82,7 @@ class TimeVariation:
 
     def _error(self, motion: Motion) -> Vector:
         # samples are written with the rounding of k·period
-        return motion.tracking_error_m[motion.time_s >= self.from_s - 1e-9]
+        return motion.tracking_error_m[:-1][motion.time_s[:-1] >= self.from_s - 1e-9]
 
 
 def published_sine(duration_s: float = 1.0, period_s: float = 1e-3) -> Reference:

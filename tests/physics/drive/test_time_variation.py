@@ -8,7 +8,7 @@ import pytest
 from selector.errors import InputError
 from selector.physics.drive.axis import Axis
 from selector.physics.drive.catalogue import Guide, Nut, Parts, Screw, thc6350_servo, thc6350_x_axis
-from selector.physics.drive.frequency import loop_figures
+from selector.physics.drive.frequency import frequency_response, loop_figures
 from selector.physics.drive.stiffness import three_mass_mechanics
 from selector.physics.drive.time_variation import TimeVariation, published_sine, time_variation
 
@@ -46,6 +46,13 @@ def test_damping_of_the_instant_is_dry_friction_where_the_table_follows():
     # with feed-forward the table has the commanded speed within 0.1 mm/s but at reversals: 36 µm of error agree in 0.2
     found = settled(AHEAD, constants="friction")
     assert found.rms_difference_m < 0.2e-6 < 1e-2 * found.rms_constant_m
+
+
+def test_a_settled_period_has_the_error_of_the_frequency_response():
+    axis = Axis(three_mass_mechanics(PARTS), SERVO)
+    amplitude_m = 0.1 * abs(1.0 - frequency_response(axis, [1.0])[0])
+    # what is left of the transient after a second; a window with both ends of its period would be 2e-4 too large
+    assert settled().rms_constant_m == pytest.approx(amplitude_m / np.sqrt(2.0), rel=1e-8)
 
 
 def test_nothing_varies_without_friction_play_of_the_joints_and_travel():
