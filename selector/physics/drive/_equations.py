@@ -1,7 +1,7 @@
 """The equations of an axis for one instant (compiled): what accelerates, deflects, slides and drives.
 
-They are those of mechanics.py, friction.py, transmission.py and servo.py. Modes (slip direction, contact of the
-backlash) are given, so that everything here is smooth in the states; _kernel.py decides about them.
+They are those of mechanics.py, friction.py and transmission.py. Modes (slip direction, contact of the backlash, segment
+of the pitch table) are given, so that everything here is smooth in the states; _modes.py decides about them.
 """
 
 # mypy: disable-error-code="no-untyped-def, untyped-decorator"
@@ -9,45 +9,50 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
+from selector.physics.drive._control import asked_rate, compiled, continuous_command
 from selector.physics.drive._packed import (
-    ACCELERATION,
-    ACCELERATION_AHEAD,
     ACTUATOR_GAIN,
+    ALSO,
+    ASKED_RATE,
+    AT_CORNER,
     AXIAL,
     AXIAL_DAMPING,
+    AXIAL_FORCE,
     BACKLASH,
     BOTH_ENDS,
     BRISTLE,
     BRISTLE_DAMPING,
-    COMMAND_LIMIT,
+    COMMAND,
     COMPLIANCE_AT,
     COMPLIANCE_POINTS,
     CONTACT,
     CONTINUOUS,
     CONTROL,
+    CORNERS,
     COULOMB_DOWN,
     COULOMB_UP,
     COURSE_AXIAL,
     COURSE_GUIDE,
+    DRIVE,
     DRY,
     EXCESS_DOWN,
     EXCESS_UP,
     FADING,
     FORCE,
+    FRICTION,
     GUIDE,
+    GUIDE_BALANCE,
     GUIDE_DAMPING,
     HALF_GAP,
     INTEGRAL,
-    INTEGRAL_GAIN,
     LENGTH,
+    LIMITS,
+    LOWER,
     LUGRE,
     MASS,
     MOTOR_INERTIA,
     OFFSET,
     ORIGIN,
-    PERIOD,
     PITCH,
     PITCH_AMPLITUDE,
     PITCH_AT,
@@ -55,8 +60,6 @@ from selector.physics.drive._packed import (
     PITCH_POINTS,
     PITCH_RATE,
     PITCH_SLOPE,
-    POSITION,
-    POSITION_GAIN,
     QL,
     QM,
     RIGID,
@@ -64,23 +67,22 @@ from selector.physics.drive._packed import (
     RIPPLE_RATE,
     RIPPLES,
     SCREW,
+    SCREW_BALANCE,
     SCREW_COULOMB,
     SCREW_DAMPING,
     SCREW_DRY,
     SCREW_INERTIA,
+    SEGMENT,
     SHAFT,
-    SPEED,
-    SPEED_AHEAD,
-    SPEED_LIMIT,
     STRIBECK_EXPONENT,
     STRIBECK_SPEED,
     TABLE_FEEDBACK,
     TORSION,
     TORSION_DAMPING,
     TRAVEL,
+    UPPER,
     VARYING_AXIAL,
     VARYING_GUIDE,
-    VELOCITY_GAIN,
     WL,
     WM,
     V,
@@ -88,18 +90,10 @@ from selector.physics.drive._packed import (
     Z,
 )
 
-# rows of the work space: the state, stages of a step, its end, rates of all of these, and what else was found
-Y, STAGE_A, STAGE_B, STAGE_C, NEW, K1, K2, K3, K4, KEND, ALSO, ROWS = range(12)
-# columns of ALSO: forces that would move guide and screw, force of the screw, how far each flank is engaged, …
-GUIDE_BALANCE, SCREW_BALANCE, AXIAL_FORCE, UPPER, LOWER, COMMAND, DRIVE, FRICTION = range(8)
-
-# not kept on disk one by one: what is kept would not know that a file it was compiled from has changed
-compiled = njit(nogil=True, error_model="numpy")
-
 
 @compiled
 def pitch_error(q, p, o):
-    """E(q) and its slope: the travel beyond R·q."""
+    """E(q) and its slope: the travel beyond R·q. Corners that are located bend nothing within their segment."""
     if o[PITCH] == 0:
         return 0.0, 0.0
     angle = p[PITCH_RATE] * q + p[PITCH_PHASE]
@@ -107,27 +101,22 @@ def pitch_error(q, p, o):
     slope = p[PITCH_AMPLITUDE] * p[PITCH_RATE] * math.cos(angle) + p[PITCH_SLOPE] * p[TRAVEL]
     count = o[PITCH_POINTS]
     if count > 0:
-        first, travel = o[PITCH_AT], p[TRAVEL] * q
-        if travel <= p[first]:
-            error += p[first + count]
-        elif travel >= p[first + count - 1]:
-            error += p[first + 2 * count - 1]
-        else:
-            at = segment(travel, p, first, count)
-            rise = (p[at + 1 + count] - p[at + count]) / (p[at + 1] - p[at])
-            error += p[at + count] + rise * (travel - p[at])
-            slope += rise * p[TRAVEL]
+        travel = p[TRAVEL] * q
+        at = o[SEGMENT] if o[CORNERS] else segment(travel, p, o)
+        rise, corner = p[o[PITCH_AT] + 2 * count + at], o[PITCH_AT] + max(at - 1, 0)
+        error += p[corner + count] + rise * (travel - p[corner])
+        slope += rise * p[TRAVEL]
     return error, slope
 
 
 @compiled
-def segment(value, p, first, count):
-    """Index of the last of `count` increasing numbers from `first` on that is not above `value`, but the last."""
-    low, high = first, first + count - 1
-    while high - low > 1:
+def segment(travel, p, o):
+    """How many corners of the table of the pitch error are not beyond this travel."""
+    low, high = 0, o[PITCH_POINTS]
+    while low < high:
         middle = (low + high) // 2
-        if p[middle] <= value:
-            low = middle
+        if p[o[PITCH_AT] + middle] <= travel:
+            low = middle + 1
         else:
             high = middle
     return low
@@ -185,33 +174,6 @@ def bristle_rate(direction, speed, p):
 
 
 @compiled
-def reference_at(s, i, p, ref):
-    """Position, speed, acceleration at the share s of period i: cubic Hermite, cubic Hermite, straight."""
-    if s == 0.0:
-        return ref[i, POSITION], ref[i, SPEED], ref[i, ACCELERATION]
-    h00, h10 = (1.0 + 2.0 * s) * (1.0 - s) ** 2, s * (1.0 - s) ** 2 * p[PERIOD]
-    h01, h11 = s * s * (3.0 - 2.0 * s), s * s * (s - 1.0) * p[PERIOD]
-    position = h00 * ref[i, POSITION] + h10 * ref[i, SPEED] + h01 * ref[i + 1, POSITION] + h11 * ref[i + 1, SPEED]
-    speed = h00 * ref[i, SPEED] + h10 * ref[i, ACCELERATION] + h01 * ref[i + 1, SPEED] + h11 * ref[i + 1, ACCELERATION]
-    return position, speed, ref[i, ACCELERATION] + s * (ref[i + 1, ACCELERATION] - ref[i, ACCELERATION])
-
-
-@compiled
-def servo_command(s, i, measured, speed, integral, noise, p, ref):
-    """Command before and after its limit, and the rate of the integral of the speed error."""
-    position, ahead, acceleration = reference_at(s, i, p, ref)
-    wanted = p[POSITION_GAIN] * (position - measured) / p[TRAVEL] + p[SPEED_AHEAD] * ahead / p[TRAVEL]
-    wanted = min(max(wanted, -p[SPEED_LIMIT]), p[SPEED_LIMIT])
-    error = wanted - speed
-    command = p[VELOCITY_GAIN] * error + p[INTEGRAL_GAIN] * integral + p[ACCELERATION_AHEAD] * acceleration + noise
-    if command > p[COMMAND_LIMIT]:
-        return p[COMMAND_LIMIT], 0.0
-    if command < -p[COMMAND_LIMIT]:
-        return -p[COMMAND_LIMIT], 0.0
-    return command, error
-
-
-@compiled
 def actuator_force(command, q, p, o):
     """Torque or force on the motor: Kf·u with the ripple of its position."""
     force = p[ACTUATOR_GAIN] * command
@@ -231,11 +193,12 @@ def derivative(w, row, out, s, i, u, p, o, ref):
     rigid = o[RIGID] == 1
     motor, motor_speed = (x, v) if rigid else (w[row, QM], w[row, WM])
     w[out, INTEGRAL] = 0.0
+    measured, measured_rate = p[TRAVEL] * motor, p[TRAVEL] * motor_speed
     if o[CONTROL] == CONTINUOUS:
-        measured = p[TRAVEL] * motor
         if o[TABLE_FEEDBACK]:
-            measured = x + pitch_error(x, p, o)[0] if rigid else x
-        u, w[out, INTEGRAL] = servo_command(s, i, measured, motor_speed, w[row, INTEGRAL], 0.0, p, ref)
+            error, slope = pitch_error(x, p, o) if rigid else (0.0, 0.0)
+            measured, measured_rate = x + error, (1.0 + slope) * v
+        u = continuous_command(w, row, out, s, i, measured, motor_speed, p, o, ref)
     guide_damping = p[GUIDE_DAMPING]
     if o[VARYING_GUIDE]:
         guide_damping = ref[i, COURSE_GUIDE] + s * (ref[i + 1, COURSE_GUIDE] - ref[i, COURSE_GUIDE])
@@ -261,6 +224,8 @@ def derivative(w, row, out, s, i, u, p, o, ref):
     w[out, V] = (balance - friction) / p[MASS]
     w[ALSO, GUIDE_BALANCE], w[ALSO, AXIAL_FORCE] = balance, force
     w[ALSO, COMMAND], w[ALSO, DRIVE], w[ALSO, FRICTION] = u, drive, friction
+    if o[LIMITS]:
+        w[ALSO, ASKED_RATE] = asked_rate(s, i, measured_rate, w[out, V if rigid else WM], p, o, ref)
 
 
 @compiled
@@ -289,7 +254,9 @@ def _turning(w, row, out, s, i, drive, p, o, ref):
     twist = p[TORSION] * (w[row, QM] - screw) + p[TORSION_DAMPING] * (motor_speed - screw_speed)
     balance = twist - p[SCREW_DAMPING] * screw_speed - gear * force
     friction = 0.0
-    if o[SCREW_DRY]:
+    if o[AT_CORNER]:
+        friction = balance
+    elif o[SCREW_DRY]:
         friction = balance if o[SCREW] == 0 else o[SCREW] * p[SCREW_COULOMB]
     w[out, QM], w[out, WM] = motor_speed, (drive - twist) / p[MOTOR_INERTIA]
     w[out, QL], w[out, WL] = screw_speed, (balance - friction) / p[SCREW_INERTIA]

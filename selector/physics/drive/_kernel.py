@@ -11,24 +11,20 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from selector.physics.drive import _equations, _packed, _stepping
-from selector.physics.drive._equations import (
+from selector.physics.drive import _control, _equations, _modes, _packed, _stepping
+from selector.physics.drive._control import compiled, sampled_command
+from selector.physics.drive._equations import pitch_error, segment
+from selector.physics.drive._modes import settle, sign
+from selector.physics.drive._packed import (
     ALSO,
     AXIAL_FORCE,
     COMMAND,
-    DRIVE,
-    FRICTION,
-    ROWS,
-    Y,
-    compiled,
-    pitch_error,
-    servo_command,
-)
-from selector.physics.drive._packed import (
     CONTINUOUS,
     CONTROL,
     DELAY_PART,
     DELAY_STEPS,
+    DRIVE,
+    FRICTION,
     GIVEN,
     GUIDE,
     INTEGRAL,
@@ -37,11 +33,13 @@ from selector.physics.drive._packed import (
     QL,
     QM,
     RIGID,
+    ROWS,
     SAMPLE,
     SAMPLE_STEPS,
     SAMPLED,
     SCALE_RESOLUTION,
     SCREW,
+    SEGMENT,
     SPEED_FROM_ENCODER,
     SPEED_SAMPLES,
     STEP,
@@ -49,11 +47,13 @@ from selector.physics.drive._packed import (
     TRAVEL,
     WL,
     WM,
+    WORK_COLUMNS,
     V,
     X,
+    Y,
     Z,
 )
-from selector.physics.drive._stepping import STATES, advance, settle, sign
+from selector.physics.drive._stepping import STATES, advance
 
 # columns of the record, in the order of the fields of Motion after time and reference
 COURSES = 12
@@ -84,7 +84,7 @@ def _sampled(w, before, s, i, noise, p, o, ref):
     speed = w[Y, V] if o[RIGID] else w[Y, WM]
     if o[SPEED_FROM_ENCODER]:
         speed = (reading - before) / (o[SPEED_SAMPLES] * p[SAMPLE])
-    command, rate = servo_command(s, i, measured, speed, w[Y, INTEGRAL], noise, p, ref)
+    command, rate = sampled_command(s, i, measured, speed, w[Y, INTEGRAL], noise, p, ref)
     w[Y, INTEGRAL] += p[SAMPLE] * rate
     return command, reading
 
@@ -134,6 +134,7 @@ def _kernel(sources: int) -> Any:
         command = u
         o[GUIDE], o[SCREW] = sign(w[Y, V]), sign(w[Y, WL])
         motor, motor_speed = (w[Y, X], w[Y, V]) if o[RIGID] else (w[Y, QM], w[Y, WM])
+        o[SEGMENT] = segment(p[TRAVEL] * (w[Y, X] if o[RIGID] else w[Y, QL]), p, o)
         readings = np.empty(o[SPEED_SAMPLES])
         for k in range(len(readings)):
             readings[k] = _quantised(motor - (len(readings) - k) * p[SAMPLE] * motor_speed, p[MOTOR_RESOLUTION])
@@ -177,9 +178,10 @@ def _kernel(sources: int) -> Any:
     return loop
 
 
-loop = _kernel(zlib.crc32(b"".join(Path(str(one.__file__)).read_bytes() for one in (_packed, _equations, _stepping))))
+SOURCES = (_packed, _control, _equations, _modes, _stepping)
+loop = _kernel(zlib.crc32(b"".join(Path(str(one.__file__)).read_bytes() for one in SOURCES)))
 
 
 def work_space() -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
     """Zeros for the states, stages and rates of one axis."""
-    return np.zeros((ROWS, STATES))
+    return np.zeros((ROWS, WORK_COLUMNS))

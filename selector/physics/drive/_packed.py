@@ -1,4 +1,4 @@
-"""Where the compiled equations find what: an axis as one row of numbers and one of switches.
+"""Where the compiled equations find what: an axis as one row of numbers and one of switches, and their work space.
 
 Rows of this kind keep the compiled functions to one signature, so that no axis makes them compile again.
 """
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from selector.physics.drive.axis import Axis
 from selector.physics.drive.closed_loop import inertia_at_motor
 from selector.physics.drive.mechanics import RigidMechanics
+from selector.physics.drive.transmission import Transmission
 
 Vector = NDArray[np.float64]
 Switches = NDArray[np.int64]
@@ -69,7 +70,7 @@ QM, WM, QL, WL, X, V, Z, INTEGRAL = range(8)
     NUMBERS,
 ) = range(45)
 
-# switches; GUIDE, SCREW and CONTACT are the modes, which change while the axis moves
+# switches; those from GUIDE on are the modes, which change while the axis moves
 (
     RIGID,
     CONTROL,
@@ -94,17 +95,30 @@ QM, WM, QL, WL, X, V, Z, INTEGRAL = range(8)
     PITCH_AT,
     COMPLIANCE_AT,
     RIPPLE_AT,
+    CORNERS,
+    LIMITS,
     GUIDE,
     SCREW,
     CONTACT,
+    SEGMENT,
+    AT_CORNER,
+    SPEED_MODE,
+    COMMAND_MODE,
     SWITCHES,
-) = range(27)
+) = range(33)
 
 # what drives the actuator
 NOTHING, CONTINUOUS, SAMPLED, GIVEN = range(4)
 
 # columns of the reference
 POSITION, SPEED, ACCELERATION, FORCE, COURSE_AXIAL, COURSE_GUIDE, COLUMNS = range(7)
+
+# rows of the work space: the state, stages of a step, its end, rates of all of these, and what else was found
+Y, STAGE_A, STAGE_B, STAGE_C, NEW, K1, K2, K3, K4, KEND, ALSO, ROWS = range(12)
+# columns of ALSO: forces that would move guide and screw, force of the screw, how far each flank is engaged, …
+GUIDE_BALANCE, SCREW_BALANCE, AXIAL_FORCE, UPPER, LOWER, COMMAND, DRIVE, FRICTION = range(8)
+# … speed and command before their limits, speed error, and how fast the command would change if its integral stood
+WANTED, ASKED, ERROR, ASKED_RATE, WORK_COLUMNS = range(8, 13)
 
 
 def packed_axis(axis: Axis) -> tuple[Vector, Switches]:
@@ -175,6 +189,7 @@ def _pack_servo(axis: Axis, p: Vector, o: Switches) -> None:
         p[COMMAND_LIMIT] = servo.command_limit
     if servo.speed_limit is not None:
         p[SPEED_LIMIT] = servo.speed_limit
+    o[LIMITS] = o[CONTROL] == CONTINUOUS and min(p[COMMAND_LIMIT], p[SPEED_LIMIT]) < math.inf
 
 
 def _pack_transmission(axis: Axis, p: Vector, o: Switches) -> list[Vector]:
@@ -185,13 +200,13 @@ def _pack_transmission(axis: Axis, p: Vector, o: Switches) -> list[Vector]:
     p[PITCH_SLOPE] = transmission.pitch_slope
     p[RIPPLE_RATE] = 2.0 * math.pi / axis.ripple_period
     p[PITCH_RATE] = p[RIPPLE_RATE] if o[RIGID] else 1.0
-    tables = [
-        np.array(transmission.pitch_position_m, dtype=np.float64),
-        np.array(transmission.pitch_error_m, dtype=np.float64),
-    ]
+    tables = _corners(transmission)
     o[PITCH_AT], o[PITCH_POINTS] = NUMBERS, len(tables[0])
     o[PITCH] = transmission.pitch_amplitude_m > 0 or transmission.pitch_slope != 0 or len(tables[0]) > 0
-    o[COMPLIANCE_AT] = NUMBERS + 2 * len(tables[0])
+    # of a rigid axis the pitch error only displaces the table: nothing bends unless a continuous control sees it
+    seen = o[CONTROL] == CONTINUOUS and o[TABLE_FEEDBACK]
+    o[CORNERS] = len(tables[0]) > 1 and (not o[RIGID] or seen)
+    o[COMPLIANCE_AT] = NUMBERS + sum(map(len, tables))
     if compliance is not None:
         p[SHAFT], p[LENGTH], p[ORIGIN] = compliance.shaft_n, compliance.length_m, compliance.origin_m
         o[BOTH_ENDS], o[COMPLIANCE_POINTS] = compliance.both_ends, len(compliance.force_n)
@@ -201,3 +216,16 @@ def _pack_transmission(axis: Axis, p: Vector, o: Switches) -> list[Vector]:
     o[RIPPLES] = len(acting)
     tables += [np.array([one.harmonic, one.cogging, one.share, one.phase_rad]) for one in acting]
     return tables
+
+
+def _corners(transmission: Transmission) -> list[Vector]:
+    """Where the table of the pitch error bends, the errors there, and the slopes before, between and after."""
+    position = np.array(transmission.pitch_position_m, dtype=np.float64)
+    error = np.array(transmission.pitch_error_m, dtype=np.float64)
+    if len(position) == 0:
+        return [position, error, np.zeros(0)]
+    slope = np.concatenate([[0.0], np.diff(error) / np.diff(position), [0.0]])
+    bends = slope[1:] != slope[:-1]
+    # a table of one value bends nowhere: one corner says what it is
+    bends[0] |= not bends.any()
+    return [position[bends], error[bends], np.concatenate([slope[:-1][bends], slope[-1:]])]

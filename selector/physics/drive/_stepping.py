@@ -9,57 +9,49 @@ from __future__ import annotations
 
 import math
 
-from selector.physics.drive._equations import (
-    ALSO,
-    GUIDE_BALANCE,
-    K1,
-    K2,
-    K3,
-    K4,
-    KEND,
-    LOWER,
-    NEW,
-    SCREW_BALANCE,
-    STAGE_A,
-    STAGE_B,
-    STAGE_C,
-    UPPER,
-    Y,
-    bristle_rate,
-    compiled,
-    derivative,
-)
+from selector.physics.drive._control import compiled
+from selector.physics.drive._equations import bristle_rate, derivative
+from selector.physics.drive._modes import lowest, settle, sign, validity
 from selector.physics.drive._packed import (
-    BACKLASH,
+    ALSO,
     BRISTLE,
-    CONTACT,
     COULOMB_DOWN,
     COULOMB_UP,
     DRY,
     EXCESS_DOWN,
     EXCESS_UP,
     GUIDE,
+    GUIDE_BALANCE,
     INTEGRAL,
+    K1,
+    K2,
+    K3,
+    K4,
+    KEND,
     LUGRE,
     MASS,
     MOST_EVENTS,
+    NEW,
     PERIOD,
     QL,
     QM,
     SCREW,
+    SCREW_BALANCE,
     SCREW_COULOMB,
     SCREW_DRY,
     SCREW_INERTIA,
+    STAGE_A,
+    STAGE_B,
+    STAGE_C,
     WL,
     WM,
     V,
     X,
+    Y,
     Z,
 )
 
 STATES = 8
-# below this speed the bristles do not feel which way it goes: |v|·dt is below the rounding of their deflection
-STILL = 1e-13
 
 
 @compiled
@@ -117,7 +109,7 @@ def _step(w, h, s, i, u, p, o, ref):
                 w[row, Z] = end * w[Y, Z] + b1 * na + b2 * (nb + nc) + b4 * nd
                 _hold_bristles(w, row, p)
         derivative(w, row, K2 + stage, s + (0.5 * ds if stage < 2 else ds), i, u, p, o, ref)
-    return _validity(w, NEW, p, o)
+    return validity(w, NEW, p, o)
 
 
 @compiled
@@ -128,106 +120,21 @@ def _hold_bristles(w, row, p):
 
 
 @compiled
-def _validity(w, row, p, o):
-    """Positive as long as the modes fit the state in `row`, whose rates were the last to be asked for."""
-    least = math.inf
-    v = w[row, V]
-    if o[DRY]:
-        if o[GUIDE] == 0:
-            balance = w[ALSO, GUIDE_BALANCE]
-            least = min(p[COULOMB_UP] + p[EXCESS_UP] - balance, p[COULOMB_DOWN] + p[EXCESS_DOWN] + balance)
-        else:
-            least = o[GUIDE] * v
-    elif o[LUGRE] and (abs(v) > STILL or abs(w[Y, V]) > STILL):
-        least = o[GUIDE] * v
-    if o[SCREW_DRY]:
-        if o[SCREW] == 0:
-            least = min(least, p[SCREW_COULOMB] - abs(w[ALSO, SCREW_BALANCE]))
-        else:
-            least = min(least, o[SCREW] * w[row, WL])
-    if o[BACKLASH]:
-        if o[CONTACT] > 0:
-            least = min(least, w[ALSO, UPPER])
-        elif o[CONTACT] < 0:
-            least = min(least, w[ALSO, LOWER])
-        else:
-            least = min(least, -max(w[ALSO, UPPER], w[ALSO, LOWER]))
-    return least
-
-
-@compiled
-def settle(w, s, i, u, p, o, ref):
-    """Modes that fit the state Y and the inputs of this instant, and its rates K1."""
-    if o[DRY] and o[GUIDE] * w[Y, V] <= 0.0:
-        w[Y, V] = 0.0
-    if o[SCREW_DRY] and o[SCREW] * w[Y, WL] <= 0.0:
-        w[Y, WL] = 0.0
-    # contact decides the forces, these decide what slips
-    for _ in range(3):
-        derivative(w, Y, K1, s, i, u, p, o, ref)
-        if not _changed_modes(w, p, o):
-            return
-
-
-@compiled
-def _changed_modes(w, p, o):
-    """Whether a mode does not fit the state Y and its forces, and is another one now."""
-    if o[BACKLASH]:
-        contact = 1 if w[ALSO, UPPER] > 0.0 else (-1 if w[ALSO, LOWER] > 0.0 else 0)
-        if contact != o[CONTACT]:
-            o[CONTACT] = contact
-            return True
-    guide, screw = o[GUIDE], o[SCREW]
-    if o[DRY] and w[Y, V] == 0.0:
-        balance = w[ALSO, GUIDE_BALANCE]
-        guide = 0
-        if balance > p[COULOMB_UP] + p[EXCESS_UP]:
-            guide = 1
-        elif -balance > p[COULOMB_DOWN] + p[EXCESS_DOWN]:
-            guide = -1
-    elif o[LUGRE]:
-        guide = -1 if (w[Y, V] if w[Y, V] != 0.0 else w[K1, V]) < 0.0 else 1
-    if o[SCREW_DRY] and w[Y, WL] == 0.0:
-        balance = w[ALSO, SCREW_BALANCE]
-        screw = 1 if balance > p[SCREW_COULOMB] else (-1 if balance < -p[SCREW_COULOMB] else 0)
-    changed = guide != o[GUIDE] or screw != o[SCREW]
-    o[GUIDE], o[SCREW] = guide, screw
-    return changed
-
-
-@compiled
-def _dip(w, h, mode, speed):
-    """Time within a step at which a sliding speed that is positive at both ends may have been lowest, or 0."""
-    before, after = mode * w[Y, speed], mode * w[NEW, speed]
-    fall, rise = mode * w[K1, speed], mode * w[KEND, speed]
-    # a course that opens upwards stays above its tangent
-    if before + h * fall >= 0.0 or rise <= 0.0:
-        return 0.0
-    # the lowest point of the cubic through both ends: c1 + 2·c2·s + 3·c3·s² = 0
-    c1, c2, c3 = h * fall, 3.0 * (after - before) - h * (2.0 * fall + rise), 2.0 * (before - after) + h * (fall + rise)
-    root = c2 * c2 - 3.0 * c1 * c3
-    if root <= 0.0:
-        return 0.0
-    at = -c1 / (c2 + math.sqrt(root)) if c2 + math.sqrt(root) > 0.0 else 0.0
-    return at * h if 0.0 < at < 1.0 else 0.0
-
-
-@compiled
 def _event(w, high, at_high, s, i, u, p, o, ref):
     """Shortest step known to end past the first contradiction (bracketed; Illinois false position): its length."""
     low, at_low, side = 0.0, 0.0, 0
     least = 1e-13 * high
-    for _ in range(100):
+    for count in range(100):
         if high - low <= 2.0 * least:
             break
         middle = 0.5 * (low + high)
-        if at_low > 0.0:
+        # what it is at 0, where the last event was, says nothing; what does not close in 50 steps is halved
+        if at_low > 0.0 and count < 50:
             guess = (low * at_high - high * at_low) / (at_high - at_low)
             # never closer to an end than the accuracy asked for, so that the bracket closes from both sides
             middle = min(max(guess, low + least), high - least)
         found = _step(w, middle, s, i, u, p, o, ref)
-        if found == 0.0:
-            return middle
+        # exactly at its bound a mode still fits: it ends past it, so that settle() finds another one
         if found < 0.0:
             high, at_high = middle, found
             if side == -1:
@@ -248,9 +155,9 @@ def advance(w, h, s, i, u, p, o, ref):
     left, length, looked = h, h, False
     events = 0
     while events < o[MOST_EVENTS]:
-        validity = _step(w, length, s, i, u, p, o, ref)
-        if validity < 0.0:
-            length = _event(w, length, validity, s, i, u, p, o, ref)
+        fits = _step(w, length, s, i, u, p, o, ref)
+        if fits < 0.0:
+            length = _event(w, length, fits, s, i, u, p, o, ref)
             _take(w)
             events += 1
             s += length / p[PERIOD]
@@ -263,12 +170,12 @@ def advance(w, h, s, i, u, p, o, ref):
             # nothing was wrong at the lowest point
             length = left
         else:
-            lowest = 0.0 if looked else _lowest(w, length, o)
+            at = 0.0 if looked else lowest(w, length, p, o)
             looked = True
-            if lowest == 0.0:
+            if at == 0.0:
                 _take(w)
                 return
-            length = lowest
+            length = at
     _coarse(w, left, s, i, u, p, o, ref)
 
 
@@ -276,15 +183,6 @@ def advance(w, h, s, i, u, p, o, ref):
 def _take(w):
     for k in range(STATES):
         w[Y, k], w[K1, k] = w[NEW, k], w[KEND, k]
-
-
-@compiled
-def _lowest(w, h, o):
-    """Time within a step at which what slides at both ends may have stood still between them, or 0."""
-    at = _dip(w, h, o[GUIDE], V) if o[DRY] and o[GUIDE] != 0 else 0.0
-    if at == 0.0 and o[SCREW_DRY] and o[SCREW] != 0:
-        at = _dip(w, h, o[SCREW], WL)
-    return at
 
 
 @compiled
@@ -320,9 +218,3 @@ def _coarse(w, h, s, i, u, p, o, ref):
         w[Y, k] = w[NEW, k]
     o[GUIDE], o[SCREW] = sign(w[Y, V]), sign(w[Y, WL])
     settle(w, s + h / p[PERIOD], i, u, p, o, ref)
-
-
-@compiled
-def sign(value):
-    """1, 0 or −1."""
-    return 1 if value > 0.0 else (-1 if value < 0.0 else 0)

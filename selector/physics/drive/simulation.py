@@ -77,7 +77,8 @@ def simulate_axis(
     given = _given(axis, reference, commands, seed, o)
     _lay_grid(axis, reference.period_s, step_s, p, o)
     w, begin = _kernel.work_space(), start or unloaded_state(axis, float(reference.position_m[0]))
-    w[0] = _packed_state(axis, begin)
+    start_row = _packed_state(axis, begin)
+    w[at.Y, : len(start_row)] = start_row
     count = len(reference.position_m)
     out = np.empty((count, _kernel.COURSES))
     lost, state = _kernel.loop(w, p, o, ref, given, _bounds(axis, reference, begin), out)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy import integrate
 
 from selector.errors import InputError
-from selector.physics.drive import _equations, _packed, simulation
+from selector.physics.drive import _equations, _kernel, _modes, _packed, simulation
 from selector.physics.drive.axis import Axis
 from selector.physics.drive.axis_system import AxisSystem, largest_stable_step_s, mechanical_poles
 from selector.physics.drive.course import ParameterCourse
@@ -56,16 +56,20 @@ def compiled_rates(system: AxisSystem, t_s: float, x: np.ndarray) -> np.ndarray:
     names = {"motor": 0, "motor_speed": 1, "screw": 2, "screw_speed": 3, "table": 4, "table_speed": 5}
     names |= {"position": 4, "speed": 5, "bristle": 6, "integral": 7}
     at = [names[name] for name in system.states]
-    w = np.zeros((_equations.ROWS, 8))
+    w = _kernel.work_space()
     w[0, at] = x
     o[_packed.GUIDE] = o[_packed.SCREW] = system.slip_direction
     if axis.friction.lugre is not None:
         o[_packed.GUIDE] = 1 if w[0, _packed.V] >= 0 else -1
     i, s = divmod(t_s / system.reference.period_s, 1.0)
-    for _ in range(2):
+    screw = w[0, _packed.X] if system.rigid else w[0, _packed.QL]
+    o[_packed.SEGMENT] = _equations.segment(p[_packed.TRAVEL] * screw, p, o)
+    for _ in range(4):
         _equations.derivative(w, 0, 5, s, int(i), 0.0, p, o, ref)
-        upper, lower = w[_equations.ALSO, _equations.UPPER], w[_equations.ALSO, _equations.LOWER]
+        upper, lower = w[_packed.ALSO, _packed.UPPER], w[_packed.ALSO, _packed.LOWER]
         o[_packed.CONTACT] = 1 if upper > 0 else (-1 if lower > 0 else 0)
+        if o[_packed.LIMITS]:
+            _modes.changed_limits(w, p, o)
     return w[5, at]
 
 

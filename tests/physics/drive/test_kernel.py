@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from selector.physics.drive import _equations, _kernel, _packed, _stepping, simulation
+from selector.physics.drive import _kernel, _stepping, simulation
 from selector.physics.drive.axis import Axis
 from selector.physics.drive.energy import stored_energy_j
 from selector.physics.drive.friction import Friction, LuGre
@@ -115,6 +115,6 @@ def test_without_any_dissipation_energy_drifts_as_slowly_as_the_order_says():
 
 
 def test_what_is_kept_on_disk_is_kept_under_all_sources():
-    sources = b"".join(Path(one.__file__).read_bytes() for one in (_packed, _equations, _stepping))
+    sources = b"".join(Path(one.__file__).read_bytes() for one in _kernel.SOURCES)
     cells = [cell.cell_contents for cell in _kernel.loop.py_func.__closure__]
     assert zlib.crc32(sources) in cells
