@@ -50,6 +50,7 @@ SECTIONS = {
     "`[axes.NAME.servo]`": schema.ServoSection,
     "`[axes.NAME.sensing]`": schema.SensingSection,
     "`[axes.NAME.recorded]`": schema.RecordedSection,
+    "`[axes.NAME.recorded.added]`": schema.AddedSection,
     "`[bounds]`": None,
 }
 

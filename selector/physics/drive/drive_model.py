@@ -60,6 +60,8 @@ class AxisRun:
     measured : tuple of int or None
         First sample that is recorded, and the first that is not any more; None: all are. Of a circle the 360° between
         run-in and run-out.
+    added : ndarray of shape (n_samples,) or None
+        What was added to the output of the control, behind it [actuator unit].
     """
 
     axis: Axis
@@ -68,6 +70,7 @@ class AxisRun:
     course: ParameterCourse | None
     step_s: float
     measured: tuple[int, int] | None = None
+    added: Vector | None = None
 
     @property
     def recorded(self) -> AxisRun:
@@ -252,18 +255,19 @@ class DriveModel:
         """Runs of axes as one recording whose samples stand at `times_s` of each run."""
         names = tuple(dict.fromkeys(name for done in axes.values() for name in done))
         loaded = {name for done in axes.values() for name, one in done.items() if one.reference.force_n is not None}
+        added = {name for done in axes.values() for name, one in done.items() if one.added is not None}
         tables, told = {}, {}
         for run, done in axes.items():
             columns: dict[str, Vector] = {}
             for name, one in done.items():
-                channels = axis_channels(name, self.file_axes[name], loaded=name in loaded)
-                courses = axis_courses(one.motion, one.reference)
+                channels = axis_channels(name, self.file_axes[name], loaded=name in loaded, added=name in added)
+                courses = axis_courses(one.motion, one.reference, one.added)
                 for kind, channel in channels.items():
                     columns[channel.name] = _at(times_s[run] - times_s[run][0], one.motion.time_s, courses[kind])
             tables[run] = pd.DataFrame(columns, index=pd.Index(times_s[run], name="time_s"))
             told[run] = {"step_s": {name: one.step_s for name, one in done.items()}}
         return DriveSimulation(
-            Recording.from_runs(tables, self._axis_outputs(names, loaded), self._provenance(seed, told)), axes
+            Recording.from_runs(tables, self._axis_outputs(names, loaded, added), self._provenance(seed, told)), axes
         )
 
     def _circles(self, seed: int, progress: Progress | None) -> DriveSimulation:
@@ -302,11 +306,15 @@ class DriveModel:
             told[run] = {"step_s": dict.fromkeys(axes, step_s)}
         return DriveSimulation(Recording.from_runs(tables, self.outputs, self._provenance(seed, told)), runs, traces)
 
-    def _axis_outputs(self, names: tuple[str, ...], loaded: Collection[str] = ()) -> tuple[Channel, ...]:
+    def _axis_outputs(
+        self, names: tuple[str, ...], loaded: Collection[str] = (), added: Collection[str] = ()
+    ) -> tuple[Channel, ...]:
         return tuple(
             channel
             for name in names
-            for channel in axis_channels(name, self.file_axes[name], loaded=name in loaded).values()
+            for channel in axis_channels(
+                name, self.file_axes[name], loaded=name in loaded, added=name in added
+            ).values()
         )
 
     def _provenance(self, seed: int, told: Mapping[str, Any]) -> dict[str, Any]:

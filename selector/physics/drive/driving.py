@@ -1,7 +1,8 @@
 """What would the model have done in these recorded runs: in closed loop after the recorded command, or opened.
 
 In *closed loop* the model follows the recorded command with its own control. *Opened*, the control is left out and the
-recorded output of the real one acts on the axis: small errors of the force then add up over time.
+recorded output of the real one acts on the axis: small errors of the force then add up over time. What was added to the
+output of the control, as experiments do, acts in both.
 """
 
 from __future__ import annotations
@@ -14,12 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.errors import OptionError
-from selector.findings import Finding, Where
+from selector.findings import Finding
 from selector.physics.drive.axis import Axis
-from selector.physics.drive.drive_channels import KINDS, axis_channels
+from selector.physics.drive.drive_channels import axis_channels
 from selector.physics.drive.drive_model import AxisRun, DriveModel, DriveSimulation, Progress
-from selector.physics.drive.model_axes import FileAxis
+from selector.physics.drive.mechanics import RigidMechanics
 from selector.physics.drive.model_schema import MOST_SAMPLES
+from selector.physics.drive.recorded_channels import (
+    RecordedChannels,
+    channel_findings,
+    lacking_findings,
+    recorded_channels,
+)
 from selector.physics.drive.reference import Reference
 from selector.physics.drive.state import AxisState, unloaded_state
 from selector.physics.drive.trajectory import clock_findings, recorded
@@ -45,7 +52,7 @@ class DrivenSimulation:
     simulation : DriveSimulation
         Samples at the time stamps of the recording; its channels are called as the recorded ones that they belong to.
     matched : mapping of str to mapping of str to str
-        Axis → kind, of `drive_channels.KINDS` → name of the recorded channel.
+        Axis → kind, of `drive_channels.KINDS` → name of the recorded channel; for the axes that were simulated.
     findings : tuple of Finding
         What is to be said about the clock, and what could not be compared.
     """
@@ -72,7 +79,7 @@ def driven_runs(
     model : DriveModel
         What is driven. Of its motion nothing counts.
     recording : Recording
-        Runs with the commanded position of at least one axis; how channels are found: `matched_channels`.
+        Runs with the commanded position of at least one axis; how channels are found: `recorded_channels`.
     opened : bool
         Let the recorded output of the control act instead of the model's own control.
     seed : int, optional
@@ -86,11 +93,11 @@ def driven_runs(
         The recording cannot drive this model: no command, missing values, gaps, an axis that runs away.
     """
     noise = model.file.run.seed if seed is None else seed
-    matched = {name: matched_channels(name, axis, model, recording) for name, axis in model.file_axes.items()}
+    channels = {name: recorded_channels(name, axis, model, recording) for name, axis in model.file_axes.items()}
     needed = ("command", "output") if opened else ("command",)
-    driven = [name for name, found in matched.items() if all(kind in found for kind in needed)]
+    driven = [name for name, one in channels.items() if all(one.has(kind) for kind in needed)]
     if not driven:
-        raise _nothing_drives(model, recording, matched, needed)
+        raise _nothing_drives(model, recording, channels, needed)
     runs: dict[str, dict[str, AxisRun]] = {}
     times: dict[str, Vector] = {}
     findings: list[Finding] = []
@@ -100,60 +107,22 @@ def driven_runs(
         times[run] = recording.time_s(run)
         findings += [replace(one, where=replace(one.where, run=run)) for one in clock_findings(times[run])]
         runs[run] = {
-            name: _axis_run(model, name, recording, run, matched[name], opened=opened, seed=noise) for name in driven
+            name: _axis_run(model, name, recording, run, channels[name], opened=opened, seed=noise) for name in driven
         }
     gathered = model.gathered(runs, times, noise)
-    names = {name: matched[name] for name in driven}
+    apart = {name for done in runs.values() for name, one in done.items() if one.added is not None}
+    names = {name: channels[name].found if name in apart else _together(channels[name].found) for name in driven}
     simulation = replace(gathered, recording=_as_recorded(gathered.recording, model, recording, names))
-    return DrivenSimulation(simulation, names, (*findings, *_not_driven(matched, driven, needed)))
+    findings += [*lacking_findings(channels, driven, needed), *channel_findings(channels, recording)]
+    return DrivenSimulation(simulation, names, tuple(findings))
 
 
-def matched_channels(name: str, axis: FileAxis, model: DriveModel, recording: Recording) -> dict[str, str]:
-    """Kind, of `drive_channels.KINDS`, → recorded channel of this axis.
-
-    The one that ``[axes.NAME.recorded]`` names; else the one that is called as in a simulation; else the only one of
-    its role that belongs to this axis, or to no axis where the model has one only.
-
-    Raises
-    ------
-    OptionError
-        The recording has no channel of a name that the file gives, or the file gives one name twice.
-    """
-    own = axis_channels(name, axis, loaded=True)
-    by_name = {channel.name: channel for channel in recording.channels}
-    found: dict[str, str] = {}
-    for kind in KINDS:
-        said = getattr(axis.section.recorded, kind, None)
-        if said is not None and said not in by_name:
-            raise OptionError(
-                f"no channel {said!r} in the recording",
-                expected="one of " + ", ".join(list(by_name)[:20]),
-                where=f"key axes.{name}.recorded.{kind}",
-                advice="correct the name, or leave it out",
-            )
-        if said in found.values():
-            raise OptionError(
-                f"{said!r} twice",
-                expected="a channel for one thing",
-                where=f"key axes.{name}.recorded.{kind}",
-                advice="leave one of the two out",
-            )
-        if said is not None:
-            found[kind] = said
-    for kind, channel in own.items():
-        same = by_name.get(channel.name)
-        if kind not in found and same is not None and same.role == channel.role and same.name not in found.values():
-            found[kind] = same.name
-    for kind in ("command", "position", "output"):
-        if kind in found or own[kind].role == "state":
-            continue
-        alike = [c for c in recording.channels if c.role == own[kind].role and c.name not in found.values()]
-        here = [c for c in alike if c.axis == name] or [
-            c for c in alike if c.axis is None and len(model.file_axes) == 1
-        ]
-        if len(here) == 1:
-            found[kind] = here[0].name
-    return found
+def _together(found: Mapping[str, str]) -> dict[str, str]:
+    """Where nothing was added apart, both together are the output."""
+    kept = {kind: name for kind, name in found.items() if kind != "added"}
+    if "total" in kept:
+        kept["output"] = kept.pop("total")
+    return kept
 
 
 def _axis_run(
@@ -161,22 +130,61 @@ def _axis_run(
     name: str,
     recording: Recording,
     run: str,
-    channels: Mapping[str, str],
+    channels: RecordedChannels,
     *,
     opened: bool,
     seed: int,
 ) -> AxisRun:
-    time_s = recording.time_s(run)
-    reference = recorded(
-        time_s - time_s[0], _values(recording, run, channels["command"]), _period_s(model, name, time_s)
-    )
-    if "load" in channels:
-        reference = replace(reference, force_n=_on_grid(recording, run, channels["load"], reference))
-    commands = _on_grid(recording, run, channels["output"], reference) if opened else None
+    found, time_s = channels.found, recording.time_s(run)
+    reference = recorded(time_s - time_s[0], _values(recording, run, found["command"]), _period_s(model, name, time_s))
+    if "load" in found:
+        reference = replace(reference, force_n=_on_grid(recording, run, found["load"], reference))
+    axis = model.file_axes[name].axis
+    added: Vector | None = None
+    if "added" in found and np.isfinite(_values(recording, run, found["added"])).any():
+        added = channels.factor * _on_grid(recording, run, found["added"], reference)
+    commands: Vector | None = None
+    if opened:
+        commands = _on_grid(recording, run, found["total" if "total" in found else "output"], reference)
+        if added is not None and "total" in found:
+            commands = commands - added
     start = None
-    if "position" in channels:
-        start = _recorded_start(model.file_axes[name].axis, time_s, _values(recording, run, channels["position"]))
-    return model.axis_run(name, reference, commands=commands, start=start, seed=seed)
+    if "position" in found:
+        start = _recorded_start(axis, time_s, _values(recording, run, found["position"]))
+    if added is not None and commands is not None and not _takes_force(axis):
+        commands, added = np.add(commands, added), None
+    if added is None:
+        return model.axis_run(name, reference, commands=commands, start=start, seed=seed)
+    if not _takes_force(axis):
+        raise _cannot_be_added(name, found["added"])
+    return _with_added(model, name, reference, added, commands, start, seed)
+
+
+def _takes_force(axis: Axis) -> bool:
+    """Whether a force on the table is the same as more output of the control."""
+    return isinstance(axis.mechanics, RigidMechanics) and not any(ripple.share for ripple in axis.ripple)
+
+
+def _with_added(
+    model: DriveModel,
+    name: str,
+    reference: Reference,
+    added: Vector,
+    commands: Vector | None,
+    start: AxisState | None,
+    seed: int,
+) -> AxisRun:
+    """A run in which this acts besides the control, behind its limit and its delay [actuator unit]."""
+    servo = model.file_axes[name].axis.servo
+    pushed_n = (1.0 if servo is None else servo.actuator_gain) * added
+    load_n = pushed_n if reference.force_n is None else reference.force_n + pushed_n
+    done = model.axis_run(name, replace(reference, force_n=load_n), commands=commands, start=start, seed=seed)
+    motion = replace(
+        done.motion,
+        actuator_force=done.motion.actuator_force + pushed_n,
+        axial_force_n=done.motion.axial_force_n + pushed_n,
+    )
+    return replace(done, reference=reference, motion=motion, added=added)
 
 
 def _recorded_start(axis: Axis, time_s: Vector, position_m: Vector) -> AxisState | None:
@@ -218,7 +226,7 @@ def _on_grid(recording: Recording, run: str, channel: str, reference: Reference)
     # clocks jitter, controls do not; and a time of the grid that falls on a sample up to rounding belongs to it
     period_s = (time_s[-1] - time_s[0]) / (len(time_s) - 1)
     at = np.floor(reference.time_s / period_s + min(_SAME_CLOCK * len(time_s), 0.25)).astype(np.int64)
-    return values[np.minimum(at, len(values) - 1)]
+    return np.asarray(values[np.minimum(at, len(values) - 1)], dtype=np.float64)
 
 
 def _as_recorded(
@@ -228,8 +236,8 @@ def _as_recorded(
     recorded_by_name = {channel.name: channel for channel in recording.channels}
     other: dict[str, Channel] = {}
     for name, channels in matched.items():
-        for kind, own in axis_channels(name, model.file_axes[name], loaded=True).items():
-            if kind in channels and own.name in simulated.names:
+        for kind, own in axis_channels(name, model.file_axes[name], loaded=True, added=True).items():
+            if kind in channels and kind != "added" and own.name in simulated.names:
                 there = recorded_by_name[channels[kind]]
                 other[own.name] = Channel(there.name, own.role, own.unit, there.place or own.place, name, there.xyz_m)
     taken = {channel.name for channel in other.values()}
@@ -246,14 +254,14 @@ def _as_recorded(
 
 
 def _nothing_drives(
-    model: DriveModel, recording: Recording, matched: Mapping[str, Mapping[str, str]], needed: tuple[str, ...]
+    model: DriveModel, recording: Recording, channels: Mapping[str, RecordedChannels], needed: tuple[str, ...]
 ) -> OptionError:
-    name = next(iter(matched))
-    lacks = next(kind for kind in needed if kind not in matched[name])
+    name = next(iter(channels))
+    lacks = next(kind for kind in needed if not channels[name].has(kind))
     what = "commanded position" if lacks == "command" else "output of the control"
     here = ", ".join(f"{c.name} ({c.role})" for c in recording.channels[:12])
     return OptionError(
-        f"no channel with the {what} of {', '.join(matched)}: {here}",
+        f"no channel with the {what} of {', '.join(channels)}: {here}",
         expected=f"a channel with the role position_command, or a name under [axes.{name}.recorded]"
         if lacks == "command"
         else f"a channel that {lacks} under [axes.{name}.recorded] names",
@@ -262,30 +270,10 @@ def _nothing_drives(
     )
 
 
-def _not_driven(matched: Mapping[str, Mapping[str, str]], driven: list[str], needed: tuple[str, ...]) -> list[Finding]:
-    found = []
-    for name, channels in matched.items():
-        if name not in driven:
-            lacks = [kind for kind in needed if kind not in channels]
-            found.append(
-                Finding(
-                    "axis-not-driven",
-                    "warning",
-                    f"Axis {name} was not simulated: the recording has no {' and no '.join(lacks)} of it.",
-                    Where(channel=name),
-                    {"axis": name, "lacking": lacks},
-                    f"name its channels under [axes.{name}.recorded]",
-                )
-            )
-        elif not any(kind in channels for kind in KINDS if kind not in ("command", "load")):
-            found.append(
-                Finding(
-                    "output-not-recorded",
-                    "warning",
-                    f"Nothing that the simulation says of axis {name} was recorded, so nothing can be compared.",
-                    Where(channel=name),
-                    {"axis": name},
-                    f"name its channels under [axes.{name}.recorded]",
-                )
-            )
-    return found
+def _cannot_be_added(name: str, channel: str) -> OptionError:
+    return OptionError(
+        f"{channel!r}, added to the output of the control of {name}: it has a screw, or ripple by the current",
+        expected="one mass without ripple by the current, on which more output is the same as a force",
+        where=f"key axes.{name}.recorded.added",
+        advice="simulate it with --open-loop, where output and addition act together, or describe the axis as one mass",
+    )

@@ -211,6 +211,18 @@ class CourseSection(Entry):
     reversal_speed_m_per_s: Annotated[float, limited(0, 100, above=True)] = 0.02
 
 
+class AddedSection(Entry):
+    """``[axes.NAME.recorded.added]``: what was added to the output of the control, behind it."""
+
+    channel: Name
+    factor: Signed = 1.0
+
+
+def _named_channel(value: Any) -> Any:
+    """``added = "pulse"`` is short for ``added = { channel = "pulse" }``."""
+    return {"channel": value} if isinstance(value, str) else value
+
+
 class RecordedSection(Entry):
     """``[axes.NAME.recorded]``: channels of a recording that belong to this axis, where role and name do not tell."""
 
@@ -218,6 +230,8 @@ class RecordedSection(Entry):
     position: Name | None = None
     table: Name | None = None
     output: Name | None = None
+    added: Annotated[AddedSection | None, BeforeValidator(_named_channel)] = None
+    total: Name | None = None
     force: Name | None = None
     load: Name | None = None
 
