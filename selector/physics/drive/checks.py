@@ -30,3 +30,13 @@ def require_finite(values: object, *names: str) -> None:
             raise InputError(
                 f"{getattr(values, name):g}", expected="a finite number", where=name, advice="correct this parameter"
             )
+
+
+def too_far_apart() -> InputError:
+    """Numbers of an axis that are each possible, and together beyond what can be calculated."""
+    return InputError(
+        "masses, stiffnesses, damping, gains or times of the axis are too far apart to be calculated with",
+        expected="numbers of a machine in SI units",
+        where="feed axis",
+        advice="look for a wrong power of ten: mm for m, µm for m, g·cm² for kg·m²",
+    )

@@ -5,18 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from selector.errors import InputError
 from selector.physics.drive.axis import Axis
-from selector.physics.drive.closed_loop import closed_loop, opened_position_loop, servo_of
 from selector.physics.drive.course import ParameterCourse
+from selector.physics.drive.gain_limits import gain_crossings
+from selector.physics.drive.loop_poles import growing_poles, loop_poles
+from selector.physics.drive.loop_response import loop_response, nyquist_rad_per_s
 from selector.physics.drive.mechanics import Mechanics, RigidMechanics
-from selector.physics.drive.sampled_loop import SampledLoop, sampled_closed_loop, sampled_opened_position_loop
-from selector.physics.system import StateSpace
 
 
 @dataclass(frozen=True)
@@ -30,7 +29,8 @@ class LoopFigures:
     peak, peak_hz : float
         Largest amplitude of table / reference, and where; 1 at 0 Hz if nothing is amplified.
     gain_margin_db, phase_margin_deg : float
-        Margins of the opened position loop.
+        Margins of the opened position loop; that of the gain is exact, and negative where less gain is nearer to the
+        edge than more.
     gain_margin_hz, phase_margin_hz : float
         Where they are found [Hz].
     """
@@ -54,7 +54,7 @@ def frequency_response(axis: Axis, frequency_hz: ArrayLike) -> NDArray[np.comple
 
 
 def loop_figures(axis: Axis) -> LoopFigures:
-    """Bandwidth, resonance and margins of the position loop, by python-control.
+    """Bandwidth, resonance and margins of the position loop; the phase margin by python-control.
 
     Raises
     ------
@@ -63,22 +63,23 @@ def loop_figures(axis: Axis) -> LoopFigures:
     """
     import control
 
-    opened, closed = _as_control(_opened(axis), 0, control), _closed(axis)
-    if not _is_stable(closed):
+    poles = loop_poles(axis)
+    if len(growing_poles(poles)):
         return LoopFigures(*[math.nan] * 7)
-    peak, peak_hz, bandwidth_hz = _resonance(axis)
-    # python-control finds crossings from polynomials, which are too inexact in z: there it gets the response itself
-    if isinstance(closed, SampledLoop):
-        rad = 2.0 * math.pi * _frequencies_hz(closed)
-        opened = control.frd(opened(np.exp(1j * rad * closed.step_s)), rad, smooth=True)
-    gain, phase, _, gain_rad, phase_rad, _ = control.stability_margins(opened)
+    frequency_hz = _frequencies_hz(axis, poles)
+    peak, peak_hz, bandwidth_hz = _resonance(axis, frequency_hz)
+    gain_db, gain_hz = _gain_margin(axis, poles)
+    # from the response itself: crossings of polynomials are too inexact in z, and where numbers are far apart
+    rad = 2.0 * math.pi * frequency_hz
+    opened = control.frd(loop_response(axis, rad).opened_position_loop(axis), rad, smooth=True)
+    _, phase, _, _, phase_rad, _ = control.stability_margins(opened)
     return LoopFigures(
         bandwidth_hz=bandwidth_hz,
         peak=peak,
         peak_hz=peak_hz,
-        gain_margin_db=20.0 * math.log10(gain) if math.isfinite(gain) else math.inf,
+        gain_margin_db=gain_db,
         phase_margin_deg=float(phase),
-        gain_margin_hz=float(gain_rad) / (2.0 * math.pi),
+        gain_margin_hz=gain_hz,
         phase_margin_hz=float(phase_rad) / (2.0 * math.pi),
     )
 
@@ -124,45 +125,21 @@ def frozen_figures(axis: Axis, course: ParameterCourse, times_s: Sequence[float]
     return tuple(loop_figures(frozen(axis, course, time_s)) for time_s in times_s)
 
 
-def _is_stable(loop: StateSpace | SampledLoop) -> bool:
-    if isinstance(loop, SampledLoop):
-        return bool(np.abs(loop.poles).max() < 1.0)
-    return bool(loop.poles.real.max() < 0.0)
-
-
-def _opened(axis: Axis) -> StateSpace | SampledLoop:
-    sampled = servo_of(axis).sample_s > 0
-    return sampled_opened_position_loop(axis) if sampled else opened_position_loop(axis)
-
-
-def _closed(axis: Axis) -> StateSpace | SampledLoop:
-    return sampled_closed_loop(axis) if servo_of(axis).sample_s > 0 else closed_loop(axis)
-
-
-def _as_control(loop: StateSpace | SampledLoop, source: int, control: Any) -> Any:
-    """One input and the first output of a loop as python-control knows it."""
-    column, row = slice(source, source + 1), slice(0, 1)
-    period = loop.step_s if isinstance(loop, SampledLoop) else 0
-    return control.ss(loop.A, loop.B[:, column], loop.C[row], loop.D[row, column], period)
+def _gain_margin(axis: Axis, poles: NDArray[np.complex128]) -> tuple[float, float]:
+    """Nearest factor on the position gain with which the loop is at the edge [dB], and where [Hz]."""
+    crossings = gain_crossings(axis, "position_gain_per_s", poles)
+    if not crossings:
+        return math.inf, math.nan
+    nearest = min(crossings, key=lambda one: abs(math.log(one.factor)))
+    return 20.0 * math.log10(nearest.factor), nearest.rad_per_s / (2.0 * math.pi)
 
 
 def _reference_to_table(axis: Axis, frequency_hz: NDArray[np.float64]) -> NDArray[np.complex128]:
-    import control
-
-    loop = _closed(axis)
-    s = 2j * math.pi * frequency_hz
-    at = np.exp(s * loop.step_s) if isinstance(loop, SampledLoop) else s
-    response = _as_control(loop, 0, control)(at)
-    servo = servo_of(axis)
-    for source, share in ((1, servo.velocity_feedforward), (2, servo.acceleration_feedforward)):
-        if share > 0:
-            response = response + s**source * _as_control(loop, source, control)(at)
-    return np.asarray(response, dtype=np.complex128)
+    return loop_response(axis, 2.0 * math.pi * frequency_hz).reference_to_table(axis)
 
 
-def _resonance(axis: Axis) -> tuple[float, float, float]:
+def _resonance(axis: Axis, frequency_hz: NDArray[np.float64]) -> tuple[float, float, float]:
     """Largest amplitude, where, and the first frequency 3 dB below the amplitude at rest."""
-    frequency_hz = _frequencies_hz(_closed(axis))
     amplitude = np.abs(_reference_to_table(axis, frequency_hz))
     highest = int(np.argmax(amplitude))
     below = np.flatnonzero(amplitude < 1.0 / math.sqrt(2.0))
@@ -170,20 +147,17 @@ def _resonance(axis: Axis) -> tuple[float, float, float]:
     if len(below) and below[0] > 0:
         pair = slice(below[0] - 1, below[0] + 1)
         bandwidth_hz = float(np.interp(-1.0 / math.sqrt(2.0), -amplitude[pair], frequency_hz[pair]))
-    if amplitude[highest] <= 1.0:
+    # rounding is no resonance
+    if amplitude[highest] <= 1.0 + 1e-9:
         return 1.0, 0.0, bandwidth_hz
     return float(amplitude[highest]), float(frequency_hz[highest]), bandwidth_hz
 
 
-def _frequencies_hz(loop: StateSpace | SampledLoop) -> NDArray[np.float64]:
+def _frequencies_hz(axis: Axis, poles: NDArray[np.complex128]) -> NDArray[np.float64]:
     """Frequencies that miss nothing: 4000 over all that the poles ask for, and those of the poles."""
-    poles: NDArray[np.complex128] = loop.poles
-    if isinstance(loop, SampledLoop):
-        poles = np.asarray(np.log(poles[np.abs(poles) > 1e-6]) / loop.step_s)
-        highest_hz = 0.5 / loop.step_s
-    else:
-        highest_hz = 20.0 * float(np.abs(poles).max()) / (2.0 * math.pi)
-    lowest_hz = 1e-3 * float(np.abs(poles).min()) / (2.0 * math.pi)
+    size = np.abs(poles)
+    highest_hz = min(20.0 * float(size.max()), nyquist_rad_per_s(axis)) / (2.0 * math.pi)
+    lowest_hz = 1e-3 * float(size[size > 0].min()) / (2.0 * math.pi)
     near = np.abs(poles.imag) / (2.0 * math.pi)
     frequency_hz = np.unique(np.concatenate([np.geomspace(lowest_hz, highest_hz, 4000), near[near > lowest_hz]]))
     return np.asarray(frequency_hz[frequency_hz < highest_hz])

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from selector.errors import InputError
 from selector.physics.drive.axis import Axis
+from selector.physics.drive.checks import too_far_apart
 from selector.physics.drive.closed_loop import (
     inertia_at_motor,
     measurement,
@@ -23,6 +24,7 @@ from selector.physics.drive.closed_loop import (
     small_signal_mechanics,
 )
 from selector.physics.drive.mechanics import Mechanics
+from selector.physics.drive.servo import Servo
 from selector.physics.system import Matrix, Vector
 
 
@@ -74,6 +76,38 @@ def sampled_opened_position_loop(axis: Axis) -> SampledLoop:
     return _loop(axis, closed=False)
 
 
+def waiting_commands(servo: Servo) -> tuple[int, float]:
+    """How many whole samples a command of a sampled servo waits, and what is left of its delay [s]."""
+    waiting = math.floor(servo.delay_s / servo.sample_s * (1.0 + 1e-12))
+    rest_s = servo.delay_s - waiting * servo.sample_s
+    return waiting, rest_s if rest_s > 1e-9 * servo.sample_s else 0.0
+
+
+@lru_cache(maxsize=64)
+def held_forces(mechanics: Mechanics, step_s: float, rest_s: float) -> tuple[Matrix, Vector, Vector]:
+    """Decay over a period, and what a force of 1 in its first `rest_s` and in the rest of it does to the states.
+
+    Kept, because a search along the frequencies asks for the same mechanics again and again.
+
+    Raises
+    ------
+    InputError
+        If the mechanics have numbers too far apart to be calculated with.
+    """
+    system = plant(mechanics)
+    with np.errstate(all="ignore"):
+        decay, load = system.step_matrices(step_s)
+        older, newer = np.zeros_like(load), load
+        if rest_s > 0.0:
+            after, newer = system.step_matrices(step_s - rest_s)
+            older = after @ system.step_matrices(rest_s)[1]
+    for matrix in (decay, older, newer):
+        if not np.isfinite(matrix).all():
+            raise too_far_apart()
+        matrix.setflags(write=False)
+    return decay, older[:, 0], newer[:, 0]
+
+
 def _loop(axis: Axis, *, closed: bool) -> SampledLoop:
     servo, mechanics = servo_of(axis), small_signal_mechanics(axis)
     if servo.sample_s <= 0:
@@ -86,9 +120,8 @@ def _loop(axis: Axis, *, closed: bool) -> SampledLoop:
     system, radius, step_s = plant(mechanics), mechanics.travel_per_motion, servo.sample_s
     position, speed = measurement(axis)
     order, inputs = len(system.states), 3 if closed else 1
-    waiting = math.floor(servo.delay_s / step_s * (1.0 + 1e-12))
-    rest_s = max(servo.delay_s - waiting * step_s, 0.0)
-    partly = rest_s > 1e-9 * step_s
+    waiting, rest_s = waiting_commands(servo)
+    partly = rest_s > 0.0
     n_waiting = waiting + partly
     n_past = axis.sensing.speed_samples if axis.sensing.speed_from_encoder else 0
     has_integral = servo.velocity_integral_gain > 0
@@ -116,7 +149,7 @@ def _loop(axis: Axis, *, closed: bool) -> SampledLoop:
         command_by_state[integral] += servo.velocity_integral_gain
 
     A, B = np.zeros((size, size)), np.zeros((size, inputs))
-    A[:order, :order], older, newer = _held(mechanics, step_s, rest_s)
+    A[:order, :order], older, newer = held_forces(mechanics, step_s, rest_s)
     older, newer = servo.actuator_gain * older, servo.actuator_gain * newer
     # commands wait in order of age, the newest last; one computed now comes behind them
     if n_waiting:
@@ -141,20 +174,3 @@ def _loop(axis: Axis, *, closed: bool) -> SampledLoop:
     else:
         C[0] = measured
     return SampledLoop(A, B, C, D, step_s)
-
-
-@lru_cache(maxsize=64)
-def _held(mechanics: Mechanics, step_s: float, rest_s: float) -> tuple[Matrix, Vector, Vector]:
-    """Decay over a period, and what a force of 1 in its first `rest_s` and in the rest of it does to the states.
-
-    Kept, because the search for the limits of the gains asks for the same mechanics a thousand times.
-    """
-    system = plant(mechanics)
-    decay, load = system.step_matrices(step_s)
-    older, newer = np.zeros_like(load), load
-    if rest_s > 0.0:
-        after, newer = system.step_matrices(step_s - rest_s)
-        older = after @ system.step_matrices(rest_s)[1]
-    for matrix in (decay, older, newer):
-        matrix.setflags(write=False)
-    return decay, older[:, 0], newer[:, 0]

@@ -8,18 +8,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import optimize
 
 from selector.findings import Finding, Where
 from selector.physics.drive.axis import Axis
-from selector.physics.drive.closed_loop import closed_loop, servo_of
+from selector.physics.drive.closed_loop import servo_of
 from selector.physics.drive.frequency import loop_figures
-from selector.physics.drive.sampled_loop import sampled_closed_loop
+from selector.physics.drive.gain_limits import GAINS, gain_crossings, stable_factors
+from selector.physics.drive.loop_poles import growing_poles, loop_poles
 
-GAINS = ("position_gain_per_s", "velocity_gain", "velocity_integral_gain")
 LEAST_GAIN_MARGIN_DB, LEAST_PHASE_MARGIN_DEG = 6.0, 20.0
-# factors that are tried: forty a decade, so that no narrower range of stable gains is of use to anybody
-FACTORS = np.geomspace(1e-4, 1e4, 321)
+
+_MOST_POLES = 4
+_SLOWER = tuple(0.5**power for power in range(1, 15))
 
 
 @dataclass(frozen=True)
@@ -61,13 +61,19 @@ def stability(axis: Axis) -> Stability:
     InputError
         If the axis has no servo.
     """
-    poles = _poles(axis)
-    growth = float(poles.real.max())
-    ranges = {name: _stable_factors(axis, name) for name in GAINS if getattr(servo_of(axis), name) > 0}
+    poles = loop_poles(axis)
+    growing = len(growing_poles(poles))
+    margin = -float(poles.real.max())
+    ranges = {
+        name: stable_factors(gain_crossings(axis, name, poles), growing)
+        for name in GAINS
+        if getattr(servo_of(axis), name) > 0
+    }
     return Stability(
         poles=poles,
-        stable=growth < -_rounding(poles),
-        margin_per_s=-growth,
+        stable=growing == 0,
+        # a slow pole that decays may be computed as one that grows by rounding
+        margin_per_s=max(margin, 0.0) if growing == 0 else margin,
         gain_limits={name: high for name, (_, high) in ranges.items()},
         gain_floors={name: low for name, (low, _) in ranges.items()},
     )
@@ -81,26 +87,28 @@ def stability_findings(axis: Axis, where: str) -> tuple[Finding, ...]:
     if axis.servo is None:
         return ()
     found = stability(axis)
-    limits = [_limit_in_words(axis, name, found) for name in found.gain_limits]
     evidence = {
         "margin_per_s": found.margin_per_s,
         "gain_limits": dict(found.gain_limits),
         "gain_floors": dict(found.gain_floors),
     }
     if not found.stable:
-        growing = [pole for pole in found.poles if pole.real >= -_rounding(found.poles) and pole.imag >= 0]
+        growing = [pole for pole in growing_poles(found.poles) if pole.imag >= 0]
+        told = [_pole_in_words(pole, axis.servo.sample_s) for pole in growing[:_MOST_POLES]]
+        if len(growing) > _MOST_POLES:
+            told.append(f"{len(growing) - _MOST_POLES} more")
         return (
             Finding(
                 id="unstable-loop",
                 level="error",
-                statement=f"The control loop of {where} is unstable: it has {_joined(map(_pole_in_words, growing))}.",
+                statement=f"The control loop of {where} is unstable: it has {_joined(told)}.",
                 where=Where(channel=where),
                 evidence={
                     **evidence,
                     "poles_per_s": [[pole.real, pole.imag] for pole in growing],
                     "frequency_hz": [abs(pole.imag) / (2.0 * math.pi) for pole in growing],
                 },
-                suggestion="With the other gains as they are: " + "; ".join(limits) + ".",
+                suggestion=_remedy(axis, found),
             ),
         )
     figures = loop_figures(axis)
@@ -110,7 +118,7 @@ def stability_findings(axis: Axis, where: str) -> tuple[Finding, ...]:
             (figures.gain_margin_db, LEAST_GAIN_MARGIN_DB, "dB", "gain"),
             (figures.phase_margin_deg, LEAST_PHASE_MARGIN_DEG, "degrees", "phase"),
         )
-        if value < least
+        if abs(value) < least
     ]
     if not little:
         return ()
@@ -127,47 +135,37 @@ def stability_findings(axis: Axis, where: str) -> tuple[Finding, ...]:
                     for name in ("gain_margin_db", "phase_margin_deg")
                 },
             },
-            suggestion="It swings after every change. With the other gains as they are: " + "; ".join(limits) + ".",
+            suggestion=f"It swings after every change. {_limits_in_words(axis, found)}",
         ),
     )
 
 
-def _poles(axis: Axis) -> NDArray[np.complex128]:
-    servo = servo_of(axis)
+def _remedy(axis: Axis, found: Stability) -> str:
+    """What makes an unstable loop stable: one gain if that does, else less delay or a slower loop."""
+    if any(high != 0.0 for high in found.gain_limits.values()):
+        return _limits_in_words(axis, found)
+    servo, told = servo_of(axis), ["No gain alone makes it stable."]
     if servo.sample_s > 0:
-        z = sampled_closed_loop(axis).poles
-        # what decays within one sample has no logarithm and is of no interest here
-        poles: NDArray[np.complex128] = np.asarray(np.log(np.where(np.abs(z) > 1e-12, z, 1e-12)) / servo.sample_s)
-    else:
-        poles = closed_loop(axis).poles
-    return np.asarray(poles[np.argsort(-poles.real, kind="stable")])
+        delay = f"delay_s ({_seconds(servo.delay_s)}) and " if servo.delay_s > 0 else ""
+        told.append(f"Shorten {delay}sample_s ({_seconds(servo.sample_s)}) of the servo, or lower the gains together.")
+    slower = next((by for by in _SLOWER if not len(growing_poles(loop_poles(_slower(axis, by))))), None)
+    if slower is not None:
+        names = " and ".join(f"{name} {slower * getattr(servo, name):.3g}" for name in GAINS[:2])
+        integral = f", {GAINS[2]} {slower**2 * servo.velocity_integral_gain:.3g}" * (servo.velocity_integral_gain > 0)
+        told.append(f"It is stable with {names}{integral}.")
+    return " ".join(told)
 
 
-def _rounding(poles: NDArray[np.complex128]) -> float:
-    return 1e-10 * float(np.abs(poles).max())
+def _slower(axis: Axis, by: float) -> Axis:
+    """The same axis with a loop that is slower by a factor."""
+    servo = servo_of(axis)
+    gains = {name: by * getattr(servo, name) for name in GAINS[:2]}
+    return replace(axis, servo=replace(servo, **gains, velocity_integral_gain=by**2 * servo.velocity_integral_gain))
 
 
-def _stable_factors(axis: Axis, name: str) -> tuple[float | None, float | None]:
-    """Ends of the range of factors nearest to 1 with which the loop is stable."""
-
-    def growth(log_factor: float) -> float:
-        servo = servo_of(axis)
-        changed = replace(servo, **{name: getattr(servo, name) * math.exp(log_factor)})
-        return float(_poles(replace(axis, servo=changed)).real.max())
-
-    logs = np.log(FACTORS)
-    is_stable = np.array([growth(value) < 0.0 for value in logs])
-    if not is_stable.any():
-        return None, 0.0
-    inside = int(np.flatnonzero(is_stable)[np.argmin(np.abs(logs[is_stable]))])
-    low = high = inside
-    while low > 0 and is_stable[low - 1]:
-        low -= 1
-    while high < len(logs) - 1 and is_stable[high + 1]:
-        high += 1
-    floor = None if low == 0 else math.exp(optimize.brentq(growth, logs[low - 1], logs[low]))
-    limit = None if high == len(logs) - 1 else math.exp(optimize.brentq(growth, logs[high], logs[high + 1]))
-    return floor, limit
+def _limits_in_words(axis: Axis, found: Stability) -> str:
+    limits = [_limit_in_words(axis, name, found) for name in found.gain_limits]
+    return "With the other gains as they are: " + "; ".join(limits) + "."
 
 
 def _limit_in_words(axis: Axis, name: str, found: Stability) -> str:
@@ -181,8 +179,12 @@ def _limit_in_words(axis: Axis, name: str, found: Stability) -> str:
     return f"stable with {name} {' and '.join(parts)}"
 
 
-def _pole_in_words(pole: complex) -> str:
+def _pole_in_words(pole: complex, sample_s: float) -> str:
     grows = f"growing e-fold in {_seconds(1.0 / pole.real)}" if pole.real > 0 else "that does not decay"
+    if sample_s > 0 and abs(pole.imag * sample_s / math.pi - 1.0) < 1e-9:
+        # ln z of a real z below 0, which has no twin
+        z = -math.exp(pole.real * sample_s)
+        return f"a pole at z = {z:.4g}, a swing to and fro from sample to sample {grows}"
     if pole.imag == 0:
         return f"a pole at {pole.real:.3g} 1/s, {grows}"
     return (

@@ -3,15 +3,17 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import control
 import numpy as np
 import pytest
 
 from selector.errors import InputError
 from selector.physics.drive.axis import Axis
 from selector.physics.drive.catalogue import thc6350_servo, thc6350_x_axis
-from selector.physics.drive.closed_loop import closed_loop_transfer_function
+from selector.physics.drive.closed_loop import closed_loop_transfer_function, opened_position_loop
 from selector.physics.drive.course import ParameterCourse
 from selector.physics.drive.frequency import frequency_response, frozen, frozen_figures, loop_figures
+from selector.physics.drive.loop_poles import loop_poles
 from selector.physics.drive.mechanics import RigidMechanics
 from selector.physics.drive.sampled_loop import sampled_opened_position_loop
 from selector.physics.drive.servo import Servo
@@ -46,8 +48,42 @@ def test_resonance_of_a_loop_of_second_order():
 def test_gain_margin_is_the_factor_that_makes_it_unstable(sample_s):
     axis = replace(AXIS, servo=replace(thc6350_servo(), sample_s=sample_s, delay_s=sample_s))
     figures, limits = loop_figures(axis), stability(axis).gain_limits
-    # crossings found from the response and roots found from eigenvalues
-    assert figures.gain_margin_db == pytest.approx(20 * math.log10(limits["position_gain_per_s"]), abs=0.01)
+    assert figures.gain_margin_db == pytest.approx(20 * math.log10(limits["position_gain_per_s"]), rel=1e-12)
+    loop = sampled_opened_position_loop(axis) if sample_s > 0 else opened_position_loop(axis)
+    whole = control.ss(loop.A, loop.B, loop.C, loop.D, sample_s)
+    if sample_s > 0:
+        # its polynomials are too inexact in z: from its own response
+        rad = np.geomspace(1.0, 0.99 * math.pi / sample_s, 4000)
+        whole = control.frd(whole(np.exp(1j * rad * sample_s)), rad, smooth=True)
+    told = control.stability_margins(whole)
+    assert figures.gain_margin_db == pytest.approx(20 * math.log10(told[0]), abs=0.01)
+    assert figures.phase_margin_deg == pytest.approx(told[1], abs=0.02)
+
+
+@pytest.mark.parametrize("sample_s", [0.0, 1e-3])
+def test_a_loop_that_no_position_gain_makes_unstable_has_no_gain_margin(sample_s):
+    # of second order where it is continuous: its phase stays above −180°
+    figures = loop_figures(Axis(RigidMechanics(100.0, 200.0), Servo(60.0, 2e4, sample_s=sample_s)))
+    limit = stability(Axis(RigidMechanics(100.0, 200.0), Servo(60.0, 2e4, sample_s=sample_s))).gain_limits
+    if sample_s == 0:
+        assert figures.gain_margin_db == math.inf
+        assert limit["position_gain_per_s"] is None
+    else:
+        assert figures.gain_margin_db == pytest.approx(20 * math.log10(limit["position_gain_per_s"]))
+
+
+def test_poles_are_those_of_python_control():
+    servo = replace(thc6350_servo(), velocity_feedforward=0.5)
+    axis = Axis(replace(AXIS.mechanics, torsional_damping_nms_per_rad=0.4, axial_damping_ns_per_m=2e4), servo)
+    ratio = closed_loop_transfer_function(axis)
+    told = control.tf(ratio.numerator, ratio.denominator).poles()
+    # roots of a polynomial of order 7 against eigenvalues of the states
+    np.testing.assert_allclose(np.sort_complex(loop_poles(axis)), np.sort_complex(told), rtol=1e-7)
+
+
+def test_an_integral_of_next_to_nothing_does_not_make_a_resonance():
+    figures = loop_figures(Axis(RigidMechanics(100.0, 200.0), Servo(60.0, 2e4, 1e-5, sample_s=1e-3)))
+    assert (figures.peak, figures.peak_hz) == (1.0, 0.0)
 
 
 @pytest.mark.parametrize("sample_s", [0.0, 5e-4])

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -114,6 +115,34 @@ def test_when_no_factor_helps_it_is_said():
     assert 0.0 in found.gain_limits.values()
     (finding,) = stability_findings(Axis(RigidMechanics(1.0), servo), "Y")
     assert "makes it stable" in finding.suggestion
+
+
+def test_a_delay_that_no_gain_repairs_is_told_with_gains_that_do():
+    servo = Servo(60.0, 2e4, 1e5, sample_s=1e-3, delay_s=0.01)
+    axis = Axis(RigidMechanics(100.0, 200.0), servo)
+    assert set(stability(axis).gain_limits.values()) == {0.0}
+    (finding,) = stability_findings(axis, "X")
+    assert "delay_s (10 ms) and sample_s (1 ms)" in finding.suggestion
+    gains = {name: float(value) for name, value in re.findall(r"(\w+_gain\w*) ([\d.e+]+\d)", finding.suggestion)}
+    assert set(gains) == {"position_gain_per_s", "velocity_gain", "velocity_integral_gain"}
+    assert stability(replace(axis, servo=replace(servo, **gains))).stable
+
+
+def test_a_pole_that_swings_from_sample_to_sample_is_one():
+    # z = 1 − Kvp·T/M = −1.5
+    axis = Axis(RigidMechanics(1.0), Servo(1e-3, 2500.0, sample_s=1e-3))
+    (finding,) = stability_findings(axis, "X")
+    assert "a pole at z = -1.5, a swing to and fro from sample to sample growing e-fold in 2.47 ms" in finding.statement
+    assert "poles" not in finding.statement
+
+
+@pytest.mark.parametrize("more", [{"velocity_integral_gain": 1e-5}, {"position_gain_per_s": 1e-7}])
+def test_very_slow_poles_are_no_instability(more):
+    # both decay, with 5e-10 and 1e-7 1/s, less than the rounding of eigenvalues of 2e4 1/s
+    found = stability(Axis(RigidMechanics(100.0, 200.0), replace(Servo(60.0, 2e4, 1e5, sample_s=1e-3), **more)))
+    assert found.stable
+    assert found.margin_per_s >= 0.0
+    assert all(high > 1.0 for high in found.gain_limits.values())
 
 
 def test_findings_are_json_where_a_margin_is_infinite():
