@@ -24,6 +24,9 @@ _GOES_WITH = {
     "direction": "direction of travel",
     "constant": "nothing, always there",
     "rest": "none of these",
+    "speed+direction": "motion (lag or friction)",
+    "direction+constant": "friction or an offset",
+    "speed+direction+constant": "motion (lag, friction, offset)",
 }
 
 
@@ -64,8 +67,8 @@ def show_analysis(console: Console, model: DriveModel, summary: DriveSummary) ->
             one.max_m * _MICRO,
             one.rms_m * _MICRO,
             {"um": "µm", "urad": "µrad"}[_unit(model, name)],
-            _GOES_WITH[one.parts.largest],
-            f"{100 * one.limited_share:.2g} %" if one.limited_share else None,
+            f"{_GOES_WITH[one.parts.largest]} ({_percent(one.parts.share(one.parts.largest))})",
+            _percent(one.limited_share) if one.limited_share else None,
         )
         for run, name, one in told
     ]
@@ -122,8 +125,11 @@ def _axis_in_run(one: AxisSummary) -> dict[str, Any]:
         "max": one.max_m * _MICRO,
         "max_at_s": one.max_at_s,
         "parts_rms": {name: rms * _MICRO for name, rms in one.parts.rms_m.items()},
-        "lag_ms": one.parts.lag_s * 1e3,
+        "lag_ms": None if one.parts.lag_s is None else one.parts.lag_s * 1e3,
         "limited_share": one.limited_share,
+        "stick_slip": None
+        if one.stick_slip is None
+        else {"creeping_share": one.stick_slip.creeping_share, "jumps": one.stick_slip.jumps},
         "stiffness_n_per_um": None if one.stiffness_n_per_m is None else [s * 1e-6 for s in one.stiffness_n_per_m],
         "damping_ns_per_m": list(one.damping_ns_per_m),
     }
@@ -205,6 +211,10 @@ def _causes(causes: CircleCauses) -> dict[str, Any]:
 
 def _amount(one: Amount) -> dict[str, Any]:
     return {"value": one.value, "standard_error": one.standard_error, "unit": one.unit}
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %" if share >= 0.095 or share == 0 else f"{100 * share:.2g} %"
 
 
 def _finite(value: float) -> float | str:

@@ -31,7 +31,13 @@ from selector.physics.drive.motion import Motion
 from selector.recording import Recording
 from selector.report import origin
 from selector.report.ball_bar_part import BallBarOnPage, ball_bar_part, ball_bar_sentences
-from selector.report.drive_wording import cause_sentence, loop_tables, off_sentence, parts_table
+from selector.report.drive_wording import (
+    cause_sentence,
+    loop_tables,
+    off_sentence,
+    parts_table,
+    stick_slip_sentence,
+)
 from selector.report.numbers import NONE, number_text
 from selector.report.page import Picture, Pictures, rendered
 from selector.report.simulation_report import channels_table
@@ -170,7 +176,10 @@ def _sentences(page: DrivePage) -> tuple[str, list[str]]:
     name = one.name if len({axis.name for axes in page.runs.values() for axis in axes}) > 1 else ""
     more = [cause_sentence(one.summary.parts, one.axis, one.measures)]
     if one.summary.limited_share > 0:
-        more.append(f"A limit of current or speed was reached {100 * one.summary.limited_share:.2g} % of the time.")
+        share = number_text(100 * one.summary.limited_share, 2)
+        more.append(f"A limit of current or speed was reached {share} % of the time.")
+    if one.summary.stick_slip is not None:
+        more.insert(0, stick_slip_sentence(one.summary.stick_slip, name))
     unstable = [name for name, loop in page.loops.items() if not loop.stability.stable]
     if unstable:
         more.insert(0, f"The control loop of {', '.join(unstable)} is unstable.")

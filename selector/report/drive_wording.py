@@ -12,6 +12,7 @@ from selector.physics.drive.axis_summary import LoopSummary
 from selector.physics.drive.error_parts import ErrorParts
 from selector.physics.drive.frequency import LoopFigures
 from selector.physics.drive.motion import Motion
+from selector.physics.drive.sticking import StickSlip
 from selector.report.numbers import NONE, number_text, span_text
 from selector.report.tables import Table, table
 
@@ -25,6 +26,9 @@ _WHAT = {
     "direction": "the direction of travel",
     "constant": "nothing: it is always there",
     "rest": "none of these",
+    "speed+direction": "speed or direction of travel, not told apart",
+    "direction+constant": "the direction of travel or nothing, not told apart",
+    "speed+direction+constant": "speed, direction of travel or nothing, not told apart",
 }
 _WHY = {
     "speed": "the position loop lags behind",
@@ -32,6 +36,9 @@ _WHY = {
     "direction": "dry friction and lost motion",
     "constant": "weight, offsets, pitch",
     "rest": "oscillation, reversals, limits, periodic errors, noise",
+    "speed+direction": "lag and dry friction: it moves at one speed only",
+    "direction+constant": "dry friction, weight, offsets: it moves one way only",
+    "speed+direction+constant": "lag, dry friction, weight, offsets: it moves one way and at one speed only",
 }
 
 
@@ -52,56 +59,75 @@ def off_sentence(name: str, motion: Motion, measures: Measures, run: str = "") -
 def cause_sentence(parts: ErrorParts, axis: Axis, measures: Measures) -> str:
     """What most of the error goes with; in numbers that can be compared with the axis' settings."""
     unit, times = measures.error
-    most, share = _share_of(parts, parts.largest)
-    if parts.largest == "speed":
-        text = f"{most} goes with the speed ({share}): the table follows {_ms(parts.lag_s)} behind."
-        servo = axis.servo
-        if servo is not None:
-            expected = (1.0 - servo.velocity_feedforward) / servo.position_gain_per_s
-            if expected > 0 and abs(parts.lag_s / expected - 1.0) < _LEAST_LAG_SHARE:
-                text += f" That is the position gain of {number_text(servo.position_gain_per_s)} 1/s"
-                text += (
-                    ", without feed-forward."
-                    if servo.velocity_feedforward == 0
-                    else f" with {number_text(100 * servo.velocity_feedforward)} % of feed-forward."
-                )
-        return text
-    if parts.largest == "acceleration":
+    name, share = parts.largest, parts.share(parts.largest)
+    most = "Most of it" if share >= 0.5 else "The largest part of it"
+    part = f"{number_text(100 * share, 2)} % of the mean square"
+    if name == "speed":
+        return f"{most} goes with the speed ({part}): {_lag_sentence(parts, axis)}"
+    if name == "acceleration" and parts.per_acceleration_s2 is not None:
         slope = number_text(parts.per_acceleration_s2 * times)
-        return f"{most} goes with the acceleration ({share}): {slope} {unit} per {_per_acceleration(measures)}."
-    if parts.largest == "direction":
+        return f"{most} goes with the acceleration ({part}): {slope} {unit} per {_per_acceleration(measures)}."
+    if name == "direction" and parts.reversal_m is not None:
         size = number_text(abs(parts.reversal_m) * times)
-        return f"{most} changes with the direction of travel ({share}): ±{size} {unit}, friction and lost motion."
-    if parts.largest == "constant":
-        return f"{most} is always there ({share}): {number_text(parts.constant_m * times)} {unit}."
-    return f"{most} goes with neither speed, acceleration nor direction ({share}); see its course."
+        return f"{most} changes with the direction of travel ({part}): ±{size} {unit}, friction and lost motion."
+    if name == "constant" and parts.constant_m is not None:
+        return f"{most} is always there ({part}): {number_text(parts.constant_m * times)} {unit}."
+    if name == "rest":
+        return f"{most} goes with neither speed, acceleration nor direction ({part}); see its course."
+    return f"{most} ({part}) may be {_WHY[name].replace(': it moves', '; it moves')}, which tells no more."
+
+
+def stick_slip_sentence(found: StickSlip, name: str) -> str:
+    """How often and how long a table sticks."""
+    return (
+        f"{name or 'The table'} sticks and slips: it stands or creeps for {number_text(100 * found.creeping_share, 2)} "
+        f"% of the time that it is commanded to move, and jumps {found.jumps} times after it first broke loose."
+    )
 
 
 def parts_table(parts: ErrorParts, measures: Measures) -> Table:
     """The parts of a tracking error with their sizes."""
     unit, times = measures.error
     sizes = {
-        "speed": f"{_ms(parts.lag_s)} behind",
-        "acceleration": f"{number_text(parts.per_acceleration_s2 * times)} {unit} per {_per_acceleration(measures)}",
-        "direction": f"±{number_text(abs(parts.reversal_m) * times)} {unit}",
-        "constant": f"{number_text(parts.constant_m * times)} {unit}",
-        "rest": "",
+        "speed": parts.lag_s is not None and f"{_ms(parts.lag_s)} behind",
+        "acceleration": parts.per_acceleration_s2 is not None
+        and f"{number_text(parts.per_acceleration_s2 * times)} {unit} per {_per_acceleration(measures)}",
+        "direction": parts.reversal_m is not None and f"±{number_text(abs(parts.reversal_m) * times)} {unit}",
+        "constant": parts.constant_m is not None and f"{number_text(parts.constant_m * times)} {unit}",
     }
     rows = [
-        (_WHAT[name], number_text(rms * times), sizes[name], _WHY[name])
-        for name, rms in sorted(parts.rms_m.items(), key=lambda item: -item[1])
+        (
+            _WHAT[name],
+            number_text(rms * times),
+            f"{number_text(100 * parts.share(name), 2)} %",
+            sizes.get(name) or "",
+            _WHY[name],
+        )
+        for name, rms in parts.rms_m.items()
     ]
     note = (
         "A least-squares fit of the error on the commanded speed, its derivative, its sign and a constant. It tells "
-        "what the error goes with; the last column names what usually makes such a part."
+        "what the error goes with; the last column names what usually makes such a part. Rms and share of the mean "
+        "square are what a part adds to those above it, the one that explains most first, so that the shares make "
+        "100 %. Sizes are those of the fit of all parts together."
     )
-    return table(["goes with", f">rms [{unit}]", "size", "usual reason"], rows, note)
+    return table(["goes with", f">rms [{unit}]", ">share", "size", "usual reason"], rows, note)
 
 
-def _share_of(parts: ErrorParts, name: str) -> tuple[str, str]:
-    whole = sum(rms**2 for rms in parts.rms_m.values())
-    share = parts.rms_m[name] ** 2 / whole if whole > 0 else 1.0
-    return ("Most of it" if share >= 0.5 else "The largest part of it"), f"{100 * share:.0f} % of its square"
+def _lag_sentence(parts: ErrorParts, axis: Axis) -> str:
+    if parts.lag_s is None:
+        return ""
+    text = f"the table follows {_ms(parts.lag_s)} behind."
+    servo = axis.servo
+    if servo is None:
+        return text
+    expected = (1.0 - servo.velocity_feedforward) / servo.position_gain_per_s
+    if expected > 0 and abs(parts.lag_s / expected - 1.0) < _LEAST_LAG_SHARE:
+        ahead = servo.velocity_feedforward
+        text += f" That is about what the position gain of {number_text(servo.position_gain_per_s)} 1/s makes"
+        text += f", {_ms(expected)}, without feed-forward." if ahead == 0 else ""
+        text += f" with {number_text(100 * ahead)} % of feed-forward, {_ms(expected)}." if ahead else ""
+    return text
 
 
 def _ms(seconds: float) -> str:

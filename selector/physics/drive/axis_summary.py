@@ -17,6 +17,7 @@ from selector.physics.drive.mechanics import ThreeMassMechanics
 from selector.physics.drive.motion import Motion
 from selector.physics.drive.reference import Reference
 from selector.physics.drive.stability import Stability, stability
+from selector.physics.drive.sticking import StickSlip, stick_slip
 from selector.physics.drive.stiffness import axial_stiffness_n_per_m
 
 _AT_LIMIT = 1.0 - 1e-9
@@ -36,6 +37,8 @@ class AxisSummary:
         Share of the samples at which a limit of current or speed was reached.
     stiffness_n_per_m, damping_ns_per_m : (float, float) or None
         Least and most of axial stiffness [N/m] and damping of the guide [N·s/m]; a rigid axis has no stiffness.
+    stick_slip : StickSlip or None
+        How it sticks and slips, if it does.
     """
 
     rms_m: float
@@ -45,6 +48,7 @@ class AxisSummary:
     limited_share: float
     stiffness_n_per_m: tuple[float, float] | None
     damping_ns_per_m: tuple[float, float]
+    stick_slip: StickSlip | None = None
 
 
 @dataclass(frozen=True)
@@ -80,6 +84,7 @@ def axis_summary(axis: Axis, reference: Reference, motion: Motion, course: Param
         limited_share=float(limited_samples(axis, reference, motion).mean()),
         stiffness_n_per_m=None if stiffness is None else _range(stiffness),
         damping_ns_per_m=_range(damping),
+        stick_slip=stick_slip(motion),
     )
 
 

@@ -57,7 +57,7 @@ class AxisRun:
         Stiffness and damping that it had, with ``varying = "command"``.
     step_s : float
         Largest step of the calculation [s].
-    measured : tuple of int or None
+    arc : tuple of int or None
         First sample that is recorded, and the first that is not any more; None: all are. Of a circle the 360° between
         run-in and run-out.
     added : ndarray of shape (n_samples,) or None
@@ -69,20 +69,20 @@ class AxisRun:
     motion: Motion
     course: ParameterCourse | None
     step_s: float
-    measured: tuple[int, int] | None = None
+    arc: tuple[int, int] | None = None
     added: Vector | None = None
 
     @property
     def recorded(self) -> AxisRun:
         """Of it what is recorded, with its own time 0; itself where all is."""
-        if self.measured is None:
+        if self.arc is None:
             return self
-        part = slice(*self.measured)
+        part = slice(*self.arc)
         names = ("position_m", "speed_m_per_s", "acceleration_m_per_s2", "force_n")
         reference = Reference(self.reference.period_s, **_cut(self.reference, names, part))
         motion = _cut(self.motion, [one.name for one in fields(Motion)], part)
         motion["time_s"] = motion["time_s"] - motion["time_s"][0]
-        return replace(self, reference=reference, motion=Motion(**motion), measured=None)
+        return replace(self, reference=reference, motion=Motion(**motion), arc=None)
 
 
 @dataclass(frozen=True)
@@ -289,10 +289,8 @@ class DriveModel:
             time_s = next(iter(motions.values())).time_s
             references = circle_references(circle, tuple(axes), period_s=float(time_s[1] - time_s[0]))
             inside = np.flatnonzero(measured_samples(circle, time_s))
-            measured = (int(inside[0]), int(inside[-1]) + 1)
-            runs[run] = {
-                name: AxisRun(axes[name], references[name], motions[name], None, step_s, measured) for name in axes
-            }
+            arc = (int(inside[0]), int(inside[-1]) + 1)
+            runs[run] = {name: AxisRun(axes[name], references[name], motions[name], None, step_s, arc) for name in axes}
             traces[run] = trace
             columns: dict[str, Vector] = {}
             for name, axis in self.axes.items():

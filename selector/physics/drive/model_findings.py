@@ -14,6 +14,7 @@ from selector.physics.drive.drive_model import AxisRun, DriveModel, DriveSimulat
 from selector.physics.drive.model_axes import FileAxis
 from selector.physics.drive.stability import stability_findings
 from selector.physics.drive.step_choice import fastest_rate_per_s
+from selector.physics.drive.sticking import stick_slip
 
 COARSE_PER_MODE = 1.0
 """Step × fastest rate above which a method of order 4 takes more than 4 % of that vibration a period (2π/144)."""
@@ -39,7 +40,8 @@ def model_findings(model: DriveModel) -> tuple[Finding, ...]:
 def simulation_findings(model: DriveModel, simulation: DriveSimulation) -> tuple[Finding, ...]:
     """What is odd about what the axes did; of each the worst run, and how many runs it concerns.
 
-    Limits that were reached, commands that cannot be followed, a start in motion, a table off its screw, an encoder
+    Limits that were reached, commands that cannot be followed, a start in motion, a table that leaves its screw or
+    sticks and slips, an encoder
     that is coarser than the error.
     """
     found: list[Finding] = []
@@ -63,6 +65,7 @@ def _of_run(name: str, run: str, done: AxisRun, made: FileAxis) -> Iterator[tupl
     if made.parts is not None:
         yield from _off_screw(name, where, done, made.parts)
     yield from _coarse_encoder(name, where, done.recorded, made.rotary)
+    yield from _sticks(name, where, done.recorded)
 
 
 def _limits(name: str, where: Where, done: AxisRun) -> Iterator[tuple[float, Finding]]:
@@ -149,6 +152,23 @@ def _coarse_encoder(name: str, where: Where, done: AxisRun, turns: bool) -> Iter
     else:
         what, step_m = "encoder", sensing.motor_resolution * done.axis.mechanics.travel_per_motion
     unit = "µrad" if turns else "µm"
+def _sticks(name: str, where: Where, done: AxisRun) -> Iterator[tuple[float, Finding]]:
+    found = stick_slip(done.motion)
+    if found is not None:
+        yield (
+            found.creeping_share,
+            Finding(
+                "stick-slip",
+                "info",
+                f"The table of {name} sticks and slips: it stands or creeps for {100 * found.creeping_share:.0f} % of "
+                f"the time that it is commanded to move, and jumps {found.jumps} times after it first broke loose.",
+                where,
+                {"creeping_share": found.creeping_share, "jumps": found.jumps},
+                "go faster, stiffen the screw, or let the breakaway friction be nearer to the sliding one",
+            ),
+        )
+
+
     rms_m = math.sqrt(float(np.mean(done.motion.tracking_error_m**2)))
     if step_m > 0 and step_m > rms_m:
         yield (
