@@ -37,35 +37,35 @@ def model_findings(model: DriveModel) -> tuple[Finding, ...]:
     return tuple(found)
 
 
-def simulation_findings(model: DriveModel, simulation: DriveSimulation) -> tuple[Finding, ...]:
+def simulation_findings(model: DriveModel, simulation: DriveSimulation, *, driven: bool = False) -> tuple[Finding, ...]:
     """What is odd about what the axes did; of each the worst run, and how many runs it concerns.
 
-    Limits that were reached, commands that cannot be followed, a start in motion, a table that leaves its screw or
-    sticks and slips, an encoder
-    that is coarser than the error.
+    Limits that were reached, commands that cannot be followed, a start in motion, a table that leaves its screw, one
+    that sticks and slips, an encoder that is coarser than the error. `driven` says that recordings drove it, not the motion of the file.
     """
     found: list[Finding] = []
+    kind = "" if driven else model.file.motion.kind
     names = dict.fromkeys(name for done in simulation.axes.values() for name in done)
     for name in names:
         told: dict[str, list[tuple[float, Finding]]] = {}
         for run, done in simulation.axes.items():
             if name in done:
-                for size, one in _of_run(name, run, done[name], model.file_axes[name]):
+                for size, one in _of_run(name, run, done[name], model.file_axes[name], kind):
                     told.setdefault(one.id, []).append((size, one))
         found += [_worst(ones, len(simulation.axes)) for ones in told.values()]
     return tuple(found)
 
 
-def _of_run(name: str, run: str, done: AxisRun, made: FileAxis) -> Iterator[tuple[float, Finding]]:
-    """(how bad, finding) of one axis in one run."""
+def _of_run(name: str, run: str, done: AxisRun, made: FileAxis, kind: str) -> Iterator[tuple[float, Finding]]:
+    """(how bad, finding) of one axis in one run; `kind` of the motion, empty of a recording."""
     where = Where(channel=name, run=run or None)
     yield from _limits(name, where, done.recorded)
     yield from _too_fast(name, where, done, made.rotary)
-    yield from _jolt(name, where, done, made.rotary)
+    yield from _jolt(name, where, done, made.rotary, kind)
     if made.parts is not None:
         yield from _off_screw(name, where, done, made.parts)
-    yield from _coarse_encoder(name, where, done.recorded, made.rotary)
     yield from _sticks(name, where, done.recorded)
+    yield from _coarse_encoder(name, where, done.recorded, made.rotary)
 
 
 def _limits(name: str, where: Where, done: AxisRun) -> Iterator[tuple[float, Finding]]:
@@ -105,10 +105,18 @@ def _too_fast(name: str, where: Where, done: AxisRun, turns: bool) -> Iterator[t
         )
 
 
-def _jolt(name: str, where: Where, done: AxisRun, turns: bool) -> Iterator[tuple[float, Finding]]:
+_AT_REST_FROM = {
+    "": "let the recording have the position of the axis, so that it begins as fast as the machine did",
+    "sine": "begin at rest: phase_deg = 90",
+}
+_COURSE = "let the course begin at rest"
+
+
+def _jolt(name: str, where: Where, done: AxisRun, turns: bool, kind: str) -> Iterator[tuple[float, Finding]]:
     speed = np.abs(done.reference.speed_m_per_s)
     share = float(speed[0] / speed.max()) if speed.max() > 0 else 0.0
-    if share > _START_SHARE:
+    stands = abs(float(done.motion.table_speed_m_per_s[0])) <= _START_SHARE * speed.max()
+    if share > _START_SHARE and stands:
         yield (
             share,
             Finding(
@@ -118,7 +126,7 @@ def _jolt(name: str, where: Where, done: AxisRun, turns: bool) -> Iterator[tuple
                 "which says nothing of its errors later.",
                 where,
                 {"speed_m_per_s": float(speed[0])},
-                "look at the error after the first moments, or begin at rest (a sine: phase_deg = 90)",
+                f"look at the error after the first moments, or {_AT_REST_FROM.get(kind, _COURSE)}",
             ),
         )
 
@@ -143,15 +151,6 @@ def _off_screw(name: str, where: Where, done: AxisRun, parts: Parts) -> Iterator
         )
 
 
-def _coarse_encoder(name: str, where: Where, done: AxisRun, turns: bool) -> Iterator[tuple[float, Finding]]:
-    servo, sensing = done.axis.servo, done.axis.sensing
-    if servo is None:
-        return
-    if servo.feedback == "table":
-        what, step_m = "scale", sensing.scale_resolution_m
-    else:
-        what, step_m = "encoder", sensing.motor_resolution * done.axis.mechanics.travel_per_motion
-    unit = "µrad" if turns else "µm"
 def _sticks(name: str, where: Where, done: AxisRun) -> Iterator[tuple[float, Finding]]:
     found = stick_slip(done.motion)
     if found is not None:
@@ -169,6 +168,15 @@ def _sticks(name: str, where: Where, done: AxisRun) -> Iterator[tuple[float, Fin
         )
 
 
+def _coarse_encoder(name: str, where: Where, done: AxisRun, turns: bool) -> Iterator[tuple[float, Finding]]:
+    servo, sensing = done.axis.servo, done.axis.sensing
+    if servo is None:
+        return
+    if servo.feedback == "table":
+        what, step_m = "scale", sensing.scale_resolution_m
+    else:
+        what, step_m = "encoder", sensing.motor_resolution * done.axis.mechanics.travel_per_motion
+    unit = "µrad" if turns else "µm"
     rms_m = math.sqrt(float(np.mean(done.motion.tracking_error_m**2)))
     if step_m > 0 and step_m > rms_m:
         yield (
