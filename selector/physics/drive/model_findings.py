@@ -41,7 +41,8 @@ def simulation_findings(model: DriveModel, simulation: DriveSimulation, *, drive
     """What is odd about what the axes did; of each the worst run, and how many runs it concerns.
 
     Limits that were reached, commands that cannot be followed, a start in motion, a table that leaves its screw, one
-    that sticks and slips, an encoder that is coarser than the error. `driven` says that recordings drove it, not the motion of the file.
+    that sticks and slips, an encoder that is coarser than the error. `driven` says that recordings drove it, not the
+    motion of the file.
     """
     found: list[Finding] = []
     kind = "" if driven else model.file.motion.kind
