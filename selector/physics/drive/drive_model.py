@@ -78,11 +78,15 @@ class AxisRun:
         if self.arc is None:
             return self
         part = slice(*self.arc)
-        names = ("position_m", "speed_m_per_s", "acceleration_m_per_s2", "force_n")
+        names: tuple[str, ...] = ("position_m", "speed_m_per_s", "acceleration_m_per_s2", "force_n")
         reference = Reference(self.reference.period_s, **_cut(self.reference, names, part))
         motion = _cut(self.motion, [one.name for one in fields(Motion)], part)
         motion["time_s"] = motion["time_s"] - motion["time_s"][0]
-        return replace(self, reference=reference, motion=Motion(**motion), arc=None)
+        course = self.course
+        if course is not None:
+            names = ("axial_stiffness_n_per_m", "guide_damping_ns_per_m")
+            course = ParameterCourse(course.period_s, **_cut(course, names, part))
+        return replace(self, reference=reference, motion=Motion(**motion), course=course, arc=None)
 
 
 @dataclass(frozen=True)
@@ -352,7 +356,7 @@ def drive_model(file: DriveFile, columns: Columns | None = None) -> DriveModel:
     return model
 
 
-def _cut(value: Reference | Motion, names: Iterable[str], part: slice) -> dict[str, Any]:
+def _cut(value: Reference | Motion | ParameterCourse, names: Iterable[str], part: slice) -> dict[str, Any]:
     """A stretch of the courses of these names; None where there is none."""
     courses = {name: getattr(value, name) for name in names}
     return {name: None if course is None else course[part] for name, course in courses.items()}
