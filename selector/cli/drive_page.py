@@ -20,6 +20,7 @@ from selector.physics.drive.servo import Servo
 
 if TYPE_CHECKING:
     from selector.physics.drive.axis_summary import LoopSummary
+    from selector.physics.drive.comparison import Difference
     from selector.physics.drive.drive_model import AxisRun, DriveModel, DriveSimulation
     from selector.physics.drive.drive_summary import DriveSummary
     from selector.report.drive_report import AxisOnPage, DrivePage, Response
@@ -30,9 +31,14 @@ _SPREAD = 30.0
 
 
 def page_of(
-    model: DriveModel, simulation: DriveSimulation, summary: DriveSummary, findings: tuple[Finding, ...], path: Path
+    model: DriveModel,
+    simulation: DriveSimulation,
+    summary: DriveSummary,
+    findings: tuple[Finding, ...],
+    path: Path,
+    differences: tuple[Difference, ...] = (),
 ) -> DrivePage:
-    """Everything that the page shows; `path` is the model file."""
+    """Everything that the page shows; `path` is the model file, `differences` are those from recordings."""
     from selector.report.ball_bar_part import BallBarOnPage
     from selector.report.drive_report import MOST_RUNS, DrivePage
 
@@ -58,6 +64,7 @@ def page_of(
         ball_bar=BallBarOnPage(tuple(simulation.traces.values()), summary.quantities, summary.causes)
         if summary.quantities
         else None,
+        differences=differences,
         findings=findings,
         parameters=tuple(_parameters(model)),
         told={

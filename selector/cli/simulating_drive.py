@@ -13,6 +13,7 @@ import typer
 
 from selector.cli import showing
 from selector.cli.drive_analysis import drive_object, show_analysis
+from selector.cli.drive_comparison import comparison_object, show_comparison
 from selector.cli.showing import AsJson
 from selector.cli.simulating import (
     Destination,
@@ -32,7 +33,11 @@ from selector.errors import InputError, OptionError
 from selector.findings import Finding
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
+    from selector.physics.drive.comparison import Difference
     from selector.physics.drive.drive_model import DriveModel, DriveSimulation
+    from selector.physics.drive.drive_summary import DriveSummary
     from selector.physics.drive.model_schema import DriveFile
 
 _RUNS_OF_CIRCLES = "a ball-bar test has one run for each feed and direction"
@@ -53,6 +58,7 @@ class _Work:
     simulation: DriveSimulation
     destination: Destination
     findings: tuple[Finding, ...]
+    differences: tuple[Difference, ...] | None = None
 
 
 def drive(
@@ -114,7 +120,9 @@ def drive(
             from selector.cli.drive_page import page_of
             from selector.report.drive_report import write_drive_report
 
-            page = partial(write_drive_report, page_of(built, work.simulation, summary, findings, model))
+            page = partial(
+                write_drive_report, page_of(built, work.simulation, summary, findings, model, work.differences or ())
+            )
         told = work.simulation.recording.provenance
         done = Simulated(
             work.simulation.recording,
@@ -126,12 +134,13 @@ def drive(
             per_run=told["runs"],
         )
         write(done, report, page)
+    compared = None if work.differences is None else comparison_object(work.differences)
     tell(
         done,
         report,
         as_json,
-        {"drive": drive_object(built, summary)},
-        lambda console: show_analysis(console, built, summary),
+        {"drive": drive_object(built, summary) | {"comparison": compared}},
+        lambda console: _show(console, built, summary, work.differences or ()),
     )
 
 
@@ -172,6 +181,7 @@ def _driven(
     progress: Any,
 ) -> _Work:
     """One simulation of every recorded run."""
+    from selector.physics.drive.comparison import recorded_differences
     from selector.physics.drive.driving import driven_runs
     from selector.physics.drive.model_findings import model_findings, simulation_findings
     from selector.readers import read as read_recordings
@@ -182,8 +192,15 @@ def _driven(
     before = model_findings(built)
     with _poles_told(before):
         driven = driven_runs(built, reading.recording, opened=open_loop, seed=seed, progress=progress)
-    after = simulation_findings(built, driven.simulation)
-    return _Work(driven.simulation, destination, (*reading.findings, *before, *driven.findings, *after))
+    after = simulation_findings(built, driven.simulation, driven=True)
+    said = (*reading.findings, *before, *driven.findings, *after)
+    differences = recorded_differences(built, driven, reading.recording)
+    return _Work(driven.simulation, destination, said, differences)
+
+
+def _show(console: Console, built: DriveModel, summary: DriveSummary, differences: tuple[Difference, ...]) -> None:
+    show_comparison(console, differences)
+    show_analysis(console, built, summary)
 
 
 @contextmanager

@@ -25,12 +25,14 @@ from selector.figures.drive import (
 from selector.findings import Finding
 from selector.physics.drive.axis import Axis
 from selector.physics.drive.axis_summary import AxisSummary, LoopSummary
+from selector.physics.drive.comparison import Difference
 from selector.physics.drive.course import ParameterCourse
 from selector.physics.drive.mechanics import ThreeMassMechanics
 from selector.physics.drive.motion import Motion
 from selector.recording import Recording
 from selector.report import origin
 from selector.report.ball_bar_part import BallBarOnPage, ball_bar_part, ball_bar_sentences
+from selector.report.comparison_part import comparison_part, comparison_sentences
 from selector.report.drive_wording import (
     cause_sentence,
     loop_tables,
@@ -110,6 +112,8 @@ class DrivePage:
         Axis → its frequency response.
     ball_bar : BallBarOnPage or None
         What a ball-bar shows, if the axes went in circles.
+    differences : tuple of Difference
+        From the recordings that drove it, if any did.
     findings : tuple of Finding
     parameters : tuple of (name, value, unit, origin)
     told : mapping
@@ -123,6 +127,7 @@ class DrivePage:
     loops: Mapping[str, LoopSummary] = field(default_factory=dict)
     responses: Mapping[str, Response] = field(default_factory=dict)
     ball_bar: BallBarOnPage | None = None
+    differences: tuple[Difference, ...] = ()
     findings: tuple[Finding, ...] = ()
     parameters: tuple[tuple[str, float, str, str], ...] = ()
     told: Mapping[str, Any] = field(default_factory=dict)
@@ -145,15 +150,17 @@ def write_drive_report(page: DrivePage, path: str | Path) -> Path:
 def drive_html(page: DrivePage) -> str:
     """The report as text, see `write_drive_report`."""
     pictures = Pictures()
-    first, more = _sentences(page)
+    own, others = _sentences(page)
+    sentences = [*comparison_sentences(page.differences), own, *others]
     # circles are drawn as circles
     shown = () if page.ball_bar is not None else tuple(page.runs)[:MOST_RUNS]
     values: dict[str, Any] = {
         "title": f"Simulation: {page.model}",
         "version": __version__,
-        "first": first,
-        "more": more,
+        "first": sentences[0],
+        "more": sentences[1:],
         "ball_bar": None if page.ball_bar is None else ball_bar_part(pictures, page.ball_bar),
+        "comparison": comparison_part(pictures, page.differences) if page.differences else None,
         "runs": [_run(pictures, page, run) for run in shown],
         "more_runs": 0 if page.ball_bar is not None else len(page.runs) - len(shown),
         "loops": [_loop(pictures, page, name) for name in page.loops],

@@ -370,3 +370,52 @@ def test_ctrl_c_leaves_nothing_behind(folder):
     assert out == ""
     assert "Nothing was written" in err
     assert sorted(path.name for path in folder.iterdir()) == before
+
+
+EMPS = ROOT / "fixtures" / "emps"
+
+
+@pytest.mark.parametrize(
+    ("record", "machine", "position_um", "voltage_share", "said"),
+    [
+        ("DATA_EMPS", "machine", 1.617, 0.0457, ["nothing-added"]),
+        ("DATA_EMPS_PULSES", "machine-pulses", 1.939, 0.0513, []),
+    ],
+)
+def test_the_real_drive_is_laid_beside_its_records(record, machine, position_um, voltage_share, said, folder, capfd):
+    files = ["--inputs", str(EMPS / f"{record}.mat"), "--machine", str(EMPS / f"{machine}.toml")]
+    shown = simulated(capfd, str(EMPS / "emps.toml"), *files, "--out", "closed", "--report", "page.html")
+    assert [one["id"] for one in shown["findings"]] == said
+    position, output = shown["drive"]["comparison"]
+    # as docs/explanation/emps-drive.md has it, and the digits that another rounding of the encoder may move
+    assert (position["channel"], position["unit"]) == ("position", "um")
+    assert position["rms"] == pytest.approx(position_um, rel=0.01)
+    assert output["channel"] == "command"
+    assert output["kind"] == ("total" if record.endswith("PULSES") else "output")
+    assert output["relative"] == pytest.approx(voltage_share, rel=0.01)
+    # the same by hand from the two files
+    closed = pd.read_csv(f"closed/{record}.csv")
+    recorded = read([EMPS / f"{record}.mat"], machine=EMPS / f"{machine}.toml").recording.values(record, ["position"])
+    off = 1e6 * (closed["position"].to_numpy() - recorded[:, 0])
+    assert position["rms"] == pytest.approx(np.sqrt(np.mean(off**2)), rel=1e-6)
+    assert position["largest"] == pytest.approx(np.abs(off).max(), rel=1e-6)
+    assert closed["time_s"][int(np.argmax(np.abs(off)))] == pytest.approx(position["largest_at_s"], abs=1e-9)
+    page = re.sub(r"<script.*?</script>", "", Path("page.html").read_text(encoding="utf-8"), flags=re.DOTALL)
+    first = re.search(r'<p class="first">(.*?)</p>', page)[1]
+    assert first.startswith(f"Simulated and recorded position differ by {position_um:.2f} µm rms")
+    opened = simulated(capfd, str(EMPS / "emps.toml"), *files, "--open-loop", "--out", "opened")
+    # forces of 0.05 N too much or too little are millimetres after seconds
+    (free,) = opened["drive"]["comparison"]
+    assert 4000 < free["rms"] < 9000
+
+
+def test_a_motion_of_the_file_is_compared_with_nothing(folder, capfd):
+    assert simulated(capfd, "model.toml", "--out", "run.csv")["drive"]["comparison"] is None
+
+
+def test_differences_are_shown_on_the_screen(folder, capfd):
+    simulated(capfd, "model.toml", "--out", "run.csv")
+    line = ["simulate", "drive", "model.toml", "--inputs", "run.csv", "--machine", "run.machine.toml", "--out", "again"]
+    capfd.readouterr()
+    assert exit_status([*line, "--seed", "7"]) == 0
+    assert "Simulated minus recorded" in capfd.readouterr().out

@@ -55,11 +55,14 @@ class DrivenSimulation:
         Axis → kind, of `drive_channels.KINDS` → name of the recorded channel; for the axes that were simulated.
     findings : tuple of Finding
         What is to be said about the clock, and what could not be compared.
+    opened : bool
+        Whether the recorded output of the control acted, so that it is no result.
     """
 
     simulation: DriveSimulation
     matched: Mapping[str, Mapping[str, str]]
     findings: tuple[Finding, ...]
+    opened: bool = False
 
 
 def driven_runs(
@@ -114,7 +117,7 @@ def driven_runs(
     names = {name: channels[name].found if name in apart else _together(channels[name].found) for name in driven}
     simulation = replace(gathered, recording=_as_recorded(gathered.recording, model, recording, names))
     findings += [*lacking_findings(channels, driven, needed), *channel_findings(channels, recording)]
-    return DrivenSimulation(simulation, names, tuple(findings))
+    return DrivenSimulation(simulation, names, tuple(findings), opened)
 
 
 def _together(found: Mapping[str, str]) -> dict[str, str]:

@@ -12,6 +12,7 @@ from selector.errors import InputError, OptionError
 from selector.physics.drive.drive_model import drive_model
 from selector.physics.drive.driving import driven_runs
 from selector.physics.drive.model_file import checked_model_file
+from selector.physics.drive.model_findings import simulation_findings
 from selector.recording import Channel, Recording
 from tests.physics.drive.test_model_file import RIGID, changed
 
@@ -186,3 +187,19 @@ def test_it_begins_where_and_as_fast_as_the_machine_did():
     )
     # 100 samples on, the axis runs at 0.12 m/s and 2.4 mm behind its command
     assert error < 0.01 * blind_error
+
+
+def test_a_start_in_motion_is_told_only_where_the_axis_stands():
+    drive = model()
+    whole = drive.simulate(run="r1")
+    rest = whole.with_values(whole.frame.iloc[100:])
+    seen = driven_runs(drive, rest).simulation
+    assert simulation_findings(drive, seen, driven=True) == ()
+    blind = driven_runs(drive, renamed(rest, {}, without=("X_position", "X_table"))).simulation
+    (one,) = simulation_findings(drive, blind, driven=True)
+    assert one.id == "begins-in-motion"
+    # a recording has no phase
+    assert "phase_deg" not in one.suggestion
+    assert "position" in one.suggestion
+    sine = model(("motion.phase_deg", 0.0))
+    assert "phase_deg" in simulation_findings(sine, sine.simulation())[0].suggestion
