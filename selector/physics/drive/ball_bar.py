@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -14,11 +14,16 @@ from selector.errors import InputError
 from selector.physics.drive.axis import Axis
 from selector.physics.drive.checks import require_not_negative, require_positive
 from selector.physics.drive.circle import Circle, TableBall, circle_references, measured_samples
+from selector.physics.drive.course import ParameterCourse
 from selector.physics.drive.mechanics import RigidMechanics
 from selector.physics.drive.motion import Motion
+from selector.physics.drive.reference import Reference
+from selector.physics.drive.step_choice import circle_step_s
 
 Vector = NDArray[np.float64]
 Pair = tuple[float, float]
+CourseOf = Callable[[Reference], ParameterCourse | None]
+"""Stiffness and damping that change along a reference; None: they do not."""
 
 FEEDS_MM_PER_MIN = (100.0, 1000.0, 3000.0, 5000.0)
 LONGEST_PERIOD_S = 0.01
@@ -176,11 +181,35 @@ class BallBarTrace:
             object.__setattr__(self, name, values)
 
 
+@dataclass(frozen=True, eq=False)
+class BallBarRun:
+    """One simulated circle, from rest to rest.
+
+    Attributes
+    ----------
+    trace : BallBarTrace
+        What the bar shows of it.
+    references, motions : mappings of str to Reference and to Motion
+        Axis → what it was asked, and what it did.
+    courses : mapping of str to ParameterCourse or None
+        Axis → stiffness and damping that it had; None: constant ones.
+    steps_s : mapping of str to float
+        Axis → longest step of its simulation [s].
+    """
+
+    trace: BallBarTrace
+    references: Mapping[str, Reference]
+    motions: Mapping[str, Motion]
+    courses: Mapping[str, ParameterCourse | None]
+    steps_s: Mapping[str, float]
+
+
 def ball_bar_test(
     axes: Mapping[str, Axis],
     geometry: PairGeometry | None = None,
     plan: BallBarPlan | None = None,
     *,
+    courses: Mapping[str, CourseOf] | None = None,
     step_s: float | None = None,
     seed: int = 0,
 ) -> tuple[BallBarTrace, ...]:
@@ -192,19 +221,21 @@ def ball_bar_test(
         First, second and, if the plan has a `table_ball`, the rotary axis, in this order.
     geometry, plan
         None: ideal; the defaults of `BallBarPlan`.
+    courses : mapping of str to callable, optional
+        Axis → stiffness and damping along its reference, where they change.
     step_s : float or None
-        Longest step of the simulation [s]; None: half of what is stable for each axis.
+        Longest step of the simulation [s]; None: `circle_step_s` of each axis.
     seed : int
         Of the noise of currents and bar.
 
     Raises
     ------
     InputError
-        If axes and plan do not fit together, or an axis cannot be simulated.
+        If axes, courses and plan do not fit together, or an axis cannot be simulated.
     """
     ideal, asked = geometry or PairGeometry(), plan or BallBarPlan()
     return tuple(
-        ball_bar_run(axes, circle, ideal, asked, step_s=step_s, seed=seed, number=number)[0]
+        ball_bar_run(axes, circle, ideal, asked, courses=courses, step_s=step_s, seed=seed, number=number).trace
         for number, circle in enumerate(asked.circles)
     )
 
@@ -215,28 +246,33 @@ def ball_bar_run(
     geometry: PairGeometry,
     plan: BallBarPlan,
     *,
+    courses: Mapping[str, CourseOf] | None = None,
     step_s: float | None = None,
     seed: int = 0,
     number: int = 0,
-) -> tuple[BallBarTrace, dict[str, Motion]]:
-    """One circle: its trace, and what every axis did from rest to rest; `number` parts the noise of runs."""
-    from selector.physics.drive.axis_system import largest_stable_step_s
+) -> BallBarRun:
+    """One circle of `ball_bar_test`; `number` parts the noise of runs."""
     from selector.physics.drive.simulation import simulate_axis
 
     names = tuple(axes)
     if len(names) == 3 and not isinstance(axes[names[2]].mechanics, RigidMechanics):
-        raise InputError(
+        raise _misfit(
             f"{names[2]} as a screw drive",
-            expected="a rigid axis with kg·m², rad and N·m for the rotary table",
-            where="ball-bar test",
-            advice="describe the rotary axis with its moment of inertia as mass",
+            "a rigid axis with kg·m², rad and N·m for the rotary table",
+            "describe the rotary axis with its moment of inertia as mass",
+        )
+    if not set(courses or {}) <= set(names):
+        raise _misfit(
+            f"courses of {', '.join(courses or {})}", f"of {', '.join(names)} at most", "give courses of these axes"
         )
     period = plan.period_s or _period_s(circle, [axis.servo.sample_s if axis.servo else 0.0 for axis in axes.values()])
     references = circle_references(circle, names, period_s=period)
     seeds = np.random.SeedSequence([seed, number]).generate_state(len(names) + 1)
-    steps = {name: step_s or min(largest_stable_step_s(axis) / 2.0, period) for name, axis in axes.items()}
+    steps = {name: step_s or circle_step_s(axis, period) for name, axis in axes.items()}
+    varying = {name: of(references[name]) for name, of in (courses or {}).items()}
+    along = {name: varying.get(name) for name in names}
     motions = {
-        name: simulate_axis(axes[name], references[name], step_s=steps[name], seed=int(own))
+        name: simulate_axis(axes[name], references[name], step_s=steps[name], course=along[name], seed=int(own))
         for name, own in zip(names, seeds, strict=False)
     }
     inside = measured_samples(circle, references[names[0]].time_s)
@@ -244,7 +280,7 @@ def ball_bar_run(
     if plan.noise_um > 0:
         deviation = deviation + np.random.default_rng(seeds[-1]).normal(0.0, plan.noise_um, len(deviation))
     trace = BallBarTrace(angle, deviation, circle.direction, circle.feed_mm_per_min, circle.radius_m, names)
-    return trace, motions
+    return BallBarRun(trace, references, motions, along, steps)
 
 
 def positions_trace(
@@ -322,3 +358,7 @@ def _unusable(found: str, expected: str) -> InputError:
         where="ball-bar trace",
         advice="give the measured circle of one run, in its order of time",
     )
+
+
+def _misfit(found: str, expected: str, advice: str) -> InputError:
+    return InputError(found, expected=expected, where="ball-bar test", advice=advice)

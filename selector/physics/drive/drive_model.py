@@ -15,7 +15,7 @@ from selector.errors import InputError
 from selector.physics.drive.axis import Axis
 from selector.physics.drive.ball_bar import LONGEST_PERIOD_S, BallBarTrace, PairGeometry, ball_bar_run
 from selector.physics.drive.catalogue import Parts
-from selector.physics.drive.circle import Circle, circle_references, measured_samples
+from selector.physics.drive.circle import Circle, measured_samples
 from selector.physics.drive.course import ParameterCourse
 from selector.physics.drive.drive_channels import axis_channels, axis_courses
 from selector.physics.drive.mechanics import RigidMechanics
@@ -26,9 +26,9 @@ from selector.physics.drive.model_schema import MOST_STEPS, CircleMotion, DriveF
 from selector.physics.drive.motion import Motion
 from selector.physics.drive.parameters import parameters, with_parameters
 from selector.physics.drive.reference import Reference
-from selector.physics.drive.simulation import simulate_axis
+from selector.physics.drive.simulation import simulate_axis, steps_per_period
 from selector.physics.drive.state import AxisState
-from selector.physics.drive.step_choice import advised_step_s
+from selector.physics.drive.step_choice import advised_step_s, circle_step_s
 from selector.physics.model_parameters import Parameter
 from selector.physics.model_values import value_of
 from selector.recording import Channel, Recording
@@ -245,9 +245,14 @@ class DriveModel:
         """
         axis, file = self.file_axes[name].axis, self.file
         step_s = file.run.step_s or advised_step_s(axis, reference.period_s)
-        _require_few_steps(name, (len(reference.position_m) - 1) * reference.period_s, step_s)
-        course = self.file_axes[name].course(reference)
-        motion = simulate_axis(axis, reference, step_s=step_s, course=course, start=start, commands=commands, seed=seed)
+        with _of_axis(name):
+            _require_few_steps(
+                name, axis, (len(reference.position_m) - 1) * reference.period_s, reference.period_s, step_s
+            )
+            course = self.file_axes[name].course(reference)
+            motion = simulate_axis(
+                axis, reference, step_s=step_s, course=course, start=start, commands=commands, seed=seed
+            )
         return AxisRun(axis, reference, motion, course, step_s)
 
     def gathered(
@@ -279,7 +284,9 @@ class DriveModel:
         if self.file.ball_bar is not None:
             geometry = value_of(PairGeometry, self.file.ball_bar)
         axes = {name: axis.axis for name, axis in self.axes.items()}
-        step_s = self.file.run.step_s or min(advised_step_s(axis, LONGEST_PERIOD_S) for axis in axes.values())
+        said = self.file.run.step_s
+        steps_s = {name: said or circle_step_s(axis, LONGEST_PERIOD_S) for name, axis in axes.items()}
+        along = {name: axis.course for name, axis in self.axes.items()}
         runs: dict[str, dict[str, AxisRun]] = {}
         traces: dict[str, BallBarTrace] = {}
         tables, told = {}, {}
@@ -288,24 +295,26 @@ class DriveModel:
                 continue
             if progress is not None:
                 progress(number, len(self.runs), run)
-            _require_few_steps("circle", circle.duration_s, step_s)
-            trace, motions = ball_bar_run(axes, circle, geometry, plan, step_s=step_s, seed=seed, number=number)
-            time_s = next(iter(motions.values())).time_s
-            references = circle_references(circle, tuple(axes), period_s=float(time_s[1] - time_s[0]))
-            inside = np.flatnonzero(measured_samples(circle, time_s))
+            for name, step_s in steps_s.items():
+                _require_few_steps(name, circle.duration_s, step_s)
+            done = ball_bar_run(axes, circle, geometry, plan, courses=along, step_s=said, seed=seed, number=number)
+            inside = np.flatnonzero(measured_samples(circle, next(iter(done.motions.values())).time_s))
             arc = (int(inside[0]), int(inside[-1]) + 1)
-            runs[run] = {name: AxisRun(axes[name], references[name], motions[name], None, step_s, arc) for name in axes}
-            traces[run] = trace
+            runs[run] = {
+                name: AxisRun(axes[name], done.references[name], motion, done.courses[name], done.steps_s[name], arc)
+                for name, motion in done.motions.items()
+            }
+            trace = traces[run] = done.trace
             columns: dict[str, Vector] = {}
             for name, axis in self.axes.items():
-                done = runs[run][name].recorded
-                courses, time_s = axis_courses(done.motion, done.reference), done.motion.time_s
+                shown = runs[run][name].recorded
+                courses, time_s = axis_courses(shown.motion, shown.reference), shown.motion.time_s
                 columns |= {
                     channel.name: courses[kind] for kind, channel in axis_channels(name, axis, loaded=False).items()
                 }
             columns |= {ANGLE.name: trace.angle_rad, DEVIATION.name: trace.deviation_um}
             tables[run] = pd.DataFrame(columns, index=pd.Index(time_s, name="time_s"))
-            told[run] = {"step_s": dict.fromkeys(axes, step_s)}
+            told[run] = {"step_s": dict(done.steps_s)}
         return DriveSimulation(Recording.from_runs(tables, self.outputs, self._provenance(seed, told)), runs, traces)
 
     def _axis_outputs(
@@ -356,6 +365,18 @@ def drive_model(file: DriveFile, columns: Columns | None = None) -> DriveModel:
     return model
 
 
+@contextmanager
+def _of_axis(name: str) -> Iterator[None]:
+    """Errors name the axis, if they do not name a key of the file."""
+    try:
+        yield
+    except InputError as error:
+        if error.where.startswith("key "):
+            raise
+        where = f"axis {name}, {error.where}"
+        raise type(error)(error.found, expected=error.expected, where=where, advice=error.advice) from error
+
+
 def _cut(value: Reference | Motion | ParameterCourse, names: Iterable[str], part: slice) -> dict[str, Any]:
     """A stretch of the courses of these names; None where there is none."""
     courses = {name: getattr(value, name) for name in names}
@@ -369,11 +390,17 @@ def _at(time_s: Vector, grid_s: Vector, values: Vector) -> Vector:
     return np.interp(time_s, grid_s, values)
 
 
-def _require_few_steps(name: str, duration_s: float, step_s: float) -> None:
-    if duration_s / step_s > MOST_STEPS:
+def _require_few_steps(name: str, axis: Axis, duration_s: float, period_s: float, step_s: float) -> None:
+    """Counts the steps as they are laid, which the periods of control and samples make shorter than `step_s`."""
+    count = duration_s / step_s
+    if count <= MOST_STEPS:
+        count = duration_s / period_s * steps_per_period(axis, period_s, step_s)
+    if count > MOST_STEPS:
+        by_step = duration_s / step_s > 0.5 * count
         raise InputError(
-            f"{duration_s / step_s:.3g} steps of {step_s:.3g} s in a motion of {duration_s:.6g} s ({name})",
+            f"{count:.3g} steps of {duration_s / count:.3g} s in a motion of {duration_s:.6g} s of axis {name}",
             expected=f"at most {MOST_STEPS}",
-            where="key run.step_s",
-            advice="simulate a shorter motion, a faster feed, or give a larger run.step_s",
+            where="key run.step_s" if by_step else f"key axes.{name}.servo.sample_s",
+            advice="simulate a shorter motion or a faster feed, or give a larger "
+            + ("run.step_s" if by_step else "sample_s; a run.period_s that is a multiple of it needs no more steps"),
         )

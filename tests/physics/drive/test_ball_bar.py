@@ -106,7 +106,8 @@ def test_lag_of_a_rotary_axis_shows_where_the_ball_is_across_the_bar(direction):
     for angle, expected in ((-math.pi / 2, direction * distance * behind * 1e6), (0.0, 0.0)):
         plan = BallBarPlan(feeds_mm_per_min=(feed,), table_ball=TableBall(distance, angle))
         circle = next(one for one in plan.circles if one.direction == direction)
-        trace, motions = ball_bar_run({"X": linear, "Y": linear, "B": table}, circle, PairGeometry(), plan)
+        done = ball_bar_run({"X": linear, "Y": linear, "B": table}, circle, PairGeometry(), plan)
+        trace, motions = done.trace, done.motions
         assert trace.axes == ("X", "Y", "B")
         # second order: radius/2·(pace/100)² = 0.6 µm, distance·pace²·(1/50² − 1/100²)/2 = 1.3 µm
         assert trace.deviation_um.mean() == pytest.approx(expected, abs=2.0)

@@ -16,7 +16,7 @@ from selector.physics.drive.damping import parameter_course
 from selector.physics.drive.drive_channels import axis_channels
 from selector.physics.drive.drive_model import drive_model
 from selector.physics.drive.drive_summary import drive_summary
-from selector.physics.drive.model_file import checked_model_file, plain_values, read_model_file
+from selector.physics.drive.model_file import checked_model_file, parsed_model_file, plain_values, read_model_file
 from selector.physics.drive.model_findings import model_findings, simulation_findings
 from selector.physics.drive.model_motion import file_reference
 from selector.physics.drive.parameters import parameters, with_parameters
@@ -339,3 +339,32 @@ def test_the_example_of_a_ball_bar_shows_the_gains_that_were_planted():
 
     # with equal gains friction of the table and backlash, which are not symmetric in the two axes, leave a little
     assert swapping_um(38.0) > 5.0 * swapping_um(40.0)
+
+
+def test_stiffness_and_damping_along_the_command_act_on_circles_too():
+    text = """
+[model]
+kind = "drive"
+name = "circle along the command"
+[motion]
+kind = "circle"
+feeds_mm_per_min = [5000]
+[axes.X]
+parts = "thc6350-x"
+varying = "command"
+servo = {position_gain_per_s = 40, velocity_gain = 6, velocity_integral_gain = 300}
+[axes.Y]
+parts = "thc6350-x"
+varying = "command"
+servo = {position_gain_per_s = 40, velocity_gain = 6, velocity_integral_gain = 300}
+"""
+    model = drive_model(parsed_model_file(text))
+    one = model.simulation().axes["F5000 ccw"]["X"]
+    assert one.course is not None
+    assert one.course.guide_damping_ns_per_m is not None
+    # the guide's friction is in the damping, most of it where the axis turns
+    assert one.course.guide_damping_ns_per_m.max() > 2 * one.course.guide_damping_ns_per_m.min()
+    again = simulate_axis(one.axis, one.reference, step_s=one.step_s, course=one.course)
+    np.testing.assert_array_equal(one.motion.table_m, again.table_m)
+    constant = simulate_axis(one.axis, one.reference, step_s=one.step_s)
+    assert np.abs(constant.table_m - one.motion.table_m).max() > 1e-6
