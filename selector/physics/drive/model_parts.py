@@ -75,7 +75,8 @@ def _lacking(kind: Any, said: Set[str]) -> list[str]:
 
 
 def _advice(kind: Any, lacking: Sequence[str]) -> str:
-    advice = f"add {'it' if len(lacking) == 1 else 'them'} as the catalogue has it"
+    them = "it" if len(lacking) == 1 else "them"
+    advice = f"add {them} as the catalogue has {them}"
     for instead, keys in INSTEAD.get(kind, {}).items():
         spared = [key for key in lacking if key in keys]
         if spared:
