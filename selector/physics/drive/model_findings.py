@@ -6,12 +6,18 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from selector.findings import Finding, Where
+from selector.physics.drive.axis import Axis
 from selector.physics.drive.axis_summary import limited_samples
 from selector.physics.drive.catalogue import Parts
 from selector.physics.drive.drive_model import AxisRun, DriveModel, DriveSimulation
+from selector.physics.drive.loop_poles import growing_poles, loop_poles
+from selector.physics.drive.mechanics import ThreeMassMechanics
 from selector.physics.drive.model_axes import FileAxis
+from selector.physics.drive.parameter_bounds import OUTPUT_UNITS
+from selector.physics.drive.plausibility import unlikely_values
 from selector.physics.drive.stability import stability_findings
 from selector.physics.drive.step_choice import fastest_rate_per_s
 from selector.physics.drive.sticking import stick_slip
@@ -27,8 +33,8 @@ _START_SHARE = 0.02
 
 
 def model_findings(model: DriveModel) -> tuple[Finding, ...]:
-    """What is odd before it runs: loops that are unstable or nearly so, and a step too coarse for the fastest mode."""
-    found: list[Finding] = []
+    """What is odd before it runs: unlikely numbers, loops that are unstable or nearly so, steps that are too coarse."""
+    found = list(unlikely_values(model))
     for name, axis in model.axes.items():
         found += stability_findings(axis.axis, name)
         step_s, rate = model.file.run.step_s, fastest_rate_per_s(axis.axis)
@@ -60,30 +66,63 @@ def simulation_findings(model: DriveModel, simulation: DriveSimulation, *, drive
 def _of_run(name: str, run: str, done: AxisRun, made: FileAxis, kind: str) -> Iterator[tuple[float, Finding]]:
     """(how bad, finding) of one axis in one run; `kind` of the motion, empty of a recording."""
     where = Where(channel=name, run=run or None)
-    yield from _limits(name, where, done.recorded)
+    yield from _limits(name, where, done.recorded, made)
     yield from _too_fast(name, where, done, made.rotary)
     yield from _jolt(name, where, done, made.rotary, kind)
     if made.parts is not None:
         yield from _off_screw(name, where, done, made.parts)
     yield from _sticks(name, where, done.recorded)
+    yield from _within_play(name, where, done, made.rotary)
     yield from _coarse_encoder(name, where, done.recorded, made.rotary)
 
 
-def _limits(name: str, where: Where, done: AxisRun) -> Iterator[tuple[float, Finding]]:
+def _limits(name: str, where: Where, done: AxisRun, made: FileAxis) -> Iterator[tuple[float, Finding]]:
     share = float(limited_samples(done.axis, done.reference, done.motion).mean())
-    if share > 0:
-        yield (
-            share,
-            Finding(
-                "limit-reached",
-                "warning" if share > _LIMIT_SHARE else "info",
-                f"Axis {name} was at the limit of its current or speed for {share:.2%} of the time; then it does not "
-                "follow.",
-                where,
-                {"share": share},
-                "ask for less acceleration, or raise command_limit or speed_limit of the servo if the machine has more",
-            ),
+    if share == 0:
+        return
+    said = f"Axis {name} was at the limit of its current or speed for {share:.2%} of the time; then it does not follow."
+    advice = "ask for less acceleration, or raise command_limit or speed_limit of the servo if the machine has more"
+    evidence = {"share": share}
+    needed, servo = output_without_acceleration(done), done.axis.servo
+    if servo is not None and servo.command_limit is not None and needed.max() > servo.command_limit:
+        most, limit = (
+            f"{value:.4g} {OUTPUT_UNITS[made.section.output]}".rstrip() for value in (needed.max(), servo.command_limit)
         )
+        evidence |= {"needed": float(needed.max()), "command_limit": servo.command_limit}
+        said += f" Friction and load at the commanded speed, without acceleration, need up to {most}; it gives {limit}."
+        advice = (
+            "go slower, give friction, damping, load or actuator_gain the right power of ten, or raise command_limit"
+        )
+    elif servo is not None and len(growing_poles(loop_poles(done.axis))):
+        advice = "the loop is unstable, and so swings from limit to limit: lower its gains first"
+    yield (
+        share,
+        Finding("limit-reached", "warning" if share > _LIMIT_SHARE else "info", said, where, evidence, advice),
+    )
+
+
+def output_without_acceleration(run: AxisRun) -> NDArray[np.float64]:
+    """What the control must put out to hold the commanded speed at every sample, shape (n_samples,) [actuator unit].
+
+    Viscous and sliding friction of guide and screw, offset and load; nothing where the axis is not asked to move.
+    """
+    mechanics, friction, servo = run.axis.mechanics, run.axis.friction, run.axis.servo
+    speed = run.reference.speed_m_per_s
+    damping: float | NDArray[np.float64] = mechanics.guide_damping_ns_per_m
+    if run.course is not None and run.course.guide_damping_ns_per_m is not None:
+        damping = run.course.guide_damping_ns_per_m
+    force = damping * speed + friction.offset_n
+    for way, (sliding, static) in zip((1.0, -1.0), friction.directions, strict=True):
+        faded = np.exp(-((np.abs(speed) / friction.stribeck_speed_m_per_s) ** friction.stribeck_exponent))
+        force = force + np.where(np.sign(speed) == way, way * (sliding + (static - sliding) * faded), 0.0)
+    if run.reference.force_n is not None:
+        force = force - run.reference.force_n
+    if isinstance(mechanics, ThreeMassMechanics):
+        radius = mechanics.travel_per_motion
+        force = force * radius + mechanics.screw_damping_nms_per_rad * speed / radius
+        force = force + friction.screw_coulomb_nm * np.sign(speed)
+    gain = 1.0 if servo is None else servo.actuator_gain
+    return np.asarray(np.where(speed == 0.0, 0.0, np.abs(force) / gain), dtype=np.float64)
 
 
 def _too_fast(name: str, where: Where, done: AxisRun, turns: bool) -> Iterator[tuple[float, Finding]]:
@@ -169,14 +208,39 @@ def _sticks(name: str, where: Where, done: AxisRun) -> Iterator[tuple[float, Fin
         )
 
 
+def _within_play(name: str, where: Where, done: AxisRun, turns: bool) -> Iterator[tuple[float, Finding]]:
+    travel_m, unit = float(np.ptp(done.reference.position_m)), "µrad" if turns else "µm"
+    for what, key, play_m in (
+        ("backlash", "transmission.backlash_m", done.axis.transmission.backlash_m),
+        ("step of the encoder", "sensing", _resolution_m(done.axis)),
+    ):
+        if play_m >= travel_m > 0:
+            yield (
+                play_m / travel_m,
+                Finding(
+                    "travel-within-play",
+                    "warning",
+                    f"Axis {name} is asked for {travel_m * 1e6:.4g} {unit} of travel, and its {what} is "
+                    f"{play_m * 1e6:.4g} {unit}: it may not move at all.",
+                    where,
+                    {"travel_um": travel_m * 1e6, "play_um": play_m * 1e6},
+                    f"correct {key}, or ask for a longer motion",
+                ),
+            )
+
+
+def _resolution_m(axis: Axis) -> float:
+    """Step of what the position loop reads [m; rad]."""
+    if axis.servo is not None and axis.servo.feedback == "table":
+        return axis.sensing.scale_resolution_m
+    return axis.sensing.motor_resolution * axis.mechanics.travel_per_motion
+
+
 def _coarse_encoder(name: str, where: Where, done: AxisRun, turns: bool) -> Iterator[tuple[float, Finding]]:
-    servo, sensing = done.axis.servo, done.axis.sensing
+    servo, step_m = done.axis.servo, _resolution_m(done.axis)
     if servo is None:
         return
-    if servo.feedback == "table":
-        what, step_m = "scale", sensing.scale_resolution_m
-    else:
-        what, step_m = "encoder", sensing.motor_resolution * done.axis.mechanics.travel_per_motion
+    what = "scale" if servo.feedback == "table" else "encoder"
     unit = "µrad" if turns else "µm"
     rms_m = math.sqrt(float(np.mean(done.motion.tracking_error_m**2)))
     if step_m > 0 and step_m > rms_m:

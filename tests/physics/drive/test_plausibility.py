@@ -1,0 +1,144 @@
+"""Slips of units are told with the unit that was meant, and a good machine is left alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from selector.physics.drive.drive_model import drive_model
+from selector.physics.drive.model_file import checked_model_file, columns_needed, read_model_file
+from selector.physics.drive.model_findings import model_findings, output_without_acceleration, simulation_findings
+from selector.physics.drive.plausibility import USUAL, unlikely_values
+from tests.physics.drive.test_model_file import PARTS, RIGID, changed
+
+EXAMPLES = Path(__file__).resolve().parents[3] / "fixtures"
+SCREW = {
+    "kind": "three-mass",
+    "motor_inertia_kg_m2": 0.002,
+    "screw_inertia_kg_m2": 0.001,
+    "table_mass_kg": 300.0,
+    "lead_m": 0.01,
+    "torsional_stiffness_nm_per_rad": 1e4,
+    "axial_stiffness_n_per_m": 2e8,
+}
+
+
+def model(*changes):
+    return drive_model(checked_model_file(changed(RIGID, *changes)))
+
+
+@pytest.mark.parametrize(
+    ("key", "slip", "meant", "unit"),
+    [
+        ("servo.position_gain_per_s", 3.0, 50.0, "m/(min·mm)"),
+        ("servo.position_gain_per_s", 3000.0, 50.0, "1/min"),
+        ("servo.sample_s", 1.0, 0.001, "ms"),
+        ("mechanics.table_mass_kg", 0.3, 300.0, "t"),
+        ("mechanics.motor_inertia_kg_m2", 20.0, 0.002, "kg·cm²"),
+        ("mechanics.lead_m", 10.0, 0.01, "mm"),
+        ("mechanics.axial_stiffness_n_per_m", 200.0, 2e8, "N/µm"),
+        ("transmission.backlash_m", 5.0, 5e-6, "µm"),
+    ],
+)
+def test_a_slip_of_units_is_told_with_the_unit_that_was_meant(key, slip, meant, unit):
+    (one,) = unlikely_values(model(("axes.X.mechanics", SCREW), (f"axes.X.{key}", slip)))
+    assert (one.id, one.level, one.where.channel) == ("unlikely-value", "warning", "X")
+    assert one.evidence["perhaps"] == pytest.approx(meant, rel=1e-12)  # rounding
+    assert f"axes.X.{key} is {slip:g}" in one.statement
+    assert unit in one.statement
+    assert f"= {meant:.6g}" in one.suggestion
+
+
+@pytest.mark.parametrize(
+    ("part", "key", "slip", "meant"),
+    [
+        ("screw", "modulus_gpa", 206e9, 206.0),
+        ("screw", "lead_mm", 0.020, 20.0),
+        ("screw", "density_kg_per_m3", 7.85, 7850.0),
+        ("table", "mass_kg", 0.3, 300.0),
+        ("motor", "inertia_kg_m2", 20.0, 0.002),
+        ("nut", "preload_n", 3.0, 3000.0),
+    ],
+)
+def test_so_are_those_of_catalogue_parts(part, key, slip, meant):
+    found = unlikely_values(model(("axes.X", PARTS), (f"axes.X.parts.{part}", {key: slip})))
+    assert [one.evidence["perhaps"] for one in found] == [pytest.approx(meant, rel=1e-12)]
+
+
+def test_every_key_of_the_table_is_one_of_the_file():
+    known = set()
+    for schema in (("axes.X", PARTS), ("axes.X.mechanics", SCREW)):
+        section = checked_model_file(changed(RIGID, schema)).axes["X"]
+        for name in ("mechanics", "servo", "sensing", "transmission"):
+            inside = getattr(section, name)
+            known |= {f"{name}.{key}" for key in getattr(type(inside), "model_fields", ())}
+        for name, inside in dict(section.parts or ()).items():
+            known |= {f"{name}.{key}" for key in getattr(type(inside), "model_fields", ())}
+    known |= {"motion.acceleration_m_per_s2", "motion.jerk_m_per_s3"}
+    assert set(USUAL) <= known
+    for usual in USUAL.values():
+        assert usual.low < usual.high
+
+
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("[de]*/*.toml")), ids=lambda path: path.stem)
+def test_machines_that_are_shipped_have_usual_numbers(path):
+    if "machine" in path.stem or 'kind = "drive"' not in path.read_text(encoding="utf-8"):
+        pytest.skip("no model of a drive")
+    file = read_model_file(path)
+    assert unlikely_values(drive_model(file, dict.fromkeys(columns_needed(file)))) == ()
+
+
+def test_effects_that_cannot_be_are_told():
+    odd = model(
+        ("axes.X.friction", {"coulomb_n": 300.0, "static_n": 200.0}),
+        ("axes.X.ripple", [{"harmonic": 2.0, "share": 2.0}]),
+    )
+    assert [one.id for one in model_findings(odd)] == ["breakaway-below-sliding"] * 2 + ["ripple-beyond-force"]
+    blind = model(("axes.X.sensing", {"scale_resolution_m": 0.03}))
+    told = {one.id: one for one in simulation_findings(blind, blind.simulation())}
+    # a sine of 10 mm: 20 mm of travel
+    assert told["travel-within-play"].evidence == {"travel_um": pytest.approx(2e4, rel=1e-4), "play_um": 3e4}
+
+
+def limit_of(*changes):
+    drive = model(*changes)
+    simulation = drive.simulation()
+    told = {one.id: one for one in simulation_findings(drive, simulation)}
+    return told["limit-reached"], next(iter(simulation.axes.values()))["X"]
+
+
+def test_a_limit_that_friction_alone_reaches_is_told_as_such():
+    # 10 mm at 2 Hz: 0.126 m/s · 200 N·s/m and 30 N of friction need 55 N; an actuator of 2 N/A gives 20 N at 10 A
+    weak = (("axes.X.servo.command_limit", 10.0), ("axes.X.servo.actuator_gain", 2.0))
+    found, done = limit_of(*weak, ("axes.X.friction", {"coulomb_n": 30.0}))
+    needed = output_without_acceleration(done)
+    assert needed.max() == pytest.approx((200.0 * 0.01 * 4.0 * 3.141592653589793 + 30.0) / 2.0, rel=1e-6)
+    assert found.evidence["needed"] == needed.max()
+    assert "need up to 27.57 A; it gives 10 A" in found.statement
+    assert "acceleration" not in found.suggestion
+    # enough for friction, but not for acceleration as well
+    found, _ = limit_of(("axes.X.servo.command_limit", 60.0))
+    assert "Friction" not in found.statement
+    assert "less acceleration" in found.suggestion
+
+
+def test_an_unstable_loop_at_its_limits_is_not_advised_to_accelerate_less():
+    found, _ = limit_of(("axes.X.servo.velocity_gain", 250_000.0), ("axes.X.servo.command_limit", 3000.0))
+    assert "unstable" in found.suggestion
+    assert "acceleration" not in found.suggestion
+
+
+def test_what_constant_speed_needs_is_what_the_control_puts_out():
+    # a long move of motor, screw and table, whose middle is at constant speed
+    move = {"kind": "moves", "targets_mm": [200.0], "feed_mm_per_min": 12000.0, "acceleration_m_per_s2": 5.0}
+    drive = model(
+        ("motion", move),
+        ("axes.X.mechanics", {**SCREW, "screw_damping_nms_per_rad": 0.02, "guide_damping_ns_per_m": 800.0,
+                              "axial_damping_ns_per_m": 2e4, "torsional_damping_nms_per_rad": 0.5}),
+        ("axes.X.friction", {"coulomb_n": 150.0, "static_n": 220.0, "offset_n": 90.0, "screw_coulomb_nm": 0.4}),
+        ("axes.X.servo", {"position_gain_per_s": 30.0, "velocity_gain": 1.0, "actuator_gain": 0.8}),
+    )  # fmt: skip
+    done = drive.simulation().axes["simulation"]["X"]
+    middle = len(done.motion.time_s) // 2
+    assert done.motion.command[middle] == pytest.approx(output_without_acceleration(done)[middle], rel=1e-6)
