@@ -18,9 +18,11 @@ from selector.physics.drive.ball_bar import (
     ball_bar_test,
     positions_trace,
 )
-from selector.physics.drive.circle import TableBall
+from selector.physics.drive.circle import TableBall, measured_samples
+from selector.physics.drive.course import ParameterCourse
 from selector.physics.drive.friction import Friction
 from selector.physics.drive.servo import Sensing
+from selector.physics.drive.simulation import simulate_axis
 from tests.physics.drive.axes import CONTINUOUS, RIGID, RIGID_SERVO, SAMPLED, THREE
 
 RADIUS_UM = 1e5
@@ -144,6 +146,28 @@ def test_noise_has_a_seed_and_runs_have_their_own():
     assert abs(np.corrcoef(noise[: len(back)], back[: len(noise)])[0, 1]) < 5 / math.sqrt(len(noise))
 
 
+def test_parameters_along_the_command_act_on_the_trace():
+    def course(reference):
+        return ParameterCourse(reference.period_s, guide_damping_ns_per_m=2000.0 + 4e5 * np.abs(reference.position_m))
+
+    axes = dict.fromkeys("XY", Axis(THREE, replace(CONTINUOUS, feedback="motor")))
+    plan = BallBarPlan(feeds_mm_per_min=(4000.0,), radius_m=0.02, noise_um=0.1)
+    constant = ball_bar_run(axes, plan.circles[0], PairGeometry(), plan)
+    run = ball_bar_run(axes, plan.circles[0], PairGeometry(), plan, courses={"X": course})
+    assert (run.courses["Y"], constant.courses["X"]) == (None, None)
+    alone = simulate_axis(axes["X"], run.references["X"], step_s=run.steps_s["X"], course=course(run.references["X"]))
+    np.testing.assert_array_equal(run.motions["X"].table_m, alone.table_m)
+    np.testing.assert_array_equal(run.motions["Y"].table_m, constant.motions["Y"].table_m)
+    inside = measured_samples(plan.circles[0], alone.time_s)
+    more = (alone.table_m - constant.motions["X"].table_m)[inside] * 1e6 * np.cos(constant.trace.angle_rad)
+    # 533 N·max(cos²θ·sin θ) on a spring of 1e8 N/m are 2 µm, and the integral of the velocity loop is late besides
+    assert np.abs(more).max() > 1.0
+    # second order: 5 µm/(2·20 mm)·5 µm and lag of the angle, 5 µm·5 µm/20 mm
+    np.testing.assert_allclose(run.trace.deviation_um - constant.trace.deviation_um, more, atol=2e-3)
+    test = ball_bar_test(axes, plan=plan, courses={"X": course})
+    np.testing.assert_array_equal(test[0].deviation_um, run.trace.deviation_um)
+
+
 def test_samples_are_whole_periods_of_the_control():
     axis = Axis(THREE, SAMPLED)
     trace = ball_bar_test({"X": axis, "Y": axis}, plan=BallBarPlan(feeds_mm_per_min=(5000.0,), radius_m=0.02))[0]
@@ -189,6 +213,7 @@ EVEN = np.linspace(0, 2 * np.pi, 400, endpoint=False)
         (lambda: ball_bar_test({"X": STIFF}), "1 axes"),
         (lambda: ball_bar_test({**PAIR, "B": Axis(THREE, CONTINUOUS)}), "screw drive"),
         (lambda: ball_bar_test({**PAIR, "B": STIFF}), "3 axes"),
+        (lambda: ball_bar_test(PAIR, courses={"Z": lambda reference: None}), "courses of Z"),
     ],
 )
 def test_what_cannot_be_is_refused(make, named):
