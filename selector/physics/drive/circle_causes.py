@@ -9,13 +9,12 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from selector.errors import InputError
 from selector.findings import Finding, Where
 from selector.physics.drive.ball_bar import BallBarTrace
 from selector.physics.drive.circle_basis import CirclePair, pair_of
-from selector.physics.drive.circle_fit import CircleFit, circle_fit
+from selector.physics.drive.circle_fit import ALARM, CircleFit, amounts_probability, circle_fit
 from selector.physics.drive.circle_quantities import paired
 
 Vector = NDArray[np.float64]
@@ -34,7 +33,6 @@ Kind = Literal[
 FALSE_ALARM = 0.01
 """Chance that a test of one feed names any cause that is not there, as far as its residual is noise."""
 
-_TESTS = 12
 _PLAIN = 0.1
 _STRUCTURED = 3.0
 
@@ -169,11 +167,11 @@ def _feed(pair: CirclePair, fit: CircleFit, names: tuple[str, ...]) -> FeedCause
     def cause(kind: Kind, axis: int | None, columns: Sequence[str], amounts: Mapping[str, Amount], tried: int) -> Cause:
         values, covariance = fit.amounts(*columns)
         part = fit.part_um(*columns)
-        chance = _probability(values, covariance, tried)
+        chance = amounts_probability(values, covariance, tried)
         return Cause(
             kind,
             None if axis is None else names[axis],
-            chance < FALSE_ALARM / _TESTS,
+            chance < ALARM,
             amounts,
             float(np.abs(part).max()),
             float(max(part.max(), 0.0) - min(part.min(), 0.0)),
@@ -208,17 +206,6 @@ def _feed(pair: CirclePair, fit: CircleFit, names: tuple[str, ...]) -> FeedCause
         tuple((pair.deviation_um - fit.residual_um)[part] for part in pair.parts),
         tuple(fit.residual_um[part] for part in pair.parts),
     )
-
-
-def _probability(values: Vector, covariance: Vector, tried: int) -> float:
-    """Chance of such amounts by noise, the best of `tried` shapes taken."""
-    if not values.any():
-        return 1.0
-    try:
-        distance = float(values @ np.linalg.solve(covariance, values))
-    except np.linalg.LinAlgError:  # nothing remains, so nothing is uncertain
-        return 0.0
-    return min(1.0, tried * float(stats.chi2.sf(distance, len(values))))
 
 
 def _scaled(fit: CircleFit, name: str, factor: float, unit: str) -> Amount:

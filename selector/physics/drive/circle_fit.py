@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft, optimize
+from scipy import fft, stats
 
 from selector.physics.drive.circle_basis import (
     SMOOTH,
@@ -19,21 +19,28 @@ from selector.physics.drive.circle_basis import (
     smooth_columns,
     spike_columns,
 )
+from selector.physics.drive.circle_search import (
+    STEEPNESSES,
+    WIDTHS,
+    inverse_gram,
+    likeliest_wavelength,
+    nearer_wavelength,
+    nearest_spike,
+    spike_widths_s,
+)
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 Two = tuple[float, float]
 T = TypeVar("T", int, float, Two)
 
-WIDEST_SPIKE_RAD = np.radians(15.0)
-"""A longer course after a reversal is no spike."""
+ALARM = 0.01 / 12
+"""Chance of a searched shape by noise below which its columns are taken in: a twelfth of 1 %, of twelve causes."""
 
-SHORTEST_WAVE_UM = 1000.0
+SEARCHED = {f"{kind} {axis}": ends for kind, ends in (("spike", "+-"), ("cyclic", "cs")) for axis in (0, 1)}
+"""Block of columns whose shape is searched → its columns."""
+
 _ROUNDS = 4
-_WIDTHS = 24
-_STEEPNESSES = (1.0, 2.0, 4.0, 8.0)
-_STEEPEST = 16.0
-_BINS = 3600
 _CLEAR = 5.0
 _ARCS = 72
 _SHIFT = 1e-3
@@ -58,7 +65,7 @@ class Shapes:
     gap_um: tuple[Two, Two] = ((0.0, 0.0), (0.0, 0.0))
     spike: tuple[Two, Two] = ((0.0, 1.0), (0.0, 1.0))
     wavelength_um: Two = (0.0, 0.0)
-    spikes_tried: int = _WIDTHS * len(_STEEPNESSES)
+    spikes_tried: int = WIDTHS * len(STEEPNESSES)
     wavelengths_tried: tuple[int, int] = (1, 1)
 
 
@@ -69,8 +76,8 @@ class CircleFit:
     Attributes
     ----------
     names : tuple of str
-        Of the columns.
-    columns, coefficients, covariance : ndarrays of shapes (n_samples, n), (n,), (n, n)
+        Of the columns, then of the shapes whose errors widen theirs.
+    columns, coefficients, covariance : ndarrays of shapes (n_samples, n), (n,), (n_names, n_names)
         Columns, their amounts [µm], and the covariance of the amounts: from the residual, widened by how much
         neighbours in it resemble each other.
     residual_um : ndarray of shape (n_samples,)
@@ -79,6 +86,8 @@ class CircleFit:
         Factor of that widening, 1: neighbours are independent.
     shapes : Shapes
         What the columns were made with.
+    set_aside : mapping of str to (amounts, covariance)
+        Block of `SEARCHED` that does not stand out of the noise and is not among the columns → what it would be.
     """
 
     names: tuple[str, ...]
@@ -88,61 +97,99 @@ class CircleFit:
     residual_um: Vector
     resemblance: float
     shapes: Shapes
+    set_aside: Mapping[str, tuple[Vector, Matrix]]
 
     def amounts(self, *names: str) -> tuple[Vector, Matrix]:
         """Amounts of these columns and their covariance."""
+        block = names[0][:-1]
+        if block in self.set_aside:
+            values, covariance = self.set_aside[block]
+            own = [SEARCHED[block].index(name[-1]) for name in names]
+            return values[own], covariance[np.ix_(own, own)]
         at = [self.names.index(name) for name in names]
         return self.coefficients[at], self.covariance[np.ix_(at, at)]
 
     def part_um(self, *names: str) -> Vector:
-        """Part of the deviation that these columns make, shape (n_samples,) [µm]."""
-        at = [self.names.index(name) for name in names]
+        """Part of the deviation that these columns make, shape (n_samples,) [µm]; nothing if they are left out."""
+        at = [self.names.index(name) for name in names if name in self.names]
         return np.asarray(self.columns[:, at] @ self.coefficients[at])
-
-
-NAMES = (
-    *SMOOTH,
-    *(f"backlash {axis}{end}" for axis in (0, 1) for end in "+-"),
-    *(f"spike {axis}{end}" for axis in (0, 1) for end in "+-"),
-    *(f"cyclic {axis}{part}" for axis in (0, 1) for part in "cs"),
-)
 
 
 def circle_fit(pair: CirclePair, wavelengths_um: Mapping[int, float] | None = None) -> CircleFit:
     """The fit of one pair; `wavelengths_um`: axis (0, 1) → wavelength of its cyclic error, where it is known [µm].
 
-    In turn, until nothing changes: amounts, width of the gaps, widths of the spikes, wavelengths.
+    First with all shapes, searched in turn until nothing changes: amounts, gaps, spikes, wavelengths. Then the shapes
+    that do not stand out of the noise are left out, the least one first, and the rest is fitted again: a shape that
+    was searched in noise would take its part of every other cause with it.
     """
     known = dict(wavelengths_um or {})
-    samples = len(pair.angle_rad) / len(pair.parts)
-    turn_s = 2.0 * np.pi * pair.radius_um / pair.speed_um_per_s
-    narrowest = 2.0 * turn_s / samples
-    widths = np.geomspace(narrowest, max(WIDEST_SPIKE_RAD / (2.0 * np.pi) * turn_s, 2.0 * narrowest), _WIDTHS)
-    middle = (float(widths[_WIDTHS // 2]), _STEEPNESSES[1])
-    shapes = Shapes(spike=(middle, middle))
+    widths = spike_widths_s(pair)
+    middle = (float(widths[WIDTHS // 2]), STEEPNESSES[1])
+    shapes, kept = Shapes(spike=(middle, middle)), tuple(SEARCHED)
     for number in range(_ROUNDS):
         before = shapes
-        for axis in (0, 1):
-            shapes = replace(shapes, spike=_with(shapes.spike, axis, _spike(pair, shapes, axis, widths, number < 2)))
-        columns = _columns(pair, shapes)
-        amounts = np.linalg.lstsq(columns, pair.deviation_um, rcond=None)[0]
-        gaps = [float(abs(one)) for one in amounts[len(SMOOTH) : len(SMOOTH) + 4]]
-        shapes = replace(shapes, gap_um=((gaps[0], gaps[1]), (gaps[2], gaps[3])))
-        residual = pair.deviation_um - columns @ amounts
-        for axis in (0, 1):
-            if axis in known:
-                wave, tried = known[axis], 1
-            elif number == 0:
-                wave, tried = _wavelength(pair, axis, residual)
-                found = cyclic_columns(pair, axis, wave)
-                residual = residual - found @ np.linalg.lstsq(found, residual, rcond=None)[0]
-            else:
-                wave, tried = _nearer_wavelength(pair, shapes, axis), shapes.wavelengths_tried[axis]
-            waves, tries = _with(shapes.wavelength_um, axis, wave), _with(shapes.wavelengths_tried, axis, tried)
-            shapes = replace(shapes, wavelength_um=waves, wavelengths_tried=tries)
+        shapes = _searched(pair, shapes, kept, known, number)
         if number > 0 and _alike(before, shapes):
             break
-    return _solved(pair, shapes)
+    while True:
+        fit = _solved(pair, shapes, kept)
+        chances = {block: block_probability(fit, block) for block in kept}
+        weakest = max(chances, key=lambda block: chances[block], default="")
+        if not kept or chances[weakest] < ALARM:
+            return _solved(pair, shapes, kept, aside=True)
+        kept = tuple(block for block in kept if block != weakest)
+        for number in (_ROUNDS, _ROUNDS + 1):
+            shapes = _searched(pair, shapes, kept, known, number)
+
+
+def block_probability(fit: CircleFit, block: str) -> float:
+    """Chance of amounts like those of a block of `SEARCHED` by noise, the best of all shapes that were tried taken."""
+    kind, axis = block.split()
+    tried = fit.shapes.spikes_tried if kind == "spike" else fit.shapes.wavelengths_tried[int(axis)]
+    return amounts_probability(*fit.amounts(*(block + end for end in SEARCHED[block])), tried)
+
+
+def amounts_probability(values: Vector, covariance: Matrix, tried: int = 1) -> float:
+    """Chance of such amounts by noise, the best of `tried` shapes taken."""
+    if not values.any():
+        return 1.0
+    try:
+        distance = float(values @ np.linalg.solve(covariance, values))
+    except np.linalg.LinAlgError:  # nothing remains, so nothing is uncertain
+        return 0.0
+    return min(1.0, tried * float(stats.chi2.sf(distance, len(values))))
+
+
+def _searched(
+    pair: CirclePair, shapes: Shapes, kept: tuple[str, ...], known: Mapping[int, float], number: int
+) -> Shapes:
+    """The shapes after one more round; in the first rounds spikes and waves are searched everywhere."""
+    for axis in (0, 1):
+        if f"spike {axis}" in kept:
+            rest = _columns(pair, shapes, kept, f"spike {axis}")
+            spike = nearest_spike(pair, rest, axis, shapes.spike[axis], number < 2)
+            shapes = replace(shapes, spike=_with(shapes.spike, axis, spike))
+    columns = _columns(pair, shapes, kept)
+    amounts = np.linalg.lstsq(columns, pair.deviation_um, rcond=None)[0]
+    gaps = [float(abs(one)) for one in amounts[len(SMOOTH) : len(SMOOTH) + 4]]
+    shapes = replace(shapes, gap_um=((gaps[0], gaps[1]), (gaps[2], gaps[3])))
+    residual = pair.deviation_um - columns @ amounts
+    for axis in (0, 1):
+        if f"cyclic {axis}" not in kept:
+            continue
+        if axis in known:
+            wave, tried = known[axis], 1
+        elif number == 0:
+            wave, tried = likeliest_wavelength(pair, axis, residual)
+            found = cyclic_columns(pair, axis, wave)
+            residual = residual - found @ np.linalg.lstsq(found, residual, rcond=None)[0]
+        else:
+            rest = _columns(pair, shapes, kept, f"cyclic {axis}")
+            wave = nearer_wavelength(pair, rest, axis, shapes.wavelength_um[axis])
+            tried = shapes.wavelengths_tried[axis]
+        waves, tries = _with(shapes.wavelength_um, axis, wave), _with(shapes.wavelengths_tried, axis, tried)
+        shapes = replace(shapes, wavelength_um=waves, wavelengths_tried=tries)
+    return shapes
 
 
 def _with(two: tuple[T, T], axis: int, value: T) -> tuple[T, T]:
@@ -155,32 +202,53 @@ def _alike(one: Shapes, other: Shapes) -> bool:
     return bool(gaps <= 1e-3 * max(1.0, float(np.max(other.gap_um))) and np.abs(ratios).max() <= 1e-3)
 
 
-def _columns(pair: CirclePair, shapes: Shapes, without: str = "") -> Matrix:
-    """The columns of `NAMES`; waves without a wavelength, and those whose name begins with `without`, are left out."""
-    parts = [("smooth", smooth_columns(pair))]
-    parts += [(f"backlash {axis}", backlash_columns(pair, axis, shapes.gap_um[axis])) for axis in (0, 1)]
-    parts += [(f"spike {axis}", spike_columns(pair, axis, shapes.spike[axis])) for axis in (0, 1)]
+def _block_columns(pair: CirclePair, shapes: Shapes, block: str) -> Matrix:
+    kind, axis = block.split()[0], int(block.split()[1])
+    if kind == "spike":
+        return spike_columns(pair, axis, shapes.spike[axis])
+    return cyclic_columns(pair, axis, shapes.wavelength_um[axis])
+
+
+def _columns(pair: CirclePair, shapes: Shapes, kept: tuple[str, ...], without: str = "") -> Matrix:
+    """Smooth columns, backlash, and the blocks that are kept; waves that have no wavelength yet are left out."""
+    parts = [smooth_columns(pair), *(backlash_columns(pair, axis, shapes.gap_um[axis]) for axis in (0, 1))]
     parts += [
-        (f"cyclic {axis}", cyclic_columns(pair, axis, shapes.wavelength_um[axis]))
-        for axis in (0, 1)
-        if shapes.wavelength_um[axis] > 0
+        _block_columns(pair, shapes, block)
+        for block in kept
+        if block != without and (block.startswith("spike") or shapes.wavelength_um[int(block[-1])] > 0)
     ]
-    return np.column_stack([columns for name, columns in parts if name != without])
+    return np.column_stack(parts)
 
 
-def _solved(pair: CirclePair, shapes: Shapes) -> CircleFit:
-    columns = _columns(pair, shapes)
+def _solved(pair: CirclePair, shapes: Shapes, kept: tuple[str, ...], *, aside: bool = False) -> CircleFit:
+    """Amounts and their errors; with `aside` also those of the blocks that are not kept, each beside the others."""
+    columns = _columns(pair, shapes, kept)
+    names = (
+        *SMOOTH,
+        *(f"backlash {axis}{end}" for axis in (0, 1) for end in "+-"),
+        *(block + end for block in kept for end in SEARCHED[block]),
+    )
     amounts = np.asarray(np.linalg.lstsq(columns, pair.deviation_um, rcond=None)[0], dtype=np.float64)
     residual = np.asarray(pair.deviation_um - columns @ amounts)
     resemblance = float(np.mean([_resemblance(residual[part]) for part in pair.parts]))
     variance = float(residual @ residual) / (len(residual) - columns.shape[1]) * resemblance
-    inverse = _inverse(columns)
-    searched, names = _slopes(pair, shapes, columns, amounts, np.asarray(np.sqrt(variance * np.diag(inverse))))
+    inverse = inverse_gram(columns)
+    errors = np.asarray(np.sqrt(variance * np.diag(inverse)))
+    searched, shape_names = _slopes(
+        pair, shapes, kept, dict(zip(names, zip(amounts, errors, strict=True), strict=True))
+    )
     every = np.column_stack([columns, searched])
-    inverse = _inverse(every)
-    wider = _widened(pair, every, residual, inverse, variance)
-    covariance = variance * inverse * np.outer(wider, wider)
-    return CircleFit((*NAMES, *names), columns, amounts, covariance, residual, resemblance, shapes)
+    every_inverse = inverse_gram(every)
+    wider = _widened(pair, every, residual, every_inverse, variance)
+    covariance = variance * every_inverse * np.outer(wider, wider)
+    set_aside = {}
+    for block in SEARCHED if aside else ():
+        if block not in kept:
+            own = _block_columns(pair, shapes, block)
+            own = own - columns @ (inverse @ (columns.T @ own))
+            gram = inverse_gram(own)
+            set_aside[block] = (np.asarray(gram @ (own.T @ residual)), variance * gram)
+    return CircleFit((*names, *shape_names), columns, amounts, covariance, residual, resemblance, shapes, set_aside)
 
 
 def _widened(pair: CirclePair, columns: Matrix, residual: Vector, inverse: Matrix, variance: float) -> Vector:
@@ -192,132 +260,37 @@ def _widened(pair: CirclePair, columns: Matrix, residual: Vector, inverse: Matri
     pieces = arcs + _ARCS * (pair.direction < 0)
     moved = (columns @ inverse) * residual[:, None]
     summed = np.array([np.bincount(pieces, column, 2 * _ARCS) for column in moved.T])
-    return np.sqrt(np.maximum((summed**2).sum(axis=1) / (variance * np.diag(inverse)), 1.0))
-
-
-def _inverse(columns: Matrix) -> Matrix:
-    """(XᵀX)⁻¹."""
-    scale = np.linalg.norm(columns, axis=0)
-    scaled = columns / scale
-    return np.asarray(np.linalg.pinv(scaled.T @ scaled, hermitian=True) / np.outer(scale, scale))
+    return np.asarray(np.sqrt(np.maximum((summed**2).sum(axis=1) / (variance * np.diag(inverse)), 1.0)))
 
 
 def _slopes(
-    pair: CirclePair, shapes: Shapes, columns: Matrix, amounts: Vector, errors: Vector
+    pair: CirclePair, shapes: Shapes, kept: tuple[str, ...], known: Mapping[str, tuple[float, float]]
 ) -> tuple[Matrix, tuple[str, ...]]:
-    """How the fit moves with the logarithm of the shapes that stand out of the noise: their errors widen the others."""
-    slopes, names = [np.empty((len(columns), 0))], []
-    for axis in (0, 1):
-        wave, (width, steepness) = shapes.wavelength_um[axis], shapes.spike[axis]
+    """How the fit moves with the logarithm of the shapes that stand out of the noise: their errors widen the others.
 
-        def wavy(by: float, axis: int = axis, wave: float = wave) -> Matrix:
-            return cyclic_columns(pair, axis, wave * by)
-
-        def wide(by: float, axis: int = axis, width: float = width, steepness: float = steepness) -> Matrix:
-            return spike_columns(pair, axis, (width * by, steepness))
-
-        def steep(by: float, axis: int = axis, width: float = width, steepness: float = steepness) -> Matrix:
-            return spike_columns(pair, axis, (width, steepness * by))
-
-        for kind, ends, made in (
-            ("cyclic", "cs", {"wavelength": wavy}),
-            ("spike", "+-", {"width": wide, "steepness": steep}),
-        ):
-            at = [NAMES.index(f"{kind} {axis}{end}") for end in ends]
-            if (np.abs(amounts[at]) > _CLEAR * errors[at]).any():
-                for shape, make in made.items():
-                    moved = make(math.exp(_SHIFT)) - make(math.exp(-_SHIFT))
-                    slopes.append((moved @ amounts[at] / (2.0 * _SHIFT))[:, None])
-                    names.append(f"{kind} {axis} {shape}")
+    `known`: column → its amount and error.
+    """
+    slopes, names = [np.empty((len(pair.angle_rad), 0))], []
+    for block in kept:
+        amounts, errors = np.array([known[block + end] for end in SEARCHED[block]]).T
+        if not (np.abs(amounts) > _CLEAR * errors).any():
+            continue
+        for shape in ("wavelength",) if block.startswith("cyclic") else ("width", "steepness"):
+            moved = [_block_columns(pair, _moved(shapes, block, shape, by), block) for by in (_SHIFT, -_SHIFT)]
+            slopes.append(((moved[0] - moved[1]) @ amounts / (2.0 * _SHIFT))[:, None])
+            names.append(f"{block} {shape}")
     return np.column_stack(slopes), tuple(names)
 
 
-def _gain(pair: CirclePair, rest: Matrix) -> Callable[[Matrix], float]:
-    """Columns → how much of the sum of squares they take beside `rest`."""
-    inverse = _inverse(rest)
-    left = pair.deviation_um - rest @ (inverse @ (rest.T @ pair.deviation_um))
-
-    def gain(columns: Matrix) -> float:
-        shared, score = rest.T @ columns, columns.T @ left
-        gram = columns.T @ columns - shared.T @ inverse @ shared
-        return float(score @ np.linalg.lstsq(gram, score, rcond=1e-9)[0])
-
-    return gain
-
-
-def _spike(pair: CirclePair, shapes: Shapes, axis: int, widths: Vector, anywhere: bool) -> Two:
-    """Width [s] and steepness of the spikes of an axis that leave the least of the deviation."""
-    gain = _gain(pair, _columns(pair, shapes, f"spike {axis}"))
-
-    def shape(logs: Vector) -> Two:
-        # flanks of two samples at least: less is a stray sample, not a spike
-        width = math.exp(logs[0])
-        return width, min(math.exp(logs[1]), max(1.0, (width / widths[0]) ** 2))
-
-    def lost(logs: Vector) -> float:
-        return -gain(spike_columns(pair, axis, shape(logs)))
-
-    begin = np.log(shapes.spike[axis])
-    if anywhere:
-        asked = [np.log([width, steepness]) for steepness in _STEEPNESSES for width in widths]
-        begin = min(asked, key=lost)
-    found = optimize.minimize(
-        lost,
-        begin,
-        method="Nelder-Mead",
-        bounds=[(math.log(widths[0]), math.log(widths[-1])), (0.0, math.log(_STEEPEST))],
-        options={"xatol": 1e-3, "fatol": 1e-9 * float(pair.deviation_um @ pair.deviation_um), "maxfev": 60},
-    )
-    return shape(found.x)
-
-
-def _nearer_wavelength(pair: CirclePair, shapes: Shapes, axis: int) -> float:
-    """A wavelength [µm] searched again near the last one, beside all other columns."""
-    gain = _gain(pair, _columns(pair, shapes, f"cyclic {axis}"))
-    last = 1.0 / shapes.wavelength_um[axis]
-    spacing = 1.0 / (8.0 * pair.radius_um)
-    found = optimize.minimize_scalar(
-        lambda per_um: -gain(cyclic_columns(pair, axis, 1.0 / per_um)),
-        bounds=(last - spacing, last + spacing),
-        method="bounded",
-        options={"xatol": 1e-3 * spacing},
-    )
-    return 1.0 / float(found.x)
-
-
-def _wavelength(pair: CirclePair, axis: int, residual: Vector) -> tuple[float, int]:
-    """Wavelength [µm] along an axis that takes the most out of a residual, and how many could be told apart.
-
-    From `SHORTEST_WAVE_UM`, or four samples, to half the radius: four periods along the travel at least.
-    """
-    longest = pair.radius_um / 2.0
-    samples = 8.0 * np.pi * pair.radius_um / (len(pair.angle_rad) / len(pair.parts))
-    shortest = min(max(SHORTEST_WAVE_UM, samples), longest / 2.0)
-    bins = np.floor((pair.angle_rad % (2.0 * np.pi)) / (2.0 * np.pi) * _BINS).astype(np.int64) % _BINS
-    weight = np.bincount(bins, minlength=_BINS).astype(np.float64)
-    mean = np.divide(np.bincount(bins, residual, _BINS), weight, out=np.zeros(_BINS), where=weight > 0)
-    angle = (np.arange(_BINS) + 0.5) * 2.0 * np.pi / _BINS
-    along = np.cos(angle) if axis == 0 else np.sin(angle)
-    place, size = pair.radius_um * along, weight * along
-
-    def power(per_um: float) -> float:
-        wave = np.exp(2j * np.pi * per_um * place)
-        # amplitude² times what carries it: the drop of the sum of squares by cosine and sine
-        a = np.array([along * wave.real, along * wave.imag])
-        gram, score = (a * weight) @ a.T, a @ (weight * mean)
-        return float(score @ np.linalg.solve(gram, score))
-
-    spacing = 1.0 / (8.0 * pair.radius_um)
-    asked = np.arange(1.0 / longest, 1.0 / shortest, spacing)
-    rough = np.abs(np.exp(2j * np.pi * np.outer(asked, place)) @ (size * mean))
-    best = asked[int(np.argmax(rough))]
-    found = optimize.minimize_scalar(
-        lambda one: -power(one),
-        bounds=(best - spacing, best + spacing),
-        method="bounded",
-        options={"xatol": 1e-3 * spacing},
-    )
-    return 1.0 / float(found.x), max(1, len(asked) // 2)
+def _moved(shapes: Shapes, block: str, shape: str, by: float) -> Shapes:
+    """The shapes with the logarithm of one of them changed."""
+    axis, factor = int(block[-1]), math.exp(by)
+    if shape == "wavelength":
+        waves = _with(shapes.wavelength_um, axis, shapes.wavelength_um[axis] * factor)
+        return replace(shapes, wavelength_um=waves)
+    width, steepness = shapes.spike[axis]
+    spike = (width * factor, steepness) if shape == "width" else (width, steepness * factor)
+    return replace(shapes, spike=_with(shapes.spike, axis, spike))
 
 
 def _resemblance(residual: Vector) -> float:

@@ -12,7 +12,9 @@ import pytest
 from selector.errors import InputError
 from selector.physics.drive.axis import Axis
 from selector.physics.drive.ball_bar import BallBarPlan, BallBarTrace, PairGeometry, ball_bar_test
+from selector.physics.drive.circle_basis import pair_of
 from selector.physics.drive.circle_causes import CircleCauses, circle_causes
+from selector.physics.drive.circle_fit import SEARCHED, circle_fit
 from selector.physics.drive.friction import Friction, LuGre
 from selector.physics.drive.transmission import Transmission
 from tests.physics.drive.axes import CONTINUOUS, THREE
@@ -188,6 +190,15 @@ def test_noise_alone_names_nothing(seed):
     found = circle_causes(Planted(centre_um=(3.0, 3.0)).traces(1.0, seed=seed, samples=900)).feeds[0]
     assert not [cause.kind for cause in found.causes if cause.found]
     assert found.remaining_share > 0.9
+
+
+def test_shapes_that_are_not_there_cost_the_others_nothing():
+    for seed in range(4):
+        fit = circle_fit(pair_of(Planted().traces(0.1, seed=40 + seed, samples=900)))
+        assert set(fit.set_aside) == set(SEARCHED)
+        # 1800 readings of cos 2θ and of 1: noise·√(2/n), noise/√n; the residual's own error is 1/√(2n) = 1.7 %, and
+        # backlash of both axes shares neither; resemblance of neighbours may add a tenth
+        assert math.sqrt(fit.amounts("squareness")[1][0, 0]) == pytest.approx(0.1 * math.sqrt(2 / 1800), rel=0.15)
 
 
 def test_known_lead_needs_no_search():
