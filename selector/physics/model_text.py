@@ -12,7 +12,7 @@ import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Generic, TypeVar, get_args
+from typing import Any, Generic, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, Tag, ValidationError
 
@@ -33,6 +33,7 @@ Contradiction = tuple[Key, str, str, str]
 File = TypeVar("File", bound=Entry)
 
 _MOST_PARTS = 32
+_MOST_NAMED = 8
 _PART = r"""(?:(?<![\w-])[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
 _LONG_KEY = re.compile(rf"(?:{_PART}[ \t]*+\.[ \t]*+){{{_MOST_PARTS}}}")
 """Reading a dotted key takes a time that grows with the square of its parts."""
@@ -123,16 +124,19 @@ class ModelFamily(Generic[File]):
         )
 
     def _invalid(self, error: ValidationError, schema: type[BaseModel], where: str) -> ModelFileError:
-        """The first thing that is wrong, in words; a key that is not known before one that is missing."""
+        """The first thing that is wrong, in words, and where the others are; unknown keys before missing ones."""
         problems: list[Any] = error.errors(include_url=False)
         rank = {"extra_forbidden": 0, "missing": 2}
-        first = min(problems, key=lambda one: rank.get(one["type"], 1))
-        key: Key = tuple(part for part in first["loc"] if not is_choice_tag(part) and part != "[key]")
-        held = first["input"]
-        if first["type"] == NO_SUCH_KIND and isinstance(held, Mapping):
+        first, *others = sorted(problems, key=lambda one: rank.get(one["type"], 1))
+        key, held = _key_of(first), first["input"]
+        if first["type"] == "missing":
+            # keys that lack in one place are one mistake
+            alike = [one for one in others if one["type"] == "missing" and one["loc"][:-1] == first["loc"][:-1]]
+            return self._missing(schema, [first, *alike], [one for one in others if one not in alike], where)
+        kindless = first["type"] == NO_SUCH_KIND and isinstance(held, Mapping)
+        if kindless:
             key, held = (*key, "kind"), held.get("kind")
-        place = f"{where}, key {key_text(key)}"
-        more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+        place, more = f"{where}, key {key_text(key)}", _also(others)
         if first["type"] == "extra_forbidden":
             known = _keys_at(schema, first["loc"][:-1])
             near = _closest(str(key[-1]), known)
@@ -148,13 +152,36 @@ class ModelFamily(Generic[File]):
                 where=place,
                 advice=f"{advice}, or remove it; {self.page} explains every key",
             )
-        if first["type"] == "missing":
-            found, expected = f"no {shown(key[-1]) if isinstance(key[-1], str) else 'further value'}{more}", "this key"
-        else:
-            found = f"{shown(held)}{more}"
-            expected = expected_text(first)
-        advice = f"correct this value; {self.page} explains it"
-        return ModelFileError(found, expected=expected, where=place, advice=advice)
+        expected, advice = expected_text(first), f"correct this value; {self.page} explains it"
+        found = shown(held)
+        if kindless and held is None:
+            found, advice = "no 'kind'", f'add kind = "…"; {self.page} explains each'
+        return ModelFileError(f"{found}{more}", expected=expected, where=place, advice=advice)
+
+    def _missing(
+        self, schema: type[BaseModel], lacking: Sequence[Any], others: Sequence[Any], where: str
+    ) -> ModelFileError:
+        """Keys, or sections, that lack in one place."""
+        keys = [_key_of(one) for one in lacking]
+        forms = [_section_at(schema, one["loc"], key) for one, key in zip(lacking, keys, strict=True)]
+        found = [
+            header or (shown(key[-1]) if isinstance(key[-1], str) else "further value")
+            for key, (header, _) in zip(keys, forms, strict=True)
+        ]
+        added = [
+            f"a section {header}" + (f" with kind = {_alternatives(kinds)}" if kinds else "")
+            for header, kinds in forms
+            if header
+        ]
+        one, sections = len(keys) == 1, all(header for header, _ in forms)
+        it = "it" if one else "them"
+        place = keys[0] if one else keys[0][:-1]
+        return ModelFileError(
+            f"no {'section ' * sections}{', '.join(found)}{_also(others)}",
+            expected=f"this {'section' if sections else 'key'}" if one else "all of these",
+            where=f"{where}, key {key_text(place)}" if place else where,
+            advice=f"add {' and '.join(added) or it}; {self.page} explains {it}",
+        )
 
 
 def sections_of_text(text: str, *, where: str) -> dict[str, Any]:
@@ -236,8 +263,49 @@ def shown(value: object) -> str:
     return text if len(text) <= 80 else f"{text[:79]}…"
 
 
+def _key_of(problem: Mapping[str, Any]) -> Key:
+    """The place of what is wrong, as a key of the file."""
+    return tuple(part for part in problem["loc"] if not is_choice_tag(part) and part != "[key]")
+
+
+def _also(others: Sequence[Mapping[str, Any]]) -> str:
+    """Where else something is wrong, to stand behind what was found; empty for nowhere."""
+    words = {"extra_forbidden": "unknown ", "missing": "no "}
+    named = [f"{words.get(one['type'], '')}{key_text(_key_of(one))}" for one in others]
+    more = f" and {len(named) - _MOST_NAMED} more" if len(named) > _MOST_NAMED else ""
+    return f" (also wrong: {', '.join(named[:_MOST_NAMED])}{more})" if named else ""
+
+
+def _section_at(schema: type[BaseModel], path: Sequence[str | int], key: Key) -> tuple[str, list[str]]:
+    """How a section that lacks would begin, and which kinds it may have; empty for what is no section."""
+    for entry in _entries_at(schema, path[:-1]):
+        field = entry.model_fields.get(str(path[-1]))
+        if field is not None and _entries_in(field.annotation):
+            origin = get_origin(field.annotation)
+            header = f"[{key_text(key)}{'.NAME' if origin is dict else ''}]"
+            return f"[{header}]" if origin is tuple else header, _kinds_in(field.annotation)
+    return "", []
+
+
+def _alternatives(words: Sequence[str]) -> str:
+    """Words of which one is to be chosen: "a", "b" or "c"."""
+    return " or ".join(", ".join(f'"{word}"' for word in words).rsplit(", ", 1))
+
+
+def _kinds_in(annotation: Any) -> list[str]:
+    """Kinds of a section that has several."""
+    inner = get_args(annotation)
+    tags = [str(part.tag)[1:] for part in inner if isinstance(part, Tag)]
+    return tags + [kind for part in inner for kind in _kinds_in(part)]
+
+
 def _keys_at(schema: type[BaseModel], path: Sequence[str | int]) -> list[str]:
     """Keys that the section at this path may have."""
+    return list(dict.fromkeys(name for entry in _entries_at(schema, path) for name in entry.model_fields))
+
+
+def _entries_at(schema: type[BaseModel], path: Sequence[str | int]) -> list[type[BaseModel]]:
+    """What the section at this path may be."""
     entries: list[type[BaseModel]] = [schema]
     annotations: list[Any] = []
     for part in path:
@@ -246,7 +314,7 @@ def _keys_at(schema: type[BaseModel], path: Sequence[str | int]) -> list[str]:
         elif inner := [e.model_fields[part].annotation for e in entries if part in e.model_fields]:
             annotations = inner
             entries = [entry for annotation in annotations for entry in _entries_in(annotation)]
-    return list(dict.fromkeys(name for entry in entries for name in entry.model_fields))
+    return entries
 
 
 def _entries_in(annotation: Any, tag: str | None = None) -> list[type[BaseModel]]:
