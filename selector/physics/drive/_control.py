@@ -77,26 +77,31 @@ def sampled_command(s, i, measured, speed, integral, noise, p, ref):
 
 @compiled
 def continuous_command(w, row, out, s, i, measured, speed, p, o, ref):
-    """Command at the state in `row`; the rate of the integral goes into row `out`, the rest into ALSO.
-
-    Within a mode everything is smooth: what is free goes on beyond its limit. An integral that follows the limit is no
-    state: it is what keeps the command there.
-    """
+    """Command at the state in `row`; the rate of the integral goes into row `out`, the rest into ALSO."""
     position, ahead, acceleration = reference_at(s, i, p, ref)
     wanted = p[POSITION_GAIN] * (position - measured) / p[TRAVEL] + p[SPEED_AHEAD] * ahead / p[TRAVEL]
-    if o[LIMITS] == 0:
-        error = wanted - speed
-        w[out, INTEGRAL] = error
-        return p[VELOCITY_GAIN] * error + p[INTEGRAL_GAIN] * w[row, INTEGRAL] + p[ACCELERATION_AHEAD] * acceleration
+    feed = p[ACCELERATION_AHEAD] * acceleration
+    if o[LIMITS]:
+        return _limited_command(w, row, out, wanted, speed, feed, p, o)
+    error = wanted - speed
+    w[out, INTEGRAL] = error
+    return p[VELOCITY_GAIN] * error + p[INTEGRAL_GAIN] * w[row, INTEGRAL] + feed
+
+
+@compiled
+def _limited_command(w, row, out, wanted, speed, feed, p, o):
+    """The same within the modes of the limits, where everything is smooth: what is free goes on beyond its limit.
+
+    An integral that follows the limit is no state: it is what keeps the command there.
+    """
     w[ALSO, WANTED] = wanted
     if o[SPEED_MODE] != 0:
         wanted = o[SPEED_MODE] * p[SPEED_LIMIT]
     error = wanted - speed
     mode = o[COMMAND_MODE]
     if abs(mode) == ALONG:
-        rest = p[VELOCITY_GAIN] * error + p[ACCELERATION_AHEAD] * acceleration
-        w[row, INTEGRAL] = (limited(mode, p) - rest) / p[INTEGRAL_GAIN]
-    asked = p[VELOCITY_GAIN] * error + p[INTEGRAL_GAIN] * w[row, INTEGRAL] + p[ACCELERATION_AHEAD] * acceleration
+        w[row, INTEGRAL] = (limited(mode, p) - p[VELOCITY_GAIN] * error - feed) / p[INTEGRAL_GAIN]
+    asked = p[VELOCITY_GAIN] * error + p[INTEGRAL_GAIN] * w[row, INTEGRAL] + feed
     w[ALSO, ASKED], w[ALSO, ERROR] = asked, error
     w[out, INTEGRAL] = error if mode == FREE else 0.0
     return asked if mode == FREE else limited(mode, p)

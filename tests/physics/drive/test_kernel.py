@@ -22,6 +22,10 @@ from tests.physics.drive.axes import CONTINUOUS, RIGID, RIGID_SERVO, SAMPLED, TH
 
 COULOMB = Friction(300.0)
 STRIBECK = Friction(300.0, static_n=450.0)
+TABLE = Transmission(
+    pitch_position_m=tuple(5e-3 * np.arange(-5, 6)),
+    pitch_error_m=tuple(5e-6 * np.random.default_rng(0).normal(size=11)),
+)
 AXES = {
     "smooth": Axis(THREE, CONTINUOUS),
     "pitch": Axis(THREE, CONTINUOUS, transmission=Transmission(pitch_amplitude_m=2e-5)),
@@ -37,6 +41,12 @@ AXES = {
     "stiff bristles": Axis(THREE, CONTINUOUS, replace(STRIBECK, lugre=LuGre(1e8, 1e5))),
     "sampled": Axis(THREE, SAMPLED, COULOMB),
     "rigid": Axis(RIGID, RIGID_SERVO, Friction(20.0)),
+    "pitch table": Axis(THREE, CONTINUOUS, replace(COULOMB, screw_coulomb_nm=0.5), TABLE),
+    "pitch table, backlash": Axis(THREE, CONTINUOUS, COULOMB, replace(TABLE, backlash_m=2e-5)),
+    "rigid, pitch table": Axis(RIGID, RIGID_SERVO, Friction(20.0), TABLE),
+    "command limit": Axis(THREE, replace(CONTINUOUS, command_limit=10.0), COULOMB),
+    "speed limit": Axis(THREE, replace(CONTINUOUS, speed_limit=80.0), COULOMB),
+    "rigid, both limits": Axis(RIGID, replace(RIGID_SERVO, command_limit=5.0, speed_limit=0.2), Friction(20.0)),
     "rigid, bristles": Axis(RIGID, RIGID_SERVO, Friction(20.0, static_n=30.0, lugre=LuGre(1e6, 1e3))),
 }
 

@@ -20,6 +20,16 @@ from selector.physics.drive.transmission import AxialCompliance, Transmission
 from tests.physics.drive.axes import THREE, still
 
 STEP_S = 2e-5
+# no table of pitch errors, corners a millimetre apart, and corners at which a screw turns to and fro
+TABLES = tuple(
+    {
+        "pitch_position_m": tuple(apart_m * np.arange(-5, 6)),
+        "pitch_error_m": tuple(2e-3 * apart_m * np.random.default_rng(0).normal(size=11)),
+    }
+    if apart_m > 0
+    else {}
+    for apart_m in (0.0, 1e-3, 1e-6)
+)
 part = st.floats(0.0, 1.0)
 
 
@@ -95,6 +105,7 @@ def test_dry_friction_contact_and_damping(data):
         backlash_m=data.draw(st.sampled_from((0.0, 1e-6, 2e-5))),
         pitch_amplitude_m=data.draw(st.sampled_from((0.0, 1e-5))),
         pitch_slope=data.draw(st.sampled_from((0.0, 1e-4))),
+        **data.draw(st.sampled_from(TABLES)),
     )
     axis = Axis(data.draw(mechanics()), friction=data.draw(dry_friction()), transmission=transmission)
     rise, first = gained(axis, data.draw(states(axis)))
@@ -109,8 +120,8 @@ def test_a_spring_that_depends_on_load_and_place(data):
     compliance = AxialCompliance(force, joints, 2e8, 1.0, 0.3, both_ends=data.draw(st.booleans()))
     axis = Axis(data.draw(mechanics()), friction=data.draw(dry_friction()), compliance=compliance)
     rise, first = gained(axis, data.draw(states(axis)))
-    # corners of the polygon are not located: order 2 there, 1e-7 of the energy in 800 draws
-    assert rise <= 1e-5 * first + NOTHING_J
+    # corners of the polygon are not located: order 2 there, 1e-7 to 1e-6 of the energy at most in 2000 draws
+    assert rise <= 3e-6 * first + NOTHING_J
 
 
 def bristly(data, damping: float, fading: float) -> Axis:
