@@ -173,13 +173,26 @@ def _checked(destination: Destination, report: Path | None, read: Iterable[str |
 
 @contextmanager
 def named(model: Path) -> Iterator[None]:
-    """Errors about a key of the model file name the file too."""
+    """Errors about a key, an axis or a run of the model file name the file too."""
     try:
         yield
     except InputError as error:
-        if not error.where.startswith(("key ", "model ")):
+        if not error.where.startswith(("key ", "model ", "axis ", "run ")):
             raise
         where = f"{model}, {error.where.removeprefix('model ')}"
+        raise type(error)(error.found, expected=error.expected, where=where, advice=error.advice) from error
+
+
+@contextmanager
+def named_runs(files: Mapping[str, str | Path]) -> Iterator[None]:
+    """Errors about a run name its file in the place of the run."""
+    try:
+        yield
+    except InputError as error:
+        run = next((run for run in files if error.where.startswith(f"run {run}, ")), None)
+        if run is None:
+            raise
+        where = f"{files[run]}, {error.where.removeprefix(f'run {run}, ')}"
         raise type(error)(error.found, expected=error.expected, where=where, advice=error.advice) from error
 
 

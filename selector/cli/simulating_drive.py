@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -21,6 +19,7 @@ from selector.cli.simulating import (
     Simulated,
     driven_destination,
     named,
+    named_runs,
     own_destination,
     require_free_folder,
     require_inputs_for_machine,
@@ -29,7 +28,7 @@ from selector.cli.simulating import (
 )
 from selector.cli.simulation_files import require_page_place
 from selector.cli.source import MachineFile
-from selector.errors import InputError, OptionError
+from selector.errors import OptionError
 from selector.findings import Finding
 
 if TYPE_CHECKING:
@@ -163,8 +162,7 @@ def _planned(
     destination = own_destination(out, list(built.runs), report, [model, *read], _RUNS_OF_CIRCLES)
     before = model_findings(built)
     progress(0, 1, "")
-    with _poles_told(before):
-        simulation = built.simulation(run=next(iter(destination.targets)), seed=seed)
+    simulation = built.simulation(run=next(iter(destination.targets)), seed=seed)
     return _Work(simulation, destination, (*before, *simulation_findings(built, simulation)))
 
 
@@ -190,7 +188,7 @@ def _driven(
     reading = read_recordings(inputs, machine=machine)
     destination = driven_destination(out, reading, report, [model, *read])
     before = model_findings(built)
-    with _poles_told(before):
+    with named_runs({run.name: run.file for run in reading.runs}):
         driven = driven_runs(built, reading.recording, opened=open_loop, seed=seed, progress=progress)
     after = simulation_findings(built, driven.simulation, driven=True)
     said = (*reading.findings, *before, *driven.findings, *after)
@@ -201,20 +199,3 @@ def _driven(
 def _show(console: Console, built: DriveModel, summary: DriveSummary, differences: tuple[Difference, ...]) -> None:
     show_comparison(console, differences)
     show_analysis(console, built, summary)
-
-
-@contextmanager
-def _poles_told(findings: tuple[Finding, ...]) -> Iterator[None]:
-    """If an axis whose loop is unstable runs away, the error says which poles it has and which gains would do."""
-    try:
-        yield
-    except InputError as error:
-        unstable = [one for one in findings if one.id == "unstable-loop"]
-        if not unstable:
-            raise
-        raise InputError(
-            f"{error.found}. {' '.join(one.statement for one in unstable)}".removesuffix("."),
-            expected=error.expected,
-            where=error.where,
-            advice=" ".join(one.suggestion for one in unstable),
-        ) from error

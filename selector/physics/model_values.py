@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import dataclasses
 import types
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from pydantic import Field, StrictBool, create_model
+from pydantic import AfterValidator, Field, StrictBool, create_model
 
 from selector.errors import InputError
 from selector.physics.model_entries import Entry, limited
@@ -25,12 +26,20 @@ _MOST_VALUES = 10_000
 Value = TypeVar("Value")
 
 
-def entry_of(kind: type, *, called: str | None = None, **more: Any) -> type[Entry]:
+Limits = Callable[[str], tuple[float, float]]
+"""Key → least size of what is not 0, and most."""
+
+
+def _no_limits(key: str) -> tuple[float, float]:
+    return 0.0, LARGEST
+
+
+def entry_of(kind: type, *, called: str | None = None, limits: Limits = _no_limits, **more: Any) -> type[Entry]:
     """The section whose keys are the fields of a dataclass, with their defaults; dataclasses inside are tables.
 
     Fields may be numbers, whole numbers, truth values, choices of words, tuples of numbers, dataclasses, or None.
-    With `called` it has ``kind = "called"`` as its first key; `more` are further keys as pydantic has them: (type,
-    default).
+    With `called` it has ``kind = "called"`` as its first key; `limits` says how small and how large numbers may be;
+    `more` are further keys as pydantic has them: (type, default).
     """
     hints = get_type_hints(kind)
     keys: dict[str, Any] = {} if called is None else {"kind": (Literal[called], ...)}
@@ -39,8 +48,8 @@ def entry_of(kind: type, *, called: str | None = None, **more: Any) -> type[Entr
         if field.default is not dataclasses.MISSING:
             default = field.default
         elif field.default_factory is not dataclasses.MISSING:
-            default = _default(hints[field.name], field.default_factory())
-        keys[field.name] = (_key_type(hints[field.name]), default)
+            default = _default(hints[field.name], field.default_factory(), limits)
+        keys[field.name] = (_key_type(hints[field.name], field.name, limits), default)
     return create_model(f"{kind.__name__}Section", __base__=Entry, __doc__=kind.__doc__, **keys, **more)
 
 
@@ -63,7 +72,7 @@ def given(kind: type, section: Entry) -> dict[str, Any]:
     for name in section.model_fields_set & known:
         value = getattr(section, name)
         inner = _dataclass_in(hints[name])
-        found[name] = value_of(inner, value) if inner is not None and isinstance(value, Entry) else value
+        found[name] = _inner_value(inner, value, name) if inner is not None and isinstance(value, Entry) else value
     return found
 
 
@@ -76,9 +85,18 @@ def refused(error: InputError, key: Key, section: Entry | None) -> Contradiction
     return (key if inside is ... else (*key, *names)), error.found, error.expected, error.advice
 
 
-def _default(hint: Any, value: Any) -> Any:
+def _inner_value(kind: type[Value], section: Entry, name: str) -> Value:
+    """As `value_of`, of a table inside a section: what is refused has the name of the table before it."""
+    try:
+        return value_of(kind, section)
+    except InputError as error:
+        where = f"{name}.{error.where}"
+        raise type(error)(error.found, expected=error.expected, where=where, advice=error.advice) from error
+
+
+def _default(hint: Any, value: Any, limits: Limits) -> Any:
     if dataclasses.is_dataclass(value):
-        return entry_of(hint).model_construct()
+        return entry_of(hint, limits=limits).model_construct()
     return dict(value) if isinstance(value, Mapping) else value
 
 
@@ -87,23 +105,32 @@ def _dataclass_in(hint: Any) -> Any:
     return next((kind for kind in (hint, *get_args(hint)) if dataclasses.is_dataclass(kind)), None)
 
 
-def _key_type(hint: Any) -> Any:
+def _key_type(hint: Any, name: str, limits: Limits) -> Any:
     origin, inner = get_origin(hint), get_args(hint)
     if origin in (Union, types.UnionType):
-        return Union[tuple(kind if kind is type(None) else _key_type(kind) for kind in inner)]  # noqa: UP007
+        return Union[tuple(kind if kind is type(None) else _key_type(kind, name, limits) for kind in inner)]  # noqa: UP007
     if origin is tuple:
         if len(inner) == 2 and inner[1] is ...:
-            return Annotated[tuple[_key_type(inner[0]), ...], Field(max_length=_MOST_VALUES)]  # type: ignore[misc]
-        return tuple[tuple(_key_type(one) for one in inner)]  # type: ignore[misc]
+            many = tuple[_key_type(inner[0], name, limits), ...]  # type: ignore[misc, valid-type]
+            return Annotated[many, Field(max_length=_MOST_VALUES)]
+        return tuple[tuple(_key_type(one, name, limits) for one in inner)]  # type: ignore[misc]
     if origin is Literal:
         return hint
     if dataclasses.is_dataclass(hint):
-        return entry_of(hint)  # type: ignore[arg-type]
+        return entry_of(hint, limits=limits)  # type: ignore[arg-type]
+    least, most = limits(name)
+    whole = int(min(most, 10**9))
     simple = {
         bool: StrictBool,
-        int: Annotated[int, Field(strict=True, ge=-(10**9), le=10**9)],
-        float: Annotated[float, limited(-LARGEST, LARGEST)],
+        int: Annotated[int, Field(strict=True, ge=-whole, le=whole)],
+        float: Annotated[float, limited(-most, most), AfterValidator(partial(_large_enough, least=least))],
     }
     if hint not in simple:
         raise TypeError(f"a model file has no keys of the type {hint}")
     return simple[hint]
+
+
+def _large_enough(value: float, *, least: float) -> float:
+    if 0.0 < abs(value) < least:
+        raise ValueError(f"no number that is smaller than {least:g} in size, but for 0")
+    return value

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 from selector.errors import InputError
 from selector.physics.drive.checks import require_positive
@@ -45,6 +46,13 @@ class Axis:
         ):
             if rigid and is_there:
                 raise _unfit(f"{what} in a rigid axis", "a three-mass axis", "describe motor, screw and table")
+        if self._least_travel <= 0.0:
+            raise InputError(
+                f"a pitch error that turns the travel back (least slope {self._least_travel:.3g})",
+                expected="errors that change by less than the travel",
+                where="transmission",
+                advice="give pitch errors in metres: 5 µm are 5e-6",
+            )
         sampled = self.servo is not None and self.servo.sample_s > 0
         for is_there, what in (
             (self.servo is not None and self.servo.delay_s > 0, "a delay"),
@@ -52,6 +60,17 @@ class Axis:
         ):
             if is_there and not sampled:
                 raise _unfit(f"{what} without a sampled servo", "sample_s above 0", "give the servo's sample time")
+
+    @property
+    def _least_travel(self) -> float:
+        """A bound of the true travel per nominal one."""
+        pitch, radius = self.transmission, self.mechanics.travel_per_motion
+        rate = 2.0 * math.pi / self.ripple_period if isinstance(self.mechanics, RigidMechanics) else 1.0
+        falls = [
+            (error - before) / (at - since)
+            for (since, before), (at, error) in pairwise(zip(pitch.pitch_position_m, pitch.pitch_error_m, strict=True))
+        ]
+        return 1.0 + pitch.pitch_slope + min(falls, default=0.0) - pitch.pitch_amplitude_m * rate / radius
 
 
 def _unfit(found: str, expected: str, advice: str) -> InputError:

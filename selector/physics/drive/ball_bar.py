@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from selector.errors import InputError
 from selector.physics.drive.axis import Axis
-from selector.physics.drive.checks import require_not_negative, require_positive
+from selector.physics.drive.checks import require_not_negative, require_positive, told_of
 from selector.physics.drive.circle import Circle, TableBall, circle_references, measured_samples
 from selector.physics.drive.course import ParameterCourse
 from selector.physics.drive.mechanics import RigidMechanics
@@ -271,10 +271,12 @@ def ball_bar_run(
     steps = {name: step_s or circle_step_s(axis, period) for name, axis in axes.items()}
     varying = {name: of(references[name]) for name, of in (courses or {}).items()}
     along = {name: varying.get(name) for name in names}
-    motions = {
-        name: simulate_axis(axes[name], references[name], step_s=steps[name], course=along[name], seed=int(own))
-        for name, own in zip(names, seeds, strict=False)
-    }
+    motions = {}
+    for name, own in zip(names, seeds, strict=False):
+        with told_of(f"axis {name}"):
+            motions[name] = simulate_axis(
+                axes[name], references[name], step_s=steps[name], course=along[name], seed=int(own)
+            )
     inside = measured_samples(circle, references[names[0]].time_s)
     angle, deviation = _bar(circle, geometry, [motions[name].table_m[inside] for name in names])
     if plan.noise_um > 0:

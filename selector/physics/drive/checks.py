@@ -1,8 +1,13 @@
-"""Parameters that cannot be: refused with their name when a value is made."""
+"""Numbers that cannot be: refused with their name and place."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+from numpy.typing import NDArray
 
 from selector.errors import InputError
 
@@ -40,3 +45,31 @@ def too_far_apart() -> InputError:
         where="feed axis",
         advice="look for a wrong power of ten: mm for m, µm for m, g·cm² for kg·m²",
     )
+
+
+@contextmanager
+def told_of(what: str) -> Iterator[None]:
+    """Errors inside say `what` they are about, an axis or a run, if they do not name a key of the model file."""
+    try:
+        yield
+    except InputError as error:
+        if error.where.startswith("key "):
+            raise
+        where = f"{what}, {error.where}"
+        raise type(error)(error.found, expected=error.expected, where=where, advice=error.advice) from error
+
+
+def require_within(values: NDArray[np.float64], time_s: NDArray[np.float64], most: float, unit: str) -> None:
+    """Raises InputError if a value of a course is beyond what any machine has; missing ones are allowed.
+
+    The caller says with `told_of` which course it is.
+    """
+    beyond = np.flatnonzero(np.abs(values) > most)
+    if len(beyond):
+        first = int(beyond[0])
+        raise InputError(
+            f"{values[first]:g} {unit} at {time_s[first]:.6g} s (row {first + 1})",
+            expected=f"numbers from {-most:g} to {most:g} {unit}",
+            where="recorded course",
+            advice="correct or cut this part of the recording; check the unit of the channel",
+        )

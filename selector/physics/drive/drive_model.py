@@ -15,6 +15,7 @@ from selector.errors import InputError
 from selector.physics.drive.axis import Axis
 from selector.physics.drive.ball_bar import LONGEST_PERIOD_S, BallBarTrace, PairGeometry, ball_bar_run
 from selector.physics.drive.catalogue import Parts
+from selector.physics.drive.checks import told_of
 from selector.physics.drive.circle import Circle, measured_samples
 from selector.physics.drive.course import ParameterCourse
 from selector.physics.drive.drive_channels import axis_channels, axis_courses
@@ -22,11 +23,12 @@ from selector.physics.drive.mechanics import RigidMechanics
 from selector.physics.drive.model_axes import FileAxis, file_axis
 from selector.physics.drive.model_file import columns_needed
 from selector.physics.drive.model_motion import Columns, circle_plan, file_reference, moved_axes
-from selector.physics.drive.model_schema import MOST_STEPS, CircleMotion, DriveFile
+from selector.physics.drive.model_schema import CircleMotion, DriveFile
 from selector.physics.drive.motion import Motion
 from selector.physics.drive.parameters import parameters, with_parameters
 from selector.physics.drive.reference import Reference
-from selector.physics.drive.simulation import simulate_axis, steps_per_period
+from selector.physics.drive.run_checks import require_few_steps
+from selector.physics.drive.simulation import simulate_axis
 from selector.physics.drive.state import AxisState
 from selector.physics.drive.step_choice import advised_step_s, circle_step_s
 from selector.physics.model_parameters import Parameter
@@ -245,10 +247,9 @@ class DriveModel:
         """
         axis, file = self.file_axes[name].axis, self.file
         step_s = file.run.step_s or advised_step_s(axis, reference.period_s)
-        with _of_axis(name):
-            _require_few_steps(
-                name, axis, (len(reference.position_m) - 1) * reference.period_s, reference.period_s, step_s
-            )
+        duration_s = (len(reference.position_m) - 1) * reference.period_s
+        with told_of(f"axis {name}"):
+            require_few_steps(name, axis, duration_s, step_s, period_s=reference.period_s)
             course = self.file_axes[name].course(reference)
             motion = simulate_axis(
                 axis, reference, step_s=step_s, course=course, start=start, commands=commands, seed=seed
@@ -296,8 +297,9 @@ class DriveModel:
             if progress is not None:
                 progress(number, len(self.runs), run)
             for name, step_s in steps_s.items():
-                _require_few_steps(name, circle.duration_s, step_s)
-            done = ball_bar_run(axes, circle, geometry, plan, courses=along, step_s=said, seed=seed, number=number)
+                require_few_steps(name, axes[name], circle.duration_s, step_s, period_s=self.file.run.period_s)
+            with told_of(f"run {run}"):
+                done = ball_bar_run(axes, circle, geometry, plan, courses=along, step_s=said, seed=seed, number=number)
             inside = np.flatnonzero(measured_samples(circle, next(iter(done.motions.values())).time_s))
             arc = (int(inside[0]), int(inside[-1]) + 1)
             runs[run] = {
@@ -365,18 +367,6 @@ def drive_model(file: DriveFile, columns: Columns | None = None) -> DriveModel:
     return model
 
 
-@contextmanager
-def _of_axis(name: str) -> Iterator[None]:
-    """Errors name the axis, if they do not name a key of the file."""
-    try:
-        yield
-    except InputError as error:
-        if error.where.startswith("key "):
-            raise
-        where = f"axis {name}, {error.where}"
-        raise type(error)(error.found, expected=error.expected, where=where, advice=error.advice) from error
-
-
 def _cut(value: Reference | Motion | ParameterCourse, names: Iterable[str], part: slice) -> dict[str, Any]:
     """A stretch of the courses of these names; None where there is none."""
     courses = {name: getattr(value, name) for name in names}
@@ -388,19 +378,3 @@ def _at(time_s: Vector, grid_s: Vector, values: Vector) -> Vector:
     if len(time_s) == len(grid_s) and np.allclose(time_s, grid_s, rtol=0.0, atol=1e-6 * (grid_s[1] - grid_s[0])):
         return values
     return np.interp(time_s, grid_s, values)
-
-
-def _require_few_steps(name: str, axis: Axis, duration_s: float, period_s: float, step_s: float) -> None:
-    """Counts the steps as they are laid, which the periods of control and samples make shorter than `step_s`."""
-    count = duration_s / step_s
-    if count <= MOST_STEPS:
-        count = duration_s / period_s * steps_per_period(axis, period_s, step_s)
-    if count > MOST_STEPS:
-        by_step = duration_s / step_s > 0.5 * count
-        raise InputError(
-            f"{count:.3g} steps of {duration_s / count:.3g} s in a motion of {duration_s:.6g} s of axis {name}",
-            expected=f"at most {MOST_STEPS}",
-            where="key run.step_s" if by_step else f"key axes.{name}.servo.sample_s",
-            advice="simulate a shorter motion or a faster feed, or give a larger "
-            + ("run.step_s" if by_step else "sample_s; a run.period_s that is a multiple of it needs no more steps"),
-        )

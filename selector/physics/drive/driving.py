@@ -17,9 +17,11 @@ from numpy.typing import NDArray
 from selector.errors import OptionError
 from selector.findings import Finding
 from selector.physics.drive.axis import Axis
+from selector.physics.drive.checks import require_within, told_of
 from selector.physics.drive.drive_channels import axis_channels
 from selector.physics.drive.drive_model import AxisRun, DriveModel, DriveSimulation, Progress
 from selector.physics.drive.mechanics import RigidMechanics
+from selector.physics.drive.model_limits import MOST_ACTING, MOST_POSITION_M
 from selector.physics.drive.model_schema import MOST_SAMPLES
 from selector.physics.drive.recorded_channels import (
     RecordedChannels,
@@ -109,9 +111,11 @@ def driven_runs(
             progress(number, len(recording.runs), run)
         times[run] = recording.time_s(run)
         findings += [replace(one, where=replace(one.where, run=run)) for one in clock_findings(times[run])]
-        runs[run] = {
-            name: _axis_run(model, name, recording, run, channels[name], opened=opened, seed=noise) for name in driven
-        }
+        with told_of(f"run {run}"):
+            runs[run] = {
+                name: _axis_run(model, name, recording, run, channels[name], opened=opened, seed=noise)
+                for name in driven
+            }
     gathered = model.gathered(runs, times, noise)
     apart = {name for done in runs.values() for name, one in done.items() if one.added is not None}
     names = {name: channels[name].found if name in apart else _together(channels[name].found) for name in driven}
@@ -139,7 +143,9 @@ def _axis_run(
     seed: int,
 ) -> AxisRun:
     found, time_s = channels.found, recording.time_s(run)
-    reference = recorded(time_s - time_s[0], _values(recording, run, found["command"]), _period_s(model, name, time_s))
+    with told_of(f"channel {found['command']}"):
+        commanded = _values(recording, run, found["command"])
+        reference = recorded(time_s - time_s[0], commanded, _period_s(model, name, time_s))
     if "load" in found:
         reference = replace(reference, force_n=_on_grid(recording, run, found["load"], reference))
     axis = model.file_axes[name].axis
@@ -153,7 +159,8 @@ def _axis_run(
             commands = commands - added
     start = None
     if "position" in found:
-        start = _recorded_start(axis, time_s, _values(recording, run, found["position"]))
+        with told_of(f"channel {found['position']}"):
+            start = _recorded_start(axis, time_s, _values(recording, run, found["position"]))
     if added is not None and commands is not None and not _takes_force(axis):
         commands, added = np.add(commands, added), None
     if added is None:
@@ -213,12 +220,17 @@ def _period_s(model: DriveModel, name: str, time_s: Vector) -> float | None:
 
 
 def _values(recording: Recording, run: str, channel: str) -> Vector:
-    return np.asarray(recording.values(run, [channel])[:, 0], dtype=np.float64)
+    values = np.asarray(recording.values(run, [channel])[:, 0], dtype=np.float64)
+    of = next(one for one in recording.channels if one.name == channel)
+    most = MOST_POSITION_M if of.role in ("position_command", "position") else MOST_ACTING
+    require_within(values, recording.time_s(run), most, of.unit)
+    return values
 
 
 def _on_grid(recording: Recording, run: str, channel: str, reference: Reference) -> Vector:
     """A recorded course at the samples of a reference, each value held until the next."""
-    time_s, values = recording.time_s(run), _values(recording, run, channel)
+    with told_of(f"channel {channel}"):
+        time_s, values = recording.time_s(run), _values(recording, run, channel)
     if not np.isfinite(values).all():
         raise OptionError(
             f"missing values of {channel!r} in {run}",
@@ -263,6 +275,14 @@ def _nothing_drives(
     lacks = next(kind for kind in needed if not channels[name].has(kind))
     what = "commanded position" if lacks == "command" else "output of the control"
     here = ", ".join(f"{c.name} ({c.role})" for c in recording.channels[:12])
+    several = channels[name].undecided.get(lacks, ())
+    if several:
+        return OptionError(
+            f"{', '.join(several)}: each of them could be the {what} of {name}",
+            expected="one channel that is it",
+            where=f"model {model.name!r}",
+            advice=f'say which: {lacks} = "{several[0]}" under [axes.{name}.recorded]',
+        )
     return OptionError(
         f"no channel with the {what} of {', '.join(channels)}: {here}",
         expected=f"a channel with the role position_command, or a name under [axes.{name}.recorded]"

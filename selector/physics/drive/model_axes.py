@@ -14,6 +14,7 @@ from selector.physics.drive.course import ParameterCourse
 from selector.physics.drive.damping import dry_friction, parameter_course
 from selector.physics.drive.friction import Friction, Ripple
 from selector.physics.drive.mechanics import Mechanics, RigidMechanics, ThreeMassMechanics
+from selector.physics.drive.model_limits import MOST_WAITING
 from selector.physics.drive.model_parts import parts_contradictions, parts_of
 from selector.physics.drive.model_schema import AxisSection
 from selector.physics.drive.reference import Reference
@@ -184,6 +185,10 @@ def _misfits(at: Key, section: AxisSection) -> Iterator[Contradiction]:
         for key in ("coulomb_n", "coulomb_negative_n", "static_n", "static_negative_n", "lugre"):
             if getattr(friction, key):
                 yield (*at, "friction", key), "friction of the guide twice", "that of the parts alone", advice
+    if servo.sample_s > 0 and servo.delay_s > MOST_WAITING * servo.sample_s:
+        found = f"{servo.delay_s / servo.sample_s:.6g} samples of the control"
+        expected = f"a delay of at most {MOST_WAITING} of them, {MOST_WAITING * servo.sample_s:.6g} s here"
+        yield (*at, "servo", "delay_s"), found, expected, "correct delay_s or sample_s, both in seconds"
     if servo.sample_s == 0:
         advice = "give servo.sample_s, the period of the control in seconds, or leave this key out"
         if servo.delay_s > 0:
@@ -194,4 +199,4 @@ def _misfits(at: Key, section: AxisSection) -> Iterator[Contradiction]:
     try:
         file_axis(section)
     except InputError as error:
-        yield at, error.found, error.expected, error.advice
+        yield refused(error, at, section)

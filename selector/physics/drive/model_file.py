@@ -10,8 +10,25 @@ from typing import Any
 from selector.errors import InputError
 from selector.physics.drive.ball_bar import PairGeometry
 from selector.physics.drive.model_axes import axis_contradictions, is_rotary
-from selector.physics.drive.model_motion import circle_plan, motion_counts, moved_axes, planned_reference
-from selector.physics.drive.model_schema import KINDS, MOST_SAMPLES, MOST_STEPS, CircleMotion, ColumnMotion, DriveFile
+from selector.physics.drive.model_motion import (
+    FEWEST_PERIODS,
+    PERIOD_S,
+    circle_plan,
+    longest_s,
+    motion_counts,
+    moved_axes,
+    planned_reference,
+)
+from selector.physics.drive.model_schema import (
+    KINDS,
+    MOST_SAMPLES,
+    MOST_STEPS,
+    CircleMotion,
+    ColumnMotion,
+    DriveFile,
+    MovesMotion,
+    SineMotion,
+)
 from selector.physics.model_entries import Column
 from selector.physics.model_text import (
     Contradiction,
@@ -116,8 +133,19 @@ def _of_circle(file: DriveFile, motion: CircleMotion) -> Iterator[Contradiction]
             yield refused(error, ("ball_bar",), file.ball_bar)
 
 
+def _of_few_samples(file: DriveFile) -> Iterator[Contradiction]:
+    """A period that is as long as the motion, whose length is known before it is made."""
+    motion, duration_s, period_s = file.motion, longest_s(file), file.run.period_s or PERIOD_S
+    if isinstance(motion, SineMotion | MovesMotion) and 0.0 < duration_s < FEWEST_PERIODS * period_s:
+        key = ("run", "period_s") if file.run.period_s is not None else ("motion",)
+        found = f"a period of {period_s:.6g} s in a motion of {duration_s:.6g} s"
+        expected = f"a motion of at least {FEWEST_PERIODS} periods"
+        yield key, found, expected, "make run.period_s shorter, or the motion longer (a sine: motion.duration_s)"
+
+
 def _of_length(file: DriveFile) -> Iterator[Contradiction]:
     """Runs that are too long to be held or to be waited for, and motions that are none."""
+    yield from _of_few_samples(file)
     for key, what, count, most in motion_counts(file):
         if count > most:
             yield key, f"{count:.3g} {what}", f"at most {most}", "correct it, or make the motion shorter"

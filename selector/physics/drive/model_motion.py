@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from selector.errors import ModelFileError
 from selector.physics.drive.ball_bar import BallBarPlan
+from selector.physics.drive.checks import require_within, told_of
 from selector.physics.drive.circle import TableBall
+from selector.physics.drive.model_limits import MOST_ACTING, MOST_POSITION_M
 from selector.physics.drive.model_schema import (
     MOST_SAMPLES,
     MOST_STEPS,
@@ -36,6 +38,8 @@ PERIOD_S = 0.001
 """Distance of the samples where the file says nothing, but for circles, which follow their feed."""
 
 MOST_MOVES = 20_000
+FEWEST_PERIODS = 4
+"""Of the samples in a motion: with fewer there is no error to tell of."""
 
 _MM = 1e-3
 _MM_PER_MIN = 1e-3 / 60.0
@@ -61,7 +65,7 @@ def file_reference(file: DriveFile, columns: Columns) -> Reference:
     if isinstance(motion, CircleMotion):
         raise ValueError("a circle has references of its own, see ball_bar")
     if isinstance(motion, ColumnMotion):
-        time_s, position_m = columns["motion"]
+        time_s, position_m = _column(columns, "motion", motion, MOST_POSITION_M, "m")
         count = (time_s[-1] - time_s[0]) / (file.run.period_s or PERIOD_S) if len(time_s) else 0.0
         if count > MOST_SAMPLES:
             raise ModelFileError(
@@ -70,7 +74,8 @@ def file_reference(file: DriveFile, columns: Columns) -> Reference:
                 where="key run.period_s",
                 advice="make it larger, or the recording of the column shorter",
             )
-        found = recorded(time_s - time_s[0] if len(time_s) else time_s, position_m, file.run.period_s)
+        with told_of(_place("motion", motion)):
+            found = recorded(time_s - time_s[0] if len(time_s) else time_s, position_m, file.run.period_s)
     else:
         found = planned_reference(file)
     force = _force(motion.force_n, found.time_s, columns)
@@ -175,10 +180,24 @@ def _cycle_s(motion: MovesMotion, start_mm: float) -> float:
     return sum(one.duration_s + motion.dwell_s for one in phases)
 
 
+def _place(key: str, said: Column | ColumnMotion) -> str:
+    return f"key {key}, column {said.column!r} of {said.file}"
+
+
+def _column(
+    columns: Columns, key: str, said: Column | ColumnMotion, most: float, unit: str
+) -> tuple[Vector, Vector]:
+    """Times and values of a column of a recording beside the file, none beyond `most`."""
+    time_s, values = columns[key]
+    with told_of(_place(key, said)):
+        require_within(values, time_s, most, unit)
+    return time_s, values
+
+
 def _force(force: Force, time_s: Vector, columns: Columns) -> Vector | None:
     """Force from outside at these times [N]; each value held until the next, the first also before it."""
     if isinstance(force, Column):
-        at_s, values = columns["motion.force_n"]
+        at_s, values = _column(columns, "motion.force_n", force, MOST_ACTING, "N")
         at_s = at_s - at_s[0]
     elif isinstance(force, tuple):
         at_s, values = (np.array(row, dtype=np.float64) for row in zip(*force, strict=True))

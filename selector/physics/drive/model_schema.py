@@ -7,6 +7,7 @@ made from the dataclasses of `selector.physics.drive`: a key is a field, with it
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from pydantic import BeforeValidator, Discriminator, Field, StringConstraints, Tag
@@ -15,6 +16,7 @@ from selector.physics.drive.ball_bar import PairGeometry
 from selector.physics.drive.catalogue import Bearings, Coupling, Guide, Motor, Nut, Screw, Table
 from selector.physics.drive.friction import Friction, Ripple
 from selector.physics.drive.mechanics import RigidMechanics, ThreeMassMechanics
+from selector.physics.drive.model_limits import limits_of_key
 from selector.physics.drive.servo import Sensing, Servo
 from selector.physics.drive.transmission import Transmission
 from selector.physics.model_entries import (
@@ -55,18 +57,19 @@ if TYPE_CHECKING:
     TableSection: TypeAlias = Entry
     BallBarSection: TypeAlias = Entry
 else:
-    FrictionSection = entry_of(Friction)
-    RippleSection = entry_of(Ripple)
-    TransmissionSection = entry_of(Transmission)
-    ServoSection = entry_of(Servo)
-    SensingSection = entry_of(Sensing)
-    RigidSection = entry_of(RigidMechanics, called="rigid")
-    RotarySection = entry_of(RigidMechanics, called="rotary")
-    ThreeMassSection = entry_of(ThreeMassMechanics, called="three-mass")
-    MotorSection, CouplingSection, ScrewSection = entry_of(Motor), entry_of(Coupling), entry_of(Screw)
-    NutSection, BearingsSection = entry_of(Nut), entry_of(Bearings)
-    GuideSection, TableSection = entry_of(Guide), entry_of(Table)
-    BallBarSection = entry_of(PairGeometry, noise_um=(Annotated[float, limited(0, 1e4)], 0.0))
+    _section = partial(entry_of, limits=limits_of_key)
+    FrictionSection = _section(Friction)
+    RippleSection = _section(Ripple)
+    TransmissionSection = _section(Transmission)
+    ServoSection = _section(Servo)
+    SensingSection = _section(Sensing)
+    RigidSection = _section(RigidMechanics, called="rigid")
+    RotarySection = _section(RigidMechanics, called="rotary")
+    ThreeMassSection = _section(ThreeMassMechanics, called="three-mass")
+    MotorSection, CouplingSection, ScrewSection = _section(Motor), _section(Coupling), _section(Screw)
+    NutSection, BearingsSection = _section(Nut), _section(Bearings)
+    GuideSection, TableSection = _section(Guide), _section(Table)
+    BallBarSection = _section(PairGeometry, noise_um=(Annotated[float, limited(0, 1e4)], 0.0))
 
 AxisName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,15}$")]
 Length = Annotated[float, limited(-1e5, 1e5)]

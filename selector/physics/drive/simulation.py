@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 from selector.errors import InputError
 from selector.physics.drive import _packed as at
 from selector.physics.drive.axis import Axis
-from selector.physics.drive.axis_system import largest_stable_step_s
 from selector.physics.drive.course import ParameterCourse
 from selector.physics.drive.mechanics import RigidMechanics
 from selector.physics.drive.motion import Motion
@@ -83,8 +82,30 @@ def simulate_axis(
     out = np.empty((count, _kernel.COURSES))
     lost, state = _kernel.loop(w, p, o, ref, given, _bounds(axis, reference, begin), out)
     if lost >= 0:
-        raise _runaway(axis, lost * reference.period_s, _STATES[state], p[at.STEP])
+        from selector.physics.drive.runaway import runaway
+
+        raise runaway(
+            axis,
+            reference,
+            commanded=commands is not None,
+            time_s=lost * reference.period_s,
+            state=_STATES[state],
+            step_s=p[at.STEP],
+        )
     return Motion(reference.time_s, reference.position_m, *out.T)
+
+
+def steps_per_period(axis: Axis, period_s: float, step_s: float) -> int:
+    """How many steps of at most `step_s` fill a period of a reference, when they also fill those of the servo.
+
+    Raises
+    ------
+    InputError
+        If the periods do not fit together.
+    """
+    p, o = at.packed_axis(axis)
+    _lay_grid(axis, period_s, step_s, p, o)
+    return int(o[at.PERIOD_STEPS])
 
 
 def step_error(
@@ -205,19 +226,3 @@ def _bounds(axis: Axis, reference: Reference, start: AxisState) -> Vector:
     turns = farthest / axis.mechanics.travel_per_motion + 1000.0 * (abs(start.motor) + abs(start.screw))
     largest = float(np.finfo(np.float64).max)
     return np.array([turns, largest, turns, largest, farthest, largest, largest, largest])
-
-
-def _runaway(axis: Axis, time_s: float, state: str, step_s: float) -> InputError:
-    stable = largest_stable_step_s(axis)
-    if step_s > stable:
-        advice = f"the step of {step_s:.3g} s is too long for the fastest vibration: take at most {stable:.3g} s"
-    elif axis.servo is None:
-        advice = "check the commands and the forces: nothing holds the axis"
-    else:
-        advice = "the loop is unstable: lower the position gain or the velocity gains, or shorten sample time and delay"
-    return InputError(
-        f"the {state} left all bounds before {time_s:.6g} s",
-        expected="a motion that stays near its reference",
-        where="simulation of the axis",
-        advice=advice,
-    )
