@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from selector.cli import showing
@@ -11,7 +12,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from selector.physics.drive.axis_summary import AxisSummary, LoopSummary
-    from selector.physics.drive.circle_causes import Amount, CircleCauses
+    from selector.physics.drive.circle_causes import Amount, Cause, CircleCauses
     from selector.physics.drive.circle_quantities import CircleQuantities, Extreme, Roundness
     from selector.physics.drive.drive_model import DriveModel
     from selector.physics.drive.drive_summary import DriveSummary
@@ -28,6 +29,10 @@ _GOES_WITH = {
     "direction+constant": "friction or an offset",
     "speed+direction+constant": "motion (lag, friction, offset)",
 }
+
+_BACKLASH = "backlash"
+_MEANING = "lost motion at the reversal: backlash, or wind-up by friction"
+_BACKLASH_ON_SCREEN = "backlash or wind-up"
 
 
 def drive_object(model: DriveModel, summary: DriveSummary) -> dict[str, Any]:
@@ -106,13 +111,18 @@ def show_analysis(console: Console, model: DriveModel, summary: DriveSummary) ->
         console.print(showing.table("Ball-bar, ISO 230-4, µm", columns, circles, numeric=columns))
     if summary.causes is not None:
         causes = [
-            (feed.feed_mm_per_min, cause.kind, cause.axis, cause.range_um, f"{round(100 * cause.share)} %")
+            (feed.feed_mm_per_min, _cause_name(cause), cause.axis, cause.range_um, f"{round(100 * cause.share)} %")
             for feed in summary.causes.feeds
             for cause in feed.causes
             if cause.found
         ]
         columns = ["mm/min", "cause", "axis", "range, µm", "share"]
-        console.print(showing.table("Causes", columns, causes, numeric=["mm/min", "range, µm", "share"]))
+        against = any(cause.found and cause.share < 0 for feed in summary.causes.feeds for cause in feed.causes)
+        title = "Causes; one with a negative share works against the others" if against else "Causes"
+        console.print(showing.table(title, columns, causes, numeric=["mm/min", "range, µm", "share"]))
+        if any(summary.wind_up_m.values()):
+            sizes = ", ".join(f"{name} {_MICRO * size:.3g} µm" for name, size in summary.wind_up_m.items())
+            console.print(f"Wind-up by the model's own friction, in what looks like backlash: {sizes}")
 
 
 def _unit(model: DriveModel, name: str) -> str:
@@ -156,7 +166,7 @@ def _loop(loop: LoopSummary | None) -> dict[str, Any] | None:
 def _ball_bar(summary: DriveSummary) -> dict[str, Any]:
     return {
         "quantities": [_quantities(one) for one in summary.quantities],
-        "causes": None if summary.causes is None else _causes(summary.causes),
+        "causes": None if summary.causes is None else _causes(summary.causes, summary.wind_up_m),
     }
 
 
@@ -184,7 +194,7 @@ def _extreme(one: Extreme) -> dict[str, float]:
     return {"um": one.value_um, "at_deg": math.degrees(one.angle_rad) % 360.0}
 
 
-def _causes(causes: CircleCauses) -> dict[str, Any]:
+def _causes(causes: CircleCauses, wind_up_m: Mapping[str, float]) -> dict[str, Any]:
     return {
         "feeds": [
             {
@@ -195,6 +205,7 @@ def _causes(causes: CircleCauses) -> dict[str, Any]:
                     {
                         "cause": cause.kind,
                         "axis": cause.axis,
+                        **_lost_motion(cause, wind_up_m),
                         "found": cause.found,
                         "range_um": cause.range_um,
                         "share": cause.share,
@@ -207,6 +218,17 @@ def _causes(causes: CircleCauses) -> dict[str, Any]:
         ],
         "through_feeds": {name: _amount(one) for name, one in causes.through_feeds.items()},
     }
+
+
+def _cause_name(cause: Cause) -> str:
+    return _BACKLASH_ON_SCREEN if cause.kind == _BACKLASH else cause.kind
+
+
+def _lost_motion(cause: Cause, wind_up_m: Mapping[str, float]) -> dict[str, Any]:
+    """What a backlash may be as well, and how much of it the model's own friction and springs make."""
+    if cause.kind != _BACKLASH:
+        return {}
+    return {"meaning": _MEANING, "wind_up_um": _MICRO * wind_up_m.get(cause.axis or "", 0.0)}
 
 
 def _amount(one: Amount) -> dict[str, Any]:

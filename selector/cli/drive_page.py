@@ -61,7 +61,7 @@ def page_of(
         ),
         loops=summary.loops,
         responses={one.name: _response(one, summary.loops[one.name]) for one in first if one.name in summary.loops},
-        ball_bar=BallBarOnPage(tuple(simulation.traces.values()), summary.quantities, summary.causes)
+        ball_bar=BallBarOnPage(tuple(simulation.traces.values()), summary.quantities, summary.causes, summary.wind_up_m)
         if summary.quantities
         else None,
         differences=differences,

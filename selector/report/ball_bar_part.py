@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 from selector.figures.ball_bar import ball_bar_figure
@@ -21,7 +21,7 @@ WORDS = {
     "squareness": "squareness",
     "scale-mismatch": "scales that differ",
     "straightness": "straightness",
-    "backlash": "backlash",
+    "backlash": "lost motion (backlash or wind-up)",
     "reversal-spike": "reversal spikes",
     "cyclic-pitch": "cyclic error of the pitch",
 }
@@ -29,11 +29,15 @@ WORDS = {
 
 @dataclass(frozen=True)
 class BallBarOnPage:
-    """A circular test: its traces, their quantities, and their causes; none with a rotary axis."""
+    """A circular test: its traces, their quantities, and their causes; none with a rotary axis.
+
+    `wind_up_m` says how much of the lost motion of an axis its own friction and springs make [m].
+    """
 
     traces: tuple[BallBarTrace, ...]
     quantities: tuple[CircleQuantities, ...]
     causes: CircleCauses | None = None
+    wind_up_m: Mapping[str, float] = field(default_factory=dict)
 
 
 def ball_bar_sentences(shown: BallBarOnPage) -> list[str]:
@@ -75,7 +79,7 @@ def ball_bar_part(pictures: Pictures, shown: BallBarOnPage) -> dict[str, Any]:
     causes: list[tuple[str, Table]] = []
     if shown.causes is not None:
         causes += [
-            (f"Causes at {number_text(feed.feed_mm_per_min, 4)} mm/min", _causes_table(feed))
+            (f"Causes at {number_text(feed.feed_mm_per_min, 4)} mm/min", _causes_table(feed, shown.wind_up_m))
             for feed in reversed(shown.causes.feeds)
         ]
         causes.append(("Through all feeds", _overall_table(shown.causes)))
@@ -109,11 +113,11 @@ def _at(extreme: Extreme) -> str:
     return f"{number_text(extreme.value_um)} ({math.degrees(extreme.angle_rad) % 360:.0f}°)"
 
 
-def _causes_table(feed: FeedCauses) -> Table:
+def _causes_table(feed: FeedCauses, wind_up_m: Mapping[str, float]) -> Table:
     rows = [
         (
             cause_name(cause),
-            "; ".join(f"{name} {amount_text(one)}" for name, one in cause.amounts.items()),
+            "; ".join([f"{name} {amount_text(one)}" for name, one in cause.amounts.items()] + _of_it(cause, wind_up_m)),
             number_text(cause.range_um),
             _percent(cause.share),
         )
@@ -121,8 +125,18 @@ def _causes_table(feed: FeedCauses) -> Table:
         if cause.found
     ]
     rows.append(("what remains", "", f"{number_text(feed.remaining_rms_um)} rms", _percent(feed.remaining_share)))
-    note = "± one standard error, from what remains. Causes that do not stand out of it are left out."
+    note = (
+        "± one standard error, from what remains. Causes that do not stand out of it are left out. Shares are of the "
+        "sum of squares of the deviation and make 100 % with what remains; one is negative where a cause works against "
+        "the others, so that the circle is rounder with it."
+    )
     return table(["cause", "size", ">range [µm]", ">share"], rows, note)
+
+
+def _of_it(cause: Cause, wind_up_m: Mapping[str, float]) -> list[str]:
+    """How much of a lost motion is wind-up, which the model knows and a real test does not."""
+    size = wind_up_m.get(cause.axis or "", 0.0) if cause.kind == "backlash" else 0.0
+    return [f"of it wind-up by the model's friction {number_text(1e6 * size)} µm"] if size > 0 else []
 
 
 def _overall_table(causes: CircleCauses) -> Table:

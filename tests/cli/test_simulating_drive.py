@@ -222,6 +222,20 @@ def test_a_ball_bar_test_is_a_folder_of_runs_with_its_quantities_and_causes(fold
     square = next(one for one in fast["causes"] if one["cause"] == "squareness")["amounts"]["squareness"]
     # what was planted, within a hundredth: lags are of second order here
     assert square["value"] == pytest.approx(100.0, rel=0.01)
+    # what is told of an axis is about what was recorded of it
+    recording = read([Path("test")], machine=Path("test/machine.toml")).recording
+    for axis in shown["drive"]["axes"]:
+        for run in axis["runs"]:
+            error = recording.values(run["run"], [f"{axis['axis']}_error"])[:, 0]
+            worst = int(np.argmax(np.abs(error)))
+            assert run["max"] == pytest.approx(abs(error[worst]), rel=1e-12)
+            assert run["max_at_s"] == pytest.approx(recording.time_s(run["run"])[worst], abs=1e-12)
+            assert run["rms"] == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-12)
+            assert np.hypot.reduce(list(run["parts_rms"].values())) == pytest.approx(run["rms"], rel=1e-9)
+    lost = next(one for one in fast["causes"] if one["cause"] == "backlash")
+    assert "wind-up" in lost["meaning"]
+    # one mass has no spring that friction could wind up
+    assert lost["wind_up_um"] == 0.0
     assert "folder" in refused(capfd, "circle.toml", "--out", "test.csv")
 
 

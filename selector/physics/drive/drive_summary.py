@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from selector.physics.drive.axis_summary import (
     AxisSummary,
@@ -17,6 +17,7 @@ from selector.physics.drive.circle_quantities import CircleQuantities, circle_qu
 from selector.physics.drive.course import ParameterCourse
 from selector.physics.drive.drive_model import AxisRun, DriveModel, DriveSimulation
 from selector.physics.drive.mechanics import ThreeMassMechanics
+from selector.physics.drive.wind_up import wind_up_m
 
 
 @dataclass(frozen=True)
@@ -33,12 +34,15 @@ class DriveSummary:
         Of circles, slowest feed first.
     causes : CircleCauses or None
         Of circles of two linear axes.
+    wind_up_m : mapping of str to float
+        Axis → how much of its lost motion its own friction and springs make, see `wind_up.wind_up_m`.
     """
 
     axes: Mapping[str, Mapping[str, AxisSummary]]
     loops: Mapping[str, LoopSummary]
     quantities: tuple[CircleQuantities, ...] = ()
     causes: CircleCauses | None = None
+    wind_up_m: Mapping[str, float] = field(default_factory=dict)
 
 
 def drive_summary(model: DriveModel, simulation: DriveSimulation) -> DriveSummary:
@@ -50,11 +54,13 @@ def drive_summary(model: DriveModel, simulation: DriveSimulation) -> DriveSummar
     known = {name: one.axis for done in simulation.axes.values() for name, one in done.items()}
     loops = {name: loop_summary(axis) for name, axis in known.items()}
     traces = tuple(simulation.traces.values())
+    wound = {name: wind_up_m(axis) for name, axis in known.items()} if traces else {}
     return DriveSummary(
         axes,
         {name: loop for name, loop in loops.items() if loop is not None},
         circle_quantities(traces) if traces else (),
         circle_causes(traces, lead_m=_leads(model)) if traces and len(traces[0].axes) == 2 else None,
+        {name: size for name, size in wound.items() if size is not None},
     )
 
 
