@@ -1,6 +1,8 @@
-"""How much energy an axis holds: in its masses, its springs and the bristles of its guide."""
+"""How much energy an axis holds, in its masses, springs and bristles; and when its bristles make none."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +15,9 @@ from selector.physics.drive.pitch import pitch_error_m
 from selector.physics.drive.transmission import AxialCompliance
 
 Vector = NDArray[np.float64]
+
+# |v|·exp(−(v/v_d)²) is v_d/√(2e) at most, and σ1 times that has to be below 4·C
+_MOST_FADED = 4.0 * math.sqrt(2.0 * math.e)
 
 
 def stored_energy_j(axis: Axis, motion: Motion) -> Vector:
@@ -35,6 +40,35 @@ def stored_energy_j(axis: Axis, motion: Motion) -> Vector:
     kinetic = kinetic + mechanics.table_mass_kg * motion.table_speed_m_per_s**2
     twist = mechanics.torsional_stiffness_nm_per_rad * (motion.motor - screw) ** 2
     return 0.5 * (kinetic + twist) + _axial_energy_j(axis, mechanics, motion, screw) + bristles
+
+
+def passive_bristle_damping_ns_per_m(axis: Axis) -> float:
+    """Largest σ1 up to which bristles make no energy, whatever the axis does [N·s/m]; infinite if any will do.
+
+    The power of friction and viscous damping, v·(σ0·z + σ1·z' + Ct·v), is at least that of ½·σ0·z² if σ1·(S − C)/C ≤ Ct
+    (Barabanov, Ortega 2000, IEEE Trans. Autom. Control 45(4)) or σ1(v)·|v| ≤ 4·C; C and S: the least and the most that
+    sliding takes in either direction.
+    """
+    sliding, breakaway = _sliding_range_n(axis)
+    if breakaway <= sliding or axis.friction.lugre is None:
+        return math.inf
+    viscous = axis.mechanics.guide_damping_ns_per_m * sliding / (breakaway - sliding)
+    fading = axis.friction.lugre.fading_speed_m_per_s
+    return max(viscous, _MOST_FADED * sliding / fading) if fading > 0 else viscous
+
+
+def passive_fading_speed_m_per_s(axis: Axis) -> float:
+    """Largest fading speed at which the damping that the bristles of an axis have makes no energy [m/s]."""
+    lugre = axis.friction.lugre
+    if lugre is None or lugre.damping_ns_per_m == 0:
+        return math.inf
+    return _MOST_FADED * _sliding_range_n(axis)[0] / lugre.damping_ns_per_m
+
+
+def _sliding_range_n(axis: Axis) -> tuple[float, float]:
+    """Least and most of the friction while it slides, over speeds and directions."""
+    values = [value for direction in axis.friction.directions for value in direction]
+    return min(values), max(values)
 
 
 def _bristles(axis: Axis, motion: Motion) -> Vector:

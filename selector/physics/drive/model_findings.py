@@ -13,6 +13,7 @@ from selector.physics.drive.axis import Axis
 from selector.physics.drive.axis_summary import limited_samples
 from selector.physics.drive.catalogue import Parts
 from selector.physics.drive.drive_model import AxisRun, DriveModel, DriveSimulation
+from selector.physics.drive.energy import passive_bristle_damping_ns_per_m, passive_fading_speed_m_per_s
 from selector.physics.drive.loop_poles import growing_poles, loop_poles
 from selector.physics.drive.mechanics import ThreeMassMechanics
 from selector.physics.drive.model_axes import FileAxis
@@ -33,13 +34,14 @@ _START_SHARE = 0.02
 
 
 def model_findings(model: DriveModel) -> tuple[Finding, ...]:
-    """What is odd before it runs: unlikely numbers, loops that are unstable or nearly so, steps that are too coarse."""
+    """What is odd before it runs: unlikely numbers, unstable loops, steps that are too coarse, friction that drives."""
     found = list(unlikely_values(model))
     for name, axis in model.axes.items():
         found += stability_findings(axis.axis, name)
         step_s, rate = model.file.run.step_s, fastest_rate_per_s(axis.axis)
         if step_s is not None and step_s * rate > COARSE_PER_MODE:
             found.append(_coarse(name, step_s, rate))
+        found += _bristles(name, axis.axis, axis.rotary)
     return tuple(found)
 
 
@@ -271,6 +273,24 @@ def _coarse(name: str, step_s: float, rate_per_s: float) -> Finding:
         Where(channel=name),
         {"step_s": step_s, "frequency_hz": rate_per_s / (2 * math.pi)},
         f"take run.step_s = {COARSE_PER_MODE / rate_per_s / 2:.2g} or less, or leave it out",
+    )
+
+
+def _bristles(name: str, axis: Axis, turns: bool) -> Iterator[Finding]:
+    lugre, most = axis.friction.lugre, passive_bristle_damping_ns_per_m(axis)
+    if lugre is None or lugre.damping_ns_per_m <= most:
+        return
+    unit, speed = ("N·m·s/rad", "rad/s") if turns else ("N·s/m", "m/s")
+    fading = passive_fading_speed_m_per_s(axis)
+    other = f", or fading_speed_m_per_s to at most {fading:.2g} {speed}" if fading > 0 else ""
+    yield Finding(
+        "bristles-make-energy",
+        "warning",
+        f"The bristles of {name} are damped by {lugre.damping_ns_per_m:.4g} {unit}; above {most:.4g} {unit} they can "
+        "push the table on while it slides, because friction falls from breakaway to sliding: a friction that drives.",
+        Where(channel=name),
+        {"damping": lugre.damping_ns_per_m, "largest": most, "fading_speed": fading},
+        f"set friction.lugre.damping_ns_per_m to at most {most:.2g} {unit}{other}",
     )
 
 

@@ -11,7 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selector.physics.drive.axis import Axis
-from selector.physics.drive.energy import stored_energy_j
+from selector.physics.drive.energy import (
+    passive_bristle_damping_ns_per_m,
+    passive_fading_speed_m_per_s,
+    stored_energy_j,
+)
 from selector.physics.drive.friction import Friction, LuGre
 from selector.physics.drive.mechanics import RigidMechanics, ThreeMassMechanics
 from selector.physics.drive.simulation import simulate_axis
@@ -142,24 +146,36 @@ def test_bristles_without_stribeck_effect_whatever_their_damping(data):
 @given(data=st.data())
 @settings(max_examples=40, deadline=None)
 def test_bristles_with_stribeck_effect_that_fade_or_lean_on_viscous_friction(data):
-    """Passive if σ1·(S − C)/C ≤ Ct, or if σ1·v_d ≤ 4·√(2e)·C."""
-    axis = bristly(data, damping=0.0, fading=0.0)
-    coulomb = axis.friction.coulomb_n
-    static = coulomb * (1 + data.draw(part))
-    damping = data.draw(st.floats(1.0, 1e5))
-    lugre = replace(axis.friction.lugre, damping_ns_per_m=damping)
-    viscous = 0.0
+    """At the largest damping that is said to be passive."""
+    coulomb, other = data.draw(st.floats(20.0, 500.0)), data.draw(st.floats(20.0, 500.0))
+    static, opposite = coulomb * (1 + data.draw(part)), other * (1 + data.draw(part))
+    lugre = LuGre(10.0 ** data.draw(st.floats(5.5, 8.0)), 1.0)
+    masses = data.draw(mechanics())
     if data.draw(st.booleans()):
-        viscous = damping * (static / coulomb - 1.0)
+        masses = replace(masses, guide_damping_ns_per_m=data.draw(st.floats(10.0, 1e4)))
     else:
-        lugre = replace(lugre, fading_speed_m_per_s=4 * math.sqrt(2 * math.e) * coulomb / damping)
-    axis = replace(
-        axis,
-        mechanics=replace(axis.mechanics, guide_damping_ns_per_m=viscous),
-        friction=replace(axis.friction, static_n=static, lugre=lugre),
-    )
+        lugre = replace(lugre, fading_speed_m_per_s=data.draw(st.floats(1e-3, 0.1)))
+    axis = Axis(masses, friction=Friction(coulomb, other, static, opposite, lugre=lugre))
+    # bristles that are damped more than 1e5 N·s/m are those of no guide, and as good as a wall
+    lugre = replace(lugre, damping_ns_per_m=min(passive_bristle_damping_ns_per_m(axis), 1e5))
+    axis = replace(axis, friction=replace(axis.friction, lugre=lugre))
     rise, first = gained(axis, data.draw(states(axis)))
     assert rise <= SLACK * first + NOTHING_J
+
+
+def test_the_largest_passive_damping():
+    axis = Axis(RigidMechanics(100.0, 200.0), friction=Friction(20.0, static_n=60.0, lugre=LuGre(1e6, 2e4)))
+    # 200·20/(60 − 20), and 4·√(2e)·20 over the fading speed if that is more
+    assert passive_bristle_damping_ns_per_m(axis) == pytest.approx(100.0)
+    assert passive_fading_speed_m_per_s(axis) == pytest.approx(4 * math.sqrt(2 * math.e) * 20.0 / 2e4)
+    faded = replace(axis.friction, lugre=LuGre(1e6, 2e4, 0.02))
+    assert passive_bristle_damping_ns_per_m(replace(axis, friction=faded)) == pytest.approx(
+        200 * math.sqrt(2 * math.e) * 20
+    )
+    assert passive_bristle_damping_ns_per_m(replace(axis, friction=replace(axis.friction, static_n=20.0))) == math.inf
+    # one direction that slides more easily than the other breaks away
+    uneven = replace(axis.friction, coulomb_negative_n=10.0)
+    assert passive_bristle_damping_ns_per_m(replace(axis, friction=uneven)) == pytest.approx(200.0 * 10.0 / 50.0)
 
 
 def test_the_condition_is_needed():
@@ -169,9 +185,9 @@ def test_the_condition_is_needed():
     axis = Axis(RigidMechanics(1000.0), friction=friction)
     rise, first = gained(axis, start)
     assert rise > 1e-3 * first
-    faded = replace(
-        friction, lugre=replace(friction.lugre, fading_speed_m_per_s=4 * math.sqrt(2 * math.e) * 10.0 / 1e4)
-    )
+    assert passive_bristle_damping_ns_per_m(axis) == 0
+    lugre = replace(friction.lugre, fading_speed_m_per_s=passive_fading_speed_m_per_s(axis))
+    faded = replace(friction, lugre=lugre)
     assert gained(replace(axis, friction=faded), start)[0] <= SLACK * first
 
 

@@ -144,3 +144,16 @@ def test_what_constant_speed_needs_is_what_the_control_puts_out():
     done = drive.simulation().axes["simulation"]["X"]
     middle = len(done.motion.time_s) // 2
     assert done.motion.command[middle] == pytest.approx(output_without_acceleration(done)[middle], rel=1e-6)
+
+
+def test_bristles_that_can_make_energy_are_told_with_what_would_not():
+    bristles = {"stiffness_n_per_m": 1e6, "damping_ns_per_m": 2e4}
+    friction = {"coulomb_n": 20.0, "static_n": 60.0, "lugre": bristles}
+    (one,) = (one for one in model_findings(model(("axes.X.friction", friction))) if one.id == "bristles-make-energy")
+    assert (one.level, one.where.channel) == ("warning", "X")
+    for change in (
+        {"damping_ns_per_m": one.evidence["largest"]},
+        {"fading_speed_m_per_s": one.evidence["fading_speed"]},
+    ):
+        mended = {**friction, "lugre": {**bristles, **change}}
+        assert "bristles-make-energy" not in {found.id for found in model_findings(model(("axes.X.friction", mended)))}
