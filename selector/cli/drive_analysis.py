@@ -216,7 +216,10 @@ def _causes(causes: CircleCauses, wind_up_m: Mapping[str, float]) -> dict[str, A
             }
             for feed in causes.feeds
         ],
-        "through_feeds": {name: _amount(one) for name, one in causes.through_feeds.items()},
+        "through_feeds": {
+            name: {**_amount(one), "found": one.found, "below": None if one.found else one.below}
+            for name, one in causes.through_feeds.items()
+        },
     }
 
 

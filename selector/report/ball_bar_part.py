@@ -9,7 +9,8 @@ from typing import Any
 
 from selector.figures.ball_bar import ball_bar_figure
 from selector.physics.drive.ball_bar import BallBarTrace
-from selector.physics.drive.circle_causes import Amount, Cause, CircleCauses, FeedCauses
+from selector.physics.drive.circle_causes import Cause, CircleCauses, FeedCauses
+from selector.physics.drive.circle_laws import Amount
 from selector.physics.drive.circle_quantities import CircleQuantities, Extreme, paired
 from selector.report.numbers import NONE, number_text, uncertain_text
 from selector.report.page import Pictures
@@ -44,24 +45,21 @@ def ball_bar_sentences(shown: BallBarOnPage) -> list[str]:
     """How round the circle is at the fastest and the slowest feed, and the largest causes."""
     slowest, fastest = shown.quantities[0], shown.quantities[-1]
     first = (
-        f"At {number_text(fastest.feed_mm_per_min, 4)} mm/min the circle is out of round by "
+        f"At {_feed(fastest.feed_mm_per_min)} mm/min the circle is out of round by "
         f"{number_text(fastest.both.circular_deviation_um)} µm, both directions together (ISO 230-4)"
     )
     if len(shown.quantities) > 1:
-        first += (
-            f"; at {number_text(slowest.feed_mm_per_min, 4)} mm/min by "
-            f"{number_text(slowest.both.circular_deviation_um)} µm"
-        )
+        first += f"; at {_feed(slowest.feed_mm_per_min)} mm/min by {number_text(slowest.both.circular_deviation_um)} µm"
     told = [f"{first}."]
     if shown.causes is not None:
         for feed in dict.fromkeys((shown.causes.feeds[-1], shown.causes.feeds[0])):
             found = [cause for cause in feed.causes if cause.found and cause.kind != "radius"][:3]
             if found:
                 words = "; ".join(f"{cause_name(cause)} {number_text(cause.range_um)} µm" for cause in found)
-                told.append(f"Causes at {number_text(feed.feed_mm_per_min, 4)} mm/min, largest first: {words}.")
+                told.append(f"Causes at {_feed(feed.feed_mm_per_min)} mm/min, largest first: {words}.")
     far = max(shown.quantities, key=lambda one: abs(one.both.mean_radial_um))
     told.append(
-        f"At {number_text(far.feed_mm_per_min, 4)} mm/min the mean radius is "
+        f"At {_feed(far.feed_mm_per_min)} mm/min the mean radius is "
         f"{number_text(abs(far.both.mean_radial_um))} µm "
         f"{'larger' if far.both.mean_radial_um > 0 else 'smaller'} than nominal."
     )
@@ -79,7 +77,7 @@ def ball_bar_part(pictures: Pictures, shown: BallBarOnPage) -> dict[str, Any]:
     causes: list[tuple[str, Table]] = []
     if shown.causes is not None:
         causes += [
-            (f"Causes at {number_text(feed.feed_mm_per_min, 4)} mm/min", _causes_table(feed, shown.wind_up_m))
+            (f"Causes at {_feed(feed.feed_mm_per_min)} mm/min", _causes_table(feed, shown.wind_up_m))
             for feed in reversed(shown.causes.feeds)
         ]
         causes.append(("Through all feeds", _overall_table(shown.causes)))
@@ -90,7 +88,7 @@ def quantities_table(quantities: Sequence[CircleQuantities]) -> Table:
     """The quantities of ISO 230-4 at every feed [µm]."""
     rows = [
         (
-            number_text(one.feed_mm_per_min, 4),
+            _feed(one.feed_mm_per_min),
             number_text(one.counter_clockwise.circular_deviation_um),
             number_text(one.clockwise.circular_deviation_um),
             number_text(one.both.circular_deviation_um),
@@ -140,13 +138,25 @@ def _of_it(cause: Cause, wind_up_m: Mapping[str, float]) -> list[str]:
 
 
 def _overall_table(causes: CircleCauses) -> Table:
-    rows = [(name, amount_text(one)) for name, one in causes.through_feeds.items()]
-    return table(["", ">value"], rows, "Constants of geometry and control that all feeds share.")
+    rows = [
+        (name, amount_text(one) if one.found else f"not found (below {number_text(one.below, 2)} {one.unit})")
+        for name, one in causes.through_feeds.items()
+    ]
+    note = (
+        "Constants of geometry and control that all feeds share. The gain by the radius is that of a first-order loop: "
+        "a slow velocity loop makes the circle shrink less, feed-forward more than the lag lets expect."
+    )
+    return table(["", ">value"], rows, note)
 
 
 def amount_text(amount: Amount) -> str:
     """A number ± its standard error with its unit."""
     return f"{uncertain_text(amount.value, amount.standard_error)} {amount.unit.removesuffix(NONE)}".rstrip()
+
+
+def _feed(feed_mm_per_min: float) -> str:
+    # as it is programmed: 100, not 100.0
+    return f"{feed_mm_per_min:.6g}"
 
 
 def _percent(share: float) -> str:

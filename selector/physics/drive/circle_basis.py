@@ -66,6 +66,11 @@ class CirclePair:
         """Position of each axis over the radius: cos θ and sin θ."""
         return np.cos(self.angle_rad), np.sin(self.angle_rad)
 
+    @property
+    def reach(self) -> float:
+        """How much longer the arm of the axes is along the bar than the bar itself, on average."""
+        return 1.0
+
 
 def pair_of(traces: Sequence[BallBarTrace]) -> CirclePair:
     """Traces of one feed as one pair."""

@@ -15,6 +15,14 @@ from selector.findings import Finding, Where
 from selector.physics.drive.ball_bar import BallBarTrace
 from selector.physics.drive.circle_basis import CirclePair, pair_of
 from selector.physics.drive.circle_fit import ALARM, CircleFit, amounts_probability, circle_fit
+from selector.physics.drive.circle_laws import (
+    Amount,
+    SharedAmount,
+    lag_parted,
+    shared_amounts,
+    smallest_um,
+    steady_fits,
+)
 from selector.physics.drive.circle_quantities import paired
 
 Vector = NDArray[np.float64]
@@ -35,19 +43,6 @@ FALSE_ALARM = 0.01
 
 _PLAIN = 0.1
 _STRUCTURED = 3.0
-
-
-@dataclass(frozen=True)
-class Amount:
-    """A number with its standard error and its unit; the standard error is NaN where none can be given."""
-
-    value: float
-    standard_error: float
-    unit: str
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "value", float(self.value))
-        object.__setattr__(self, "standard_error", float(self.standard_error))
 
 
 @dataclass(frozen=True)
@@ -119,7 +114,7 @@ class CircleCauses:
     """The causes at every feed, slowest first; the laws through all of them; and what cannot be told apart."""
 
     feeds: tuple[FeedCauses, ...]
-    through_feeds: Mapping[str, Amount]
+    through_feeds: Mapping[str, SharedAmount]
     findings: tuple[Finding, ...]
 
 
@@ -155,26 +150,31 @@ def circle_causes(traces: Sequence[BallBarTrace], *, lead_m: Mapping[str, float]
     waves = {names.index(name): lead * 1e6 for name, lead in leads.items()}
     circles = [pair_of(pair) for pair in pairs]
     fits = [(circle, circle_fit(circle, waves)) for circle in circles]
+    fits = list(zip(circles, lag_parted(fits), strict=True))
+    shared = shared_amounts(fits, names)
+    fits = list(zip(circles, steady_fits(fits), strict=True))
     feeds = tuple(_feed(pair, fit, names) for pair, fit in fits)
-    return CircleCauses(feeds, _overall(fits, names), _findings(feeds, fits))
+    return CircleCauses(feeds, shared, _findings(feeds, fits))
 
 
 def _feed(pair: CirclePair, fit: CircleFit, names: tuple[str, ...]) -> FeedCauses:
     centred = pair.deviation_um - fit.part_um("centre 0", "centre 1")
     total = float(centred @ centred)
     per_m = 2e6 / pair.radius_um
+    least = smallest_um(pair, fit)
 
     def cause(kind: Kind, axis: int | None, columns: Sequence[str], amounts: Mapping[str, Amount], tried: int) -> Cause:
         values, covariance = fit.amounts(*columns)
         part = fit.part_um(*columns)
         chance = amounts_probability(values, covariance, tried)
+        range_um = float(max(part.max(), 0.0) - min(part.min(), 0.0))
         return Cause(
             kind,
             None if axis is None else names[axis],
-            chance < ALARM,
+            chance < ALARM and range_um >= least,
             amounts,
             float(np.abs(part).max()),
-            float(max(part.max(), 0.0) - min(part.min(), 0.0)),
+            range_um,
             float(part @ centred) / total if total > 0 else 0.0,
             chance,
         )
@@ -270,59 +270,6 @@ def _cyclic(fit: CircleFit, axis: int, waves: Sequence[str]) -> dict[str, Amount
         "amplitude": Amount(size, along.standard_error, "µm"),
         "wavelength": _shape(fit, f"cyclic {axis} wavelength", fit.shapes.wavelength_um[axis] * 1e-3, "mm"),
     }
-
-
-def _overall(fits: Sequence[tuple[CirclePair, CircleFit]], names: tuple[str, ...]) -> dict[str, Amount]:
-    """Laws through the feeds: constants of the geometry and of the control."""
-    feed = np.array([pair.speed_um_per_s for pair, _ in fits])
-    radius_um = fits[0][0].radius_um
-    per_m = 2e6 / radius_um
-    one, several = np.ones((len(feed), 1)), len(feed) > 1
-    squares = np.column_stack([one, feed**2]) if several else one
-    found: dict[str, Amount] = {}
-    radius, radius_c = _law(fits, "radius", squares)
-    if several:
-        found["radius at standstill"] = Amount(radius[0], math.sqrt(radius_c[0, 0]), "µm")
-        falls = -2.0 * radius_um * radius[1]
-        if falls > 3.0 * 2.0 * radius_um * math.sqrt(radius_c[1, 1]):
-            gain = 1.0 / math.sqrt(falls)
-            found["gain by the radius"] = Amount(gain, gain * math.sqrt(radius_c[1, 1]) / -radius[1] / 2.0, "1/s")
-    scale, scale_c = _law(fits, "scale-mismatch", squares)
-    found["scale mismatch"] = Amount(scale[0] * per_m, math.sqrt(scale_c[0, 0]) * per_m, "µm/m")
-    square, square_c = _law(fits, "squareness", one)
-    found["squareness"] = Amount(square[0] * per_m, math.sqrt(square_c[0, 0]) * per_m, "µm/m")
-    lag, lag_c = _law(fits, "gain-mismatch", feed[:, None])
-    late = Amount(lag[0] * 2e3, math.sqrt(lag_c[0, 0]) * 2e3, "ms")
-    found["difference of the lag times"] = late
-    gained = found.get("gain by the radius")
-    if gained is not None:
-        percent = -late.value * gained.value * 0.1
-        error = abs(percent) * gained.standard_error / gained.value
-        found["gain mismatch"] = Amount(
-            percent, math.hypot(late.standard_error * gained.value * 0.1, error), f"% {names[0]} over {names[1]}"
-        )
-    for axis, name in enumerate(names):
-        for end, word in (("+", "positive"), ("-", "negative")):
-            gap, gap_c = _law(fits, f"backlash {axis}{end}", one)
-            found[f"backlash {name}, {word} end"] = Amount(gap[0], math.sqrt(gap_c[0, 0]), "µm")
-    return found
-
-
-def _law(fits: Sequence[tuple[CirclePair, CircleFit]], name: str, columns: Vector) -> tuple[Vector, Vector]:
-    """Coefficients of an amount over the feeds, and their covariance: wider where feeds disagree more than they may."""
-    pairs = [fit.amounts(name) for _, fit in fits]
-    values = np.array([float(value[0]) for value, _ in pairs])
-    # an amount without any error would silence the others
-    errors = np.sqrt(np.array([float(covariance[0, 0]) for _, covariance in pairs]))
-    errors = np.maximum(errors, 1e-9 + 1e-6 * np.abs(values))
-    size = np.abs(columns).max(axis=0)
-    weighted = columns / size / errors[:, None]
-    inverse = np.linalg.inv(weighted.T @ weighted)
-    amounts = inverse @ weighted.T @ (values / errors)
-    spare = len(values) - columns.shape[1]
-    left = values / errors - weighted @ amounts
-    wider = max(1.0, float(left @ left) / spare) if spare > 0 else 1.0
-    return amounts / size, inverse * wider / np.outer(size, size)
 
 
 def _findings(feeds: Sequence[FeedCauses], fits: Sequence[tuple[CirclePair, CircleFit]]) -> tuple[Finding, ...]:

@@ -43,6 +43,7 @@ SEARCHED = {f"{kind} {axis}": ends for kind, ends in (("spike", "+-"), ("cyclic"
 _ROUNDS = 4
 _CLEAR = 5.0
 _ARCS = 72
+_WINDOWS_RAD = tuple(np.radians([5.0, 10.0, 20.0, 40.0]))
 _SHIFT = 1e-3
 
 
@@ -223,11 +224,7 @@ def _columns(pair: CirclePair, shapes: Shapes, kept: tuple[str, ...], without: s
 def _solved(pair: CirclePair, shapes: Shapes, kept: tuple[str, ...], *, aside: bool = False) -> CircleFit:
     """Amounts and their errors; with `aside` also those of the blocks that are not kept, each beside the others."""
     columns = _columns(pair, shapes, kept)
-    names = (
-        *SMOOTH,
-        *(f"backlash {axis}{end}" for axis in (0, 1) for end in "+-"),
-        *(block + end for block in kept for end in SEARCHED[block]),
-    )
+    names = _names(kept)
     amounts = np.asarray(np.linalg.lstsq(columns, pair.deviation_um, rcond=None)[0], dtype=np.float64)
     residual = np.asarray(pair.deviation_um - columns @ amounts)
     resemblance = float(np.mean([_resemblance(residual[part]) for part in pair.parts]))
@@ -240,6 +237,7 @@ def _solved(pair: CirclePair, shapes: Shapes, kept: tuple[str, ...], *, aside: b
     every = np.column_stack([columns, searched])
     every_inverse = inverse_gram(every)
     wider = _widened(pair, every, residual, every_inverse, variance)
+    wider *= _mistaken(pair, kept, columns, residual, variance, np.diag(every_inverse) * wider**2) if aside else 1.0
     covariance = variance * every_inverse * np.outer(wider, wider)
     set_aside = {}
     for block in SEARCHED if aside else ():
@@ -261,6 +259,36 @@ def _widened(pair: CirclePair, columns: Matrix, residual: Vector, inverse: Matri
     moved = (columns @ inverse) * residual[:, None]
     summed = np.array([np.bincount(pieces, column, 2 * _ARCS) for column in moved.T])
     return np.asarray(np.sqrt(np.maximum((summed**2).sum(axis=1) / (variance * np.diag(inverse)), 1.0)))
+
+
+def _mistaken(
+    pair: CirclePair, kept: tuple[str, ...], columns: Matrix, residual: Vector, variance: float, spread: Vector
+) -> Vector:
+    """Factor by which errors grow since a spike is not of the shape fitted: the amounts without arcs after reversals.
+
+    What moves more than noise moves it (two standard deviations) when the arcs are left out is uncertain by that.
+    `spread`: variances of the amounts and of the shapes over `variance`.
+    """
+    axes = [axis for axis in (0, 1) if f"spike {axis}" in kept]
+    moved = np.zeros(len(spread))
+    linear = columns[:, [not name.startswith("spike") for name in _names(kept)]]
+    at = np.flatnonzero([not name.startswith("spike") for name in _names(kept)])
+    plain = np.diag(inverse_gram(linear))
+    for window in _WINDOWS_RAD if axes else ():
+        away = np.min([arc for axis in axes for arc in pair.since_reversal_rad[axis]], axis=0) > window
+        inverse = inverse_gram(linear[away])
+        change = inverse @ (linear[away].T @ residual[away])
+        noise = 4.0 * variance * np.maximum(np.diag(inverse) - plain, 0.0)
+        moved[at] = np.maximum(moved[at], change**2 - noise)
+    return np.asarray(np.sqrt(1.0 + moved / np.maximum(variance * spread, 1e-300)))
+
+
+def _names(kept: tuple[str, ...]) -> tuple[str, ...]:
+    return (
+        *SMOOTH,
+        *(f"backlash {axis}{end}" for axis in (0, 1) for end in "+-"),
+        *(block + end for block in kept for end in SEARCHED[block]),
+    )
 
 
 def _slopes(
