@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import plotly.graph_objects as go
@@ -21,6 +22,7 @@ from selector.figures.drive import (
     path_samples,
     stiffness_and_damping,
     stretches,
+    through_standstill,
     varying_against_constant,
 )
 from selector.physics.drive.motion import Motion
@@ -151,6 +153,35 @@ def test_a_path_is_drawn_with_its_ends_and_no_farther_apart_than_it_jumps(values
     # between two that are kept, two bits of path at most, unless it jumped there; rounding of a sum of 3000 numbers
     apart = np.diff(gone[kept])
     assert (apart[np.diff(kept) > 1] <= 2.0 * bit + 1e-9).all()
+
+
+def test_friction_jumps_at_standstill_and_not_on_a_slant():
+    speed = np.array([-0.2, -0.1, 0.15, 0.2, np.nan, 0.1, -0.1])
+    friction = np.array([-20.0, -20.0, 20.0, 20.0, np.nan, 20.0, 19.0])
+    x, y = through_standstill(speed, friction)
+    # a step at 0 between the two samples of the reversal; the small change at the end is none
+    np.testing.assert_array_equal(x, [-0.2, -0.1, 0.0, 0.0, 0.15, 0.2, np.nan, 0.1, -0.1])
+    np.testing.assert_array_equal(y, [-20.0, -20.0, -20.0, 20.0, 20.0, 20.0, np.nan, 20.0, 19.0])
+
+
+def test_a_short_limit_is_shaded_so_that_it_is_seen():
+    limited = np.zeros(len(TIME_S), dtype=bool)
+    limited[100:105] = True
+    (short,) = {s.opacity for s in axis_course(moved(), "X", "A", limited=limited).layout.shapes if s.type == "rect"}
+    limited[100 : len(TIME_S) // 2] = True
+    (wide,) = {s.opacity for s in axis_course(moved(), "X", "A", limited=limited).layout.shapes if s.type == "rect"}
+    assert short > 3 * wide
+
+
+@given(st.floats(1e-3, 1e3), st.floats(-1.0, 1.0))
+def test_small_panels_have_two_ticks_at_least(size, middle):
+    motion = replace(moved(), command=size * (middle + np.sin(TIME_S)))
+    axis = axis_course(motion, "X", "A").layout.yaxis4
+    span = axis.range[1] - axis.range[0]
+    # plotly takes the smallest step of 1, 2, 5 · 10ⁿ that makes no more ticks than it may
+    steps = [factor * 10.0**power for power in range(-6, 5) for factor in (1.0, 2.0, 5.0)]
+    step = min(one for one in steps if span / one <= axis.nticks)
+    assert np.floor(axis.range[1] / step) - np.ceil(axis.range[0] / step) >= 1
 
 
 def test_the_reversal_is_enlarged_with_its_jump():

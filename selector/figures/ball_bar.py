@@ -56,7 +56,7 @@ def ball_bar_figure(
         key = f"polar{number + 1 if number else ''}"
         drawn.layout[key] = _polar(pair[0].axes, scale, [left, right], [bottom + room, top - 1.6 * room])
         if len(pairs) > 1:
-            feed = style.number(pair[0].feed_mm_per_min)
+            feed = f"{pair[0].feed_mm_per_min:.6g}"
             drawn.add_annotation(
                 text=f"<b>{feed} mm/min</b>, ×{_magnified(pair, scale)}",
                 x=(left + right) / 2,
@@ -74,7 +74,7 @@ def ball_bar_figure(
 def _at_feed(pairs: Sequence[Sequence[BallBarTrace]], scales: Sequence[float]) -> str:
     if len(pairs) > 1:
         return ", drawn larger than the circle by the factor beside each feed"
-    feed = style.number(pairs[0][0].feed_mm_per_min)
+    feed = f"{pairs[0][0].feed_mm_per_min:.6g}"
     return f", at {feed} mm/min; drawn {_magnified(pairs[0], scales[0])} times larger than the circle"
 
 

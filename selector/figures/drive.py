@@ -28,6 +28,9 @@ MOST_ON_A_PATH = 8000
 FINEST_BIT = 1 / 1000
 """Samples of a path that are drawn at most, and the share of the picture below which two are not told apart."""
 
+_JUMP = 0.3
+"""Share of the range of friction from which on a change between two samples is a jump."""
+
 _FLOOR_DB = -80.0
 _PHASE_STEP = 90.0
 
@@ -217,6 +220,7 @@ def friction_over_speed(
         speed, friction = motion.table_speed_m_per_s[at], motion.friction_n[at]
         if near is not None and k == 1:
             speed, friction = _around(motion, near)
+        speed, friction = through_standstill(speed, friction)
         drawn.add_scatter(
             x=(speed * times).astype(np.float32),
             y=friction.astype(np.float32),
@@ -277,6 +281,20 @@ def path_samples(x: Vector, y: Vector, points: int = MOST_ON_A_PATH) -> NDArray[
     passed = np.flatnonzero(np.diff(np.floor(gone / bit)) > 0) + 1
     jumps = np.flatnonzero(steps > bit)
     return np.unique(np.concatenate([[0, len(x) - 1], passed, jumps, jumps + 1]))
+
+
+def through_standstill(speed: Vector, friction: Vector) -> tuple[Vector, Vector]:
+    """A path of friction over speed whose jumps from one direction to the other are at speed 0, where they are.
+
+    Between two samples of a fast reversal a straight line would be friction that changes with the speed. Paths without
+    jumps, of bristles, stay as they are.
+    """
+    least = _JUMP * float(np.nanmax(friction) - np.nanmin(friction))
+    reverses = (speed[:-1] * speed[1:] < 0) & (np.abs(np.diff(friction)) > least)
+    before = np.flatnonzero(reverses)
+    at = np.repeat(before + 1, 2)
+    ends = np.column_stack([friction[before], friction[before + 1]]).ravel()
+    return np.insert(speed, at, 0.0), np.insert(friction, at, ends)
 
 
 def _phase_ticks(least: float) -> float:

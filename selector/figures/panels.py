@@ -22,6 +22,12 @@ _LABEL_PX = 17
 _BOTTOM_PX = 44
 _MARGIN_RIGHT_PX = 150
 _ROOM = 0.08
+_FEWEST_TICKS = 5
+"""At most so many: with steps of 1, 2 or 5 an axis then has two at least."""
+
+_NARROW = 0.01
+_SPAN_OPACITY, _NARROW_OPACITY = 0.15, 0.6
+"""Share of the time axis below which a stretch is a few pixels wide and needs a stronger shade to be seen."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +106,7 @@ def stacked(
             "domain": [max(low, 0.0), min(high, 1.0)],
             "title": {"text": panel.axis},
             "range": _range(panel),
-            "nticks": max(3, height // 32),
+            "nticks": max(_FEWEST_TICKS, height // 32),
             "exponentformat": "none",
         }
         if panel.band is not None:
@@ -111,7 +117,8 @@ def stacked(
         for start, stop in spans_s:
             drawn.add_shape(
                 type="rect", xref=f"x{key}", x0=start / seconds, x1=stop / seconds, yref=f"y{key} domain", y0=0, y1=1,
-                fillcolor=style.RESIDUAL, opacity=0.15, line={"width": 0}, layer="below",
+                fillcolor=style.RESIDUAL, line={"width": 0}, layer="below",
+                opacity=_SPAN_OPACITY if stop - start > _NARROW * end_s else _NARROW_OPACITY,
             )  # fmt: skip
         for mark in marks_s:
             drawn.add_shape(

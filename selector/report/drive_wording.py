@@ -124,7 +124,7 @@ def _lag_sentence(parts: ErrorParts, axis: Axis) -> str:
     expected = (1.0 - servo.velocity_feedforward) / servo.position_gain_per_s
     if expected > 0 and abs(parts.lag_s / expected - 1.0) < _LEAST_LAG_SHARE:
         ahead = servo.velocity_feedforward
-        text += f" That is about what the position gain of {number_text(servo.position_gain_per_s)} 1/s makes"
+        text += f" That is about what the position gain of {servo.position_gain_per_s:.4g} 1/s makes"
         text += f", {_ms(expected)}, without feed-forward." if ahead == 0 else ""
         text += f" with {number_text(100 * ahead)} % of feed-forward, {_ms(expected)}." if ahead else ""
     return text

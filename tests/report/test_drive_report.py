@@ -63,7 +63,7 @@ def test_a_lag_that_is_that_of_the_gain_is_said_to_be():
     runs = shown.runs["F3000 ccw"]
     for one in runs:
         said = cause_sentence(one.summary.parts, one.axis, one.measures)
-        assert f"the position gain of {number_text(one.axis.servo.position_gain_per_s)} 1/s" in said
+        assert f"the position gain of {one.axis.servo.position_gain_per_s:.4g} 1/s" in said
 
 
 def test_loops_channels_parameters_findings_and_origin_are_there(kind, page):
