@@ -22,7 +22,14 @@ from selector.physics.drive.drive_channels import axis_channels, axis_courses
 from selector.physics.drive.mechanics import RigidMechanics
 from selector.physics.drive.model_axes import FileAxis, file_axis
 from selector.physics.drive.model_file import columns_needed
-from selector.physics.drive.model_motion import Columns, circle_plan, file_reference, moved_axes
+from selector.physics.drive.model_motion import (
+    Columns,
+    circle_plan,
+    file_reference,
+    longest_s,
+    moved_axes,
+    slow_feed_words,
+)
 from selector.physics.drive.model_schema import CircleMotion, DriveFile
 from selector.physics.drive.motion import Motion
 from selector.physics.drive.parameters import parameters, with_parameters
@@ -249,7 +256,9 @@ class DriveModel:
         step_s = file.run.step_s or advised_step_s(axis, reference.period_s)
         duration_s = (len(reference.position_m) - 1) * reference.period_s
         with told_of(f"axis {name}"):
-            require_few_steps(name, axis, duration_s, step_s, period_s=reference.period_s)
+            # a recorded course has nothing to do with the feed of the file
+            slow = slow_feed_words(file) if abs(duration_s - longest_s(file)) <= 2.0 * reference.period_s else ""
+            require_few_steps(name, axis, duration_s, step_s, period_s=reference.period_s, because=slow)
             course = self.file_axes[name].course(reference)
             motion = simulate_axis(
                 axis, reference, step_s=step_s, course=course, start=start, commands=commands, seed=seed
@@ -297,7 +306,14 @@ class DriveModel:
             if progress is not None:
                 progress(number, len(self.runs), run)
             for name, step_s in steps_s.items():
-                require_few_steps(name, axes[name], circle.duration_s, step_s, period_s=self.file.run.period_s)
+                require_few_steps(
+                    name,
+                    axes[name],
+                    circle.duration_s,
+                    step_s,
+                    period_s=self.file.run.period_s,
+                    because=slow_feed_words(self.file),
+                )
             with told_of(f"run {run}"):
                 done = ball_bar_run(axes, circle, geometry, plan, courses=along, step_s=said, seed=seed, number=number)
             inside = np.flatnonzero(measured_samples(circle, next(iter(done.motions.values())).time_s))

@@ -18,6 +18,7 @@ from selector.physics.drive.model_motion import (
     motion_counts,
     moved_axes,
     planned_reference,
+    slow_feed_words,
 )
 from selector.physics.drive.model_schema import (
     KINDS,
@@ -100,6 +101,10 @@ def _of_motion(file: DriveFile) -> Iterator[Contradiction]:
     elif is_rotary(file.axes[moved_axes(file)[0]]):
         advice = "rotary axes take part in circles only"
         yield ("motion", "axis"), f"{moved_axes(file)[0]!r}, which turns", "an axis that slides", advice
+    if isinstance(motion, SineMotion) and motion.frequency_hz * (file.run.period_s or PERIOD_S) >= 0.5:
+        found = f"{motion.frequency_hz:g} Hz, sampled every {file.run.period_s or PERIOD_S:g} s"
+        advice = "lower the frequency, or make run.period_s smaller"
+        yield ("motion", "frequency_hz"), found, "more than two samples in a period", advice
     if isinstance(motion.force_n, tuple):
         starts = [start for start, _ in motion.force_n]
         if starts[0] != 0.0 or any(b <= a for a, b in pairwise(starts)):
@@ -148,7 +153,8 @@ def _of_length(file: DriveFile) -> Iterator[Contradiction]:
     yield from _of_few_samples(file)
     for key, what, count, most in motion_counts(file):
         if count > most:
-            yield key, f"{count:.3g} {what}", f"at most {most}", "correct it, or make the motion shorter"
+            long = "" if what == "moves" else f" in a motion of {longest_s(file):.6g} s{slow_feed_words(file)}"
+            yield key, f"{count:.3g} {what}{long}", f"at most {most}", "correct it, or make the motion shorter"
             return
     try:
         if isinstance(file.motion, CircleMotion):

@@ -161,6 +161,21 @@ def motion_counts(file: DriveFile) -> Iterator[tuple[Key, str, float, int]]:
         yield ("run", "step_s"), "steps", duration_s / file.run.step_s, MOST_STEPS
 
 
+def slow_feed_words(file: DriveFile) -> str:
+    """How the feed makes the motion of the file take long, to stand behind its duration; empty if it does not."""
+    motion = file.motion
+    if isinstance(motion, CircleMotion):
+        key, feed = "motion.feeds_mm_per_min", min(motion.feeds_mm_per_min)
+    elif (
+        isinstance(motion, MovesMotion)
+        and motion.dwell_s * motion.repeat * len(motion.targets_mm) < longest_s(file) / 2
+    ):
+        key, feed = "motion.feed_mm_per_min", motion.feed_mm_per_min
+    else:
+        return ""
+    return f", which it takes at {key} = {feed:g} ({feed:g} m/min would be {1e3 * feed:g})"
+
+
 def _moves_s(motion: MovesMotion) -> float:
     """Duration of all moves [s], without making them."""
     once, again = (_cycle_s(motion, start) for start in (motion.start_mm, motion.targets_mm[-1]))
@@ -184,9 +199,7 @@ def _place(key: str, said: Column | ColumnMotion) -> str:
     return f"key {key}, column {said.column!r} of {said.file}"
 
 
-def _column(
-    columns: Columns, key: str, said: Column | ColumnMotion, most: float, unit: str
-) -> tuple[Vector, Vector]:
+def _column(columns: Columns, key: str, said: Column | ColumnMotion, most: float, unit: str) -> tuple[Vector, Vector]:
     """Times and values of a column of a recording beside the file, none beyond `most`."""
     time_s, values = columns[key]
     with told_of(_place(key, said)):

@@ -9,7 +9,7 @@ from selector.physics.drive.simulation import steps_per_period
 
 
 def require_few_steps(
-    name: str, axis: Axis, duration_s: float, step_s: float, *, period_s: float | None = None
+    name: str, axis: Axis, duration_s: float, step_s: float, *, period_s: float | None = None, because: str = ""
 ) -> None:
     """Refuses a run of an axis with too many steps, as they are laid: control and samples make them shorter.
 
@@ -21,6 +21,8 @@ def require_few_steps(
         Length of its motion, and the largest step [s].
     period_s
         Distance of the samples [s]; None: not known yet, but no shorter than the steps.
+    because
+        Why the motion takes long, see `model_motion.slow_feed_words`.
 
     Raises
     ------
@@ -35,7 +37,7 @@ def require_few_steps(
         return
     by_step = duration_s / step_s > 0.5 * count
     raise InputError(
-        f"{count:.3g} steps of {duration_s / count:.3g} s in a motion of {duration_s:.6g} s of axis {name}",
+        f"{count:.3g} steps of {duration_s / count:.3g} s in a motion of {duration_s:.6g} s of axis {name}{because}",
         expected=f"at most {MOST_STEPS}",
         where="key run.step_s" if by_step else f"key axes.{name}.servo.sample_s",
         advice="simulate a shorter motion or a faster feed, or give a larger "

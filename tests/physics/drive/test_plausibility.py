@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from selector.errors import InputError, ModelFileError
 from selector.physics.drive.drive_model import drive_model
 from selector.physics.drive.model_file import checked_model_file, columns_needed, read_model_file
 from selector.physics.drive.model_findings import model_findings, output_without_acceleration, simulation_findings
@@ -101,6 +102,27 @@ def test_effects_that_cannot_be_are_told():
     told = {one.id: one for one in simulation_findings(blind, blind.simulation())}
     # a sine of 10 mm: 20 mm of travel
     assert told["travel-within-play"].evidence == {"travel_um": pytest.approx(2e4, rel=1e-4), "play_um": 3e4}
+
+
+def test_motions_that_a_slow_feed_makes_long_say_so():
+    slow = {"kind": "moves", "targets_mm": [300.0, 0.0], "feed_mm_per_min": 20.0, "acceleration_m_per_s2": 4.0}
+    said = "which it takes at motion.feed_mm_per_min = 20 (20 m/min would be 20000)"
+    with pytest.raises(InputError) as samples:
+        model(("motion", {**slow, "repeat": 2}))
+    assert said in samples.value.found
+    with pytest.raises(InputError) as steps:
+        model(("motion", slow), ("axes.X.mechanics", {**SCREW, "table_mass_kg": 5.0})).simulation()
+    assert said in steps.value.found
+    waiting = {**slow, "feed_mm_per_min": 2e4, "dwell_s": 1e4}
+    with pytest.raises(InputError) as dwells:
+        model(("motion", waiting))
+    assert "feed" not in dwells.value.found
+
+
+def test_a_sine_with_fewer_than_two_samples_a_period_is_refused():
+    with pytest.raises(ModelFileError, match="more than two samples in a period"):
+        model(("motion.frequency_hz", 500.0))
+    assert model(("motion.frequency_hz", 499.0))
 
 
 def limit_of(*changes):
