@@ -20,6 +20,8 @@ MOST_POLES = 20
 _LEAST_LAG_SHARE = 0.05
 """A lag that is this near to 1/Kp is said to come from the position gain."""
 
+_LEAST_SHARE = 1e-3
+
 _WHAT = {
     "speed": "the speed",
     "acceleration": "the acceleration",
@@ -99,7 +101,7 @@ def parts_table(parts: ErrorParts, measures: Measures) -> Table:
         (
             _WHAT[name],
             number_text(rms * times),
-            f"{number_text(100 * parts.share(name), 2)} %",
+            _share_text(parts.share(name)),
             sizes.get(name) or "",
             _WHY[name],
         )
@@ -128,6 +130,10 @@ def _lag_sentence(parts: ErrorParts, axis: Axis) -> str:
         text += f", {_ms(expected)}, without feed-forward." if ahead == 0 else ""
         text += f" with {number_text(100 * ahead)} % of feed-forward, {_ms(expected)}." if ahead else ""
     return text
+
+
+def _share_text(share: float) -> str:
+    return f"{number_text(100 * share, 2)} %" if share == 0 or share >= _LEAST_SHARE else "< 0.1 %"
 
 
 def _ms(seconds: float) -> str:

@@ -82,7 +82,10 @@ def _limits(name: str, where: Where, done: AxisRun, made: FileAxis) -> Iterator[
     share = float(limited_samples(done.axis, done.reference, done.motion).mean())
     if share == 0:
         return
-    said = f"Axis {name} was at the limit of its current or speed for {share:.2%} of the time; then it does not follow."
+    said = (
+        f"Axis {name} was at the limit of its current or speed for {100 * share:.3g} % of the time; then it does not "
+        "follow."
+    )
     advice = "ask for less acceleration, or raise command_limit or speed_limit of the servo if the machine has more"
     evidence = {"share": share}
     needed, servo = output_without_acceleration(done), done.axis.servo
