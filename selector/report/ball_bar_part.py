@@ -19,6 +19,7 @@ from selector.report.tables import Table, table
 WORDS = {
     "radius": "radius",
     "gain-mismatch": "position gains that differ",
+    "rotary-lag": "lag against the linear axes",
     "squareness": "squareness",
     "scale-mismatch": "scales that differ",
     "straightness": "straightness",
@@ -30,7 +31,7 @@ WORDS = {
 
 @dataclass(frozen=True)
 class BallBarOnPage:
-    """A circular test: its traces, their quantities, and their causes; none with a rotary axis.
+    """A circular test: its traces, their quantities, and their causes.
 
     `wind_up_m` says how much of the lost motion of an axis its own friction and springs make [m].
     """

@@ -145,6 +145,10 @@ class BallBarTrace:
         Feed [mm/min] and nominal length of the bar [m].
     axes : tuple of str
         Names: first, second, and of a third, rotary one if there was one.
+    table_ball : TableBall or None
+        Where the ball of the workpiece stood on the rotary axis.
+    start_angle_rad : float
+        Direction of the bar where the ball of the workpiece stood at its `ball_angle_rad` [rad].
 
     Raises
     ------
@@ -158,6 +162,8 @@ class BallBarTrace:
     feed_mm_per_min: float
     radius_m: float = 0.1
     axes: tuple[str, ...] = ("X", "Y")
+    table_ball: TableBall | None = None
+    start_angle_rad: float = 0.0
 
     def __post_init__(self) -> None:
         require_positive(self, "feed_mm_per_min", "radius_m")
@@ -281,7 +287,16 @@ def ball_bar_run(
     angle, deviation = _bar(circle, geometry, [motions[name].table_m[inside] for name in names])
     if plan.noise_um > 0:
         deviation = deviation + np.random.default_rng(seeds[-1]).normal(0.0, plan.noise_um, len(deviation))
-    trace = BallBarTrace(angle, deviation, circle.direction, circle.feed_mm_per_min, circle.radius_m, names)
+    trace = BallBarTrace(
+        angle,
+        deviation,
+        circle.direction,
+        circle.feed_mm_per_min,
+        circle.radius_m,
+        names,
+        circle.table_ball,
+        circle.start_angle_rad,
+    )
     return BallBarRun(trace, references, motions, along, steps)
 
 

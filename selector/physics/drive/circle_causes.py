@@ -16,6 +16,7 @@ from selector.physics.drive.ball_bar import BallBarTrace
 from selector.physics.drive.circle_basis import CirclePair, pair_of
 from selector.physics.drive.circle_fit import ALARM, CircleFit, amounts_probability, circle_fit
 from selector.physics.drive.circle_laws import (
+    SET_UP,
     Amount,
     SharedAmount,
     lag_parted,
@@ -30,6 +31,7 @@ Vector = NDArray[np.float64]
 Kind = Literal[
     "radius",
     "gain-mismatch",
+    "rotary-lag",
     "squareness",
     "scale-mismatch",
     "straightness",
@@ -127,23 +129,28 @@ def circle_causes(traces: Sequence[BallBarTrace], *, lead_m: Mapping[str, float]
     Parameters
     ----------
     traces : sequence of BallBarTrace
-        Both directions at one or more feeds, of two linear axes.
+        Both directions at one or more feeds, of two linear axes; with a rotary one where its `table_ball` is known.
     lead_m : mapping of str to float or None
         Axis → lead of its screw [m]: wavelength of the cyclic error; where it is missing it is searched.
 
     Raises
     ------
     InputError
-        If a direction is missing, or a rotary axis took part: its circle has no causes at fixed angles.
+        If a direction is missing, or the place of the ball on a rotary axis.
     """
     leads = dict(lead_m or {})
     pairs = paired(traces)
     names = pairs[0][0].axes
     if any(pair[0].axes != names or pair[0].radius_m != pairs[0][0].radius_m for pair in pairs):
         raise _unfit("circles of different axes or radii", "one circle at several feeds", "analyse them one by one")
-    if len(names) != 2:
-        raise _unfit(f"a rotary axis ({names[2]})", "two linear axes", "take apart the circle of the linear axes alone")
-    if not set(leads) <= set(names) or not all(0 < lead <= pairs[0][0].radius_m for lead in leads.values()):
+    tables = {(one.table_ball, one.start_angle_rad) for pair in pairs for one in pair if len(names) == 3}
+    if len(names) == 3 and (len(tables) != 1 or None in next(iter(tables))):
+        raise _unfit(
+            f"a rotary axis ({names[2]}) and no or several places of its ball",
+            "one table_ball, and start_angle_rad, in all traces",
+            "say where the ball of the workpiece stood on the table",
+        )
+    if not set(leads) <= set(names[:2]) or not all(0 < lead <= pairs[0][0].radius_m for lead in leads.values()):
         raise _unfit(
             f"leads {leads}", f"leads in m of {' and '.join(names)}, up to the radius", "give the leads of the screws"
         )
@@ -154,11 +161,11 @@ def circle_causes(traces: Sequence[BallBarTrace], *, lead_m: Mapping[str, float]
     shared = shared_amounts(fits, names)
     fits = list(zip(circles, steady_fits(fits), strict=True))
     feeds = tuple(_feed(pair, fit, names) for pair, fit in fits)
-    return CircleCauses(feeds, shared, _findings(feeds, fits))
+    return CircleCauses(feeds, shared, (*_not_apart(circles[0], names), *_findings(feeds, fits)))
 
 
 def _feed(pair: CirclePair, fit: CircleFit, names: tuple[str, ...]) -> FeedCauses:
-    centred = pair.deviation_um - fit.part_um("centre 0", "centre 1")
+    centred = pair.deviation_um - fit.part_um(*SET_UP)
     total = float(centred @ centred)
     per_m = 2e6 / pair.radius_um
     least = smallest_um(pair, fit)
@@ -179,17 +186,22 @@ def _feed(pair: CirclePair, fit: CircleFit, names: tuple[str, ...]) -> FeedCause
             chance,
         )
 
-    causes = [
-        cause("radius", None, ["radius"], _radius(pair, fit), 1),
-        cause("gain-mismatch", None, ["gain-mismatch"], _mismatch(pair, fit), 1),
-        cause("squareness", None, ["squareness"], {"squareness": _scaled(fit, "squareness", per_m, "µm/m")}, 1),
-        cause("scale-mismatch", None, ["scale-mismatch"], {"scale": _scaled(fit, "scale-mismatch", per_m, "µm/m")}, 1),
-    ]
+    causes = [cause("radius", None, ["radius"], _radius(pair, fit), 1)]
+    if "gain-mismatch" in fit.names:
+        causes.append(cause("gain-mismatch", None, ["gain-mismatch"], _mismatch(pair, fit), 1))
+    if "rotary-lag" in fit.names:
+        late = _scaled(fit, "rotary-lag", -1e3 / pair.speed_um_per_s, "ms")
+        causes.append(cause("rotary-lag", 2, ["rotary-lag"], {"lag time over that of the others": late}, 1))
+    scaled: tuple[tuple[Kind, str], ...] = (("squareness", "squareness"), ("scale-mismatch", "scale"))
+    for kind, called in scaled:
+        if kind in fit.names:
+            causes.append(cause(kind, None, [kind], {called: _scaled(fit, kind, per_m, "µm/m")}, 1))
     for axis in (0, 1):
         bow, ends = f"straightness {axis}", [f"backlash {axis}+", f"backlash {axis}-"]
         tops, waves = [f"spike {axis}+", f"spike {axis}-"], [f"cyclic {axis}c", f"cyclic {axis}s"]
+        if bow in fit.names:
+            causes.append(cause("straightness", axis, [bow], {"bow": _scaled(fit, bow, 1.0, "µm")}, 1))
         causes += [
-            cause("straightness", axis, [bow], {"bow": _scaled(fit, bow, 1.0, "µm")}, 1),
             cause("backlash", axis, ends, _of_ends(fit, ends), 1),
             cause("reversal-spike", axis, tops, _spikes(pair, fit, axis, tops), fit.shapes.spikes_tried),
             cause("cyclic-pitch", axis, waves, _cyclic(fit, axis, waves), fit.shapes.wavelengths_tried[axis]),
@@ -199,7 +211,7 @@ def _feed(pair: CirclePair, fit: CircleFit, names: tuple[str, ...]) -> FeedCause
     return FeedCauses(
         pair.speed_um_per_s * 60e-3,
         tuple(causes),
-        {name: _scaled(fit, f"centre {axis}", 1.0, "µm") for axis, name in enumerate(names)},
+        {name: _scaled(fit, f"centre {axis}", 1.0, "µm") for axis, name in enumerate(names[:2])},
         math.sqrt(total / len(centred)),
         math.sqrt(remaining / len(centred)),
         remaining / total if total > 0 else 0.0,
@@ -223,7 +235,7 @@ def _radius(pair: CirclePair, fit: CircleFit) -> dict[str, Amount]:
     change = _scaled(fit, "radius", 1.0, "µm")
     amounts = {"radius": change}
     if change.value < 0:
-        gain = pair.speed_um_per_s / math.sqrt(-2.0 * pair.radius_um * change.value)
+        gain = pair.speed_um_per_s * math.sqrt(max(pair.reach, 0.1) / (-2.0 * pair.radius_um * change.value))
         amounts["gain if all of it is lag"] = Amount(gain, gain * change.standard_error / -change.value / 2.0, "1/s")
     return amounts
 
@@ -298,6 +310,45 @@ def _findings(feeds: Sequence[FeedCauses], fits: Sequence[tuple[CirclePair, Circ
                     "Look at the polar plot: vibration, stick-slip and lateral play are not among the causes.",
                 )
             )
+    return tuple(told)
+
+
+def _not_apart(pair: CirclePair, names: tuple[str, ...]) -> tuple[Finding, ...]:
+    """What the place of the ball on the rotary axis hides."""
+    told = []
+    hidden = pair.not_apart
+    if "rotary-lag" in hidden:
+        told.append(
+            Finding(
+                "ball-bar-rotary-lag-hidden",
+                "info",
+                f"The ball of the workpiece stands in line with the bar, or at the centre of {names[2]}: lag of it "
+                "against the linear axes moves it across the bar and does not show.",
+                suggestion="Set the ball a quarter turn from the bar (table_ball, angle).",
+            )
+        )
+    if "set-up 0" in hidden or "set-up 1" in hidden:
+        told.append(
+            Finding(
+                "ball-bar-set-up-turns",
+                "info",
+                f"The ball's place on {names[2]} turns with it: what the set-up is off looks like another length of "
+                f"the bar or another centre of {names[2]} and is not told apart from them.",
+                suggestion="Take the radius at standstill as that of set-up, bar and mean scale together.",
+            )
+        )
+    others = [name for name in hidden if name != "rotary-lag" and not name.startswith("set-up")]
+    if others:
+        told.append(
+            Finding(
+                "ball-bar-alike",
+                "warning",
+                f"On this circle {', '.join(others)} cannot be told apart from other causes and are left out.",
+                Where(),
+                {"left_out": others},
+                "Choose another ratio of the rotary axis.",
+            )
+        )
     return tuple(told)
 
 

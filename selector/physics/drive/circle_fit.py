@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 from scipy import fft, stats
 
 from selector.physics.drive.circle_basis import (
-    SMOOTH,
     CirclePair,
     backlash_columns,
     cyclic_columns,
-    smooth_columns,
     spike_columns,
 )
 from selector.physics.drive.circle_search import (
@@ -172,7 +170,7 @@ def _searched(
             shapes = replace(shapes, spike=_with(shapes.spike, axis, spike))
     columns = _columns(pair, shapes, kept)
     amounts = np.linalg.lstsq(columns, pair.deviation_um, rcond=None)[0]
-    gaps = [float(abs(one)) for one in amounts[len(SMOOTH) : len(SMOOTH) + 4]]
+    gaps = [float(abs(one)) for one in amounts[len(pair.smooth) : len(pair.smooth) + 4]]
     shapes = replace(shapes, gap_um=((gaps[0], gaps[1]), (gaps[2], gaps[3])))
     residual = pair.deviation_um - columns @ amounts
     for axis in (0, 1):
@@ -212,7 +210,7 @@ def _block_columns(pair: CirclePair, shapes: Shapes, block: str) -> Matrix:
 
 def _columns(pair: CirclePair, shapes: Shapes, kept: tuple[str, ...], without: str = "") -> Matrix:
     """Smooth columns, backlash, and the blocks that are kept; waves that have no wavelength yet are left out."""
-    parts = [smooth_columns(pair), *(backlash_columns(pair, axis, shapes.gap_um[axis]) for axis in (0, 1))]
+    parts = [pair.smooth_matrix, *(backlash_columns(pair, axis, shapes.gap_um[axis]) for axis in (0, 1))]
     parts += [
         _block_columns(pair, shapes, block)
         for block in kept
@@ -224,7 +222,7 @@ def _columns(pair: CirclePair, shapes: Shapes, kept: tuple[str, ...], without: s
 def _solved(pair: CirclePair, shapes: Shapes, kept: tuple[str, ...], *, aside: bool = False) -> CircleFit:
     """Amounts and their errors; with `aside` also those of the blocks that are not kept, each beside the others."""
     columns = _columns(pair, shapes, kept)
-    names = _names(kept)
+    names = _names(pair, kept)
     amounts = np.asarray(np.linalg.lstsq(columns, pair.deviation_um, rcond=None)[0], dtype=np.float64)
     residual = np.asarray(pair.deviation_um - columns @ amounts)
     resemblance = float(np.mean([_resemblance(residual[part]) for part in pair.parts]))
@@ -271,8 +269,8 @@ def _mistaken(
     """
     axes = [axis for axis in (0, 1) if f"spike {axis}" in kept]
     moved = np.zeros(len(spread))
-    linear = columns[:, [not name.startswith("spike") for name in _names(kept)]]
-    at = np.flatnonzero([not name.startswith("spike") for name in _names(kept)])
+    linear = columns[:, [not name.startswith("spike") for name in _names(pair, kept)]]
+    at = np.flatnonzero([not name.startswith("spike") for name in _names(pair, kept)])
     plain = np.diag(inverse_gram(linear))
     for window in _WINDOWS_RAD if axes else ():
         away = np.min([arc for axis in axes for arc in pair.since_reversal_rad[axis]], axis=0) > window
@@ -283,9 +281,9 @@ def _mistaken(
     return np.asarray(np.sqrt(1.0 + moved / np.maximum(variance * spread, 1e-300)))
 
 
-def _names(kept: tuple[str, ...]) -> tuple[str, ...]:
+def _names(pair: CirclePair, kept: tuple[str, ...]) -> tuple[str, ...]:
     return (
-        *SMOOTH,
+        *pair.smooth,
         *(f"backlash {axis}{end}" for axis in (0, 1) for end in "+-"),
         *(block + end for block in kept for end in SEARCHED[block]),
     )

@@ -22,6 +22,9 @@ SMALLEST_UM = 0.05
 SMALLEST_SHARE = 0.002
 """The same, of the range of the deviation: what columns of first order leave out."""
 
+SET_UP = ("centre 0", "centre 1", "set-up 0", "set-up 1")
+"""Columns that are no errors of the machine."""
+
 _STEADY = ("squareness", "straightness 0", "straightness 1")
 _SURE = 3.0
 
@@ -57,7 +60,7 @@ class SharedAmount(Amount):
 
 def smallest_um(pair: CirclePair, fit: CircleFit) -> float:
     """Range of a part of the deviation from which on it is told [µm]."""
-    fitted = pair.deviation_um - fit.residual_um - fit.part_um("centre 0", "centre 1")
+    fitted = pair.deviation_um - fit.residual_um - fit.part_um(*SET_UP)
     return max(SMALLEST_UM, SMALLEST_SHARE * float(np.ptp(fitted)))
 
 
@@ -68,10 +71,12 @@ def lag_parted(fits: Fits) -> tuple[CircleFit, ...]:
     beside g in d·sin 2θ. With several feeds κ is what grows with feed²; with one it is that of a first-order loop, and
     as uncertain as it is large: a slow velocity loop makes it smaller, feed-forward larger.
     """
+    if len(_shared_names(fits, ("scale-mismatch", "gain-mismatch"))) < 2:
+        return tuple(fit for _, fit in fits)
     if len(fits) == 1:
         pair, fit = fits[0]
         radius, lag = (float(fit.amounts(name)[0][0]) for name in ("radius", "gain-mismatch"))
-        ratio = math.sqrt(max(-2.0 * radius / pair.radius_um, 0.0))
+        ratio = math.sqrt(max(-2.0 * radius / (pair.radius_um * max(pair.reach, 0.1)), 0.0))
         return (_with_ratio(fit, ratio, abs(lag) * ratio),)
     feeds = _feeds(fits)
     scale, scale_c = _law(fits, "scale-mismatch", np.column_stack([np.ones(len(feeds)), feeds**2]))
@@ -122,17 +127,22 @@ def shared_amounts(fits: Fits, names: tuple[str, ...]) -> dict[str, SharedAmount
         found["radius at standstill"] = told(radius[0], radius_c[0, 0], 1.0, 1.0, "µm")
         falls, error = -2.0 * radius_um * radius[1], 2.0 * radius_um * math.sqrt(radius_c[1, 1])
         if falls > _SURE * error:
-            gain = math.sqrt(max(fits[0][0].reach, 1e-6) / falls)
+            gain = math.sqrt(max(fits[0][0].reach, 0.1) / falls)
             found[RADIUS_GAIN] = SharedAmount(gain, gain * error / falls / 2.0, "1/s")
-    scale, scale_c = _law(fits, "scale-mismatch", one)
-    found["scale mismatch"] = told(scale[0], scale_c[0, 0], 2.0, per_m, "µm/m")
-    square, square_c = _law(fits, "squareness", one)
-    found["squareness"] = told(square[0], square_c[0, 0], 2.0, per_m, "µm/m")
     fastest = float(feeds[-1])
-    lag, lag_c = _law(fits, "gain-mismatch", feeds[:, None])
-    late = found["difference of the lag times"] = told(lag[0], lag_c[0, 0], 2.0 * fastest, 2e3, "ms")
+    rows = (
+        ("scale-mismatch", "scale mismatch", one, 2.0, per_m, "µm/m"),
+        ("squareness", "squareness", one, 2.0, per_m, "µm/m"),
+        ("gain-mismatch", "difference of the lag times", feeds[:, None], 2.0 * fastest, 2e3, "ms"),
+        ("rotary-lag", f"lag time of {names[-1]} over that of the others", feeds[:, None], fastest, -1e3, "ms"),
+    )
+    for column, name, law, range_um, factor, unit in rows:
+        if _shared_names(fits, (column,)):
+            value, variance = _law(fits, column, law)
+            found[name] = told(value[0], variance[0, 0], range_um, factor, unit)
     gained = found.get(RADIUS_GAIN)
-    if gained is not None and late.found:
+    late = found.get("difference of the lag times")
+    if gained is not None and late is not None and late.found:
         percent = -late.value * gained.value * 0.1
         error = math.hypot(late.standard_error * gained.value * 0.1, percent * gained.standard_error / gained.value)
         found["gain mismatch"] = SharedAmount(percent, error, f"% {names[0]} over {names[1]}")

@@ -84,7 +84,8 @@ def nearer_wavelength(pair: CirclePair, rest: Matrix, axis: int, last_um: float)
     """A wavelength [µm] searched again near the last one, beside `rest`."""
     gain = _gain(pair, rest)
     last = 1.0 / last_um
-    spacing = 1.0 / (8.0 * pair.radius_um)
+    low, high = pair.ends[axis]
+    spacing = 1.0 / (4.0 * pair.radius_um * (high - low))
     found = optimize.minimize_scalar(
         lambda per_um: -gain(cyclic_columns(pair, axis, 1.0 / per_um)),
         bounds=(last - spacing, last + spacing),
@@ -99,15 +100,22 @@ def likeliest_wavelength(pair: CirclePair, axis: int, residual: Vector) -> tuple
 
     From `SHORTEST_WAVE_UM`, or four samples, to half the radius: four periods along the travel at least.
     """
-    longest = pair.radius_um / 2.0
-    samples = 8.0 * np.pi * pair.radius_um / (len(pair.angle_rad) / len(pair.parts))
+    low, high = pair.ends[axis]
+    half_um = pair.radius_um * (high - low) / 2.0
+    longest = half_um / 2.0
+    samples = 8.0 * np.pi * half_um / (len(pair.angle_rad) / len(pair.parts))
     shortest = min(max(SHORTEST_WAVE_UM, samples), longest / 2.0)
-    bins = np.floor((pair.angle_rad % (2.0 * np.pi)) / (2.0 * np.pi) * _BINS).astype(np.int64) % _BINS
-    weight = np.bincount(bins, minlength=_BINS).astype(np.float64)
-    mean = np.divide(np.bincount(bins, residual, _BINS), weight, out=np.zeros(_BINS), where=weight > 0)
-    angle = (np.arange(_BINS) + 0.5) * 2.0 * np.pi / _BINS
-    along = np.cos(angle) if axis == 0 else np.sin(angle)
-    place, size = pair.radius_um * along, weight * along
+    # of directions that lead through other places each has bins of its own
+    bins = np.floor((pair.turned_rad % (2.0 * np.pi)) / (2.0 * np.pi) * _BINS).astype(np.int64) % _BINS
+    turned = (np.arange(_BINS) + 0.5) * 2.0 * np.pi / _BINS
+    if not pair.turns_whole:
+        bins, turned = bins + _BINS * (pair.direction < 0), np.concatenate([turned, turned - 2.0 * np.pi])
+    weight = np.bincount(bins, minlength=len(turned)).astype(np.float64)
+    summed = np.bincount(bins, residual, len(turned))
+    mean = np.divide(summed, weight, out=np.zeros(len(turned)), where=weight > 0)
+    bar = pair.start_angle_rad + turned
+    along = np.cos(bar) if axis == 0 else np.sin(bar)
+    place, size = pair.radius_um * pair.places_at(turned)[axis], weight * along
 
     def power(per_um: float) -> float:
         wave = np.exp(2j * np.pi * per_um * place)
@@ -116,7 +124,7 @@ def likeliest_wavelength(pair: CirclePair, axis: int, residual: Vector) -> tuple
         gram, score = (a * weight) @ a.T, a @ (weight * mean)
         return float(score @ np.linalg.solve(gram, score))
 
-    spacing = 1.0 / (8.0 * pair.radius_um)
+    spacing = 1.0 / (8.0 * half_um)
     asked = np.arange(1.0 / longest, 1.0 / shortest, spacing)
     rough = np.abs(np.exp(2j * np.pi * np.outer(asked, place)) @ (size * mean))
     best = asked[int(np.argmax(rough))]

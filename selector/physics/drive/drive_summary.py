@@ -33,7 +33,7 @@ class DriveSummary:
     quantities : tuple of CircleQuantities
         Of circles, slowest feed first.
     causes : CircleCauses or None
-        Of circles of two linear axes.
+        Of circles.
     wind_up_m : mapping of str to float
         Axis → how much of its lost motion its own friction and springs make, see `wind_up.wind_up_m`.
     """
@@ -59,7 +59,7 @@ def drive_summary(model: DriveModel, simulation: DriveSimulation) -> DriveSummar
         axes,
         {name: loop for name, loop in loops.items() if loop is not None},
         circle_quantities(traces) if traces else (),
-        circle_causes(traces, lead_m=_leads(model)) if traces and len(traces[0].axes) == 2 else None,
+        circle_causes(traces, lead_m=_leads(model)) if traces else None,
         {name: size for name, size in wound.items() if size is not None},
     )
 
