@@ -285,7 +285,10 @@ def _bristles(name: str, axis: Axis, turns: bool) -> Iterator[Finding]:
         return
     unit, speed = ("N·m·s/rad", "rad/s") if turns else ("N·s/m", "m/s")
     fading = passive_fading_speed_m_per_s(axis)
-    other = f", or fading_speed_m_per_s to at most {fading:.2g} {speed}" if fading > 0 else ""
+    less = f"set friction.lugre.damping_ns_per_m to at most {most:.2g} {unit}"
+    if most == 0:
+        less = "leave friction.lugre.damping_ns_per_m out"
+    other = f", or set fading_speed_m_per_s to at most {fading:.2g} {speed}" if fading > 0 else ""
     yield Finding(
         "bristles-make-energy",
         "warning",
@@ -293,7 +296,7 @@ def _bristles(name: str, axis: Axis, turns: bool) -> Iterator[Finding]:
         "push the table on while it slides, because friction falls from breakaway to sliding: a friction that drives.",
         Where(channel=name),
         {"damping": lugre.damping_ns_per_m, "largest": most, "fading_speed": fading},
-        f"set friction.lugre.damping_ns_per_m to at most {most:.2g} {unit}{other}",
+        less + other,
     )
 
 

@@ -15,7 +15,9 @@ class Servo:
 
     ``speed* = Kp·(r − y)/R + ff_v·r'/R``; ``u = Kvp·e + Kvi·∫e dt + ff_a·I·r''/(R·Kf)`` with
     e = speed* − motor speed and I the inertia of the whole axis at the motor; torque or force = Kf·u.
-    F writes K_pp = Kp/R. Sampled: ∫e dt is the sum of sample_s·e over the samples before this one.
+    F writes K_pp = Kp/R. Sampled: ∫e dt is the sum of sample_s·e over the samples before this one. The integral stands
+    while u is limited; if a continuous one would leave the limit by standing and come back by moving on, it follows the
+    limit, as a sampled one does by turns.
 
     Attributes
     ----------
@@ -26,7 +28,7 @@ class Servo:
     actuator_gain : float
         Kf [N·m or N per actuator unit].
     command_limit, speed_limit : float or None
-        Largest |u| [actuator unit] and largest |speed*| [motor speed]; the integrator stops while u is limited.
+        Largest |u| [actuator unit] and largest |speed*| [motor speed].
     sample_s : float
         Period of both loops [s], u is held between; 0: continuous.
     delay_s : float
