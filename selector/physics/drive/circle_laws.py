@@ -145,7 +145,7 @@ def shared_amounts(fits: Fits, names: tuple[str, ...]) -> dict[str, SharedAmount
     if gained is not None and late is not None and late.found:
         percent = -late.value * gained.value * 0.1
         error = math.hypot(late.standard_error * gained.value * 0.1, percent * gained.standard_error / gained.value)
-        found["gain mismatch"] = SharedAmount(percent, error, f"% {names[0]} over {names[1]}")
+        found[GAIN_MISMATCH] = SharedAmount(percent, error, f"% {names[0]} over {names[1]}")
     for axis, name in enumerate(names[:2]):
         for end, word in (("+", "positive"), ("-", "negative")):
             gap, gap_c = _law(fits, f"backlash {axis}{end}", one)
@@ -155,6 +155,9 @@ def shared_amounts(fits: Fits, names: tuple[str, ...]) -> dict[str, SharedAmount
 
 RADIUS_GAIN = "gain by the radius, of a first-order loop"
 """The mean gain that makes a first-order loop shrink the circle as it does."""
+
+GAIN_MISMATCH = "gain mismatch, of first-order loops"
+"""Difference of the lag times over the mean lag time that this gain means."""
 
 
 def _shared(value: float, error: float, least: float, unit: str) -> SharedAmount:

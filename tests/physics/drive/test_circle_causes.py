@@ -15,7 +15,7 @@ from selector.physics.drive.ball_bar import BallBarPlan, BallBarTrace, PairGeome
 from selector.physics.drive.circle_basis import pair_of
 from selector.physics.drive.circle_causes import CircleCauses, circle_causes
 from selector.physics.drive.circle_fit import SEARCHED, circle_fit
-from selector.physics.drive.circle_laws import RADIUS_GAIN
+from selector.physics.drive.circle_laws import GAIN_MISMATCH, RADIUS_GAIN
 from selector.physics.drive.friction import Friction, LuGre
 from selector.physics.drive.transmission import Transmission
 from tests.physics.drive.axes import CONTINUOUS, THREE
@@ -151,7 +151,7 @@ def test_laws_through_the_feeds_part_lag_and_length():
     assert found[RADIUS_GAIN].value == pytest.approx(30.0, rel=1e-3)
     # 25 µm off centre and other cross errors lengthen the mean radius by a few nm
     assert found["radius at standstill"].value == pytest.approx(3.0, abs=0.02)
-    assert found["gain mismatch"].value == pytest.approx(-100 * 4e-4 * 30.0, rel=0.01)
+    assert found[GAIN_MISMATCH].value == pytest.approx(-100 * 4e-4 * 30.0, rel=0.01)
     assert found["squareness"].value == pytest.approx(35.0, abs=0.1)
     assert found["scale mismatch"].value == pytest.approx(-25.0, abs=0.2)
 
