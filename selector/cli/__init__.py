@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
+import signal
 import sys
 import warnings
 from collections.abc import Callable, Sequence
@@ -96,4 +97,7 @@ def main() -> None:
         if getattr(sys, name) is None:
             # closed by the caller (`>&-`), or a program without a console
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: PTH123, SIM115 (open for good)
-    sys.exit(exit_status())
+    status = exit_status()
+    # all is written and said: a Ctrl-C while the interpreter takes itself down must not turn success into a death
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    sys.exit(status)

@@ -76,12 +76,19 @@ def _as_input_error(error: Exception) -> InputError | None:
         return error
     if _is_usage_error(error):
         return _usage_error(error)
+    if isinstance(error, UnicodeEncodeError):
+        return OptionError(
+            "a name with bytes that are no text",
+            expected="names of files that can be written as text",
+            where=ascii(error.object[:200]),
+            advice="choose another name",
+        )
     if isinstance(error, UnicodeError):
         return ReadError(
             "text that cannot be read in the encoding that was chosen",
             expected="text in one encoding from its first to its last byte",
             where=str(error),
-            advice="name the encoding, e.g. --encoding cp1251, or save the file as UTF-8",
+            advice="save the file as UTF-8; where the command has it, --encoding names another one",
         )
     if isinstance(error, MemoryError):
         return ReadError(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from selector.cli import showing
-from selector.cli.simulation_files import LABEL, require_places, written_together
+from selector.cli.simulation_files import LABEL, named_as_asked, require_places, written_together
 from selector.errors import CancelledError, InputError, OptionError
 from selector.findings import Finding
 
@@ -202,7 +202,8 @@ def write(done: Simulated, report: Path | None, page: Callable[[Path], object] |
 
     targets, machine_path = done.destination.targets, done.destination.machine_path
     pages = [] if page is None or report is None else [report]
-    with written_together([*pages, *targets.values(), machine_path]) as drafts:
+    paths = [*pages, *targets.values(), machine_path]
+    with named_as_asked(), written_together(paths) as drafts:
         if page is not None and report is not None:
             page(drafts[report])
         at = {run: drafts[path] for run, path in targets.items()}

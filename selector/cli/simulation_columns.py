@@ -73,9 +73,12 @@ def _column_beside(
         reading = read_recordings([path], overrides=said)
     except InputError as error:
         if error.where not in ("--role", "--unit"):
-            raise
+            place = f"{where}.file, {path}{error.where.removeprefix(str(path)).removeprefix(path.name)}"
+            raise type(error)(error.found, expected=error.expected, where=place, advice=error.advice) from error
         raise ModelFileError(
-            f"no column {column!r} in {path.name}", expected=error.expected, where=f"{where}.column",
+            f"no column {column!r} of numbers in {path.name}",
+            expected=error.expected if error.expected.removeprefix("one of").strip() else "columns of numbers",
+            where=f"{where}.column",
             advice="correct the name of the column, or of the file",
         ) from error  # fmt: skip
     recording = reading.recording
@@ -83,7 +86,7 @@ def _column_beside(
     if len(names) != 1 or len(recording.runs) != 1:
         raise ModelFileError(
             f"no column {column!r} in {path.name}" if not names else f"{len(recording.runs)} runs in {path.name}",
-            expected="one of " + ", ".join(recording.names) + " in one run",
+            expected=f"one of {', '.join(recording.names)} in one run" if recording.names else "columns of numbers",
             where=f"{where}.column" if not names else f"{where}.file",
             advice="correct the name of the column, or of the file",
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import secrets
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
@@ -14,6 +15,7 @@ from selector.errors import InputError, OptionError
 LABEL = " (SIMULATED)"
 """Behind the name of the machine in the machine file of a simulation; by it an own file is known again."""
 
+_DRAFTS = re.compile(r"\.[0-9a-f]{16}\.part(?:[/\\]|$)")
 _NO_PLACE_FOR_FILES = ("dev", "proc", "sys")
 
 
@@ -72,6 +74,19 @@ def require_page_place(report: Path) -> None:
             advice="name the page, e.g. --report run1.html",
         )  # fmt: skip
     require_writable_folder(report.parent, "--report")
+
+
+@contextmanager
+def named_as_asked() -> Iterator[None]:
+    """Errors name the files and folders that were asked for, not the drafts in hidden folders beside them."""
+    try:
+        yield
+    except InputError as error:
+        where = _DRAFTS.sub("", error.where)
+        raise type(error)(error.found, expected=error.expected, where=where, advice=error.advice) from error
+    except OSError as error:
+        name = str(error.filename2 or error.filename or "")
+        raise type(error)(error.errno, error.strerror, _DRAFTS.sub("", name) or None) from error
 
 
 @contextmanager

@@ -132,5 +132,5 @@ def _key_type(hint: Any, name: str, limits: Limits) -> Any:
 
 def _large_enough(value: float, *, least: float) -> float:
     if 0.0 < abs(value) < least:
-        raise ValueError(f"no number that is smaller than {least:g} in size, but for 0")
+        raise ValueError(f"0, or a number of at least {least:g} in size")
     return value

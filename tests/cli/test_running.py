@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import errno
+import signal
+import warnings
 
 import pytest
 import typer
 
+from selector import cli
 from selector.cli.running import exit_status
 from selector.errors import CancelledError, OptionError
 
@@ -107,3 +110,23 @@ def test_messages_survive_a_code_page_that_lacks_letters(monkeypatch, tmp_path):
         monkeypatch.setattr("sys.stderr", stream)
         assert exit_status(program(error), ["work"]) == 2
     assert "What to do: y" in path.read_text(encoding="cp1252")
+
+
+def test_a_name_that_is_no_text_is_told_without_an_encoding(capfd):
+    error = UnicodeEncodeError("utf-8", "run\udcff.csv", 3, 4, "surrogates not allowed")
+    assert exit_status(program(error), ["work"]) == 2
+    err = capfd.readouterr().err
+    assert "choose another name" in err
+    assert "--encoding" not in err
+
+
+def test_ctrl_c_while_the_interpreter_ends_changes_nothing(monkeypatch):
+    monkeypatch.setattr(cli, "exit_status", lambda: 0)
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        with warnings.catch_warnings(), pytest.raises(SystemExit) as ended:
+            cli.main()
+        assert ended.value.code == 0
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, before)

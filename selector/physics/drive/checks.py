@@ -48,14 +48,15 @@ def too_far_apart() -> InputError:
 
 
 @contextmanager
-def told_of(what: str) -> Iterator[None]:
-    """Errors inside say `what` they are about, an axis or a run, if they do not name a key of the model file."""
+def told_of(what: str, *, of_keys: bool = False) -> Iterator[None]:
+    """Errors inside say `what` they are about, an axis or a run; with `of_keys` also those of keys of the file."""
     try:
         yield
     except InputError as error:
-        if error.where.startswith("key "):
+        is_key = error.where.startswith("key ")
+        if is_key and not of_keys:
             raise
-        where = f"{what}, {error.where}"
+        where = f"{error.where}, {what}" if is_key else f"{what}, {error.where}"
         raise type(error)(error.found, expected=error.expected, where=where, advice=error.advice) from error
 
 

@@ -111,7 +111,7 @@ def driven_runs(
             progress(number, len(recording.runs), run)
         times[run] = recording.time_s(run)
         findings += [replace(one, where=replace(one.where, run=run)) for one in clock_findings(times[run])]
-        with told_of(f"run {run}"):
+        with told_of(f"run {run}", of_keys=True):
             runs[run] = {
                 name: _axis_run(model, name, recording, run, channels[name], opened=opened, seed=noise)
                 for name in driven
@@ -287,7 +287,7 @@ def _nothing_drives(
         f"no channel with the {what} of {', '.join(channels)}: {here}",
         expected=f"a channel with the role position_command, or a name under [axes.{name}.recorded]"
         if lacks == "command"
-        else f"a channel that {lacks} under [axes.{name}.recorded] names",
+        else f"one channel of its role, or a name as {lacks} under [axes.{name}.recorded]",
         where=f"model {model.name!r}",
         advice=f'give the channel its role in the machine file, or add {lacks} = "CHANNEL" to [axes.{name}.recorded]',
     )

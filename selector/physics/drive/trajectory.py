@@ -190,7 +190,12 @@ def recorded(time_s: ArrayLike, position_m: ArrayLike, period_s: float | None = 
         grid = time[0] + np.arange(math.floor((time[-1] - time[0]) / step_s * (1.0 + 1e-12)) + 1) * step_s
         position = np.asarray(interpolate.CubicSpline(time, position)(np.minimum(grid, time[-1])))
     if len(position) < WINDOW:
-        raise _unfit("position_m", len(position), f"at least {WINDOW} samples")
+        raise InputError(
+            f"{len(position)} samples every {step_s:g} s in {time[-1] - time[0]:g} s",
+            expected=f"at least {WINDOW} samples",
+            where="recorded course",
+            advice="give a longer course, or a shorter period (run.period_s of a model file)",
+        )
     speed, acceleration = (
         np.asarray(signal.savgol_filter(position, WINDOW, 3, deriv=order, delta=step_s)) for order in (1, 2)
     )
@@ -270,8 +275,10 @@ def _checked(time_s: ArrayLike, position_m: ArrayLike) -> tuple[Vector, Vector]:
             where=where,
             advice="give a longer course",
         )
-    if not (np.isfinite(time).all() and np.isfinite(position).all()):
-        raise InputError("missing values", expected="finite numbers", where=where, advice=advice)
+    known = np.isfinite(time) & np.isfinite(position)
+    if not known.all():
+        lost = f"{np.count_nonzero(~known)} missing values, the first in row {int(np.argmin(known)) + 1}"
+        raise InputError(lost, expected="finite numbers", where=where, advice=advice)
     steps = np.diff(time)
     if (steps <= 0).any():
         at = int(np.argmin(steps > 0))
