@@ -13,9 +13,12 @@ from __future__ import annotations
 
 import errno
 import os
+import signal
 import sys
+import threading
 import traceback
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, TextIO
 
 import typer
@@ -23,6 +26,9 @@ import typer
 from selector.errors import CancelledError, InputError, OptionError, ReadError
 
 DONE, DEFECT, UNUSABLE, STOPPED, PIPE_CLOSED = 0, 1, 2, 130, 141
+
+_stopped = ["stopped. Nothing was written."]
+"""What is said after a Ctrl-C: the last of these."""
 
 
 def exit_status(app: typer.Typer, arguments: Sequence[str] | None = None) -> int:
@@ -35,20 +41,21 @@ def exit_status(app: typer.Typer, arguments: Sequence[str] | None = None) -> int
     arguments : sequence of str, optional
         Command line without the program's name; default ``sys.argv[1:]``.
     """
+    del _stopped[1:]
     try:
         result = app(args=arguments, standalone_mode=False, prog_name="selector")
         # click hands back the code of `Exit` as a number; commands themselves return nothing
         if not isinstance(result, int):
             result = DONE
         if result == STOPPED:
-            _say("stopped. Nothing was written.")
+            _say(_stopped[-1])
         sys.stdout.flush()
         return result
     except (KeyboardInterrupt, typer.Abort):
-        _say("stopped. Nothing was written.")
+        _say(_stopped[-1])
         return STOPPED
     except CancelledError as stop:
-        _say(str(stop) or "stopped. Nothing was written.")
+        _say(str(stop) or _stopped[-1])
         return STOPPED
     except BrokenPipeError:
         # a later flush at interpreter exit must not fail again
@@ -63,6 +70,23 @@ def exit_status(app: typer.Typer, arguments: Sequence[str] | None = None) -> int
         if _debugging():
             traceback.print_exception(error, file=sys.stderr)
         return UNUSABLE
+
+
+@contextmanager
+def last_step(said: str) -> Iterator[None]:
+    """A short step that a Ctrl-C waits for; `said` is what a Ctrl-C ends with once it is done."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    asked: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: asked.append(number))
+    try:
+        yield
+        _stopped.append(said)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if asked:
+        raise CancelledError(said)
 
 
 def error_text(error: InputError) -> str:

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from selector.cli.files import refuse_to_replace_input, require_writable_folder
+from selector.cli.running import last_step
 from selector.errors import InputError, OptionError
 
 LABEL = " (SIMULATED)"
@@ -105,12 +106,17 @@ def written_together(paths: Iterable[Path]) -> Iterator[Mapping[Path, Path]]:
             stages[folder].mkdir()
         drafts = {path: stages[folder] / path.name for path, folder in folders.items()}
         yield drafts
-        for path, draft in drafts.items():
-            old = draft.with_name(f"{secrets.token_hex(8)}.old")
-            done.append((path, old))
-            if path.exists():
-                path.replace(old)
-            draft.replace(path)
+        with last_step("stopped after the simulation; its files were written"):
+            for path, draft in drafts.items():
+                old = draft.with_name(f"{secrets.token_hex(8)}.old")
+                done.append((path, old))
+                if path.exists():
+                    path.replace(old)
+                draft.replace(path)
+            done.clear()
+            for stage in stages.values():
+                shutil.rmtree(stage, ignore_errors=True)
+            made.clear()
     except BaseException:
         for path, old in done:
             if old.exists():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import signal
 import warnings
@@ -10,7 +11,7 @@ import pytest
 import typer
 
 from selector import cli
-from selector.cli.running import exit_status
+from selector.cli.running import exit_status, last_step
 from selector.errors import CancelledError, OptionError
 
 
@@ -130,3 +131,36 @@ def test_ctrl_c_while_the_interpreter_ends_changes_nothing(monkeypatch):
         assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def test_a_last_step_is_done_before_a_ctrl_c_is_heard():
+    done = []
+
+    def interrupted() -> None:
+        with last_step("stopped; the files were written"):
+            signal.raise_signal(signal.SIGINT)
+            done.append("all")
+
+    with pytest.raises(CancelledError, match="files were written"):
+        interrupted()
+    assert done == ["all"]
+    # and from then on that is what is true
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
+
+
+@pytest.mark.parametrize("fails", [True, False])
+def test_what_is_said_after_ctrl_c_is_true(fails, capfd):
+    app = typer.Typer(pretty_exceptions_enable=False)
+
+    @app.command()
+    def work() -> None:
+        with contextlib.suppress(ValueError), last_step("stopped; the files were written"):
+            if fails:
+                raise ValueError
+        raise KeyboardInterrupt
+
+    assert exit_status(app, []) == 130
+    assert ("Nothing was written" if fails else "files were written") in capfd.readouterr().err
+    assert exit_status(program(KeyboardInterrupt()), ["work"]) == 130
+    assert "Nothing was written" in capfd.readouterr().err
