@@ -47,7 +47,9 @@ def _gain(pair: CirclePair, rest: Matrix) -> Callable[[Matrix], float]:
     left = pair.deviation_um - rest @ (inverse @ (rest.T @ pair.deviation_um))
 
     def gain(columns: Matrix) -> float:
-        shared, score = rest.T @ columns, columns.T @ left
+        # spikes are 0 nearly everywhere
+        there = np.flatnonzero(columns.any(axis=1))
+        shared, score = rest[there].T @ columns[there], columns[there].T @ left[there]
         gram = columns.T @ columns - shared.T @ inverse @ shared
         return float(score @ np.linalg.lstsq(gram, score, rcond=1e-9)[0])
 
