@@ -12,7 +12,8 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from selector.physics.drive.axis_summary import AxisSummary, LoopSummary
-    from selector.physics.drive.circle_causes import Amount, Cause, CircleCauses
+    from selector.physics.drive.circle_causes import Cause, CircleCauses
+    from selector.physics.drive.circle_laws import Amount
     from selector.physics.drive.circle_quantities import CircleQuantities, Extreme, Roundness
     from selector.physics.drive.drive_model import DriveModel
     from selector.physics.drive.drive_summary import DriveSummary
