@@ -133,6 +133,15 @@ def test_ctrl_c_while_the_interpreter_ends_changes_nothing(monkeypatch):
         signal.signal(signal.SIGINT, before)
 
 
+@pytest.fixture
+def _hears_ctrl_c():
+    """Also where the tests run as a background job, which must not hear it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("_hears_ctrl_c")
 def test_a_last_step_is_done_before_a_ctrl_c_is_heard():
     done = []
 

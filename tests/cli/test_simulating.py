@@ -17,6 +17,7 @@ import pytest
 
 from selector.cli import exit_status, simulating_thermal
 from selector.readers import read
+from tests.interruptible import INTERRUPTIBLE
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = sorted((ROOT / "fixtures" / "thermal").glob("*.toml"))
@@ -324,7 +325,7 @@ def test_ctrl_c_leaves_nothing_behind(folder):
     slow = text.replace("speed_w = 100.0", 'speed_w = 100.0\nsoftening_per_k = 0.01\nat = "block"')
     Path("slow.toml").write_text(slow, encoding="utf-8")
     before = sorted(path.name for path in folder.iterdir())
-    line = [sys.executable, "-m", "selector.cli", "simulate", "thermal", "slow.toml", "--out", "run.csv"]
+    line = [*INTERRUPTIBLE, "simulate", "thermal", "slow.toml", "--out", "run.csv"]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
     work = subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
     time.sleep(2.5)

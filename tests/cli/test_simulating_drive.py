@@ -19,6 +19,7 @@ import pytest
 
 from selector.cli import exit_status
 from selector.readers import read
+from tests.interruptible import INTERRUPTIBLE
 
 ROOT = Path(__file__).resolve().parents[2]
 # those whose courses are recordings beside them run where they are
@@ -373,7 +374,7 @@ def test_ctrl_c_leaves_nothing_behind(folder):
     text = RIGID.replace("dwell_s = 0.1", "dwell_s = 40.0\nrepeat = 20").replace("period_s = 0.001", "step_s = 1e-4")
     Path("slow.toml").write_text(text, encoding="utf-8")
     before = sorted(path.name for path in folder.iterdir())
-    line = [sys.executable, "-m", "selector.cli", "simulate", "drive", "slow.toml", "--out", "run.csv"]
+    line = [*INTERRUPTIBLE, "simulate", "drive", "slow.toml", "--out", "run.csv"]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
     work = subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
     time.sleep(2.0)

@@ -18,6 +18,7 @@ from selector.cli import exit_status
 from selector.controllers.model_file import Input, ModelFile, Output, Term
 from selector.controllers.model_io import write_model
 from selector.controllers.self_check import check_vectors
+from tests.interruptible import INTERRUPTIBLE
 
 MACHINE = """
 [machine]
@@ -374,7 +375,7 @@ def test_ctrl_c_leaves_nothing_behind(folder):
     table = run_table(1)
     for run in range(3, 120):
         table.to_csv(f"runs/r{run}.csv", index=False)
-    line = [sys.executable, "-m", "selector.cli", "convert", "runs", "--machine", "machine.toml", "--out", "clean"]
+    line = [*INTERRUPTIBLE, "convert", "runs", "--machine", "machine.toml", "--out", "clean"]
     work = subprocess.Popen(
         line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, encoding="utf-8", env=ENVIRONMENT
     )
