@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -48,24 +49,31 @@ def put_at(values: Any, path: Key, number: float) -> None:
     values[path[-1]] = number
 
 
-def unknown_parameter(name: str, known: Sequence[str], model: str) -> OptionError:
-    """The error for a name that no parameter of the model has."""
-    return OptionError(
-        f"no parameter {name!r}",
-        expected="one of " + ", ".join(known[:12]) + ", …",
-        where=f"model {model!r}",
-        advice="look the names up in `parameters`",
-    )
+def require_settable(
+    name: str, value: float, known: Sequence[str], bounds: Mapping[str, tuple[float, float]], model: str
+) -> None:
+    """Refuses a value for a name that no parameter of the model has, or outside the bounds that its file gives.
 
-
-def outside_bounds(name: str, value: float, low: float, high: float, model: str) -> OptionError:
-    """The error for a value outside the bounds that the file gives."""
-    return OptionError(
-        f"{name} = {value:g}",
-        expected=f"{low:g} to {high:g}, its bounds in the model file",
-        where=f"model {model!r}",
-        advice="stay within the bounds, or widen them in the file",
-    )
+    Raises
+    ------
+    OptionError
+        Which of the two, and what could be said instead.
+    """
+    if name not in known:
+        raise OptionError(
+            f"no parameter {name!r}",
+            expected="one of " + ", ".join(known[:12]) + ", …",
+            where=f"model {model!r}",
+            advice="look the names up in `parameters`",
+        )
+    low, high = bounds.get(name, (-math.inf, math.inf))
+    if value < low or value > high:
+        raise OptionError(
+            f"{name} = {value:g}",
+            expected=f"{low:g} to {high:g}, its bounds in the model file",
+            where=f"model {model!r}",
+            advice="stay within the bounds, or widen them in the file",
+        )
 
 
 def bad_bounds(name: str, found: str, expected: str) -> ModelFileError:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -118,11 +117,6 @@ def frozen(axis: Axis, course: ParameterCourse, time_s: float) -> Axis:
         return replace(axis, mechanics=replace(mechanics, **values))
     compliance = None if "axial_stiffness_n_per_m" in values else axis.compliance
     return replace(axis, mechanics=replace(mechanics, **values), compliance=compliance)
-
-
-def frozen_figures(axis: Axis, course: ParameterCourse, times_s: Sequence[float]) -> tuple[LoopFigures, ...]:
-    """`loop_figures` with the parameters of a course at each instant [s] (F fig. 8)."""
-    return tuple(loop_figures(frozen(axis, course, time_s)) for time_s in times_s)
 
 
 def _gain_margin(axis: Axis, poles: NDArray[np.complex128]) -> tuple[float, float]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-import math
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from typing import Any
@@ -14,7 +13,7 @@ from selector.physics.drive.model_axes import FileAxis, file_axis
 from selector.physics.drive.model_file import checked_model_file, plain_values
 from selector.physics.drive.model_schema import DriveFile
 from selector.physics.drive.parameter_bounds import parameter_bounds, unit_of_parameter
-from selector.physics.model_parameters import Parameter, bad_bounds, outside_bounds, unknown_parameter
+from selector.physics.model_parameters import Parameter, bad_bounds, require_settable
 from selector.physics.model_text import Key
 
 _FIXED = frozenset(
@@ -75,11 +74,7 @@ def with_parameters(file: DriveFile, values: Mapping[str, float]) -> DriveFile:
         for path, _ in _numbers(file_axis(section))
     }
     for name, value in values.items():
-        if name not in paths:
-            raise unknown_parameter(name, list(paths), file.model.name)
-        low, high = file.bounds.get(name, (-math.inf, math.inf))
-        if value < low or value > high:
-            raise outside_bounds(name, value, low, high, file.model.name)
+        require_settable(name, value, list(paths), file.bounds, file.model.name)
         _put(plain, paths[name], float(value))
     return checked_model_file(plain, where=f"model {file.model.name!r}")
 

@@ -65,17 +65,3 @@ class Reference:
     def time_s(self) -> Vector:
         """Times of the samples [s], shape (n_samples,)."""
         return np.asarray(np.arange(len(self.position_m)) * self.period_s, dtype=np.float64)
-
-    @classmethod
-    def from_positions(cls, period_s: float, position_m: Vector, force_n: Vector | None = None) -> Reference:
-        """A course of which only positions are known; derivatives by central differences of second order."""
-        position = np.array(position_m, dtype=np.float64)
-        if position.ndim != 1 or len(position) < 3:
-            raise InputError(
-                f"positions of shape {position.shape}",
-                expected="at least three numbers",
-                where="reference of the axis",
-                advice="give a longer course",
-            )
-        speed = np.gradient(position, period_s, edge_order=2)
-        return cls(period_s, position, speed, np.gradient(speed, period_s, edge_order=2), force_n)

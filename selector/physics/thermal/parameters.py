@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -11,9 +10,8 @@ from selector.physics.model_parameters import (
     Parameter,
     bad_bounds,
     numbers_in,
-    outside_bounds,
     put_at,
-    unknown_parameter,
+    require_settable,
     value_at,
 )
 from selector.physics.model_text import Key
@@ -71,11 +69,7 @@ def with_parameters(file: ModelFile, values: Mapping[str, float]) -> ModelFile:
     plain = copy.deepcopy(_complete_values(file))
     paths = _paths(file, plain)
     for name, value in values.items():
-        if name not in paths:
-            raise unknown_parameter(name, list(paths), file.model.name)
-        low, high = file.bounds.get(name, (-math.inf, math.inf))
-        if value < low or value > high:
-            raise outside_bounds(name, value, low, high, file.model.name)
+        require_settable(name, value, list(paths), file.bounds, file.model.name)
         put_at(plain, paths[name], float(value))
     return checked_model_file(plain, where=f"model {file.model.name!r}")
 

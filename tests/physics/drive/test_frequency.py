@@ -12,7 +12,7 @@ from selector.physics.drive.axis import Axis
 from selector.physics.drive.catalogue import thc6350_servo, thc6350_x_axis
 from selector.physics.drive.closed_loop import closed_loop_transfer_function, opened_position_loop
 from selector.physics.drive.course import ParameterCourse
-from selector.physics.drive.frequency import frequency_response, frozen, frozen_figures, loop_figures
+from selector.physics.drive.frequency import frequency_response, frozen, loop_figures
 from selector.physics.drive.loop_poles import loop_poles
 from selector.physics.drive.mechanics import RigidMechanics
 from selector.physics.drive.sampled_loop import sampled_opened_position_loop
@@ -135,7 +135,7 @@ def test_frozen_takes_the_parameters_of_the_instant():
     assert at.mechanics.axial_stiffness_n_per_m == pytest.approx(3e8)
     assert at.mechanics.guide_damping_ns_per_m == pytest.approx(400.0)
     assert at.compliance is None
-    figures = frozen_figures(axis, course, (0.0, 0.15))
+    figures = [loop_figures(frozen(axis, course, instant)) for instant in (0.0, 0.15)]
     assert figures[1] == loop_figures(at)
     # a softer axis is nearer to swinging
     assert figures[0].gain_margin_db < figures[1].gain_margin_db
