@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from selector.errors import InputError
-from selector.physics.drive.checks import require_positive
+from selector.physics.checks import require_positive
 from selector.physics.drive.friction import Friction, Ripple
 from selector.physics.drive.mechanics import Mechanics, RigidMechanics
 from selector.physics.drive.servo import Sensing, Servo

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from selector.errors import InputError
+from selector.physics.checks import require_not_negative, require_positive, told_of
 from selector.physics.drive.axis import Axis
-from selector.physics.drive.checks import require_not_negative, require_positive, told_of
 from selector.physics.drive.circle import Circle, TableBall, circle_references, measured_samples
 from selector.physics.drive.course import ParameterCourse
 from selector.physics.drive.mechanics import RigidMechanics

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass, field
 
 from selector.errors import InputError
-from selector.physics.drive.checks import require_not_negative, require_positive
+from selector.physics.checks import require_not_negative, require_positive
 from selector.physics.drive.servo import Servo
 
 

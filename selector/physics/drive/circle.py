@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.errors import InputError
-from selector.physics.drive.checks import require_finite, require_not_negative, require_positive
+from selector.physics.checks import require_finite, require_not_negative, require_positive
 from selector.physics.drive.reference import Reference
 
 Vector = NDArray[np.float64]

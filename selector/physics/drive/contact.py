@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import optimize, special
 
-from selector.physics.drive.checks import require_positive
+from selector.physics.checks import require_positive
 
 Vector = NDArray[np.float64]
 POISSON = 0.3

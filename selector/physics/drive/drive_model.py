@@ -12,10 +12,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from selector.errors import InputError
+from selector.physics.checks import told_of
 from selector.physics.drive.axis import Axis
 from selector.physics.drive.ball_bar import LONGEST_PERIOD_S, BallBarTrace, PairGeometry, ball_bar_run
 from selector.physics.drive.catalogue import Parts
-from selector.physics.drive.checks import told_of
 from selector.physics.drive.circle import Circle, measured_samples
 from selector.physics.drive.course import ParameterCourse
 from selector.physics.drive.drive_channels import axis_channels, axis_courses

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from selector.errors import OptionError
 from selector.findings import Finding
+from selector.physics.checks import require_within, told_of
 from selector.physics.drive.axis import Axis
-from selector.physics.drive.checks import require_within, told_of
 from selector.physics.drive.drive_channels import axis_channels
 from selector.physics.drive.drive_model import AxisRun, DriveModel, DriveSimulation, Progress
 from selector.physics.drive.mechanics import RigidMechanics

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from selector.physics.drive.checks import require_finite, require_not_negative, require_positive
+from selector.physics.checks import require_finite, require_not_negative, require_positive
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.physics.drive.axis import Axis
-from selector.physics.drive.checks import too_far_apart
 from selector.physics.drive.closed_loop import closed_loop, servo_of
-from selector.physics.drive.sampled_loop import sampled_closed_loop
+from selector.physics.drive.sampled_loop import sampled_closed_loop, too_far_apart
 
 _ROUNDING = 1e-9
 """Share of the fastest pole below which the sign of the slowest is rounding."""

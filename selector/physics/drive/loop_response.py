@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from selector.physics.drive.axis import Axis
-from selector.physics.drive.checks import too_far_apart
 from selector.physics.drive.closed_loop import (
     inertia_at_motor,
     measurement,
@@ -20,7 +19,7 @@ from selector.physics.drive.closed_loop import (
     servo_of,
     small_signal_mechanics,
 )
-from selector.physics.drive.sampled_loop import held_forces, waiting_commands
+from selector.physics.drive.sampled_loop import held_forces, too_far_apart, waiting_commands
 
 Response = NDArray[np.complex128]
 

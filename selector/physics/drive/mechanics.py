@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from selector.physics.drive.checks import require_not_negative, require_positive
+from selector.physics.checks import require_not_negative, require_positive
 
 
 @dataclass(frozen=True)

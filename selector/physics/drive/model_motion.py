@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.errors import ModelFileError
+from selector.physics.checks import require_within, told_of
 from selector.physics.drive.ball_bar import BallBarPlan
-from selector.physics.drive.checks import require_within, told_of
 from selector.physics.drive.circle import TableBall
 from selector.physics.drive.model_limits import MOST_ACTING, MOST_POSITION_M
 from selector.physics.drive.model_schema import (

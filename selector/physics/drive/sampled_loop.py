@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from selector.errors import InputError
 from selector.physics.drive.axis import Axis
-from selector.physics.drive.checks import too_far_apart
 from selector.physics.drive.closed_loop import (
     inertia_at_motor,
     measurement,
@@ -174,3 +173,13 @@ def _loop(axis: Axis, *, closed: bool) -> SampledLoop:
     else:
         C[0] = measured
     return SampledLoop(A, B, C, D, step_s)
+
+
+def too_far_apart() -> InputError:
+    """Numbers of an axis that are each possible, and together beyond what can be calculated."""
+    return InputError(
+        "masses, stiffnesses, damping, gains or times of the axis are too far apart to be calculated with",
+        expected="numbers of a machine in SI units",
+        where="feed axis",
+        advice="look for a wrong power of ten: mm for m, µm for m, g·cm² for kg·m²",
+    )

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from selector.errors import InputError
-from selector.physics.drive.checks import require_not_negative, require_positive
+from selector.physics.checks import require_not_negative, require_positive
 
 
 @dataclass(frozen=True)

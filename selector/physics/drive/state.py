@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from scipy import optimize
 
+from selector.physics.checks import require_finite
 from selector.physics.drive.axis import Axis
-from selector.physics.drive.checks import require_finite
 from selector.physics.drive.mechanics import RigidMechanics
 from selector.physics.drive.pitch import pitch_error_m
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.errors import InputError
-from selector.physics.drive.checks import require_finite, require_not_negative, require_positive
+from selector.physics.checks import require_finite, require_not_negative, require_positive
 
 Vector = NDArray[np.float64]
 

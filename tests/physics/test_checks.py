@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from selector.errors import InputError, OptionError
-from selector.physics.drive.checks import require_within, told_of
+from selector.physics.checks import require_within, told_of
 
 
 def refused(where: str) -> InputError:

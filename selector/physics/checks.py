@@ -37,16 +37,6 @@ def require_finite(values: object, *names: str) -> None:
             )
 
 
-def too_far_apart() -> InputError:
-    """Numbers of an axis that are each possible, and together beyond what can be calculated."""
-    return InputError(
-        "masses, stiffnesses, damping, gains or times of the axis are too far apart to be calculated with",
-        expected="numbers of a machine in SI units",
-        where="feed axis",
-        advice="look for a wrong power of ten: mm for m, µm for m, g·cm² for kg·m²",
-    )
-
-
 @contextmanager
 def told_of(what: str, *, of_keys: bool = False) -> Iterator[None]:
     """Errors inside say `what` they are about, an axis or a run; with `of_keys` also those of keys of the file."""
