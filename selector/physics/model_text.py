@@ -23,7 +23,10 @@ from selector.physics.model_mistakes import expected_text
 LARGEST_FILE_BYTES = 4_000_000
 """A thermal network of the largest size that is allowed takes a tenth of it."""
 
-FAMILY_OF_KIND = {"network": "thermal", "modes": "thermal", "field": "thermal", "drive": "drive"}
+FAMILY_OF_KIND = {
+    "network": "thermal", "modes": "thermal", "field": "thermal",
+    "drive": "drive", "vibration": "vibration", "gauging": "gauging",
+}  # fmt: skip
 """``kind`` of a model file → the physics, and the command of `selector simulate`, that it belongs to."""
 
 Key = tuple[str | int, ...]
