@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Mapping
 from dataclasses import fields, replace
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from selector.cli.parameter_origin import facts_of, is_said
 from selector.findings import Finding
 from selector.physics.drive.course import ParameterCourse
 from selector.physics.drive.friction import Friction
@@ -68,9 +68,7 @@ def page_of(
         findings=findings,
         parameters=tuple(_parameters(model)),
         told={
-            "model file": path.name,
-            "SHA-256 of the model file": hashlib.sha256(path.read_bytes()).hexdigest(),
-            "note": model.file.model.note,
+            **facts_of(path, model.file.model.note),
             "step of the calculation [s]": {
                 f"{run}, {name}" if len(simulation.axes) > 1 else name: one.step_s
                 for run, done in list(simulation.axes.items())[:1]
@@ -157,7 +155,7 @@ def _parameters(model: DriveModel) -> list[tuple[str, float, str, str]]:
     found = []
     for name, one in model.parameters.items():
         parts = name.split(".")
-        said = "model file" if _is_said(values, parts) else _otherwise(values, parts, one.value)
+        said = "model file" if is_said(values, parts) else _otherwise(values, parts, one.value)
         found.append((name, one.value, one.unit, said))
     return found
 
@@ -171,14 +169,3 @@ def _otherwise(values: Mapping[str, Any], path: list[str], value: float) -> str:
     return (
         "from the parts" if parts is not None and value not in (0.0, _DEFAULTS.get(path[-1])) else "left out: default"
     )
-
-
-def _is_said(values: Any, path: list[str]) -> bool:
-    for part in path:
-        if isinstance(values, Mapping) and part in values:
-            values = values[part]
-        elif isinstance(values, list | tuple) and part.isdigit() and int(part) <= len(values):
-            values = values[int(part) - 1]
-        else:
-            return False
-    return True

@@ -1,0 +1,87 @@
+"""How far are the channels of a simulation from those of the recordings that drove it; no more than the difference."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.recording import Recording
+
+Vector = NDArray[np.float64]
+_LEVEL = 1e-9
+"""Spread below which a recorded course is level, as a share of its size: nothing that a difference is a share of."""
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelDifference:
+    """One channel in one run, simulated minus recorded, at the samples at which it was recorded.
+
+    Attributes
+    ----------
+    run, channel : str
+    unit : str
+        Of the channel, canonical.
+    time_s : ndarray of shape (n_samples,)
+        From the start of the run [s].
+    recorded, simulated : ndarray of shape (n_samples,)
+        Both courses [unit].
+    """
+
+    run: str
+    channel: str
+    unit: str
+    time_s: Vector
+    recorded: Vector
+    simulated: Vector
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the difference [unit]."""
+        return float(np.sqrt(np.mean((self.simulated - self.recorded) ** 2)))
+
+    @property
+    def largest(self) -> float:
+        """Largest amount of the difference [unit]."""
+        return float(np.abs(self.simulated - self.recorded).max())
+
+    @property
+    def largest_at_s(self) -> float:
+        """When it is the largest, from the start of the run [s]."""
+        return float(self.time_s[np.argmax(np.abs(self.simulated - self.recorded))])
+
+    @property
+    def relative(self) -> float | None:
+        """‖difference‖ / ‖recorded about its mean‖; None of a level course."""
+        spread = float(np.std(self.recorded))
+        return self.rms / spread if spread > _LEVEL * float(np.abs(self.recorded).max()) else None
+
+
+def channel_differences(
+    simulated: Recording, recorded: Recording, inputs: Collection[str] = ()
+) -> tuple[ChannelDifference, ...]:
+    """Every channel of the same name in both, run by run; those in `inputs` act on the model and are left out.
+
+    Where the simulation has other times than the recording it is read between its samples, and only within its run.
+    """
+    found = []
+    for run in (run for run in recorded.runs if run in simulated.runs):
+        time_s, there_s = recorded.time_s(run), simulated.time_s(run)
+        for channel in simulated.channels:
+            name = channel.name
+            if name in inputs or name not in recorded.names or recorded.channel(name).unit != channel.unit:
+                continue
+            courses = recorded.values(run, [name])[:, 0], simulated.values(run, [name])[:, 0]
+            model = courses[1] if np.array_equal(time_s, there_s) else _between(time_s, there_s, courses[1])
+            seen = np.isfinite(courses[0]) & np.isfinite(model)
+            if seen.any():
+                found.append(
+                    ChannelDifference(run, name, channel.unit, time_s[seen] - time_s[0], courses[0][seen], model[seen])
+                )
+    return tuple(found)
+
+
+def _between(time_s: Vector, there_s: Vector, values: Vector) -> Vector:
+    return np.interp(time_s, there_s, values, left=np.nan, right=np.nan)
