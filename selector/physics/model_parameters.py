@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 from selector.errors import ModelFileError, OptionError
@@ -41,8 +42,10 @@ def value_at(values: Any, path: Key) -> Any:
 
 
 def put_at(values: Any, path: Key, number: float) -> None:
-    """Sets a number; arrays on the way become lists, which can be changed."""
-    for part in path[:-1]:
+    """Sets a number; arrays on the way become lists, which can be changed, and sections that lack are made."""
+    for part, following in pairwise(path):
+        if isinstance(values, dict) and part not in values:
+            values[part] = [] if isinstance(following, int) else {}
         if isinstance(values[part], tuple):
             values[part] = list(values[part])
         values = values[part]
