@@ -1,0 +1,271 @@
+"""What does the model file of a vibration say: TOML text → checked values, or an error that names the key."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from selector.errors import InputError
+from selector.physics.model_text import (
+    Contradiction,
+    Key,
+    ModelFamily,
+    bound_contradictions,
+    plain_values,
+    unknown_name,
+)
+from selector.physics.model_values import refused
+from selector.physics.vibration.model_parts import chain_of, file_structure, shaft_corners, source_of, speed_range
+from selector.physics.vibration.model_schema import (
+    KINDS,
+    MOST_LINES,
+    MOST_SAMPLES,
+    MOST_SINES,
+    ChainSection,
+    Entry,
+    ShaftSection,
+    VibrationFile,
+)
+from selector.physics.vibration.source import Line
+from selector.physics.vibration.structure import GROUND, Joint, Member
+
+FEWEST_SAMPLES = 4
+"""In a run: with fewer there is nothing to see of a vibration."""
+
+
+def read_model_file(path: str | Path) -> VibrationFile:
+    """The model file of a vibration at `path`.
+
+    Raises
+    ------
+    ModelFileError
+        As `selector.physics.model_text.ModelFamily.read`.
+    """
+    return _FAMILY.read(path)
+
+
+def parsed_model_file(text: str, *, where: str = "model file") -> VibrationFile:
+    """The model file with this content; `where` names it in messages. Errors as `read_model_file`."""
+    return _FAMILY.parsed(text, where=where)
+
+
+def checked_model_file(values: Mapping[str, Any], *, where: str = "model file") -> VibrationFile:
+    """The model file with these sections as plain values. Errors as `read_model_file`."""
+    return _FAMILY.checked(values, where=where)
+
+
+def contradictions(file: VibrationFile) -> Iterator[Contradiction]:
+    """(key, found, expected, advice) of whatever does not fit together in a file whose values are valid one by one."""
+    yield from _of_structure(file)
+    yield from _of_shafts(file)
+    yield from _of_sources(file)
+    yield from _of_chains(file)
+    yield from _of_finals(file)
+    yield from _of_run(file)
+    yield from bound_contradictions(file.bounds)
+
+
+def _tried(make: Callable[[], object], key: Key, section: Entry | None) -> Iterator[Contradiction]:
+    """What making a value refuses, if anything."""
+    try:
+        make()
+    except InputError as error:
+        yield refused(error, key, section)
+
+
+def _of_structure(file: VibrationFile) -> Iterator[Contradiction]:
+    known = [*file.members, GROUND]
+    for name, member in file.members.items():
+        for _, *told in _tried(lambda name=name, mass=member.mass_kg: Member(name, mass), ("members", name), None):
+            yield ("members", name), *told
+    for number, joint in enumerate(file.joints):
+        key: Key = ("joints", number)
+        for side, name in enumerate(joint.between):
+            if name not in known:
+                yield (*key, "between", side), *unknown_name("member", name, known)
+        yield from _tried(lambda joint=joint: Joint(joint.between, joint.stiffness_n_per_m), key, joint)
+    yield from _tried(lambda: file_structure(file), ("joints",), None)
+
+
+def _of_shafts(file: VibrationFile) -> Iterator[Contradiction]:
+    for name, shaft in file.shafts.items():
+        key: Key = ("shafts", name)
+        if (shaft.rpm is None) == (shaft.of is None):
+            found = "both rpm and of" if shaft.of is not None else "neither rpm nor of"
+            yield key, found, "one of them", 'give its own speed, rpm = 1200, or of = "SHAFT" and ratio = 0.5'
+        elif shaft.of is None and shaft.ratio is not None:
+            yield (*key, "ratio"), "a ratio without of", "the shaft that it follows", "add of, or leave ratio out"
+        elif shaft.of is not None and shaft.of not in file.shafts:
+            yield (*key, "of"), *unknown_name("shaft", shaft.of, list(file.shafts))
+        elif shaft.of is not None and _follows_itself(name, file.shafts):
+            advice = "give one of these shafts a speed of its own"
+            yield (*key, "of"), f"{name!r} following itself", "a shaft that turns at last", advice
+        elif isinstance(shaft.rpm, tuple):
+            times = [time_s for time_s, _ in shaft.rpm]
+            if times[0] != 0.0 or any(b <= a for a, b in pairwise(times)):
+                found, expected = f"corners at {times[:6]} s", "times that begin with 0 and increase"
+                yield (*key, "rpm"), found, expected, "begin with [0, …] and sort the corners; one speed a time"
+            elif speed_range(shaft.rpm, file.run.duration_s)[1] == 0:
+                yield (*key, "rpm"), "a shaft that stands", "a speed above 0", "leave the shaft and its lines out"
+        elif shaft.rpm == 0:
+            yield (*key, "rpm"), "a shaft that stands", "a speed above 0", "leave the shaft and its lines out"
+
+
+def _follows_itself(name: str, shafts: Mapping[str, ShaftSection]) -> bool:
+    seen, at = {name}, shafts[name].of
+    while at is not None and at in shafts:
+        if at in seen:
+            return True
+        seen.add(at)
+        at = shafts[at].of
+    return False
+
+
+def _of_sources(file: VibrationFile) -> Iterator[Contradiction]:
+    known, lines = list(file.members), 0
+    corners = shaft_corners(file)
+    for name, source in file.sources.items():
+        key: Key = ("sources", name)
+        if source.member not in known:
+            yield (*key, "member"), *unknown_name("member", source.member, known)
+        if source.against is not None and source.against not in known:
+            advice = "leave against out where it pushes against the ground"
+            yield (*key, "against"), *unknown_name("member", source.against, known)[:2], advice
+        if source.shaft is not None and source.shaft not in file.shafts:
+            yield (*key, "shaft"), *unknown_name("shaft", source.shaft, list(file.shafts))
+        for number, line in enumerate(source.lines):
+            given = (line.frequency_hz, line.order, line.force_n, line.unbalance_kg_m)
+            yield from _tried(lambda given=given: Line(*given), (*key, "lines", number), line)
+        yield from _tried(lambda name=name, source=source: source_of(name, source), key, source)
+        fastest = speed_range(corners[source.shaft], file.run.duration_s)[1] if source.shaft else 0.0
+        for number, line in enumerate(source.lines):
+            yield from _too_fast(file, (*key, "lines", number), line.frequency_hz, line.order, fastest)
+        lines += len(source.lines)
+    if lines > MOST_LINES:
+        yield ("sources",), f"{lines} lines", f"at most {MOST_LINES}", "leave out the lines without effect"
+
+
+def _too_fast(
+    file: VibrationFile, key: Key, frequency_hz: float | None, order: float | None, fastest_rpm: float
+) -> Iterator[Contradiction]:
+    """A line that the samples of the run would fold to another frequency."""
+    highest = frequency_hz if frequency_hz is not None else (order or 0.0) * fastest_rpm / 60.0
+    if highest * file.run.period_s >= 0.5:
+        found = f"{highest:.6g} Hz, sampled every {file.run.period_s:g} s"
+        advice = f"make run.period_s smaller than {0.5 / highest:.3g}, or leave the line out"
+        field = "order" if frequency_hz is None else "frequency_hz"
+        yield (*key, field), found, "more than two samples in a period", advice
+
+
+def _of_chains(file: VibrationFile) -> Iterator[Contradiction]:
+    names = [chain.name for chain in file.chains]
+    for number, chain in enumerate(file.chains):
+        key: Key = ("chains", number)
+        if chain.name in names[:number]:
+            yield (*key, "name"), f"a second chain {chain.name!r}", "every name once", "give it another name"
+        yield from _unknown_in_chain(file, chain, key)
+        yield from _tried(lambda chain=chain: chain_of(chain), key, chain)
+        yield from _ways(file, chain, key)
+        for place, name in enumerate(chain.sources):
+            source = file.sources[name]
+            sides = [one for one in (source.member, source.against) if one in chain.path[0]]
+            if len(sides) == 1:
+                continue
+            first = ", ".join(chain.path[0])
+            found = (
+                f"{name!r}, which pushes {source.member!r} against {source.against!r}, both merged in ({first})"
+                if sides
+                else f"{name!r}, which acts on {' and '.join(filter(None, (source.member, source.against)))}"
+            )
+            expected = f"a source with one of its sides in the first group of the path ({first})"
+            advice = "correct the path, or leave the source out of this chain: it does not move what is merged"
+            yield (*key, "sources", place), found, expected, advice
+    if file.run.method == "chains" and not file.chains:
+        yield ("run", "method"), '"chains" without [[chains]]', "chains", 'add them, or say method = "coupled"'
+
+
+def _unknown_in_chain(file: VibrationFile, chain: ChainSection, key: Key) -> Iterator[Contradiction]:
+    known = list(file.members)
+    for what, groups in (("path", chain.path), ("branch", chain.branch)):
+        for place, group in enumerate(groups):
+            for name in group:
+                if name not in known:
+                    yield (*key, what, place), *unknown_name("member", name, known)
+    if chain.final not in known:
+        yield (*key, "final"), *unknown_name("member", chain.final, known)
+    if chain.held not in (*known, GROUND):
+        yield (*key, "held"), *unknown_name("member", chain.held, [*known, GROUND])
+    for place, name in enumerate(chain.sources):
+        if name not in file.sources:
+            yield (*key, "sources", place), *unknown_name("source", name, list(file.sources))
+    finals = (file.finals.tool, file.finals.workpiece)
+    if chain.final not in finals:
+        advice = "end the chain at one of them, or change [finals]"
+        yield (*key, "final"), f"{chain.final!r}", f"{finals[0]!r} or {finals[1]!r}, the finals", advice
+
+
+def _ways(file: VibrationFile, chain: ChainSection, key: Key) -> Iterator[Contradiction]:
+    """Neighbours that no joint joins."""
+    held = (chain.held,)
+    for what, groups in (("path", [*chain.path, held]), ("branch", list(chain.branch))):
+        for place, (one, other) in enumerate(pairwise(groups)):
+            if not _joined(file, one, other):
+                yield _no_way((*key, what, place), one, other)
+    if chain.branch and not any(_joined(file, group, chain.branch[0]) for group in chain.path):
+        yield _no_way((*key, "branch", 0), chain.branch[0], tuple(name for group in chain.path for name in group))
+
+
+def _joined(file: VibrationFile, one: Sequence[str], other: Sequence[str]) -> bool:
+    return any(
+        (a in one and b in other) or (b in one and a in other) for a, b in (joint.between for joint in file.joints)
+    )
+
+
+def _no_way(key: Key, one: Sequence[str], other: Sequence[str]) -> Contradiction:
+    found = f"no joint between ({', '.join(one)}) and ({', '.join(other)})"
+    return key, found, "neighbours that a joint joins", "correct the chain, or add the joint that is missing"
+
+
+def _of_finals(file: VibrationFile) -> Iterator[Contradiction]:
+    known = list(file.members)
+    for key, name in (("tool", file.finals.tool), ("workpiece", file.finals.workpiece)):
+        if name not in known:
+            found, expected, _ = unknown_name("member", name, known)
+            yield ("finals", key), found, expected, f'name the member: {key} = "MEMBER" under [finals]'
+    if file.finals.tool == file.finals.workpiece:
+        found = f"{file.finals.tool!r} as tool and workpiece"
+        yield ("finals", "workpiece"), found, "two members", "name the one that cuts and the one that is cut"
+    if file.cutting is not None and file.cutting.shaft not in file.shafts:
+        yield ("cutting", "shaft"), *unknown_name("shaft", file.cutting.shaft, list(file.shafts))
+
+
+def _of_run(file: VibrationFile) -> Iterator[Contradiction]:
+    run, samples = file.run, file.run.duration_s / file.run.period_s
+    lines = sum(len(source.lines) for source in file.sources.values())
+    if samples < FEWEST_SAMPLES:
+        found = f"{run.duration_s:g} s in steps of {run.period_s:g} s"
+        yield ("run", "duration_s"), found, f"at least {FEWEST_SAMPLES} samples", "make the run longer"
+    for what, count, most in (
+        ("samples", samples, MOST_SAMPLES),
+        (f"sines to be added ({lines} lines in {samples:.3g} samples)", samples * lines, MOST_SINES),
+    ):
+        if count > most:
+            advice = "make the run shorter, or run.period_s larger"
+            yield ("run", "duration_s"), f"{count:.3g} {what}", f"at most {most:.3g}", advice
+
+
+_FAMILY: ModelFamily[VibrationFile] = ModelFamily(
+    "vibration", KINDS, contradictions, page="docs/reference/vibration-model.md", examples="fixtures/vibration"
+)
+
+__all__ = [
+    "MOST_SAMPLES",
+    "VibrationFile",
+    "checked_model_file",
+    "contradictions",
+    "parsed_model_file",
+    "plain_values",
+    "read_model_file",
+]

@@ -1,0 +1,122 @@
+"""Which numbers of a vibrating structure could be fitted again: named, with unit and bounds."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from selector.physics.model_parameters import Parameter, bad_bounds, put_at, require_settable
+from selector.physics.model_text import Key
+from selector.physics.vibration.model_file import checked_model_file, plain_values
+from selector.physics.vibration.model_parts import Corners, shaft_corners, speed_range
+from selector.physics.vibration.model_schema import LineSection, VibrationFile
+
+_TIMES = 10.0
+_SMALLEST = 1e-3
+"""Of a force that is there: a line without any is refused."""
+
+_MOST_DISSIPATION = 2.0
+"""No joint of a machine takes more of the energy in a cycle; rubber takes as much."""
+
+_UNITS = {
+    "mass_kg": "kg",
+    "stiffness_n_per_m": "N/m",
+    "dissipation": "1",
+    "force_n": "N",
+    "unbalance_kg_m": "kg·m",
+    "phase_rad": "rad",
+}
+
+
+@dataclass(frozen=True)
+class _Number:
+    path: Key
+    value: float
+    low: float
+    high: float
+
+
+def parameters(file: VibrationFile) -> dict[str, Parameter]:
+    """The physics of a structure and its sources as named numbers, those that are switched off included.
+
+    Names are the keys of the file, arrays counted from 1: ``members.tool.mass_kg``, ``joints.3.dissipation``,
+    ``sources.IK2.lines.1.force_n``. Masses and stiffnesses may be a tenth to ten times what they are, ψ from 0 to 2.
+    A force that is there may be a thousandth to ten times; one that is 0 from 0 to ten times what the unbalance of its
+    line makes at the highest speed, and the other way round; phases −π to π. Always around the value, unless
+    ``[bounds]`` says otherwise.
+
+    Raises
+    ------
+    ModelFileError
+        ``[bounds]`` names what is no parameter, or excludes the value of one.
+    """
+    found: dict[str, Parameter] = {}
+    for number in _numbers(file):
+        name = _name(number.path)
+        low, high = file.bounds.get(name, (min(number.low, number.value), max(number.high, number.value)))
+        if not low <= number.value <= high:
+            raise bad_bounds(name, f"[{low:g}, {high:g}]", f"limits around the value, {number.value:g}")
+        found[name] = Parameter(number.value, low, high, _UNITS[str(number.path[-1])])
+    for name in file.bounds:
+        if name not in found:
+            raise bad_bounds(name, "no parameter of this name", "one of " + ", ".join(list(found)[:12]) + ", …")
+    return found
+
+
+def with_parameters(file: VibrationFile, values: Mapping[str, float]) -> VibrationFile:
+    """The model file with other values of some parameters, checked as if it were read.
+
+    Raises
+    ------
+    OptionError
+        There is no such parameter, or the value is outside the bounds that the file gives it.
+    ModelFileError
+        A value is impossible, e.g. a negative mass.
+    """
+    plain = copy.deepcopy(plain_values(file))
+    paths = {_name(number.path): number.path for number in _numbers(file)}
+    for name, value in values.items():
+        require_settable(name, value, list(paths), file.bounds, file.model.name)
+        put_at(plain, paths[name], float(value))
+    return checked_model_file(plain, where=f"model {file.model.name!r}")
+
+
+def _name(path: Key) -> str:
+    return ".".join(str(part + 1) if isinstance(part, int) else part for part in path)
+
+
+def _numbers(file: VibrationFile) -> Iterator[_Number]:
+    for name, member in file.members.items():
+        yield _around(("members", name, "mass_kg"), member.mass_kg)
+    for number, joint in enumerate(file.joints):
+        yield _around(("joints", number, "stiffness_n_per_m"), joint.stiffness_n_per_m)
+        most = max(_MOST_DISSIPATION, _TIMES * joint.dissipation)
+        yield _Number(("joints", number, "dissipation"), joint.dissipation, 0.0, most)
+    corners = shaft_corners(file)
+    for name, source in file.sources.items():
+        course = corners[source.shaft] if source.shaft is not None else None
+        for number, line in enumerate(source.lines):
+            yield from _of_line(("sources", name, "lines", number), line, course, file.run.duration_s)
+
+
+def _around(path: Key, value: float) -> _Number:
+    return _Number(path, value, value / _TIMES, value * _TIMES)
+
+
+def _of_line(path: Key, line: LineSection, course: Corners | None, duration_s: float) -> Iterator[_Number]:
+    frequency = line.frequency_hz
+    if frequency is None and course is not None:
+        frequency = (line.order or 0.0) * speed_range(course, duration_s)[1] / 60.0
+    square = (2.0 * math.pi * (frequency or 0.0)) ** 2
+    for key, value, instead in (
+        ("force_n", line.force_n, line.unbalance_kg_m * square),
+        ("unbalance_kg_m", line.unbalance_kg_m, line.force_n / square if square > 0 else 0.0),
+    ):
+        if value > 0:
+            yield _Number((*path, key), value, _SMALLEST * value, _TIMES * value)
+        elif line.order is not None or key == "force_n":
+            # what keeps its frequency is no unbalance: that follows a shaft
+            yield _Number((*path, key), value, 0.0, _TIMES * instead)
+    yield _Number((*path, "phase_rad"), line.phase_rad, -math.pi, math.pi)
