@@ -1,0 +1,83 @@
+"""How long does a part take, how often is it looked at, and is that too much to be calculated or held."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+
+from selector.physics.gauging.model_parts import FileParts, file_parts
+from selector.physics.gauging.model_schema import MOST_SAMPLES, MOST_STEPS, GaugingFile
+from selector.physics.model_text import Contradiction
+
+MOST_RECORDED = 50
+"""Parts that are recorded in full; of more only the sizes are kept."""
+
+_PER_FILTER = 5
+_PER_TURN = 20
+_PER_GROOVE = 8
+_FEWEST, _MOST = 500, 20_000
+"""Samples of a part, where the file does not say how often it is looked at."""
+
+_SPREAD = 4.0
+"""Standard deviations of the allowance by which a part may begin higher than the mean one."""
+
+
+def planned_s(parts: FileParts) -> float:
+    """How long a freshly dressed wheel needs for a part of mean allowance, with the lags of removal and filter [s]."""
+    grinding = parts.grinding
+    return grinding_s(parts, grinding.allowance_um) + 5.0 * grinding.lag_s + parts.filter_s + parts.relay.delay_s
+
+
+def grinding_s(parts: FileParts, allowance_um: float) -> float:
+    """The time that feed alone needs from this allowance to the end of the last stage [s]."""
+    stages = parts.grinding.stages
+    ends = (allowance_um, *(stage.until_um for stage in stages))
+    return sum(
+        (before - after) / (stage.feed_um_per_s * (1.0 - parts.grinding.wheel_wear))
+        for (before, after), stage in zip(pairwise(ends), stages, strict=True)
+    )
+
+
+def sampling_s(file: GaugingFile, parts: FileParts) -> float:
+    """Time between the samples: what the file says, or what shows filter, turns and grooves [s]."""
+    if file.run.period_s is not None:
+        return file.run.period_s
+    duration_s = planned_s(parts)
+    wanted = min(finest_s(parts), duration_s / _FEWEST)
+    return _rounded(max(wanted, duration_s / _MOST))
+
+
+def finest_s(parts: FileParts) -> float:
+    """The longest time between samples that still shows filter, turns and grooves [s]."""
+    surface = parts.surface
+    wanted = [parts.filter_s / _PER_FILTER]
+    if surface.runout_um > 0:
+        wanted.append(60.0 / surface.workpiece_rpm / _PER_TURN)
+    if surface.grooves > 0 and surface.groove_depth_um > 0:
+        wanted.append(60.0 / surface.workpiece_rpm / surface.grooves / _PER_GROOVE)
+    return min(wanted)
+
+
+def length_contradictions(file: GaugingFile) -> Iterator[Contradiction]:
+    """Parts that take too many samples to be held, or all of them too many to be waited for."""
+    parts = file_parts(file)
+    duration_s, period_s = planned_s(parts), sampling_s(file, parts)
+    key = ("run", "period_s") if file.run.period_s is not None else ("grinding", "stages")
+    samples = duration_s / period_s
+    if samples < 2:
+        found = f"a period of {period_s:g} s, and a part takes {duration_s:.3g} s"
+        yield key, found, "a period that is shorter than a part", "shorten run.period_s, or leave it out"
+    elif samples > MOST_SAMPLES:
+        found = f"{samples:.3g} samples of a part that takes {duration_s:.3g} s"
+        yield key, found, f"at most {MOST_SAMPLES}", "lengthen run.period_s, or give the feeds the right power of ten"
+    elif samples * file.run.parts > MOST_STEPS:
+        found = f"{file.run.parts} parts of {samples:.3g} samples"
+        expected = f"at most {MOST_STEPS} samples of all parts"
+        yield ("run", "parts"), found, expected, "take fewer parts, or lengthen run.period_s"
+
+
+def _rounded(value: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that is not above a value."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return next(times * power for times in (5.0, 2.0, 1.0) if times * power <= value * (1.0 + 1e-9))

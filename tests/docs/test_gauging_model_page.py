@@ -1,0 +1,86 @@
+"""The page on model files of gauging names every key of the schema with its unit and its default, and no other."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from selector.physics.gauging import model_schema as schema
+from selector.physics.gauging.parameter_bounds import unit_of_key
+from selector.physics.model_entries import Entry
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "gauging-model.md"
+
+
+def inside(section, key):
+    """The section of a key that is a table, or an array of tables."""
+    kinds = [section.model_fields[key].annotation, *getattr(section.model_fields[key].annotation, "__args__", ())]
+    return next(kind for kind in kinds if isinstance(kind, type) and issubclass(kind, Entry))
+
+
+SECTIONS = {
+    "`[model]`": schema.ModelSection,
+    "`[run]`": schema.RunSection,
+    "`[transducer]`": schema.TransducerSection,
+    **{
+        f"`[transducer.{key}]`": inside(schema.TransducerSection, key)
+        for key in ("electromagnet", "probe", "contact", "generator", "smoothing", "relay")
+    },
+    "`[linear]`": schema.LinearSection,
+    "`[relay]`": schema.RelaySection,
+    "`[grinding]`": schema.GrindingSection,
+    "`[[grinding.stages]]`": inside(schema.GrindingSection, "stages"),
+    "`[surface]`": schema.SurfaceSection,
+    "`[noise]`": schema.NoiseSection,
+    "`[tolerance]`": schema.ToleranceSection,
+    "`[thresholds]`": schema.ThresholdsSection,
+    "`[recorded]`": schema.RecordedSection,
+    "`[bounds]`": None,
+}
+
+
+def tables() -> dict[str, dict[str, tuple[str, str, str]]]:
+    """Heading → key → unit, default, meaning."""
+    found: dict[str, dict[str, tuple[str, str, str]]] = {}
+    text = PAGE.read_text(encoding="utf-8").partition("\n## What is recorded")[0]
+    for part in re.split(r"^##+ ", text, flags=re.MULTILINE)[1:]:
+        heading, _, body = part.partition("\n")
+        rows = re.findall(r"^\| `(\w+)` \| ([^|]*) \| ([^|]*) \| ([^|]*) \|$", body, flags=re.MULTILINE)
+        assert len({row[0] for row in rows}) == len(rows), f"a key twice under {heading}"
+        found[heading] = {key: (unit, default, meaning) for key, unit, default, meaning in rows}
+    return found
+
+
+def default_text(field) -> str:
+    if field.is_required():
+        return "required"
+    default = field.get_default(call_default_factory=True)
+    return f"{default:g}" if isinstance(default, int | float) else "–"
+
+
+def test_every_section_of_the_schema_has_its_heading():
+    assert list(tables()) == list(SECTIONS)
+    entries = {value for value in vars(schema).values() if isinstance(value, type) and issubclass(value, Entry)}
+    assert entries - {Entry, schema.GaugingFile} <= set(SECTIONS.values())
+    assert {re.match(r"`\[+(\w+)", name)[1] for name in SECTIONS} == set(schema.GaugingFile.model_fields)
+
+
+@pytest.mark.parametrize("heading", [name for name, entry in SECTIONS.items() if entry is not None])
+def test_every_key_is_explained_and_no_other(heading):
+    rows, fields = tables()[heading], SECTIONS[heading].model_fields
+    assert list(rows) == list(fields)
+    for key, (unit, default, meaning) in rows.items():
+        assert default == default_text(fields[key]), key
+        assert meaning.strip(), key
+        assert unit == {"1": "–"}.get(unit_of_key(key), unit_of_key(key)), key
+
+
+def test_the_limits_are_those_of_the_program():
+    text = PAGE.read_text(encoding="utf-8").replace("\n  ", " ")
+    for number, what in (
+        (schema.MOST_STAGES, "stages"), (schema.MOST_PARTS, "parts"), (schema.MOST_SAMPLES, "samples of a part"),
+        (schema.MOST_STEPS, "of all parts"), (schema.MOST_WAVEFORM_S, "s of waveform"),
+    ):  # fmt: skip
+        assert f"{int(number):,} {what}".replace(",", " ") in text, what
