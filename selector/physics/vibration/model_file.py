@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 from selector.errors import InputError
+from selector.physics.model_entries import Entry
 from selector.physics.model_text import (
     Contradiction,
     Key,
@@ -17,6 +19,7 @@ from selector.physics.model_text import (
     unknown_name,
 )
 from selector.physics.model_values import refused
+from selector.physics.vibration.chain import chain_links, force_sign
 from selector.physics.vibration.model_parts import chain_of, file_structure, shaft_corners, source_of, speed_range
 from selector.physics.vibration.model_schema import (
     KINDS,
@@ -24,7 +27,6 @@ from selector.physics.vibration.model_schema import (
     MOST_SAMPLES,
     MOST_SINES,
     ChainSection,
-    Entry,
     ShaftSection,
     VibrationFile,
 )
@@ -78,15 +80,15 @@ def _tried(make: Callable[[], object], key: Key, section: Entry | None) -> Itera
 def _of_structure(file: VibrationFile) -> Iterator[Contradiction]:
     known = [*file.members, GROUND]
     for name, member in file.members.items():
-        for _, *told in _tried(lambda name=name, mass=member.mass_kg: Member(name, mass), ("members", name), None):
-            yield ("members", name), *told
+        for _, found, expected, advice in _tried(partial(Member, name, member.mass_kg), ("members",), None):
+            yield ("members", name), found, expected, advice
     for number, joint in enumerate(file.joints):
         key: Key = ("joints", number)
         for side, name in enumerate(joint.between):
             if name not in known:
                 yield (*key, "between", side), *unknown_name("member", name, known)
-        yield from _tried(lambda joint=joint: Joint(joint.between, joint.stiffness_n_per_m), key, joint)
-    yield from _tried(lambda: file_structure(file), ("joints",), None)
+        yield from _tried(partial(Joint, joint.between, joint.stiffness_n_per_m), key, joint)
+    yield from _tried(partial(file_structure, file), ("joints",), None)
 
 
 def _of_shafts(file: VibrationFile) -> Iterator[Contradiction]:
@@ -136,9 +138,9 @@ def _of_sources(file: VibrationFile) -> Iterator[Contradiction]:
         if source.shaft is not None and source.shaft not in file.shafts:
             yield (*key, "shaft"), *unknown_name("shaft", source.shaft, list(file.shafts))
         for number, line in enumerate(source.lines):
-            given = (line.frequency_hz, line.order, line.force_n, line.unbalance_kg_m)
-            yield from _tried(lambda given=given: Line(*given), (*key, "lines", number), line)
-        yield from _tried(lambda name=name, source=source: source_of(name, source), key, source)
+            made = partial(Line, line.frequency_hz, line.order, line.force_n, line.unbalance_kg_m)
+            yield from _tried(made, (*key, "lines", number), line)
+        yield from _tried(partial(source_of, name, source), key, source)
         fastest = speed_range(corners[source.shaft], file.run.duration_s)[1] if source.shaft else 0.0
         for number, line in enumerate(source.lines):
             yield from _too_fast(file, (*key, "lines", number), line.frequency_hz, line.order, fastest)
@@ -160,30 +162,30 @@ def _too_fast(
 
 
 def _of_chains(file: VibrationFile) -> Iterator[Contradiction]:
-    names = [chain.name for chain in file.chains]
-    for number, chain in enumerate(file.chains):
+    names, structure = [chain.name for chain in file.chains], file_structure(file)
+    for number, section in enumerate(file.chains):
         key: Key = ("chains", number)
-        if chain.name in names[:number]:
-            yield (*key, "name"), f"a second chain {chain.name!r}", "every name once", "give it another name"
-        yield from _unknown_in_chain(file, chain, key)
-        yield from _tried(lambda chain=chain: chain_of(chain), key, chain)
-        yield from _ways(file, chain, key)
-        for place, name in enumerate(chain.sources):
-            source = file.sources[name]
-            sides = [one for one in (source.member, source.against) if one in chain.path[0]]
-            if len(sides) == 1:
-                continue
-            first = ", ".join(chain.path[0])
-            found = (
-                f"{name!r}, which pushes {source.member!r} against {source.against!r}, both merged in ({first})"
-                if sides
-                else f"{name!r}, which acts on {' and '.join(filter(None, (source.member, source.against)))}"
-            )
-            expected = f"a source with one of its sides in the first group of the path ({first})"
-            advice = "correct the path, or leave the source out of this chain: it does not move what is merged"
-            yield (*key, "sources", place), found, expected, advice
+        if section.name in names[:number]:
+            yield (*key, "name"), f"a second chain {section.name!r}", "every name once", "give it another name"
+        yield from _unknown_in_chain(file, section, key)
+        yield from _tried(partial(chain_of, section), key, section)
+        chain = chain_of(section)
+        yield from _in_chain(partial(chain_links, structure, chain), key)
+        for name in section.sources:
+            yield from _in_chain(partial(force_sign, chain, source_of(name, file.sources[name])), key)
     if file.run.method == "chains" and not file.chains:
         yield ("run", "method"), '"chains" without [[chains]]', "chains", 'add them, or say method = "coupled"'
+    if len({chain.range for chain in file.chains}) > 1 and file.cutting is None:
+        advice = "add [cutting], whose wavelengths part roughness from waviness, or keep the chains of one range"
+        yield ("cutting",), "chains of both ranges", "the frequency between them", advice
+
+
+def _in_chain(make: Callable[[], object], key: Key) -> Iterator[Contradiction]:
+    """What making something of a chain refuses, if anything; it says where it is as ``chains.NAME.KEY``."""
+    try:
+        make()
+    except InputError as error:
+        yield (*key, error.where.rpartition(".")[2]), error.found, error.expected, error.advice
 
 
 def _unknown_in_chain(file: VibrationFile, chain: ChainSection, key: Key) -> Iterator[Contradiction]:
@@ -204,28 +206,6 @@ def _unknown_in_chain(file: VibrationFile, chain: ChainSection, key: Key) -> Ite
     if chain.final not in finals:
         advice = "end the chain at one of them, or change [finals]"
         yield (*key, "final"), f"{chain.final!r}", f"{finals[0]!r} or {finals[1]!r}, the finals", advice
-
-
-def _ways(file: VibrationFile, chain: ChainSection, key: Key) -> Iterator[Contradiction]:
-    """Neighbours that no joint joins."""
-    held = (chain.held,)
-    for what, groups in (("path", [*chain.path, held]), ("branch", list(chain.branch))):
-        for place, (one, other) in enumerate(pairwise(groups)):
-            if not _joined(file, one, other):
-                yield _no_way((*key, what, place), one, other)
-    if chain.branch and not any(_joined(file, group, chain.branch[0]) for group in chain.path):
-        yield _no_way((*key, "branch", 0), chain.branch[0], tuple(name for group in chain.path for name in group))
-
-
-def _joined(file: VibrationFile, one: Sequence[str], other: Sequence[str]) -> bool:
-    return any(
-        (a in one and b in other) or (b in one and a in other) for a, b in (joint.between for joint in file.joints)
-    )
-
-
-def _no_way(key: Key, one: Sequence[str], other: Sequence[str]) -> Contradiction:
-    found = f"no joint between ({', '.join(one)}) and ({', '.join(other)})"
-    return key, found, "neighbours that a joint joins", "correct the chain, or add the joint that is missing"
 
 
 def _of_finals(file: VibrationFile) -> Iterator[Contradiction]:
