@@ -1,0 +1,229 @@
+"""How large is a motion if nobody knows the phases of its sources: all equal phase shifts of V eq. 10, 11.
+
+Every source is shifted by one of P equal steps of a turn, which makes N = P^n realisations. For P ≥ 2 the ordinate
+x = Im Z has the mean 0 over all of them at every instant, because the steps of a turn add up to 0; so the "mean
+amplitude" of V must be the mean of an amount. Here it is that of the instantaneous amplitude |Z|, the modulus of the
+analytic signal Z(t) = Σ_s e^{iφ_s}·z_s(t), z_s(t) = Σ_k X_k·e^{iω_k·t}: for one source with one line it is the
+amplitude of the line, of which the mean |x| would be 2/π. The mean |x| is given beside it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from selector.errors import InputError
+
+Vector = NDArray[np.float64]
+ComplexMatrix = NDArray[np.complex128]
+
+MOST_VALUES = 2_000_000_000
+"""Realisations that differ × sections: some ten seconds."""
+MOST_REALISATIONS = 1 << 22
+_BLOCK = 1 << 14
+_GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Realisations:
+    """Amounts of a motion over all realisations, in the unit of the motion (m).
+
+    Attributes
+    ----------
+    expected_m : float
+        A_m0: expectation of |Z|, mean over the sections (V eq. 10, 11).
+    mean_abs_m : float
+        Expectation of |x|, mean over the sections.
+    rms_m : float
+        Root of the mean of x² over realisations and sections, in closed form (`mean_square`).
+    largest_m : float
+        Largest |Z| of any realisation at any section.
+    section_expected_m, section_mean_abs_m, section_largest_m : ndarrays of shape (n_sections,)
+        Expectation of |Z| and of |x|, and the largest |Z|, at every section.
+    realisation_m : ndarray of shape (n_different,)
+        Mean of |Z| over the sections, of every realisation that differs from the others by more than a common shift,
+        each as likely; ascending.
+    count : int
+        N.
+    """
+
+    expected_m: float
+    mean_abs_m: float
+    rms_m: float
+    largest_m: float
+    section_expected_m: Vector
+    section_mean_abs_m: Vector
+    section_largest_m: Vector
+    realisation_m: Vector
+    count: int
+
+
+def realisation_amounts(
+    motion_m: ArrayLike,
+    frequency_hz: ArrayLike,
+    source: ArrayLike,
+    time_s: ArrayLike,
+    *,
+    n_sources: int,
+    phases: int = 4,
+) -> Realisations:
+    """Amounts of the motion by these lines over all realisations and sections.
+
+    A shift that all sources share leaves |Z| as it is: N/P realisations are added up, and the P common shifts of each
+    are taken for |x| only. Sources without motion here change nothing and are left out of the sum, but counted in N.
+
+    Parameters
+    ----------
+    motion_m : complex array-like of shape (n_lines,)
+        X of every line [m].
+    frequency_hz, source : array-likes of shape (n_lines,)
+        [Hz], and the position of the line's source.
+    time_s : array-like of shape (n_sections,)
+        Times of the sections [s], see `section_times`.
+    n_sources, phases : int
+        Number of all sources, and P ≥ 1.
+
+    Raises
+    ------
+    InputError
+        No section, or too many realisations; `mean_square` has no limit.
+    """
+    motion = np.asarray(motion_m, dtype=np.complex128)
+    frequency, owner = np.asarray(frequency_hz, dtype=np.float64), np.asarray(source, dtype=np.int64)
+    time = np.asarray(time_s, dtype=np.float64)
+    moving = [motion[rows] for rows in (owner == s for s in range(n_sources))]
+    turning = [frequency[owner == s] for s in range(n_sources)]
+    active = [s for s in range(n_sources) if np.any(moving[s])]
+    _require_countable(n_sources, len(active), len(time), phases)
+    different = phases ** max(len(active) - 1, 0)
+    step = np.exp(2j * np.pi * np.arange(phases) / phases)
+    # all shifts of the later half of the sources beside all of the earlier: two small sums and one outer one
+    half = (len(active) + 1) // 2
+    section = np.empty((3, len(time)))
+    over_time = np.zeros(different)
+    square = 0.0
+    width = max(1, _BLOCK // different)
+    for begin in range(0, len(time), width):
+        block = slice(begin, begin + width)
+        z = np.array([_phasors(moving[s], turning[s], time[block]) for s in active], dtype=np.complex128)
+        if not active:
+            z = np.zeros((1, len(time[block])), dtype=np.complex128)
+        one = _shifted(z[:half] if active else z, step, fixed=True)
+        other = _shifted(z[half:], step, fixed=False)
+        total = (one[:, None, :] + other[None, :, :]).reshape(different, -1)
+        size = np.sqrt(total.real**2 + total.imag**2)
+        section[0, block] = size.mean(axis=0)
+        section[1, block] = _mean_ordinate(total, step)
+        section[2, block] = size.max(axis=0)
+        over_time += size.sum(axis=1)
+        square += float(np.sum(_mean_square(z, phases)))
+    expected, mean_abs = float(section[0].mean()), float(section[1].mean())
+    section.setflags(write=False)
+    realisation = np.sort(over_time / len(time))
+    realisation.setflags(write=False)
+    return Realisations(
+        expected_m=expected,
+        mean_abs_m=mean_abs,
+        rms_m=math.sqrt(max(square / len(time), 0.0)),
+        largest_m=float(section[2].max()),
+        section_expected_m=section[0],
+        section_mean_abs_m=section[1],
+        section_largest_m=section[2],
+        realisation_m=realisation,
+        count=phases**n_sources,
+    )
+
+
+def mean_square(z_m: ArrayLike, *, phases: int = 4) -> Vector:
+    """E x² over all realisations at every section, in closed form; shape (n_sections,) [m²].
+
+    For P ≥ 3 it is ½·Σ_s |z_s|², for P = 2 Σ_s (Im z_s)²: products of different sources cancel. For P = 1 there is one
+    realisation, and nothing cancels: (Im Σ_s z_s)². E|Z|² is Σ_s |z_s|² for P ≥ 2.
+
+    Parameters
+    ----------
+    z_m : complex array-like of shape (n_sources, n_sections)
+        z_s at every section [m].
+    """
+    return _mean_square(np.atleast_2d(np.asarray(z_m, dtype=np.complex128)), phases)
+
+
+def source_motion(
+    motion_m: ArrayLike, frequency_hz: ArrayLike, source: ArrayLike, time_s: ArrayLike, *, n_sources: int
+) -> ComplexMatrix:
+    """z_s(t), the sum of X·e^{iωt} over the lines of each source; complex, shape (n_sources, n_sections) [m]."""
+    motion, frequency = np.asarray(motion_m, dtype=np.complex128), np.asarray(frequency_hz, dtype=np.float64)
+    owner, time = np.asarray(source), np.asarray(time_s, dtype=np.float64)
+    rows = [owner == s for s in range(n_sources)]
+    return np.array([_phasors(motion[row], frequency[row], time) for row in rows]).reshape(n_sources, len(time))
+
+
+def section_times(sections: int, duration_s: float) -> Vector:
+    """Times that lie evenly in (0, `duration_s`) without being a grid; ascending, shape (sections,) [s].
+
+    Multiples of the golden ratio: a grid whose step is a multiple of a line's period would meet the line always at
+    the same phase. The duration should hold several periods of the smallest difference between lines of one source.
+    """
+    if sections < 1 or not (math.isfinite(duration_s) and duration_s > 0):
+        raise InputError(
+            f"{sections} sections of {duration_s:g} s",
+            expected="at least 1 section, and a duration above 0",
+            where="realisations.sections",
+            advice="correct the number of sections or the duration",
+        )
+    return np.sort(np.mod((np.arange(sections) + 0.5) * _GOLDEN, 1.0)) * duration_s
+
+
+def _require_countable(sources: int, active: int, sections: int, phases: int) -> None:
+    if sections < 1 or sources < 1 or phases < 1:
+        raise InputError(
+            f"{sources} sources, {sections} sections, {phases} phases",
+            expected="at least 1 of each",
+            where="realisations",
+            advice="give a source, a section and a phase",
+        )
+    # logarithms: the powers may have thousands of digits
+    different = max(active - 1, 0) * math.log(phases)
+    if different + math.log(sections) > math.log(MOST_VALUES) or different > math.log(MOST_REALISATIONS):
+        raise InputError(
+            f"{phases} phases of {active} sources that move it, {sections} sections",
+            expected=f"{phases}^{active - 1} up to {MOST_REALISATIONS}, and times the sections up to {MOST_VALUES:.0e}",
+            where="realisations.phases",
+            advice="take fewer phases or sections; the mean square needs neither (rms in closed form)",
+        )
+
+
+def _phasors(motion: NDArray[np.complex128], frequency: Vector, time: Vector) -> NDArray[np.complex128]:
+    return np.asarray(motion @ np.exp(2j * np.pi * np.outer(frequency, time)))
+
+
+def _shifted(z: ComplexMatrix, step: NDArray[np.complex128], *, fixed: bool) -> ComplexMatrix:
+    """Sums of these sources with every combination of shifts, one a row; `fixed`: of shifts of all but the first."""
+    total = z[:1] if fixed else np.zeros((1, z.shape[1]), dtype=np.complex128)
+    for row in z[1:] if fixed else z:
+        total = (total[:, None, :] + (step[:, None] * row)[None, :, :]).reshape(-1, z.shape[1])
+    return total
+
+
+def _mean_ordinate(total: ComplexMatrix, step: NDArray[np.complex128]) -> Vector:
+    """Mean of |Im(Z·e^{iφ})| over realisations and the common shifts φ; opposite shifts have the same amount."""
+    phases = len(step)
+    used = step[: phases // 2] if phases % 2 == 0 else step
+    sums = np.zeros(total.shape[1])
+    for shift in used:
+        if shift.imag == 0.0:
+            sums += np.abs(total.imag).sum(axis=0)
+        else:
+            sums += np.abs(total.imag * shift.real + total.real * shift.imag).sum(axis=0)
+    return np.asarray(sums / (len(used) * len(total)))
+
+
+def _mean_square(z: ComplexMatrix, phases: int) -> Vector:
+    if phases == 1:
+        return np.asarray(z.sum(axis=0).imag ** 2)
+    if phases == 2:
+        return np.asarray((z.imag**2).sum(axis=0))
+    return np.asarray(0.5 * (z.real**2 + z.imag**2).sum(axis=0))
