@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from selector.findings import Finding
     from selector.physics.vibration.chain_error import ChainAccuracy
     from selector.physics.vibration.modes import StructureModes
-    from selector.physics.vibration.periodic_error import PeriodicError
+    from selector.physics.vibration.periodic_error import KindHeight, PeriodicError
 
 RELATIVE = "tool_workpiece"
 """Motion of the tool against the workpiece, as a name beside "tool" and "workpiece"."""
@@ -92,8 +92,8 @@ class VibrationSummary:
         "tool", "workpiece" and `RELATIVE`, by the method of ``run.method``.
     errors : tuple of PeriodicError
         What the motion leaves on the surface; empty without ``[cutting]``.
-    heights : mapping of str to float
-        Kind of error (roughness, waviness, lobing) → its height [µm], see `periodic_error`.
+    heights : mapping of str to KindHeight
+        Kind of error (roughness, waviness, lobing, runout) → the height of all errors of the kind together.
     accuracy : tuple of ChainAccuracy
         How good every chain is within the structure; empty without ``[[chains]]``.
     split_hz : float or None
@@ -108,7 +108,7 @@ class VibrationSummary:
     lines: tuple[LineSummary, ...]
     amplitudes: Mapping[str, AmplitudeSummary]
     errors: tuple[PeriodicError, ...] = ()
-    heights: Mapping[str, float] = field(default_factory=dict)
+    heights: Mapping[str, KindHeight] = field(default_factory=dict)
     accuracy: tuple[ChainAccuracy, ...] = ()
     split_hz: float | None = None
     shaft_rpm: Mapping[str, float] = field(default_factory=dict)
