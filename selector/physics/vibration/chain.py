@@ -1,0 +1,249 @@
+"""How far does a force shake the end of a chain, by the published method (V eq. 3–9): one way, link by link.
+
+A link is a group of merged members on its joint to the next group. Alone on a joint that stands still it would answer
+a force F with F/j·μ·e^{−iφ}; the method says that it does so in the chain, and passes F·μ·e^{−iφ} on. What it leaves
+out: members react back on their predecessors, and a joint passes the force of its damper on too (`dampers_carry`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from selector.errors import InputError
+from selector.physics.vibration.chain_values import Chain, Group
+from selector.physics.vibration.coupled import UNDAMPED, checked_frequencies
+from selector.physics.vibration.source import Source
+from selector.physics.vibration.structure import GROUND, Joint, Member, Structure
+
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class Link:
+    """Merged members on what joins them with their neighbour.
+
+    Attributes
+    ----------
+    group : tuple of str
+        Members that move as one mass.
+    on : tuple of str
+        What they are joined with: the next group towards what is held, or the one before in a branch.
+    mass_kg : float
+        Sum of the masses [kg].
+    stiffness_n_per_m : float
+        j, sum over the joints between the two [N/m].
+    loss_factor : float
+        η of these joints in parallel.
+    """
+
+    group: Group
+    on: Group
+    mass_kg: float
+    stiffness_n_per_m: float
+    loss_factor: float
+
+    @property
+    def natural_hz(self) -> float:
+        """p/2π, natural frequency of the group on a joint that stands still [Hz]: p = √(j/m)."""
+        return math.sqrt(self.stiffness_n_per_m / self.mass_kg) / (2.0 * math.pi)
+
+
+@dataclass(frozen=True)
+class ChainReceptance:
+    """Motions of a chain per unit force on its first group; rows belong to `links`: the path's, then the branch's.
+
+    Attributes
+    ----------
+    frequency_hz : ndarray of shape (n_freq,)
+        [Hz].
+    links : tuple of Link
+        Of the path from the source on, then of the branch outwards.
+    dynamic_factor, lag_rad : ndarrays of shape (n_links, n_freq)
+        μ (V eq. 4) and φ in [0, π] (eq. 6) of every link.
+    relative : complex ndarray of shape (n_path_links, n_freq)
+        Motion of every group of the path against the next [m/N] (V eq. 3, with its phase as in eq. 7).
+    absolute : complex ndarray of shape (n_links, n_freq)
+        Motion of every group against what is held [m/N].
+    final : complex ndarray of shape (n_freq,)
+        Motion that is asked for: of the path's first group, or of the branch's last [m/N].
+    """
+
+    frequency_hz: NDArray[np.float64]
+    links: tuple[Link, ...]
+    dynamic_factor: NDArray[np.float64]
+    lag_rad: NDArray[np.float64]
+    relative: Complex
+    absolute: Complex
+    final: Complex
+
+
+def chain_receptance(
+    structure: Structure, chain: Chain, frequency_hz: ArrayLike, *, dampers_carry: bool = False
+) -> ChainReceptance:
+    """Motions of a chain per unit force on its first group, by the published method.
+
+    `dampers_carry` passes the force of a joint's damper on as well, (1 + iη) times the published force.
+
+    Raises
+    ------
+    InputError
+        If neighbours of the chain have no joint, a member is unknown, or a group is forced at a resonance that
+        nothing damps.
+    """
+    frequency = checked_frequencies(frequency_hz)
+    path, branch = chain_links(structure, chain)
+    links = (*path, *branch)
+    answers = np.array([_answer(link, frequency, chain) for link in links]).reshape(len(links), len(frequency))
+    passed_on = np.array([complex(1.0, link.loss_factor if dampers_carry else 0.0) for link in links])[:, None]
+    stiffness = np.array([link.stiffness_n_per_m for link in links])[:, None]
+    relative = np.empty((len(path), len(frequency)), dtype=np.complex128)
+    force = np.ones(len(frequency), dtype=np.complex128)
+    for row in range(len(path)):
+        relative[row] = force * answers[row] / stiffness[row]
+        force = force * answers[row] * passed_on[row]
+    absolute = np.empty(answers.shape, dtype=np.complex128)
+    absolute[: len(path)] = np.cumsum(relative[::-1], axis=0)[::-1]
+    for row in range(len(path), len(links)):
+        carrier = [link.group for link in links].index(links[row].on)
+        absolute[row] = absolute[carrier] * passed_on[row] * answers[row]
+    return ChainReceptance(
+        frequency_hz=frequency,
+        links=links,
+        dynamic_factor=np.abs(answers),
+        lag_rad=np.abs(np.angle(answers)),
+        relative=relative,
+        absolute=absolute,
+        final=absolute[-1] if branch else absolute[0],
+    )
+
+
+def chain_links(structure: Structure, chain: Chain) -> tuple[tuple[Link, ...], tuple[Link, ...]]:
+    """Links of the path, from the source on, and of the branch, outwards from the group that carries it.
+
+    Raises
+    ------
+    InputError
+        If a member is unknown, neighbours have no joint, or not exactly one group of the path carries the branch.
+    """
+    for key, names in (
+        ("path", sum(chain.path, ())),
+        ("branch", sum(chain.branch, ())),
+        ("held", () if chain.held == GROUND else (chain.held,)),
+    ):
+        unknown = [name for name in names if name not in structure.names]
+        if unknown:
+            raise InputError(
+                f"a member {unknown[0]!r}",
+                expected=f"one of {', '.join(structure.names)}",
+                where=f"chains.{chain.name}.{key}",
+                advice="correct the name, or add the member",
+            )
+    onto = (*chain.path[1:], (chain.held,))
+    path = tuple(
+        _link(structure, group, on, f"chains.{chain.name}.path") for group, on in zip(chain.path, onto, strict=True)
+    )
+    if not chain.branch:
+        return path, ()
+    where = f"chains.{chain.name}.branch"
+    carriers = [group for group in chain.path if _joints_between(structure, chain.branch[0], group)]
+    if len(carriers) != 1:
+        raise InputError(
+            f"({', '.join(chain.branch[0])}) joined with "
+            + (" and ".join(f"({', '.join(group)})" for group in carriers) or "no group of the path"),
+            expected="a first group of the branch that is joined with exactly one group of the path",
+            where=where,
+            advice="begin the branch at the member that hangs on the path, or merge the groups that carry it",
+        )
+    onto = (carriers[0], *chain.branch[:-1])
+    return path, tuple(_link(structure, group, on, where) for group, on in zip(chain.branch, onto, strict=True))
+
+
+def chain_structure(structure: Structure, chain: Chain) -> Structure:
+    """The chain alone as a structure to be solved coupled: groups merged, what is held as ground, its links only.
+
+    Members are called as their group's, joined by " + ". Errors: as `chain_links`.
+    """
+    links = sum(chain_links(structure, chain), ())
+    return Structure(
+        members=tuple(Member(merged_name(link.group), link.mass_kg) for link in links),
+        joints=tuple(
+            Joint(
+                (merged_name(link.group), GROUND if link.on == (chain.held,) else merged_name(link.on)),
+                link.stiffness_n_per_m,
+                2.0 * math.pi * link.loss_factor,
+            )
+            for link in links
+        ),
+    )
+
+
+def merged_name(group: Group) -> str:
+    """What a group is called as one member."""
+    return " + ".join(group)
+
+
+def force_sign(chain: Chain, source: Source) -> int:
+    """+1 if the source pushes the chain's first group, −1 if it pushes against it.
+
+    Raises
+    ------
+    InputError
+        If it does neither or both.
+    """
+    pushes, pushed_against = source.member in chain.path[0], source.against in chain.path[0]
+    if pushes == pushed_against:
+        raise InputError(
+            f"{source.name!r}, which acts " + ("within" if pushes else "outside of") + f" ({', '.join(chain.path[0])})",
+            expected="a source that pushes the first group of the path, or pushes against it",
+            where=f"chains.{chain.name}.sources",
+            advice="leave the source out of this chain, or begin the path where it acts",
+        )
+    return 1 if pushes else -1
+
+
+def _answer(link: Link, frequency_hz: NDArray[np.float64], chain: Chain) -> Complex:
+    """μ·e^{−iφ} of a link (V eq. 4, 6)."""
+    beside = 1.0 - (frequency_hz / link.natural_hz) ** 2
+    size = np.hypot(beside, link.loss_factor)
+    resonant = np.flatnonzero(size < UNDAMPED)
+    if len(resonant):
+        raise InputError(
+            f"a force at {frequency_hz[resonant[0]]:.6g} Hz, the natural frequency of ({', '.join(link.group)}) on its "
+            f"joint with ({', '.join(link.on)}), which nothing damps",
+            expected="frequencies off the undamped resonances, or joints that take energy",
+            where=f"chains.{chain.name}",
+            advice="give this joint its dissipation (ψ above 0), or move the frequency",
+        )
+    # φ by arctan2: the published arctan jumps back by π above the resonance
+    return np.asarray(np.exp(-1j * np.arctan2(link.loss_factor, beside)) / size)
+
+
+def _link(structure: Structure, group: Group, on: Group, where: str) -> Link:
+    joints = _joints_between(structure, group, on)
+    if not joints:
+        raise InputError(
+            f"no joint between ({', '.join(group)}) and ({', '.join(on)})",
+            expected="a joint between neighbours of a chain, and between its last group and what is held",
+            where=where,
+            advice="add the joint to the structure, or name the members that lie between",
+        )
+    stiffness = sum(joint.complex_stiffness_n_per_m for joint in joints)
+    return Link(
+        group=group,
+        on=on,
+        mass_kg=sum(structure.members[structure.position(name)].mass_kg for name in group),
+        stiffness_n_per_m=stiffness.real,
+        loss_factor=stiffness.imag / stiffness.real,
+    )
+
+
+def _joints_between(structure: Structure, group: Group, on: Group) -> list[Joint]:
+    return [
+        joint
+        for joint in structure.joints
+        if any(one in group and other in on for one, other in (joint.between, joint.between[::-1]))
+    ]
