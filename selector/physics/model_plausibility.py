@@ -38,13 +38,14 @@ def unlikely_numbers(
     values : mapping
         The file's sections as plain values.
     usual : mapping of str to UsualRange
-        Section and key, as in ``probe.mass_kg`` → what is usual.
+        Section and key, as in ``probe.mass_kg``, or a key of sections that the file names → what is usual.
     unit_of_key : callable
         Key → its unit; "1" for none.
     """
     for path in numbers_in(values, ()):
         names = [part for part in path if isinstance(part, str)]
-        span, value = usual.get(".".join(names[-2:])), float(value_at(values, path))
+        span = usual.get(".".join(names[-2:])) or usual.get(names[-1])
+        value = float(value_at(values, path))
         if span is None or value == 0 or span.low <= abs(value) <= span.high:
             continue
         key, unit = key_text(path), unit_of_key(names[-1]).removeprefix("1")
