@@ -7,16 +7,14 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from selector.errors import InputError
 from selector.physics.gauging.model_length import length_contradictions
 from selector.physics.gauging.model_limits import MOST_STAGES
 from selector.physics.gauging.model_parts import file_parts, part_contradictions
 from selector.physics.gauging.model_schema import KINDS, GaugingFile
-from selector.physics.model_text import (
-    Contradiction,
-    ModelFamily,
-    bound_contradictions,
-    plain_values,
-)
+from selector.physics.gauging.threshold import wear_share
+from selector.physics.model_text import Contradiction, ModelFamily, bound_contradictions, plain_values
+from selector.physics.model_values import refused
 
 
 def read_model_file(path: str | Path) -> GaugingFile:
@@ -45,6 +43,7 @@ def contradictions(file: GaugingFile) -> Iterator[Contradiction]:
     yield from _of_gauge(file)
     yield from part_contradictions(file)
     yield from _of_linear(file)
+    yield from _of_wear(file)
     yield from _of_thresholds(file)
     yield from bound_contradictions(file.bounds)
     yield from length_contradictions(file)
@@ -78,6 +77,15 @@ def _of_linear(file: GaugingFile) -> Iterator[Contradiction]:
             "a gain below 0: the voltage rises while the allowance falls",
             "turn the sign of gain_v_per_um" if gauge.gain_v_per_um > 0 else "give the slope of the gauge",
         )
+
+
+def _of_wear(file: GaugingFile) -> Iterator[Contradiction]:
+    grinding = file_parts(file).grinding
+    since = min(file.run.parts, grinding.dress_every or file.run.parts)
+    try:
+        wear_share(grinding, since - 1)
+    except InputError as error:
+        yield refused(error, ("grinding",), file.grinding)
 
 
 def _of_thresholds(file: GaugingFile) -> Iterator[Contradiction]:

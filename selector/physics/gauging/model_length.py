@@ -8,6 +8,7 @@ from itertools import pairwise
 
 from selector.physics.gauging.model_parts import FileParts, file_parts
 from selector.physics.gauging.model_schema import MOST_SAMPLES, MOST_STEPS, GaugingFile
+from selector.physics.gauging.threshold import removal_rate_um_per_s, wear_share
 from selector.physics.model_text import Contradiction
 
 MOST_RECORDED = 50
@@ -19,9 +20,6 @@ _PER_GROOVE = 8
 _FEWEST, _MOST = 500, 20_000
 """Samples of a part, where the file does not say how often it is looked at."""
 
-_SPREAD = 4.0
-"""Standard deviations of the allowance by which a part may begin higher than the mean one."""
-
 
 def planned_s(parts: FileParts) -> float:
     """How long a freshly dressed wheel needs for a part of mean allowance, with the lags of removal and filter [s]."""
@@ -31,10 +29,10 @@ def planned_s(parts: FileParts) -> float:
 
 def grinding_s(parts: FileParts, allowance_um: float) -> float:
     """The time that feed alone needs from this allowance to the end of the last stage [s]."""
-    stages = parts.grinding.stages
+    stages, wear = parts.grinding.stages, wear_share(parts.grinding)
     ends = (allowance_um, *(stage.until_um for stage in stages))
     return sum(
-        (before - after) / (stage.feed_um_per_s * (1.0 - parts.grinding.wheel_wear))
+        (before - after) / removal_rate_um_per_s(stage.feed_um_per_s, wear)
         for (before, after), stage in zip(pairwise(ends), stages, strict=True)
     )
 

@@ -118,7 +118,11 @@ MISTAKES = {
     "missing key": (LINEAR, ("linear.bias_v", ...), "linear.bias_v", "bias_v"),
     "a number in a text": (LINEAR, ("noise.sd_um", "1 µm"), "noise.sd_um", "number"),
     "not a number": (LINEAR, ("noise.sd_um", math.nan), "noise.sd_um", "finite"),
-    "a share beyond all": (LINEAR, ("grinding.feed_sd", 5.0), "grinding.feed_sd", r"0\.3"),
+    "a share beyond all": (LINEAR, ("grinding.feed_sd", 5.0), "grinding.feed_sd", r"0\.25"),
+    "a wheel that is never dressed": (
+        changed(LINEAR, ("grinding.wheel_wear", 0.2), ("grinding.wear_growth_per_part", 0.05)),
+        ("run.parts", 40), "grinding.wear_growth_per_part", "dressed",
+    ),
 }  # fmt: skip
 
 
