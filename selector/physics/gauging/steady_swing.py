@@ -1,0 +1,207 @@
+"""Which swing lasts while the allowance stays: its stroke, voltage and ripple, and after how many rounds it repeats.
+
+A round is a period of the pull, half of one of the supply. Impacts may repeat only after several rounds, or never.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.physics.gauging import _swing as at
+from selector.physics.gauging._packed import FAR_M, STEPS_PER_ROUND, packed, refusal, round_s
+from selector.physics.gauging.transducer import Transducer
+from selector.physics.gauging.vibrating_contact import GaugeState
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+MOST_ROUNDS_TO_REPEAT = 8
+"""A swing that does not repeat within so many rounds counts as irregular."""
+IRREGULAR_ROUNDS = 400
+"""Rounds over which an irregular swing is averaged."""
+_BLOCK = 24
+_BLOCKS = 16
+_REPEATS = 3e-7
+"""Change from round to round that counts as none, as a share of the free swing."""
+_APART = 1e-4
+"""Rounds that differ by more do not repeat one another."""
+_SAMPLES = 256
+
+
+@dataclass(frozen=True)
+class SteadySwing:
+    """The swing that lasts at one allowance.
+
+    Attributes
+    ----------
+    allowance_um : float
+        [µm].
+    voltage_v, voltage_sd_v : float
+        Mean of the smoothed voltage, and how uncertain it is because the swing is irregular [V].
+    ripple_v : float
+        From the lowest to the highest smoothed voltage [V].
+    stroke_um, highest_um : float
+        Between the turning points over all rounds; the highest of them, from the probe's rest [µm].
+    rounds : int
+        After how many periods of the pull it repeats; 0: never.
+    touches : float
+        Touches in a period of the pull.
+    state : GaugeState
+        At a zero crossing of the supply that rises.
+    """
+
+    allowance_um: float
+    voltage_v: float
+    voltage_sd_v: float
+    ripple_v: float
+    stroke_um: float
+    highest_um: float
+    rounds: int
+    touches: float
+    state: GaugeState
+
+
+class _Rounds(NamedTuple):
+    """A transducer whose filter sums up the rectified voltage over a round."""
+
+    transducer: Transducer
+    p: Vector
+    plane_m: float
+
+    def run(self, state: Vector, count: int) -> Matrix:
+        out = np.empty((count, 7))
+        y = np.array([*state, 0.0])
+        ended = at.rounds(
+            y, self.p, np.array([0, 0, STEPS_PER_ROUND, 0]), np.array([self.p[at.LONGEST] / 8, 0.0, 0.0]),
+            self.plane_m, round_s(self.transducer), out,
+        )  # fmt: skip
+        if ended != at.DONE:
+            raise refusal(ended, self.transducer)
+        return out
+
+    def distance(self, a: Vector, b: Vector) -> float:
+        return float(np.max(np.abs(a[..., :2] - b[..., :2]) / self.p[at.SCALES : at.SCALES + 2]))
+
+
+def steady_swing(
+    transducer: Transducer,
+    allowance_um: float | None,
+    *,
+    start: GaugeState | None = None,
+    relative_tolerance: float = 1e-8,
+) -> SteadySwing:
+    """The swing that lasts, come to from `start`; an allowance of None: a workpiece out of reach.
+
+    Rounds are run until they repeat within 3e-7 of the free swing; Newton's method on the states of a round is tried
+    where that takes long, and kept if the swing it finds is stable.
+
+    Raises
+    ------
+    InputError
+        If the probe reaches a core, or nothing can follow contact or generator.
+    """
+    p = packed(transducer, relative_tolerance)
+    summing = p.copy()
+    summing[at.RATE], summing[at.LEAK] = 1.0 / round_s(transducer), 0.0
+    plane = FAR_M if allowance_um is None else transducer.rest_gap_m - 1e-6 * allowance_um
+    swing = _Rounds(transducer, summing, plane)
+    begin = start or GaugeState()
+    state, repeats = _settled(swing, np.array([min(begin.probe_m, plane), begin.probe_m_per_s, begin.generator_v]))
+    ran = repeats or IRREGULAR_ROUNDS
+    state[at.U] = _settled_voltage(swing, state, ran)
+    out = swing.run(state, ran)
+    shown = min(ran, MOST_ROUNDS_TO_REPEAT)
+    return SteadySwing(
+        allowance_um=math.inf if allowance_um is None else float(allowance_um),
+        voltage_v=float(out[:, at.S].mean()),
+        voltage_sd_v=0.0 if repeats else _sd_of_mean(out[:, at.S]),
+        ripple_v=_ripple(swing, p, state, shown, float(out[:, at.S].mean()), bool(repeats)),
+        stroke_um=1e6 * float(out[:, 4].max() - out[:, 5].min()),
+        highest_um=1e6 * float(out[:, 4].max()),
+        rounds=repeats,
+        touches=float(out[:, 6].mean()),
+        state=GaugeState(float(state[0]), float(state[1]), None, float(state[2]), float(out[:, at.S].mean())),
+    )
+
+
+def _settled(swing: _Rounds, state: Vector) -> tuple[Vector, int]:
+    """A state of the swing that lasts, and after how many rounds it repeats."""
+    tail = np.array([state])
+    for block in range(_BLOCKS):
+        tail = np.concatenate([tail, swing.run(tail[-1], _BLOCK)[:, :3]])[-3 * MOST_ROUNDS_TO_REPEAT :]
+        for count in range(1, MOST_ROUNDS_TO_REPEAT + 1):
+            change = swing.distance(tail[-1], tail[-1 - count])
+            before = swing.distance(tail[-1 - count], tail[-1 - 2 * count])
+            shrinks = min(change / before, 1.0) if before > 0 else 0.0
+            # what is still to come, if it goes on to shrink like that
+            if change < 0.1 * _REPEATS or (shrinks < 1.0 and change * shrinks / (1.0 - shrinks) < _REPEATS):
+                return tail[-1].copy(), count
+            if change < _APART:
+                # fewer rounds will do, once this has shrunk
+                break
+        if block in (1, 4):
+            found = _by_newton(swing, tail[-1])
+            if found is not None:
+                return found, 1
+    return tail[-1].copy(), 0
+
+
+def _by_newton(swing: _Rounds, state: Vector) -> Vector | None:
+    """A state that repeats after a round and that small disturbances fade to, near this one; None if none is found."""
+    scale = swing.p[at.SCALES : at.SCALES + 2]
+    at_present = state.copy()
+    for _ in range(8):
+        end = swing.run(at_present, 1)[0, :3]
+        slope = np.empty((2, 2))
+        for n in range(2):
+            moved = at_present.copy()
+            moved[n] += 1e-5 * scale[n]
+            slope[:, n] = (swing.run(moved, 1)[0, :2] - end[:2]) / scale / 1e-5
+        if swing.distance(end, at_present) < 0.1 * _REPEATS:
+            return end if np.abs(np.linalg.eigvals(slope)).max() < 1.0 - 1e-4 else None
+        if abs(np.linalg.det(slope - np.eye(2))) < 1e-9:
+            return None
+        step = np.linalg.solve(np.eye(2) - slope, (end[:2] - at_present[:2]) / scale)
+        if not np.abs(step).max() < 0.3:
+            return None
+        at_present[:2] += step * scale
+        at_present[2] = end[2]
+    return None
+
+
+def _settled_voltage(swing: _Rounds, state: Vector, rounds: int) -> float:
+    """Voltage of the generator at a state that repeats: what is left of it after the rounds, and what they add."""
+    time_constant = swing.transducer.generator.time_constant_s
+    if time_constant == 0:
+        return 0.0
+    left = math.exp(-rounds * round_s(swing.transducer) / time_constant)
+    added = swing.run(np.array([state[0], state[1], 0.0]), rounds)[-1, at.U]
+    return float(added / (1.0 - left))
+
+
+def _ripple(swing: _Rounds, p: Vector, state: Vector, rounds: int, mean_v: float, repeats: bool) -> float:
+    """Smoothed voltage from its lowest to its highest."""
+    time = np.linspace(0.0, rounds * round_s(swing.transducer), _SAMPLES * rounds + 1)
+    out = np.empty((len(time), 4))
+    knots, plane = np.array([0, len(time) - 1]), np.full(len(time), swing.plane_m)
+    ended, _ = at.course(
+        np.array([*state, 0.0]), p, np.array([0, 0, STEPS_PER_ROUND * rounds, 0]),
+        np.array([p[at.LONGEST] / 8, 0.0, 0.0]), time, plane, knots, out,
+    )  # fmt: skip
+    if ended != at.DONE:
+        raise refusal(ended, swing.transducer)
+    fading = np.exp(-time * p[at.RATE])
+    first = out[-1, at.S] / (1.0 - fading[-1]) if repeats else mean_v
+    course = out[:, at.S] + first * fading
+    return float(course.max() - course.min())
+
+
+def _sd_of_mean(values: Vector) -> float:
+    """Standard error of the mean of a course with memory, by means of batches."""
+    batches = values[: len(values) // 20 * 20].reshape(20, -1).mean(axis=1)
+    return float(batches.std(ddof=1) / math.sqrt(len(batches)))
