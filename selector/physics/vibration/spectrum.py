@@ -49,6 +49,18 @@ class Excitation:
         for values in (self.frequency_hz, self.force_n, self.source, self.line):
             values.setflags(write=False)
 
+    def only(self, rows: Indices) -> Excitation:
+        """The excitation by these rows alone."""
+        return Excitation(
+            self.sources,
+            self.frequency_hz[rows],
+            self.force_n[rows],
+            self.source[rows],
+            self.line[rows],
+            tuple(self.order[row] for row in rows),
+            tuple(self.shaft[row] for row in rows),
+        )
+
 
 def excitation(sources: Sequence[Source], shaft_rpm: Mapping[str, float]) -> Excitation:
     """Lines of all sources while the shafts turn at constant speeds.
