@@ -1,0 +1,290 @@
+"""Figures of vibration show what the results hold, with units, and no name is markup."""
+
+from __future__ import annotations
+
+import json
+import re
+from itertools import pairwise
+
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+
+from selector.figures.chain_accuracy import accuracy_strips, error_of_chains
+from selector.figures.layers import layered_places
+from selector.figures.periodic_errors import ZONES, errors_over_wavelength
+from selector.figures.structure import (
+    AGAINST,
+    BRANCH,
+    HELD,
+    IN_PHASE,
+    MOST_MEMBERS,
+    PATH,
+    can_be_drawn,
+    chain_view,
+    mode_view,
+    structure_diagram,
+)
+from selector.figures.vibration import (
+    MOST_BARS,
+    Answer,
+    line_amplitudes,
+    motion_course,
+    response_over_frequency,
+    source_colours,
+)
+from selector.physics.vibration.chain_error import chain_accuracy
+from selector.physics.vibration.chain_values import Chain
+from selector.physics.vibration.cutting import Cutting
+from selector.physics.vibration.final_motion import final_motions
+from selector.physics.vibration.modes import structure_modes
+from selector.physics.vibration.periodic_error import Surface, periodic_errors
+from selector.physics.vibration.source import Line, Source
+from selector.physics.vibration.spectrum import excitation
+from selector.physics.vibration.structure import GROUND, Joint, Member, Structure
+from selector.physics.vibration.vibration_summary import RELATIVE, LineSummary
+from tests.report.studies import HOSTILE
+from tests.test_figures_thermal import FLOAT32, drawn_values, strings_of
+
+BAD = HOSTILE[0]
+STRUCTURE = Structure(
+    (Member("bed", 900.0), Member(BAD, 200.0), Member("slide", 90.0), Member("tool", 20.0), Member("workpiece", 40.0)),
+    (
+        Joint(("bed", GROUND), 4e8, 0.5),
+        Joint((BAD, "bed"), 1e9, 0.4),
+        Joint(("slide", "bed"), 3e7, 0.6),
+        Joint(("tool", "slide"), 2e8, 0.3),
+        Joint(("workpiece", BAD), 3e8, 0.3),
+    ),
+)
+SOURCES = (
+    Source("IK1", "workpiece", (Line(frequency_hz=160.0, force_n=5.0), Line(frequency_hz=900.0, force_n=2.0)), "tool"),
+    Source(BAD, BAD, (Line(frequency_hz=25.0, force_n=9.0), Line(frequency_hz=3.0, force_n=9.0))),
+)
+CHAINS = (
+    Chain("high 1", "high", ("IK1",), (("workpiece",), (BAD,), ("bed",)), "workpiece"),
+    Chain(BAD, "high", ("IK1",), (("tool",),), "tool", held="slide"),
+    Chain("low", "low", (BAD,), ((BAD, "bed"),), "tool", branch=(("slide",), ("tool",))),
+)
+FINALS = {"tool": "tool", "workpiece": "workpiece"}
+COLOURS = source_colours([source.name for source in SOURCES])
+FREQUENCY_HZ = np.geomspace(2.0, 2000.0, 400)
+CUTTING = Cutting(40.0, 600.0, 0.2, 243.0, 0.9, 0.6, -0.3)
+EXCITATION = excitation(SOURCES, {})
+MOTIONS = final_motions(STRUCTURE, SOURCES, EXCITATION, FINALS)
+
+
+def answers() -> dict[str, list[Answer]]:
+    amplitude = 1.0 / np.abs(1.0 - (FREQUENCY_HZ / 100.0) ** 2 + 0.1j)
+    half = np.where(FREQUENCY_HZ > 60.0, 0.9 * amplitude, np.nan)
+    return {
+        "tool": [
+            Answer("IK1", amplitude, half, np.array([160.0, 900.0, 5000.0])),
+            Answer(BAD, 2 * amplitude, None, np.zeros(0)),
+        ],
+        BAD: [Answer("IK1", amplitude, None, np.array([160.0]))],
+    }
+
+
+def lines(count: int = 3) -> list[LineSummary]:
+    return [
+        LineSummary(
+            100.0 + k, ("IK1", BAD)[k % 2], None, None, 1.0,
+            {"tool": 1.0 + k, "workpiece": 0.5, RELATIVE: 0.5 + k},
+            {"tool": 1.0 + k, "workpiece": 0.5, RELATIVE: 0.5 + k},
+            {"tool": None if k else 0.9, "workpiece": None, RELATIVE: None if k else 0.9},
+        )
+        for k in range(count)
+    ]  # fmt: skip
+
+
+def errors() -> go.Figure:
+    return errors_over_wavelength(periodic_errors(MOTIONS, CUTTING), CUTTING, Surface(), COLOURS, "x")
+
+
+def diagram() -> go.Figure:
+    views = [mode_view(STRUCTURE, BAD, structure_modes(STRUCTURE).shapes[:, 0])]
+    views += [chain_view(STRUCTURE, chain, chain.name) for chain in CHAINS]
+    return structure_diagram(STRUCTURE, SOURCES, views, "x")
+
+
+def accuracy():
+    return chain_accuracy(STRUCTURE, CHAINS, FREQUENCY_HZ, sources=SOURCES, split_hz=60.0)
+
+
+def with_axes() -> list[go.Figure]:
+    time_s = np.linspace(0.0, 0.2, 4000)
+    course = np.sin(300.0 * time_s)
+    return [
+        response_over_frequency(FREQUENCY_HZ, answers(), COLOURS, "x", 60.0),
+        line_amplitudes(lines(), ("tool", RELATIVE), COLOURS, "x"),
+        errors(),
+        motion_course(
+            time_s,
+            {"tool": course, BAD: 2 * course, RELATIVE: -course},
+            {BAD: course},
+            {BAD: 600.0 + time_s},
+            COLOURS,
+            "x",
+        ),
+        accuracy_strips(accuracy(), "x"),
+        error_of_chains(accuracy(), "x"),
+    ]
+
+
+def test_every_axis_of_numbers_has_a_unit():
+    units = r"\[(µm|µm/N|Hz|mm|N|r/min|%|s)\]"
+    for drawn in with_axes():
+        layout = drawn.to_plotly_json()["layout"]
+        titles = [layout[key].get("title", {}).get("text") for key in layout if re.fullmatch(r"[xy]axis\d*", key)]
+        assert [title for title in titles if title]
+        assert not [title for title in titles if title and not re.search(units, title)]
+
+
+def test_names_are_never_markup():
+    own = re.compile(r"</?(?:b|br|extra)>")
+    texts = [
+        own.sub("", text) for drawn in (*with_axes(), diagram()) for text in strings_of(json.loads(drawn.to_json()))
+    ]
+    assert any("&lt;" in text for text in texts)
+    assert not [text for text in texts if "<" in text]
+
+
+def test_members_stand_in_layers_above_what_carries_them():
+    places = layered_places(STRUCTURE.names, [joint.between for joint in STRUCTURE.joints], GROUND)
+    assert places.height == {"bed": 1, BAD: 2, "slide": 2, "tool": 3, "workpiece": 3}
+    # each above its own carrier: no two lines cross
+    first, second = places.layers[1:]
+    carrier = {"tool": "slide", "workpiece": BAD}
+    assert [carrier[name] for name in second] == list(first)
+    for layer in places.layers:
+        across = [places.across[name] for name in layer]
+        assert across == sorted(across)
+        assert min(across) >= 0.0
+        assert max(across) <= 1.0
+
+
+def test_a_ring_of_members_crosses_nothing():
+    names = list("abcdef")
+    ring = [("a", "r"), ("b", "r"), ("c", "b"), ("d", "a"), ("e", "c"), ("f", "d"), ("e", "f")]
+    places = layered_places(names, ring, "r")
+    order = [list(layer) for layer in places.layers]
+    assert order in ([["a", "b"], ["d", "c"], ["f", "e"]], [["b", "a"], ["c", "d"], ["e", "f"]])
+
+
+def test_a_mode_shows_how_far_and_which_way_members_move():
+    shape = np.array([0.1, 0.0, -2.0, 1.0, 0.5], dtype=complex)
+    view = mode_view(STRUCTURE, "mode", shape)
+    assert view.colours["slide"] == IN_PHASE.lower()
+    assert view.colours["tool"] == AGAINST.lower()
+    sizes = [view.sizes[name] for name in STRUCTURE.names]
+    assert np.argsort(sizes).tolist() == np.argsort(np.abs(shape)).tolist()
+
+
+def test_a_chain_shows_its_path_its_branch_and_what_it_holds():
+    first, held, branched = (chain_view(STRUCTURE, chain, chain.name) for chain in CHAINS)
+    assert first.joints == {0, 1, 4}
+    assert set(first.colours.values()) == {PATH}
+    assert held.colours == {"tool": PATH, "slide": HELD}
+    assert held.joints == {3}
+    assert branched.colours == {BAD: PATH, "bed": PATH, "slide": BRANCH, "tool": BRANCH}
+    # the joint inside of the merged group, its foot, and the two of the branch
+    assert branched.joints == {0, 1, 2, 3}
+
+
+def test_the_menu_of_a_structure_changes_what_is_marked():
+    drawn = diagram()
+    (menu,) = drawn.layout.updatemenus
+    assert len(menu.buttons) == 1 + len(CHAINS)
+    change, traces = menu.buttons[2].args
+    assert traces == (0, len(drawn.data) - 1)
+    colours = dict(zip(STRUCTURE.names, change["marker.color"][1], strict=True))
+    assert colours["slide"] == HELD
+    assert len(change["x"][1]) == len(STRUCTURE.names)
+    told = [note.text for note in drawn.layout.annotations]
+    assert any(text.startswith("workpiece<br><b>IK1") for text in told)
+    assert any("−IK1" in text for text in told)
+
+
+def test_what_would_not_be_readable_is_not_drawn():
+    def on_the_ground(count):
+        members = tuple(Member(f"m{k}", 1.0) for k in range(count))
+        return Structure(members, tuple(Joint((one.name, GROUND), 1e6) for one in members))
+
+    assert can_be_drawn(STRUCTURE)
+    assert not can_be_drawn(on_the_ground(9))
+    assert not can_be_drawn(on_the_ground(MOST_MEMBERS + 1))
+
+
+def test_lines_stand_on_the_answer_and_the_split_is_marked():
+    drawn = response_over_frequency(FREQUENCY_HZ, answers(), COLOURS, "x", 60.0)
+    content = json.loads(drawn.to_json())["data"]
+    marks = next(trace for trace in content if trace.get("mode") == "markers")
+    at = drawn_values(marks["x"])
+    # 5000 Hz is off the picture
+    assert at.tolist() == pytest.approx([160.0, 900.0], rel=FLOAT32)
+    expected = 1.0 / np.abs(1.0 - (at / 100.0) ** 2 + 0.1j)
+    # interpolated between frequencies 1.7 % apart, second order: below 0.1 %
+    np.testing.assert_allclose(drawn_values(marks["y"]), expected, rtol=1e-3)
+    assert [shape.x0 for shape in drawn.layout.shapes] == [60.0, 60.0]
+
+
+def test_the_largest_lines_are_bars_with_both_methods():
+    drawn = line_amplitudes(lines(MOST_BARS + 4), ("tool", RELATIVE), COLOURS, "x")
+    rows = drawn.layout.yaxis.ticktext
+    assert len(rows) == MOST_BARS
+    assert rows[0].endswith(f", {103 + MOST_BARS}.0 Hz")
+    bars = [trace for trace in drawn.data if trace.type == "bar"]
+    assert sum(len(trace.x) for trace in bars if trace.xaxis in (None, "x")) == MOST_BARS
+    assert max(max(trace.x) for trace in bars) == MOST_BARS + 4.0
+
+
+def test_errors_lie_in_the_zone_of_their_kind():
+    found = periodic_errors(MOTIONS, CUTTING)
+    drawn = errors()
+    kind_of = {colour: kind for kind, colour in ZONES.items()}
+    zones = {
+        (kind_of[shape.fillcolor], shape.xref): (shape.x0, shape.x1) for shape in drawn.layout.shapes if shape.fillcolor
+    }
+    assert {one.direction for one in found} == {"cut", "feed"}
+    for one in found:
+        low, high = zones[one.kind, "x" if one.direction == "cut" else "x2"]
+        assert low <= one.wavelength_mm <= high
+    drawn_mm = sorted({x for trace in drawn.data if trace.mode == "markers" for x in trace.x if x is not None})
+    assert drawn_mm == sorted(one.wavelength_mm for one in found)
+
+
+def test_strips_cover_the_range_of_a_chain_in_the_colour_of_its_error():
+    drawn = accuracy_strips(accuracy(), "x")
+    for row, one in enumerate(accuracy()):
+        parts = []
+        for level, trace in enumerate(drawn.data):
+            points = list(zip(trace.x, trace.y, strict=True))
+            spans = [
+                (a[0], b[0]) for a, b, _ in zip(points[::3], points[1::3], points[2::3], strict=True) if a[1] == row
+            ]
+            parts += [(start, stop, level) for start, stop in spans]
+        parts.sort()
+        assert (parts[0][0], parts[-1][1]) == (one.frequency_hz[0], one.frequency_hz[-1])
+        assert all(a[1] == b[0] for a, b in pairwise(parts))
+        for frequency, error in zip(one.frequency_hz, one.published.error, strict=True):
+            levels = {level for start, stop, level in parts if start <= frequency <= stop}
+            assert int(np.digitize(error, (0.1, 0.3, 1.0), right=True)) in levels
+
+
+def test_the_error_of_a_chain_keeps_its_peak():
+    ones = accuracy()
+    drawn = error_of_chains(ones, "x")
+    assert max(drawn.data[0].y) == pytest.approx(min(100.0 * ones[0].published.error.max(), 1e4), rel=1e-3)
+    (menu,) = drawn.layout.updatemenus
+    assert len(menu.buttons) == len(ones)
+
+
+def test_speeds_that_do_not_change_are_not_drawn():
+    time_s = np.linspace(0.0, 1.0, 500)
+    still = {"spindle": np.full(500, 600.0)}
+    titles = []
+    for speeds in (still, {"spindle": 600.0 + time_s}):
+        layout = motion_course(time_s, {RELATIVE: time_s}, {}, speeds, {}, "x").to_plotly_json()["layout"]
+        titles.append([layout[key]["title"]["text"] for key in layout if key.startswith("yaxis")])
+    assert titles == [["tool – workpiece [µm]"], ["speed [r/min]", "tool – workpiece [µm]"]]
