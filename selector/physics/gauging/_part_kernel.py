@@ -1,0 +1,288 @@
+"""How one part is ground until the relay stops it, step by step (compiled).
+
+Between two events (sample of the relay, edge of a groove, change of feed) the allowance falls by its closed form, the
+noise and its part in the filter are drawn from their joint distribution, and the rest of what the filter is fed runs
+straight from one end to the other. Where the voltage reaches the threshold is the root of the cubic that has its
+values and rates at both ends.
+"""
+
+# ruff: noqa: NPY002  (compiled, the legacy calls draw from a generator of the thread that is seeded for every part)
+# mypy: disable-error-code="no-untyped-def, untyped-decorator, no-untyped-call"
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+
+# columns of the record
+ALLOWANCE, SEEN, VOLTAGE, FEED, STAGE = range(5)
+COLUMNS = 5
+# what became of a part
+STOPPED, AT_ONCE, NEVER = 0, 1, 2
+LEAST_FEED = 0.1
+"""A part is fed at no less than this share of the mean feed."""
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+
+# not kept on disk one by one: what is kept is the loop with all that it calls, all of them in this file
+compiled = njit(nogil=True, error_model="numpy")
+
+
+class Plan(NamedTuple):
+    """Numbers of a gauged grinding as the loop wants them; units of the values that they are from."""
+
+    feed: Vector
+    threshold: Vector
+    limit_um: Vector
+    table_v: Vector
+    table_from: float
+    table_step: float
+    gain: float
+    bias: float
+    sign: float
+    filter_s: float
+    allowance: float
+    allowance_sd: float
+    feed_sd: float
+    lag_s: float
+    wheel_wear: float
+    wear_growth: float
+    dress_every: int
+    probe_wear: float
+    per_s: float
+    grooves: int
+    share: float
+    depth: float
+    runout: float
+    noise_sd: float
+    noise_rate: float
+    delay_s: float
+    relay_noise: float
+    period_s: float
+    steps: int
+    patience_s: float
+
+
+@compiled
+def _voltage(plan, seen):
+    n = len(plan.table_v) - 1
+    if n < 0:
+        return plan.bias + plan.gain * seen
+    at = (seen - plan.table_from) / plan.table_step
+    if at <= 0.0:
+        return plan.table_v[0]
+    if at >= n:
+        return plan.table_v[n]
+    i = int(at)
+    return plan.table_v[i] + (at - i) * (plan.table_v[i + 1] - plan.table_v[i])
+
+
+@compiled
+def _slope(plan, seen):
+    n = len(plan.table_v) - 1
+    if n < 0:
+        return plan.gain
+    at = (seen - plan.table_from) / plan.table_step
+    if at < 0.0 or at >= n:
+        return 0.0
+    i = int(at)
+    return (plan.table_v[i + 1] - plan.table_v[i]) / plan.table_step
+
+
+@compiled
+def _weights(plan, h):
+    """Of a step of length h: filter, ends of a straight input, noise with its ends in the filter, lag.
+
+    With G the noise through the filter from 0 over the step, G = from_f·f(0) + to_f·f(h) + own·ξ exactly.
+    """
+    k, beta, sd = 1.0 / plan.filter_s, plan.noise_rate, plan.noise_sd
+    z = k * h
+    keep = math.exp(-z)
+    late = 1.0 + math.expm1(-z) / z if z > 1e-5 else 0.5 * z
+    early = -math.expm1(-z) - late
+    slower = math.exp(-h / plan.lag_s) if plan.lag_s > 0.0 else 0.0
+    if sd == 0.0:
+        return keep, early, late, 1.0, 0.0, 0.0, 0.0, 0.0, slower
+    rho = math.exp(-beta * h)
+    spread2 = -math.expm1(-2.0 * beta * h)
+    square, cross = 0.0, 0.0
+    for j in range(len(_NODES)):
+        u = 0.5 * h * (1.0 + _NODES[j])
+        w = 0.5 * h * _WEIGHTS[j]
+        g = _through(k, beta, u)
+        square += w * g * g
+        cross += w * g * math.exp(-beta * u)
+    to_f = 2.0 * beta * cross / spread2
+    own2 = 2.0 * beta * square - to_f * to_f * spread2
+    from_f = _through(k, beta, h) - to_f * rho
+    return (
+        keep, early, late, rho, sd * math.sqrt(spread2), from_f - early, to_f - late, sd * math.sqrt(max(own2, 0.0)),
+        slower,
+    )  # fmt: skip
+
+
+@compiled
+def _through(k, beta, u):
+    """exp(−β·τ) through the filter of rate k, from 0, at time u."""
+    z = abs(k - beta) * u
+    ratio = -math.expm1(-z) / z if z > 1e-9 else 1.0
+    return k * u * math.exp(-min(k, beta) * u) * ratio
+
+
+@compiled
+def _fallen(plan, x, r, a, h, slower):
+    """Allowance and removal after h at the rate a."""
+    if plan.lag_s > 0.0:
+        return x - a * h - (r - a) * plan.lag_s * (1.0 - slower), a + (r - a) * slower
+    return x - a * h, a
+
+
+@compiled
+def _cubic(u0, u1, d0, d1, s):
+    """The cubic with values u and rates d (per step) at both ends, at 0 ≤ s ≤ 1."""
+    r = 1.0 - s
+    return u0 * (1.0 + 2.0 * s) * r * r + d0 * s * r * r + u1 * s * s * (3.0 - 2.0 * s) - d1 * s * s * r
+
+
+@compiled
+def _crossing(u0, u1, d0, d1):
+    """Where within a step the voltage, u below its threshold at the start, first reaches it; −1: nowhere."""
+    high = 1.0
+    if u1 < 0.0:
+        if d0 <= 0.0 or d1 >= 0.0 or (3.0 * u0 + d0 < 0.0 and 3.0 * u1 - d1 < 0.0):
+            return -1.0
+        # its highest place, where the rate 3·p·s² + 2·q·s + d0 changes from rising to falling
+        p, q = 2.0 * (u0 - u1) + d0 + d1, 3.0 * (u1 - u0) - 2.0 * d0 - d1
+        high = -d0 / (q - math.sqrt(max(q * q - 3.0 * p * d0, 0.0)))
+        if not 0.0 < high < 1.0 or _cubic(u0, u1, d0, d1, high) < 0.0:
+            return -1.0
+    low = 0.0
+    for _ in range(48):
+        middle = 0.5 * (low + high)
+        if _cubic(u0, u1, d0, d1, middle) < 0.0:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+@compiled
+def _part(plan, number, seed, ends, record):
+    """Grinds one part; fills the ends of its stages [s] and the record; returns size, duration and its state."""
+    np.random.seed(seed)
+    scale = max(1.0 + plan.feed_sd * np.random.standard_normal(), LEAST_FEED)
+    x = plan.allowance + plan.allowance_sd * np.random.standard_normal()
+    turn = np.random.random()
+    f = plan.noise_sd * np.random.standard_normal()
+    passed = 1.0 / (1.0 + plan.noise_rate * plan.filter_s)
+    smoothed = passed * f + plan.noise_sd * math.sqrt(passed - passed * passed) * np.random.standard_normal()
+    since = number % plan.dress_every if plan.dress_every > 0 else number
+    removed = scale / (1.0 + plan.wheel_wear * (1.0 + plan.wear_growth) ** since)
+    worn = plan.probe_wear * number
+    mean = x - worn - (plan.depth * plan.share if plan.grooves > 0 else 0.0)
+    y = _voltage(plan, mean) + _slope(plan, mean) * smoothed
+    # next edge of a groove
+    inside, edge, pitch = False, math.inf, math.inf
+    if plan.grooves > 0:
+        pitch = 1.0 / (plan.grooves * plan.per_s)
+        within = plan.grooves * turn - math.floor(plan.grooves * turn)
+        inside = within < plan.share
+        edge = ((plan.share if inside else 1.0) - within) * pitch
+    stages = len(plan.feed)
+    stage, a, r = 0, plan.feed[0] * removed, 0.0
+    begun, limit = 0.0, 2.0 * max(x - plan.limit_um[0], 0.0) / a + plan.patience_s
+    waiting, switch, state = False, math.inf, STOPPED
+    size, duration = x, 0.0
+    h = plan.period_s / plan.steps
+    whole = _weights(plan, h)
+    rows = len(record)
+    i, t = 0, 0.0
+    while True:
+        extra = plan.relay_noise * np.random.standard_normal() if plan.relay_noise > 0.0 and stage < stages else 0.0
+        if i < rows:
+            seen = x + f - worn + plan.runout * math.sin(2 * math.pi * (turn + plan.per_s * t))
+            record[i, ALLOWANCE], record[i, SEEN] = x, seen - (plan.depth if inside else 0.0)
+            record[i, VOLTAGE], record[i, STAGE] = y, stage
+            record[i, FEED] = plan.feed[stage] * scale if stage < stages else 0.0
+        if stage == stages and i >= rows - 1:
+            return size, duration, state
+        for j in range(plan.steps):
+            end = (i * plan.steps + j + 1) * h
+            while t < end:
+                # events that are due
+                if edge <= t:
+                    inside = not inside
+                    edge += (plan.share if inside else 1.0 - plan.share) * pitch
+                    continue
+                if stage < stages and not waiting:
+                    if plan.sign * (y + extra - plan.threshold[stage]) >= 0.0:
+                        if t == begun:
+                            state = AT_ONCE
+                        waiting, switch = True, t + plan.delay_s
+                    elif t - begun > limit:
+                        return x, t, NEVER
+                if switch <= t:
+                    ends[stage] = t
+                    stage, begun, waiting, switch = stage + 1, t, False, math.inf
+                    if stage == stages:
+                        size, duration, a = x - plan.lag_s * r if plan.lag_s > 0.0 else x, t, 0.0
+                        if rows == 0:
+                            return size, duration, state
+                    else:
+                        a = plan.feed[stage] * removed
+                        limit = 2.0 * max(x - plan.limit_um[stage], 0.0) / a + plan.patience_s
+                    continue
+                to = min(end, edge, switch)
+                hs = to - t
+                weights = whole if hs == h or abs(hs - h) < 1e-9 * h else _weights(plan, hs)
+                keep, early, late, rho, spread, from_f, to_f, own, slower = weights
+                groove = plan.depth if inside else 0.0
+                seen = x + f - worn + plan.runout * math.sin(2 * math.pi * (turn + plan.per_s * t)) - groove
+                v0, slope = _voltage(plan, seen), _slope(plan, seen)
+                f1 = f
+                bridge = 0.0
+                if plan.noise_sd > 0.0:
+                    f1 = rho * f + spread * np.random.standard_normal()
+                    bridge = slope * (from_f * f + to_f * f1 + own * np.random.standard_normal())
+                x1, r1 = _fallen(plan, x, r, a, hs, slower)
+                besides = f1 - worn + plan.runout * math.sin(2 * math.pi * (turn + plan.per_s * to)) - groove
+                v1 = _voltage(plan, x1 + besides)
+                y1 = keep * y + early * v0 + late * v1 + bridge
+                if stage < stages and not waiting:
+                    u0 = plan.sign * (y + extra - plan.threshold[stage])
+                    u1 = plan.sign * (y1 + extra - plan.threshold[stage])
+                    d0, d1 = plan.sign * (v0 - y) * hs / plan.filter_s, plan.sign * (v1 - y1) * hs / plan.filter_s
+                    at = _crossing(u0, u1, d0, d1)
+                    if at >= 0.0:
+                        waiting, switch = True, t + at * hs + plan.delay_s
+                        if switch < to:
+                            slower = math.exp((t - switch) / plan.lag_s) if plan.lag_s > 0.0 else 0.0
+                            x1, r1 = _fallen(plan, x, r, a, switch - t, slower)
+                            ends[stage] = switch
+                            stage, begun, waiting = stage + 1, to, False
+                            if stage == stages:
+                                size = x1 - plan.lag_s * r1 if plan.lag_s > 0.0 else x1
+                                duration, a = switch, 0.0
+                                if rows == 0:
+                                    return size, duration, state
+                            else:
+                                a = plan.feed[stage] * removed
+                                limit = 2.0 * max(x1 - plan.limit_um[stage], 0.0) / a + plan.patience_s
+                            slower = math.exp((switch - to) / plan.lag_s) if plan.lag_s > 0.0 else 0.0
+                            x1, r1 = _fallen(plan, x1, r1, a, to - switch, slower)
+                            switch = math.inf
+                            y1 += late * (_voltage(plan, x1 + besides) - v1)
+                x, r, f, y, t = x1, r1, f1, y1, to
+        i += 1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def grind(plan, numbers, seeds, size, duration, ends, state, record):
+    """Grinds the parts of these numbers one after the other; `record` has rows for the first of them, or none."""
+    for k in range(len(numbers)):
+        size[k], duration[k], state[k] = _part(plan, numbers[k], seeds[k], ends[k], record)
