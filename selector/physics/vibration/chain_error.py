@@ -143,25 +143,25 @@ def two_member_ratio(
     mass, frequency, forcing = (
         np.asarray(ratio, dtype=np.float64) for ratio in (mass_ratio, frequency_ratio, forcing_ratio)
     )
-    for name, ratio, least in (
-        ("mass_ratio", mass, 0),
-        ("frequency_ratio", frequency, 0),
-        ("forcing_ratio", forcing, -1),
+    for name, ratio, allowed in (
+        ("mass_ratio", mass, mass > 0.0),
+        ("frequency_ratio", frequency, frequency > 0.0),
+        ("forcing_ratio", forcing, forcing >= 0.0),
     ):
-        if not (np.isfinite(ratio) & (ratio > least)).all():
+        if not (np.isfinite(ratio) & allowed).all():
             raise InputError(
-                "a ratio that is not above 0",
-                expected="masses and frequencies above 0",
+                "a ratio of masses or frequencies that cannot be",
+                expected="numbers above 0; 0 is allowed for forcing at rest",
                 where=name,
                 advice="correct the ratios",
             )
     # in units of m1 = j1 = p1 = 1
-    loss_1, loss_2 = (psi / (2.0 * math.pi) for psi in dissipation)
-    first, compliance = complex(1.0, loss_1), mass * frequency**2
-    second = complex(1.0, loss_2) / compliance
+    first, on_rest = (np.complex128(complex(1.0, psi / (2.0 * math.pi))) for psi in dissipation)
+    compliance = mass * frequency**2
+    second = on_rest / compliance
     with np.errstate(divide="ignore", invalid="ignore"):
-        answer_1, answer_2 = 1.0 / (first - forcing**2), 1.0 / (complex(1.0, loss_2) - (forcing * frequency) ** 2)
-        carried = first if dampers_carry else 1.0
+        answer_1, answer_2 = 1.0 / (first - forcing**2), 1.0 / (on_rest - (forcing * frequency) ** 2)
+        carried = first if dampers_carry else np.complex128(1.0)
         on_ground = first + second - forcing**2 / mass
         both = (first - forcing**2) * on_ground - first**2
         if kind == "first":

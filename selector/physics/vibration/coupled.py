@@ -203,7 +203,9 @@ def _solved(structure: Structure, frequency_hz: Vector, force_n: Complex) -> Com
         part = slice(begin, begin + at_once)
         dynamic = np.repeat(scaled[None], len(frequency_hz[part]), axis=0)
         dynamic[:, diagonal, diagonal] -= (2.0 * math.pi * frequency_hz[part, None]) ** 2
-        motion[part] = np.linalg.solve(dynamic, force_n[part] / root[:, None]) / root[:, None]
+        # too large numbers are told below
+        with np.errstate(over="ignore", invalid="ignore"):
+            motion[part] = np.linalg.solve(dynamic, force_n[part] / root[:, None]) / root[:, None]
     if not np.isfinite(motion).all():
         raise InputError(
             "a motion beyond all numbers",
