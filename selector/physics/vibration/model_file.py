@@ -20,7 +20,7 @@ from selector.physics.model_text import (
 )
 from selector.physics.model_values import refused
 from selector.physics.vibration.chain import chain_links, force_sign
-from selector.physics.vibration.model_parts import chain_of, file_structure, shaft_corners, source_of, speed_range
+from selector.physics.vibration.model_parts import chain_of, file_shafts, file_structure, own_course, source_of
 from selector.physics.vibration.model_schema import (
     KINDS,
     MOST_LINES,
@@ -109,7 +109,7 @@ def _of_shafts(file: VibrationFile) -> Iterator[Contradiction]:
             if times[0] != 0.0 or any(b <= a for a, b in pairwise(times)):
                 found, expected = f"corners at {times[:6]} s", "times that begin with 0 and increase"
                 yield (*key, "rpm"), found, expected, "begin with [0, …] and sort the corners; one speed a time"
-            elif speed_range(shaft.rpm, file.run.duration_s)[1] == 0:
+            elif own_course(shaft).range_rpm(0.0, file.run.duration_s)[1] == 0:
                 yield (*key, "rpm"), "a shaft that stands", "a speed above 0", "leave the shaft and its lines out"
         elif shaft.rpm == 0:
             yield (*key, "rpm"), "a shaft that stands", "a speed above 0", "leave the shaft and its lines out"
@@ -127,7 +127,7 @@ def _follows_itself(name: str, shafts: Mapping[str, ShaftSection]) -> bool:
 
 def _of_sources(file: VibrationFile) -> Iterator[Contradiction]:
     known, lines = list(file.members), 0
-    corners = shaft_corners(file)
+    courses = file_shafts(file)
     for name, source in file.sources.items():
         key: Key = ("sources", name)
         if source.member not in known:
@@ -141,7 +141,7 @@ def _of_sources(file: VibrationFile) -> Iterator[Contradiction]:
             made = partial(Line, line.frequency_hz, line.order, line.force_n, line.unbalance_kg_m)
             yield from _tried(made, (*key, "lines", number), line)
         yield from _tried(partial(source_of, name, source), key, source)
-        fastest = speed_range(corners[source.shaft], file.run.duration_s)[1] if source.shaft else 0.0
+        fastest = courses[source.shaft].range_rpm(0.0, file.run.duration_s)[1] if source.shaft else 0.0
         for number, line in enumerate(source.lines):
             yield from _too_fast(file, (*key, "lines", number), line.frequency_hz, line.order, fastest)
         lines += len(source.lines)

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import pairwise
+
+import numpy as np
 
 from selector.physics.vibration.chain_values import Chain
 from selector.physics.vibration.cutting import Cutting
-from selector.physics.vibration.model_schema import ChainSection, SourceSection, VibrationFile
+from selector.physics.vibration.model_schema import ChainSection, ShaftSection, SourceSection, VibrationFile
+from selector.physics.vibration.shaft_course import ShaftCourse
 from selector.physics.vibration.source import Line, Source
 from selector.physics.vibration.structure import Joint, Member, Structure
-
-Corners = tuple[tuple[float, float], ...]
-"""Course of a shaft, straight between corners (time [s], speed [r/min]); level before the first and after the last."""
 
 
 def file_structure(file: VibrationFile) -> Structure:
@@ -47,53 +46,49 @@ def file_chains(file: VibrationFile) -> tuple[Chain, ...]:
     return tuple(chain_of(section) for section in file.chains)
 
 
-def shaft_corners(file: VibrationFile) -> Mapping[str, Corners]:
-    """Shaft → its course; those that follow another one have that one's, times the ratio."""
-    found: dict[str, Corners] = {}
-    for name in file.shafts:
-        ratio, at = 1.0, file.shafts[name]
-        while at.of is not None:
-            ratio, at = ratio * (1.0 if at.ratio is None else at.ratio), file.shafts[at.of]
-        corners = at.rpm if isinstance(at.rpm, tuple) else ((0.0, at.rpm or 0.0),)
-        found[name] = tuple((time_s, ratio * rpm) for time_s, rpm in corners)
-    return found
+def file_shafts(file: VibrationFile, replaced: Mapping[str, ShaftCourse] | None = None) -> dict[str, ShaftCourse]:
+    """Shaft → its course, or what replaces it; one that follows another has that one's course times the ratio."""
+
+    def course(name: str) -> ShaftCourse:
+        shaft = file.shafts[name]
+        if replaced is not None and name in replaced:
+            return replaced[name]
+        if shaft.of is None:
+            return own_course(shaft)
+        return scaled_course(course(shaft.of), 1.0 if shaft.ratio is None else shaft.ratio)
+
+    return {name: course(name) for name in file.shafts}
 
 
-def mean_rpm(corners: Corners, duration_s: float) -> float:
-    """Mean speed of a course from 0 to `duration_s` [r/min]."""
-    times = [0.0, *(time_s for time_s, _ in corners if 0.0 < time_s < duration_s), duration_s]
-    speeds = [rpm_at(corners, time_s) for time_s in times]
-    areas = [
-        (b - a) * (one + other) / 2.0 for (a, b), (one, other) in zip(pairwise(times), pairwise(speeds), strict=True)
-    ]
-    return sum(areas) / duration_s
+def own_course(shaft: ShaftSection) -> ShaftCourse:
+    """The course of a shaft with a speed of its own."""
+    if isinstance(shaft.rpm, tuple):
+        time_s, rpm = np.array(shaft.rpm).T
+        return ShaftCourse(time_s, rpm)
+    return ShaftCourse(np.zeros(1), np.array([shaft.rpm or 0.0]))
 
 
-def speed_range(corners: Corners, duration_s: float) -> tuple[float, float]:
-    """Lowest and highest speed of a course from 0 to `duration_s` [r/min]."""
-    inside = [rpm for time_s, rpm in corners if 0.0 < time_s < duration_s]
-    speeds = [rpm_at(corners, 0.0), *inside, rpm_at(corners, duration_s)]
-    return min(speeds), max(speeds)
+def scaled_course(course: ShaftCourse, ratio: float) -> ShaftCourse:
+    """The course of what turns `ratio` times as fast."""
+    return course if ratio == 1.0 else ShaftCourse(course.time_s, ratio * course.rpm)
 
 
-def rpm_at(corners: Corners, time_s: float) -> float:
-    """Speed of a course at a time [r/min]."""
-    if time_s <= corners[0][0]:
-        return corners[0][1]
-    for (a, one), (b, other) in pairwise(corners):
-        if time_s <= b:
-            return one + (other - one) * (time_s - a) / (b - a)
-    return corners[-1][1]
+def mean_rpm(course: ShaftCourse, from_s: float, to_s: float) -> float:
+    """Mean speed of a course from one time to another [r/min]."""
+    if course.is_level:
+        return float(course.rpm[0])
+    first, last = course.turns_at(np.array([from_s, to_s]))
+    return float(60.0 * (last - first) / (to_s - from_s))
 
 
-def file_cutting(file: VibrationFile) -> Cutting | None:
-    """The cut, at the mean speed of its shaft; None without ``[cutting]``."""
+def file_cutting(file: VibrationFile, workpiece_rpm: float) -> Cutting | None:
+    """The cut at this speed of its shaft [r/min]; None without ``[cutting]``."""
     cut = file.cutting
     if cut is None:
         return None
     return Cutting(
         diameter_mm=cut.diameter_mm,
-        workpiece_rpm=mean_rpm(shaft_corners(file)[cut.shaft], file.run.duration_s),
+        workpiece_rpm=workpiece_rpm,
         feed_mm_per_rev=cut.feed_mm_per_rev,
         force_coefficient=cut.force_coefficient,
         depth_exponent=cut.depth_exponent,

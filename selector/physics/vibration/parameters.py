@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from selector.physics.model_parameters import Parameter, bad_bounds, put_at, require_settable
 from selector.physics.model_text import Key
 from selector.physics.vibration.model_file import checked_model_file, plain_values
-from selector.physics.vibration.model_parts import Corners, shaft_corners, speed_range
+from selector.physics.vibration.model_parts import file_shafts
 from selector.physics.vibration.model_schema import LineSection, VibrationFile
+from selector.physics.vibration.shaft_course import ShaftCourse
 
 _TIMES = 10.0
 _SMALLEST = 1e-3
@@ -20,7 +21,7 @@ _SMALLEST = 1e-3
 _MOST_DISSIPATION = 2.0
 """No joint of a machine takes more of the energy in a cycle; rubber takes as much."""
 
-_UNITS = {
+UNITS = {
     "mass_kg": "kg",
     "stiffness_n_per_m": "N/m",
     "dissipation": "1",
@@ -28,6 +29,7 @@ _UNITS = {
     "unbalance_kg_m": "kg·m",
     "phase_rad": "rad",
 }
+"""Key of a parameter → its unit."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ def parameters(file: VibrationFile) -> dict[str, Parameter]:
         low, high = file.bounds.get(name, (min(number.low, number.value), max(number.high, number.value)))
         if not low <= number.value <= high:
             raise bad_bounds(name, f"[{low:g}, {high:g}]", f"limits around the value, {number.value:g}")
-        found[name] = Parameter(number.value, low, high, _UNITS[str(number.path[-1])])
+        found[name] = Parameter(number.value, low, high, UNITS[str(number.path[-1])])
     for name in file.bounds:
         if name not in found:
             raise bad_bounds(name, "no parameter of this name", "one of " + ", ".join(list(found)[:12]) + ", …")
@@ -94,9 +96,9 @@ def _numbers(file: VibrationFile) -> Iterator[_Number]:
         yield _around(("joints", number, "stiffness_n_per_m"), joint.stiffness_n_per_m)
         most = max(_MOST_DISSIPATION, _TIMES * joint.dissipation)
         yield _Number(("joints", number, "dissipation"), joint.dissipation, 0.0, most)
-    corners = shaft_corners(file)
+    courses = file_shafts(file)
     for name, source in file.sources.items():
-        course = corners[source.shaft] if source.shaft is not None else None
+        course = courses[source.shaft] if source.shaft is not None else None
         for number, line in enumerate(source.lines):
             yield from _of_line(("sources", name, "lines", number), line, course, file.run.duration_s)
 
@@ -105,10 +107,10 @@ def _around(path: Key, value: float) -> _Number:
     return _Number(path, value, value / _TIMES, value * _TIMES)
 
 
-def _of_line(path: Key, line: LineSection, course: Corners | None, duration_s: float) -> Iterator[_Number]:
+def _of_line(path: Key, line: LineSection, course: ShaftCourse | None, duration_s: float) -> Iterator[_Number]:
     frequency = line.frequency_hz
     if frequency is None and course is not None:
-        frequency = (line.order or 0.0) * speed_range(course, duration_s)[1] / 60.0
+        frequency = (line.order or 0.0) * course.range_rpm(0.0, duration_s)[1] / 60.0
     square = (2.0 * math.pi * (frequency or 0.0)) ** 2
     for key, value, instead in (
         ("force_n", line.force_n, line.unbalance_kg_m * square),

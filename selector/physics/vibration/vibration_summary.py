@@ -4,16 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from selector.findings import Finding
-    from selector.physics.vibration.chain_error import ChainAccuracy
-    from selector.physics.vibration.modes import StructureModes
-    from selector.physics.vibration.periodic_error import KindHeight, PeriodicError
+import numpy as np
+from numpy.typing import NDArray
 
-RELATIVE = "tool_workpiece"
-"""Motion of the tool against the workpiece, as a name beside "tool" and "workpiece"."""
+from selector.errors import InputError
+from selector.findings import Finding
+from selector.physics.vibration.chain_error import ChainAccuracy, chain_accuracy
+from selector.physics.vibration.final_motion import FinalMotions
+from selector.physics.vibration.model_findings import chain_findings, height_findings, model_findings
+from selector.physics.vibration.modes import StructureModes, structure_modes
+from selector.physics.vibration.periodic_error import KindHeight, PeriodicError, kind_heights, periodic_errors
+from selector.physics.vibration.realisations import mean_square, realisation_amounts, section_times, source_motion
+from selector.physics.vibration.spectrum import Excitation, excitation
+from selector.physics.vibration.vibration_model import FINALS, RELATIVE, VibrationModel, VibrationSimulation
+
+Complex = NDArray[np.complex128]
+
+_UM = 1e6
+_JUDGED = 2_000
+"""Frequencies at which every chain is judged, as many a decade everywhere."""
+_LOWEST_JUDGED_HZ = 1.0
+_BEYOND = 2.0
+"""Times the highest line, or the frequency at which the high chains begin: so far chains are judged."""
 
 
 @dataclass(frozen=True)
@@ -113,3 +126,140 @@ class VibrationSummary:
     split_hz: float | None = None
     shaft_rpm: Mapping[str, float] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
+
+
+def vibration_summary(model: VibrationModel, simulation: VibrationSimulation) -> VibrationSummary:
+    """The summary of a simulation of this model: of the lines at its mean speeds, by both methods.
+
+    Raises
+    ------
+    InputError
+        A mode or a frequency that is beyond what numbers hold.
+    """
+    modes = structure_modes(model.structure)
+    coupled, chains = simulation.motions["coupled"], simulation.motions.get("chains")
+    motions = simulation.motions[model.file.run.method]
+    findings = list(model_findings(model, modes))
+    if chains is not None:
+        findings += chain_findings(model, coupled, chains)
+    amplitudes = {}
+    for name in (*FINALS, RELATIVE):
+        amplitudes[name], said = _amplitude(model, name, motions)
+        findings += said if name == RELATIVE else []
+    cut, split_hz = model.cutting(simulation.shaft_rpm), model.split_hz(simulation.shaft_rpm)
+    errors: tuple[PeriodicError, ...] = ()
+    if cut is not None:
+        errors = periodic_errors(motions, cut, surface=model.surface, phases=model.file.realisations.phases)
+    heights = () if cut is None else kind_heights(errors, cut)
+    accuracy, said = _accuracy(model, motions.frequency_hz, split_hz)
+    return VibrationSummary(
+        modes=modes,
+        lines=_lines(excitation(model.sources, simulation.shaft_rpm), motions, coupled, chains),
+        amplitudes=amplitudes,
+        errors=errors,
+        heights={one.kind: one for one in heights},
+        accuracy=accuracy,
+        split_hz=split_hz,
+        shaft_rpm=simulation.shaft_rpm,
+        findings=(*findings, *height_findings(heights), *said, *_of_speeds(model, simulation)),
+    )
+
+
+def _lines(
+    lines: Excitation, motions: FinalMotions, coupled: FinalMotions, chains: FinalMotions | None
+) -> tuple[LineSummary, ...]:
+    order = np.argsort(lines.frequency_hz, kind="stable")
+    of = {name: (name,) if name != RELATIVE else FINALS for name in (*FINALS, RELATIVE)}
+    sizes = {name: _UM * np.abs(motions.of(*sides)) for name, sides in of.items()}
+    exact = {name: _UM * np.abs(coupled.of(*sides)) for name, sides in of.items()}
+    published = {} if chains is None else {name: _UM * np.abs(chains.of(*sides)) for name, sides in of.items()}
+
+    def by_chains(name: str, row: int) -> float | None:
+        if chains is None or not any(chains.carried[chains.finals.index(side), row] for side in of[name]):
+            return None
+        return float(published[name][row])
+
+    return tuple(
+        LineSummary(
+            frequency_hz=float(lines.frequency_hz[row]),
+            source=lines.sources[int(lines.source[row])],
+            shaft=lines.shaft[row],
+            order=lines.order[row],
+            force_n=float(abs(lines.force_n[row])),
+            motion_um={name: float(size[row]) for name, size in sizes.items()},
+            coupled_um={name: float(size[row]) for name, size in exact.items()},
+            chains_um={name: by_chains(name, row) for name in of},
+        )
+        for row in order.tolist()
+    )
+
+
+def _amplitude(model: VibrationModel, name: str, motions: FinalMotions) -> tuple[AmplitudeSummary, tuple[Finding, ...]]:
+    """Over all realisations; where these are too many the mean square alone, and a finding."""
+    motion = motions.of(*(FINALS if name == RELATIVE else (name,)))
+    wanted = model.file.realisations
+    time_s = section_times(wanted.sections, model.file.run.duration_s)
+    of_lines = (motion, motions.frequency_hz, motions.source, time_s)
+    try:
+        amounts = realisation_amounts(*of_lines, n_sources=len(motions.sources), phases=wanted.phases)
+    except InputError as error:
+        z_m = source_motion(*of_lines, n_sources=len(motions.sources))
+        rms_um = _UM * float(np.sqrt(np.mean(mean_square(z_m, phases=wanted.phases))))
+        said = Finding(
+            "too-many-realisations",
+            "info",
+            f"{error.found}: too many to go through. Only the mean square is given, which needs none.",
+            suggestion=error.advice,
+        )
+        return AmplitudeSummary(0.0, 0.0, rms_um, 0.0, 0, 0), (said,)
+    return (
+        AmplitudeSummary(
+            expected_um=_UM * amounts.expected_m,
+            mean_abs_um=_UM * amounts.mean_abs_m,
+            rms_um=_UM * amounts.rms_m,
+            largest_um=_UM * amounts.largest_m,
+            realisations=amounts.count,
+            sections=wanted.sections,
+        ),
+        (),
+    )
+
+
+def _accuracy(
+    model: VibrationModel, lines_hz: NDArray[np.float64], split_hz: float | None
+) -> tuple[tuple[ChainAccuracy, ...], tuple[Finding, ...]]:
+    """Every chain over its range; where it meets an undamped resonance there is none, and a finding."""
+    if not model.chains:
+        return (), ()
+    highest = _BEYOND * max(split_hz or 0.0, float(lines_hz.max(initial=_LOWEST_JUDGED_HZ)))
+    frequency = np.geomspace(min(_LOWEST_JUDGED_HZ, highest / 10.0), highest, _JUDGED)
+    try:
+        return chain_accuracy(model.structure, model.chains, frequency, sources=model.sources, split_hz=split_hz), ()
+    except InputError as error:
+        said = Finding(
+            "chains-not-judged",
+            "info",
+            f"Chains cannot be judged over all frequencies: {error.found}.",
+            suggestion=error.advice,
+        )
+        return (), (said,)
+
+
+def _of_speeds(model: VibrationModel, simulation: VibrationSimulation) -> tuple[Finding, ...]:
+    changing = [name for name, course in model.courses.items() if not course.is_level]
+    used = [name for name in changing if any(source.shaft == name for source in model.sources)]
+    if not used:
+        return ()
+    speeds = ", ".join(f"{name} {simulation.shaft_rpm[name]:.6g} r/min" for name in used)
+    return (
+        Finding(
+            "lines-at-mean-speed",
+            "info",
+            f"Lines, amplitudes and errors are those of the mean speed ({speeds}); the recording follows the course.",
+            evidence={"shaft_rpm": {name: simulation.shaft_rpm[name] for name in used}},
+            suggestion="look at the recording for resonances that the run passes, or give the speed as one number",
+        ),
+    )
+
+
+__all__ = ["RELATIVE", "AmplitudeSummary", "LineSummary", "VibrationSummary", "vibration_summary"]

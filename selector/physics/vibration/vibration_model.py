@@ -1,0 +1,328 @@
+"""A vibrating structure that runs: its file in, a recording of tool and workpiece out, its parameters open to a fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from selector.findings import Finding
+from selector.physics.model_parameters import Parameter
+from selector.physics.vibration.chain_values import Chain
+from selector.physics.vibration.cutting import Cutting
+from selector.physics.vibration.final_motion import FinalMotions, Method, final_motions
+from selector.physics.vibration.model_parts import (
+    file_chains,
+    file_cutting,
+    file_shafts,
+    file_sources,
+    file_structure,
+    mean_rpm,
+)
+from selector.physics.vibration.model_schema import VibrationFile
+from selector.physics.vibration.motion_signal import MotionSignal, motion_signal, source_phases_rad
+from selector.physics.vibration.parameters import parameters, with_parameters
+from selector.physics.vibration.periodic_error import Surface, split_frequency_hz
+from selector.physics.vibration.shaft_course import ShaftCourse
+from selector.physics.vibration.source import Source
+from selector.physics.vibration.spectrum import excitation
+from selector.physics.vibration.structure import Structure
+from selector.recording import Channel, Recording
+
+Vector = NDArray[np.float64]
+
+Progress = Callable[[int, int, str], None]
+
+FINALS = ("tool", "workpiece")
+"""Names of the finals, whatever members they are."""
+
+RELATIVE = "tool_workpiece"
+"""Motion of the tool against the workpiece, as a name beside those of `FINALS`."""
+
+_UM = 1e6
+
+
+@dataclass(frozen=True)
+class VibrationSimulation:
+    """A simulation of one or more runs.
+
+    Attributes
+    ----------
+    recording : Recording
+        What a measurement would hold: `VibrationModel.outputs`, forces of the sources, speeds of the shafts.
+    motions : mapping of str to FinalMotions
+        "coupled", and "chains" where there are any → motion of the finals by every line at the speeds `shaft_rpm`.
+    shaft_rpm : mapping of str to float
+        Mean speed of every shaft over all runs [r/min].
+    phases_rad : mapping of str to mapping of str to float
+        Run → source → shift of all its lines [rad].
+    findings : tuple of Finding
+        What is odd about the motion in time.
+    """
+
+    recording: Recording
+    motions: Mapping[str, FinalMotions]
+    shaft_rpm: Mapping[str, float]
+    phases_rad: Mapping[str, Mapping[str, float]]
+    findings: tuple[Finding, ...] = ()
+
+
+@dataclass(frozen=True)
+class VibrationModel:
+    """The vibrating structure that a model file describes; made by `vibration_model`.
+
+    Attributes
+    ----------
+    file : VibrationFile
+        The file's content.
+    """
+
+    file: VibrationFile
+
+    @property
+    def name(self) -> str:
+        """What the file calls it."""
+        return self.file.model.name
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the channels of what acts on it: force of every source, speed of every shaft."""
+        return (*(force_name(one.name) for one in self.sources), *(speed_name(name) for name in self.file.shafts))
+
+    @property
+    def outputs(self) -> tuple[Channel, ...]:
+        """Channels that it gives: motion of tool and workpiece, and of the one against the other."""
+        members = self.finals
+        return (
+            *(Channel(final, "displacement", "um", member) for final, member in members.items()),
+            Channel(RELATIVE, "displacement", "um", f"{members['tool']} against {members['workpiece']}"),
+        )
+
+    @property
+    def parameters(self) -> Mapping[str, Parameter]:
+        """Named numbers with units and bounds, see `parameters.parameters`."""
+        return parameters(self.file)
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Where an effect may be added: members, joints, sources, as the keys of the file."""
+        joints = (f"joints.{number + 1}" for number in range(len(self.file.joints)))
+        return (
+            *(f"members.{name}" for name in self.file.members),
+            *joints,
+            *(f"sources.{name}" for name in self.file.sources),
+        )
+
+    @cached_property
+    def structure(self) -> Structure:
+        """Its members and joints."""
+        return file_structure(self.file)
+
+    @cached_property
+    def sources(self) -> tuple[Source, ...]:
+        """What shakes it."""
+        return file_sources(self.file)
+
+    @cached_property
+    def chains(self) -> tuple[Chain, ...]:
+        """Its chains; empty where the file has none."""
+        return file_chains(self.file)
+
+    @property
+    def finals(self) -> Mapping[str, str]:
+        """Name of a final → its member."""
+        return {name: getattr(self.file.finals, name) for name in FINALS}
+
+    @cached_property
+    def courses(self) -> Mapping[str, ShaftCourse]:
+        """Shaft → its speed over the run."""
+        return file_shafts(self.file)
+
+    @cached_property
+    def shaft_rpm(self) -> Mapping[str, float]:
+        """Shaft → its mean speed over the run [r/min]."""
+        return {name: mean_rpm(course, 0.0, self.file.run.duration_s) for name, course in self.courses.items()}
+
+    @property
+    def surface(self) -> Surface:
+        """Where one kind of periodic error ends and the next begins."""
+        return Surface(self.file.surface.roughness_below_mm, self.file.surface.lobing_up_to_upr)
+
+    def cutting(self, shaft_rpm: Mapping[str, float]) -> Cutting | None:
+        """The cut at these speeds of the shafts [r/min]; None where the file has none."""
+        return None if self.file.cutting is None else file_cutting(self.file, shaft_rpm[self.file.cutting.shaft])
+
+    def split_hz(self, shaft_rpm: Mapping[str, float]) -> float | None:
+        """Frequency up to which the low chains hold, and above it the high ones [Hz]; None without a cut."""
+        cut = self.cutting(shaft_rpm)
+        return None if cut is None else split_frequency_hz(cut, self.surface)
+
+    @property
+    def line_ranges_hz(self) -> tuple[tuple[str, float, float], ...]:
+        """Source, lowest and highest frequency of every line during the run [Hz]."""
+        found = []
+        for source in self.sources:
+            slow, fast = (0.0, 0.0) if source.shaft is None else self._speeds(source.shaft)
+            for line in source.lines:
+                fixed, order = line.frequency_hz, line.order or 0.0
+                span = (order * slow / 60.0, order * fast / 60.0) if fixed is None else (fixed, fixed)
+                found.append((source.name, *span))
+        return tuple(found)
+
+    def with_parameters(self, values: Mapping[str, float]) -> VibrationModel:
+        """The same model with other values of some parameters; errors as in `parameters.with_parameters`."""
+        return VibrationModel(with_parameters(self.file, values))
+
+    def motions(self, shaft_rpm: Mapping[str, float]) -> dict[str, FinalMotions]:
+        """Method → motion of the finals by every line at these speeds [r/min]; the chains where there are any."""
+        lines, split_hz = excitation(self.sources, shaft_rpm), self.split_hz(shaft_rpm)
+        methods: tuple[Method, ...] = ("coupled", "chains") if self.chains else ("coupled",)
+        return {
+            method: final_motions(
+                self.structure, self.sources, lines, self.finals, method=method, chains=self.chains, split_hz=split_hz
+            )
+            for method in methods
+        }
+
+    def simulate(self, *, run: str = "simulation", seed: int | None = None) -> Recording:
+        """The recording of `simulation`."""
+        noise = self.file.run.seed if seed is None else seed
+        return self.recorded({run: self.signal(self.times_s, self.courses, self.phases_rad(noise))}, noise)
+
+    def simulation(
+        self, *, run: str = "simulation", seed: int | None = None, progress: Progress | None = None
+    ) -> VibrationSimulation:
+        """What tool and workpiece do in the run of the file.
+
+        Parameters
+        ----------
+        run : str
+            Name of the run.
+        seed : int, optional
+            Of the shifts of the sources and of the noise; default: that of the file.
+        progress : callable, optional
+            Told how many runs of how many are done, and the run.
+
+        Raises
+        ------
+        InputError
+            A line meets a resonance that nothing damps.
+        """
+        if progress is not None:
+            progress(0, 1, run)
+        noise = self.file.run.seed if seed is None else seed
+        phases = self.phases_rad(noise)
+        signal = self.signal(self.times_s, self.courses, phases)
+        return VibrationSimulation(
+            self.recorded({run: signal}, noise),
+            self.motions(self.shaft_rpm),
+            self.shaft_rpm,
+            {run: phases},
+            signal.findings,
+        )
+
+    @property
+    def times_s(self) -> Vector:
+        """Times of the run's samples [s]."""
+        run = self.file.run
+        # a duration that is a multiple of the period but for rounding has its last sample
+        return np.arange(int(run.duration_s / run.period_s * (1.0 + 1e-12)) + 1) * run.period_s
+
+    def phases_rad(self, seed: int) -> dict[str, float]:
+        """Source → shift of all its lines that this seed draws [rad]."""
+        return source_phases_rad(self.sources, seed=seed, phases=self.file.realisations.phases)
+
+    def signal(
+        self,
+        time_s: Vector,
+        courses: Mapping[str, ShaftCourse],
+        phases_rad: Mapping[str, float],
+        *,
+        sources: tuple[Source, ...] | None = None,
+        leave_out: bool = False,
+    ) -> MotionSignal:
+        """Motion and forces at these times, see `motion_signal`.
+
+        Parameters
+        ----------
+        time_s : ndarray of shape (n_times,)
+            [s].
+        courses : mapping of str to ShaftCourse
+        phases_rad : mapping of str to float
+            Source → shift of all its lines [rad].
+        sources : tuple of Source, optional
+            Those that shake; default: all.
+        leave_out : bool
+            Leave lines out that the times cannot carry, with a finding, instead of refusing them.
+        """
+        speeds = {name: mean_rpm(course, float(time_s[0]), float(time_s[-1])) for name, course in courses.items()}
+        return motion_signal(
+            self.structure,
+            self.sources if sources is None else sources,
+            courses,
+            self.finals,
+            time_s,
+            phase_rad=phases_rad,
+            method=self.file.run.method,
+            chains=self.chains,
+            split_hz=self.split_hz(speeds),
+            beyond="leave-out" if leave_out else "refuse",
+        )
+
+    def recorded(self, signals: Mapping[str, MotionSignal], seed: int) -> Recording:
+        """Run → signal, as a recording with the noise of the file."""
+        tables, noise_um = {}, self.file.sensing.noise_um
+        for number, (run, signal) in enumerate(signals.items()):
+            motion_um = _UM * signal.motion_m
+            if noise_um > 0:
+                drawn = np.random.default_rng([seed, number])
+                motion_um = motion_um + noise_um * drawn.standard_normal(motion_um.shape)
+            columns = dict(zip(signal.finals, motion_um, strict=True))
+            columns[RELATIVE] = columns["tool"] - columns["workpiece"]
+            columns |= {force_name(name): force for name, force in zip(signal.sources, signal.force_n, strict=True)}
+            columns |= {speed_name(name): rpm for name, rpm in signal.shaft_rpm.items()}
+            tables[run] = pd.DataFrame(columns, index=pd.Index(signal.time_s, name="time_s"))
+        provenance = {
+            "simulated": {"model": self.name, "kind": self.file.model.kind, "seed": seed, "instruments": True},
+            "runs": {run: {"method": self.file.run.method} for run in signals},
+        }
+        return Recording.from_runs(tables, (*self.outputs, *self._input_channels()), provenance)
+
+    def _input_channels(self) -> tuple[Channel, ...]:
+        forces = (
+            Channel(
+                force_name(one.name), "force", "N", f"{one.member}{f' against {one.against}' if one.against else ''}"
+            )
+            for one in self.sources
+        )
+        return (*forces, *(Channel(speed_name(name), "spindle_speed", "rpm", name) for name in self.file.shafts))
+
+    def _speeds(self, shaft: str) -> tuple[float, float]:
+        return self.courses[shaft].range_rpm(0.0, self.file.run.duration_s)
+
+
+def vibration_model(file: VibrationFile) -> VibrationModel:
+    """The vibrating structure that a model file describes, ready to run.
+
+    Raises
+    ------
+    ModelFileError
+        ``[bounds]`` names what is no parameter, or excludes the value of one.
+    """
+    model = VibrationModel(file)
+    _ = model.parameters  # the bounds are checked here, not when a fit asks for them
+    return model
+
+
+def force_name(source: str) -> str:
+    """Channel of the force of a source."""
+    return f"{source}_force"
+
+
+def speed_name(shaft: str) -> str:
+    """Channel of the speed of a shaft."""
+    return f"{shaft}_speed"
