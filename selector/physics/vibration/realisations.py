@@ -101,7 +101,7 @@ def realisation_amounts(
     different = phases ** max(len(active) - 1, 0)
     step = np.exp(2j * np.pi * np.arange(phases) / phases)
     # all shifts of the later half of the sources beside all of the earlier: two small sums and one outer one
-    half = (len(active) + 1) // 2
+    half = max((len(active) + 1) // 2, 1)
     section = np.empty((3, len(time)))
     over_time = np.zeros(different)
     square = 0.0
@@ -111,7 +111,7 @@ def realisation_amounts(
         z = np.array([_phasors(moving[s], turning[s], time[block]) for s in active], dtype=np.complex128)
         if not active:
             z = np.zeros((1, len(time[block])), dtype=np.complex128)
-        one = _shifted(z[:half] if active else z, step, fixed=True)
+        one = _shifted(z[:half], step, fixed=True)
         other = _shifted(z[half:], step, fixed=False)
         total = (one[:, None, :] + other[None, :, :]).reshape(different, -1)
         size = np.sqrt(total.real**2 + total.imag**2)

@@ -23,6 +23,7 @@ TOLERANCE = 1e-6
 _MOST_POINTS = 50_000
 _LEAST_POINTS = 9
 _LEAST_SHARE = 1e-4
+_LEAST_STEP = 1e-8
 _WIDTHS = (1e-3, 0.05)
 
 
@@ -102,15 +103,16 @@ def _piece(
 ) -> CubicSpline[np.complex128]:
     if high - low <= 1e-9 * high:
         # one frequency, but for rounding
-        value = solved(np.array([high]))[:, 0]
-        return CubicSpline([low, low + max(high, 1.0)], np.stack((value, value), axis=1), axis=1)
+        level: ComplexMatrix = np.repeat(solved(np.array([high])), 2, axis=1)
+        return CubicSpline(np.array([low, low + max(high, 1.0)]), level, axis=1)
     frequency = _starting_grid(low, high, loss_factor)
     value = solved(frequency)
     doubtful = np.ones(len(frequency) - 1, dtype=np.bool_)
     while doubtful.any():
-        if len(frequency) > _MOST_POINTS:
+        steps = np.diff(frequency)[doubtful]
+        if len(frequency) > _MOST_POINTS or (steps <= _LEAST_STEP * frequency[1:][doubtful]).any():
             raise InputError(
-                f"a response without end near {frequency[:-1][doubtful][0]:.6g} Hz",
+                f"a response without end near {frequency[1:][doubtful][np.argmin(steps)]:.6g} Hz",
                 expected="joints with dissipation wherever a run-up goes through a resonance",
                 where="joints",
                 advice="give the dissipation of every joint, or keep the speed away from this frequency",

@@ -120,7 +120,7 @@ def run_up(
         bend = np.abs(curve.at(frequency, derivative=2)) * np.abs(amplitude)
         size = np.abs(response) * np.abs(amplitude)
         for place, final in enumerate(finals):
-            worst = _worst(course, time_s, order, size[place], bend[place])
+            worst = _worst(course, time_s, turns, order, size[place], bend[place])
             if worst is not None and worst[0] > HURRY:
                 hurried.append(_Hurry(worst[0], number, order, final, worst[1], worst[2]))
         turning = amplitude * np.exp(2j * np.pi * np.mod(order * turns, 1.0))
@@ -164,16 +164,16 @@ def beyond_sampling(
 
 
 def _worst(
-    course: ShaftCourse, time: Vector, order: float, size: Vector, bend: Vector
+    course: ShaftCourse, time: Vector, turns: Vector, order: float, size: Vector, bend: Vector
 ) -> tuple[float, int, float] | None:
     """Largest first-order error as a share of the largest motion, its row, and the rate of the frequency [Hz/s]."""
     sharpest = int(np.argmax(bend))
     if size.max() == 0.0 or bend[sharpest] == 0.0:
         return None
-    # 1/(decay rate) of the resonance that bends the most: a change of speed that is shorter it does not feel
+    # 1/(decay rate) of the resonance that bends the most: it feels mean speeds over this time, not what is quicker
     memory = 1.0 / (2.0 * np.pi * np.sqrt(2.0 * size[sharpest] / bend[sharpest]))
-    change = course.rpm_at(time + memory / 2.0) - course.rpm_at(time - memory / 2.0)
-    rate = np.abs(change) / memory * order / 60.0
+    before, after = course.turns_at(time - memory), course.turns_at(time + memory)
+    rate = order * np.abs(before - 2.0 * turns + after) / memory**2
     share = rate * bend / (4.0 * np.pi * size.max())
     row = int(np.argmax(share))
     return float(share[row]), row, float(rate[row])

@@ -94,7 +94,7 @@ def excitation(sources: Sequence[Source], shaft_rpm: Mapping[str, float]) -> Exc
     for (position, number, *_), f, value in zip(rows, frequency, force, strict=True):
         if not (math.isfinite(f) and np.isfinite(value)):
             raise InputError(
-                f"a force of {abs(value):g} N at {f:g} Hz",
+                f"a force beyond all numbers, at {f:g} Hz",
                 expected="finite numbers",
                 where=f"sources.{sources[position].name}.lines[{number + 1}]",
                 advice="correct the speed of the shaft, the order, or the unbalance [kg·m]",
@@ -112,10 +112,10 @@ def excitation(sources: Sequence[Source], shaft_rpm: Mapping[str, float]) -> Exc
 
 def line_force_n(line: Line, frequency_hz: Vector) -> ComplexVector:
     """F = (force + unbalance·ω²)·e^{i·phase} [N] of one line at frequencies of shape (n,)."""
-    with np.errstate(over="ignore"):
+    # too large is the caller's to tell
+    with np.errstate(over="ignore", invalid="ignore"):
         amplitude = line.force_n + line.unbalance_kg_m * (2.0 * np.pi * frequency_hz) ** 2
-    # |e^{iφ}| = 1: one product instead of a complex one, so that too large is infinite and not a NaN
-    return np.asarray(amplitude * np.cos(line.phase_rad) + 1j * (amplitude * np.sin(line.phase_rad)))
+        return np.asarray(amplitude * np.exp(1j * line.phase_rad))
 
 
 def shaft_speed(source: Source, shaft_rpm: Mapping[str, float]) -> float:
