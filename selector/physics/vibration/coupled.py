@@ -151,21 +151,13 @@ def checked_frequencies(frequency_hz: ArrayLike) -> Vector:
     return frequency
 
 
-def refuse_unresolved(structure: Structure, frequency_hz: Vector, eigenvalues_per_s2: Complex) -> None:
-    """Raises InputError for the first frequency at which the dynamic stiffness is singular, or lost in rounding.
-
-    Parameters
-    ----------
-    structure
-    frequency_hz : ndarray of shape (n_freq,)
-        [Hz].
-    eigenvalues_per_s2 : ndarray of shape (n_members,)
-        Of the pencil (K, M) [1/s²].
-    """
+def refuse_unresolved(structure: Structure, frequency_hz: Vector) -> None:
+    """Raises InputError for the first frequency [Hz] at which the dynamic stiffness is singular or lost in rounding."""
+    eigenvalues = np.linalg.eigvals(scaled_stiffness_matrix(structure))
     square = (2.0 * math.pi * frequency_hz) ** 2
-    largest = float(np.abs(eigenvalues_per_s2).max())
+    largest = float(np.abs(eigenvalues).max())
     distance = np.full(len(square), math.inf)
-    for eigenvalue in eigenvalues_per_s2:
+    for eigenvalue in eigenvalues:
         np.minimum(distance, np.abs(square - eigenvalue), out=distance)
     wrong = np.flatnonzero(distance <= np.maximum(UNDAMPED * square, RESOLVED * largest))
     if not len(wrong):
@@ -195,7 +187,7 @@ def _masses_kg(structure: Structure) -> Vector:
 def _solved(structure: Structure, frequency_hz: Vector, force_n: Complex) -> Complex:
     """X of (K − ω²M)·X = F, shape (n_freq, n_members, n_cases)."""
     scaled, root = scaled_stiffness_matrix(structure), np.sqrt(_masses_kg(structure))
-    refuse_unresolved(structure, frequency_hz, np.asarray(np.linalg.eigvals(scaled), dtype=np.complex128))
+    refuse_unresolved(structure, frequency_hz)
     motion = np.empty(force_n.shape, dtype=np.complex128)
     at_once = max(1, NUMBERS_AT_ONCE // (len(root) * (len(root) + force_n.shape[2])))
     diagonal = np.arange(len(root))

@@ -19,7 +19,6 @@ from scipy.sparse.csgraph import connected_components
 from selector.errors import InputError
 from selector.physics.system import StateSpace
 from selector.physics.vibration.coupled import (
-    RESOLVED,
     checked_frequencies,
     known_place,
     mass_matrix,
@@ -34,7 +33,7 @@ Complex = NDArray[np.complex128]
 
 ORTHOGONAL = 1e-10
 """Modes whose product φᵀ·M·φ is above this share of their lengths are not told apart by their eigenvalues."""
-COMPLETE = 1e-11
+COMPLETE = 1e-10
 """How exactly the shapes of all modes must give back every motion to be used as coordinates."""
 
 
@@ -79,12 +78,10 @@ def structure_modes(structure: Structure) -> StructureModes:
     InputError
         If stiffnesses over masses lie so far apart that rounding decides the lowest modes.
     """
-    scaled = scaled_stiffness_matrix(structure)
-    eigenvalues, vectors = _eigenpairs(structure, scaled)
+    refuse_unresolved(structure, np.zeros(1))
+    eigenvalues, vectors = _eigenpairs(structure)
     order = np.argsort(np.sqrt(eigenvalues).real, kind="stable")
     eigenvalues, vectors = eigenvalues[order], vectors[:, order]
-    if eigenvalues.real.min() <= RESOLVED * np.abs(eigenvalues).max():
-        refuse_unresolved(structure, np.zeros(1), np.append(eigenvalues, 0.0))
     vectors = _normalised(vectors)
     largest = vectors[np.argmax(np.abs(vectors), axis=0), np.arange(len(eigenvalues))]
     vectors = vectors * np.where(largest.real < 0.0, -1.0, 1.0)
@@ -120,7 +117,7 @@ def receptance_by_modes(
     """
     frequency = checked_frequencies(frequency_hz)
     modes = structure_modes(structure) if modes is None else modes
-    refuse_unresolved(structure, frequency, modes.eigenvalues_per_s2)
+    refuse_unresolved(structure, frequency)
     force, place = unit_force(structure, at, against), known_place(structure, of, "of")
     square = (2.0 * math.pi * frequency) ** 2
     if not modes.complete:
@@ -174,14 +171,18 @@ def state_space(
     )
 
 
-def _eigenpairs(structure: Structure, scaled: Complex) -> tuple[Complex, Complex]:
-    """Eigenvalues and vectors of length 1; real shapes where every joint takes the same share of energy."""
+def _eigenpairs(structure: Structure) -> tuple[Complex, Complex]:
+    """Eigenvalues and vectors of length 1; real shapes where every joint takes the same share of energy.
+
+    Those of the inverse, a compliance: so the low modes, which move most, have the most digits.
+    """
+    scaled = scaled_stiffness_matrix(structure)
     losses = {joint.loss_factor for joint in structure.joints}
     if len(losses) == 1:
-        eigenvalues, vectors = linalg.eigh(scaled.real)
-        return np.asarray(eigenvalues * complex(1.0, losses.pop()), np.complex128), vectors.astype(np.complex128)
-    eigenvalues, vectors = linalg.eig(scaled)
-    return np.asarray(eigenvalues, dtype=np.complex128), np.asarray(vectors, dtype=np.complex128)
+        inverses, vectors = linalg.eigh(linalg.inv(scaled.real))
+        return np.asarray(complex(1.0, losses.pop()) / inverses, np.complex128), vectors.astype(np.complex128)
+    inverses, vectors = linalg.eig(linalg.inv(scaled))
+    return np.asarray(1.0 / inverses, dtype=np.complex128), np.asarray(vectors, dtype=np.complex128)
 
 
 def _normalised(vectors: Complex) -> Complex:
@@ -201,12 +202,15 @@ def _normalised(vectors: Complex) -> Complex:
 
 
 def _by_schur(structure: Structure, square: NDArray[np.float64], force: NDArray[np.float64], place: int) -> Complex:
-    """Receptance by back substitution in the triangular form, all frequencies at once; needs no complete modes."""
+    """Receptance by back substitution in the triangular form T of the inverse, all frequencies at once.
+
+    (K − ω²)⁻¹ = T·(1 − ω²·T)⁻¹ between unitary matrices; needs no complete modes.
+    """
     root = np.sqrt(np.diag(mass_matrix(structure)))
-    triangle, unitary = linalg.schur(scaled_stiffness_matrix(structure), output="complex")
+    triangle, unitary = linalg.schur(linalg.inv(scaled_stiffness_matrix(structure)), output="complex")
     load = unitary.conj().T @ (force / root)
     found = np.zeros((len(load), len(square)), dtype=np.complex128)
     for row in range(len(load) - 1, -1, -1):
-        rest = load[row] - triangle[row, row + 1 :] @ found[row + 1 :]
-        found[row] = rest / (triangle[row, row] - square)
-    return np.asarray(unitary[place] @ found / root[place])
+        rest = load[row] + square * (triangle[row, row + 1 :] @ found[row + 1 :])
+        found[row] = rest / (1.0 - square * triangle[row, row])
+    return np.asarray((unitary[place] @ triangle) @ found / root[place])

@@ -44,7 +44,7 @@ def test_modes_solve_the_pencil_and_are_normalised_without_conjugation(structure
 @given(structures(), st.data())
 def test_modes_add_up_to_the_direct_solution(structure, data):
     of, at = (data.draw(st.sampled_from(structure.names)) for _ in range(2))
-    # rounding times the ratio of the largest to the smallest eigenvalue, here up to some 1e6
+    # of the direct solution: rounding times the ratio of the largest to the smallest eigenvalue, here up to some 1e6
     assert largest_difference(structure, of, at) < 1e-9
 
 
