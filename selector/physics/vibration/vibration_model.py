@@ -230,7 +230,7 @@ class VibrationModel:
         """Times of the run's samples [s]."""
         run = self.file.run
         # a duration that is a multiple of the period but for rounding has its last sample
-        return np.arange(int(run.duration_s / run.period_s * (1.0 + 1e-12)) + 1) * run.period_s
+        return np.arange(int(run.duration_s / run.period_s * (1.0 + 1e-12)) + 1, dtype=np.float64) * run.period_s
 
     def phases_rad(self, seed: int) -> dict[str, float]:
         """Source → shift of all its lines that this seed draws [rad]."""

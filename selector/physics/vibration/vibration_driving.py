@@ -1,0 +1,307 @@
+"""What would the model have done in these recorded runs: recorded speeds and forces in place of those of its file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.errors import OptionError
+from selector.findings import Finding, Where
+from selector.physics.checks import require_within, told_of
+from selector.physics.vibration.model_parts import file_shafts, mean_rpm
+from selector.physics.vibration.motion_signal import MotionSignal
+from selector.physics.vibration.recorded_force import FADED, ForceAnswer, force_answer
+from selector.physics.vibration.shaft_course import ShaftCourse
+from selector.physics.vibration.source import Source
+from selector.physics.vibration.vibration_channels import RecordedChannels, recorded_channels
+from selector.physics.vibration.vibration_model import Progress, VibrationModel, VibrationSimulation
+from selector.recording import Channel, Recording
+
+Vector = NDArray[np.float64]
+
+_MOST_RPM, _MOST_FORCE_N = 1e6, 1e9
+_EVEN = 1e-3
+"""Share of a sample by which times may stray from an even grid."""
+_GAP = 3.0
+"""Samples that lack in a row from which on it is a gap."""
+_FEWEST = 8
+
+
+@dataclass(frozen=True)
+class DrivenVibration:
+    """A simulation of recorded runs.
+
+    Attributes
+    ----------
+    simulation : VibrationSimulation
+        Samples at the time stamps of the recording; channels are called as the recorded ones that they belong to.
+    matched : mapping of str to str
+        Name of a channel of the model → name of the recorded one.
+    inputs : tuple of str
+        Recorded channels that drove the model.
+    findings : tuple of Finding
+        Of clocks, gaps, missing values, what could not be matched, and of the motion in time.
+    """
+
+    simulation: VibrationSimulation
+    matched: Mapping[str, str]
+    inputs: tuple[str, ...]
+    findings: tuple[Finding, ...]
+
+
+def driven_runs(
+    model: VibrationModel, recording: Recording, *, seed: int | None = None, progress: Progress | None = None
+) -> DrivenVibration:
+    """A simulation of every run of a recording: recorded speeds turn the shafts, recorded forces replace spectra.
+
+    The shifts of the other sources are drawn by the seed: a recording of speeds does not tell them.
+
+    Parameters
+    ----------
+    model : VibrationModel
+        What is driven; its own run does not count.
+    recording : Recording
+        Runs with the speed of a shaft or the force of a source; how channels are found: `recorded_channels`.
+    seed : int, optional
+        Of shifts and noise; default: that of the file.
+    progress : callable, optional
+        Told how many runs of how many are done.
+
+    Raises
+    ------
+    InputError
+        The recording cannot drive this model: neither speed nor force, or too few samples.
+    """
+    noise = model.file.run.seed if seed is None else seed
+    channels = recorded_channels(model, recording)
+    if not channels.speeds and not channels.forces:
+        raise _nothing_drives(model, recording)
+    phases = model.phases_rad(noise)
+    signals: dict[str, MotionSignal] = {}
+    findings: list[Finding] = list(channels.findings)
+    weights: dict[str, float] = {}
+    speeds: dict[str, dict[str, float]] = {}
+    for number, run in enumerate(recording.runs):
+        if progress is not None:
+            progress(number, len(recording.runs), run)
+        with told_of(f"run {run}", of_keys=True):
+            driven = _DrivenRun(model, recording, run, channels)
+            signals[run] = driven.signal(phases)
+        findings += [replace(one, where=replace(one.where, run=run)) for one in driven.findings]
+        weights[run], speeds[run] = driven.duration_s, driven.mean_rpm
+    whole = sum(weights.values())
+    shaft_rpm = {
+        name: sum(weights[run] * speeds[run][name] for run in recording.runs) / whole for name in model.file.shafts
+    }
+    names = {
+        **channels.motions,
+        **{f"{source}_force": name for source, name in channels.forces.items()},
+        **{f"{shaft}_speed": name for shaft, name in channels.speeds.items()},
+    }
+    simulation = VibrationSimulation(
+        _as_recorded(model.recorded(signals, noise), recording, names),
+        model.motions(shaft_rpm),
+        shaft_rpm,
+        dict.fromkeys(recording.runs, phases),
+        tuple(findings),
+    )
+    inputs = tuple(dict.fromkeys((*channels.speeds.values(), *channels.forces.values())))
+    return DrivenVibration(simulation, names, inputs, tuple(findings))
+
+
+class _DrivenRun:
+    """One run of a recording, and what is to be said of it."""
+
+    def __init__(self, model: VibrationModel, recording: Recording, run: str, channels: RecordedChannels) -> None:
+        self.model, self.recording, self.run, self.channels = model, recording, run, channels
+        self.stamps_s = recording.time_s(run)
+        self.time_s = self.stamps_s - self.stamps_s[0]
+        if len(self.time_s) < _FEWEST:
+            raise OptionError(
+                f"{len(self.time_s)} samples",
+                expected=f"at least {_FEWEST}",
+                where=f"run {run}",
+                advice="leave this run out",
+            )
+        self.duration_s = float(self.time_s[-1])
+        self.findings: list[Finding] = list(_clock_findings(self.time_s))
+        self.courses = file_shafts(model.file, self._recorded_courses())
+        self.mean_rpm = {name: mean_rpm(course, 0.0, self.duration_s) for name, course in self.courses.items()}
+
+    def signal(self, phases_rad: Mapping[str, float]) -> MotionSignal:
+        """Motion and forces at the time stamps of the run."""
+        recorded = {source: self._values(name, _MOST_FORCE_N) for source, name in self.channels.forces.items()}
+        forces = {source: values for source, values in recorded.items() if values is not None}
+        others = tuple(source for source in self.model.sources if source.name not in forces)
+        found = self.model.signal(self.time_s, self.courses, phases_rad, sources=others, leave_out=True)
+        self.findings += found.findings
+        motion, rows = found.motion_m, dict(zip(found.sources, found.force_n, strict=True)) | forces
+        slowest: ForceAnswer | None = None  # the ring-down is that of the structure, the same for all
+        for source in (one for one in self.model.sources if one.name in forces):
+            answer = self._answer(source, forces[source.name])
+            motion, slowest = motion + answer.motion_m, answer
+        if slowest is not None:
+            self.findings += _ring_findings(slowest, self.duration_s)
+        names = tuple(source.name for source in self.model.sources)
+        force = np.array([rows[name] for name in names]).reshape(len(names), len(self.time_s))
+        return replace(found, time_s=self.stamps_s, sources=names, force_n=force, motion_m=motion)
+
+    def _answer(self, source: Source, force_n: Vector) -> ForceAnswer:
+        even_s = np.linspace(0.0, self.duration_s, len(self.time_s))
+        is_even = _stray(self.time_s) <= _EVEN
+        found = force_answer(
+            self.model.structure,
+            source,
+            force_n if is_even else np.interp(even_s, self.time_s, force_n),
+            self.duration_s / (len(self.time_s) - 1),
+            self.model.finals,
+            method=self.model.file.run.method,
+            chains=self.model.chains,
+            split_hz=self.model.split_hz(self.mean_rpm),
+        )
+        if is_even:
+            return found
+        return replace(found, motion_m=np.array([np.interp(self.time_s, even_s, row) for row in found.motion_m]))
+
+    def _recorded_courses(self) -> dict[str, ShaftCourse]:
+        found = {}
+        for shaft, name in self.channels.speeds.items():
+            values = self._values(name, _MOST_RPM)
+            if values is not None:
+                found[shaft] = ShaftCourse(self.time_s, np.abs(values))
+        return found
+
+    def _values(self, channel: str, most: float) -> Vector | None:
+        """A recorded course without holes; None, and a finding, where nothing of it was recorded."""
+        values = np.asarray(self.recording.values(self.run, [channel])[:, 0], dtype=np.float64)
+        with told_of(f"channel {channel}"):
+            require_within(values, self.stamps_s, most, self.recording.channel(channel).unit)
+        seen = np.isfinite(values)
+        if not seen.any():
+            self.findings.append(
+                Finding(
+                    "input-not-recorded",
+                    "warning",
+                    f"{channel} has no values in this run: what the model file says acts instead.",
+                    Where(channel=channel),
+                    suggestion="leave the run out, or record the channel",
+                )
+            )
+            return None
+        if seen.all():
+            return values
+        longest = _longest(~seen)
+        self.findings.append(
+            Finding(
+                "input-bridged",
+                "warning",
+                f"{channel} lacks {(~seen).sum()} of {len(values)} values, up to {longest} in a row: bridged straight.",
+                Where(channel=channel),
+                {"missing": int((~seen).sum()), "longest": longest},
+                "cut the run to the stretch that is complete if this matters",
+            )
+        )
+        return np.interp(self.time_s, self.time_s[seen], values[seen])
+
+
+def _clock_findings(time_s: Vector) -> tuple[Finding, ...]:
+    """Gaps, or a clock that is not even."""
+    steps = np.diff(time_s)
+    period_s = float(np.median(steps))
+    gaps = np.flatnonzero(steps > _GAP * period_s)
+    if len(gaps):
+        first = int(gaps[0])
+        where = Where(from_s=float(time_s[first]), to_s=float(time_s[first + 1]))
+        said = f"{len(gaps)} gap{'s' if len(gaps) > 1 else ''} in the time stamps, the first of {steps[first]:.4g} s"
+        return (
+            Finding(
+                "recorded-gap",
+                "warning",
+                f"{said}, where samples come every {period_s:.4g} s. Speeds and forces run straight across.",
+                where,
+                {"gaps": len(gaps)},
+                "cut the run at its gaps",
+            ),
+        )
+    stray = _stray(time_s)
+    if stray <= _EVEN:
+        return ()
+    return (
+        Finding(
+            "recorded-clock-jitter",
+            "info" if stray < 0.1 else "warning",
+            f"Times stray by up to {100 * stray:.3g} % of a sample from an even grid. Recorded forces are brought to "
+            "one, straight between samples, which weakens what is near half the sampling rate.",
+            evidence={"stray": stray},
+            suggestion="if the true clock is even, give it",
+        ),
+    )
+
+
+def _stray(time_s: Vector) -> float:
+    even = np.linspace(time_s[0], time_s[-1], len(time_s))
+    return float(np.abs(time_s - even).max() / np.median(np.diff(time_s)))
+
+
+def _longest(missing: NDArray[np.bool_]) -> int:
+    edges = np.flatnonzero(np.diff(np.r_[False, missing, False].astype(np.int8)))
+    return int((edges[1::2] - edges[::2]).max())
+
+
+def _ring_findings(answer: ForceAnswer, duration_s: float) -> tuple[Finding, ...]:
+    ring_s, left = answer.ring_s, answer.left
+    if left > FADED:
+        return (
+            Finding(
+                "ring-longer-than-run",
+                "warning",
+                f"A free vibration takes {ring_s:.3g} s to fade: {100 * left:.2g} % of one at the end of the recorded "
+                "forces laps over to their beginning.",
+                evidence={"ring_s": ring_s, "left": left},
+                suggestion="give every joint its dissipation",
+            ),
+        )
+    share = ring_s / duration_s
+    return (
+        Finding(
+            "begins-at-rest",
+            "warning" if share > 0.5 else "info",
+            f"The model is at rest when the recorded forces begin; a machine that vibrated already is followed after "
+            f"{ring_s:.3g} s, {100 * min(share, 1.0):.2g} % of the run.",
+            Where(from_s=0.0, to_s=min(ring_s, duration_s)),
+            {"ring_s": ring_s},
+            "leave this stretch out when you compare",
+        ),
+    )
+
+
+def _as_recorded(simulated: Recording, recording: Recording, names: Mapping[str, str]) -> Recording:
+    """The simulation with the names, places and axes of the recorded channels; others keep theirs."""
+    taken = {*recording.names}
+    channels = []
+    for channel in simulated.channels:
+        if channel.name in names:
+            there = recording.channel(names[channel.name])
+            channels.append(Channel(there.name, channel.role, channel.unit, there.place or channel.place, there.axis))
+            continue
+        called = channel.name
+        while called in taken:
+            called += " (simulated)"  # a name that the recording uses for something else
+        taken.add(called)
+        channels.append(replace(channel, name=called))
+    renamed = dict(zip(simulated.names, (channel.name for channel in channels), strict=True))
+    return Recording(simulated.frame.rename(columns=renamed), tuple(channels), simulated.provenance)
+
+
+def _nothing_drives(model: VibrationModel, recording: Recording) -> OptionError:
+    here = ", ".join(f"{channel.name} ({channel.role})" for channel in recording.channels[:12])
+    shafts, sources = ", ".join(model.file.shafts) or "none", ", ".join(model.file.sources)
+    return OptionError(
+        f"no channel with the speed of a shaft ({shafts}) or the force of a source ({sources}): {here}",
+        expected="a spindle_speed or force channel that is called as one of them, or has it as its place",
+        where=f"model {model.name!r}",
+        advice='give the channel role and place in the machine file: role = "force", place = "SOURCE"',
+    )
