@@ -1,0 +1,282 @@
+"""What would the gauge have shown in these recorded runs: the recorded allowance drives it, at its own time stamps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from selector.errors import InputError, OptionError
+from selector.findings import Finding, Where
+from selector.physics.checks import require_within, told_of
+from selector.physics.gauging.gauging_channels import (
+    ALLOWANCE,
+    FEED,
+    GAUGE,
+    MEASURED,
+    STAGE,
+    UM_PER_S,
+    recorded_channels,
+    undecided_findings,
+)
+from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation, Progress
+from selector.physics.gauging.model_findings import model_findings
+from selector.physics.gauging.model_length import finest_s
+from selector.physics.gauging.model_limits import MOST_ALLOWANCE_UM
+from selector.physics.gauging.threshold import wear_share
+from selector.physics.gauging.voltage_course import SeenSurface, voltage_course
+from selector.recording import Channel, Recording
+
+Vector = NDArray[np.float64]
+
+_EVEN = 1e-3
+"""Distance of times from an even grid, as a share of their period, from which on it is told."""
+
+_GAP = 1.5
+_FINER = 4
+"""Steps of the calculation in a sample that shows filter, turns and grooves."""
+
+_PER_NOISE = 0.25
+"""Longest step of the calculation with noise, in 1/β."""
+
+_MOST_MM_PER_MIN = 1e6
+
+
+@dataclass(frozen=True)
+class DrivenGauging:
+    """A simulation of recorded runs.
+
+    Attributes
+    ----------
+    simulation : GaugingSimulation
+        Samples at the time stamps of the recording; channels are called as the recorded ones that they belong to.
+    inputs : tuple of str
+        Recorded channels that acted, so that they are no results.
+    matched : mapping of str to str
+        Kind, of `gauging_channels.KINDS`, → recorded channel.
+    findings : tuple of Finding
+        What is odd about the model and the clock, and what could not be compared.
+    """
+
+    simulation: GaugingSimulation
+    inputs: tuple[str, ...]
+    matched: Mapping[str, str]
+    findings: tuple[Finding, ...]
+
+
+def driven_runs(
+    model: GaugingModel,
+    recording: Recording,
+    *,
+    seed: int | None = None,
+    progress: Progress | None = None,
+) -> DrivenGauging:
+    """What the gauge shows of every run of a recording: voltage, size, and which stage it would be in.
+
+    The recorded allowance, or size counted from the nominal one, drives it. Where only the feed was recorded, the
+    allowance begins at the mean one of the file and falls as the file says of wheel and lag. The surface begins at
+    angle 0. The stage is what the model's relay would have commanded, without its noise; nothing follows from it.
+
+    Parameters
+    ----------
+    model : GaugingModel
+        What is driven. Of its stages only the thresholds count.
+    recording : Recording
+        Runs with an allowance or a feed; how channels are found: `gauging_channels.recorded_channels`.
+    seed : int, optional
+        Of noise; without one there is none.
+    progress : callable, optional
+        Told how many runs of how many are done, and which is next.
+
+    Raises
+    ------
+    InputError
+        The recording cannot drive this model: nothing that drives it, values that no workpiece has.
+    """
+    found = recorded_channels(model.file, recording)
+    drives = "allowance" if "allowance" in found else "feed"
+    if drives not in found:
+        raise _nothing_drives(model, recording)
+    out = _outputs(recording, found, drives)
+    sources = np.random.SeedSequence(seed).spawn(len(recording.runs)) if seed is not None else ()
+    tables: dict[str, pd.DataFrame] = {}
+    findings = list(model_findings(model))
+    for number, run in enumerate(recording.runs):
+        if progress is not None:
+            progress(number, len(recording.runs), run)
+        with told_of(f"run {run}, channel {found[drives]}"):
+            time_s = recording.time_s(run)
+            values, said = _complete(recording, run, found[drives])
+            allowance = values if drives == "allowance" else _fallen_um(model, time_s, values)
+            random = np.random.default_rng(sources[number]) if sources else None
+            voltage = _shown_v(model, time_s, allowance, random)
+        findings += said
+        columns = {
+            "allowance": allowance,
+            "gauge": voltage,
+            "measured": model.measured_um(voltage),
+            "stage": _stage(model, voltage),
+            "feed": values,
+        }
+        tables[run] = pd.DataFrame(
+            {channel.name: columns[kind] for kind, channel in out.items()}, index=pd.Index(time_s, name="time_s")
+        )
+    findings += undecided_findings(recording, found)
+    if not {"gauge", "measured"} & set(found):
+        findings.append(_nothing_compared(recording))
+    about: dict[str, dict[str, float]] = {run: {} for run in recording.runs}
+    simulated = Recording.from_runs(tables, tuple(out.values()), model.provenance(seed, about))
+    inputs = (found[drives],)
+    return DrivenGauging(GaugingSimulation(simulated, {}, None), inputs, found, tuple(findings))
+
+
+def _shown_v(model: GaugingModel, time_s: Vector, allowance_um: Vector, random: np.random.Generator | None) -> Vector:
+    made, curve, linear = model.values, model.characteristic, model.values.linear
+
+    def voltage_at(seen_um: Vector) -> Vector:
+        if curve is not None:
+            return curve.voltage_at(seen_um)
+        return linear.bias_v + linear.gain_v_per_um * seen_um if linear is not None else seen_um
+
+    seen, finest = SeenSurface(made.surface, made.noise, random), finest_s(made) / _FINER
+    if random is not None and made.noise.sd_um > 0:
+        finest = min(finest, _PER_NOISE / made.noise.rate_per_s)
+    return voltage_course(voltage_at, made.filter_s, time_s, allowance_um, seen, finest)
+
+
+def _complete(recording: Recording, run: str, channel: str) -> tuple[Vector, list[Finding]]:
+    """Values at all samples, straight over what is missing, and what is to be said of clock and gaps."""
+    time_s, values = recording.time_s(run), np.asarray(recording.values(run, [channel])[:, 0], dtype=np.float64)
+    of = recording.channel(channel)
+    require_within(values, time_s, MOST_ALLOWANCE_UM if of.role == ALLOWANCE.role else _MOST_MM_PER_MIN, of.unit)
+    seen = np.isfinite(values)
+    if np.count_nonzero(seen) < 2:
+        raise InputError(
+            f"{np.count_nonzero(seen)} values",
+            expected="at least two",
+            where="recorded course",
+            advice="leave this run out, or give the channel its values",
+        )
+    found = _clock(run, channel, time_s)
+    if not seen.all():
+        missing = np.flatnonzero(~seen)
+        found.append(
+            Finding(
+                "recorded-gap",
+                "warning",
+                f"{len(missing)} of {len(seen)} values of {channel} are missing in {run}, the first at "
+                f"{time_s[missing[0]] - time_s[0]:.6g} s: it was taken to go straight, and beyond its ends to stay.",
+                Where(channel=channel, run=run),
+                {"missing": len(missing), "of": len(seen)},
+                "do not trust what the gauge shows there, or cut the run to the stretch that is complete",
+            )
+        )
+        values = np.interp(time_s, time_s[seen], values[seen])
+    return values, found
+
+
+def _clock(run: str, channel: str, time_s: Vector) -> list[Finding]:
+    steps = np.diff(time_s)
+    period_s = float(np.median(steps))
+    gaps = np.flatnonzero(steps > _GAP * period_s)
+    where = Where(channel=channel, run=run)
+    if len(gaps):
+        longest = int(gaps[np.argmax(steps[gaps])])
+        return [
+            Finding(
+                "recorded-gap",
+                "warning",
+                f"The clock of {run} has {len(gaps)} gaps, the longest of {steps[longest]:.4g} s at "
+                f"{time_s[longest] - time_s[0]:.6g} s, where others are {period_s:.4g} s: {channel} was taken to go "
+                "straight over them.",
+                where,
+                {"gaps": len(gaps), "longest_s": float(steps[longest]), "period_s": period_s},
+                "do not trust what the gauge shows after them for some times T_Φ",
+            )
+        ]
+    stray = float(np.abs(time_s - np.linspace(time_s[0], time_s[-1], len(time_s))).max() / period_s)
+    if stray <= _EVEN:
+        return []
+    return [
+        Finding(
+            "recorded-clock-jitter",
+            "info",
+            f"Times of {run} stray by up to {stray:.1%} of their period of {period_s:.4g} s; {channel} was taken at "
+            "its own times, straight between them.",
+            where,
+            {"stray": stray, "period_s": period_s},
+            "nothing, if the clock was read when the values were",
+        )
+    ]
+
+
+def _fallen_um(model: GaugingModel, time_s: Vector, feed_mm_per_min: Vector) -> Vector:
+    """The allowance under a recorded feed, held from sample to sample, as wheel and springs of the file follow it."""
+    grinding = model.values.grinding
+    feed = np.maximum(feed_mm_per_min, 0.0) * UM_PER_S
+    rate = feed / (1.0 + wear_share(grinding))
+    steps, lag_s = np.diff(time_s), grinding.lag_s
+    if lag_s == 0:
+        return grinding.allowance_um - np.concatenate([[0.0], np.cumsum(rate[:-1] * steps)])
+    removal, fallen = 0.0, np.zeros(len(time_s))
+    for k, (step_s, wanted) in enumerate(zip(steps.tolist(), rate[:-1].tolist(), strict=True)):
+        left = np.exp(-step_s / lag_s)
+        fallen[k + 1] = fallen[k] + wanted * step_s + (removal - wanted) * lag_s * (1.0 - left)
+        removal = wanted + (removal - wanted) * left
+    return grinding.allowance_um - fallen
+
+
+def _stage(model: GaugingModel, voltage_v: Vector) -> Vector:
+    """Number of the stage that the voltage asks for, the first being 1; 0 once it has asked for the stop."""
+    thresholds = np.array(model.setup.thresholds_v)
+    done = np.searchsorted(thresholds, np.maximum.accumulate(voltage_v), side="right")
+    return np.where(done < len(thresholds), done + 1.0, 0.0)
+
+
+def _outputs(recording: Recording, found: Mapping[str, str], drives: str) -> dict[str, Channel]:
+    """Kind → channel of the result: name and place as recorded where it was."""
+    own = {"allowance": ALLOWANCE, "gauge": GAUGE, "measured": MEASURED, "stage": STAGE}
+    if drives == "feed":
+        own["feed"] = FEED
+    out: dict[str, Channel] = {}
+    for kind, channel in own.items():
+        there = recording.channel(found[kind]) if kind in found else None
+        if there is not None:
+            out[kind] = Channel(
+                there.name, channel.role, channel.unit, there.place or channel.place, there.axis, there.xyz_m
+            )
+    taken = {channel.name for channel in out.values()} | set(recording.names)
+    for kind, channel in own.items():
+        if kind not in out:
+            name = channel.name
+            while name in taken and not (kind == "stage" and name in recording.names):
+                name += " (simulated)"
+            out[kind] = replace(channel, name=name)
+            taken.add(name)
+    return {kind: out[kind] for kind in own}
+
+
+def _nothing_compared(recording: Recording) -> Finding:
+    return Finding(
+        "output-not-recorded",
+        "warning",
+        "Nothing that the gauge shows was recorded, so nothing can be compared.",
+        evidence={"channels": list(recording.names)},
+        suggestion="name its channels under [recorded]: gauge for the voltage, measured for the size",
+    )
+
+
+def _nothing_drives(model: GaugingModel, recording: Recording) -> OptionError:
+    here = ", ".join(f"{channel.name} ({channel.role})" for channel in recording.channels[:12])
+    sizes = [name for name in recording.names if recording.channel(name).role == ALLOWANCE.role]
+    return OptionError(
+        f"nothing that drives the gauge: {here}",
+        expected="a channel with the allowance (role size), or one with the feed (role feed_rate)",
+        where=f"model {model.name!r}",
+        advice=f'say which: allowance = "{sizes[0]}" under [recorded]'
+        if sizes
+        else 'give the channel its role in the machine file, or add allowance = "CHANNEL" to [recorded]',
+    )
