@@ -49,6 +49,13 @@ def packed(transducer: Transducer, relative_tolerance: float) -> Vector:
     return p
 
 
+def widen_scales(p: Vector, probe_m: float, probe_m_per_s: float, plane_m: float) -> None:
+    """Errors count against what a start or a workpiece makes of the swing, where that is more than the pull does."""
+    frequency = max(math.sqrt(p[at.STIFFNESS] / p[at.MASS]), 2.0 * p[at.MAINS])
+    swing = max(abs(probe_m), abs(probe_m_per_s) / frequency, -plane_m)
+    p[at.SCALES :] *= max(1.0, swing / p[at.SCALES])
+
+
 def round_s(transducer: Transducer) -> float:
     """Period of the pull, half of one of the supply [s]."""
     return 0.5 / transducer.electromagnet.frequency_hz

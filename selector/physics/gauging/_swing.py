@@ -232,18 +232,18 @@ def _cubic(s, h, y, new):
 
 @compiled
 def _cut(t, h, y, q, approach, touching, sign, p, k, new, at):
-    """Length of the step that ends just past where contact begins or ends; that step is in `new` and `k`."""
+    """Length and error of the step that ends just past where contact begins or ends; it is in `new` and `k`."""
     low, high = 0.0, h
     below = in_contact(y, q, approach, p)
     above = in_contact(new, q + approach * h, approach, p)
     side = 0
-    taken = h
+    taken, error = h, 0.0
     for _ in range(60):
         if high - low <= SMALLEST_SHARE * h:
             break
         share = below / (below - above) if below != above else 0.5
         trial = low + (high - low) * min(max(share, 1e-3), 1.0 - 1e-3)
-        _stepped(t, trial, y, q, approach, touching, sign, p, k, new, at)
+        error = _stepped(t, trial, y, q, approach, touching, sign, p, k, new, at)
         taken = trial
         value = in_contact(new, q + approach * trial, approach, p)
         if (value > 0.0) != touching:
@@ -257,8 +257,8 @@ def _cut(t, h, y, q, approach, touching, sign, p, k, new, at):
             above = 0.5 * above if side == 1 else above
             side = 1
     if taken != high:
-        _stepped(t, high, y, q, approach, touching, sign, p, k, new, at)
-    return high
+        error = _stepped(t, high, y, q, approach, touching, sign, p, k, new, at)
+    return high, error
 
 
 @compiled
@@ -299,7 +299,12 @@ def advance(t, end, y, plane, approach, p, o, x, time, first, last, out, k, new,
                 _stepped(now, h, y, q, approach, touching, sign, p, k, new, at)
                 changed = in_contact(new, q + approach * h, approach, p) > 0.0
         if changed:
-            h = _cut(now, h, y, q, approach, touching, sign, p, k, new, at)
+            cut, error = _cut(now, h, y, q, approach, touching, sign, p, k, new, at)
+            if not error <= 1.0:
+                # a force that ends like δ^p may pass unnoticed in a step that goes on behind its end
+                h *= 0.5
+                continue
+            h = cut
             last_step = last_step and done + h >= length
             o[TOUCHING] = 0 if touching else 1
             o[TOUCHES] += 0 if touching else 1

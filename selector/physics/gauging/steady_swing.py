@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.physics.gauging import _swing as at
-from selector.physics.gauging._packed import FAR_M, STEPS_PER_ROUND, packed, refusal, round_s
+from selector.physics.gauging._packed import FAR_M, STEPS_PER_ROUND, packed, refusal, round_s, widen_scales
 from selector.physics.gauging.transducer import Transducer
 from selector.physics.gauging.vibrating_contact import GaugeState
 
@@ -105,10 +105,11 @@ def steady_swing(
     InputError
         If the probe reaches a core, or nothing can follow contact or generator.
     """
+    plane = FAR_M if allowance_um is None else transducer.rest_gap_m - 1e-6 * allowance_um
     p = packed(transducer, relative_tolerance)
+    widen_scales(p, 0.0, 0.0, plane)
     summing = p.copy()
     summing[at.RATE], summing[at.LEAK] = 1.0 / round_s(transducer), 0.0
-    plane = FAR_M if allowance_um is None else transducer.rest_gap_m - 1e-6 * allowance_um
     swing = _Rounds(transducer, summing, plane)
     begin = start or GaugeState()
     state, repeats = _settled(swing, np.array([min(begin.probe_m, plane), begin.probe_m_per_s, begin.generator_v]))

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from selector.errors import InputError
 from selector.physics.checks import require_finite
 from selector.physics.gauging import _swing as at
-from selector.physics.gauging._packed import STEPS_PER_ROUND, packed, refusal, round_s
+from selector.physics.gauging._packed import STEPS_PER_ROUND, packed, refusal, round_s, widen_scales
 from selector.physics.gauging.transducer import Contact, Transducer
 
 Vector = NDArray[np.float64]
@@ -126,6 +126,7 @@ def simulate_transducer(
     for core, ended in ((at.MAGNET, at.MAGNET_REACHED), (at.CORE, at.CORE_REACHED)):
         if begin.probe_m * p[core] > 1.0 - at.CLOSED:
             raise refusal(ended, transducer)
+    widen_scales(p, begin.probe_m, begin.probe_m_per_s, float(plane.min()))
     since = time - time[0]
     slope = np.diff(plane) / np.diff(time)
     bends = np.flatnonzero(np.abs(np.diff(slope)) > 1e-9 * np.abs(slope).max(initial=0.0)) + 1
