@@ -2,7 +2,7 @@
 
 The force is 0 before its first sample and after its last. Hysteretic joints, whose loss factor is the same at every
 frequency, are not causal: a trace of the answer comes before its force, the smaller the lighter the damping. It shows
-where a recorded force ends as a blow, in the last part of a period: 2 % of the motion with the joints of a lathe.
+where a recorded force breaks off: 3 % of the motion at the last sample with the joints of a lathe, 0.5 % 50 ms before.
 """
 
 from __future__ import annotations
