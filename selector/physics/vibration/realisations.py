@@ -21,9 +21,9 @@ Vector = NDArray[np.float64]
 ComplexMatrix = NDArray[np.complex128]
 
 MOST_VALUES = 2_000_000_000
-"""Realisations that differ × sections: some ten seconds."""
+"""Realisations that differ × sections: some fifteen seconds."""
 MOST_REALISATIONS = 1 << 22
-_BLOCK = 1 << 14
+_BLOCK = 1 << 15
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
 
@@ -108,17 +108,17 @@ def realisation_amounts(
     width = max(1, _BLOCK // different)
     for begin in range(0, len(time), width):
         block = slice(begin, begin + width)
-        z = np.array([_phasors(moving[s], turning[s], time[block]) for s in active], dtype=np.complex128)
-        if not active:
-            z = np.zeros((1, len(time[block])), dtype=np.complex128)
-        one = _shifted(z[:half], step, fixed=True)
-        other = _shifted(z[half:], step, fixed=False)
-        total = (one[:, None, :] + other[None, :, :]).reshape(different, -1)
+        z = np.zeros((max(len(active), 1), len(time[block])), dtype=np.complex128)
+        for row, s in enumerate(active):
+            z[row] = _phasors(moving[s], turning[s], time[block])
+        one, other = _shifted(z[:half], step, fixed=True), _shifted(z[half:], step, fixed=False)
+        # a section a row, so that what is added up lies side by side
+        total = (one[:, :, None] + other[:, None, :]).reshape(-1, different)
         size = np.sqrt(total.real**2 + total.imag**2)
-        section[0, block] = size.mean(axis=0)
+        section[0, block] = size.mean(axis=1)
         section[1, block] = _mean_ordinate(total, step)
-        section[2, block] = size.max(axis=0)
-        over_time += size.sum(axis=1)
+        section[2, block] = size.max(axis=1)
+        over_time += size.sum(axis=0)
         square += float(np.sum(_mean_square(z, phases)))
     expected, mean_abs = float(section[0].mean()), float(section[1].mean())
     section.setflags(write=False)
@@ -201,10 +201,11 @@ def _phasors(motion: NDArray[np.complex128], frequency: Vector, time: Vector) ->
 
 
 def _shifted(z: ComplexMatrix, step: NDArray[np.complex128], *, fixed: bool) -> ComplexMatrix:
-    """Sums of these sources with every combination of shifts, one a row; `fixed`: of shifts of all but the first."""
-    total = z[:1] if fixed else np.zeros((1, z.shape[1]), dtype=np.complex128)
+    """Sums of these sources with all shifts, (n_sections, n_combinations); `fixed`: the first is not shifted."""
+    sections = z.shape[1]
+    total = z[0][:, None] if fixed else np.zeros((sections, 1), dtype=np.complex128)
     for row in z[1:] if fixed else z:
-        total = (total[:, None, :] + (step[:, None] * row)[None, :, :]).reshape(-1, z.shape[1])
+        total = (total[:, :, None] + (row[:, None] * step)[:, None, :]).reshape(sections, -1)
     return total
 
 
@@ -212,13 +213,13 @@ def _mean_ordinate(total: ComplexMatrix, step: NDArray[np.complex128]) -> Vector
     """Mean of |Im(Z·e^{iφ})| over realisations and the common shifts φ; opposite shifts have the same amount."""
     phases = len(step)
     used = step[: phases // 2] if phases % 2 == 0 else step
-    sums = np.zeros(total.shape[1])
+    sums = np.zeros(len(total))
     for shift in used:
         if shift.imag == 0.0:
-            sums += np.abs(total.imag).sum(axis=0)
+            sums += np.abs(total.imag).sum(axis=1)
         else:
-            sums += np.abs(total.imag * shift.real + total.real * shift.imag).sum(axis=0)
-    return np.asarray(sums / (len(used) * len(total)))
+            sums += np.abs(total.imag * shift.real + total.real * shift.imag).sum(axis=1)
+    return np.asarray(sums / (len(used) * total.shape[1]))
 
 
 def _mean_square(z: ComplexMatrix, phases: int) -> Vector:
