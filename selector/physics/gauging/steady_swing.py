@@ -161,14 +161,14 @@ def _by_newton(swing: _Rounds, state: Vector) -> Vector | None:
         slope = np.empty((2, 2))
         for n in range(2):
             moved = at_present.copy()
-            moved[n] += 1e-5 * scale[n]
-            slope[:, n] = (swing.run(moved, 1)[0, :2] - end[:2]) / scale / 1e-5
+            moved[n] += 1e-4 * scale[n]
+            slope[:, n] = (swing.run(moved, 1)[0, :2] - end[:2]) / scale / 1e-4
         if swing.distance(end, at_present) < 0.1 * _REPEATS:
             return end if np.abs(np.linalg.eigvals(slope)).max() < 1.0 - 1e-4 else None
         if abs(np.linalg.det(slope - np.eye(2))) < 1e-9:
             return None
         step = np.linalg.solve(np.eye(2) - slope, (end[:2] - at_present[:2]) / scale)
-        if not np.abs(step).max() < 0.3:
+        if not np.abs(step).max() < 2.0:
             return None
         at_present[:2] += step * scale
         at_present[2] = end[2]
