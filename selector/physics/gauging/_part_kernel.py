@@ -184,8 +184,12 @@ def _part(plan, number, seed, ends, record):
     since = number % plan.dress_every if plan.dress_every > 0 else number
     removed = scale / (1.0 + plan.wheel_wear * (1.0 + plan.wear_growth) ** since)
     worn = plan.probe_wear * number
-    mean = x - worn - (plan.depth * plan.share if plan.grooves > 0 else 0.0)
-    y = _voltage(plan, mean) + _slope(plan, mean) * smoothed
+    met = x - worn
+    y = _voltage(plan, met) + _slope(plan, met) * smoothed
+    if plan.grooves > 0:
+        # deep grooves leave the range of the gauge: a mean of voltages, not the voltage of a mean
+        deep = _voltage(plan, met - plan.depth) + _slope(plan, met - plan.depth) * smoothed
+        y += plan.share * (deep - y)
     # next edge of a groove
     inside, edge, pitch = False, math.inf, math.inf
     if plan.grooves > 0:
