@@ -117,7 +117,7 @@ def with_axes() -> list[go.Figure]:
     course = np.sin(300.0 * time_s)
     return [
         response_over_frequency(FREQUENCY_HZ, answers(), COLOURS, "x", 60.0),
-        line_amplitudes(lines(), ("tool", RELATIVE), COLOURS, "x"),
+        line_amplitudes(lines(), ("tool", RELATIVE), COLOURS, "chains", "x"),
         errors(),
         motion_course(
             time_s,
@@ -230,10 +230,10 @@ def test_lines_stand_on_the_answer_and_the_split_is_marked():
 
 
 def test_the_largest_lines_are_bars_with_both_methods():
-    drawn = line_amplitudes(lines(MOST_BARS + 4), ("tool", RELATIVE), COLOURS, "x")
+    drawn = line_amplitudes(lines(MOST_BARS + 4), ("tool", RELATIVE), COLOURS, "chains", "x")
     rows = drawn.layout.yaxis.ticktext
     assert len(rows) == MOST_BARS
-    assert rows[0].endswith(f", {103 + MOST_BARS}.0 Hz")
+    assert rows[0].endswith(f", {103 + MOST_BARS} Hz")
     bars = [trace for trace in drawn.data if trace.type == "bar"]
     assert sum(len(trace.x) for trace in bars if trace.xaxis in (None, "x")) == MOST_BARS
     assert max(max(trace.x) for trace in bars) == MOST_BARS + 4.0

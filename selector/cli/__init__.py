@@ -24,6 +24,7 @@ from selector.cli import (
     selecting,
     simulating_drive,
     simulating_thermal,
+    simulating_vibration,
 )
 
 __all__ = ["app", "exit_status", "main"]
@@ -75,6 +76,7 @@ _command("predict", predicting.predict)
 _simulate = typer.Typer(help="Write a recording of a machine that a model file describes.")
 _command("thermal", simulating_thermal.thermal, _simulate)
 _command("drive", simulating_drive.drive, _simulate)
+_command("vibration", simulating_vibration.vibration, _simulate)
 app.add_typer(_simulate, name="simulate")
 _model = typer.Typer(help="Look at a model file.")
 _command("show", models.show, _model)

@@ -10,6 +10,7 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from selector.figures import style
+from selector.figures.log_axis import log_ticks
 from selector.figures.panels import shown_samples
 from selector.physics.vibration.chain_error import ChainAccuracy
 
@@ -22,7 +23,7 @@ MOST_STRIPS = 60
 _COLOURS = (style.CHOSEN, "#c8dfae", "#f0b86a", "#b34a00")
 _NAMES = ("within 10 %", "10 to 30 %", "30 to 100 %", "above 100 %")
 _STRIP_PX = 22
-_POINTS = 240
+_POINTS = 400
 _LEAST, _MOST = 0.1, 1e3
 """Errors [%] between which the axis is drawn."""
 
@@ -48,10 +49,8 @@ def accuracy_strips(accuracy: Sequence[ChainAccuracy], title: str) -> go.Figure:
             x=x, y=y, mode="lines", name=name, line={"color": colour, "width": _STRIP_PX - 7}, hoverinfo="skip"
         )
     ends = [extreme(one.frequency_hz[one.frequency_hz > 0]) for one in shown for extreme in (np.min, np.max)]
-    drawn.update_xaxes(
-        type="log", title_text="frequency [Hz]", dtick=1, exponentformat="none", minor={"ticks": "outside"},
-        range=[float(np.log10(min(ends))), float(np.log10(max(ends)))],
-    )  # fmt: skip
+    low, high = float(np.log10(min(ends))), float(np.log10(max(ends)))
+    drawn.update_xaxes(type="log", title_text="frequency [Hz]", range=[low, high], **log_ticks(low, high))
     drawn.update_yaxes(
         range=[len(shown) - 0.4, -0.6], tickvals=list(range(len(shown))), ticktext=[chain_text(one) for one in shown],
         showgrid=False, ticks="",
@@ -74,9 +73,8 @@ def error_of_chains(accuracy: Sequence[ChainAccuracy], title: str) -> go.Figure:
         type="rect", xref="x domain", x0=0, x1=1, yref="y", y0=_LEAST, y1=100 * LIMITS[0], fillcolor=style.CHOSEN,
         opacity=0.14, line={"width": 0}, layer="below",
     )  # fmt: skip
-    drawn.update_xaxes(
-        type="log", title_text="frequency [Hz]", dtick=1, exponentformat="none", minor={"ticks": "outside"}
-    )
+    # the ranges of chains are shorter than all of them together
+    drawn.update_xaxes(type="log", title_text="frequency [Hz]", **log_ticks(0.0, 0.0))
     drawn.update_yaxes(
         type="log", title_text="error [%]", dtick=1, exponentformat="none",
         range=[np.log10(_LEAST).item(), np.log10(_MOST).item()],

@@ -71,7 +71,7 @@ def _sorted(layers: list[list[str]], beside: Mapping[str, list[str]], upwards: b
         for name in layers[number]:
             near = [place[other] for other in beside[name] if other in done]
             middle[name] = sum(near) / len(near) if near else place[name]
-        made[number] = sorted(layers[number], key=lambda name, at=middle: (at[name], place[name]))
+        made[number] = [name for *_, name in sorted((middle[name], place[name], name) for name in layers[number])]
         place |= {name: (k + 0.5) / len(made[number]) for k, name in enumerate(made[number])}
         done |= set(layers[number])
     return [made[number] for number in range(len(layers))]

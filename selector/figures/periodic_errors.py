@@ -9,15 +9,13 @@ import numpy as np
 import plotly.graph_objects as go
 
 from selector.figures import style
+from selector.figures.log_axis import log_ticks
 from selector.physics.vibration.cutting import Cutting
 from selector.physics.vibration.periodic_error import PeriodicError, Surface
 
 _PANEL_PX, _GAP_PX, _BELOW_PX = 320, 66, 50
 _DECADES = 5.0
 """Errors lower than this many powers of ten below the highest are off the picture."""
-
-_WIDE = 1.5
-"""Powers of ten from which on an axis needs no ticks between them."""
 
 ZONES = {"roughness": "#eaf3f9", "waviness": "#f4f4f4", "lobing": "#fdf1e3", "runout": "#f9ecf3"}
 _SEVERAL = "several sources"
@@ -32,7 +30,7 @@ def errors_over_wavelength(
 ) -> go.Figure:
     """Both heights of every error over its wavelength; a second panel has those that lie along the feed.
 
-    Filled: by the law of the cutting force (V eq. 2); hollow: what a tip that copies the motion leaves.
+    Filled: what a tip leaves that copies the motion; hollow: W by the law of the cutting force (V eq. 2).
 
     Parameters
     ----------
@@ -68,14 +66,13 @@ def errors_over_wavelength(
         _add_errors(drawn, ones, colours, key, is_first=number == 0)
         drawn.layout[f"xaxis{key}"] = {
             "type": "log", "anchor": f"y{key}", "range": [low, high], "title": {"text": _ALONG[direction]},
-            "dtick": 1 if high - low > _WIDE else None, "exponentformat": "none", "showgrid": False,
-            "minor": {"ticks": "outside"},
+            "showgrid": False, **log_ticks(low, high),
         }  # fmt: skip
         drawn.layout[f"yaxis{key}"] = {
             "type": "log", "anchor": f"x{key}", "domain": [max(edge - _PANEL_PX / inside, 0.0), edge], "dtick": 1,
             "range": [top - _DECADES, top + 0.45], "title": {"text": "height [µm]"}, "exponentformat": "none",
         }  # fmt: skip
-    for name, fill in (("by the cutting force", style.INK), ("copied motion", "#ffffff")):
+    for name, fill in (("copied motion", style.INK), ("W by the force", "#ffffff")):
         drawn.add_scatter(
             x=[None], y=[None], mode="markers", name=name,
             marker={"color": fill, "size": 9, "line": {"color": style.INK, "width": 1.8}},
@@ -101,8 +98,8 @@ def _add_errors(
             showlegend=False, legendgroup=name, **axes,
         )  # fmt: skip
         for heights, fill, told in (
-            ([one.published_um or None for one in mine], colour, "by the cutting force"),
-            ([one.kinematic_um or None for one in mine], "#ffffff", "copied motion"),
+            ([one.kinematic_um or None for one in mine], colour, "copied motion"),
+            ([one.published_um or None for one in mine], "#ffffff", "W by the force"),
         ):
             drawn.add_scatter(
                 x=[one.wavelength_mm for one in mine],

@@ -163,7 +163,7 @@ def structure_diagram(structure: Structure, sources: Sequence[Source], views: Se
 
 
 def _add_menu(
-    drawn: go.Figure, names: Sequence[str], views: Sequence[View], lines: Sequence[tuple[Line, Line]]
+    drawn: go.Figure, names: Sequence[str], views: Sequence[View], lines: Sequence[tuple[list[float], list[float]]]
 ) -> None:
     band, nodes = 0, len(drawn.data) - 1
     buttons = []
@@ -190,7 +190,7 @@ def _add_menu(
 Line = list[float | None]
 
 
-def _band(lines: Sequence[tuple[Line, Line]], joints: frozenset[int]) -> dict[str, Line]:
+def _band(lines: Sequence[tuple[list[float], list[float]]], joints: frozenset[int]) -> dict[str, Line]:
     """Marked joints as one line with gaps; at least one point, so that a menu can change it."""
     x: Line = [None]
     y: Line = [None]
@@ -211,7 +211,7 @@ def _places(structure: Structure) -> Places:
     return layered_places(structure.names, [joint.between for joint in structure.joints], GROUND)
 
 
-def _course(joint: Joint, at: Mapping[str, tuple[float, float]], places: Places) -> tuple[Line, Line]:
+def _course(joint: Joint, at: Mapping[str, tuple[float, float]], places: Places) -> tuple[list[float], list[float]]:
     """The line of a joint: straight down to the ground, straight between layers, bent past what stands between."""
     one, other = joint.between
     if GROUND in joint.between:

@@ -10,7 +10,9 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from selector.figures import style
+from selector.figures.log_axis import log_ticks
 from selector.figures.panels import Line, Panel, stacked
+from selector.physics.vibration.final_motion import Method
 from selector.physics.vibration.vibration_summary import LineSummary
 
 Vector = NDArray[np.float64]
@@ -19,6 +21,7 @@ MOST_BARS = 14
 MOST_FORCES = 6
 _PANEL_PX, _GAP_PX, _BELOW_PX = 250, 34, 50
 _BAR_PX = 26
+_OTHER = {"chains": "chains", "coupled": "coupled structure"}
 _MOTIONS = (style.PREDICTED, style.RESIDUAL, style.INK)
 _DECADES = 4.0
 """Answers weaker than this many powers of ten below the strongest are off the picture."""
@@ -81,19 +84,19 @@ def response_over_frequency(
     for number, (final, ones) in enumerate(answers.items()):
         key = "" if number == 0 else str(number + 1)
         top = 1.0 - number * (_PANEL_PX + _GAP_PX) / inside
-        strongest = max(float(one.coupled_um_per_n.max()) for one in ones)
+        strongest = np.log10(max(float(one.coupled_um_per_n.max()) for one in ones))
+        weakest = np.log10(min(float(one.coupled_um_per_n.min()) for one in ones))
         for one in ones:
             _add_answer(drawn, frequency_hz, one, colours[one.source], key, is_first=number == 0)
         drawn.layout[f"xaxis{key}"] = {
-            "type": "log", "anchor": f"y{key}", "range": ends.tolist(), "minor": {"ticks": "outside"},
-            "showticklabels": number == count - 1, "exponentformat": "none", "dtick": 1,
-            "title": {"text": "frequency [Hz]" if number == count - 1 else ""},
+            "type": "log", "anchor": f"y{key}", "range": ends.tolist(), "showticklabels": number == count - 1,
+            "title": {"text": "frequency [Hz]" if number == count - 1 else ""}, **log_ticks(*ends.tolist()),
             **({"matches": "x"} if number else {}),
         }  # fmt: skip
         drawn.layout[f"yaxis{key}"] = {
             "type": "log", "anchor": f"x{key}", "domain": [max(top - _PANEL_PX / inside, 0.0), top], "dtick": 1,
             "title": {"text": f"{style.label(final, 12)} [µm/N]"}, "exponentformat": "power",
-            "range": [np.log10(strongest) - _DECADES, np.log10(strongest) + 0.25],
+            "range": [max(weakest - 0.15, strongest - _DECADES), strongest + 0.25],
         }  # fmt: skip
         if split_hz is not None and has_chains:
             drawn.add_shape(
@@ -130,9 +133,9 @@ def _add_answer(drawn: go.Figure, frequency_hz: Vector, one: Answer, colour: str
 
 
 def line_amplitudes(
-    lines: Sequence[LineSummary], finals: Sequence[str], colours: Mapping[str, str], title: str
+    lines: Sequence[LineSummary], finals: Sequence[str], colours: Mapping[str, str], other: Method, title: str
 ) -> go.Figure:
-    """The largest lines as bars in the colour of their source, side by side for every final; × is the other method.
+    """The largest lines as bars in the colour of their source, side by side for every final; crosses: by `other`.
 
     Parameters
     ----------
@@ -141,12 +144,14 @@ def line_amplitudes(
         Keys of their motions: what stands side by side; lines are ranked by the last of them.
     colours : mapping of str to str
         As of `source_colours`.
+    other : {"chains", "coupled"}
+        The method by which the motions were not made.
     title : str
         Plain text, as `style.label` makes it.
     """
     ranked = sorted(lines, key=lambda one: -one.motion_um[finals[-1]])[:MOST_BARS]
     rows = list(range(len(ranked)))
-    drawn = style.figure(title, 110 + _BAR_PX * len(rows))
+    drawn = style.figure(title, 140 + _BAR_PX * len(rows))
     width = (1.0 - 0.04 * (len(finals) - 1)) / len(finals)
     for number, final in enumerate(finals):
         key = "" if number == 0 else str(number + 1)
@@ -158,16 +163,13 @@ def line_amplitudes(
                 name=style.label(source, 16), legendgroup=style.label(source, 16), showlegend=number == 0,
                 marker={"color": colours[source]}, hovertemplate="%{x:.4g} µm<extra></extra>",
             )  # fmt: skip
-        for name, symbol, values in (
-            ("chains", "x-thin", [one.chains_um[final] for one in ranked]),
-            ("coupled", "line-ns", [one.coupled_um[final] for one in ranked]),
-        ):
-            if any(one.chains_um[final] is not None for one in ranked):
-                drawn.add_scatter(
-                    x=values, y=rows, xaxis=f"x{key}", mode="markers", name=name, showlegend=number == 0,
-                    legendgroup=name, hovertemplate=f"%{{x:.4g}} µm<extra>{name}</extra>",
-                    marker={"symbol": symbol, "size": 11, "line": {"color": style.INK, "width": 2}},
-                )  # fmt: skip
+        others = [one.chains_um[final] if other == "chains" else one.coupled_um[final] for one in ranked]
+        if any(value is not None for value in others):
+            drawn.add_scatter(
+                x=others, y=rows, xaxis=f"x{key}", mode="markers", name=f"by the {_OTHER[other]}", legendgroup=other,
+                showlegend=number == 0, hovertemplate=f"%{{x:.4g}} µm<extra>{_OTHER[other]}</extra>",
+                marker={"symbol": "x-thin", "size": 10, "line": {"color": style.INK, "width": 2}},
+            )  # fmt: skip
         start = number * (width + 0.04)
         drawn.layout[f"xaxis{key}"] = {
             "domain": [start, min(start + width, 1.0)], "title": {"text": f"{final_text(final)} [µm]"},
@@ -183,7 +185,7 @@ def line_amplitudes(
 
 def line_text(one: LineSummary) -> str:
     """A line by its source and frequency, as Plotly shows it."""
-    return f"{style.label(one.source, 14)}, {style.number(one.frequency_hz, 4)} Hz"
+    return f"{style.label(one.source, 14)}, {one.frequency_hz:.4g} Hz"
 
 
 def final_text(final: str) -> str:

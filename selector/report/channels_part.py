@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from selector.figures.comparison import recorded_and_simulated
 from selector.physics.channel_differences import ChannelDifference
 from selector.report.numbers import NONE, number_text, span_text
@@ -13,6 +15,9 @@ from selector.report.tables import Table, table
 
 MOST_DRAWN = 6
 MOST_ROWS = 60
+_EQUAL = 1e-9
+"""Difference, as a share of what was recorded, below which it is rounding."""
+
 _UNITS = {"um": "µm", "degC": "°C", "rpm": "r/min", "1": ""}
 
 
@@ -30,8 +35,9 @@ def difference_sentence(differences: Sequence[ChannelDifference]) -> str:
 
 
 def channels_part(pictures: Pictures, differences: Sequence[ChannelDifference]) -> dict[str, Any]:
-    """Pictures of the first channels, and all numbers as a table."""
+    """Pictures of the first channels that differ at all, and all numbers as a table."""
     several = len({one.run for one in differences}) > 1
+    telling = [one for one in differences if one.largest > _EQUAL * float(np.abs(one.recorded).max())]
     drawn = [
         pictures.add(
             recorded_and_simulated(
@@ -43,9 +49,9 @@ def channels_part(pictures: Pictures, differences: Sequence[ChannelDifference]) 
             ),
             _READ,
         )
-        for one in differences[:MOST_DRAWN]
+        for one in telling[:MOST_DRAWN]
     ]
-    return {"pictures": drawn, "table": _table(differences), "more": max(0, len(differences) - MOST_DRAWN)}
+    return {"pictures": drawn, "table": _table(differences), "more": max(0, len(telling) - MOST_DRAWN)}
 
 
 def _table(differences: Sequence[ChannelDifference]) -> Table:

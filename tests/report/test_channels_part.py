@@ -42,3 +42,10 @@ def test_all_numbers_are_in_the_table_and_the_first_are_drawn():
     assert [row[1] for row in part["table"].rows] == [one.channel for one in ones]
     # vibrations are micrometres, not a share of a millimetre
     assert '"course [µm]"' in str(part["pictures"][0].json)
+
+
+def test_channels_that_do_not_differ_are_in_the_table_only():
+    part = channels_part(Pictures(), [difference(off=0.0), difference("workpiece")])
+    assert len(part["pictures"]) == 1
+    assert part["more"] == 0
+    assert len(part["table"].rows) == 2
