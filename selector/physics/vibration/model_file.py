@@ -63,8 +63,8 @@ def contradictions(file: VibrationFile) -> Iterator[Contradiction]:
     yield from _of_structure(file)
     yield from _of_shafts(file)
     yield from _of_sources(file)
-    yield from _of_chains(file)
     yield from _of_finals(file)
+    yield from _of_chains(file)
     yield from _of_run(file)
     yield from bound_contradictions(file.bounds)
 
