@@ -61,6 +61,10 @@ class Agreement:
         """|ratio − 1|, shape (n_freq,)."""
         return np.abs(self.ratio - 1.0)
 
+    def amplitude_share_within(self, within: float) -> float:
+        """Share of the frequencies at which the amplitude is right within this limit, whatever its phase."""
+        return float((np.abs(np.abs(self.ratio) - 1.0) <= within).mean())
+
 
 @dataclass(frozen=True)
 class ChainAccuracy:
@@ -124,6 +128,8 @@ def two_member_ratio(
 ) -> Complex:
     """Motion of member 1 by the chain over the coupled one, for members 1 – 2 – ground; the arguments broadcast.
 
+    With dampers that carry it is 1 − ε, ε = (1 + iη1)·m1/m2·(ω/p2)²·H1·H2 with H = μ·e^{−iφ}: of both kinds alike.
+
     Parameters
     ----------
     mass_ratio, frequency_ratio, forcing_ratio : array-like
@@ -155,19 +161,15 @@ def two_member_ratio(
                 where=name,
                 advice="correct the ratios",
             )
-    # in units of m1 = j1 = p1 = 1
-    first, on_rest = (np.complex128(complex(1.0, psi / (2.0 * math.pi))) for psi in dissipation)
-    compliance = mass * frequency**2
-    second = on_rest / compliance
-    with np.errstate(divide="ignore", invalid="ignore"):
-        answer_1, answer_2 = 1.0 / (first - forcing**2), 1.0 / (on_rest - (forcing * frequency) ** 2)
-        carried = first if dampers_carry else np.complex128(1.0)
-        on_ground = first + second - forcing**2 / mass
-        both = (first - forcing**2) * on_ground - first**2
-        if kind == "first":
-            found = answer_1 * (1.0 + carried * answer_2 * compliance) * both / on_ground
-        else:
-            found = answer_2 * compliance * carried * answer_1 * both / first
+    first, second = (np.complex128(complex(1.0, psi / (2.0 * math.pi))) for psi in dissipation)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        answer_1, answer_2 = 1.0 / (first - forcing**2), 1.0 / (second - (forcing * frequency) ** 2)
+        # exact: what member 1 does to member 2 comes back as this share of the motion
+        found = 1.0 - first * mass * (forcing * frequency) ** 2 * answer_1 * answer_2
+        # X2/F·j1 of V, without the force of the damper
+        behind = mass * frequency**2 * answer_2
+        if not dampers_carry:
+            found = found * (1.0 + behind) / (1.0 + first * behind) if kind == "first" else found / first
     if not np.isfinite(found).all():
         raise InputError(
             "a force at a resonance that nothing damps",
