@@ -15,7 +15,7 @@ Vector = NDArray[np.float64]
 
 FAR_M = 1.0
 """A workpiece at this distance is out of reach."""
-STEPS_PER_ROUND = 100_000
+STEPS_PER_ROUND, STEPS_PER_KNOT = 50_000, 1000
 
 
 def packed(transducer: Transducer, relative_tolerance: float) -> Vector:

@@ -368,7 +368,7 @@ def rounds(y, p, o, x, plane, period, out):
     samples = np.zeros((1, 4))
     for j in range(len(out)):
         y[S] = 0.0
-        o[STEPS], o[TOUCHES] = 0, 0
+        o[TOUCHES] = 0
         x[HIGHEST] = x[LOWEST] = y[Z]
         end = advance(0.0, period, y, plane, 0.0, p, o, x, time, 0, 0, samples, k, new, at)
         if end != DONE:

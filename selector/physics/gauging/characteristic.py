@@ -275,8 +275,8 @@ def _findings(fallen: Sequence[SteadySwing], risen: Sequence[SteadySwing], most_
             Finding(
                 "irregular-swing",
                 "info",
-                f"{_at(irregular)} the impacts never repeat: mean voltages over {IRREGULAR_ROUNDS} periods of the pull "
-                f"are known to {1e3 * worst:.2g} mV only, and the smoothed voltage wanders.",
+                f"{_at(irregular)} the impacts never repeat: mean voltages over {IRREGULAR_ROUNDS} periods of the pull, "
+                f"or fewer, are known to {1e3 * worst:.2g} mV only, and the smoothed voltage wanders.",
                 evidence={"allowance_um": [swing.allowance_um for swing in irregular], "voltage_sd_v": worst},
                 suggestion="damp the probe, or excite it nearer to its resonance",
             )

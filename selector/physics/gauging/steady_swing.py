@@ -23,7 +23,7 @@ Matrix = NDArray[np.float64]
 MOST_ROUNDS_TO_REPEAT = 8
 """A swing that does not repeat within so many rounds counts as irregular."""
 IRREGULAR_ROUNDS = 400
-"""Rounds over which an irregular swing is averaged."""
+"""Rounds over which an irregular swing is averaged, at most."""
 _BLOCK = 24
 _BLOCKS = 16
 _REPEATS = 3e-7
@@ -31,6 +31,9 @@ _REPEATS = 3e-7
 _APART = 1e-4
 """Rounds that differ by more do not repeat one another."""
 _SAMPLES = 256
+_BATCHES = 20
+_STEPS = 200_000
+"""Steps within which a swing is looked for: more than any needs that contact damps."""
 
 
 @dataclass(frozen=True)
@@ -72,17 +75,21 @@ class _Rounds(NamedTuple):
     transducer: Transducer
     p: Vector
     plane_m: float
+    effort: NDArray[np.int64]
 
     def run(self, state: Vector, count: int) -> Matrix:
         out = np.empty((count, 7))
-        y = np.array([*state, 0.0])
-        ended = at.rounds(
-            y, self.p, np.array([0, 0, STEPS_PER_ROUND, 0]), np.array([self.p[at.LONGEST] / 8, 0.0, 0.0]),
-            self.plane_m, round_s(self.transducer), out,
-        )  # fmt: skip
+        y, counted = np.array([*state, 0.0]), np.array([0, 0, STEPS_PER_ROUND * count, 0])
+        hint = np.array([self.p[at.LONGEST] / 8, 0.0, 0.0])
+        ended = at.rounds(y, self.p, counted, hint, self.plane_m, round_s(self.transducer), out)
+        self.effort[:] += (counted[at.STEPS], count)
         if ended != at.DONE:
             raise refusal(ended, self.transducer)
         return out
+
+    def affordable(self, rounds: int) -> int:
+        """So many rounds, or fewer where they take many steps."""
+        return int(min(max(_STEPS * self.effort[1] // self.effort[0], 2 * _BATCHES), rounds))
 
     def distance(self, a: Vector, b: Vector) -> float:
         return float(np.max(np.abs(a[..., :2] - b[..., :2]) / self.p[at.SCALES : at.SCALES + 2]))
@@ -110,10 +117,10 @@ def steady_swing(
     widen_scales(p, 0.0, 0.0, plane)
     summing = p.copy()
     summing[at.RATE], summing[at.LEAK] = 1.0 / round_s(transducer), 0.0
-    swing = _Rounds(transducer, summing, plane)
+    swing = _Rounds(transducer, summing, plane, np.zeros(2, dtype=np.int64))
     begin = start or GaugeState()
     state, repeats = _settled(swing, np.array([min(begin.probe_m, plane), begin.probe_m_per_s, begin.generator_v]))
-    ran = repeats or IRREGULAR_ROUNDS
+    ran = repeats or swing.affordable(IRREGULAR_ROUNDS)
     state[at.U] = _settled_voltage(swing, state, ran)
     out = swing.run(state, ran)
     shown = min(ran, MOST_ROUNDS_TO_REPEAT)
@@ -145,6 +152,8 @@ def _settled(swing: _Rounds, state: Vector) -> tuple[Vector, int]:
             if change < _APART:
                 # fewer rounds will do, once this has shrunk
                 break
+        if swing.effort[0] > _STEPS:
+            break
         if block in (1, 4):
             found = _by_newton(swing, tail[-1])
             if found is not None:
@@ -204,5 +213,5 @@ def _ripple(swing: _Rounds, p: Vector, state: Vector, rounds: int, mean_v: float
 
 def _sd_of_mean(values: Vector) -> float:
     """Standard error of the mean of a course with memory, by means of batches."""
-    batches = values[: len(values) // 20 * 20].reshape(20, -1).mean(axis=1)
+    batches = values[: len(values) // _BATCHES * _BATCHES].reshape(_BATCHES, -1).mean(axis=1)
     return float(batches.std(ddof=1) / math.sqrt(len(batches)))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from selector.errors import InputError
 from selector.physics.checks import require_finite, require_not_negative, require_positive
 
 
@@ -81,6 +82,13 @@ class Contact:
     def __post_init__(self) -> None:
         require_positive(self, "stiffness", "exponent")
         require_not_negative(self, "damping_s_per_m")
+        if self.exponent < 1.0:
+            raise InputError(
+                f"{self.exponent:g}: infinitely stiff where it begins",
+                expected="1 or more: 1 for a spring, 1.5 for a ball on a flat",
+                where="exponent",
+                advice="correct this parameter",
+            )
 
 
 @dataclass(frozen=True)

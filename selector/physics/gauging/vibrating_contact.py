@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from selector.errors import InputError
 from selector.physics.checks import require_finite
 from selector.physics.gauging import _swing as at
-from selector.physics.gauging._packed import STEPS_PER_ROUND, packed, refusal, round_s, widen_scales
+from selector.physics.gauging._packed import STEPS_PER_KNOT, STEPS_PER_ROUND, packed, refusal, round_s, widen_scales
 from selector.physics.gauging.transducer import Contact, Transducer
 
 Vector = NDArray[np.float64]
@@ -135,7 +135,7 @@ def simulate_transducer(
     if p[at.COIL_S] == 0:
         y[at.U] = -p[at.INDUCED] * y[at.V] / (1.0 - y[at.Z] * p[at.CORE]) ** 2
     out = np.empty((len(time), 4))
-    most = STEPS_PER_ROUND * (1 + len(knots) + math.ceil(since[-1] / round_s(transducer)))
+    most = STEPS_PER_ROUND * math.ceil(since[-1] / round_s(transducer)) + STEPS_PER_KNOT * len(knots)
     ended, _ = at.course(
         y, p, np.array([0, 0, most, 0]), np.array([p[at.LONGEST] / 8, 0.0, 0.0]), since, plane, knots, out
     )

@@ -243,3 +243,8 @@ def test_the_force_of_a_contact_that_leaves_fast_is_0_and_not_a_pull():
     force = contact_force_n(TRANSDUCER.contact, np.array([1e-6, 1e-6, -1e-6]), np.array([0.0, -1.0, 0.1]))
     # 9.5e9 · 1e-9
     np.testing.assert_allclose(force, [9.5, 0.0, 0.0], rtol=1e-12)
+
+
+def test_a_contact_that_is_infinitely_stiff_where_it_begins_is_refused():
+    with pytest.raises(InputError, match="exponent"):
+        Contact(1e6, 0.9)
