@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.errors import InputError
-from selector.physics.gauging._part_kernel import LEAST_FEED, Plan
+from selector.physics.gauging._part_kernel import Plan
 from selector.physics.gauging.gauged_grinding import GaugedGrinding
 from selector.physics.gauging.threshold import wear_share
 
@@ -142,6 +142,3 @@ def _reached_um(setup: GaugedGrinding, table: Vector, start: float, step: float)
         beyond = np.flatnonzero(sign * (table - volts) >= 0)
         reached.append(start + step * float(beyond[-1] if len(beyond) else 0) - margin)
     return reached
-
-
-__all__ = ["LEAST_FEED", "default_period_s", "mean_duration_s", "part_plan", "steps_per_period"]

@@ -53,7 +53,8 @@ class Grinding:
         The share grows by this with every part, as a share of itself, and is as at first again after so many parts;
         0: never dressed.
     probe_wear_um_per_part : float
-        Length that the tip loses: finished parts grow smaller by it, until the gauge is set again [µm].
+        Length that the tip loses: the gauge sees so much less allowance than there is, stops earlier, and leaves each
+        part larger by it than the one before [µm].
     """
 
     allowance_um: float

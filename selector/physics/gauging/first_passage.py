@@ -1,0 +1,150 @@
+"""When does a restless reading first fall to its threshold? Crossings after Rice, taken as they come one by one.
+
+Of smoothed noise of standard deviation σ, whose rate has σ', on a mean course m(t) the reading falls through the
+threshold z at the rate ν = φ(q)/σ·(σ'·φ(μ/σ') + μ·Φ(μ/σ')), q = (m − z)/σ, μ = −m' (S. O. Rice, Bell System Technical
+Journal 24, 1945). The share F = Φ(q) is above it; of parts that are still ground the share ν/F falls through per
+second. That is exact where the course passes so quickly that there is one crossing, and where crossings are so rare
+that they are independent; between the two crossings come in clumps, and the size is told a little too large.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import integrate
+from scipy.special import log_ndtr, ndtr
+
+from selector.physics.gauging.gauged_grinding import GaugedGrinding
+from selector.physics.gauging.mean_course import MeanCourse, last_stage, threshold_readings_um
+from selector.physics.gauging.threshold import voltage_rate_sd_v_per_s, voltage_variance_v2
+
+Vector = NDArray[np.float64]
+
+_SIGMAS, _POINTS, _MOST_POINTS, _PER_WAVE, _PER_SIGMA, _PHASES, _STILL_PHASES = 9.0, 800, 8000, 48, 12, 24, 256
+GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
+_RELAY_POINTS, _RELAY_PHASES, _FINE = 2001, 16, 20.0
+
+
+@dataclass(frozen=True)
+class PassageLaw:
+    """Finished sizes of parts that are all fed alike.
+
+    Attributes
+    ----------
+    mean_um, variance_um2 : float
+        [µm], [µm²].
+    size_um : ndarray of shape (n_probabilities,)
+        Quantiles [µm].
+    """
+
+    mean_um: float
+    variance_um2: float
+    size_um: Vector
+
+
+def passage_law(setup: GaugedGrinding, probability: Vector, pace: float = 1.0) -> PassageLaw:
+    """Sizes of parts whose allowance falls `pace` times as fast as with the mean feed; quantiles at `probability`.
+
+    The last stage on its mean course, the gauge a line, its noise stationary, the workpiece begun at any angle; the
+    relay's own noise left out. The stages before end when they do without noise.
+    """
+    gain = abs(setup.gauge.gain_v_per_um)
+    sd = math.sqrt(voltage_variance_v2(setup.gauge, setup.noise)) / gain
+    rate_sd = voltage_rate_sd_v_per_s(setup.gauge, setup.noise) / gain
+    level, delay_s = threshold_readings_um(setup)[-1], setup.relay.delay_s
+    whole = last_stage(setup, pace)
+    if whole.is_whole:
+        return _law_of(whole, level, delay_s, sd, rate_sd, probability)
+    # multiples of the golden section lie evenly in a turn and in the pitch of any grooves
+    turns = np.mod(np.arange(_STILL_PHASES if sd == 0 else _PHASES) * GOLDEN, 1.0)
+    laws = [_law_of(last_stage(setup, pace, float(at)), level, delay_s, sd, rate_sd, probability) for at in turns]
+    means = np.array([law.mean_um for law in laws])
+    variance = float(np.mean([law.variance_um2 for law in laws]) + means.var())
+    sizes = np.stack([law.size_um for law in laws])
+    if sd == 0:
+        return PassageLaw(float(means.mean()), variance, np.quantile(means, probability))
+    weights = np.broadcast_to(masses(probability), sizes.shape)
+    return PassageLaw(float(means.mean()), variance, weighted_quantiles(sizes.ravel(), weights.ravel(), probability))
+
+
+def masses(probability: Vector) -> Vector:
+    """Share of all that each of these increasing quantiles stands for."""
+    between = (probability[1:] + probability[:-1]) / 2.0
+    return np.diff(np.concatenate([[0.0], between, [1.0]]))
+
+
+def weighted_quantiles(values: Vector, weights: Vector, probability: Vector) -> Vector:
+    """Values below which these shares of the weights lie."""
+    order = np.argsort(values)
+    share = np.cumsum(weights[order])
+    middle = (share - 0.5 * weights[order]) / share[-1]
+    return np.interp(probability, middle, values[order])
+
+
+def _law_of(
+    course: MeanCourse, level: float, delay_s: float, sd: float, rate_sd: float, probability: Vector
+) -> PassageLaw:
+    """On one course."""
+    if sd == 0:
+        size = float(course.size(course.time_of(level), delay_s))
+        return PassageLaw(size, 0.0, np.full(len(probability), size))
+    begin, end = course.window_s(level, _SIGMAS * sd)
+    # a step is a small part of a wave of the surface, and of the time in which the reading falls by the noise
+    shortest = min(course.shortest_s() / _PER_WAVE, sd / course.rate_um_per_s / _PER_SIGMA)
+    end = max(end, begin + shortest)
+    time = np.linspace(begin, end, int(np.clip((end - begin) / shortest, _POINTS, _MOST_POINTS)))
+    ripple, slope = course.ripple(time)
+    reading, size = course.reading(time), course.size(time, delay_s)
+    approach = (reading - course.allowance(time)) / course.unit.time_constant_s - slope
+    survival = _survival(time, (reading + ripple - level) / sd, approach, sd, rate_sd)
+    # a part is smaller than size(t) if it is still ground at t
+    distance = size - size[0]
+    mean = integrate.trapezoid(survival, distance)
+    square = integrate.trapezoid(2.0 * distance * survival, distance)
+    sizes = np.interp(probability, survival[::-1], size[::-1])
+    return PassageLaw(float(size[0] + mean), max(float(square - mean**2), 0.0), sizes)
+
+
+def relay_law(setup: GaugedGrinding, probability: Vector, period_s: float) -> PassageLaw:
+    """By how much larger parts grow because noise of the relay, new every `period_s`, trips it early [µm].
+
+    Of a reading that falls straight at the rate a: sample by sample the share that is not tripped, averaged over where
+    the samples lie; where they are many, by the integral of its logarithm.
+    """
+    sd = setup.relay.noise_v / abs(setup.gauge.gain_v_per_um)
+    if sd == 0:
+        return PassageLaw(0.0, 0.0, np.zeros(len(probability)))
+    step = setup.rates_um_per_s[-1] * period_s
+    # so many samples can trip it before the reading is near that the window has to begin earlier than _SIGMAS only
+    # where nobody would use the gauge any more
+    height = np.linspace(_SIGMAS * sd, -_SIGMAS * sd, _RELAY_POINTS)
+    if step * _FINE < sd:
+        logs = log_ndtr(height / sd)
+        survival = np.asarray(np.exp(integrate.cumulative_trapezoid(logs, -height, initial=0) / step))
+    else:
+        survival = np.zeros(_RELAY_POINTS)
+        for phase in (np.arange(_RELAY_PHASES) + 0.5) / _RELAY_PHASES:
+            ends = np.arange(height[0] + phase * step, height[-1] - step, -step)
+            passed = np.concatenate([[0.0], np.cumsum(log_ndtr(ends / sd))])
+            survival += _passed_share(height, ends, passed) * ndtr(height / sd) / _RELAY_PHASES
+    distance = height - height[0]
+    mean = integrate.trapezoid(survival, distance)
+    square = integrate.trapezoid(2.0 * distance * survival, distance)
+    quantiles = np.interp(probability, survival[::-1], height[::-1])
+    return PassageLaw(float(height[0] + mean), max(float(square - mean**2), 0.0), quantiles)
+
+
+def _passed_share(height: Vector, ends: Vector, passed: Vector) -> Vector:
+    """Share that has not tripped in samples that ended above each height; `ends` fall, `passed` are its logarithms."""
+    return np.asarray(np.exp(passed[np.searchsorted(-ends, -height, side="left")]))
+
+
+def _survival(time: Vector, q: Vector, approach: Vector, sd: float, rate_sd: float) -> Vector:
+    """Share that has not yet fallen through; some have at the first time already."""
+    mu = approach / rate_sd
+    pace = rate_sd * (np.exp(-0.5 * mu**2) / math.sqrt(2 * math.pi) + mu * ndtr(mu))
+    hazard = np.exp(-0.5 * q**2 - log_ndtr(q)) / (math.sqrt(2 * math.pi) * sd) * np.maximum(pace, 0.0)
+    return np.asarray(np.exp(log_ndtr(q[0]) - integrate.cumulative_trapezoid(hazard, time, initial=0)))

@@ -1,0 +1,193 @@
+"""Which filter and threshold are best: a quick filter lets noise through, a slow one turns the feed's spread into size.
+
+With the threshold of eq. 23, meant for the mean feed, noise that reaches it early makes parts too large: a bias that
+falls with T_Φ. Noise falls with it as well, D_x/(1 + β·T_Φ); what differs from part to part, (T_Φ + delay + lag)·(a −
+a_i), grows. Their sum has a least value.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import minimize_scalar
+
+from selector.errors import InputError
+from selector.physics.gauging.finished_sizes import finished_sizes
+from selector.physics.gauging.gauged_grinding import GaugedGrinding
+from selector.physics.gauging.part_plan import default_period_s
+from selector.physics.gauging.size_distribution import SizeDistribution, size_distribution
+
+Vector = NDArray[np.float64]
+
+POINTS = 41
+_SHARE_OF_STAGE, _DECADES, _ROUND_PRESENT = 0.3, 2.5, 3.0
+_NEAR = 1e-3
+
+
+@dataclass(frozen=True)
+class TradeOff:
+    """Error of the finished size against the time constant of the filter.
+
+    Attributes
+    ----------
+    time_constant_s : ndarray of shape (n_filters,)
+        T_Φ, increasing [s].
+    threshold_v : ndarray of shape (n_filters,)
+        Of the last stage by eq. 23, for the mean feed [V].
+    bias_um, sd_um : ndarray of shape (n_filters,)
+        Mean size less the wanted one, with that threshold; standard deviation [µm].
+    centred_threshold_v : ndarray of shape (n_filters,)
+        Threshold of the last stage that makes the mean size the wanted one [V].
+    best_s, best_threshold_v, best_rms_um : float
+        Where √(bias² + variance) is least with thresholds of eq. 23, and how large it is [s], [V], [µm].
+    centred_s, centred_best_v, centred_rms_um : float
+        The same with centred thresholds: the least standard deviation.
+    present_s, present_bias_um, present_sd_um : float
+        With the filter and the thresholds that there are [s], [µm], [µm].
+    at_edge : bool
+        Whether the best T_Φ is an end of the range that was tried, and may lie beyond.
+    """
+
+    time_constant_s: Vector
+    threshold_v: Vector
+    bias_um: Vector
+    sd_um: Vector
+    centred_threshold_v: Vector
+    best_s: float
+    best_threshold_v: float
+    best_rms_um: float
+    centred_s: float
+    centred_best_v: float
+    centred_rms_um: float
+    present_s: float
+    present_bias_um: float
+    present_sd_um: float
+    at_edge: bool
+
+    @property
+    def rms_um(self) -> Vector:
+        """√(bias² + variance) with thresholds of eq. 23, shape (n_filters,) [µm]."""
+        return np.hypot(self.bias_um, self.sd_um)
+
+    @property
+    def present_rms_um(self) -> float:
+        """√(bias² + variance) as it is [µm]."""
+        return float(np.hypot(self.present_bias_um, self.present_sd_um))
+
+
+def trade_off(
+    setup: GaugedGrinding,
+    *,
+    time_constants_s: ArrayLike | None = None,
+    parts: int = 1,
+    period_s: float | None = None,
+) -> TradeOff:
+    """Error of the size with other filters, by first passage on the line; the curve of a characteristic moves the mean.
+
+    `time_constants_s` increase [s]; None: up to a third of the last stage, which has to be long against its filter.
+    `parts` is the batch whose wear counts, `period_s` how often noise of the relay is new (None: T_Φ/8 of the filter
+    that there is).
+
+    Raises InputError for time constants that are not above 0 and increasing, and as `size_distribution` does.
+    """
+    period = default_period_s(setup) if period_s is None else period_s
+    filters = _default_filters(setup) if time_constants_s is None else np.asarray(time_constants_s, dtype=np.float64)
+    if filters.ndim != 1 or len(filters) < 2 or not (filters > 0).all() or not (np.diff(filters) > 0).all():
+        raise InputError(
+            f"{filters.size} time constants",
+            expected="two or more above 0, increasing",
+            where="time_constants_s",
+            advice="sort them, and leave out 0: without a filter noise has no rate",
+        )
+
+    def law(filter_s: float) -> SizeDistribution:
+        return size_distribution(setup.with_filter(filter_s), parts=parts, period_s=period)
+
+    laws = [law(float(one)) for one in filters]
+    bias = np.array([_bias(one, setup) for one in laws])
+    sd = np.array([one.sd_um for one in laws])
+    threshold = np.array([setup.with_filter(float(one)).thresholds_v[-1] for one in filters])
+    centred = threshold - setup.gauge.gain_v_per_um * bias
+    best_s, best = _least(filters, np.hypot(bias, sd), law, lambda one: float(np.hypot(_bias(one, setup), one.sd_um)))
+    steady_s, steady = _least(filters, sd, law, lambda one: one.sd_um)
+    present = size_distribution(setup, parts=parts, period_s=period)
+    for values in (filters, threshold, bias, sd, centred):
+        values.flags.writeable = False
+    ends = (float(filters[0]), float(filters[-1]))
+    return TradeOff(
+        filters, threshold, bias, sd, centred,
+        best_s, setup.with_filter(best_s).thresholds_v[-1], float(np.hypot(_bias(best, setup), best.sd_um)),
+        steady_s,
+        setup.with_filter(steady_s).thresholds_v[-1] - setup.gauge.gain_v_per_um * _bias(steady, setup),
+        steady.sd_um,
+        setup.gauge.time_constant_s, _bias(present, setup), present.sd_um,
+        best_s in ends,
+    )  # fmt: skip
+
+
+def centred_threshold_v(setup: GaugedGrinding, *, parts: int = 1, period_s: float | None = None) -> float:
+    """Voltage of the last command that makes the mean size the wanted one, by first passage on the line [V]."""
+    one = size_distribution(setup, parts=parts, period_s=period_s)
+    return setup.thresholds_v[-1] - setup.gauge.gain_v_per_um * _bias(one, setup)
+
+
+def mean_square_errors(
+    setup: GaugedGrinding,
+    time_constants_s: ArrayLike,
+    *,
+    parts: int = 1000,
+    seed: int = 0,
+    period_s: float | None = None,
+    threads: int = 1,
+) -> tuple[Vector, Vector]:
+    """Mean square error of the size with these filters and thresholds of eq. 23, by Monte Carlo; its standard error.
+
+    Shapes of `time_constants_s` [µm²]; the check on `TradeOff.rms_um` squared. Parts that are given up do not count.
+    """
+    filters = np.asarray(time_constants_s, dtype=np.float64)
+    period = default_period_s(setup) if period_s is None else period_s
+    means, errors = np.empty(filters.shape), np.empty(filters.shape)
+    for at, filter_s in np.ndenumerate(filters):
+        other = setup.with_filter(float(filter_s))
+        sizes = finished_sizes(other, parts, seed=seed, period_s=period, threads=threads)
+        bias = sizes.mean_um - setup.wanted_um
+        squares = (sizes.finished_um - setup.wanted_um) ** 2
+        means[at] = bias**2 + float(sizes.finished_um.var())
+        errors[at] = squares.std() / np.sqrt(len(squares))
+    return means, errors
+
+
+def _bias(law: SizeDistribution, setup: GaugedGrinding) -> float:
+    return law.mean_um + law.curvature_um - setup.wanted_um
+
+
+def _default_filters(setup: GaugedGrinding) -> Vector:
+    """Time constants on an even logarithmic scale, around the present one."""
+    ends = [setup.grinding.allowance_um, *(stage.until_um for stage in setup.grinding.stages)]
+    lasts_s = (ends[-2] - ends[-1]) / setup.rates_um_per_s[-1]
+    present = setup.gauge.time_constant_s
+    high = max(_SHARE_OF_STAGE * lasts_s, _ROUND_PRESENT * present)
+    low = min(high * 10.0**-_DECADES, present / _ROUND_PRESENT)
+    return np.geomspace(low, high, POINTS)
+
+
+def _least(
+    filters: Vector,
+    values: Vector,
+    law: Callable[[float], SizeDistribution],
+    value: Callable[[SizeDistribution], float],
+) -> tuple[float, SizeDistribution]:
+    """Time constant at which a value is least, between the neighbours of the least one of those tried."""
+    first = int(np.argmin(values))
+    if first in (0, len(filters) - 1):
+        return float(filters[first]), law(float(filters[first]))
+    found = minimize_scalar(
+        lambda at: value(law(float(np.exp(at)))),
+        bounds=(np.log(filters[first - 1]), np.log(filters[first + 1])),
+        method="bounded",
+        options={"xatol": _NEAR},
+    )
+    return float(np.exp(found.x)), law(float(np.exp(found.x)))
