@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+import re
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -172,28 +173,37 @@ def _checked(destination: Destination, report: Path | None, read: Iterable[str |
 
 
 @contextmanager
-def named(model: Path) -> Iterator[None]:
-    """Errors about a key, an axis or a run of the model file name the file too."""
+def named(model: Path, sections: Collection[str] = ()) -> Iterator[None]:
+    """Errors about a key, an axis or a run of the model file, or about one of its `sections`, name the file too."""
     try:
         yield
     except InputError as error:
-        if not error.where.startswith(("key ", "model ", "axis ", "run ")):
+        is_of_file = error.where.startswith(("key ", "model ", "axis ", "run ")) or _section(error.where) in sections
+        if not is_of_file:
             raise
         where = f"{model}, {error.where.removeprefix('model ')}"
         raise type(error)(error.found, expected=error.expected, where=where, advice=error.advice) from error
 
 
 @contextmanager
-def named_runs(files: Mapping[str, str | Path]) -> Iterator[None]:
-    """Errors about a run name its file in the place of the run."""
+def named_runs(
+    files: Mapping[str, str | Path], model: Path | None = None, sections: Collection[str] = ()
+) -> Iterator[None]:
+    """Errors about a run name its file in the place of the run; those about `sections` of the model file this too."""
     try:
         yield
     except InputError as error:
         run = next((run for run in files if error.where.startswith(f"run {run}, ")), None)
         if run is None:
             raise
-        where = f"{files[run]}, {error.where.removeprefix(f'run {run}, ')}"
+        place = error.where.removeprefix(f"run {run}, ")
+        where = f"{files[run]}, " + (f"with {place} of {model}" if _section(place) in sections else place)
         raise type(error)(error.found, expected=error.expected, where=where, advice=error.advice) from error
+
+
+def _section(where: str) -> str:
+    """First part of a place that is written as a key: ``joints`` of ``joints[2].between``."""
+    return re.split(r"[.\[,]", where, maxsplit=1)[0]
 
 
 def write(done: Simulated, report: Path | None, page: Callable[[Path], object] | None) -> None:

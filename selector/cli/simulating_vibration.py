@@ -89,7 +89,7 @@ def vibration(
     if report is not None:
         require_page_place(report)
     require_inputs_for_machine(machine, inputs)
-    with showing.progress("simulating") as say, named(model):
+    with showing.progress("simulating") as say, named(model, type(file).model_fields):
         built = vibration_model(file)
         work = (
             _driven(built, model, out, inputs, machine, seed, report, say)
@@ -156,7 +156,8 @@ def _driven(
     require_free_folder(out, "--inputs writes one file a run")
     reading = read_recordings(inputs, machine=machine)
     destination = driven_destination(out, reading, report, [model])
-    with named_runs({run.name: run.file for run in reading.runs}):
+    files = {run.name: run.file for run in reading.runs}
+    with named_runs(files, model, type(built.file).model_fields):
         driven = driven_runs(built, reading.recording, seed=seed, progress=progress)
     said = (*reading.findings, *driven.findings)
     differences = channel_differences(driven.simulation.recording, reading.recording, driven.inputs)

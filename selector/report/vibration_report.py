@@ -204,7 +204,7 @@ def _sentences(page: VibrationPage) -> list[str]:
     if summary.accuracy:
         said.append(chains_sentence(summary.accuracy))
     compared = difference_sentence(page.differences)
-    return [*said, compared] if compared else said
+    return [compared, *said] if compared else said
 
 
 def _errors(pictures: Pictures, page: VibrationPage, colours: Mapping[str, str]) -> dict[str, Any] | None:

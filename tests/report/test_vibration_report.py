@@ -1,0 +1,154 @@
+"""The page of a vibration says what the part keeps and where it comes from, then shows it, with its origin."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from selector.physics.channel_differences import ChannelDifference
+from selector.physics.vibration.resonance import carrying_mode, relative_parts
+from selector.physics.vibration.vibration_summary import RELATIVE
+from selector.report.numbers import number_text
+from selector.report.vibration_report import vibration_html, write_vibration_report
+from selector.report.vibration_wording import published_sentences, source_shares
+from tests.report import vibrations
+from tests.report.test_selection_report import MEGABYTE, Page
+from tests.report.test_thermal_in_browser import BROWSER
+
+FIGURES = {"cut": 7, "run-up": 5, "alone": 4}
+
+
+@pytest.fixture(scope="module", params=FIGURES)
+def kind(request) -> str:
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def page(kind) -> Page:
+    return Page(vibration_html(vibrations.page(kind)))
+
+
+def text_of(page: Page) -> str:
+    return " ".join(" ".join(page.text).split())
+
+
+def test_it_says_simulated_before_anything_else(page):
+    text = text_of(page)
+    assert text.index("SIMULATED") < text.index("Findings")
+    assert vibrations.NAME in text
+
+
+def test_the_first_sentence_is_the_highest_error_with_source_and_resonance():
+    shown = vibrations.page("cut")
+    text = text_of(Page(vibration_html(shown)))
+    # 4 N at 90 Hz on the tool, whose mode is near 100 Hz, is far more than what the stiff workpiece does
+    worst = max(shown.summary.errors, key=lambda one: one.kinematic_um)
+    assert (worst.sources, worst.frequency_hz) == ((vibrations.SOURCE,), 90.0)
+    assert f"The highest periodic error is {worst.kind} of {number_text(worst.kinematic_um)} µm" in text
+    assert f"It comes from {vibrations.SOURCE} at 90 Hz, near the mode at" in text
+    assert "in which the tool moves most: the resonance makes it" in text
+    assert "The chain method is within 10 %" in text
+
+
+def test_the_mode_that_carries_a_line_is_the_largest_part_of_the_motion():
+    shown = vibrations.page("cut")
+    source, line = shown.sources[0], shown.summary.lines[-1]
+    said = {"tool": "tool", "workpiece": "workpiece"}
+    parts = relative_parts(shown.structure, shown.summary.modes, source, 90.0, **said)
+    # all modes together are the motion of the line, to the rounding of the modes
+    assert abs(parts.sum()) * line.force_n * 1e6 == pytest.approx(line.coupled_um[RELATIVE], rel=1e-9)
+    carried = carrying_mode(shown.structure, shown.summary.modes, source, 90.0, **said)
+    assert carried.mode == int(np.argmax(np.abs(parts)))
+    # an oscillator of that mode's frequency and loss factor, V eq. 4
+    beside = 1.0 - (90.0 / carried.frequency_hz) ** 2
+    assert carried.amplification == pytest.approx(1.0 / np.hypot(beside, carried.loss_factor), rel=0.02)
+
+
+def test_a_run_up_begins_with_the_largest_motion_and_its_speed():
+    shown = vibrations.page("run-up")
+    text = text_of(Page(vibration_html(shown)))
+    whole = next(one for one in shown.courses if one.is_whole)
+    k = int(np.argmax(np.abs(whole.motions_um[RELATIVE])))
+    assert f"by up to {number_text(abs(whole.motions_um[RELATIVE][k]))} µm, after" in text
+    assert f"with spindle at {whole.speeds_rpm['spindle'][k]:.4g} r/min" in text
+    assert "What follows is about the mean speeds: spindle 600 r/min." in text
+
+
+def test_a_height_that_no_motion_can_cut_is_said_to_be_none():
+    worst = max(vibrations.page("cut").summary.errors, key=lambda one: one.kinematic_um)
+    (said,) = published_sentences([replace(worst, published_um=50.0 * worst.kinematic_um)])
+    assert "50.0 times what the motion there can cut, so do not take it for a height" in said
+    (said,) = published_sentences([replace(worst, published_um=worst.kinematic_um)])
+    assert "times" not in said
+
+
+def test_shares_of_sources_make_a_whole():
+    shares = source_shares(vibrations.page("cut").summary.lines)
+    assert sum(shares.values()) == pytest.approx(1.0, rel=1e-12)
+    assert next(iter(shares)) == vibrations.SOURCE
+
+
+def test_what_there_is_is_drawn_and_what_there_is_not_is_not(kind, page):
+    kinds = [kind for kind, _ in page.scripts]
+    assert (kinds.count(None), kinds.count("application/json")) == (2, FIGURES[kind])
+    text = text_of(page)
+    assert ("What the part keeps" in text) == (kind == "cut")
+    assert ("Where the chains are off" in text) == (kind == "cut")
+    assert "Structure and modes" in text
+
+
+def test_channels_parameters_findings_and_origin_are_there(kind, page):
+    shown = vibrations.page(kind)
+    for channel in shown.recording.channels:
+        assert channel.name in page.cells
+    assert page.cells[page.cells.index("spindle_force") + 1] == "input"
+    assert page.cells[page.cells.index("tool") + 1] is not None
+    assert {"<a>.toml", "said before </script>"} <= {*page.cells, *page.text}
+    mass = page.cells.index("members.tool.mass_kg")
+    assert page.cells[mass + 1 : mass + 4] == ["10.000", "kg", "model file"]
+    phase = page.cells.index("sources.spindle.lines.1.phase_rad")
+    assert page.cells[phase + 3] == "left out: default"
+
+
+def test_what_was_recorded_comes_first():
+    shown = vibrations.page("cut")
+    time_s = np.arange(100) * 0.01
+    one = ChannelDifference("r1", "gauge", "um", time_s, np.sin(time_s), 1.1 * np.sin(time_s))
+    html = vibration_html(replace(shown, differences=(one,)))
+    first = re.search(r'<p class="first">(.*?)</p>', html)[1]
+    assert first.startswith("Simulated and recorded gauge differ by")
+    assert "those were measured" in html
+
+
+def test_the_page_is_one_file_that_loads_nothing_and_is_always_the_same(tmp_path):
+    shown = vibrations.page("cut")
+    path = write_vibration_report(shown, tmp_path / "page.html")
+    html = path.read_text(encoding="utf-8")
+    assert html == vibration_html(shown)
+    assert not re.search(r"""(?:src|href)=["'](?!#)""", re.sub(r"<script.*?</script>", "", html, flags=re.DOTALL))
+    assert "default-src 'none'" in html
+    # Plotly's program is most of it
+    assert path.stat().st_size < 7 * MEGABYTE
+    assert "<script>alert(1)" not in html
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
+@pytest.mark.parametrize("kind", ["cut"])
+def test_every_figure_is_drawn_in_a_browser_and_nothing_is_refused(kind, tmp_path):
+    path = write_vibration_report(vibrations.page(kind), tmp_path / "page.html")
+    run = subprocess.run(
+        [
+            BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", "--dump-dom",
+            f"--user-data-dir={tmp_path / 'profile'}", "--virtual-time-budget=10000", path.as_uri(),
+        ],
+        capture_output=True, text=True, encoding="utf-8", timeout=120, check=True,
+    )  # fmt: skip
+    assert len(re.findall(r'<div class="plot[^"]*" id="(figure-\d+)"', run.stdout)) == FIGURES[kind]
+    drawn = re.sub(r"<script.*?</script>", "", run.stdout, flags=re.DOTALL)
+    assert len(re.findall(r'<svg class="main-svg"', drawn)) >= FIGURES[kind]
+    assert "updatemenu-header" in drawn
+    assert not [line for line in run.stderr.splitlines() if ":CONSOLE" in line]
