@@ -182,4 +182,7 @@ def height_findings(heights: Iterable[KindHeight]) -> tuple[Finding, ...]:
 
 
 def _rms_um(motion_m: Complex) -> float:
-    return float(1e6 * np.sqrt(np.sum(np.abs(motion_m) ** 2) / 2.0))
+    """Root mean square of sines with these amplitudes; squares of none of them leave the range of numbers."""
+    size = np.abs(motion_m)
+    largest = float(size.max(initial=0.0))
+    return 1e6 * largest * math.sqrt(float(np.sum((size / largest) ** 2)) / 2.0) if largest > 0 else 0.0

@@ -18,7 +18,7 @@ MOST_LINES = 2_000
 MOST_SINES = 500_000_000
 """Lines × samples of one run: some ten seconds."""
 
-Stiffness = Annotated[float, limited(0, 1e15, above=True)]
+Stiffness = Annotated[float, limited(1e-3, 1e15)]
 Dissipation = Annotated[float, limited(0, 100)]
 Rpm = Annotated[float, limited(0, 1e6)]
 Corner = tuple[Annotated[float, limited(0, 1e6)], Rpm]
@@ -60,7 +60,7 @@ class RunSection(Entry):
 class MemberSection(Entry):
     """``[members.NAME]``."""
 
-    mass_kg: Annotated[float, limited(0, 1e9, above=True)]
+    mass_kg: Annotated[float, limited(1e-9, 1e9)]
 
 
 class JointSection(Entry):
@@ -98,8 +98,8 @@ class ChainSection(Entry):
 class LineSection(Entry):
     """One of ``lines`` of a source."""
 
-    frequency_hz: Annotated[float, limited(0, 1e6, above=True)] | None = None
-    order: Annotated[float, limited(0, 1e5, above=True)] | None = None
+    frequency_hz: Annotated[float, limited(1e-6, 1e6)] | None = None
+    order: Annotated[float, limited(1e-6, 1e5)] | None = None
     force_n: Annotated[float, limited(0, 1e9)] = 0.0
     unbalance_kg_m: Annotated[float, limited(0, 1e4)] = 0.0
     phase_rad: Annotated[float, limited(-1e3, 1e3)] = 0.0
@@ -146,7 +146,7 @@ class RealisationsSection(Entry):
     """``[realisations]``: phase shifts of every source, and how many times are looked at."""
 
     phases: Annotated[int, Field(strict=True, ge=1, le=360)] = 4
-    sections: Annotated[int, Field(strict=True, ge=1, le=100_000)] = 1000
+    sections: Annotated[int, Field(strict=True, ge=1, le=20_000)] = 1000
 
 
 class FinalsSection(Entry):
@@ -169,7 +169,7 @@ class VibrationFile(Entry):
     run: RunSection
     members: Annotated[dict[Name, MemberSection], Field(min_length=1, max_length=MOST_MEMBERS)]
     joints: Annotated[tuple[JointSection, ...], Field(min_length=1, max_length=2_000)]
-    chains: Annotated[tuple[ChainSection, ...], Field(max_length=200)] = ()
+    chains: Annotated[tuple[ChainSection, ...], Field(max_length=50)] = ()
     sources: Annotated[dict[Name, SourceSection], Field(min_length=1, max_length=50)]
     shafts: Annotated[dict[Name, ShaftSection], Field(max_length=50)] = Field(default_factory=dict)
     cutting: CuttingSection | None = None

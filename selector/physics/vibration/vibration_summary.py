@@ -22,8 +22,10 @@ from selector.physics.vibration.vibration_model import FINALS, RELATIVE, Vibrati
 Complex = NDArray[np.complex128]
 
 _UM = 1e6
-_JUDGED = 2_000
-"""Frequencies at which every chain is judged, as many a decade everywhere."""
+_JUDGED, _FEWEST_JUDGED = 2_000, 100
+"""Frequencies at which every chain is judged, as many a decade everywhere; fewer where chains and members are many."""
+_JUDGED_AT_ONCE = 20_000_000
+"""Motions of members that are held meanwhile (320 MB)."""
 _LOWEST_JUDGED_HZ = 1.0
 _BEYOND = 2.0
 """Times the highest line, or the frequency at which the high chains begin: so far chains are judged."""
@@ -232,7 +234,9 @@ def _accuracy(
     if not model.chains:
         return (), ()
     highest = _BEYOND * max(split_hz or 0.0, float(lines_hz.max(initial=_LOWEST_JUDGED_HZ)))
-    frequency = np.geomspace(min(_LOWEST_JUDGED_HZ, highest / 10.0), highest, _JUDGED)
+    motions = sum(len(chain.sources) for chain in model.chains) * len(model.structure.members)
+    judged = min(max(_JUDGED_AT_ONCE // motions, _FEWEST_JUDGED), _JUDGED)
+    frequency = np.geomspace(min(_LOWEST_JUDGED_HZ, highest / 10.0), highest, judged)
     try:
         return chain_accuracy(model.structure, model.chains, frequency, sources=model.sources, split_hz=split_hz), ()
     except InputError as error:
