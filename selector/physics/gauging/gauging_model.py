@@ -161,27 +161,26 @@ class GaugingModel:
         return tuple(found)
 
     @cached_property
-    def setup(self) -> GaugedGrinding:
-        """What is ground and gauged, with the thresholds of the file or those of eq. 23.
-
-        Of a transducer the line at the end of a stage says its threshold.
-        """
-        made, gauges = self.values, self.stage_gauges
-        if self.file.thresholds is not None:
-            volts = self.file.thresholds.volts
-        else:
-            wear, last = wear_share(made.grinding), len(gauges) - 1
-            volts = tuple(
-                threshold_v(
-                    gauge,
-                    stage.until_um,
-                    removal_rate_um_per_s(stage.feed_um_per_s, wear),
-                    made.relay.delay_s + (made.grinding.lag_s if number == last else 0.0),
-                )
-                for number, (gauge, stage) in enumerate(zip(gauges, made.grinding.stages, strict=True))
+    def advised_thresholds_v(self) -> tuple[float, ...]:
+        """Thresholds of eq. 23 for the mean feed and a fresh wheel, by the line at the end of each stage [V]."""
+        made, last = self.values, len(self.stage_gauges) - 1
+        return tuple(
+            threshold_v(
+                gauge,
+                stage.until_um,
+                removal_rate_um_per_s(stage.feed_um_per_s, wear_share(made.grinding)),
+                made.relay.delay_s + (made.grinding.lag_s if number == last else 0.0),
             )
+            for number, (gauge, stage) in enumerate(zip(self.stage_gauges, made.grinding.stages, strict=True))
+        )
+
+    @cached_property
+    def setup(self) -> GaugedGrinding:
+        """What is ground and gauged, with the thresholds of the file or, left out, those of eq. 23."""
+        made, said = self.values, self.file.thresholds
+        volts = self.advised_thresholds_v if said is None else said.volts
         return GaugedGrinding(
-            gauges[-1], made.grinding, made.relay, made.surface, made.noise, self.characteristic, volts
+            self.stage_gauges[-1], made.grinding, made.relay, made.surface, made.noise, self.characteristic, volts
         )
 
     def with_parameters(self, values: Mapping[str, float]) -> GaugingModel:

@@ -1,24 +1,144 @@
-"""What is odd about gauging before a part is ground."""
+"""What is odd about gauging before a part is ground: numbers, reach of the gauge, thresholds, samples, ripple."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from selector.findings import Finding
+from selector.physics.gauging.model_length import finest_s
 from selector.physics.gauging.parameter_bounds import unit_of_key
 from selector.physics.gauging.plausibility import USUAL
 from selector.physics.model_plausibility import unlikely_numbers
 from selector.physics.model_text import plain_values
 
 if TYPE_CHECKING:
+    from selector.physics.gauging.characteristic import Characteristic
     from selector.physics.gauging.gauging_model import GaugingModel
+
+_SHIFT_SHARE = 0.1
+"""Share of the tolerance by which a size may be off before it is told."""
+
+_SHIFT_UM = 1.0
+"""The same without a tolerance [µm]."""
 
 
 def model_findings(model: GaugingModel) -> tuple[Finding, ...]:
-    """Unlikely numbers."""
+    """What is odd before a part is ground; none of it stops a simulation."""
     return tuple(_found(model))
+
+
+def mattering_um(model: GaugingModel) -> float:
+    """Error of size that is worth a word: a tenth of the tolerance, 1 µm without one [µm]."""
+    tolerance = model.values.tolerance
+    return _SHIFT_UM if tolerance is None else _SHIFT_SHARE * (tolerance.upper_um - tolerance.lower_um)
 
 
 def _found(model: GaugingModel) -> Iterator[Finding]:
     yield from unlikely_numbers(plain_values(model.file), USUAL, unit_of_key)
+    curve = model.characteristic
+    if curve is not None:
+        yield from _swings(curve)
+        yield from _reach(model, curve)
+        yield from _ripple(model, curve)
+    yield from _thresholds(model)
+    yield from _samples(model)
+
+
+def _swings(curve: Characteristic) -> Iterator[Finding]:
+    """What was told of the characteristic, where the gauge is of use."""
+    _, most = curve.monotone_um
+    for finding in curve.findings:
+        places = np.asarray(finding.evidence.get("allowance_um", [0.0]), dtype=np.float64)
+        if (places <= most).any():
+            yield finding
+
+
+def _reach(model: GaugingModel, curve: Characteristic) -> Iterator[Finding]:
+    grinding, (least, most) = model.values.grinding, curve.monotone_um
+    if grinding.allowance_um > most:
+        yield Finding(
+            "allowance-beyond-reach",
+            "info",
+            f"Parts begin with {grinding.allowance_um:.4g} µm; the gauge shows nothing of it until the allowance has "
+            f"fallen to {most:.4g} µm.",
+            evidence={"allowance_um": grinding.allowance_um, "reach_um": most},
+            suggestion="nothing, if the first stage ends within reach; else swing wider or set the gauge farther",
+        )
+    wanted = grinding.stages[-1].until_um
+    if wanted - least < mattering_um(model):
+        yield Finding(
+            "wanted-size-at-the-end-of-reach",
+            "warning",
+            f"The tip meets the workpiece down to {least:.4g} µm of allowance, and {wanted:.4g} µm are wanted: what "
+            "is below is not seen, so a threshold may never be reached.",
+            evidence={"wanted_um": wanted, "least_um": least},
+            suggestion="set the gauge nearer: a smaller transducer.rest_gap_m",
+        )
+
+
+def _ripple(model: GaugingModel, curve: Characteristic) -> Iterator[Finding]:
+    """Of the smoothed voltage at the frequency of the rectified swing, which the characteristic averages out."""
+    if curve.ripple_v is None or model.values.transducer is None:
+        return
+    gauge = model.setup.gauge
+    half_v = 0.5 * float(np.interp(gauge.allowance_um, curve.allowance_um, curve.ripple_v))
+    early_um = half_v / abs(gauge.gain_v_per_um)
+    if early_um > mattering_um(model):
+        yield Finding(
+            "ripple-behind-filter",
+            "info",
+            f"Behind the filter the voltage still swings by ±{1e3 * half_v:.2g} mV at twice the frequency of the "
+            f"probe, ±{early_um:.2g} µm of size: a quick relay trips on its peaks, so much early. Parts are simulated "
+            "without it; the waveform shows it.",
+            evidence={"ripple_v": half_v, "early_um": early_um},
+            suggestion="set the last threshold for it with a master part, or give smoothing.time_constant_s more",
+        )
+
+
+def _thresholds(model: GaugingModel) -> Iterator[Finding]:
+    """Thresholds of the file that end a stage elsewhere than it says."""
+    if model.file.thresholds is None:
+        return
+    for number, (volts, by_eq_23, gauge, stage) in enumerate(
+        zip(
+            model.file.thresholds.volts,
+            model.advised_thresholds_v,
+            model.stage_gauges,
+            model.values.grinding.stages,
+            strict=True,
+        )
+    ):
+        off_um = (volts - by_eq_23) / gauge.gain_v_per_um
+        if abs(off_um) > mattering_um(model):
+            yield Finding(
+                "threshold-ends-elsewhere",
+                "warning",
+                f"The threshold of stage {number + 1}, {volts:.6g} V, is reached {abs(off_um):.3g} µm "
+                f"{'before' if off_um > 0 else 'after'} what is wanted: it ends the stage at about "
+                f"{stage.until_um + off_um:.4g} µm, not at {stage.until_um:.4g} µm. Eq. 23 says {by_eq_23:.6g} V.",
+                evidence={"stage": number + 1, "volts": volts, "eq_23_v": by_eq_23, "off_um": off_um},
+                suggestion="correct it, unless it was set for what eq. 23 does not know: grooves, ripple, early noise",
+            )
+
+
+def _samples(model: GaugingModel) -> Iterator[Finding]:
+    said, finest = model.file.run.period_s, finest_s(model.values)
+    if said is None or said <= finest * (1.0 + 1e-9):
+        return
+    surface = model.values.surface
+    what = f"T_Φ of {model.values.filter_s:.3g} s"
+    if surface.workpiece_rpm > 0:
+        what += f" and turns of {60.0 / surface.workpiece_rpm:.3g} s" + (
+            f" with {surface.grooves} grooves" if surface.grooves else ""
+        )
+    yield Finding(
+        "coarse-period",
+        "warning",
+        f"Samples are {said:.3g} s apart, which does not show {what}; the recording looks different from what "
+        "happened, and noise of the relay is new so rarely. The sizes are calculated in finer steps.",
+        evidence={"period_s": said, "advised_s": finest},
+        suggestion=f"take run.period_s = {finest:.2g} or less, or leave it out",
+    )
