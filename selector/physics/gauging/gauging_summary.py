@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+import math
+from dataclasses import dataclass, fields
 
-if TYPE_CHECKING:
-    from selector.findings import Finding
-    from selector.physics.gauging.capability import Capability
-    from selector.physics.gauging.characteristic import Characteristic
-    from selector.physics.gauging.finished_sizes import FinishedSizes
-    from selector.physics.gauging.size_distribution import SizeDistribution
-    from selector.physics.gauging.trade_off import TradeOff
-    from selector.physics.gauging.transducer import LinearGauge
+import numpy as np
+
+from selector.errors import ModelFileError
+from selector.findings import Finding
+from selector.physics.gauging.capability import Capability, capability
+from selector.physics.gauging.characteristic import Characteristic, linear_range_um
+from selector.physics.gauging.finished_sizes import FinishedSizes, finished_sizes
+from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation
+from selector.physics.gauging.model_findings import mattering_um
+from selector.physics.gauging.size_distribution import SizeDistribution, size_distribution
+from selector.physics.gauging.size_findings import size_findings
+from selector.physics.gauging.trade_off import TradeOff, trade_off
+from selector.physics.gauging.transducer import LinearGauge
+
+FEWEST_SIZES = 2000
+"""Parts of the Monte Carlo, where the file has fewer."""
 
 
 @dataclass(frozen=True)
@@ -48,15 +56,16 @@ class GaugingSummary:
     stages : tuple of StageSummary
         In the order of the grinding.
     formula : SizeDistribution
-        Of finished sizes, by formula.
+        Of finished sizes, by first passage.
     sizes : FinishedSizes
-        By Monte Carlo.
+        By Monte Carlo: of the parts of the file, or of as many such batches as make 2000 parts.
     capability : Capability or None
         None where the file has no tolerance.
     trade_off : TradeOff
         Error of the finished size against T_Φ.
     linear_range_um : tuple of float
-        Allowances between which the line is within a micrometre of size, or a tenth of the tolerance [µm].
+        Allowances between which the line is within a tenth of the tolerance, or a micrometre, of size; of a linear
+        gauge all that is ground [µm].
     findings : tuple of Finding
         What is odd about the sizes.
     """
@@ -70,3 +79,57 @@ class GaugingSummary:
     trade_off: TradeOff
     linear_range_um: tuple[float, float]
     findings: tuple[Finding, ...]
+
+
+def gauging_summary(model: GaugingModel, simulation: GaugingSimulation | None = None) -> GaugingSummary:
+    """What gauging by this model amounts to; `simulation` of it lends its seed and its parts.
+
+    Raises
+    ------
+    ModelFileError
+        No part reaches its thresholds.
+    InputError
+        As `size_distribution` and `trade_off`.
+    """
+    setup, parts, period_s = model.setup, model.file.run.parts, model.period_s
+    told = None if simulation is None else simulation.recording.provenance["simulated"]["seed"]
+    sizes = _sizes(model, model.file.run.seed if told is None else int(told))
+    if not sizes.tripped.any():
+        raise ModelFileError(
+            "thresholds that no part reaches",
+            expected="voltages that the gauge shows while parts are ground",
+            where="key thresholds.volts" if model.file.thresholds is not None else "key grinding.stages",
+            advice="lower the thresholds, or leave them out: eq. 23 says them then",
+        )
+    formula = size_distribution(setup, parts=parts, period_s=period_s)
+    tolerance, curve = model.values.tolerance, model.characteristic
+    known = None if tolerance is None else capability(sizes.finished_um, tolerance)
+    filters = trade_off(setup, parts=parts, period_s=period_s)
+    return GaugingSummary(
+        gauge=setup.gauge,
+        characteristic=curve,
+        stages=tuple(
+            StageSummary(stage.until_um, stage.feed_um_per_s, rate, volts)
+            for stage, rate, volts in zip(setup.grinding.stages, setup.rates_um_per_s, setup.thresholds_v, strict=True)
+        ),
+        formula=formula,
+        sizes=sizes,
+        capability=known,
+        trade_off=filters,
+        linear_range_um=(setup.wanted_um, setup.grinding.allowance_um)
+        if curve is None
+        else linear_range_um(curve, setup.gauge, mattering_um(model)),
+        findings=size_findings(model, formula, sizes, known, filters),
+    )
+
+
+def _sizes(model: GaugingModel, seed: int) -> FinishedSizes:
+    """Batches of the file's parts; where no part differs from the next, one long batch."""
+    grinding, parts = model.setup.grinding, model.file.run.parts
+    is_wearing = grinding.probe_wear_um_per_part != 0 or (grinding.wheel_wear > 0 and grinding.wear_growth_per_part > 0)
+    if not is_wearing or parts >= FEWEST_SIZES:
+        return finished_sizes(model.setup, max(parts, FEWEST_SIZES), seed=seed, period_s=model.period_s)
+    more = np.random.SeedSequence(seed).generate_state(math.ceil(FEWEST_SIZES / parts) - 1, np.uint64)
+    batches = [finished_sizes(model.setup, parts, seed=int(one), period_s=model.period_s) for one in (seed, *more)]
+    columns = {one.name: [getattr(batch, one.name) for batch in batches] for one in fields(FinishedSizes)}
+    return FinishedSizes(**{name: np.concatenate(values) for name, values in columns.items()})
