@@ -101,6 +101,8 @@ def driven_runs(
         **{f"{source}_force": name for source, name in channels.forces.items()},
         **{f"{shaft}_speed": name for shaft, name in channels.speeds.items()},
     }
+    if channels.forces:
+        findings.append(_spectra_of_the_file(tuple(channels.forces)))
     simulation = VibrationSimulation(
         _as_recorded(model.recorded(signals, noise), recording, names),
         model.motions(shaft_rpm),
@@ -294,6 +296,17 @@ def _as_recorded(simulated: Recording, recording: Recording, names: Mapping[str,
         channels.append(replace(channel, name=called))
     renamed = dict(zip(simulated.names, (channel.name for channel in channels), strict=True))
     return Recording(simulated.frame.rename(columns=renamed), tuple(channels), simulated.provenance)
+
+
+def _spectra_of_the_file(sources: tuple[str, ...]) -> Finding:
+    return Finding(
+        "lines-of-the-file",
+        "info",
+        f"The recorded force of {', '.join(sources)} acts in the recording that was simulated; lines, amplitudes and "
+        "errors of the surface are told of the spectra of the model file.",
+        evidence={"sources": list(sources)},
+        suggestion="compare the simulated with the recorded channels, or put what was recorded into the spectra",
+    )
 
 
 def _nothing_drives(model: VibrationModel, recording: Recording) -> OptionError:

@@ -119,6 +119,7 @@ def test_a_recorded_force_replaces_the_lines_of_its_source_alone():
     assert tool(twice) - spindle_alone == pytest.approx(2.0 * (tool(driven) - spindle_alone), abs=1e-9)
     assert driven.simulation.recording.values("r1", ["F"])[:, 0] == pytest.approx(FORCE, rel=1e-15)
     assert "spindle_force" in driven.simulation.recording.names
+    assert [one.evidence["sources"] for one in driven.findings if one.id == "lines-of-the-file"] == [["motor"]]
 
 
 def test_outputs_are_called_as_the_recorded_channels_they_belong_to():
