@@ -229,6 +229,13 @@ def test_lines_stand_on_the_answer_and_the_split_is_marked():
     assert [shape.x0 for shape in drawn.layout.shapes] == [60.0, 60.0]
 
 
+def test_every_source_stands_once_in_the_legend():
+    only_below = {"tool": answers()["tool"][:1], "workpiece": answers()["tool"]}
+    drawn = response_over_frequency(FREQUENCY_HZ, only_below, COLOURS, "x", None)
+    named = [trace.name for trace in drawn.data if trace.showlegend]
+    assert len(named) == len(set(named)) == 2
+
+
 def test_the_largest_lines_are_bars_with_both_methods():
     drawn = line_amplitudes(lines(MOST_BARS + 4), ("tool", RELATIVE), COLOURS, "chains", "x")
     rows = drawn.layout.yaxis.ticktext

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from selector.cli.parameter_origin import facts_of, parameters_with_origin
 from selector.errors import InputError
 from selector.figures.vibration import Answer
-from selector.physics.vibration.final_motion import Method, final_receptance
+from selector.physics.vibration.final_motion import final_receptance
+from selector.physics.vibration.modes import receptance_by_modes
 from selector.physics.vibration.resonance import CarryingMode, carrying_mode
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE
 from selector.report.vibration_report import Course, VibrationPage
@@ -20,6 +21,7 @@ from selector.report.vibration_report import Course, VibrationPage
 if TYPE_CHECKING:
     from selector.findings import Finding
     from selector.physics.channel_differences import ChannelDifference
+    from selector.physics.vibration.modes import StructureModes
     from selector.physics.vibration.source import Source
     from selector.physics.vibration.vibration_model import VibrationModel, VibrationSimulation
     from selector.physics.vibration.vibration_summary import VibrationSummary
@@ -38,6 +40,9 @@ _AROUND = np.linspace(-3.0, 3.0, 13)
 
 _PERIODS = 6.0
 """Of the largest line, that a stretch of time shows."""
+
+_NOTHING = 1e-9
+"""Share of the largest answer below which there is none, but for rounding."""
 
 _MICRO = 1e6
 
@@ -110,30 +115,44 @@ def _answers(model: VibrationModel, summary: VibrationSummary) -> tuple[Vector, 
     near = modes.frequency_hz[:, None] * (1.0 + modes.loss_factor[:, None] / 2.0 * _AROUND)
     frequency_hz = np.unique(np.concatenate([np.geomspace(lowest, highest, _FREQUENCIES), near.ravel()]))
     frequency_hz = frequency_hz[(frequency_hz >= lowest) & (frequency_hz <= highest)]
+    coupled = {
+        (source.name, final): answer
+        for source in model.sources
+        for final in FINALS
+        if (answer := _coupled_um(model, modes, source, final, frequency_hz)) is not None
+    }
+    largest = max((float(answer.max()) for answer in coupled.values()), default=0.0)
     found: dict[str, list[Answer]] = {final: [] for final in FINALS}
     for source in model.sources:
-        coupled = _receptance_um(model, source, frequency_hz, "coupled", None)
-        if coupled is None:
-            continue
-        chains = None
-        if model.chains:
-            chains = _receptance_um(model, source, frequency_hz, "chains", summary.split_hz)
+        chains = _chains_um(model, source, frequency_hz, summary.split_hz) if model.chains else None
         lines_hz = np.array([one.frequency_hz for one in summary.lines if one.source == source.name])
         for row, final in enumerate(FINALS):
-            if not (coupled[row] > 0).all():
-                continue  # nothing leads there
+            answer = coupled.get((source.name, final))
+            if answer is None or answer.max() <= _NOTHING * largest:
+                continue
             by_chains = None if chains is None or np.isnan(chains[row]).all() else chains[row]
-            found[final].append(Answer(source.name, coupled[row], by_chains, lines_hz))
+            found[final].append(Answer(source.name, np.maximum(answer, _NOTHING * largest), by_chains, lines_hz))
     return frequency_hz, {final: tuple(answers) for final, answers in found.items()}
 
 
-def _receptance_um(
-    model: VibrationModel, source: Source, frequency_hz: Vector, method: Method, split_hz: float | None
+def _coupled_um(
+    model: VibrationModel, modes: StructureModes, source: Source, final: str, frequency_hz: Vector
 ) -> Vector | None:
-    """|X/F| of the finals [µm/N]; NaN where the method has no way from the source."""
+    """|X/F| of a final [µm/N], from the modes: there are many frequencies."""
+    try:
+        found = receptance_by_modes(
+            model.structure, frequency_hz, of=model.finals[final], at=source.member, against=source.against, modes=modes
+        )
+    except InputError:
+        return None
+    return _MICRO * np.abs(found)
+
+
+def _chains_um(model: VibrationModel, source: Source, frequency_hz: Vector, split_hz: float | None) -> Vector | None:
+    """|X/F| of the finals [µm/N] by the chains; NaN where none leads there from the source."""
     try:
         found = final_receptance(
-            model.structure, source, frequency_hz, model.finals, method=method, chains=model.chains, split_hz=split_hz
+            model.structure, source, frequency_hz, model.finals, method="chains", chains=model.chains, split_hz=split_hz
         )
     except InputError:
         return None

@@ -81,13 +81,16 @@ def response_over_frequency(
     drawn.update_layout(height=int(drawn.layout.margin.t) + inside + _BELOW_PX)
     ends = np.log10(frequency_hz[[0, -1]])
     has_chains = any(one.chains_um_per_n is not None for ones in answers.values() for one in ones)
+    named: set[str] = set()
     for number, (final, ones) in enumerate(answers.items()):
         key = "" if number == 0 else str(number + 1)
         top = 1.0 - number * (_PANEL_PX + _GAP_PX) / inside
         strongest = np.log10(max(float(one.coupled_um_per_n.max()) for one in ones))
         weakest = np.log10(min(float(one.coupled_um_per_n.min()) for one in ones))
         for one in ones:
-            _add_answer(drawn, frequency_hz, one, colours[one.source], key, is_first=number == 0)
+            is_first = one.source not in named
+            named.add(one.source)
+            _add_answer(drawn, frequency_hz, one, colours[one.source], key, is_first=is_first)
         drawn.layout[f"xaxis{key}"] = {
             "type": "log", "anchor": f"y{key}", "range": ends.tolist(), "showticklabels": number == count - 1,
             "title": {"text": "frequency [Hz]" if number == count - 1 else ""}, **log_ticks(*ends.tolist()),
