@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.physics.gauging.gauged_grinding import GaugedGrinding
-from selector.physics.gauging.mean_course import surface_on_line, threshold_readings_um
+from selector.physics.gauging.mean_course import on_line, threshold_readings_um
 from selector.physics.gauging.surface_ripple import mean_surface_um, surface_um
 
 Vector = NDArray[np.float64]
@@ -42,5 +42,5 @@ def curvature_um(setup: GaugedGrinding) -> float:
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if above(middle) else (middle, high)
-    by_line = threshold_readings_um(setup)[-1] - ahead - mean_surface_um(surface_on_line(setup))
+    by_line = threshold_readings_um(setup)[-1] - ahead - mean_surface_um(on_line(setup).surface)
     return 0.5 * (low + high) - by_line

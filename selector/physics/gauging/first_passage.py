@@ -18,13 +18,12 @@ from scipy import integrate
 from scipy.special import log_ndtr, ndtr
 
 from selector.physics.gauging.gauged_grinding import GaugedGrinding
-from selector.physics.gauging.mean_course import MeanCourse, last_stage, threshold_readings_um
+from selector.physics.gauging.mean_course import last_stage, threshold_readings_um
 from selector.physics.gauging.threshold import voltage_rate_sd_v_per_s, voltage_variance_v2
 
 Vector = NDArray[np.float64]
 
-_SIGMAS, _POINTS, _MOST_POINTS, _PER_WAVE, _PER_SIGMA, _PHASES, _STILL_PHASES = 9.0, 800, 8000, 48, 12, 24, 256
-GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
+_SIGMAS, _POINTS, _MOST_POINTS, _PER_WAVE, _PER_SIGMA = 9.0, 600, 6000, 12, 12
 _RELAY_POINTS, _RELAY_PHASES, _FINE = 2001, 16, 20.0
 
 
@@ -45,29 +44,29 @@ class PassageLaw:
     size_um: Vector
 
 
-def passage_law(setup: GaugedGrinding, probability: Vector, pace: float = 1.0) -> PassageLaw:
-    """Sizes of parts whose allowance falls `pace` times as fast as with the mean feed; quantiles at `probability`.
+def passage_law(setup: GaugedGrinding, probability: Vector, pace: float = 1.0, turn: float = 0.0) -> PassageLaw:
+    """Sizes of parts whose allowance falls `pace` times as fast as with the mean feed, the workpiece begun at `turn`.
 
-    The last stage on its mean course, the gauge a line, its noise stationary, the workpiece begun at any angle; the
-    relay's own noise left out. The stages before end when they do without noise.
+    The last stage on its mean course, the gauge a line, its noise stationary, the relay's own noise left out; the
+    stages before end when they do without noise. Quantiles at `probability`, shape (n_probabilities,).
     """
-    gain = abs(setup.gauge.gain_v_per_um)
+    gain, level = abs(setup.gauge.gain_v_per_um), threshold_readings_um(setup)[-1]
     sd = math.sqrt(voltage_variance_v2(setup.gauge, setup.noise)) / gain
     rate_sd = voltage_rate_sd_v_per_s(setup.gauge, setup.noise) / gain
-    level, delay_s = threshold_readings_um(setup)[-1], setup.relay.delay_s
-    whole = last_stage(setup, pace)
-    if whole.is_whole:
-        return _law_of(whole, level, delay_s, sd, rate_sd, probability)
-    # multiples of the golden section lie evenly in a turn and in the pitch of any grooves
-    turns = np.mod(np.arange(_STILL_PHASES if sd == 0 else _PHASES) * GOLDEN, 1.0)
-    laws = [_law_of(last_stage(setup, pace, float(at)), level, delay_s, sd, rate_sd, probability) for at in turns]
-    means = np.array([law.mean_um for law in laws])
-    variance = float(np.mean([law.variance_um2 for law in laws]) + means.var())
-    sizes = np.stack([law.size_um for law in laws])
+    course, delay_s = last_stage(setup, pace, turn), setup.relay.delay_s
     if sd == 0:
-        return PassageLaw(float(means.mean()), variance, np.quantile(means, probability))
-    weights = np.broadcast_to(masses(probability), sizes.shape)
-    return PassageLaw(float(means.mean()), variance, weighted_quantiles(sizes.ravel(), weights.ravel(), probability))
+        still = float(course.size(course.time_of(level), delay_s))
+        return PassageLaw(still, 0.0, np.full(len(probability), still))
+    begin, end = course.window_s(level, _SIGMAS * sd)
+    # a step is a small part of a wave of the surface, and of the time in which the reading falls by the noise
+    shortest = min(course.shortest_s() / _PER_WAVE, sd / course.rate_um_per_s / _PER_SIGMA)
+    end = max(end, begin + shortest)
+    time = np.linspace(begin, end, int(np.clip((end - begin) / shortest, _POINTS, _MOST_POINTS)))
+    ripple, slope = course.ripple(time)
+    reading, size = course.reading(time), course.size(time, delay_s)
+    approach = (reading - course.allowance(time)) / course.unit.time_constant_s - slope
+    survival = _survival(time, (reading + ripple - level) / sd, approach, sd, rate_sd)
+    return _law_of(survival, size, probability)
 
 
 def masses(probability: Vector) -> Vector:
@@ -82,30 +81,6 @@ def weighted_quantiles(values: Vector, weights: Vector, probability: Vector) -> 
     share = np.cumsum(weights[order])
     middle = (share - 0.5 * weights[order]) / share[-1]
     return np.interp(probability, middle, values[order])
-
-
-def _law_of(
-    course: MeanCourse, level: float, delay_s: float, sd: float, rate_sd: float, probability: Vector
-) -> PassageLaw:
-    """On one course."""
-    if sd == 0:
-        size = float(course.size(course.time_of(level), delay_s))
-        return PassageLaw(size, 0.0, np.full(len(probability), size))
-    begin, end = course.window_s(level, _SIGMAS * sd)
-    # a step is a small part of a wave of the surface, and of the time in which the reading falls by the noise
-    shortest = min(course.shortest_s() / _PER_WAVE, sd / course.rate_um_per_s / _PER_SIGMA)
-    end = max(end, begin + shortest)
-    time = np.linspace(begin, end, int(np.clip((end - begin) / shortest, _POINTS, _MOST_POINTS)))
-    ripple, slope = course.ripple(time)
-    reading, size = course.reading(time), course.size(time, delay_s)
-    approach = (reading - course.allowance(time)) / course.unit.time_constant_s - slope
-    survival = _survival(time, (reading + ripple - level) / sd, approach, sd, rate_sd)
-    # a part is smaller than size(t) if it is still ground at t
-    distance = size - size[0]
-    mean = integrate.trapezoid(survival, distance)
-    square = integrate.trapezoid(2.0 * distance * survival, distance)
-    sizes = np.interp(probability, survival[::-1], size[::-1])
-    return PassageLaw(float(size[0] + mean), max(float(square - mean**2), 0.0), sizes)
 
 
 def relay_law(setup: GaugedGrinding, probability: Vector, period_s: float) -> PassageLaw:
@@ -130,11 +105,16 @@ def relay_law(setup: GaugedGrinding, probability: Vector, period_s: float) -> Pa
             ends = np.arange(height[0] + phase * step, height[-1] - step, -step)
             passed = np.concatenate([[0.0], np.cumsum(log_ndtr(ends / sd))])
             survival += _passed_share(height, ends, passed) * ndtr(height / sd) / _RELAY_PHASES
-    distance = height - height[0]
-    mean = integrate.trapezoid(survival, distance)
-    square = integrate.trapezoid(2.0 * distance * survival, distance)
-    quantiles = np.interp(probability, survival[::-1], height[::-1])
-    return PassageLaw(float(height[0] + mean), max(float(square - mean**2), 0.0), quantiles)
+    return _law_of(survival, height, probability)
+
+
+def _law_of(survival: Vector, size: Vector, probability: Vector) -> PassageLaw:
+    """From the share of parts that are still ground when they would be left with these falling sizes."""
+    distance = size - size[0]
+    mean = float(integrate.trapezoid(survival, distance))
+    square = float(integrate.trapezoid(2.0 * distance * survival, distance))
+    sizes = np.interp(probability, survival[::-1], size[::-1])
+    return PassageLaw(float(size[0]) + mean, max(square - mean**2, 0.0), sizes)
 
 
 def _passed_share(height: Vector, ends: Vector, passed: Vector) -> Vector:

@@ -15,13 +15,14 @@ from numpy.typing import ArrayLike, NDArray
 from selector.errors import InputError
 from selector.physics.gauging.gauged_grinding import GaugedGrinding
 from selector.physics.gauging.process import Surface
-from selector.physics.gauging.surface_ripple import smoothed_surface
+from selector.physics.gauging.surface_ripple import ripple_bound_um, smoothed_surface
 from selector.physics.gauging.threshold import mean_allowance_um, mean_voltage_v
 from selector.physics.gauging.transducer import LinearGauge
 
 Vector = NDArray[np.float64]
 
-_DOUBLINGS, _ROUNDS, _PER_ROUND = 40, 7, 65
+_ROUNDS, _PER_ROUND, _DEPTHS = 3, 129, 4
+_BRACKETS = 2.0 ** np.arange(-16, 40)
 _PER_WAVE, _POINTS, _MOST_POINTS = 48, 200, 40_000
 
 
@@ -86,21 +87,18 @@ class MeanCourse:
 
     def window_s(self, reading_um: float, beyond_um: float) -> tuple[float, float]:
         """From when to when the reading, ripple and `beyond_um` of noise included, can be at this level [s]."""
-        room = 0.0
-        if not self.is_whole:
-            one, _ = smoothed_surface(self.surface, self.unit.time_constant_s, np.arange(4096) / 4096.0)
-            room = float(np.abs(one).max())
+        room = ripple_bound_um(self.surface, self.unit.time_constant_s)
         begin = self._whole_time(reading_um + room + beyond_um)
         return begin, self._whole_time(reading_um - room - beyond_um)
 
     def shortest_s(self) -> float:
-        """The shortest wave on the surface [s]; infinite for a whole one."""
+        """A quarter of a turn, or what is shorter of a groove and the way to the next [s]; infinite if whole."""
         if self.is_whole:
             return math.inf
         surface, per_s = self.surface, self.surface.workpiece_rpm / 60.0
         if surface.grooves == 0 or surface.groove_depth_um == 0:
-            return 1.0 / per_s
-        return min(surface.groove_share, 1.0 - surface.groove_share) / (surface.grooves * per_s)
+            return 0.25 / per_s
+        return min(surface.groove_share, 1.0 - surface.groove_share, 0.25 * surface.grooves) / (surface.grooves * per_s)
 
     def time_of(self, reading_um: float) -> float:
         """When the reading with its ripple first comes down to this level [s]; 0 if it begins there or below."""
@@ -119,7 +117,7 @@ class MeanCourse:
     def _whole_time(self, reading_um: float) -> float:
         if self.reading_um <= reading_um:
             return 0.0
-        grid = self.unit.time_constant_s * 2.0 ** np.arange(-20, _DOUBLINGS)
+        grid = self.unit.time_constant_s * _BRACKETS
         down = self.reading(grid) <= reading_um
         if not down.any():
             raise InputError(
@@ -132,9 +130,11 @@ class MeanCourse:
         low, high = (float(grid[first - 1]) if first else 0.0), float(grid[first])
         for _ in range(_ROUNDS):
             grid = np.linspace(low, high, _PER_ROUND)
-            first = max(int(np.argmax(self.reading(grid) <= reading_um)), 1)
+            above = self.reading(grid) - reading_um
+            first = max(int(np.argmax(above <= 0.0)), 1)
             low, high = float(grid[first - 1]), float(grid[first])
-        return 0.5 * (low + high)
+        fall = float(above[first - 1] - above[first])
+        return low + (high - low) * float(above[first - 1]) / fall if fall > 0 else high
 
     def size(self, time_s: ArrayLike, delay_s: float) -> Vector:
         """What is left when the last command is given at `time_s` and the springs have relaxed, same shape [µm]."""
@@ -147,28 +147,35 @@ def threshold_readings_um(setup: GaugedGrinding) -> list[float]:
     return [(volts - setup.gauge.bias_v) / setup.gauge.gain_v_per_um for volts in setup.thresholds_v]
 
 
-def surface_on_line(setup: GaugedGrinding) -> Surface:
-    """The surface with grooves that are as deep as the line makes of the voltage in them, at the size wanted.
+def on_line(setup: GaugedGrinding) -> GaugedGrinding:
+    """The same without its characteristic; grooves are as deep as the line makes of the voltage in them at the stop.
 
     Where grooves are deeper than the probe swings the characteristic stays at the voltage of its free swing.
     """
     surface, curve = setup.surface, setup.characteristic
     if curve is None or surface.grooves == 0 or surface.groove_depth_um == 0:
-        return surface
-    ends = curve.voltage_at(setup.wanted_um - np.array([0.0, surface.groove_depth_um]))
-    return replace(surface, groove_depth_um=max(float(ends[0] - ends[1]) / setup.gauge.gain_v_per_um, 0.0))
+        return replace(setup, characteristic=None)
+    gain, depth = setup.gauge.gain_v_per_um, surface.groove_depth_um
+    wanted = setup.wanted_um + setup.rates_um_per_s[-1] * setup.ahead_s
+    seen = depth
+    for _ in range(_DEPTHS):
+        # what is left when the relay is tripped early by what the grooves take off the mean
+        around = wanted + surface.groove_share * seen
+        ends = curve.voltage_at(np.array([around, around - depth]))
+        seen = min(max(float(ends[0] - ends[1]) / gain, 0.0), depth)
+    return replace(setup, characteristic=None, surface=replace(surface, groove_depth_um=seen))
 
 
 def last_stage(setup: GaugedGrinding, pace: float = 1.0, turn: float = 0.0) -> MeanCourse:
     """The last feed of a part whose allowance falls `pace` times as fast as with the mean feed and a fresh wheel.
 
-    Without noise; the workpiece begins the first stage at `turn`.
+    By the line and without noise; the workpiece begins the first stage at `turn`.
     """
     levels, rates = threshold_readings_um(setup), setup.rates_um_per_s
     unit = LinearGauge(1.0, 0.0, setup.gauge.time_constant_s)
     lag_s, x = setup.grinding.lag_s, setup.grinding.allowance_um
     first = rates[0] * pace
-    course = MeanCourse(unit, x, x, first, 0.0 if lag_s > 0 else first, lag_s, surface_on_line(setup), turn)
+    course = MeanCourse(unit, x, x, first, 0.0 if lag_s > 0 else first, lag_s, setup.surface, turn)
     for level, rate in zip(levels[:-1], rates[1:], strict=True):
         over = course.time_of(level) + setup.relay.delay_s
         course = replace(

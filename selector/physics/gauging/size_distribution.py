@@ -21,9 +21,9 @@ from scipy.special import ndtr, ndtri
 from selector.errors import InputError
 from selector.physics.gauging._part_kernel import LEAST_FEED
 from selector.physics.gauging.curvature import curvature_um
-from selector.physics.gauging.first_passage import GOLDEN, masses, passage_law, relay_law, weighted_quantiles
+from selector.physics.gauging.first_passage import masses, passage_law, relay_law, weighted_quantiles
 from selector.physics.gauging.gauged_grinding import GaugedGrinding
-from selector.physics.gauging.mean_course import surface_on_line, threshold_readings_um
+from selector.physics.gauging.mean_course import last_stage, on_line, threshold_readings_um
 from selector.physics.gauging.part_plan import default_period_s
 from selector.physics.gauging.process import Tolerance
 from selector.physics.gauging.surface_ripple import mean_surface_um, smoothed_surface
@@ -32,7 +32,8 @@ from selector.physics.gauging.threshold import voltage_variance_v2, wear_share
 Vector = NDArray[np.float64]
 Method = Literal["linear", "first-passage"]
 
-_PACES, _PARTS = 9, 16
+_PACES, _PARTS, _LATTICE, _STILL_LATTICE = 9, 16, 64, 256
+_GOLDEN, _PLASTIC = (math.sqrt(5.0) - 1.0) / 2.0, 0.7548776662466927
 _PROBABILITY, _SHOWN = ndtr(np.linspace(-3.9, 3.9, 131)), ndtr(np.linspace(-3.6, 3.6, 289))
 _FEEDS, _RELAYS = np.linspace(-3.5, 3.5, 29), np.linspace(-3.5, 3.5, 29)
 _MOMENT_FEEDS, _MOMENT_PARTS, _MOST_SIGMAS = 15, 600, 4.0
@@ -124,33 +125,77 @@ def size_distribution(
             where="method" if parts >= 1 else "parts",
             advice="correct it",
         )
-    numbers = _some_parts(parts, _MOMENT_PARTS)
-    nodes, weights = np.polynomial.hermite_e.hermegauss(_MOMENT_FEEDS)
-    weights = weights / weights.sum() if setup.grinding.feed_sd > 0 else np.array([1.0])
-    paces = _paces(setup, nodes, numbers)
-    law = (_linear_law if method == "linear" else _passage_law)(setup, float(paces.min()), float(paces.max()))
-    each = law.mean(paces) + setup.grinding.probe_wear_um_per_part * numbers
-    centre = float(weights @ each.mean(axis=1))
-    between = math.sqrt(max(float(weights @ ((each - centre) ** 2).mean(axis=1)), 0.0))
+    line = on_line(setup)
+    still = method == "linear" or last_stage(line).is_whole
+    lot = _smooth_lot(line, method, parts) if still else _rippled_lot(line, parts)
     early, white, relay_um = _of_relay(setup, method, default_period_s(setup) if period_s is None else period_s)
-    within = math.sqrt(max(float(weights @ law.variance(paces).mean(axis=1)), 0.0) + white)
-    few = _some_parts(parts, _PARTS)
-    at = law.quantiles(_paces(setup, _FEEDS, few)) + (setup.grinding.probe_wear_um_per_part * few)[:, None]
-    weight = masses(_PROBABILITY) * (masses(ndtr(_FEEDS)) if setup.grinding.feed_sd > 0 else np.ones(1))[:, None, None]
-    weight = np.broadcast_to(weight, at.shape)
+    at, weight = lot.size_um, lot.weights
     if white > 0:
-        at = at[..., None] + np.interp(ndtr(_RELAYS), _PROBABILITY, relay_um)
-        weight = weight[..., None] * masses(ndtr(_RELAYS))
-    # where the table ends there is a little less spread than there is
+        at = at[:, None] + np.interp(ndtr(_RELAYS), _PROBABILITY, relay_um)
+        weight = weight[:, None] * masses(ndtr(_RELAYS))
     sizes = weighted_quantiles(at.ravel(), weight.ravel(), _SHOWN)
+    # where the table ends there is a little less spread than there is
     middle = float(np.average(at, weights=weight))
     spread = math.sqrt(float(np.average((at - middle) ** 2, weights=weight)))
-    sd = math.hypot(within, between)
-    sizes = (sizes - middle) * (sd / spread if spread > 0 else 0.0)
+    within, mean = math.sqrt(lot.within_um2 + white), lot.mean_um + early
+    sd = math.hypot(within, math.sqrt(lot.between_um2))
+    sizes = mean + (sizes - middle) * (sd / spread if spread > 0 else 0.0)
     return SizeDistribution(
-        method, centre + early, sd, within, between, _SHOWN, centre + early + sizes, setup.restlessness,
-        _ripple_rate(setup), curvature_um(setup),
+        method, mean, sd, within, math.sqrt(lot.between_um2), _SHOWN, sizes,
+        setup.restlessness, _ripple_rate(line), curvature_um(setup),
     )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Lot:
+    """Parts without noise of the relay: mean, variances within and between them, sizes with weights."""
+
+    mean_um: float
+    within_um2: float
+    between_um2: float
+    size_um: Vector
+    weights: Vector
+
+
+def _smooth_lot(line: GaugedGrinding, method: Method, parts: int) -> _Lot:
+    """Nothing but noise within a part: its law changes smoothly with the pace."""
+    numbers, few = _some_parts(parts, _MOMENT_PARTS), _some_parts(parts, _PARTS)
+    spread = line.grinding.feed_sd > 0
+    nodes, weights = np.polynomial.hermite_e.hermegauss(_MOMENT_FEEDS) if spread else (np.zeros(1), np.ones(1))
+    weights = weights / weights.sum()
+    paces = _fed(line, nodes)[:, None] * _slowed(line, numbers)
+    law = (_linear_law if method == "linear" else _passage_law)(line, float(paces.min()), float(paces.max()))
+    each = law.mean(paces) + _worn_um(line, numbers)
+    mean = float(weights @ each.mean(axis=1))
+    feeds = _FEEDS if spread else np.zeros(1)
+    at = law.quantiles(_fed(line, feeds)[:, None] * _slowed(line, few)) + _worn_um(line, few)[:, None]
+    share = masses(ndtr(feeds))[:, None, None] * masses(_PROBABILITY)
+    return _Lot(
+        mean,
+        max(float(weights @ law.variance(paces).mean(axis=1)), 0.0),
+        max(float(weights @ ((each - mean) ** 2).mean(axis=1)), 0.0),
+        at.ravel(),
+        np.broadcast_to(share, at.shape).ravel(),
+    )
+
+
+def _rippled_lot(line: GaugedGrinding, parts: int) -> _Lot:
+    """Grooves or run-out: where a part begins on its turn, its feed and its number lie evenly in all they can be."""
+    count = _LATTICE if line.noise.sd_um > 0 else _STILL_LATTICE
+    index = np.arange(count)
+    turns = np.mod(index * _GOLDEN, 1.0)
+    feeds = ndtri((index + 0.5) / count)
+    numbers = np.floor(parts * np.mod(index * _PLASTIC, 1.0)).astype(np.int64)
+    paces = _fed(line, feeds / feeds.std()) * _slowed(line, numbers)
+    worn = _worn_um(line, numbers)
+    laws = [passage_law(line, _PROBABILITY, *at) for at in zip(paces.tolist(), turns.tolist(), strict=True)]
+    means = np.array([law.mean_um for law in laws]) + worn
+    variance = float(np.mean([law.variance_um2 for law in laws]) + means.var())
+    # what feed and wear alone would make, as if the surface were whole
+    between = min(float((line.rates_um_per_s[-1] * line.ahead_s * paces - worn).var()), variance)
+    at = np.stack([law.size_um for law in laws]) + worn[:, None]
+    share = np.broadcast_to(masses(_PROBABILITY) / count, at.shape)
+    return _Lot(float(means.mean()), variance - between, between, at.ravel(), share.ravel())
 
 
 @dataclass(frozen=True)
@@ -162,10 +207,10 @@ class _Laws:
     quantiles: Callable[[Vector], Vector]
 
 
-def _linear_law(setup: GaugedGrinding, low: float, high: float) -> _Laws:
-    variance = voltage_variance_v2(setup.gauge, setup.noise) / setup.gauge.gain_v_per_um**2
-    level = threshold_readings_um(setup)[-1] - mean_surface_um(surface_on_line(setup))
-    fall = setup.rates_um_per_s[-1] * setup.ahead_s
+def _linear_law(line: GaugedGrinding, low: float, high: float) -> _Laws:
+    variance = voltage_variance_v2(line.gauge, line.noise) / line.gauge.gain_v_per_um**2
+    level = threshold_readings_um(line)[-1] - mean_surface_um(line.surface)
+    fall = line.rates_um_per_s[-1] * line.ahead_s
 
     def mean(pace: Vector) -> Vector:
         return level - fall * pace
@@ -177,11 +222,11 @@ def _linear_law(setup: GaugedGrinding, low: float, high: float) -> _Laws:
     )
 
 
-def _passage_law(setup: GaugedGrinding, low: float, high: float) -> _Laws:
+def _passage_law(line: GaugedGrinding, low: float, high: float) -> _Laws:
     """By first passage at a few paces, and polynomials through them."""
     count = _PACES if high > low else 1
     at = 0.5 * (low + high) - 0.5 * (high - low) * np.cos((np.arange(count) + 0.5) * math.pi / count)
-    found = [passage_law(setup, _PROBABILITY, float(pace)) for pace in at]
+    found = [passage_law(line, _PROBABILITY, float(pace)) for pace in at]
 
     def through(values: list[Vector]) -> Callable[[Vector], Vector]:
         table = np.stack(values)
@@ -206,22 +251,30 @@ def _of_relay(setup: GaugedGrinding, method: Method, period_s: float) -> tuple[f
     return law.mean_um, law.variance_um2, law.size_um
 
 
-def _paces(setup: GaugedGrinding, feeds: Vector, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Removal over that of a mean feed and a fresh wheel, shape (n_feeds, n_parts); feeds in standard deviations."""
-    spread = setup.grinding.feed_sd
-    scale = np.maximum(1.0 + spread * np.clip(feeds, -_MOST_SIGMAS, _MOST_SIGMAS), LEAST_FEED)
+def _fed(setup: GaugedGrinding, feeds: Vector) -> Vector:
+    """Feed over the mean feed; `feeds` in standard deviations."""
+    scale = 1.0 + setup.grinding.feed_sd * np.clip(feeds, -_MOST_SIGMAS, _MOST_SIGMAS)
+    return np.asarray(np.maximum(scale, LEAST_FEED))
+
+
+def _slowed(setup: GaugedGrinding, numbers: NDArray[np.int64]) -> Vector:
+    """Removal at these parts over that with a fresh wheel."""
     fresh = 1.0 + wear_share(setup.grinding)
-    slowed = np.array([fresh / (1.0 + wear_share(setup.grinding, int(number))) for number in numbers])
-    return np.asarray((scale if spread > 0 else np.ones(1))[:, None] * slowed)
+    return np.array([fresh / (1.0 + wear_share(setup.grinding, int(number))) for number in numbers])
+
+
+def _worn_um(setup: GaugedGrinding, numbers: NDArray[np.int64]) -> Vector:
+    """How much larger these parts grow with the worn probe [µm]."""
+    return np.asarray(setup.grinding.probe_wear_um_per_part * numbers, dtype=np.float64)
 
 
 def _some_parts(parts: int, most: int) -> NDArray[np.int64]:
     """All numbers of a batch, or some that lie evenly in it and in any period of dressing."""
     if parts <= most:
         return np.arange(parts)
-    return np.floor(parts * np.mod(np.arange(most) * GOLDEN, 1.0)).astype(np.int64)
+    return np.floor(parts * np.mod(np.arange(most) * _GOLDEN, 1.0)).astype(np.int64)
 
 
-def _ripple_rate(setup: GaugedGrinding) -> float:
-    _, rate = smoothed_surface(surface_on_line(setup), setup.gauge.time_constant_s, np.arange(4096) / 4096.0)
-    return float(np.abs(rate).max()) / setup.rates_um_per_s[-1]
+def _ripple_rate(line: GaugedGrinding) -> float:
+    _, rate = smoothed_surface(line.surface, line.gauge.time_constant_s, np.arange(4096) / 4096.0)
+    return float(np.abs(rate).max()) / line.rates_um_per_s[-1]

@@ -7,12 +7,12 @@ a_i), grows. Their sum has a least value.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import minimize_scalar
+from scipy.interpolate import CubicSpline
 
 from selector.errors import InputError
 from selector.physics.gauging.finished_sizes import finished_sizes
@@ -22,9 +22,8 @@ from selector.physics.gauging.size_distribution import SizeDistribution, size_di
 
 Vector = NDArray[np.float64]
 
-POINTS = 41
+POINTS = 33
 _SHARE_OF_STAGE, _DECADES, _ROUND_PRESENT = 0.3, 2.5, 3.0
-_NEAR = 1e-3
 
 
 @dataclass(frozen=True)
@@ -111,8 +110,8 @@ def trade_off(
     sd = np.array([one.sd_um for one in laws])
     threshold = np.array([setup.with_filter(float(one)).thresholds_v[-1] for one in filters])
     centred = threshold - setup.gauge.gain_v_per_um * bias
-    best_s, best = _least(filters, np.hypot(bias, sd), law, lambda one: float(np.hypot(_bias(one, setup), one.sd_um)))
-    steady_s, steady = _least(filters, sd, law, lambda one: one.sd_um)
+    best_s, steady_s = _least(filters, np.hypot(bias, sd)), _least(filters, sd)
+    best, steady = law(best_s), law(steady_s)
     present = size_distribution(setup, parts=parts, period_s=period)
     for values in (filters, threshold, bias, sd, centred):
         values.flags.writeable = False
@@ -174,20 +173,12 @@ def _default_filters(setup: GaugedGrinding) -> Vector:
     return np.geomspace(low, high, POINTS)
 
 
-def _least(
-    filters: Vector,
-    values: Vector,
-    law: Callable[[float], SizeDistribution],
-    value: Callable[[SizeDistribution], float],
-) -> tuple[float, SizeDistribution]:
-    """Time constant at which a value is least, between the neighbours of the least one of those tried."""
+def _least(filters: Vector, values: Vector) -> float:
+    """Time constant at which a value is least, on the cubic through those that were tried, over the logarithm [s]."""
     first = int(np.argmin(values))
     if first in (0, len(filters) - 1):
-        return float(filters[first]), law(float(filters[first]))
-    found = minimize_scalar(
-        lambda at: value(law(float(np.exp(at)))),
-        bounds=(np.log(filters[first - 1]), np.log(filters[first + 1])),
-        method="bounded",
-        options={"xatol": _NEAR},
-    )
-    return float(np.exp(found.x)), law(float(np.exp(found.x)))
+        return float(filters[first])
+    curve = CubicSpline(np.log(filters), values)
+    ends = np.log(filters[[first - 1, first + 1]])
+    inner = [float(at) for at in curve.derivative().roots(extrapolate=False) if ends[0] <= at <= ends[1]]
+    return math.exp(min(inner, key=lambda at: float(curve(at)), default=math.log(filters[first])))
