@@ -135,6 +135,12 @@ class GaugingModel:
         return sampling_s(self.file, self.values)
 
     @property
+    def is_wearing(self) -> bool:
+        """Whether wheel or tip make a part differ from the next."""
+        made = self.values.grinding
+        return made.probe_wear_um_per_part != 0 or (made.wheel_wear > 0 and made.wear_growth_per_part > 0)
+
+    @property
     def characteristic(self) -> Characteristic | None:
         """That of the transducer; None of a linear gauge."""
         return None if self.values.transducer is None else _characteristic(self.values.transducer)

@@ -125,9 +125,8 @@ def gauging_summary(model: GaugingModel, simulation: GaugingSimulation | None = 
 
 def _sizes(model: GaugingModel, seed: int) -> FinishedSizes:
     """Batches of the file's parts; where no part differs from the next, one long batch."""
-    grinding, parts = model.setup.grinding, model.file.run.parts
-    is_wearing = grinding.probe_wear_um_per_part != 0 or (grinding.wheel_wear > 0 and grinding.wear_growth_per_part > 0)
-    if not is_wearing or parts >= FEWEST_SIZES:
+    parts = model.file.run.parts
+    if not model.is_wearing or parts >= FEWEST_SIZES:
         return finished_sizes(model.setup, max(parts, FEWEST_SIZES), seed=seed, period_s=model.period_s)
     more = np.random.SeedSequence(seed).generate_state(math.ceil(FEWEST_SIZES / parts) - 1, np.uint64)
     batches = [finished_sizes(model.setup, parts, seed=int(one), period_s=model.period_s) for one in (seed, *more)]

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from selector.findings import Finding
-from selector.physics.gauging.mean_course import surface_on_line
+from selector.physics.gauging.mean_course import on_line
 from selector.physics.gauging.model_findings import mattering_um
 from selector.physics.gauging.size_distribution import size_distribution
-from selector.physics.gauging.surface_ripple import mean_surface_um, ripple_um
+from selector.physics.gauging.surface_ripple import mean_surface_um, smoothed_surface
 
 if TYPE_CHECKING:
     from selector.physics.gauging.capability import Capability
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
 CAPABLE = 1.33
 """Cpk from which on a process is called capable: four standard deviations to the nearer limit."""
 
+_TURNS = 2048
 _RESTLESS = 0.1
 _EARLY_SHARE = 0.1
 """Share of the standard deviation from which on an early command is told."""
@@ -36,7 +39,7 @@ def size_findings(
     model: GaugingModel,
     formula: SizeDistribution,
     sizes: FinishedSizes,
-    known: Capability | None,
+    capability: Capability | None,
     filters: TradeOff,
 ) -> tuple[Finding, ...]:
     """Noise and surfaces that trip the relay early, low capability, sizes off what is wanted, a better filter.
@@ -46,7 +49,7 @@ def size_findings(
     model : GaugingModel
     formula, sizes : SizeDistribution, FinishedSizes
         By first passage; by Monte Carlo.
-    known : Capability or None
+    capability : Capability or None
         Of these sizes.
     filters : TradeOff
         Of this model.
@@ -54,7 +57,7 @@ def size_findings(
     return (
         *_early(model, formula),
         *_off(model, sizes),
-        *_capability(model, sizes, known, filters),
+        *_capability(model, formula, capability, filters),
         *_filter(filters),
         *_differing(model, formula, sizes),
     )
@@ -65,8 +68,10 @@ def _early(model: GaugingModel, formula: SizeDistribution) -> Iterator[Finding]:
     linear = size_distribution(setup, method="linear", parts=parts, period_s=model.period_s)
     early_um = formula.mean_um - linear.mean_um
     if formula.ripple_rate >= 1.0:
-        surface = surface_on_line(setup)
-        swing_um, mean_um = ripple_um(surface, setup.gauge.time_constant_s), -mean_surface_um(surface)
+        surface = on_line(setup).surface
+        mean_um = -mean_surface_um(surface)
+        behind, _ = smoothed_surface(surface, setup.gauge.time_constant_s, np.arange(_TURNS) / _TURNS)
+        swing_um = float(np.abs(behind + mean_um).max())
         yield Finding(
             "surface-trips-early",
             "warning",
@@ -109,7 +114,7 @@ def _off(model: GaugingModel, sizes: FinishedSizes) -> Iterator[Finding]:
 
 
 def _capability(
-    model: GaugingModel, sizes: FinishedSizes, known: Capability | None, filters: TradeOff
+    model: GaugingModel, formula: SizeDistribution, known: Capability | None, filters: TradeOff
 ) -> Iterator[Finding]:
     tolerance = model.values.tolerance
     if known is None or tolerance is None or known.cpk >= CAPABLE:
@@ -121,6 +126,8 @@ def _capability(
     elif best is not None and best >= CAPABLE:
         threshold = f"the last threshold at {filters.centred_best_v:.5g} V"
         advice = f"take T_Φ = {filters.centred_s:.2g} s with {threshold}: Cpk {best:.3g}"
+    elif formula.between_um > formula.within_um and model.is_wearing:
+        advice = "dress more often and set the gauge again for its worn tip: most of the spread is between parts"
     else:
         advice = "no filter makes it capable: feed slower in the last stage, steady the feed, lower the noise"
     yield Finding(

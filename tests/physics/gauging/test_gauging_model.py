@@ -101,8 +101,8 @@ def test_without_noise_a_part_is_to_size_and_the_whole_chain_agrees():
     difference_um = (
         wave.smoothed_v - np.interp(wave.time_s, part.time_s, part.voltage_v)
     ) / built.setup.gauge.gain_v_per_um
-    # the ripple of ±0.8 µm is over after one swing of 0.01 s, and the quasi-steady course is its mean: the swing follows
-    # some milliseconds late, at 5 µm/s some hundredths of a µm
+    # the ripple of ±0.8 µm is over after one swing of 0.01 s, and the quasi-steady course is its mean: the swing
+    # follows some milliseconds late, at 5 µm/s some hundredths of a µm
     swings = difference_um[1:].reshape(20, 200).mean(axis=1)
     assert np.abs(difference_um).max() > 0.5
     assert np.abs(swings).max() < 0.03
@@ -220,4 +220,3 @@ def test_the_end_of_reach_is_told():
     assert "rest_gap_m" in near.suggestion
     assert "wanted-size-at-the-end-of-reach" not in found(model(CHAIN))
     assert "allowance-beyond-reach" not in found(model(CHAIN, ("grinding.allowance_um", 100.0)))
-

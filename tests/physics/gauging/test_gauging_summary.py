@@ -1,0 +1,140 @@
+"""What gauging amounts to: formula beside Monte Carlo, capability, filters, and what is told of sizes that are off."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from selector.physics.gauging.gauging_model import gauging_model
+from selector.physics.gauging.gauging_summary import FEWEST_SIZES, gauging_summary
+from selector.physics.gauging.model_file import checked_model_file, plain_values, read_model_file
+from tests.physics.gauging.test_model_file import LINEAR, changed
+
+FIXTURES = Path(__file__).resolve().parents[3] / "fixtures" / "gauging"
+SLOW_NOISE = changed(LINEAR, ("noise", {"sd_um": 0.3, "rate_per_s": 0.2}))
+TOLERANCE = ("tolerance", {"lower_um": -2.0, "upper_um": 2.0})
+
+
+@cache
+def example(name):
+    built = gauging_model(read_model_file(FIXTURES / f"{name}.toml"))
+    return built, gauging_summary(built, built.simulation())
+
+
+def of(values, *changes):
+    built = gauging_model(checked_model_file(changed(values, *changes)))
+    return gauging_summary(built)
+
+
+def told(summary):
+    return {one.id: one for one in summary.findings}
+
+
+@pytest.mark.parametrize("name", ["linear", "grind-to-size", "wear"])
+def test_formula_and_monte_carlo_agree_within_the_error_of_the_latter(name):
+    _, summary = example(name)
+    sizes, formula = summary.sizes, summary.formula
+    assert len(sizes.size_um) >= FEWEST_SIZES
+    # 4 standard errors of mean and of standard deviation of 2000 parts, 2 and 1.6 % of the latter each
+    assert abs(sizes.mean_um - formula.mean_um - formula.curvature_um) < 4.0 * sizes.mean_error_um
+    assert abs(sizes.sd_um - formula.sd_um) < 4.0 * sizes.sd_error_um
+    assert "formula-differs" not in told(summary)
+
+
+def test_what_the_examples_are_made_to_show():
+    assert set(told(example("linear")[1])) == {"better-filter"}
+    assert set(told(example("grind-to-size")[1])) == set()
+    assert example("grind-to-size")[1].capability.cpk > 1.33
+    built, worn = example("wear")
+    assert set(told(worn)) == {"sizes-off-what-is-wanted", "low-capability"}
+    assert "dress more often" in told(worn)["low-capability"].suggestion
+    batches = worn.sizes.size_um.reshape(-1, built.file.run.parts).mean(axis=0)
+    # wear of the wheel: 0.71 s · (3.33 − 2.45 µm/s) until it is dressed; of the tip 0.01 µm a part for good
+    assert batches[35:40].mean() - batches[:5].mean() == pytest.approx(0.6 + 0.35, abs=0.25)
+    assert batches[40:45].mean() - batches[:5].mean() == pytest.approx(0.4, abs=0.25)
+
+
+def test_a_keyway_trips_early_and_a_moved_threshold_and_more_filter_help():
+    built, summary = example("interrupted")
+    findings = told(summary)
+    assert set(findings) >= {"surface-trips-early", "sizes-off-what-is-wanted", "low-capability", "better-filter"}
+    off_um = summary.sizes.mean_um
+    assert 3.0 < off_um < 6.0
+    # the threshold that the finding says, taken for good
+    centred_v = findings["sizes-off-what-is-wanted"].evidence["centred_v"]
+    volts = [built.setup.thresholds_v[0], centred_v]
+    moved = gauging_model(checked_model_file(changed(plain_values(built.file), ("thresholds", {"volts": volts}))))
+    sizes = moved.simulation().sizes.finished_um
+    # by the line over 4 µm of a curve, and with the error of the mean of 50 parts (0.08 µm)
+    assert abs(sizes.mean()) < 0.1 * off_um + 0.25
+    # the filter that is advised, centred
+    best = summary.trade_off
+    assert best.centred_rms_um < 0.95 * best.present_sd_um
+    assert best.centred_s > built.values.filter_s
+
+
+def test_the_summary_says_where_everything_is_from():
+    built, summary = example("grind-to-size")
+    assert summary.characteristic is built.characteristic
+    assert [stage.threshold_v for stage in summary.stages] == list(built.setup.thresholds_v)
+    assert [(stage.until_um, stage.feed_um_per_s, stage.rate_um_per_s) for stage in summary.stages] == [
+        (30.0, 25.0, 25.0),
+        (0.0, 5.0, 5.0),
+    ]
+    low, high = summary.linear_range_um
+    assert low < 0.0 < high
+    for end in (low, high):
+        line = summary.gauge.bias_v + summary.gauge.gain_v_per_um * end
+        off_um = (float(summary.characteristic.voltage_at(end)) - line) / summary.gauge.gain_v_per_um
+        # a tenth of the tolerance of 6 µm
+        assert abs(off_um) == pytest.approx(0.6, rel=0.02)
+    # the recorded parts are the first of the Monte Carlo
+    np.testing.assert_array_equal(summary.sizes.size_um[:50], built.simulation().sizes.size_um)
+
+
+def test_without_tolerance_there_is_no_capability():
+    assert of(SLOW_NOISE).capability is None
+    known = of(SLOW_NOISE, TOLERANCE).capability
+    # sd of eq. 25 is 0.3/√1.02
+    assert known.cp == pytest.approx(2.0 / (3.0 * 0.3 / np.sqrt(1.02)), rel=0.07)
+
+
+def test_of_a_linear_gauge_the_line_holds_wherever_is_ground():
+    summary = of(SLOW_NOISE)
+    assert summary.characteristic is None
+    assert summary.linear_range_um == (0.0, 60.0)
+
+
+def test_quick_noise_trips_early_and_is_told():
+    quick = of(LINEAR, ("noise", {"sd_um": 1.0, "rate_per_s": 50.0}), TOLERANCE)
+    early = told(quick)["noise-trips-early"]
+    # σ_ẏ/(|K|·a) = 1 µm · √(50/(0.1 · 6)) / 2 µm/s
+    assert early.evidence["restlessness"] == pytest.approx(np.sqrt(50 / 0.6) / 2.0)
+    assert quick.sizes.mean_um == pytest.approx(early.evidence["early_um"], abs=0.15)
+    assert early.level == "info"  # less than a tenth of the tolerance
+    tight = ("tolerance", {"lower_um": -1.0, "upper_um": 1.0})
+    assert (
+        told(of(LINEAR, ("noise", {"sd_um": 1.0, "rate_per_s": 50.0}), tight))["noise-trips-early"].level == "warning"
+    )
+    assert "noise-trips-early" not in told(of(SLOW_NOISE))
+
+
+def test_capability_is_told_with_what_would_help():
+    off_centre = of(SLOW_NOISE, TOLERANCE, ("thresholds.volts", [0.745, 0.7925]))
+    low = told(off_centre)["low-capability"]
+    assert "centre the sizes" in low.suggestion
+    assert off_centre.capability.cpk < 1.33 < off_centre.capability.cp
+    wide = told(of(SLOW_NOISE, ("noise", {"sd_um": 3.0, "rate_per_s": 0.001}), TOLERANCE))["low-capability"]
+    assert "no filter makes it capable" in wide.suggestion
+    assert "low-capability" not in told(of(SLOW_NOISE, TOLERANCE))
+
+
+def test_parts_without_any_spread_have_sizes_and_no_capability():
+    summary = of(LINEAR, TOLERANCE)
+    assert summary.sizes.sd_um == pytest.approx(0.0, abs=1e-9)
+    assert summary.capability is None
+    assert summary.sizes.mean_um == pytest.approx(0.0, abs=1e-6)
+    assert summary.findings == ()
