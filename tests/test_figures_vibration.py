@@ -27,6 +27,7 @@ from selector.figures.structure import (
 )
 from selector.figures.vibration import (
     MOST_BARS,
+    MOST_SOURCES,
     Answer,
     line_amplitudes,
     motion_course,
@@ -234,6 +235,15 @@ def test_every_source_stands_once_in_the_legend():
     drawn = response_over_frequency(FREQUENCY_HZ, only_below, COLOURS, "x", None)
     named = [trace.name for trace in drawn.data if trace.showlegend]
     assert len(named) == len(set(named)) == 2
+
+
+def test_only_sources_with_a_colour_of_their_own_are_coloured():
+    colours = source_colours([f"s{k}" for k in range(MOST_SOURCES + 2)])
+    assert len(set(colours.values())) == MOST_SOURCES + 1
+    assert colours[f"s{MOST_SOURCES}"] == colours[f"s{MOST_SOURCES + 1}"]
+    time_s = np.linspace(0.0, 1.0, 50)
+    drawn = motion_course(time_s, {RELATIVE: time_s}, dict.fromkeys(colours, time_s), {}, colours, "x")
+    assert len(drawn.data) == 1 + MOST_SOURCES
 
 
 def test_the_largest_lines_are_bars_with_both_methods():

@@ -18,7 +18,9 @@ from selector.physics.vibration.vibration_summary import LineSummary
 Vector = NDArray[np.float64]
 
 MOST_BARS = 14
-MOST_FORCES = 6
+MOST_SOURCES = len(style.GROUPS)
+"""Sources that are told apart by colour; answers and forces are drawn of no more."""
+
 _PANEL_PX, _GAP_PX, _BELOW_PX = 250, 34, 50
 _BAR_PX = 26
 _OTHER = {"chains": "chains", "coupled": "coupled structure"}
@@ -49,8 +51,8 @@ class Answer:
 
 
 def source_colours(names: Sequence[str]) -> dict[str, str]:
-    """Source → its colour, the same in every picture."""
-    return {name: style.GROUPS[k % len(style.GROUPS)] for k, name in enumerate(names)}
+    """Source → its colour, the same in every picture; those after the first `MOST_SOURCES` are grey."""
+    return {name: style.GROUPS[k] if k < MOST_SOURCES else style.MUTED for k, name in enumerate(names)}
 
 
 def response_over_frequency(
@@ -204,7 +206,7 @@ def motion_course(
     colours: Mapping[str, str],
     title: str,
 ) -> go.Figure:
-    """Motions over time, above them the speeds of shafts that change, below the forces of the first sources.
+    """Motions over time, above them speeds of shafts that change, below the forces of sources that have a colour.
 
     Parameters
     ----------
@@ -233,7 +235,7 @@ def motion_course(
             )
         )
     panels.append(Panel(f"{final_text(last)} [µm]", [Line("", time_s, motions_um[last], style.INK)], 190, least=0.0))
-    shown = list(forces_n)[:MOST_FORCES]
+    shown = [name for name in colours if name in forces_n][:MOST_SOURCES]
     if shown:
         lines = [Line(name, time_s, forces_n[name], colours.get(name, style.MUTED), width=1.4) for name in shown]
         panels.append(Panel("force [N]", lines, 150, least=0.0))

@@ -17,6 +17,7 @@ from selector.figures.chain_accuracy import accuracy_strips, chain_text, error_o
 from selector.figures.periodic_errors import errors_over_wavelength
 from selector.figures.structure import View, can_be_drawn, chain_view, mode_view, structure_diagram
 from selector.figures.vibration import (
+    MOST_SOURCES,
     Answer,
     line_amplitudes,
     line_text,
@@ -55,6 +56,7 @@ from selector.report.vibration_wording import (
     motion_sentence,
     published_sentences,
     run_up_sentence,
+    source_shares,
 )
 
 Vector = NDArray[np.float64]
@@ -160,7 +162,7 @@ def write_vibration_report(page: VibrationPage, path: str | Path) -> Path:
 def vibration_html(page: VibrationPage) -> str:
     """The report as text, see `write_vibration_report`."""
     pictures, summary = Pictures(), page.summary
-    colours = source_colours([source.name for source in page.sources])
+    colours = source_colours(_names_of_sources(page))
     sentences = _sentences(page)
     values: dict[str, Any] = {
         "title": f"Simulation: {page.model}",
@@ -181,6 +183,15 @@ def vibration_html(page: VibrationPage) -> str:
         "origin": origin.remaining_table(page.told),
     }
     return rendered("vibration.html", values)
+
+
+def _names_of_sources(page: VibrationPage) -> list[str]:
+    """As in the file, or of more than can be told apart those first that move the tool most against the workpiece."""
+    names = [source.name for source in page.sources]
+    if len(names) <= MOST_SOURCES:
+        return names
+    shares = source_shares(page.summary.lines)
+    return sorted(names, key=lambda name: -shares.get(name, 0.0))
 
 
 def _sentences(page: VibrationPage) -> list[str]:
@@ -266,7 +277,9 @@ def _structure(pictures: Pictures, page: VibrationPage) -> Picture | None:
 
 
 def _response(pictures: Pictures, page: VibrationPage, colours: Mapping[str, str]) -> Picture | None:
-    answers = {final: ones for final, ones in page.answers.items() if ones}
+    shown = list(colours)[:MOST_SOURCES]
+    answers = {final: [one for one in ones if one.source in shown] for final, ones in page.answers.items()}
+    answers = {final: ones for final, ones in answers.items() if ones}
     if not answers:
         return None
     final, one, k = max(
@@ -280,7 +293,10 @@ def _response(pictures: Pictures, page: VibrationPage, colours: Mapping[str, str
     )
     drawn = response_over_frequency(page.frequency_hz, answers, colours, title, page.summary.split_hz)
     has_chains = any(one.chains_um_per_n is not None for ones in answers.values() for one in ones)
-    return pictures.add(drawn, _RESPONSE + (_RESPONSE_OF_CHAINS if has_chains else ""))
+    text = _RESPONSE + (_RESPONSE_OF_CHAINS if has_chains else "")
+    if len(colours) > len(shown):
+        text += f" Drawn are the {len(shown)} of {len(colours)} sources that move the tool most against the workpiece."
+    return pictures.add(drawn, text)
 
 
 def _course(pictures: Pictures, page: VibrationPage, one: Course, colours: Mapping[str, str]) -> Picture:

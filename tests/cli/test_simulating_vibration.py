@@ -309,14 +309,18 @@ def test_nothing_foreign_is_replaced(folder, capfd):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent to a process in another way there")
 def test_ctrl_c_leaves_nothing_behind(folder):
-    # 4 lines in two million samples, then to be written as text
-    text = TURNED.replace("duration_s = 0.5", "duration_s = 900.0")
+    # 200 lines that follow a shaft through two million samples
+    lines = ", ".join(f"{{ order = {1.0 + k / 100}, force_n = 1.0 }}" for k in range(200))
+    text = TURNED.replace("duration_s = 0.5", "duration_s = 900.0").replace(
+        "lines = [{ order", f"lines = [{lines}, {{ order"
+    )
+    text = text.replace("rpm = 600.0", "rpm = [[0.0, 600.0], [900.0, 900.0]]")
     Path("slow.toml").write_text(text, encoding="utf-8")
     before = sorted(path.name for path in folder.iterdir())
     line = [*INTERRUPTIBLE, "simulate", "vibration", "slow.toml", "--out", "run.csv"]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
     work = subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
-    time.sleep(3.0)
+    time.sleep(2.0)
     assert work.poll() is None, "it was done before it could be stopped"
     work.send_signal(signal.SIGINT)
     out, err = work.communicate(timeout=60)
