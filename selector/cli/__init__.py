@@ -23,6 +23,7 @@ from selector.cli import (
     running,
     selecting,
     simulating_drive,
+    simulating_gauging,
     simulating_thermal,
     simulating_vibration,
 )
@@ -77,6 +78,7 @@ _simulate = typer.Typer(help="Write a recording of a machine that a model file d
 _command("thermal", simulating_thermal.thermal, _simulate)
 _command("drive", simulating_drive.drive, _simulate)
 _command("vibration", simulating_vibration.vibration, _simulate)
+_command("gauging", simulating_gauging.gauging, _simulate)
 app.add_typer(_simulate, name="simulate")
 _model = typer.Typer(help="Look at a model file.")
 _command("show", models.show, _model)

@@ -121,7 +121,7 @@ def sizes_over_parts(
     for value, name, colour, dash in lines:
         drawn.add_shape(
             type="line", xref="x domain", x0=0, x1=1, yref="y", y0=value, y1=value,
-            line={"color": colour, "width": 1.4, "dash": dash}, layer="below",
+            line={"color": colour, "width": 1.4, "dash": dash},
         )  # fmt: skip
         drawn.add_annotation(
             text=name, font={"color": colour, "size": 12}, x=1.0, xref="paper", xanchor="left", xshift=6, y=value,
@@ -131,7 +131,7 @@ def sizes_over_parts(
     for part in shown:
         drawn.add_shape(
             type="line", xref="x", x0=part - 0.5, x1=part - 0.5, yref="y domain", y0=0, y1=1,
-            line={"color": style.CHOSEN, "width": 1.4, "dash": "dot"}, layer="below",
+            line={"color": style.CHOSEN, "width": 1.4, "dash": "dot"},
         )  # fmt: skip
     drawn.update_layout(
         margin={"r": 100},
@@ -145,8 +145,8 @@ def filter_trade_off(
     time_constant_s: Vector,
     bias_um: Vector,
     sd_um: Vector,
-    best_s: float,
-    present_s: float,
+    best: tuple[float, float],
+    present: tuple[float, float],
     title: str,
     checked: tuple[Vector, Vector] | None = None,
 ) -> go.Figure:
@@ -156,8 +156,8 @@ def filter_trade_off(
     ----------
     time_constant_s, bias_um, sd_um : ndarray of shape (n_filters,)
         T_Φ [s]; mean error and standard deviation of the finished size with it [µm].
-    best_s, present_s : float
-        The best one, and the one of the gauge [s].
+    best, present : (time_constant_s, mean_square_um2)
+        The best filter, and the one of the gauge with its own threshold [s], [µm²].
     title : str
         Plain text, as `style.label` makes it.
     checked : (time_constant_s, mean_square_um2) or None
@@ -185,17 +185,16 @@ def filter_trade_off(
             name="Monte Carlo", marker={"color": "#ffffff", "size": 9, "line": {"color": style.INK, "width": 1.6}},
             hovertemplate="%{x:.4g} ms: %{y:.4g} µm²<extra>Monte Carlo</extra>",
         )  # fmt: skip
-    for at_s, name, colour, symbol in (
-        (best_s, "best", style.CHOSEN, "star"),
-        (present_s, "present", style.BASELINES["all sensors"], "diamond"),
+    for (at_s, value), name, colour, symbol in (
+        (best, "best", style.CHOSEN, "star"),
+        (present, "present", style.BASELINES["all sensors"], "diamond"),
     ):
-        value = math.exp(float(np.interp(math.log(at_s), np.log(time_constant_s), np.log(np.maximum(total, 1e-300)))))
         drawn.add_scatter(
             x=[1e3 * at_s], y=[value], mode="markers", name=f"{name}: {style.number(1e3 * at_s)} ms",
             marker={"color": colour, "size": 13, "symbol": symbol, "line": {"color": "#ffffff", "width": 1}},
             hovertemplate=f"{name}: %{{x:.4g}} ms, %{{y:.4g}} µm²<extra></extra>",
         )  # fmt: skip
-    positive = np.concatenate([row[row > 0] for row in (bias2, variance, total)])
+    positive = np.concatenate([row[row > 0] for row in (bias2, variance, total, np.array([best[1], present[1]]))])
     high = math.log10(float(positive.max()))
     low = max(math.log10(float(positive.min())), high - _DECADES)
     drawn.update_layout(

@@ -88,10 +88,11 @@ def part_in_time(
     allowance_um: Vector,
     measured_um: Vector,
     voltage_v: Vector,
-    feed_um_per_s: Vector,
+    feed_um_per_s: Vector | None,
     thresholds: Sequence[tuple[float, float]] = (),
     ends_s: Sequence[float] = (),
     *,
+    is_finished: bool = True,
     from_s: float = 0.0,
     name: str = "",
 ) -> go.Figure:
@@ -102,11 +103,13 @@ def part_in_time(
     time_s : ndarray of shape (n_samples,)
         From the start of the part [s].
     allowance_um, measured_um, voltage_v, feed_um_per_s : ndarray of shape (n_samples,)
-        True and measured allowance [µm], voltage behind the filter [V], infeed [µm/s].
+        True and measured allowance [µm], voltage behind the filter [V], infeed [µm/s]; None: it is not known.
     thresholds : sequence of (until_um, threshold_v)
         One a stage.
     ends_s : sequence of float
         When the stages end: dotted lines [s].
+    is_finished : bool
+        Whether the last allowance is the size of a finished part.
     from_s : float
         Where the picture begins; thresholds of stages that are over by then are left out [s].
     name : str
@@ -133,15 +136,23 @@ def part_in_time(
             210,
         ),
         Panel("voltage [V]", [*limits, Line("", time, voltage_v[kept], SEEN)], 170),
-        Panel("feed [µm/s]", [Line("", time, feed_um_per_s[kept], style.INK, steps=True)], 90, least=0.0),
     ]
+    if feed_um_per_s is not None:
+        fed = Line("", time, feed_um_per_s[kept], style.INK, steps=True)
+        panels.append(Panel("feed [µm/s]", [fed], 90, least=0.0))
     size = float(allowance_um[-1])
     who = style.label(name, 20) if name else "the part"
     off = size - wanted
-    title = f"Simulated: {who} ends at {style.number(size)} µm after {style.number(end)} s"
-    title += f", {style.number(abs(off))} µm {'above' if off >= 0 else 'below'} the wanted {style.number(wanted)} µm"
     if from_s > 0:
         title = f"Simulated: the last {style.number(end - from_s)} s of {who}, when the gauge stops the feed"
+    elif is_finished:
+        title = (
+            f"Simulated: {who} ends at {style.number(size)} µm after {style.number(end)} s, "
+            f"{style.number(abs(off))} µm {'above' if off >= 0 else 'below'} the wanted {style.number(wanted)} µm"
+        )
+    else:
+        apart = float(np.abs(measured_um - allowance_um).max())
+        title = f"Simulated: what the gauge reads of {who} is up to {style.number(apart)} µm off"
     marks = [mark for mark in ends_s if from_s <= mark <= end]
     drawn = stacked(title, panels, end, marks)
     if from_s > 0:
@@ -151,7 +162,7 @@ def part_in_time(
 
 
 def chain_waveform(
-    time_s: Vector, probe_um: Vector, surface_um: float, contact_n: Vector, generator_v: Vector, smoothed_v: Vector
+    time_s: Vector, probe_um: Vector, surface_um: Vector, contact_n: Vector, generator_v: Vector, smoothed_v: Vector
 ) -> go.Figure:
     """A few strokes of the whole chain: probe against the workpiece, contact force, rectified and smoothed voltage.
 
@@ -160,21 +171,20 @@ def chain_waveform(
     time_s : ndarray of shape (n_samples,)
     probe_um : ndarray of shape (n_samples,)
         Position of the tip, towards the workpiece [µm].
-    surface_um : float
+    surface_um : ndarray of shape (n_samples,)
         Where the workpiece stands on the same count [µm].
     contact_n, generator_v, smoothed_v : ndarray of shape (n_samples,)
         [N], [V], [V].
     """
     start = float(time_s[0])
     time, end = time_s - start, float(time_s[-1]) - start
-    ends = np.array([0.0, end])
     force = float(contact_n.max())
     stroke = float(np.ptp(probe_um))
     panels = [
         Panel(
             "probe [µm]",
             [
-                Line("workpiece", ends, np.full(2, surface_um), style.MUTED, dash="dash"),
+                Line("workpiece", time, surface_um, style.MUTED, dash="dash"),
                 Line("tip", time, probe_um, style.PREDICTED),
             ],
             190,
