@@ -1,0 +1,321 @@
+"""`selector simulate gauging`: what it writes, what it tells, what it refuses, and that other commands read it."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from selector.cli import exit_status
+from selector.readers import read
+from tests.interruptible import INTERRUPTIBLE
+
+ROOT = Path(__file__).resolve().parents[2]
+EXAMPLES = sorted((ROOT / "fixtures" / "gauging").glob("*.toml"))
+
+LINE = """
+[model]
+kind = "gauging"
+name = "a gauge as a line"
+[run]
+parts = 3
+seed = 5
+[linear]
+gain_v_per_um = -0.01
+bias_v = 2.0
+time_constant_s = 0.1
+[relay]
+delay_s = 0.02
+[grinding]
+allowance_um = 40.0
+feed_sd = 0.03
+[[grinding.stages]]
+feed_um_per_s = 20.0
+until_um = 15.0
+[[grinding.stages]]
+feed_um_per_s = 5.0
+until_um = 0.0
+[noise]
+sd_um = 0.3
+rate_per_s = 1.0
+[tolerance]
+lower_um = -1.5
+upper_um = 1.5
+"""
+ONE = LINE.replace("parts = 3", "parts = 1")
+QUIET = ONE.replace("sd_um = 0.3", "sd_um = 0.0").replace("feed_sd = 0.03", "feed_sd = 0.0")
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    for name, text in (("model", LINE), ("one", ONE), ("quiet", QUIET)):
+        (tmp_path / f"{name}.toml").write_text(text, encoding="utf-8")
+    return tmp_path
+
+
+def simulated(capfd, *arguments: str) -> dict:
+    """The JSON of a simulation."""
+    capfd.readouterr()
+    code = exit_status(["simulate", "gauging", *arguments, "--json"])
+    out, err = capfd.readouterr()
+    assert code == 0, err
+    return json.loads(out, parse_constant=pytest.fail)
+
+
+def refused(capfd, *arguments: str) -> str:
+    """What stderr says of input that nobody can use."""
+    before = sorted(path.name for path in Path.cwd().rglob("*"))
+    assert exit_status(["simulate", "gauging", *arguments, "--json"]) == 2
+    out, err = capfd.readouterr()
+    assert out == ""
+    for part in ("Where:", "Expected:", "What to do:"):
+        assert part in err
+    assert "Traceback" not in err
+    assert sorted(path.name for path in Path.cwd().rglob("*")) == before, "something was written"
+    return err
+
+
+def test_one_part_is_a_file_with_its_machine_file_and_is_read_back(folder, capfd):
+    shown = simulated(capfd, "one.toml", "--out", "part.csv")
+    assert (shown["schema"], shown["kind"], shown["seed"]) == ("selector.simulation/1", "gauging", 5)
+    assert shown["files"] == ["part.csv", "part.machine.toml"]
+    reading = read([Path("part.csv")], machine=Path("part.machine.toml"))
+    assert "SIMULATED" in (reading.machine.machine.name or "")
+    assert [channel["name"] for channel in shown["channels"]] == list(reading.recording.names)
+    assert all(channel.guessed == () for channel in reading.channels)
+    assert {"size", "voltage", "feed_rate", "state"} == {c.role for c in reading.recording.channels}
+    table = pd.read_csv("part.csv")
+    (part,), (run,) = shown["gauging"]["parts"], shown["runs"]
+    assert (run["run"], run["rows"]) == ("part", len(table))
+    # no springs: what is left when the feed stands is the size
+    assert part["size_um"] == pytest.approx(table["allowance"].iloc[-1], abs=1e-9)
+    # 5 µm/s in mm/min
+    assert table["feed"][table["stage"] == 2].unique() == pytest.approx([0.3 * run_pace(table)])
+    assert table["feed"].iloc[-1] == table["stage"].iloc[-1] == 0
+
+
+def run_pace(table: pd.DataFrame) -> float:
+    """Feed of this part over the mean one, from its first stage of 20 µm/s."""
+    return float(table["feed"].iloc[0]) / 1.2
+
+
+def test_several_parts_are_a_folder_with_a_file_each(folder, capfd):
+    shown = simulated(capfd, "model.toml", "--out", "parts")
+    names = [Path(file).name for file in shown["files"]]
+    assert names == ["part 1.csv", "part 2.csv", "part 3.csv", "machine.toml"]
+    assert [run["run"] for run in shown["runs"]] == ["part 1", "part 2", "part 3"]
+    assert read([Path("parts")], machine=Path("parts/machine.toml")).recording.runs == ("part 1", "part 2", "part 3")
+    for part, run in zip(shown["gauging"]["parts"], shown["runs"], strict=True):
+        assert part["size_um"] == pytest.approx(run["size_um"], abs=1e-12)
+    assert "a folder" in refused(capfd, "model.toml", "--out", "parts.csv")
+
+
+def test_without_noise_the_threshold_of_eq_23_gives_the_wanted_size(folder, capfd):
+    told = simulated(capfd, "quiet.toml", "--out", "part.csv")["gauging"]
+    assert told["gauge"]["gain_v_per_um"] == -0.01
+    # S = K·(x + a·(T_Φ + delay)) + bias
+    thresholds = [stage["threshold_v"] for stage in told["stages"]]
+    assert thresholds == pytest.approx([2.0 - 0.01 * (15.0 + 20.0 * 0.12), 2.0 - 0.01 * 5.0 * 0.12], rel=1e-12)
+    # what is left of the transient of the first stage: 15 µm/s · 0.1 s · exp(−30), of 3 s
+    assert told["parts"][0]["size_um"] == pytest.approx(0.0, abs=1e-6)
+    assert told["monte_carlo"]["sd_um"] < 1e-9
+    assert told["capability"] is None, "sizes that do not differ have no capability"
+    assert told["comparison"] is None
+
+
+def test_sizes_by_monte_carlo_and_formula_agree_within_the_standard_errors(folder, capfd):
+    told = simulated(capfd, "model.toml", "--out", "parts")["gauging"]
+    drawn, formula = told["monte_carlo"], told["formula"]
+    assert drawn["parts"] == 2000
+    # of 4 standard errors two in 30 000 are beyond
+    assert abs(drawn["mean_um"] - formula["mean_um"]) < 4 * drawn["mean_standard_error_um"]
+    assert abs(drawn["sd_um"] - formula["sd_um"]) < 4 * drawn["sd_standard_error_um"]
+    # eq. 25 and the spread of the feed, (T_Φ + delay)·0.03·a; noise that comes early adds some percent
+    by_hand = math.hypot(0.3 / math.sqrt(1.0 + 1.0 * 0.1), 0.12 * 0.03 * 5.0)
+    assert formula["sd_um"] == pytest.approx(by_hand, rel=0.03)
+    capable = told["capability"]
+    assert capable["cp"] == pytest.approx(3.0 / (6.0 * drawn["sd_um"]), rel=1e-12)
+    assert capable["cpk_interval"][0] < capable["cpk"] < capable["cpk_interval"][1]
+
+
+def test_the_settings_are_those_of_the_curve(folder, capfd):
+    told = simulated(capfd, "model.toml", "--out", "parts")["gauging"]
+    one = told["trade_off"]
+    present, centred, best, both = one["settings"]
+    assert [setting["setting"] for setting in one["settings"]] == [
+        "present", "centred", "best-filter", "best-filter-centred",
+    ]  # fmt: skip
+    assert present["bias_um"] == pytest.approx(told["monte_carlo"]["mean_um"] - told["wanted_um"], abs=1e-12)
+    # by the slope of the gauge, −0.01 V/µm
+    assert centred["threshold_v"] - present["threshold_v"] == pytest.approx(0.01 * present["bias_um"], abs=1e-12)
+    assert centred["bias_um"] == both["bias_um"] == 0.0
+    squares = np.square(one["bias_um"]) + np.square(one["sd_um"])
+    # the best lies between points of the curve, or on one
+    assert best["rms_um"] <= math.sqrt(squares.min()) * (1 + 1e-9)
+    assert both["sd_um"] <= min(one["sd_um"]) * (1 + 1e-9)
+    assert np.hypot(best["bias_um"], best["sd_um"]) == pytest.approx(best["rms_um"], rel=1e-12)
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
+def test_every_example_runs_and_is_read_back(example, folder, capfd):
+    # few files; batches with wear stay as they are
+    text = re.sub(r"parts = [25]0\b", "parts = 2", example.read_text(encoding="utf-8"))
+    Path("example.toml").write_text(text, encoding="utf-8")
+    shown = simulated(capfd, "example.toml", "--out", "parts", "--report", "page.html")
+    reading = read([Path("parts")], machine=Path(shown["machine_file"]))
+    assert [channel["name"] for channel in shown["channels"]] == list(reading.recording.names)
+    assert all(math.isfinite(part["size_um"]) for part in shown["gauging"]["parts"])
+    page = Path("page.html").read_text(encoding="utf-8")
+    assert re.search(r'<p class="first">Finished parts are [0-9.]+ µm (larger|smaller) than wanted', page)
+    assert ("Simulated: strokes of" in page) == ("waveform_s" in text)
+    assert ("Grinding goes from right to left" in page) == ("[transducer" in text)
+    assert (shown["gauging"]["characteristic"] is not None) == ("[transducer" in text)
+
+
+def test_the_seed_decides_the_parts(folder, capfd):
+    for name, seed in (("a", "1"), ("b", "1"), ("c", "2")):
+        assert simulated(capfd, "one.toml", "--out", f"{name}.csv", "--seed", seed)["seed"] == int(seed)
+    a, b, c = (pd.read_csv(f"{name}.csv") for name in "abc")
+    pd.testing.assert_frame_equal(a, b)
+    assert a["gauge"].iloc[5] != c["gauge"].iloc[5]
+
+
+def test_recorded_allowances_drive_the_gauge_and_what_it_showed_is_laid_beside(folder, capfd):
+    simulated(capfd, "quiet.toml", "--out", "r1.csv")
+    shown = simulated(
+        capfd, "quiet.toml", "--inputs", "r1.csv", "--machine", "r1.machine.toml", "--out", "sim", "--report", "p.html"
+    )
+    assert sorted(Path(file).name for file in shown["files"]) == ["machine.toml", "r1.csv"]
+    told = shown["gauging"]
+    assert told["parts"] is None
+    compared = {one["channel"]: one for one in told["comparison"]}
+    assert {"gauge", "measured"} <= set(compared)
+    recorded, again = pd.read_csv("r1.csv"), pd.read_csv("sim/r1.csv")
+    np.testing.assert_array_equal(recorded["time_s"], again["time_s"])
+    # the same gauge: what differs are bends of the allowance between two samples, 15 µm/s of them for 0.02 s
+    assert compared["measured"]["largest"] < 0.3
+    assert compared["measured"]["rms"] == pytest.approx(
+        np.sqrt(np.mean((again["measured"] - recorded["measured"]) ** 2)), rel=1e-6, abs=1e-9
+    )
+    page = Path("p.html").read_text(encoding="utf-8")
+    assert "Simulated and recorded" in page
+    assert "what the gauge reads of" in page
+    # a gauge that is twice as slow is told from the recorded one
+    Path("slow.toml").write_text(QUIET.replace("time_constant_s = 0.1", "time_constant_s = 0.2"), encoding="utf-8")
+    slow = simulated(
+        capfd, "slow.toml", "--inputs", "r1.csv", "--machine", "r1.machine.toml", "--out", "slow", "--seed", "3"
+    )
+    off = {one["channel"]: one["largest"] for one in slow["gauging"]["comparison"]}
+    # late by another 0.1 s at 20 µm/s
+    assert off["measured"] == pytest.approx(2.0, rel=0.1)
+
+
+def test_for_people(folder, capfd):
+    assert exit_status(["simulate", "gauging", "model.toml", "--out", "parts"]) == 0
+    out, err = capfd.readouterr()
+    for text in (
+        "a gauge as a line", "simulated, 3 runs", "K = -10 mV/µm", "Finished sizes, µm", "Monte Carlo, 2000 parts",
+        "Capability, 95 % intervals", "What would be better", "best filter, eq. 23", "--machine parts",
+    ):  # fmt: skip
+        assert text in out
+    assert "\x1b" not in out + err
+
+
+BAD = {
+    "feed_um_per_s = 5.0": "feed_um_per_s = 0.0",
+    "time_constant_s = 0.1": "time_constant_s = 0.0",
+    "sd_um = 0.3": "sd_um = -0.3",
+    "until_um = 15.0": "until_um = 50.0",
+    "upper_um = 1.5": "upper_um = -2.5",
+    "gain_v_per_um = -0.01": "gain_v_per_um = 0.0",
+    "parts = 3": "parts = 0",
+    "[run]": "[rum]",
+    "[tolerance]": "[thresholds]\nvolts = [1.8]\n[tolerance]",
+    "feed_sd = 0.03": "feed_sd = 0.9",
+}
+
+
+@pytest.mark.parametrize(("good", "bad"), BAD.items(), ids=lambda text: text.replace("\n", " "))
+def test_values_that_cannot_be_are_refused_with_their_key(good, bad, folder, capfd):
+    assert good in LINE
+    Path("bad.toml").write_text(LINE.replace(good, bad, 1), encoding="utf-8")
+    assert "bad.toml, key" in refused(capfd, "bad.toml", "--out", "parts", "--report", "page.html")
+
+
+def test_thresholds_beyond_what_the_gauge_gives_are_refused_with_their_key(folder, capfd):
+    text = (ROOT / "fixtures" / "gauging" / "grind-to-size.toml").read_text(encoding="utf-8")
+    Path("bad.toml").write_text(f"{text}\n[thresholds]\nvolts = [1.5, 5.0]\n", encoding="utf-8")
+    said = refused(capfd, "bad.toml", "--out", "parts")
+    assert "bad.toml, key thresholds.volts[2]" in said
+    assert "5 V" in said
+
+
+def test_a_model_of_another_kind_says_which_command_it_belongs_to(folder, capfd):
+    thermal = ROOT / "fixtures" / "thermal" / "headstock.toml"
+    assert "selector simulate thermal" in refused(capfd, str(thermal), "--out", "run.csv")
+    assert exit_status(["simulate", "drive", "model.toml", "--out", "run.csv"]) == 2
+    assert "selector simulate gauging" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["nothing.toml", "--out", "run.csv"], "nothing.toml"),
+        (["one.toml"], "--out"),
+        (["one.toml", "--out", "run.xlsx"], ".csv"),
+        (["one.toml", "--out", "one.toml/run.csv"], "one.toml"),
+        (["model.toml", "--out", "quiet.toml"], "quiet.toml"),
+        (["one.toml", "--out", "run.csv", "--seed", "-1"], "--seed"),
+        (["one.toml", "--out", "run.csv", "--machine", "one.toml"], "--inputs"),
+        (["one.toml", "--out", "run.csv", "--report", "page.txt"], ".html"),
+        (["one.toml", "--out", "sim", "--inputs", "nothing.csv"], "nothing.csv"),
+        (["one.toml", "--out", "sim", "--inputs", "day.csv"], "allowance"),
+        (["one.toml", "--out", "day.csv", "--inputs", "day.csv"], "one of the inputs"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else None,
+)
+def test_a_command_that_cannot_be_done(arguments, said, folder, capfd):
+    Path("day.csv").write_text("time_s,T1\n0,20\n60,21\n120,21.5\n", encoding="utf-8")
+    assert said in refused(capfd, *arguments)
+
+
+def test_nothing_foreign_is_replaced(folder, capfd):
+    shutil.copy("one.toml", "run.machine.toml")
+    assert "one of the inputs" in refused(capfd, "run.machine.toml", "--out", "run.csv")
+    Path("day.csv").write_text("time_s,T1\n0,20\n60,21\n", encoding="utf-8")
+    assert "did not write it" in refused(capfd, "one.toml", "--out", "day.csv")
+    Path("page.html").write_text("<title>Something</title>", encoding="utf-8")
+    assert "page of a simulation" in refused(capfd, "one.toml", "--out", "new.csv", "--report", "page.html")
+    for seed in ("1", "2"):
+        simulated(capfd, "one.toml", "--out", "new.csv", "--seed", seed, "--report", "new.html")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent to a process in another way there")
+def test_ctrl_c_leaves_nothing_behind(folder):
+    # 80 million samples of parts: far more than the seconds that are waited
+    text = LINE.replace("parts = 3", "parts = 100000\nperiod_s = 0.01")
+    Path("slow.toml").write_text(text, encoding="utf-8")
+    before = sorted(path.name for path in folder.iterdir())
+    line = [*INTERRUPTIBLE, "simulate", "gauging", "slow.toml", "--out", "parts"]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
+    work = subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+    time.sleep(4.0)
+    assert work.poll() is None, "it was done before it could be stopped"
+    work.send_signal(signal.SIGINT)
+    out, err = work.communicate(timeout=60)
+    assert work.returncode == 130, err
+    assert out == ""
+    assert "Nothing was written" in err
+    assert sorted(path.name for path in folder.iterdir()) == before
