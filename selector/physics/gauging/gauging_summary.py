@@ -12,7 +12,7 @@ from selector.findings import Finding
 from selector.physics.gauging.capability import Capability, capability
 from selector.physics.gauging.characteristic import Characteristic, linear_range_um
 from selector.physics.gauging.finished_sizes import FinishedSizes, finished_sizes
-from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation
+from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation, Progress
 from selector.physics.gauging.model_findings import mattering_um
 from selector.physics.gauging.size_distribution import SizeDistribution, size_distribution
 from selector.physics.gauging.size_findings import size_findings
@@ -81,8 +81,12 @@ class GaugingSummary:
     findings: tuple[Finding, ...]
 
 
-def gauging_summary(model: GaugingModel, simulation: GaugingSimulation | None = None) -> GaugingSummary:
-    """What gauging by this model amounts to; `simulation` of it lends its seed and its parts.
+def gauging_summary(
+    model: GaugingModel, simulation: GaugingSimulation | None = None, *, progress: Progress | None = None
+) -> GaugingSummary:
+    """What gauging by this model amounts to; `simulation` of it lends its seed.
+
+    `progress` is told how many parts of how many are done, and what is being done.
 
     Raises
     ------
@@ -93,7 +97,7 @@ def gauging_summary(model: GaugingModel, simulation: GaugingSimulation | None = 
     """
     setup, parts, period_s = model.setup, model.file.run.parts, model.period_s
     told = None if simulation is None else simulation.recording.provenance["simulated"]["seed"]
-    sizes = _sizes(model, model.file.run.seed if told is None else int(told))
+    sizes = _sizes(model, model.file.run.seed if told is None else int(told), progress)
     if not sizes.tripped.any():
         raise ModelFileError(
             "thresholds that no part reaches",
@@ -123,12 +127,19 @@ def gauging_summary(model: GaugingModel, simulation: GaugingSimulation | None = 
     )
 
 
-def _sizes(model: GaugingModel, seed: int) -> FinishedSizes:
+def _sizes(model: GaugingModel, seed: int, progress: Progress | None) -> FinishedSizes:
     """Batches of the file's parts; where no part differs from the next, one long batch."""
     parts = model.file.run.parts
-    if not model.is_wearing or parts >= FEWEST_SIZES:
-        return finished_sizes(model.setup, max(parts, FEWEST_SIZES), seed=seed, period_s=model.period_s)
-    more = np.random.SeedSequence(seed).generate_state(math.ceil(FEWEST_SIZES / parts) - 1, np.uint64)
-    batches = [finished_sizes(model.setup, parts, seed=int(one), period_s=model.period_s) for one in (seed, *more)]
-    columns = {one.name: [getattr(batch, one.name) for batch in batches] for one in fields(FinishedSizes)}
+    batch = parts if model.is_wearing else max(parts, FEWEST_SIZES)
+    batches = math.ceil(FEWEST_SIZES / batch)
+    seeds = (seed, *np.random.SeedSequence(seed).generate_state(batches - 1, np.uint64))
+
+    def told(done: int, of: int) -> None:
+        if progress is not None:
+            progress(len(found) * of + done, batches * of, "sizes")
+
+    found: list[FinishedSizes] = []
+    for one in seeds:
+        found.append(finished_sizes(model.setup, batch, seed=int(one), period_s=model.period_s, progress=told))
+    columns = {one.name: [getattr(batch, one.name) for batch in found] for one in fields(FinishedSizes)}
     return FinishedSizes(**{name: np.concatenate(values) for name, values in columns.items()})

@@ -138,3 +138,13 @@ def test_parts_without_any_spread_have_sizes_and_no_capability():
     assert summary.capability is None
     assert summary.sizes.mean_um == pytest.approx(0.0, abs=1e-6)
     assert summary.findings == ()
+
+
+def test_progress_is_told_over_all_batches():
+    said = []
+    wearing = changed(SLOW_NOISE, ("grinding.probe_wear_um_per_part", 0.01), ("run.parts", 300))
+    gauging_summary(gauging_model(checked_model_file(wearing)), progress=lambda *one: said.append(one))
+    # 7 batches of 300
+    assert {(of, what) for _, of, what in said} == {(2100, "sizes")}
+    assert [done for done, _, _ in said] == sorted(done for done, _, _ in said)
+    assert said[-1][0] == 2100
