@@ -21,7 +21,7 @@ from selector.physics.gauging.transducer import LinearGauge
 
 Vector = NDArray[np.float64]
 
-_ROUNDS, _PER_ROUND, _DEPTHS = 3, 129, 4
+_ROUNDS, _PER_ROUND, _DEPTHS, _DIED = 3, 129, 4, 700.0
 _BRACKETS = 2.0 ** np.arange(-16, 40)
 _PER_WAVE, _POINTS, _MOST_POINTS = 48, 200, 40_000
 
@@ -76,7 +76,7 @@ class MeanCourse:
     def removal(self, time_s: ArrayLike) -> Vector:
         """Rate at which the allowance falls, shape of `time_s` [µm/s]."""
         t = np.asarray(time_s, dtype=np.float64)
-        left = np.exp(-t / self.lag_s) if self.lag_s > 0 else np.zeros_like(t)
+        left = np.exp(-np.minimum(t, _DIED * self.lag_s) / self.lag_s) if self.lag_s > 0 else np.zeros_like(t)
         return np.asarray(self.rate_um_per_s + (self.start_rate - self.rate_um_per_s) * left)
 
     def ripple(self, time_s: ArrayLike) -> tuple[Vector, Vector]:

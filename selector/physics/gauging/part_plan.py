@@ -40,7 +40,7 @@ def steps_per_period(setup: GaugedGrinding, period_s: float) -> int:
     if setup.noise.sd_um > 0:
         longest = min(longest, 1.0 / (STEPS_PER_CORRELATION * setup.noise.rate_per_s))
     if setup.grinding.lag_s > 0:
-        longest = min(longest, setup.grinding.lag_s / STEPS_PER_LAG)
+        longest = min(longest, max(setup.grinding.lag_s, longest) / STEPS_PER_LAG)
     if setup.surface.runout_um > 0:
         longest = min(longest, 60.0 / (STEPS_PER_TURN * setup.surface.workpiece_rpm))
     return max(1, math.ceil(period_s / longest - 1e-9))

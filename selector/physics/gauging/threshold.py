@@ -18,6 +18,8 @@ from selector.physics.gauging.transducer import LinearGauge, Relay
 
 Vector = NDArray[np.float64]
 
+_NO_LAG, _DIED = 1e-9, 700.0
+
 
 def wear_share(grinding: Grinding, part: int = 0) -> float:
     """Radius that the wheel loses over what it removes, at this part of the batch, the first being 0.
@@ -74,7 +76,9 @@ def mean_allowance_um(
     t = np.asarray(time_s, dtype=np.float64)
     fallen = rate_um_per_s * t
     if lag_s > 0 and start_rate is not None:
-        fallen = fallen - (start_rate - rate_um_per_s) * lag_s * np.expm1(-t / lag_s)
+        # where a tiny lag has long died the quotient need not be known
+        died = np.minimum(t, _DIED * lag_s) / lag_s
+        fallen = fallen - (start_rate - rate_um_per_s) * lag_s * np.expm1(-died)
     return np.asarray(allowance_um - fallen)
 
 
@@ -99,7 +103,7 @@ def mean_voltage_v(
     left = np.exp(-t / filter_s)
     ramp = t + filter_s * np.expm1(-t / filter_s)
     response = allowance_um * -np.expm1(-t / filter_s) - rate_um_per_s * ramp
-    if lag_s > 0 and start_rate is not None:
+    if lag_s > _NO_LAG * filter_s and start_rate is not None:
         more = (start_rate - rate_um_per_s) * lag_s
         # exp(−t/lag_s) through the filter from 0; both forms of it are one, and this one does not overflow
         z = np.abs(t / filter_s - t / lag_s)

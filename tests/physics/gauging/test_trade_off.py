@@ -1,0 +1,81 @@
+"""Filter and threshold: bias and variance against T_Φ, their best, and Monte Carlo at some of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from selector.errors import InputError
+from selector.physics.gauging.finished_sizes import finished_sizes
+from selector.physics.gauging.process import Grinding, Noise, Stage
+from selector.physics.gauging.size_distribution import size_distribution
+from selector.physics.gauging.trade_off import centred_threshold_v, mean_square_errors, trade_off
+from selector.physics.gauging.transducer import Relay
+from tests.physics.gauging.set_ups import set_up
+
+SETUP = set_up(Grinding(30.0, (Stage(20.0, 12.0), Stage(5.0, 2.0)), feed_sd=0.05), noise=Noise(0.5, 30.0))
+
+
+def test_errors_are_those_of_monte_carlo():
+    """2000 parts with each filter; first passage has the mean to 4 % of the spread, the spread to 2 %."""
+    filters = np.array([0.003, 0.03, 0.1, 0.3])
+    found = trade_off(SETUP, time_constants_s=filters)
+    squares, errors = mean_square_errors(SETUP, filters, parts=2000, seed=1)
+    off = 2 * (0.04 * np.abs(found.bias_um) * found.sd_um + 0.02 * found.sd_um**2)
+    assert (np.abs(found.rms_um**2 - squares) < 4 * errors + off).all()
+
+
+def test_the_best_is_better_than_its_neighbours():
+    found = trade_off(SETUP)
+    assert not found.at_edge
+    assert found.best_rms_um <= found.rms_um.min() * (1 + 1e-6)
+    # the best lies on a smooth curve between points that are 20 % apart
+    assert found.best_rms_um == pytest.approx(found.rms_um.min(), rel=0.01)
+    around = trade_off(SETUP, time_constants_s=found.best_s * np.array([0.8, 1.0, 1.25]))
+    assert around.rms_um[1] <= around.rms_um[[0, 2]].min()
+    assert around.rms_um[1] == pytest.approx(found.best_rms_um, rel=1e-9)
+    assert found.present_s == 0.05
+    assert found.present_rms_um > found.best_rms_um
+    # bias falls with T_Φ, as far as noise alone makes it
+    early = found.time_constant_s < 0.1
+    assert (np.diff(found.bias_um[early]) < 0).all()
+
+
+def test_variance_grows_with_the_spread_of_the_feed():
+    steady = trade_off(replace(SETUP, grinding=replace(SETUP.grinding, feed_sd=0.0)))
+    spread = trade_off(replace(SETUP, grinding=replace(SETUP.grinding, feed_sd=0.15)))
+    assert spread.best_s < trade_off(SETUP).best_s
+    np.testing.assert_array_equal(steady.time_constant_s, spread.time_constant_s)
+    assert (spread.sd_um > steady.sd_um).all()
+
+
+def test_a_centred_threshold_centres():
+    setup = replace(SETUP, noise=Noise(1.0, 30.0))
+    centred = setup.with_last_threshold(centred_threshold_v(setup))
+    assert setup.thresholds_v[0] == centred.thresholds_v[0]
+    assert size_distribution(setup).mean_um - 2.0 > 0.2
+    assert size_distribution(centred).mean_um == pytest.approx(2.0, abs=1e-6)
+    sizes = finished_sizes(centred, 2000, seed=2)
+    # first passage has the mean to 4 % of the spread
+    assert abs(sizes.mean_um - 2.0) < 0.04 * sizes.sd_um + 4 * sizes.mean_error_um
+    found = trade_off(setup)
+    assert found.centred_rms_um == pytest.approx(found.sd_um.min(), rel=0.01)
+    assert found.centred_rms_um <= found.best_rms_um
+    at = int(np.argmin(np.abs(found.time_constant_s - 0.05)))
+    shift = (found.centred_threshold_v - found.threshold_v)[at] / setup.gauge.gain_v_per_um
+    assert shift == pytest.approx(-found.bias_um[at], rel=1e-12)
+
+
+def test_no_noise_asks_for_no_filter():
+    quiet = set_up(replace(SETUP.grinding, feed_sd=0.1), relay=Relay())
+    found = trade_off(quiet)
+    assert found.at_edge
+    assert found.best_s == found.time_constant_s[0]
+
+
+@pytest.mark.parametrize("filters", [[0.1], [0.0, 0.1], [0.2, 0.1], [[0.1, 0.2]]])
+def test_filters_that_are_none_are_refused(filters):
+    with pytest.raises(InputError, match="increasing"):
+        trade_off(SETUP, time_constants_s=filters)
