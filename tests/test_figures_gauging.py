@@ -192,3 +192,11 @@ def test_a_filter_without_bias_is_drawn_on_logarithmic_axes():
 def test_a_workpiece_out_of_reach_is_said_to_be():
     assert "0.400 N when the tip meets" in waveform().layout.title.text
     assert "out of reach" in waveform(0.0).layout.title.text
+
+
+def test_an_error_that_hardly_changes_has_ticks_that_can_be_read():
+    drawn = filter_trade_off(TIMES_S, np.full(61, 0.9), np.full(61, 0.5), (0.1, 1.06), (0.2, 1.06), "x")
+    low, high = drawn.layout.yaxis.range
+    inside = [text for text in drawn.layout.yaxis.ticktext if 10**low <= float(text) <= 10**high]
+    assert len(inside) >= 2
+    assert "0.5" in inside

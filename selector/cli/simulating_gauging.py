@@ -60,6 +60,7 @@ class _Work:
     destination: Destination
     findings: tuple[Finding, ...]
     differences: tuple[ChannelDifference, ...] | None = None
+    inputs: tuple[str, ...] = ()
 
 
 def gauging(
@@ -102,14 +103,15 @@ def gauging(
             else _planned(built, model, out, seed, report, say)
         )
         say(0, 1, "sizes and filters")
-        summary = gauging_summary(built, work.simulation)
+        summary = gauging_summary(built, work.simulation, progress=say)
         findings = (*work.findings, *summary.findings)
         page = None
         if report is not None:
             from selector.cli.gauging_page import page_of
             from selector.report.gauging_report import write_gauging_report
 
-            shown = page_of(built, work.simulation, summary, findings, model, work.differences or ())
+            told = (findings, model, work.differences or (), work.inputs)
+            shown = page_of(built, work.simulation, summary, *told)
             page = partial(write_gauging_report, shown)
         say(1, 1, "writing")
         recording = work.simulation.recording
@@ -165,7 +167,7 @@ def _driven(
         driven = driven_runs(built, reading.recording, seed=seed, progress=progress)
     said = (*reading.findings, *driven.findings)
     differences = channel_differences(driven.simulation.recording, reading.recording, driven.inputs)
-    return _Work(driven.simulation, destination, said, differences)
+    return _Work(driven.simulation, destination, said, differences, driven.inputs)
 
 
 def _show(

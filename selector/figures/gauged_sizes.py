@@ -21,6 +21,9 @@ MOST_MARKERS = 600
 
 MOST_DRESSINGS = 40
 _BINS = 60
+_FEW_DECADES = 1.5
+"""Up to so many 2 and 5 are written between the powers of ten."""
+
 _DECADES = 5.0
 """Decades below the largest error that the trade-off shows at most."""
 
@@ -72,7 +75,7 @@ def size_histogram(
     drawn.update_layout(
         bargap=0,
         xaxis={"title": {"text": "finished size, from nominal [µm]"}, "range": [min(ends) - room, max(ends) + room]},
-        yaxis={"title": {"text": "share of the parts [% per µm]"}, "range": [0.0, 116.0 * top],
+        yaxis={"title": {"text": "share of the parts [% per µm]"}, "range": [0.0, _rounded(116.0 * top)],
                "exponentformat": "none"},
         margin={"t": int(drawn.layout.margin.t) + 18},
         height=418,
@@ -190,7 +193,8 @@ def filter_trade_off(
         (present, "present", style.BASELINES["all sensors"], "diamond"),
     ):
         drawn.add_scatter(
-            x=[1e3 * at_s], y=[value], mode="markers", name=f"{name}: {style.number(1e3 * at_s)} ms",
+            x=[_rounded(1e3 * at_s)], y=[_rounded(value)], mode="markers",
+            name=f"{name}: {style.number(1e3 * at_s)} ms",
             marker={"color": colour, "size": 13, "symbol": symbol, "line": {"color": "#ffffff", "width": 1}},
             hovertemplate=f"{name}: %{{x:.4g}} ms, %{{y:.4g}} µm²<extra></extra>",
         )  # fmt: skip
@@ -201,11 +205,25 @@ def filter_trade_off(
         xaxis={"type": "log", "title": {"text": "time constant of the filter [ms]"}, "dtick": 1,
                "minor": {"ticks": "outside", "ticklen": 3},
                "range": [math.log10(1e3 * time_constant_s[0]), math.log10(1e3 * time_constant_s[-1])]},
-        yaxis={"type": "log", "title": {"text": "error of the size [µm²]"}, "dtick": 1, "exponentformat": "power",
-               "range": [low - 0.1, high + 0.1]},
+        yaxis={"type": "log", "title": {"text": "error of the size [µm²]"}, "exponentformat": "power",
+               **_decade_ticks(low, high),
+               "range": [_rounded(low - 0.1), _rounded(high + 0.1)]},
         height=420,
     )  # fmt: skip
     return drawn
+
+
+def _decade_ticks(low: float, high: float) -> dict[str, object]:
+    """Ticks of a logarithmic axis from 10^low to 10^high."""
+    if high - low > _FEW_DECADES:
+        return {"dtick": 1}
+    values = [step * 10.0**power for power in range(math.floor(low), math.ceil(high) + 1) for step in (1, 2, 5)]
+    return {"tickvals": [_rounded(value) for value in values], "ticktext": [f"{value:.6g}" for value in values]}
+
+
+def _rounded(value: float) -> float:
+    """Six digits: the last ones of a result may depend on the machine, and equal results shall look alike."""
+    return float(f"{value:.6g}")
 
 
 def _edges(size_um: Vector) -> Vector:

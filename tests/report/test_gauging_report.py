@@ -1,0 +1,148 @@
+"""The page of gauging says how sizes come out and what would help, then shows sizes, filter, parts and gauge."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import numpy as np
+import pytest
+
+from selector.report.gauging_report import gauging_html, write_gauging_report
+from selector.report.gauging_wording import percent, spread_text
+from selector.report.numbers import number_text
+from tests.report import gaugings
+from tests.report.test_selection_report import MEGABYTE, Page
+
+
+@pytest.fixture(scope="module", params=["line", "off", "chain", "driven"])
+def kind(request) -> str:
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def page(kind) -> Page:
+    return Page(gauging_html(gaugings.page(kind)))
+
+
+def text_of(page: Page) -> str:
+    return " ".join(" ".join(page.text).split())
+
+
+def test_it_says_simulated_before_anything_else(page):
+    text = text_of(page)
+    assert text.index("SIMULATED") < text.index("Findings")
+    assert gaugings.NAME in text
+
+
+def test_the_first_sentence_is_mean_spread_and_what_would_help(kind, page):
+    shown, text = gaugings.page(kind), text_of(page)
+    sizes = shown.summary.sizes
+    off = number_text(abs(sizes.mean_um), 2)
+    who = "Parts that are ground as the model file says" if kind == "driven" else "Finished parts"
+    assert f"{who} are {off} µm {'larger' if sizes.mean_um >= 0 else 'smaller'} than wanted on average" in text
+    assert f"spread by {number_text(sizes.sd_um, 2)} µm" in text
+    known = shown.summary.capability
+    assert ("Cpk is" in text) == (known is not None)
+    if known is not None:
+        assert f"Cpk is {number_text(known.cpk)}" in text
+
+
+def test_a_threshold_that_is_off_is_told_with_the_one_that_centres():
+    shown = gaugings.page("off")
+    text = text_of(Page(gauging_html(shown)))
+    sizes = shown.summary.sizes
+    # by the gain, −0.01 V/µm
+    better = 1.97 + 0.01 * sizes.mean_um
+    assert f"a last threshold of {number_text(better, 4)} V in place of 1.970 V would centre them" in text
+    # the command comes 0.025 V early: 2.5 µm, and parts with a worn wheel are larger still
+    assert sizes.mean_um > 2.4
+
+
+def test_a_process_that_is_as_good_as_it_can_be_is_left_alone():
+    text = text_of(Page(gauging_html(gaugings.page("chain"))))
+    assert "neither another filter nor another last threshold would make them much better" in text
+    assert "none of 2000 is out of tolerance" in text
+
+
+def test_what_was_recorded_is_told_first(page, kind):
+    text = text_of(page)
+    assert ("Simulated and recorded" in text) == (kind == "driven")
+    if kind == "driven":
+        assert text.index("differ by") < text.index("Parts that are ground")
+        assert "but for the courses that are called recorded" in text
+
+
+def test_figures_tables_and_findings_are_there(kind, page):
+    shown, text = gaugings.page(kind), text_of(page)
+    figures = [kind for kind, _ in page.scripts].count("application/json")
+    # histogram, chart over parts, filter, a part and its end; characteristic and waveform of a chain
+    expected = {"line": 5, "off": 5, "chain": 7}
+    # without chart and end: two recorded channels that are compared, and the first three runs
+    compared = min(6, len(shown.differences))
+    assert figures == expected.get(kind, 2 + compared + 3)
+    for channel in shown.recording.channels:
+        assert channel.name in page.cells
+    assert {"<a>.toml", "said before </script>"} <= {*page.cells, *page.text}
+    for stage in shown.summary.stages:
+        assert number_text(stage.threshold_v, 5) in page.cells
+    assert "as it is" in page.cells
+    feed = page.cells.index("grinding.stages.2.feed_um_per_s")
+    assert page.cells[feed + 3] == "model file"
+    lag = page.cells.index("grinding.lag_s")
+    assert page.cells[lag + 3] == ("model file" if kind == "chain" else "left out: default")
+    assert ("Dotted: the wheel is dressed." in text) == (kind in ("line", "off"))
+
+
+def test_channels_that_acted_are_inputs(kind, page):
+    acted = page.cells[page.cells.index("allowance") + 1] == "input"
+    assert acted == (kind == "driven")
+
+
+def test_densities_have_the_moments_of_their_formula(kind):
+    shown = gaugings.page(kind)
+    content = gauging_html(shown)
+    title = re.search(r"<h3>Simulated: mean size ([−0-9.]+) ± ([0-9.]+) µm", content)
+    assert title is not None
+    assert float(title[2]) == pytest.approx(shown.summary.sizes.sd_um, rel=0.05)  # two digits
+    from selector.report.gauging_report import _density
+
+    for one in (shown.summary.formula, shown.linear):
+        at, density = _density(one)
+        whole = float(np.trapezoid(density, at))
+        mean = float(np.trapezoid(at * density, at)) / whole
+        variance = float(np.trapezoid((at - mean) ** 2 * density, at)) / whole
+        # quantiles end at ± 3.6 standard deviations, which leaves out 0.03 % of the parts
+        assert whole == pytest.approx(1.0, abs=1e-3)
+        assert mean == pytest.approx(one.mean_um, abs=0.01 * one.sd_um)
+        # so far out a share of 0.03 % counts for 0.4 % of the variance; the rest are the steps of the quantiles
+        assert math.sqrt(variance) == pytest.approx(one.sd_um, rel=0.02)
+
+
+def test_nothing_runs_and_nothing_is_loaded(page):
+    assert not [tag for tag in page.tags if tag in ("link", "img", "iframe", "object", "embed", "base", "form", "u")]
+    assert not [name for _, name, _ in page.attributes if name.startswith("on") or name in ("src", "srcset")]
+    assert "default-src 'none'" in page.policy
+
+
+def test_equal_simulations_give_equal_bytes(tmp_path):
+    one = write_gauging_report(gaugings.page("line"), tmp_path / "a.html").read_bytes()
+    gaugings.page.cache_clear()
+    assert write_gauging_report(gaugings.page("line"), tmp_path / "b.html").read_bytes() == one
+    # the drawing program alone has 4.8 MB
+    assert len(one) < 5.3 * MEGABYTE
+
+
+@pytest.mark.parametrize(
+    ("share", "text"), [(0.0, "0 %"), (0.137, "14 %"), (0.0021, "0.21 %"), (3e-5, "30 ppm"), (1e-9, "below 0.1 ppm")]
+)
+def test_shares_are_readable(share, text):
+    assert percent(share) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "spread", "text"),
+    [(4.376, 0.0125, "4.376 ± 0.013"), (-0.0087, 0.28, "−0.01 ± 0.28"), (-0.001, 0.28, "0.00 ± 0.28"), (5, 0, "5.00")],
+)
+def test_values_have_the_decimals_of_their_spread(value, spread, text):
+    assert spread_text(value, spread) == text
