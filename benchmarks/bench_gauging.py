@@ -1,0 +1,113 @@
+"""Finished sizes by two formulas and by Monte Carlo: where they agree, and what each takes.
+
+python -m benchmarks.bench_gauging [--parts 20000] [--threads 2]
+
+Mean is the finished size less the wanted one. *r* is σ_ẏ/(|K|·a), how restless the noise is against the course of the
+reading; *wave* the largest rate of the smoothed surface over a. Monte Carlo: ± one standard error. The times of one
+distribution by formula and of one batch follow, with parts a second; compiled code is warm. Curved rows: the gauge of
+tests/physics/gauging/examples.py by its characteristic; what its curve moves the mean by stands behind them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import replace
+
+from selector.physics.gauging.characteristic import characteristic, linear_gauge
+from selector.physics.gauging.finished_sizes import finished_sizes
+from selector.physics.gauging.gauged_grinding import GaugedGrinding
+from selector.physics.gauging.process import Grinding, Noise, Stage, Surface
+from selector.physics.gauging.size_distribution import size_distribution
+from selector.physics.gauging.trade_off import trade_off
+from selector.physics.gauging.transducer import LinearGauge, Relay
+from tests.physics.gauging.examples import TRANSDUCER
+
+GAUGE = LinearGauge(-0.01, 3.0, 0.05)
+GRINDING = Grinding(22.0, (Stage(20.0, 12.0), Stage(5.0, 2.0)), allowance_sd_um=1.0)
+BASE = GaugedGrinding(GAUGE, GRINDING, Relay(0.02))
+
+
+def cases() -> dict[str, GaugedGrinding]:
+    """T_Φ 50 ms, relay 20 ms late, last feed 5 µm/s, unless the name says otherwise."""
+    curve = characteristic(TRANSDUCER)
+    gauge = linear_gauge(curve, 2.0, 0.05)
+    quick = replace(GAUGE, time_constant_s=0.003)
+    return {
+        "noise 0.05 µm, 100/s": replace(BASE, noise=Noise(0.05, 100.0)),
+        "noise 0.2 µm, 0.5/s": replace(BASE, noise=Noise(0.2, 0.5)),
+        "feed ± 8 %, noise 0.1 µm, 2/s": replace(BASE, grinding=replace(GRINDING, feed_sd=0.08), noise=Noise(0.1, 2.0)),
+        "noise 0.3 µm, 10/s": replace(BASE, noise=Noise(0.3, 10.0)),
+        "noise 0.3 µm, 100/s": replace(BASE, noise=Noise(0.3, 100.0)),
+        "noise 1 µm, 100/s": replace(BASE, noise=Noise(1.0, 100.0)),
+        "noise 2 µm, 100/s": replace(BASE, noise=Noise(2.0, 100.0)),
+        "T_Φ 3 ms, noise 0.5 µm, 30/s": replace(BASE.with_filter(0.003), gauge=quick, noise=Noise(0.5, 30.0)),
+        "relay noise 2 mV every 6.3 ms": replace(BASE, relay=Relay(0.02, 0.002)),
+        "relay noise, and 0.3 µm, 100/s": replace(BASE, relay=Relay(0.02, 0.002), noise=Noise(0.3, 100.0)),
+        "run-out 0.2 µm, 120 r/min": replace(BASE, surface=Surface(120.0, runout_um=0.2)),
+        "run-out 1 µm, 120 r/min": replace(BASE, surface=Surface(120.0, runout_um=1.0)),
+        "run-out 1 µm, noise 0.3 µm, 20/s": replace(
+            BASE, surface=Surface(120.0, runout_um=1.0), noise=Noise(0.3, 20.0)
+        ),
+        "4 grooves of 5 µm, a tenth, 150 r/min": replace(BASE, surface=Surface(150.0, 4, 0.1, 5.0)),
+        "the same and noise 0.3 µm, 20/s": replace(BASE, surface=Surface(150.0, 4, 0.1, 5.0), noise=Noise(0.3, 20.0)),
+        "curved, noise 0.5 µm, 10/s": replace(
+            GaugedGrinding(gauge, GRINDING, Relay(0.02), noise=Noise(0.5, 10.0)), characteristic=curve
+        ),
+        "curved, noise 3 µm, 0.5/s, T_Φ 0.5 s": replace(
+            GaugedGrinding(
+                replace(gauge, time_constant_s=0.5), Grinding(80.0, (Stage(5.0, 2.0),)), Relay(), noise=Noise(3.0, 0.5)
+            ),
+            characteristic=curve,
+        ),
+        "curved, keyway of 5 mm, 6 %, T_Φ 0.3 s": replace(
+            GaugedGrinding(
+                replace(gauge, time_constant_s=0.3),
+                Grinding(100.0, (Stage(15.0, 30.0), Stage(3.0, 2.0)), allowance_sd_um=5.0),
+                Relay(0.01),
+                Surface(150.0, 1, 0.06, 5000.0),
+                Noise(0.5, 1.0),
+            ),
+            characteristic=curve,
+        ),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--parts", type=int, default=20_000)
+    parser.add_argument("--threads", type=int, default=2)
+    options = parser.parse_args()
+    finished_sizes(BASE, 1)
+    size_distribution(replace(BASE, noise=Noise(1.0, 10.0)))
+    print("| case | r | wave | linear | first passage | Monte Carlo |\n|---|---|---|---|---|---|")
+    times = []
+    for name, setup in cases().items():
+        linear = size_distribution(setup, method="linear")
+        begin = time.perf_counter()
+        passage = size_distribution(setup)
+        formula_s = time.perf_counter() - begin
+        begin = time.perf_counter()
+        sizes = finished_sizes(setup, options.parts, seed=1, threads=options.threads)
+        parts_s = time.perf_counter() - begin
+        wanted = setup.wanted_um
+        moved = f", curve {passage.curvature_um:+.3f}" if setup.characteristic is not None else ""
+        print(
+            f"| {name} | {linear.restlessness:.2f} | {linear.ripple_rate:.2f} "
+            f"| {linear.mean_um - wanted:+.3f}, {linear.sd_um:.3f} "
+            f"| {passage.mean_um - wanted:+.3f}, {passage.sd_um:.3f}{moved} "
+            f"| {sizes.mean_um - wanted:+.4f} ± {sizes.mean_error_um:.4f}, "
+            f"{sizes.sd_um:.4f} ± {sizes.sd_error_um:.4f} |"
+        )
+        steps = sizes.duration_s.mean()
+        times.append(
+            f"{name}: formula {1e3 * formula_s:.1f} ms, {options.parts / parts_s:.0f} parts/s of {steps:.2f} s"
+        )
+    print("\n" + "\n".join(times))
+    begin = time.perf_counter()
+    trade_off(replace(BASE, grinding=replace(GRINDING, feed_sd=0.08), noise=Noise(0.5, 30.0)))
+    print(f"trade-off of 33 filters, feed ± 8 %: {time.perf_counter() - begin:.2f} s")
+
+
+if __name__ == "__main__":
+    main()
