@@ -15,7 +15,7 @@ from selector.physics.gauging.threshold import wear_share
 Vector = NDArray[np.float64]
 
 STEPS_PER_CORRELATION, STEPS_PER_FILTER, STEPS_PER_LAG, STEPS_PER_TURN = 4.0, 8.0, 8.0, 64.0
-"""Steps in 1/β, T_Φ, lag_s and a turn of a surface with run-out: at half of them no size changes by 1 % of its sd."""
+"""Steps in 1/β, T_Φ, lag_s and a turn with run-out: more of them change sizes by less than 20 000 parts can tell."""
 
 DEFAULT_PERIODS = 8.0
 """Samples of the relay in T_Φ where nothing is said."""

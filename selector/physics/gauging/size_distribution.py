@@ -37,7 +37,7 @@ _GOLDEN, _PLASTIC = (math.sqrt(5.0) - 1.0) / 2.0, 0.7548776662466927
 _PROBABILITY, _SHOWN = ndtr(np.linspace(-3.9, 3.9, 131)), ndtr(np.linspace(-3.6, 3.6, 289))
 _FEEDS, _RELAYS = np.linspace(-3.5, 3.5, 29), np.linspace(-3.5, 3.5, 29)
 _MOMENT_FEEDS, _MOMENT_PARTS, _MOST_SIGMAS = 15, 600, 4.0
-_SINGLE, _SLOW_RIPPLE = 0.1, 1.0
+_SINGLE, _SLOW_RIPPLE = 0.2, 1.0
 
 
 @dataclass(frozen=True)
