@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import special, stats
+from scipy import special
 
 from selector.errors import InputError
 from selector.physics.gauging.process import Tolerance
@@ -90,11 +90,11 @@ def capability(size_um: ArrayLike, tolerance: Tolerance, *, confidence: float = 
     cp = width / (6.0 * sd)
     cpk = min(tolerance.upper_um - mean, mean - tolerance.lower_um) / (3.0 * sd)
     alpha = 1.0 - confidence
-    chi_low, chi_high = (float(stats.chi2.ppf(level, count - 1)) for level in (alpha / 2, 1 - alpha / 2))
+    chi_low, chi_high = (float(special.chdtri(count - 1, above)) for above in (1 - alpha / 2, alpha / 2))
     half = float(special.ndtri(1 - alpha / 2)) * math.sqrt(1.0 / (9.0 * count) + cpk**2 / (2.0 * (count - 1)))
     outside = int(np.count_nonzero((sizes < tolerance.lower_um) | (sizes > tolerance.upper_um)))
-    low = float(stats.beta.ppf(alpha / 2, outside, count - outside + 1)) if outside > 0 else 0.0
-    high = float(stats.beta.ppf(1 - alpha / 2, outside + 1, count - outside)) if outside < count else 1.0
+    low = float(special.betaincinv(outside, count - outside + 1, alpha / 2)) if outside > 0 else 0.0
+    high = float(special.betaincinv(outside + 1, count - outside, 1 - alpha / 2)) if outside < count else 1.0
     by_quantiles = _by_quantiles(sizes, tolerance)
     return Capability(
         count, mean, sd, confidence,

@@ -32,10 +32,10 @@ from selector.physics.gauging.threshold import voltage_variance_v2, wear_share
 Vector = NDArray[np.float64]
 Method = Literal["linear", "first-passage"]
 
-_PACES, _PARTS, _LATTICE, _STILL_LATTICE = 9, 16, 64, 256
+_PACES, _PARTS, _LATTICE, _STILL_LATTICE = 9, 12, 64, 256
 _GOLDEN, _PLASTIC = (math.sqrt(5.0) - 1.0) / 2.0, 0.7548776662466927
 _PROBABILITY, _SHOWN = ndtr(np.linspace(-3.9, 3.9, 131)), ndtr(np.linspace(-3.6, 3.6, 289))
-_FEEDS, _RELAYS = np.linspace(-3.5, 3.5, 29), np.linspace(-3.5, 3.5, 29)
+_FEEDS, _RELAYS = np.linspace(-3.5, 3.5, 21), np.linspace(-3.5, 3.5, 15)
 _MOMENT_FEEDS, _MOMENT_PARTS, _MOST_SIGMAS = 15, 600, 4.0
 _SINGLE, _SLOW_RIPPLE = 0.2, 1.0
 
@@ -126,10 +126,9 @@ def size_distribution(
             advice="correct it",
         )
     line = on_line(setup)
-    still = method == "linear" or last_stage(line).is_whole
-    lot = _smooth_lot(line, method, parts) if still else _rippled_lot(line, parts)
-    early, white, relay_um = _of_relay(setup, method, default_period_s(setup) if period_s is None else period_s)
-    at, weight = lot.size_um, lot.weights
+    period = default_period_s(setup) if period_s is None else period_s
+    lot, early, white, relay_um = _lot(line, method, parts), *_of_relay(setup, method, period)
+    at, weight = lot.sizes()
     if white > 0:
         at = at[:, None] + np.interp(ndtr(_RELAYS), _PROBABILITY, relay_um)
         weight = weight[:, None] * masses(ndtr(_RELAYS))
@@ -146,15 +145,26 @@ def size_distribution(
     )  # fmt: skip
 
 
+def size_moments_um(setup: GaugedGrinding, *, parts: int, period_s: float) -> tuple[float, float]:
+    """Mean and standard deviation by first passage, without the quantiles: quicker, where many are wanted [µm]."""
+    lot = _lot(on_line(setup), "first-passage", parts)
+    early, white, _ = _of_relay(setup, "first-passage", period_s)
+    return lot.mean_um + early, math.sqrt(lot.within_um2 + lot.between_um2 + white)
+
+
 @dataclass(frozen=True)
 class _Lot:
-    """Parts without noise of the relay: mean, variances within and between them, sizes with weights."""
+    """Parts without noise of the relay: mean, variances within and between them, sizes with weights when asked for."""
 
     mean_um: float
     within_um2: float
     between_um2: float
-    size_um: Vector
-    weights: Vector
+    sizes: Callable[[], tuple[Vector, Vector]]
+
+
+def _lot(line: GaugedGrinding, method: Method, parts: int) -> _Lot:
+    smooth = method == "linear" or last_stage(line).is_whole
+    return _smooth_lot(line, method, parts) if smooth else _rippled_lot(line, parts)
 
 
 def _smooth_lot(line: GaugedGrinding, method: Method, parts: int) -> _Lot:
@@ -167,15 +177,18 @@ def _smooth_lot(line: GaugedGrinding, method: Method, parts: int) -> _Lot:
     law = (_linear_law if method == "linear" else _passage_law)(line, float(paces.min()), float(paces.max()))
     each = law.mean(paces) + _worn_um(line, numbers)
     mean = float(weights @ each.mean(axis=1))
-    feeds = _FEEDS if spread else np.zeros(1)
-    at = law.quantiles(_fed(line, feeds)[:, None] * _slowed(line, few)) + _worn_um(line, few)[:, None]
-    share = masses(ndtr(feeds))[:, None, None] * masses(_PROBABILITY)
+
+    def sizes() -> tuple[Vector, Vector]:
+        feeds = _FEEDS if spread else np.zeros(1)
+        at = law.quantiles(_fed(line, feeds)[:, None] * _slowed(line, few)) + _worn_um(line, few)[:, None]
+        share = masses(ndtr(feeds))[:, None, None] * masses(_PROBABILITY)
+        return at.ravel(), np.broadcast_to(share, at.shape).ravel()
+
     return _Lot(
         mean,
         max(float(weights @ law.variance(paces).mean(axis=1)), 0.0),
         max(float(weights @ ((each - mean) ** 2).mean(axis=1)), 0.0),
-        at.ravel(),
-        np.broadcast_to(share, at.shape).ravel(),
+        sizes,
     )
 
 
@@ -195,7 +208,7 @@ def _rippled_lot(line: GaugedGrinding, parts: int) -> _Lot:
     between = min(float((line.rates_um_per_s[-1] * line.ahead_s * paces - worn).var()), variance)
     at = np.stack([law.size_um for law in laws]) + worn[:, None]
     share = np.broadcast_to(masses(_PROBABILITY) / count, at.shape)
-    return _Lot(float(means.mean()), variance - between, between, at.ravel(), share.ravel())
+    return _Lot(float(means.mean()), variance - between, between, lambda: (at.ravel(), share.ravel()))
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
 from selector.errors import InputError
+from selector.physics.gauging.curvature import curvature_um
 from selector.physics.gauging.finished_sizes import finished_sizes
 from selector.physics.gauging.gauged_grinding import GaugedGrinding
 from selector.physics.gauging.part_plan import default_period_s
-from selector.physics.gauging.size_distribution import SizeDistribution, size_distribution
+from selector.physics.gauging.size_distribution import size_moments_um
 
 Vector = NDArray[np.float64]
 
@@ -93,7 +94,7 @@ def trade_off(
     Raises InputError for time constants that are not above 0 and increasing, and as `size_distribution` does.
     """
     period = default_period_s(setup) if period_s is None else period_s
-    filters = _default_filters(setup) if time_constants_s is None else np.asarray(time_constants_s, dtype=np.float64)
+    filters = _default_filters(setup) if time_constants_s is None else np.array(time_constants_s, dtype=np.float64)
     if filters.ndim != 1 or len(filters) < 2 or not (filters > 0).all() or not (np.diff(filters) > 0).all():
         raise InputError(
             f"{filters.size} time constants",
@@ -102,35 +103,36 @@ def trade_off(
             advice="sort them, and leave out 0: without a filter noise has no rate",
         )
 
-    def law(filter_s: float) -> SizeDistribution:
-        return size_distribution(setup.with_filter(filter_s), parts=parts, period_s=period)
+    def moments(filter_s: float | None) -> tuple[float, float]:
+        """Bias and standard deviation; None: as it is."""
+        other = setup if filter_s is None else setup.with_filter(filter_s)
+        mean, sd_um = size_moments_um(other, parts=parts, period_s=period)
+        return mean + curvature_um(other) - setup.wanted_um, sd_um
 
-    laws = [law(float(one)) for one in filters]
-    bias = np.array([_bias(one, setup) for one in laws])
-    sd = np.array([one.sd_um for one in laws])
+    bias, sd = np.array([moments(float(one)) for one in filters]).T.copy()
     threshold = np.array([setup.with_filter(float(one)).thresholds_v[-1] for one in filters])
     centred = threshold - setup.gauge.gain_v_per_um * bias
     best_s, steady_s = _least(filters, np.hypot(bias, sd)), _least(filters, sd)
-    best, steady = law(best_s), law(steady_s)
-    present = size_distribution(setup, parts=parts, period_s=period)
+    best, steady, present = moments(best_s), moments(steady_s), moments(None)
     for values in (filters, threshold, bias, sd, centred):
         values.flags.writeable = False
     ends = (float(filters[0]), float(filters[-1]))
     return TradeOff(
         filters, threshold, bias, sd, centred,
-        best_s, setup.with_filter(best_s).thresholds_v[-1], float(np.hypot(_bias(best, setup), best.sd_um)),
+        best_s, setup.with_filter(best_s).thresholds_v[-1], math.hypot(*best),
         steady_s,
-        setup.with_filter(steady_s).thresholds_v[-1] - setup.gauge.gain_v_per_um * _bias(steady, setup),
-        steady.sd_um,
-        setup.gauge.time_constant_s, _bias(present, setup), present.sd_um,
+        setup.with_filter(steady_s).thresholds_v[-1] - setup.gauge.gain_v_per_um * steady[0],
+        steady[1],
+        setup.gauge.time_constant_s, *present,
         best_s in ends,
     )  # fmt: skip
 
 
 def centred_threshold_v(setup: GaugedGrinding, *, parts: int = 1, period_s: float | None = None) -> float:
     """Voltage of the last command that makes the mean size the wanted one, by first passage on the line [V]."""
-    one = size_distribution(setup, parts=parts, period_s=period_s)
-    return setup.thresholds_v[-1] - setup.gauge.gain_v_per_um * _bias(one, setup)
+    mean, _ = size_moments_um(setup, parts=parts, period_s=default_period_s(setup) if period_s is None else period_s)
+    off = mean + curvature_um(setup) - setup.wanted_um
+    return setup.thresholds_v[-1] - setup.gauge.gain_v_per_um * off
 
 
 def mean_square_errors(
@@ -157,10 +159,6 @@ def mean_square_errors(
         means[at] = bias**2 + float(sizes.finished_um.var())
         errors[at] = squares.std() / np.sqrt(len(squares))
     return means, errors
-
-
-def _bias(law: SizeDistribution, setup: GaugedGrinding) -> float:
-    return law.mean_um + law.curvature_um - setup.wanted_um
 
 
 def _default_filters(setup: GaugedGrinding) -> Vector:
