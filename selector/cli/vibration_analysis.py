@@ -213,6 +213,7 @@ def _error(one: PeriodicError) -> dict[str, Any]:
         "height_um": dict(one.height_um),
         "published_um": one.published_um,
         "kinematic_um": one.kinematic_um,
+        "realisations": one.realisations,
     }
 
 

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from selector.errors import InputError
 from selector.physics.vibration.chain import chain_receptance, chain_structure, force_sign, merged_name
-from selector.physics.vibration.chain_values import Chain
+from selector.physics.vibration.chain_values import Chain, in_range
 from selector.physics.vibration.coupled import checked_frequencies, receptance, receptances
 from selector.physics.vibration.source import Source
 from selector.physics.vibration.structure import Structure
@@ -257,7 +257,7 @@ def chain_accuracy(
     motion = receptances(structure, frequency, np.array([_spread(structure, *case) for case in cases]))
     judged = []
     for (chain, source), whole in zip(cases, motion, strict=True):
-        counts = _counts(chain, frequency, split_hz)
+        counts = in_range(chain.range, frequency, split_hz)
         at_hz = frequency[counts]
         if not len(at_hz):
             continue
@@ -320,9 +320,3 @@ def _spread(structure: Structure, chain: Chain, source: Source | None) -> Vector
         group = (pushed,) if pushed is not None else group
     mass = np.array([member.mass_kg if member.name in group else 0.0 for member in structure.members])
     return mass / mass.sum()
-
-
-def _counts(chain: Chain, frequency_hz: Vector, split_hz: float | None) -> NDArray[np.bool_]:
-    if split_hz is None:
-        return np.ones(len(frequency_hz), dtype=bool)
-    return frequency_hz > split_hz if chain.range == "high" else frequency_hz <= split_hz

@@ -10,7 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 from selector.errors import InputError
+from selector.physics.vibration.sameness import above
 from selector.physics.vibration.structure import GROUND
 
 Range = Literal["high", "low"]
@@ -70,3 +74,11 @@ class Chain:
                 where=wrong[1],
                 advice=f"correct the chain {self.name!r}",
             )
+
+
+def in_range(chain_range: Range, frequency_hz: NDArray[np.float64], split_hz: float | None) -> NDArray[np.bool_]:
+    """Whether chains of this range hold at these frequencies [Hz]: high ones above `split_hz`; None: everywhere."""
+    if split_hz is None:
+        return np.ones(len(frequency_hz), dtype=np.bool_)
+    high = above(frequency_hz, split_hz)
+    return high if chain_range == "high" else ~high

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from selector.errors import InputError
 from selector.physics.vibration.chain import chain_receptance, force_sign
-from selector.physics.vibration.chain_values import Chain, Range
+from selector.physics.vibration.chain_values import Chain, in_range
 from selector.physics.vibration.coupled import response
 from selector.physics.vibration.source import Source
 from selector.physics.vibration.spectrum import Excitation
@@ -209,7 +209,7 @@ def _by_chains(
         for chain in chains:
             if chain.final != member or source.name not in chain.sources:
                 continue
-            held = _in_range(chain.range, frequency, split_hz)
+            held = in_range(chain.range, frequency, split_hz)
             if not held.any():
                 continue
             final = force_sign(chain, source) * chain_receptance(structure, chain, frequency[held]).final
@@ -218,9 +218,3 @@ def _by_chains(
             moment[row, held] += final * sum(mass[name] for name in group)
             carried[row, held] = True
     return FinalReceptance(motion, moment, carried)
-
-
-def _in_range(chain_range: Range, frequency: Vector, split_hz: float | None) -> NDArray[np.bool_]:
-    if split_hz is None:
-        return np.ones(len(frequency), dtype=np.bool_)
-    return frequency > split_hz if chain_range == "high" else frequency <= split_hz

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,60 +109,136 @@ def _strained(structure: Structure, modes: StructureModes, number: int) -> str:
 
 
 def chain_findings(model: VibrationModel, coupled: FinalMotions, chains: FinalMotions) -> tuple[Finding, ...]:
-    """Lines that no chain carries, and how far the chains are from the coupled structure."""
+    """Lines that no chain carries, and how far the chains are from the coupled structure where they carry one."""
     level: Level = "warning" if model.file.run.method == "chains" else "info"
-    found: list[Finding] = []
-    lost = ~chains.carried.any(axis=0)
-    for number, source in enumerate(chains.sources):
-        of = chains.source == number
-        if not (lost & of).any():
-            continue
-        frequency = np.sort(chains.frequency_hz[lost & of])
-        named = any(source in chain.sources for chain in model.chains)
-        where = "in any chain" if not named else "in a chain of their range"
-        listed = ", ".join(f"{value:.4g}" for value in frequency[:6]) + (" …" if len(frequency) > 6 else "")
-        found.append(
-            Finding(
-                "source-in-no-chain",
-                level,
-                f"{source} is not {where} at {listed} Hz: what it moves there is missing from the chain method.",
-                evidence={"source": source, "frequency_hz": frequency.tolist()},
-                suggestion="name it in the chains that begin where it acts, or take the coupled structure",
-            )
-        )
+    differences = []
     for name in (*FINALS, RELATIVE):
         sides = FINALS if name == RELATIVE else (name,)
-        if not all(chains.carried[chains.finals.index(side)].any() for side in sides):
-            continue  # no chain ends there: nothing that could be compared
-        one = _difference(name, coupled, coupled.of(*sides), chains.of(*sides), level)
-        found += [] if one is None else [one]
-    return tuple(found)
+        carried = np.asarray(chains.carried[[chains.finals.index(side) for side in sides]].all(axis=0))
+        one = _difference(name, coupled, coupled.of(*sides), chains.of(*sides), carried)
+        differences += [] if one is None else [one]
+    off = [] if not differences else [_off(differences, level)]
+    return (*_in_no_chain(model, coupled, chains, level), *_missing(model, coupled, chains, level), *off)
 
 
-def _difference(final: str, coupled: FinalMotions, exact: Complex, published: Complex, level: Level) -> Finding | None:
-    size, beside, off = (_rms_um(motion) for motion in (exact, published, published - exact))
+def _in_no_chain(model: VibrationModel, coupled: FinalMotions, chains: FinalMotions, level: Level) -> Iterator[Finding]:
+    """Sources with lines that no chain carries to any final."""
+    lost = ~chains.carried.any(axis=0)
+    for number, source in enumerate(chains.sources):
+        rows = np.flatnonzero(lost & (chains.source == number))
+        if not len(rows):
+            continue
+        frequency = np.sort(chains.frequency_hz[rows])
+        named = any(source in chain.sources for chain in model.chains)
+        where = "in any chain" if not named else "in a chain of their range"
+        missing_um = {final: _rms_um(coupled.of(final)[rows]) for final in FINALS}
+        moved = " and ".join(
+            f"{_WORDS.get(final, f'the {final}')} by {size:.3g} µm" for final, size in missing_um.items()
+        )
+        yield Finding(
+            "source-in-no-chain",
+            level,
+            f"{source} is not {where} at {_listed(frequency)} Hz: what it moves there is missing from the chain "
+            f"method. By the coupled structure these lines move {moved} (rms).",
+            evidence={"source": source, "frequency_hz": frequency.tolist(), "coupled_um": missing_um},
+            suggestion="name it in the chains that begin where it acts, or take the coupled structure",
+        )
+
+
+def _missing(model: VibrationModel, coupled: FinalMotions, chains: FinalMotions, level: Level) -> Iterator[Finding]:
+    """Finals that a good part of the motion reaches by lines whose chains lead to the other final only.
+
+    Where the file has no chain to a final it asks nothing of the chains there, unless they make the recording.
+    """
+    elsewhere = chains.carried.any(axis=0)
+    for final in FINALS:
+        if level == "info" and not any(chain.final == model.finals[final] for chain in model.chains):
+            continue
+        rows = np.flatnonzero(elsewhere & ~chains.carried[chains.finals.index(final)])
+        size, missing = _rms_um(coupled.of(final)), _rms_um(coupled.of(final)[rows])
+        if size == 0 or missing <= CHAINS_OFF * size:
+            continue
+        names = sorted({coupled.sources[number] for number in coupled.source[rows].tolist()})
+        frequency = np.sort(coupled.frequency_hz[rows])
+        yield Finding(
+            "no-chain-to-final",
+            level,
+            f"No chain leads to the {final} from {', '.join(names)} at {_listed(frequency)} Hz: "
+            f"{missing:.3g} µm of its {size:.3g} µm (rms, coupled structure) are missing from the chain method.",
+            evidence={
+                "final": final,
+                "sources": names,
+                "frequency_hz": frequency.tolist(),
+                "missing_um": missing,
+                "coupled_um": size,
+            },
+            suggestion=f"add chains from these sources to the {final}, or take the coupled structure",
+        )
+
+
+@dataclass(frozen=True)
+class _Difference:
+    """One final: its motion by the lines that chains carry there, by both methods."""
+
+    final: str
+    chains_um: float
+    coupled_um: float
+    relative: float
+    lines: int
+    worst_source: str
+    worst_hz: float
+    worst_chains_um: float
+    worst_coupled_um: float
+
+
+def _difference(
+    final: str, coupled: FinalMotions, exact: Complex, published: Complex, carried: NDArray[np.bool_]
+) -> _Difference | None:
+    rows = np.flatnonzero(carried)
+    size, beside, off = (_rms_um(motion[rows]) for motion in (exact, published, published - exact))
     if size == 0 or off <= CHAINS_OFF * size:
         return None
-    worst = int(np.argmax(np.abs(published - exact)))
-    source, frequency = coupled.sources[int(coupled.source[worst])], float(coupled.frequency_hz[worst])
-    line_um, exact_um = (1e6 * float(abs(motion[worst])) for motion in (published, exact))
-    more = beside / size - 1.0
-    said = (
-        f"By the chains {_WORDS.get(final, f'the {final}')} moves {beside:.3g} µm (rms of all lines), by the coupled "
-        f"structure {size:.3g} µm: {100 * abs(more):.3g} % {'more' if more > 0 else 'less'}; with their phases they "
-        f"differ by {100 * off / size:.3g} %. Most of it is the line of {source} at {frequency:.5g} Hz, {line_um:.3g} "
-        f"instead of {exact_um:.3g} µm."
+    worst = int(rows[np.argmax(np.abs(published - exact)[rows])])
+    return _Difference(
+        final,
+        beside,
+        size,
+        off / size,
+        len(rows),
+        coupled.sources[int(coupled.source[worst])],
+        float(coupled.frequency_hz[worst]),
+        1e6 * float(abs(published[worst])),
+        1e6 * float(abs(exact[worst])),
     )
-    evidence = {
-        "final": final,
-        "chains_um": beside,
-        "coupled_um": size,
-        "relative": off / size,
-        "worst_source": source,
-        "worst_hz": frequency,
-    }
-    advice = "believe the coupled structure: the chains leave out how members act back on those before them"
-    return Finding("chains-off-coupled", level, said, evidence=evidence, suggestion=advice)
+
+
+def _off(differences: Sequence[_Difference], level: Level) -> Finding:
+    """One finding of the final whose chains are off most; the others stand beside it in the evidence."""
+    worst = max(differences, key=lambda one: one.relative)
+    others = [one for one in differences if one is not worst]
+    more = worst.chains_um / worst.coupled_um - 1.0
+    beside = [f"{_WORDS.get(one.final, f'the {one.final}')} by {100 * one.relative:.3g} %" for one in others]
+    said = (
+        f"By the chains {_WORDS.get(worst.final, f'the {worst.final}')} moves {worst.chains_um:.3g} µm (rms of "
+        f"{'the lines' if worst.lines > 1 else 'the one line'} that they carry), by the coupled structure "
+        f"{worst.coupled_um:.3g} µm: "
+        f"{100 * abs(more):.3g} % {'more' if more > 0 else 'less'}; with their phases they differ by "
+        f"{100 * worst.relative:.3g} %. Most of it is the line of {worst.worst_source} at {worst.worst_hz:.5g} Hz, "
+        f"{worst.worst_chains_um:.3g} instead of {worst.worst_coupled_um:.3g} µm."
+        + (f" Off too: {', '.join(beside)}." if beside else "")
+    )
+    return Finding(
+        "chains-off-coupled",
+        level,
+        said,
+        evidence={**vars(worst), "others": [dict(vars(one)) for one in others]},
+        suggestion="believe the coupled structure: chains leave out how members act back on those before them, and "
+        "what is merged, held or cut off",
+    )
+
+
+def _listed(frequency_hz: NDArray[np.float64]) -> str:
+    return ", ".join(f"{value:.4g}" for value in frequency_hz[:6]) + (" …" if len(frequency_hz) > 6 else "")
 
 
 def height_findings(heights: Iterable[KindHeight]) -> tuple[Finding, ...]:

@@ -16,7 +16,8 @@ from selector.errors import InputError
 from selector.findings import Finding
 from selector.physics.vibration.chain_values import Chain
 from selector.physics.vibration.final_motion import Method, final_motions
-from selector.physics.vibration.run_up import Beyond, beyond_sampling, run_up
+from selector.physics.vibration.run_up import Beyond, Hurry, beyond_sampling, run_up, too_quick
+from selector.physics.vibration.sameness import below
 from selector.physics.vibration.shaft_course import ShaftCourse
 from selector.physics.vibration.source import Source
 from selector.physics.vibration.spectrum import excitation
@@ -116,10 +117,11 @@ def motion_signal(
         beyond_sampling(
             sources[lines.source[row]], int(lines.line[row]), float(lines.frequency_hz[row]), half_hz, beyond
         )
-        for row in np.flatnonzero(lines.frequency_hz >= half_hz)
+        for row in np.flatnonzero(~below(lines.frequency_hz, half_hz))
     ]
-    lines = lines.only(np.flatnonzero(lines.frequency_hz < half_hz))
+    lines = lines.only(np.flatnonzero(below(lines.frequency_hz, half_hz)))
     still = final_motions(structure, sources, lines, finals, method=method, chains=chains, split_hz=split_hz)
+    changing: list[tuple[Source, tuple[Hurry, ...]]] = []
     for position, source in enumerate(sources):
         rows = np.flatnonzero(lines.source == position)
         if len(rows):
@@ -143,6 +145,7 @@ def motion_signal(
             motion += (moved.motion_m * shift[position]).imag
             force[position] += (moved.force_n * shift[position]).imag
             findings += moved.findings
+            changing.append((source, moved.hurries))
     speeds = {
         name: np.full(len(time), constant[name]) if name in constant else courses[name].rpm_at(time)
         for name in shaft_rpm
@@ -154,6 +157,9 @@ def motion_signal(
             where="sources",
             advice="correct the forces, the unbalances or the speeds",
         )
+    whole_m = dict(zip(finals, np.abs(motion).max(axis=1).tolist(), strict=True))
+    hurried = (too_quick(one, hurries, whole_m, float(time[0]), method) for one, hurries in changing)
+    findings += [one for one in hurried if one is not None]
     for values in (time, motion, force, *speeds.values()):
         values.setflags(write=False)
     return MotionSignal(

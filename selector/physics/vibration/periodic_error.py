@@ -19,13 +19,13 @@ from selector.errors import InputError
 from selector.physics.checks import require_positive
 from selector.physics.vibration.cutting import Cutting
 from selector.physics.vibration.final_motion import FinalMotions
-from selector.physics.vibration.realisations import realisation_amounts
+from selector.physics.vibration.realisations import any_phase_amplitude, are_countable, realisation_amounts
+from selector.physics.vibration.sameness import SAME, above, below
 
 Kind = Literal["roughness", "waviness", "lobing", "runout"]
 KINDS: tuple[Kind, ...] = ("roughness", "waviness", "lobing", "runout")
 Direction = Literal["cut", "feed"]
 
-_SAME = 1e-9
 _LEAST_LOBES = 1.5
 _LEAST_TURNING = 0.5
 _MOST_LOG = 600.0
@@ -83,6 +83,9 @@ class PeriodicError:
         Sum of W over tool and workpiece [µm].
     kinematic_um : float
         2·|X_tool − X_workpiece|, expectation over the phases of the sources [µm].
+    realisations : int
+        Combinations of phases that the expectations are over; 0 where they are too many: then these are over phases
+        that are anything instead of P steps of a turn (`any_phase_amplitude`).
     """
 
     frequency_hz: float
@@ -98,6 +101,7 @@ class PeriodicError:
     height_um: Mapping[str, float]
     published_um: float
     kinematic_um: float
+    realisations: int = 1
 
 
 @dataclass(frozen=True)
@@ -136,7 +140,7 @@ def periodic_errors(
     """Periodic errors of the first revolution, one a frequency, by frequency; lines without motion leave none.
 
     Lines of one source at one frequency are added with their phases; several sources there by the expectation of the
-    amplitude over P phase shifts of each.
+    amplitude over P phase shifts of each, or over all phases where the combinations are too many to go through.
 
     Parameters
     ----------
@@ -163,8 +167,10 @@ def periodic_errors(
         height = {name: published_height_um(newton, cutting) for name, newton in force.items()}
         kind, direction, wavelength = error_kind(frequency, cutting, limits)
         upr = waves_per_revolution(frequency, cutting)
-        advance = upr - round(upr)
-        straight = abs(advance) <= _SAME * upr
+        # half a turn is ahead, also where rounding has it behind
+        advance = min(upr - math.ceil(upr * (1.0 - SAME) - 0.5), 0.5)
+        straight = abs(advance) <= SAME * upr
+        together = len(set(owner.tolist()))
         found.append(
             PeriodicError(
                 frequency_hz=frequency,
@@ -180,6 +186,7 @@ def periodic_errors(
                 height_um=height,
                 published_um=sum(height.values()),
                 kinematic_um=2e6 * _expected(relative[rows], owner, phases),
+                realisations=phases**together if are_countable(together, phases=phases) else 0,
             )
         )
     return tuple(found)
@@ -226,20 +233,21 @@ def published_height_um(force_n: float, cutting: Cutting) -> float:
 def error_kind(frequency_hz: float, cutting: Cutting, surface: Surface) -> tuple[Kind, Direction, float]:
     """Kind of the error at this frequency, along what its wavelength is measured, and the wavelength [mm].
 
-    From 1.5 waves per revolution on a wave lies along the cut, V/f: lobing up to `lobing_up_to_upr`, beyond that
-    roughness below the cut-off and waviness above. About one wave per revolution (0.5 to 1.5) moves the centre of the
-    cross-section: runout. Slower ones differ from turn to turn and lie along the feed, S·n/f: roughness or waviness.
+    From 1.5 waves per revolution on a wave lies along the cut, V/f: lobing up to `lobing_up_to_upr`, however short the
+    waves of a thin part are; beyond that roughness below the cut-off and waviness from it on. About one wave per
+    revolution (0.5 to 1.5) moves the centre of the cross-section: runout. Slower ones differ from turn to turn and lie
+    along the feed, S·n/f: roughness or waviness. At a limit is what differs from it by rounding alone.
     """
     upr = waves_per_revolution(frequency_hz, cutting)
-    if upr < _LEAST_TURNING:
+    if below(upr, _LEAST_TURNING):
         along_feed = cutting.feed_mm_per_rev / upr
-        return ("roughness" if along_feed < surface.roughness_below_mm else "waviness"), "feed", along_feed
+        return ("roughness" if below(along_feed, surface.roughness_below_mm) else "waviness"), "feed", along_feed
     along_cut = math.pi * cutting.diameter_mm / upr
-    if upr < _LEAST_LOBES:
+    if below(upr, _LEAST_LOBES):
         return "runout", "cut", along_cut
-    if upr <= surface.lobing_up_to_upr:
-        return "lobing", "cut", along_cut
-    return ("roughness" if along_cut < surface.roughness_below_mm else "waviness"), "cut", along_cut
+    if above(frequency_hz, split_frequency_hz(cutting, surface)):
+        return "roughness", "cut", along_cut
+    return ("waviness" if above(upr, surface.lobing_up_to_upr) else "lobing"), "cut", along_cut
 
 
 def waves_per_revolution(frequency_hz: float, cutting: Cutting) -> float:
@@ -256,8 +264,13 @@ def waves_per_revolution(frequency_hz: float, cutting: Cutting) -> float:
 
 
 def split_frequency_hz(cutting: Cutting, surface: Surface) -> float:
-    """Frequency at which the wavelength along the cut is the cut-off: low chains up to it, high ones above [Hz]."""
-    split = cutting.speed_m_per_min * 1e3 / 60.0 / surface.roughness_below_mm
+    """Frequency above which waves along the cut are roughness, and chains of the high range hold [Hz].
+
+    Where the wavelength is the cut-off; of a thin part, where `lobing_up_to_upr` waves a turn are shorter than that, at
+    these, since V gives lobing to the low chains.
+    """
+    fine = cutting.speed_m_per_min * 1e3 / 60.0 / surface.roughness_below_mm
+    split = max(fine, surface.lobing_up_to_upr * cutting.workpiece_rpm / 60.0)
     if not (math.isfinite(split) and split > 0):
         raise InputError(
             f"{split:g} Hz",
@@ -283,7 +296,7 @@ def _same_frequency(frequency_hz: NDArray[np.float64]) -> list[NDArray[np.int64]
     """Rows by frequency, together where they differ by rounding alone."""
     order = np.argsort(frequency_hz, kind="stable")
     ordered = frequency_hz[order]
-    cuts = np.flatnonzero(np.diff(ordered) > _SAME * ordered[1:]) + 1
+    cuts = np.flatnonzero(np.diff(ordered) > SAME * ordered[1:]) + 1
     return [rows for rows in np.split(order, cuts) if len(rows)]
 
 
@@ -292,6 +305,9 @@ def _expected(amplitude_m: NDArray[np.complex128], owner: NDArray[np.int64], pha
     names, source = np.unique(owner, return_inverse=True)
     if len(names) == 1:
         return float(abs(amplitude_m.sum()))
+    if not are_countable(len(names), phases=phases):
+        together = [amplitude_m[source == number].sum() for number in range(len(names))]
+        return any_phase_amplitude(np.abs(together))
     still = np.zeros(len(amplitude_m))
     amounts = realisation_amounts(amplitude_m, still, source, [0.0], n_sources=len(names), phases=phases)
     return amounts.expected_m

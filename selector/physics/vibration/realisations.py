@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from selector.errors import InputError
+from selector.physics.vibration.sameness import SAME
 
 Vector = NDArray[np.float64]
 ComplexMatrix = NDArray[np.complex128]
@@ -24,6 +25,8 @@ MOST_VALUES = 2_000_000_000
 """Realisations that differ × sections: some fifteen seconds."""
 MOST_REALISATIONS = 1 << 22
 _BLOCK = 1 << 15
+_WAVES, _MOST_WAVES = 512, 1 << 17
+_REST = 1e-9
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
 
@@ -89,7 +92,7 @@ def realisation_amounts(
     Raises
     ------
     InputError
-        No section, or too many realisations; `mean_square` has no limit.
+        No section, or too many realisations (`are_countable`); `mean_square` and `any_phase_amplitude` have no limit.
     """
     motion = np.asarray(motion_m, dtype=np.complex128)
     frequency, owner = np.asarray(frequency_hz, dtype=np.float64), np.asarray(source, dtype=np.int64)
@@ -151,6 +154,45 @@ def mean_square(z_m: ArrayLike, *, phases: int = 4) -> Vector:
     return _mean_square(np.atleast_2d(np.asarray(z_m, dtype=np.complex128)), phases)
 
 
+def any_phase_amplitude(amplitude_m: ArrayLike) -> float:
+    """E|Σ_s a_s·e^{iφ_s}| over phases that are anything, each for itself; the limit of many steps P [m].
+
+    With x the ordinate, E|Z| = π/2·E|x|, and |x| as a Fourier series over −A … A, A = Σ a_s, leaves of every wave its
+    mean, a product of Bessel functions: E|Z| = A·(π/4 − (2/π)·Σ_{odd k} Π_s J0(π·k·a_s/A)/k²).
+
+    Parameters
+    ----------
+    amplitude_m : array-like of shape (n_sources,)
+        a_s, not below 0 [m].
+    """
+    from scipy.special import j0
+
+    amplitude = np.asarray(amplitude_m, dtype=np.float64)
+    largest = float(amplitude.max(initial=0.0))
+    if largest == 0.0:
+        return 0.0
+    # shares of the largest first: the sum of the smallest numbers has no digits
+    share = amplitude / largest
+    whole = float(share.sum())
+    share = share[share > 0.0] / whole
+    total, begin = 0.0, 1
+    while begin < _MOST_WAVES:
+        wave = np.arange(begin, begin + _WAVES, 2, dtype=np.float64)
+        total += float(np.sum(np.prod(j0(np.pi * np.outer(wave, share)), axis=1) / wave**2))
+        begin += _WAVES
+        # |J0(u)| is below √(2/πu), and the rest of Σ 1/k² over odd k below 1/2k
+        if float(np.prod(np.minimum(np.sqrt(2.0 / (np.pi**2 * begin * share)), 1.0))) / begin < _REST:
+            break
+    return largest * whole * (math.pi / 4.0 - 2.0 / math.pi * total)
+
+
+def are_countable(active: int, *, sections: int = 1, phases: int = 4) -> bool:
+    """Whether the realisations of so many sources that move, times the sections, are few enough to go through."""
+    # logarithms: the powers may have thousands of digits
+    different = max(active - 1, 0) * math.log(phases)
+    return different <= math.log(MOST_REALISATIONS) + SAME and different + math.log(sections) <= math.log(MOST_VALUES)
+
+
 def source_motion(
     motion_m: ArrayLike, frequency_hz: ArrayLike, source: ArrayLike, time_s: ArrayLike, *, n_sources: int
 ) -> ComplexMatrix:
@@ -185,9 +227,7 @@ def _require_countable(sources: int, active: int, sections: int, phases: int) ->
             where="realisations",
             advice="give a source, a section and a phase",
         )
-    # logarithms: the powers may have thousands of digits
-    different = max(active - 1, 0) * math.log(phases)
-    if different + math.log(sections) > math.log(MOST_VALUES) or different > math.log(MOST_REALISATIONS):
+    if not are_countable(active, sections=sections, phases=phases):
         raise InputError(
             f"{phases} phases of {active} sources that move it, {sections} sections",
             expected=f"{phases}^{active - 1} up to {MOST_REALISATIONS}, and times the sections up to {MOST_VALUES:.0e}",

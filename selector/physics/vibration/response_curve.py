@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from selector.errors import InputError
+from selector.physics.vibration.sameness import SAME, above
 
 Vector = NDArray[np.float64]
 ComplexMatrix = NDArray[np.complex128]
@@ -88,14 +89,16 @@ def response_curve(
     InputError
         The response has a peak without end in the range, or that of `solved`.
     """
-    ends = [highest_hz] if jump_hz is None or not lowest_hz <= jump_hz < highest_hz else [jump_hz, highest_hz]
-    pieces, points, begin = [], 0, lowest_hz
-    for end in ends:
-        spline = _piece(solved, begin, end, loss_factor)
-        pieces.append(spline)
-        points += len(spline.x)
-        begin = float(np.nextafter(end, np.inf))
-    return ResponseCurve(lowest_hz, highest_hz, tuple(pieces), np.array(ends), points)
+    ranges = [(lowest_hz, highest_hz)]
+    if jump_hz is not None and not above(lowest_hz, jump_hz) and above(highest_hz, jump_hz):
+        # what is at the jump but for rounding is not above it
+        ranges = [
+            (lowest_hz, max(jump_hz, lowest_hz)),
+            (float(np.nextafter(jump_hz * (1.0 + SAME), np.inf)), highest_hz),
+        ]
+    pieces = [_piece(solved, begin, end, loss_factor) for begin, end in ranges]
+    ends = [*(float(np.nextafter(begin, 0.0)) for begin, _ in ranges[1:]), highest_hz]
+    return ResponseCurve(lowest_hz, highest_hz, tuple(pieces), np.array(ends), sum(len(one.x) for one in pieces))
 
 
 def _piece(

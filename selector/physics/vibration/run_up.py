@@ -2,12 +2,13 @@
 
 The phase of a line is the integral of the speed, its amplitude that of the frequency of the instant, as if the
 structure had had all time to swing up. To first order the true motion differs from it by ½·dω/dt·|d²X/dω²|: of a single
-resonance of the half-power width η·f by 10 % of its peak at df/dt = 0.16·(η·f)². Faster run-ups are told as a finding.
+resonance of the half-power width η·f by 10 % of its peak at df/dt = 0.16·(η·f)². What is quicker, or short, is judged
+by the modes in time (`swing_up`) and told where it matters beside the whole motion of the final.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -19,17 +20,58 @@ from selector.findings import Finding, Where
 from selector.physics.vibration.chain_values import Chain
 from selector.physics.vibration.final_motion import Method, final_receptance
 from selector.physics.vibration.response_curve import response_curve
+from selector.physics.vibration.sameness import above, below
 from selector.physics.vibration.shaft_course import ShaftCourse
 from selector.physics.vibration.source import Source
 from selector.physics.vibration.spectrum import line_force_n
 from selector.physics.vibration.structure import Structure
+from selector.physics.vibration.swing_up import Answer, LateMotion, late_motion
 
 Vector = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Beyond = Literal["refuse", "leave-out"]
 
 HURRY = 0.1
-"""Share of the largest motion from which on a run-up is told as too quick for its resonance."""
+"""Share of a final's largest motion from which on it is told that a run-up is too quick."""
+_ALIKE = 0.05
+"""Share by which two peaks differ that are about as large."""
+_STRETCHES = 1000
+_UM = 1e6
+
+
+@dataclass(frozen=True, eq=False)
+class Hurry:
+    """How far the motion of one final by one source is from the true one, as the coupled structure tells.
+
+    Attributes
+    ----------
+    final : str
+    off_m : float
+        Largest difference [m].
+    answer : Answer
+        Line and mode that differ most.
+    changed_hz, rate_hz_per_s : float
+        By how much the frequency of the line changes while the mode fades to 1/e, and at most how quickly.
+    simulated_m, true_m : float
+        Largest motion by the source, in whatever phase it is [m].
+    from_s : ndarray of shape (n_stretches,)
+        Starts of stretches of the same length [s].
+    stretch_off_m : ndarray of shape (n_stretches,)
+        Largest difference in each [m].
+    stretch_s : float
+        Their length [s].
+    """
+
+    final: str
+    off_m: float
+    answer: Answer
+    changed_hz: float
+    rate_hz_per_s: float
+    simulated_m: float
+    true_m: float
+    from_s: Vector
+    stretch_off_m: Vector
+    stretch_s: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,24 +85,15 @@ class RunUp:
     motion_m : complex ndarray of shape (n_finals, n_times)
         [m].
     findings : tuple of Finding
-        Lines that the sampling cannot carry, a run-up that is too quick, a change from one set of chains to the other.
+        Lines that the sampling cannot carry, a change from one set of chains to the other.
+    hurries : tuple of Hurry
+        How far it is from the true motion, one a final; none where nothing has to swing up.
     """
 
     force_n: Complex
     motion_m: Complex
     findings: tuple[Finding, ...]
-
-
-@dataclass(frozen=True)
-class _Hurry:
-    """Where the first-order error of the quasi-steady motion is largest, as a share of the largest motion."""
-
-    share: float
-    line: int
-    order: float
-    final: str
-    row: int
-    rate_hz_per_s: float
+    hurries: tuple[Hurry, ...]
 
 
 def run_up(
@@ -92,10 +125,9 @@ def run_up(
     force = np.zeros(len(time_s), dtype=np.complex128)
     motion = np.zeros((len(finals), len(time_s)), dtype=np.complex128)
     findings: list[Finding] = []
-    hurried: list[_Hurry] = []
     turns, rpm = course.turns_at(time_s), course.rpm_at(time_s)
     for number, _, order in lines:
-        rows = np.flatnonzero(order * rpm / 60.0 >= half_rate_hz)
+        rows = np.flatnonzero(~below(order * rpm / 60.0, half_rate_hz))
         if len(rows):
             highest = order * float(rpm.max()) / 60.0
             findings.append(
@@ -113,25 +145,20 @@ def run_up(
     # a hair wider, so that rounding does not lead out of a curve
     ranges = [(order * low / 60.0 * (1.0 - 1e-12), order * high / 60.0 * (1.0 + 1e-12)) for _, _, order in lines]
     curves = [response_curve(solved, *one, loss_factor=least, jump_hz=jump_hz) for one in _joined(ranges)]
-    for (number, line, order), (_, highest) in zip(lines, ranges, strict=True):
+    for (_, line, order), (_, highest) in zip(lines, ranges, strict=True):
         curve = next(one for one in curves if highest <= one.highest_hz)
         frequency = order * rpm / 60.0
-        amplitude, response = line_force_n(line, frequency), curve.at(frequency)
-        bend = np.abs(curve.at(frequency, derivative=2)) * np.abs(amplitude)
-        size = np.abs(response) * np.abs(amplitude)
-        for place, final in enumerate(finals):
-            worst = _worst(course, time_s, turns, order, size[place], bend[place])
-            if worst is not None and worst[0] > HURRY:
-                hurried.append(_Hurry(worst[0], number, order, final, worst[1], worst[2]))
-        turning = amplitude * np.exp(2j * np.pi * np.mod(order * turns, 1.0))
-        turning[frequency >= half_rate_hz] = 0.0
+        turning = line_force_n(line, frequency) * np.exp(2j * np.pi * np.mod(order * turns, 1.0))
+        turning[~below(frequency, half_rate_hz)] = 0.0
         force += turning
-        motion += response * turning
-    if hurried:
-        findings.append(_too_quick(source, max(hurried, key=lambda one: one.share), time_s, rpm))
-    if jump_hz is not None and any(one.lowest_hz <= jump_hz < one.highest_hz for one in curves):
+        motion += curve.at(frequency) * turning
+    if jump_hz is not None and any(
+        not above(one.lowest_hz, jump_hz) and above(one.highest_hz, jump_hz) for one in curves
+    ):
         findings.append(_changes_chains(source, jump_hz))
-    return RunUp(force, motion, tuple(findings))
+    late = late_motion(structure, source, course, finals, time_s)
+    hurries = () if late is None else tuple(_hurries(late, source, course, tuple(finals), time_s, motion))
+    return RunUp(force, motion, tuple(findings), hurries)
 
 
 def beyond_sampling(
@@ -163,43 +190,92 @@ def beyond_sampling(
     )
 
 
-def _worst(
-    course: ShaftCourse, time: Vector, turns: Vector, order: float, size: Vector, bend: Vector
-) -> tuple[float, int, float] | None:
-    """Largest first-order error as a share of the largest motion, its row, and the rate of the frequency [Hz/s]."""
-    sharpest = int(np.argmax(bend))
-    if size.max() == 0.0 or bend[sharpest] == 0.0:
+def too_quick(
+    source: Source, hurries: Sequence[Hurry], whole_m: Mapping[str, float], begin_s: float, method: Method
+) -> Finding | None:
+    """The finding that the true motion differs much from the simulated one, of the final where it does so most.
+
+    Parameters
+    ----------
+    whole_m : mapping of str to float
+        Final → the largest motion of the whole run, by all sources [m].
+    begin_s : float
+        Time of the first sample [s].
+    """
+    told = [one for one in hurries if one.off_m > HURRY * whole_m[one.final] > 0.0]
+    if not told:
         return None
-    # 1/(decay rate) of the resonance that bends the most: it feels mean speeds over this time, not what is quicker
-    memory = 1.0 / (2.0 * np.pi * np.sqrt(2.0 * size[sharpest] / bend[sharpest]))
-    before, after = course.turns_at(time - memory), course.turns_at(time + memory)
-    rate = order * np.abs(before - 2.0 * turns + after) / memory**2
-    share = rate * bend / (4.0 * np.pi * size.max())
-    row = int(np.argmax(share))
-    return float(share[row]), row, float(rate[row])
-
-
-def _too_quick(source: Source, hurry: _Hurry, time: Vector, rpm: Vector) -> Finding:
-    at_hz, at_s = hurry.order * float(rpm[hurry.row]) / 60.0, float(time[hurry.row])
-    most = hurry.rate_hz_per_s * HURRY / hurry.share
-    return Finding(
-        "run-up-too-quick",
-        "warning",
-        f"Order {hurry.order:g} of {source.name} goes through {at_hz:.4g} Hz at {hurry.rate_hz_per_s:.3g} Hz/s: a "
-        f"resonance has no time to swing up there, and the motion of {hurry.final} differs from the simulated one by "
-        + (f"about {hurry.share:.0%} of its largest value" if hurry.share < 0.5 else "as much as it is large")
-        + ". The true peak is lower and comes later.",
-        Where(channel=hurry.final, from_s=at_s, to_s=at_s),
-        {
-            "source": source.name,
-            "line": hurry.line + 1,
-            "frequency_hz": at_hz,
-            "rate_hz_per_s": hurry.rate_hz_per_s,
-            "share": hurry.share,
-            "slower_than_hz_per_s": most,
-        },
-        f"Let the frequency change by less than {most:.3g} Hz/s there, or take the peak as an upper limit.",
+    worst = max(told, key=lambda one: one.off_m)
+    answer, whole, order = worst.answer, whole_m[worst.final], source.lines[worst.answer.line].order or 0.0
+    long = worst.from_s[worst.stretch_off_m > HURRY * whole]
+    # 10 % of what the mode makes at 0.16 times the square of its half-power width, and then it comes to its peak
+    beside = max(whole / answer.steady_m, 1.0)
+    slower = min(HURRY * beside * 0.5 * np.pi / (np.pi * answer.ring_s) ** 2, worst.rate_hz_per_s)
+    off, simulated, true = (_UM * one for one in (worst.off_m, worst.simulated_m, worst.true_m))
+    evidence = {
+        "source": source.name,
+        "line": answer.line + 1,
+        "resonance_hz": answer.mode_hz,
+        "changed_hz": worst.changed_hz,
+        "rate_hz_per_s": worst.rate_hz_per_s,
+        "slower_than_hz_per_s": slower,
+        "off_um": off,
+        "largest_um": _UM * whole,
+        "share": worst.off_m / whole,
+    }
+    said = (
+        f"Order {order:g} of {source.name} changes by {worst.changed_hz:.3g} Hz in "
+        + (f"the {answer.ring_s:.3g} s" if np.isfinite(answer.ring_s) else "less than the time")
+        + f" that a vibration at the resonance of {answer.mode_hz:.4g} Hz needs to fade to 1/e: the motion of "
+        f"{worst.final} differs from the simulated one by up to {off:.3g} µm, "
+        + (
+            f"{worst.off_m / whole:.0%} of its largest value."
+            if worst.off_m < whole
+            else "more than its largest value."
+        )
     )
+    advice = f"Let the frequency change by less than {slower:.3g} Hz/s there"
+    if method == "chains":
+        said, advice = f"{said} So says the coupled structure.", f"{advice}."
+    else:
+        evidence |= {"true_um": true, "simulated_um": simulated}
+        peaks = f"In its worst phase it comes to about {true:.3g} µm by this source instead of {simulated:.3g} µm"
+        if true > (1.0 + _ALIKE) * simulated:
+            said += f" {peaks}: what begins so suddenly overshoots."
+            advice += f", or reckon with {true:.3g} µm."
+        elif true < (1.0 - _ALIKE) * simulated:
+            said += f" {peaks}, and later: it has no time to swing up."
+            advice += ", or take the simulated peak as an upper limit."
+        else:
+            said += f" The largest value by this source stays about {true:.3g} µm."
+            advice += ", or believe the peak alone, not the course."
+    where = Where(
+        channel=worst.final, from_s=float(long[0]) - begin_s, to_s=float(long[-1]) + worst.stretch_s - begin_s
+    )
+    return Finding("run-up-too-quick", "warning", said, where, evidence, advice)
+
+
+def _hurries(
+    late: LateMotion, source: Source, course: ShaftCourse, finals: tuple[str, ...], time_s: Vector, motion_m: Complex
+) -> Iterator[Hurry]:
+    step, even = float(late.time_s[1] - late.time_s[0]), late.time_s
+    starts = np.unique(np.linspace(0, len(even), _STRETCHES, endpoint=False).astype(int))
+    for row, (final, answer) in enumerate(zip(finals, late.answers, strict=True)):
+        size = np.abs(late.motion_m[row])
+        at_s, order = float(even[int(np.argmax(size))]), source.lines[answer.line].order or 0.0
+        frequency = order * course.rpm_at(even[(even >= at_s - answer.ring_s) & (even <= at_s)]) / 60.0
+        yield Hurry(
+            final,
+            float(size.max()),
+            answer,
+            float(np.ptp(frequency)),
+            float(np.abs(np.diff(frequency)).max(initial=0.0)) / step,
+            float(np.abs(motion_m[row]).max()),
+            float(np.abs(motion_m[row] + np.interp(time_s, even, late.motion_m[row])).max()),
+            even[starts],
+            np.maximum.reduceat(size, starts),
+            float(even[-1] - even[0]) / len(starts),
+        )
 
 
 def _changes_chains(source: Source, jump_hz: float) -> Finding:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,7 +15,13 @@ from selector.physics.vibration.final_motion import FinalMotions
 from selector.physics.vibration.model_findings import chain_findings, height_findings, model_findings
 from selector.physics.vibration.modes import StructureModes, structure_modes
 from selector.physics.vibration.periodic_error import KindHeight, PeriodicError, kind_heights, periodic_errors
-from selector.physics.vibration.realisations import mean_square, realisation_amounts, section_times, source_motion
+from selector.physics.vibration.realisations import (
+    are_countable,
+    mean_square,
+    realisation_amounts,
+    section_times,
+    source_motion,
+)
 from selector.physics.vibration.spectrum import Excitation, excitation
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, VibrationModel, VibrationSimulation
 
@@ -144,15 +150,13 @@ def vibration_summary(model: VibrationModel, simulation: VibrationSimulation) ->
     findings = list(model_findings(model, modes))
     if chains is not None:
         findings += chain_findings(model, coupled, chains)
-    amplitudes = {}
-    for name in (*FINALS, RELATIVE):
-        amplitudes[name], said = _amplitude(model, name, motions)
-        findings += said if name == RELATIVE else []
+    amplitudes = {name: _amplitude(model, name, motions) for name in (*FINALS, RELATIVE)}
     cut, split_hz = model.cutting(simulation.shaft_rpm), model.split_hz(simulation.shaft_rpm)
     errors: tuple[PeriodicError, ...] = ()
     if cut is not None:
         errors = periodic_errors(motions, cut, surface=model.surface, phases=model.file.realisations.phases)
     heights = () if cut is None else kind_heights(errors, cut)
+    findings += _too_many(model, amplitudes, errors)
     accuracy, said = _accuracy(model, motions.frequency_hz, split_hz)
     return VibrationSummary(
         modes=modes,
@@ -196,34 +200,51 @@ def _lines(
     )
 
 
-def _amplitude(model: VibrationModel, name: str, motions: FinalMotions) -> tuple[AmplitudeSummary, tuple[Finding, ...]]:
-    """Over all realisations; where these are too many the mean square alone, and a finding."""
+def _amplitude(model: VibrationModel, name: str, motions: FinalMotions) -> AmplitudeSummary:
+    """Over all realisations; where these are too many the mean square alone."""
     motion = motions.of(*(FINALS if name == RELATIVE else (name,)))
     wanted = model.file.realisations
     time_s = section_times(wanted.sections, model.file.run.duration_s)
     of_lines = (motion, motions.frequency_hz, motions.source, time_s)
-    try:
-        amounts = realisation_amounts(*of_lines, n_sources=len(motions.sources), phases=wanted.phases)
-    except InputError as error:
+    moving = len(set(motions.source[np.abs(motion) > 0].tolist()))
+    if not are_countable(moving, sections=wanted.sections, phases=wanted.phases):
         z_m = source_motion(*of_lines, n_sources=len(motions.sources))
         rms_um = _UM * float(np.sqrt(np.mean(mean_square(z_m, phases=wanted.phases))))
-        said = Finding(
-            "too-many-realisations",
-            "info",
-            f"{error.found}: too many to go through. Only the mean square is given, which needs none.",
-            suggestion=error.advice,
-        )
-        return AmplitudeSummary(0.0, 0.0, rms_um, 0.0, 0, 0), (said,)
-    return (
-        AmplitudeSummary(
-            expected_um=_UM * amounts.expected_m,
-            mean_abs_um=_UM * amounts.mean_abs_m,
-            rms_um=_UM * amounts.rms_m,
-            largest_um=_UM * amounts.largest_m,
-            realisations=amounts.count,
-            sections=wanted.sections,
-        ),
-        (),
+        return AmplitudeSummary(0.0, 0.0, rms_um, 0.0, 0, 0)
+    amounts = realisation_amounts(*of_lines, n_sources=len(motions.sources), phases=wanted.phases)
+    return AmplitudeSummary(
+        expected_um=_UM * amounts.expected_m,
+        mean_abs_um=_UM * amounts.mean_abs_m,
+        rms_um=_UM * amounts.rms_m,
+        largest_um=_UM * amounts.largest_m,
+        realisations=amounts.count,
+        sections=wanted.sections,
+    )
+
+
+def _too_many(
+    model: VibrationModel, amplitudes: Mapping[str, AmplitudeSummary], errors: tuple[PeriodicError, ...]
+) -> Iterator[Finding]:
+    """One finding of all that is not over the realisations because they are too many."""
+    uncounted = [name for name, one in amplitudes.items() if not one.realisations]
+    at_hz = [one.frequency_hz for one in errors if not one.realisations]
+    if not uncounted and not at_hz:
+        return
+    wanted, said = model.file.realisations, []
+    if uncounted:
+        said.append("Of the motion only the mean square is given, which needs none.")
+    if at_hz:
+        listed = ", ".join(f"{one:.4g}" for one in at_hz[:6]) + (" …" if len(at_hz) > 6 else "")
+        said.append(f"Periodic errors at {listed} Hz are expectations over phases that are anything, in closed form.")
+    yield Finding(
+        "too-many-realisations",
+        "info",
+        f"{wanted.phases} phases of {len(model.sources)} sources at {wanted.sections} sections are too many to go "
+        f"through. {' '.join(said)}",
+        evidence={"motions": uncounted, "periodic_errors_hz": at_hz},
+        suggestion="take fewer phases or sections to have the amplitudes too"
+        if uncounted
+        else "take fewer phases if those steps of a turn are meant",
     )
 
 

@@ -99,13 +99,45 @@ def test_sources_that_no_chain_carries_are_named_with_their_lines():
 def test_chains_that_differ_by_more_than_a_tenth_say_by_how_much_and_where():
     built = model()
     motions = built.motions(built.shaft_rpm)
-    found = {one.evidence["final"]: one for one in of_chains(built) if one.id == "chains-off-coupled"}
-    exact, published = motions["coupled"].of("workpiece"), motions["chains"].of("workpiece")
+    (found,) = [one for one in of_chains(built) if one.id == "chains-off-coupled"]
+    of = {one["final"]: one for one in (found.evidence, *found.evidence["others"])}
+    assert found.evidence["relative"] == max(one["relative"] for one in of.values())
+    # the spindle alone has a chain to the workpiece
+    carried = motions["chains"].carried[1]
+    assert 0 < carried.sum() < len(carried)
+    exact, published = motions["coupled"].of("workpiece")[carried], motions["chains"].of("workpiece")[carried]
     off = math.sqrt((abs(published - exact) ** 2).sum() / (abs(exact) ** 2).sum())
-    assert ("workpiece" in found) == (off > CHAINS_OFF)
-    worst = found["workpiece"].evidence
+    assert off > CHAINS_OFF
+    worst = of["workpiece"]
     assert worst["relative"] == pytest.approx(off, rel=1e-12)  # rounding
-    assert worst["worst_hz"] == motions["coupled"].frequency_hz[abs(published - exact).argmax()]
+    assert worst["worst_hz"] == motions["coupled"].frequency_hz[carried][abs(published - exact).argmax()]
+    # no line has chains to both
+    assert "tool_workpiece" not in of
+
+
+def test_what_no_chain_carries_is_not_laid_on_back_reaction():
+    pump = ("sources.pump", {"member": "workpiece", "lines": [{"frequency_hz": 45.0, "force_n": 5000.0}]})
+    without, beside = ({one.id: one for one in of_chains(model(*more))} for more in ((), (pump,)))
+    assert beside["chains-off-coupled"] == without["chains-off-coupled"]
+    lost = beside["source-in-no-chain"]
+    assert lost.evidence["source"] == "pump"
+    built = model(pump)
+    motions = built.motions(built.shaft_rpm)["coupled"]
+    row = motions.frequency_hz.tolist().index(45.0)
+    for final in ("tool", "workpiece"):
+        # rms of one sinusoid
+        size = 1e6 * abs(motions.of(final)[row]) / math.sqrt(2.0)
+        assert lost.evidence["coupled_um"][final] == pytest.approx(size, rel=1e-12)
+
+
+def test_lines_with_chains_to_one_final_only_are_told_where_the_other_needs_them():
+    loud = model(("sources.motor.lines.0.force_n", 1e4))
+    (told,) = [one for one in of_chains(loud) if one.id == "no-chain-to-final"]
+    assert (told.evidence["final"], told.evidence["sources"]) == ("workpiece", ["motor"])
+    assert told.evidence["frequency_hz"] == [30.0, 50.0]
+    quiet = model(("sources.motor.lines.0.force_n", 1e-3), ("sources.motor.lines.1.force_n", 1e-3))
+    told = [one.evidence for one in of_chains(quiet) if one.id == "no-chain-to-final"]
+    assert [(one["final"], one["sources"]) for one in told] == [("tool", ["spindle"])]
 
 
 def test_chains_without_back_reaction_to_leave_out_are_not_off():

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from selector.errors import InputError
+from selector.physics.vibration.chain_values import in_range
 from selector.physics.vibration.final_motion import FinalMotions, final_motions
 from selector.physics.vibration.periodic_error import (
     Surface,
@@ -128,11 +129,72 @@ def test_kinds_by_wavelength(waves, kind, direction, wavelength_mm):
 def test_wavelength_is_speed_over_frequency_and_the_split_is_where_it_is_the_cut_off():
     surface = Surface(roughness_below_mm=0.5)
     split = split_frequency_hz(CUTTING, surface)
-    assert error_kind(split * (1 + 1e-9), CUTTING, surface)[0] == "roughness"
-    assert error_kind(split * (1 - 1e-9), CUTTING, surface)[0] == "waviness"
+    assert error_kind(split * (1 + 1e-8), CUTTING, surface)[0] == "roughness"
+    assert error_kind(split, CUTTING, surface)[0] == "waviness"
     wavelength = error_kind(5000.0, CUTTING, surface)[2]
     assert wavelength == pytest.approx(CUTTING.speed_m_per_min / 60.0 * 1e3 / 5000.0, rel=ROUNDING)
     assert split * 0.5 == pytest.approx(CUTTING.speed_m_per_min / 60.0 * 1e3, rel=ROUNDING)
+
+
+@pytest.mark.parametrize("waves", [0.5, 1.0, 1.5, 2.0, 15.0])
+def test_rounding_of_a_speed_decides_no_kind(waves):
+    kinds, directions = set(), set()
+    for rpm in np.concatenate([np.arange(100.0, 3000.0, 7.0), np.arange(100.1, 3000.0, 13.3)]):
+        kind, direction, _ = error_kind(waves * rpm / 60.0, replace(CUTTING, workpiece_rpm=rpm), Surface())
+        kinds.add(kind)
+        directions.add(direction)
+    assert kinds == {"runout" if waves < 1.5 else "lobing"}
+    assert directions == {"cut"}
+
+
+@pytest.mark.parametrize("diameter_mm", [2.0, 3.3, 60.0, 247.9])
+@pytest.mark.parametrize("cut_off_mm", [0.08, 0.25, 0.8, 2.5])
+def test_what_the_high_chains_carry_is_roughness_along_the_cut_and_no_other_is(diameter_mm, cut_off_mm):
+    surface = Surface(roughness_below_mm=cut_off_mm)
+    for rpm in np.arange(100.0, 3000.0, 33.1):
+        cut = replace(CUTTING, diameter_mm=diameter_mm, workpiece_rpm=rpm)
+        split = split_frequency_hz(cut, surface)
+        around_mm = math.pi * diameter_mm
+        frequency = (
+            rpm / 60.0 * np.array([0.3, 0.5, 1.5, 15.0, 15.1, around_mm / cut_off_mm, 1.01 * around_mm / cut_off_mm])
+        )
+        for one, high in zip(frequency, in_range("high", frequency, split), strict=True):
+            kind, direction, _ = error_kind(one, cut, surface)
+            assert (kind == "roughness" and direction == "cut") == high
+        assert error_kind(split, cut, surface)[0] == ("waviness" if around_mm > 15.0 * cut_off_mm else "lobing")
+        assert error_kind(15.0 * rpm / 60.0, cut, surface)[0] == "lobing"
+
+
+def test_a_feed_of_the_cut_off_leaves_waviness_whatever_rounding_says():
+    for rpm in np.arange(100.0, 3000.0, 7.3):
+        for part in (0.25, 0.1, 0.3):
+            cut = replace(CUTTING, workpiece_rpm=rpm, feed_mm_per_rev=0.8 * part)
+            assert error_kind(part * rpm / 60.0, cut, Surface())[0] == "waviness"
+
+
+@pytest.mark.parametrize("phases", [4, 60, 360])
+def test_too_many_sources_at_one_frequency_have_the_expectation_over_all_phases(phases):
+    n = 13
+    many = motions([100.0] * n, [1e-6] * n, [0.0] * n, range(n))
+    many = replace(many, sources=tuple(f"s{number}" for number in range(n)))
+    (error,) = periodic_errors(many, CUTTING, phases=phases)
+    assert error.realisations == 0
+    drawn = np.exp(2j * np.pi * np.random.default_rng(1).random((200_000, n)))
+    # four deviations of the mean of so many walks
+    spread = 4.0 * abs(drawn.sum(axis=1)).std() / math.sqrt(len(drawn))
+    assert error.amplitude_um["tool"] == pytest.approx(abs(drawn.sum(axis=1)).mean(), abs=spread)
+    assert error.kinematic_um == pytest.approx(2.0 * error.amplitude_um["tool"], rel=ROUNDING)
+
+
+def test_expectations_say_over_how_many_realisations_they_are():
+    apart = periodic_errors(motions([100.0, 100.0, 50.0], [1e-6, 1e-6, 1e-6], [0, 0, 0], [0, 2, 1]), CUTTING)
+    assert [error.realisations for error in apart] == [4, 16]
+
+
+def test_half_a_turn_is_ahead_at_every_speed():
+    for rpm in np.arange(100.0, 3000.0, 7.3):
+        (error,) = periodic_errors(motions([2.5 * rpm / 60.0], [1e-6], [0.0]), replace(CUTTING, workpiece_rpm=rpm))
+        assert error.advance == pytest.approx(0.5, abs=ROUNDING)
 
 
 @pytest.mark.parametrize(

@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import special
 
 from selector.errors import InputError
 from selector.physics.vibration.realisations import (
+    any_phase_amplitude,
     mean_square,
     realisation_amounts,
     section_times,
@@ -212,3 +214,26 @@ def test_1024_realisations_at_10_000_sections_are_quick():
     assert time.perf_counter() - begin < 0.5
     assert found.count == 1024
     assert len(found.section_expected_m) == 10_000
+
+
+@given(st.lists(st.floats(1e-3, 1.0), min_size=3, max_size=4))
+def test_amplitude_of_any_phases_is_the_limit_of_many_steps(amplitudes):
+    n = len(amplitudes)
+    stepped = realisation_amounts(amplitudes, np.zeros(n), np.arange(n), [0.0], n_sources=n, phases=48)
+    # 48 steps instead of all: 3e-4 of two equal lines with a phase between them, less of more
+    assert any_phase_amplitude(amplitudes) == pytest.approx(stepped.expected_m, rel=5e-4)
+
+
+@pytest.mark.parametrize(("one", "other"), [(1.0, 1.0), (1.0, 0.3), (1.0, 1e-6), (3.0, 0.0), (1e-300, 1e-300)])
+def test_amplitude_of_two_any_phases_is_an_elliptic_integral(one, other):
+    whole, less = one + other, one - other
+    exact = 2.0 / math.pi * whole * special.ellipe(1.0 - (less / whole) ** 2)
+    # where the series ends
+    assert any_phase_amplitude([one, other]) == pytest.approx(exact, rel=5e-9)
+
+
+def test_amplitude_of_many_any_phases_is_that_of_a_random_walk():
+    # Rayleigh, and 1/(16·n) more of it (the first term of the expansion in 1/n)
+    assert any_phase_amplitude(np.ones(50)) == pytest.approx(math.sqrt(50 * math.pi) / 2 * (1 + 1 / 800), rel=2e-5)
+    assert any_phase_amplitude([0.0, 0.0]) == 0.0
+    assert any_phase_amplitude([]) == 0.0

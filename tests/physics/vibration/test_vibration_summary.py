@@ -59,6 +59,14 @@ def test_too_many_realisations_leave_the_mean_square_and_say_so():
     assert one.rms_um == pytest.approx(few.amplitudes[RELATIVE].rms_um, rel=1e-12)
 
 
+def test_too_many_sources_at_one_frequency_end_in_a_finding_not_in_an_error():
+    same = [(f"sources.m{n}", {"member": "bed", "lines": [{"frequency_hz": 50.0, "force_n": 5.0}]}) for n in range(13)]
+    found = summary(*same)
+    (told,) = [finding for finding in found.findings if finding.id == "too-many-realisations"]
+    assert told.evidence["periodic_errors_hz"] == [50.0]
+    assert [one.frequency_hz for one in found.errors if not one.realisations] == [50.0]
+
+
 def test_errors_are_sorted_into_kinds_and_absent_without_a_cut():
     found = summary()
     assert {error.kind for error in found.errors} == set(found.heights)
