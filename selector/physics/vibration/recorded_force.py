@@ -1,8 +1,12 @@
 """How do tool and workpiece answer to a force that was recorded: its spectrum times the response of the structure.
 
-The force is 0 before its first sample and after its last. Hysteretic joints, whose loss factor is the same at every
-frequency, are not causal: a trace of the answer comes before its force, the smaller the lighter the damping. It shows
-where a recorded force breaks off: 3 % of the motion at the last sample with the joints of a lathe, 0.5 % 50 ms before.
+A machine ran before its recording began. The straight line from the level of the force at the beginning to that at the
+end is answered quasi-statically, as if it had always been so; what the force does about it goes on before and after the
+record as it went (`continued`) until a free vibration has faded. Steady courses are so steady from the first sample on.
+What really acted before is not known: by how much the motion may differ for that is told beside it.
+
+Hysteretic joints, whose loss factor is the same at every frequency, are not causal: a trace of the answer comes before
+its force, the smaller the lighter the damping. So the last samples depend a little on what comes behind the record.
 """
 
 from __future__ import annotations
@@ -14,11 +18,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
+from scipy.signal import windows
 
 from selector.physics.vibration.chain_values import Chain
 from selector.physics.vibration.final_motion import Method, final_receptance
+from selector.physics.vibration.lost_samples import continued
 from selector.physics.vibration.modes import structure_modes
-from selector.physics.vibration.response_curve import response_curve
+from selector.physics.vibration.response_curve import ResponseCurve, response_curve
 from selector.physics.vibration.source import Source
 from selector.physics.vibration.structure import Structure
 
@@ -32,6 +38,12 @@ MOST_SILENT = 1 << 21
 FADED = 1e-3
 """Share of a free vibration that counts as none."""
 
+_LEVEL = 16384
+"""Samples at either end whose weighted mean is the level of the force there; no more than a quarter of all."""
+
+_OUTLIER = 4.0
+"""Standard deviations from which on a value is no part of the level."""
+
 
 @dataclass(frozen=True, eq=False)
 class ForceAnswer:
@@ -41,6 +53,9 @@ class ForceAnswer:
     ----------
     motion_m : ndarray of shape (n_finals, n_samples)
         [m].
+    begin_m, end_m : ndarray of shape (n_finals,)
+        By how much the motion may differ in the time `ring_s` after the first sample, and at the last one, because it
+        is not known what acted before and what acts then [m].
     ring_s : float
         Time in which a free vibration fades to `FADED` [s]; infinite if nothing damps it.
     left : float
@@ -48,8 +63,16 @@ class ForceAnswer:
     """
 
     motion_m: Matrix
+    begin_m: Vector
+    end_m: Vector
     ring_s: float
     left: float
+
+
+def ring_time_s(structure: Structure) -> float:
+    """Time in which every free vibration fades to `FADED` [s]; infinite if nothing damps one."""
+    decay = _decay_per_s(structure)
+    return -math.log(FADED) / decay if decay > 0 else math.inf
 
 
 def force_answer(
@@ -65,8 +88,6 @@ def force_answer(
 ) -> ForceAnswer:
     """Motion by a force [N] of shape (n_samples,), one every `step_s` [s], that acts where the source does.
 
-    Real Fourier transform, with silence behind the force until a free vibration has faded.
-
     Parameters
     ----------
     finals : mapping of str to str
@@ -79,12 +100,44 @@ def force_answer(
     InputError
         A resonance that nothing damps, or the errors of `final_motions`.
     """
-    decay = float(np.sqrt(structure_modes(structure).eigenvalues_per_s2).imag.min())
-    ring_s = -math.log(FADED) / decay if decay > 0 else math.inf
-    silence = len(force_n) + math.ceil(min(ring_s / step_s, MOST_SILENT))
-    padded = fft.next_fast_len(len(force_n) + silence, real=True)
-    frequency = fft.rfftfreq(padded, step_s)
+    ring_s = ring_time_s(structure)
+    ring = math.ceil(min(ring_s / step_s, MOST_SILENT / 5))
+    line = _static_n(force_n)
+    moving = force_n - line
+    # twice the ring: half of it steady, half of it to come up from nothing
+    outside = 2 * ring
+    rising = 0.5 - 0.5 * np.cos(np.pi * np.minimum(np.arange(1, outside + 1) / max(outside / 2, 1.0), 1.0))
+    proved = max(ring // 4, 16)  # longer than a blow, short enough for a course that slowly changes
+    before = rising * continued(moving[::-1], outside, proved)[::-1]
+    behind = rising[::-1] * continued(moving, outside, proved)
+    padded = fft.next_fast_len(len(moving) + 2 * outside + ring, real=True)
+    curve = _curve(structure, source, 0.5 / step_s, finals, method, chains, split_hz)
+    spectrum = curve.at(fft.rfftfreq(padded, step_s))
+    # of what lasts, the part in step with the force counts: irfft takes the real part there
+    static = np.outer(spectrum[:, 0].real, line)
+    here = slice(outside, outside + len(moving))
+    courses = np.zeros((2, padded))
+    courses[0, here] = moving
+    courses[1, :outside], courses[1, here.stop : here.stop + outside] = before, behind
+    own, others = (fft.irfft(spectrum * fft.rfft(course), padded) for course in courses)
+    near = min(ring, len(moving))
+    # by what was added outside, and by what this force would leave behind itself, or sends ahead
+    begin = np.maximum(_largest(others[:, here][:, :near]), _largest(own[:, here.stop : here.stop + outside]))
+    end = np.maximum(_largest(others[:, here][:, -1:]), _largest(own[:, here.start - 1 : here.start]))
+    silent = padded - len(moving) - 2 * outside
+    left = math.exp(-_decay_per_s(structure) * silent * step_s)
+    return ForceAnswer(static + (own + others)[:, here], begin, end, ring_s, left)
 
+
+def _curve(
+    structure: Structure,
+    source: Source,
+    highest_hz: float,
+    finals: Mapping[str, str],
+    method: Method,
+    chains: Sequence[Chain],
+    split_hz: float | None,
+) -> ResponseCurve:
     def solved(frequency_hz: Vector) -> Complex:
         return final_receptance(
             structure, source, frequency_hz, finals, method=method, chains=chains, split_hz=split_hz
@@ -92,7 +145,32 @@ def force_answer(
 
     least = min(joint.loss_factor for joint in structure.joints)
     jump_hz = split_hz if method == "chains" else None
-    curve = response_curve(solved, 0.0, float(frequency[-1]), loss_factor=least, jump_hz=jump_hz)
-    # of a mean that lasts, the part in step with the force counts: irfft takes the real part there
-    motion = fft.irfft(curve.at(frequency) * fft.rfft(force_n, padded), padded)[:, : len(force_n)]
-    return ForceAnswer(motion, ring_s, math.exp(-decay * (padded - len(force_n)) * step_s))
+    return response_curve(solved, 0.0, highest_hz, loss_factor=least, jump_hz=jump_hz)
+
+
+def _static_n(force_n: Vector) -> Vector:
+    """The straight line through the levels at both ends: of a step that from what was before to what is behind it."""
+    count = len(force_n)
+    near = min(_LEVEL, count // 4)
+    if near < 1:
+        return np.full(count, force_n.mean())
+    begin, end = _level_n(force_n[:near]), _level_n(force_n[-near:])
+    slope = (end - begin) / (count - near)
+    return np.asarray(begin + slope * (np.arange(count) - 0.5 * (near - 1)))
+
+
+def _level_n(force_n: Vector) -> float:
+    """Mean with weights that fade to both sides: parts of a period count for nothing, and single blows little."""
+    middle = float(np.median(force_n))
+    usual = 1.4826 * float(np.median(np.abs(force_n - middle)))  # of noise: its standard deviation
+    weight = windows.hann(len(force_n) + 2)[1:-1]
+    clipped = np.clip(force_n, middle - _OUTLIER * usual, middle + _OUTLIER * usual)
+    return float(weight @ clipped / weight.sum())
+
+
+def _largest(motion: Matrix) -> Vector:
+    return np.asarray(np.abs(motion).max(axis=1, initial=0.0))
+
+
+def _decay_per_s(structure: Structure) -> float:
+    return float(np.sqrt(structure_modes(structure).eigenvalues_per_s2).imag.min())

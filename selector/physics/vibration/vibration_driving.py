@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 from selector.errors import OptionError
 from selector.findings import Finding, Where
 from selector.physics.checks import require_within, told_of
+from selector.physics.vibration.driven_findings import clock_findings, end_findings, gap_findings
 from selector.physics.vibration.model_parts import file_shafts, mean_rpm
 from selector.physics.vibration.motion_signal import MotionSignal
-from selector.physics.vibration.recorded_force import FADED, ForceAnswer, force_answer
+from selector.physics.vibration.recorded_clock import stretches
+from selector.physics.vibration.recorded_force import ring_time_s
 from selector.physics.vibration.shaft_course import ShaftCourse
-from selector.physics.vibration.source import Source
+from selector.physics.vibration.stamped_force import StampedAnswer, stamped_answer
 from selector.physics.vibration.vibration_channels import RecordedChannels, recorded_channels
 from selector.physics.vibration.vibration_model import Progress, VibrationModel, VibrationSimulation
 from selector.recording import Channel, Recording
@@ -23,10 +25,6 @@ from selector.recording import Channel, Recording
 Vector = NDArray[np.float64]
 
 _MOST_RPM, _MOST_FORCE_N = 1e6, 1e9
-_EVEN = 1e-3
-"""Share of a sample by which times may stray from an even grid."""
-_GAP = 3.0
-"""Samples that lack in a row from which on it is a gap."""
 _FEWEST = 8
 
 
@@ -129,7 +127,7 @@ class _DrivenRun:
                 advice="leave this run out",
             )
         self.duration_s = float(self.time_s[-1])
-        self.findings: list[Finding] = list(_clock_findings(self.time_s))
+        self.findings: list[Finding] = []
         self.courses = file_shafts(model.file, self._recorded_courses())
         self.mean_rpm = {name: mean_rpm(course, 0.0, self.duration_s) for name, course in self.courses.items()}
 
@@ -140,44 +138,51 @@ class _DrivenRun:
         others = tuple(source for source in self.model.sources if source.name not in forces)
         found = self.model.signal(self.time_s, self.courses, phases_rad, sources=others, leave_out=True)
         self.findings += found.findings
-        motion, rows = found.motion_m, dict(zip(found.sources, found.force_n, strict=True)) | forces
-        slowest: ForceAnswer | None = None  # the ring-down is that of the structure, the same for all
-        for source in (one for one in self.model.sources if one.name in forces):
-            answer = self._answer(source, forces[source.name])
-            motion, slowest = motion + answer.motion_m, answer
-        if slowest is not None:
-            self.findings += _ring_findings(slowest, self.duration_s)
+        answers = self._answers(forces)
+        motion = found.motion_m + sum((one.motion_m for one in answers.values()), np.zeros_like(found.motion_m))
+        rows = dict(zip(found.sources, found.force_n, strict=True))
+        rows |= {source: one.force_n for source, one in answers.items()}
         names = tuple(source.name for source in self.model.sources)
         force = np.array([rows[name] for name in names]).reshape(len(names), len(self.time_s))
         return replace(found, time_s=self.stamps_s, sources=names, force_n=force, motion_m=motion)
 
-    def _answer(self, source: Source, force_n: Vector) -> ForceAnswer:
-        even_s = np.linspace(0.0, self.duration_s, len(self.time_s))
-        is_even = _stray(self.time_s) <= _EVEN
-        found = force_answer(
-            self.model.structure,
-            source,
-            force_n if is_even else np.interp(even_s, self.time_s, force_n),
-            self.duration_s / (len(self.time_s) - 1),
-            self.model.finals,
-            method=self.model.file.run.method,
-            chains=self.model.chains,
-            split_hz=self.model.split_hz(self.mean_rpm),
-        )
-        if is_even:
-            return found
-        return replace(found, motion_m=np.array([np.interp(self.time_s, even_s, row) for row in found.motion_m]))
+    def _answers(self, forces: Mapping[str, Vector]) -> dict[str, StampedAnswer]:
+        """Source → motion by its recorded force."""
+        if not forces:
+            self.findings += gap_findings(self.time_s, None)
+            return {}
+        ring_s = ring_time_s(self.model.structure)
+        parts = stretches(self.time_s, ring_s, list(forces.values()))
+        self.findings += (*gap_findings(self.time_s, ring_s), *clock_findings(self.time_s, parts))
+        answers = {
+            source.name: stamped_answer(
+                self.model.structure,
+                source,
+                forces[source.name],
+                parts,
+                self.model.finals,
+                method=self.model.file.run.method,
+                chains=self.model.chains,
+                split_hz=self.model.split_hz(self.mean_rpm),
+            )
+            for source in self.model.sources
+            if source.name in forces
+        }
+        motion = np.sum([one.motion_m for one in answers.values()], axis=0)
+        self.findings += end_findings(list(answers.values()), tuple(self.model.finals), motion, ring_s, self.duration_s)
+        return answers
 
     def _recorded_courses(self) -> dict[str, ShaftCourse]:
         found = {}
         for shaft, name in self.channels.speeds.items():
             values = self._values(name, _MOST_RPM)
             if values is not None:
-                found[shaft] = ShaftCourse(self.time_s, np.abs(values))
+                seen = np.isfinite(values)
+                found[shaft] = ShaftCourse(self.time_s[seen], np.abs(values[seen]))
         return found
 
     def _values(self, channel: str, most: float) -> Vector | None:
-        """A recorded course without holes; None, and a finding, where nothing of it was recorded."""
+        """A recorded course with NaN where it lacks; None where nothing of it was recorded; told by findings."""
         values = np.asarray(self.recording.values(self.run, [channel])[:, 0], dtype=np.float64)
         with told_of(f"channel {channel}"):
             require_within(values, self.stamps_s, most, self.recording.channel(channel).unit)
@@ -195,89 +200,23 @@ class _DrivenRun:
             return None
         if seen.all():
             return values
-        longest = _longest(~seen)
-        self.findings.append(
-            Finding(
-                "input-bridged",
-                "warning",
-                f"{channel} lacks {(~seen).sum()} of {len(values)} values, up to {longest} in a row: bridged straight.",
-                Where(channel=channel),
-                {"missing": int((~seen).sum()), "longest": longest},
-                "cut the run to the stretch that is complete if this matters",
-            )
+        self.findings.append(self._bridged(channel, ~seen))
+        return values
+
+    def _bridged(self, channel: str, lacks: NDArray[np.bool_]) -> Finding:
+        edges = np.flatnonzero(np.diff(np.r_[False, lacks, False].astype(np.int8)))
+        begin, longest = max(zip(edges[::2], edges[1::2] - edges[::2], strict=True), key=lambda one: int(one[1]))
+        first, last = max(int(begin) - 1, 0), min(int(begin + longest), len(lacks) - 1)
+        is_force = self.recording.channel(channel).role == "force"
+        return Finding(
+            "input-bridged",
+            "warning",
+            f"{channel} lacks {lacks.sum()} of {len(lacks)} values, up to {longest} in a row: "
+            + ("put in as it went before and after." if is_force else "bridged straight."),
+            Where(channel=channel, from_s=float(self.time_s[first]), to_s=float(self.time_s[last])),
+            {"missing": int(lacks.sum()), "longest": int(longest)},
+            "cut the run to the stretch that is complete if this matters",
         )
-        return np.interp(self.time_s, self.time_s[seen], values[seen])
-
-
-def _clock_findings(time_s: Vector) -> tuple[Finding, ...]:
-    """Gaps, or a clock that is not even."""
-    steps = np.diff(time_s)
-    period_s = float(np.median(steps))
-    gaps = np.flatnonzero(steps > _GAP * period_s)
-    if len(gaps):
-        first = int(gaps[0])
-        where = Where(from_s=float(time_s[first]), to_s=float(time_s[first + 1]))
-        said = f"{len(gaps)} gap{'s' if len(gaps) > 1 else ''} in the time stamps, the first of {steps[first]:.4g} s"
-        return (
-            Finding(
-                "recorded-gap",
-                "warning",
-                f"{said}, where samples come every {period_s:.4g} s. Speeds and forces run straight across.",
-                where,
-                {"gaps": len(gaps)},
-                "cut the run at its gaps",
-            ),
-        )
-    stray = _stray(time_s)
-    if stray <= _EVEN:
-        return ()
-    return (
-        Finding(
-            "recorded-clock-jitter",
-            "info" if stray < 0.1 else "warning",
-            f"Times stray by up to {100 * stray:.3g} % of a sample from an even grid. Recorded forces are brought to "
-            "one, straight between samples, which weakens what is near half the sampling rate.",
-            evidence={"stray": stray},
-            suggestion="if the true clock is even, give it",
-        ),
-    )
-
-
-def _stray(time_s: Vector) -> float:
-    even = np.linspace(time_s[0], time_s[-1], len(time_s))
-    return float(np.abs(time_s - even).max() / np.median(np.diff(time_s)))
-
-
-def _longest(missing: NDArray[np.bool_]) -> int:
-    edges = np.flatnonzero(np.diff(np.r_[False, missing, False].astype(np.int8)))
-    return int((edges[1::2] - edges[::2]).max())
-
-
-def _ring_findings(answer: ForceAnswer, duration_s: float) -> tuple[Finding, ...]:
-    ring_s, left = answer.ring_s, answer.left
-    if left > FADED:
-        return (
-            Finding(
-                "ring-longer-than-run",
-                "warning",
-                f"A free vibration takes {ring_s:.3g} s to fade: {100 * left:.2g} % of one at the end of the recorded "
-                "forces laps over to their beginning.",
-                evidence={"ring_s": ring_s, "left": left},
-                suggestion="give every joint its dissipation",
-            ),
-        )
-    share = ring_s / duration_s
-    return (
-        Finding(
-            "begins-at-rest",
-            "warning" if share > 0.5 else "info",
-            f"The model is at rest when the recorded forces begin; a machine that vibrated already is followed after "
-            f"{ring_s:.3g} s, {100 * min(share, 1.0):.2g} % of the run.",
-            Where(from_s=0.0, to_s=min(ring_s, duration_s)),
-            {"ring_s": ring_s},
-            "leave this stretch out when you compare",
-        ),
-    )
 
 
 def _as_recorded(simulated: Recording, recording: Recording, names: Mapping[str, str]) -> Recording:

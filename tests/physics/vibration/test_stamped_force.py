@@ -1,0 +1,171 @@
+"""Forces with lost rows, gaps and clocks that are not even: the rest of the run is as if nothing had been."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from selector.physics.vibration.final_motion import final_receptance
+from selector.physics.vibration.lost_samples import autoregression, bridged, continued
+from selector.physics.vibration.recorded_clock import gaps, stretches
+from selector.physics.vibration.recorded_force import ring_time_s
+from selector.physics.vibration.source import Line, Source
+from selector.physics.vibration.stamped_force import stamped_answer
+from selector.physics.vibration.structure import GROUND, Joint, Member, Structure
+
+STEP_S = 5e-4
+FINALS = {"tool": "tool"}
+STRUCTURE = Structure((Member("tool", 250.0),), (Joint(("tool", GROUND), 1.5e7, 0.6),))
+SOURCE = Source("motor", "tool", (Line(frequency_hz=1.0, force_n=1.0),))
+RING_S = ring_time_s(STRUCTURE)
+HIGH_HZ = [300.0, 900.0]  # 0.3 and 0.9 of half the sampling rate
+
+
+def response(frequency_hz):
+    return final_receptance(STRUCTURE, SOURCE, np.array([frequency_hz]), FINALS).motion_m_per_n[0, 0]
+
+
+def steady(time_s, frequency_hz):
+    """Force of 10 N and motion [m]."""
+    turning = 10.0 * np.exp(2j * np.pi * frequency_hz * time_s)
+    return turning.imag, (response(frequency_hz) * turning).imag
+
+
+def off(stamps_s, force_n, exact_m, rows=slice(None)):
+    """Largest error as a share of the largest motion."""
+    found = stamped_answer(STRUCTURE, SOURCE, force_n, stretches(stamps_s, RING_S), FINALS)
+    assert np.isfinite(found.motion_m).all()
+    return np.abs(found.motion_m[0] - exact_m)[rows].max() / np.abs(exact_m).max()
+
+
+# a response is known to 1e-6 of the largest, that at the resonance; at 900 Hz the motion is 3e-5 of that (3 %)
+TOLERANCE = {40.0: 1e-3, 300.0: 5e-3, 900.0: 0.05}
+
+
+@pytest.mark.parametrize("frequency_hz", [40.0, *HIGH_HZ])
+def test_one_lost_row_of_60_000_shifts_nothing(frequency_hz):
+    time_s = np.delete(np.arange(60000) * STEP_S, 30000)
+    assert off(time_s, *steady(time_s, frequency_hz)) < TOLERANCE[frequency_hz]
+
+
+@pytest.mark.parametrize("frequency_hz", [40.0, *HIGH_HZ, 452.6])
+def test_a_gap_does_not_touch_the_rest(frequency_hz):
+    rows = np.arange(4000)
+    for pause_s in (4.0, 4.0003, 0.1):  # the second begins anew beside the grid, the last is shorter than the ring-down
+        time_s = rows * STEP_S + np.where(rows >= 2000, pause_s, 0.0)
+        away = (time_s < time_s[1999] - 0.01) | (time_s > time_s[2000] + RING_S)
+        # 452.6 Hz was another frequency, near the resonance, on a grid that was stretched over the gap
+        assert off(time_s, *steady(time_s, frequency_hz), away) < TOLERANCE.get(frequency_hz, 0.01)
+
+
+@pytest.mark.parametrize("frequency_hz", HIGH_HZ)
+def test_stamps_that_stray_are_those_of_an_even_clock(frequency_hz):
+    true_s = np.arange(4000) * STEP_S
+    force, motion = steady(true_s, frequency_hz)
+    for stamps_s in (
+        true_s + np.random.default_rng(4).uniform(-0.2, 0.2, 4000) * STEP_S,
+        np.round(true_s, 4),
+        true_s * (1.0 + 1e-5) + 100.0,
+    ):
+        assert off(stamps_s, force, motion) < TOLERANCE[frequency_hz]
+    (part,) = stretches(true_s + np.random.default_rng(4).uniform(-0.2, 0.2, 4000) * STEP_S, RING_S)
+    # a sine that is taken beside by σ is off by ω·σ: 1 % where that is 0.01
+    assert 2.0 * np.pi * part.good_to_hz * 0.2 / np.sqrt(3.0) * STEP_S == pytest.approx(0.01, rel=0.02)
+
+
+@pytest.mark.parametrize("frequency_hz", [40.0, 300.0])
+def test_stray_stamps_are_believed_where_the_force_went_along(frequency_hz):
+    even_s = np.arange(8000) * STEP_S
+    strayed_s = even_s + np.random.default_rng(8).uniform(-0.1, 0.1, 8000) * STEP_S
+    noise = 0.1 * np.random.default_rng(9).normal(size=8000)
+    for taken_s, believed in ((strayed_s, True), (even_s, False)):
+        force, motion = steady(taken_s, frequency_hz)
+        (part,) = stretches(strayed_s, RING_S, [force + noise])
+        assert part.even != believed
+        found = stamped_answer(STRUCTURE, SOURCE, force, [part], FINALS).motion_m[0]
+        # of 6.7 samples a period a spline leaves parts of a per cent, spread over all frequencies, and the resonance
+        # answers to it 600 times as much as the force at 300 Hz moves; taken as even it is 170 %
+        assert np.abs(found - motion)[50:-50].max() < 0.08 * np.abs(motion).max()
+    # too quick for a spline: even, and the finding says how good that is
+    assert stretches(strayed_s, RING_S, [steady(strayed_s, 900.0)[0]])[0].even
+    assert stretches(strayed_s, RING_S, [np.full(8000, np.nan), np.zeros(8000)])[0].even
+
+
+def test_an_uneven_clock_is_good_up_to_the_frequency_it_tells():
+    time_s = np.cumsum(np.random.default_rng(5).uniform(0.5, 1.5, 8000)) * STEP_S
+    (part,) = stretches(time_s, RING_S)
+    assert not part.even
+    assert 150.0 < part.good_to_hz < 300.0  # 6.7 of the widest steps a period, which are 0.75 ms: 199 Hz
+    inner = slice(50, -50)  # a spline has less to go by at its ends
+    for share in (0.2, 0.5, 1.0):
+        force, motion = steady(time_s, share * part.good_to_hz)
+        grid_s = time_s[0] + np.arange(part.count) * part.step_s
+        even = 10.0 * np.sin(2.0 * np.pi * share * part.good_to_hz * grid_s)
+        assert np.abs(part.on_grid(force)[0] - even)[200:-200].max() < 0.01 * 10.0
+        # what is off by 1 % holds other frequencies too, among them the resonance
+        assert off(time_s, force, motion, inner) < 0.03
+    assert off(time_s, *steady(time_s, 0.9 * 1000.0)) > 0.1  # and not beyond
+
+
+def test_values_that_lack_are_as_lost_rows_and_the_force_that_acted_has_none():
+    time_s = np.arange(8000) * STEP_S
+    force, motion = steady(time_s, 300.0)
+    holes = force.copy()
+    holes[[0, 1, 7999]] = holes[3000:3040] = holes[np.random.default_rng(6).choice(8000, 200)] = np.nan
+    found = stamped_answer(STRUCTURE, SOURCE, holes, stretches(time_s, RING_S), FINALS)
+    assert found.force_n == pytest.approx(force, abs=0.02 * 10.0)  # 40 samples on end are foretold from both sides
+    assert np.abs(found.motion_m[0] - motion).max() < 0.02 * np.abs(motion).max()
+    nothing = np.where(time_s < 10.0, np.nan, force)
+    nothing[0] = 3.0
+    found = stamped_answer(STRUCTURE, SOURCE, nothing, stretches(time_s, RING_S), FINALS)
+    assert found.force_n == pytest.approx(3.0)
+
+
+def test_a_stretch_of_which_nothing_is_known_has_the_mean_of_the_others():
+    time_s = np.concatenate((np.arange(100), 1e5 + np.arange(100))) * STEP_S
+    force = np.concatenate((np.full(100, 4.0), np.full(100, np.nan)))
+    found = stamped_answer(STRUCTURE, SOURCE, force, stretches(time_s, RING_S), FINALS)
+    assert found.motion_m[0] == pytest.approx(4.0 * response(0.0).real, rel=1e-9)
+    assert found.begin_m.shape == (2, 1)
+
+
+def test_gaps_are_where_nothing_was_recorded_and_rounded_stamps_have_none():
+    time_s = np.delete(np.arange(1000) * STEP_S, [*range(100, 110), 500])
+    assert gaps(time_s) == pytest.approx(np.array([[99, 110]]) * STEP_S)
+    assert len(gaps(np.round(np.arange(1000) / 600.0, 3))) == 0
+    (part,) = stretches(time_s, RING_S)
+    assert (part.even, part.count) == (True, 1000)
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.sets(st.integers(1, 1998), max_size=600), st.floats(1e-5, 1e3), st.floats(-1e4, 1e4))
+def test_rows_keep_their_places_whatever_is_lost(lost, step_s, begin_s):
+    kept = np.delete(np.arange(2000), sorted(lost))
+    for part in stretches(begin_s + kept * step_s, np.inf):
+        assert part.even
+        assert part.at.tolist() == (kept - kept[0]).tolist()
+        grid, known = part.on_grid(kept.astype(float))
+        assert part.at_rows(grid).tolist() == kept.tolist()
+        assert known.sum() == len(kept)
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.floats(0.02, 0.98), st.floats(0.0, 6.28), st.integers(1, 20))
+def test_a_sine_goes_on_and_is_bridged_as_a_sine(share, phase, lost):
+    course = np.sin(np.pi * share * np.arange(4000) + phase)
+    known = np.ones(3000, dtype=bool)
+    known[1500 : 1500 + lost] = False
+    # Burg's frequencies of a sine are off by parts of 1e-6 with hundreds of terms
+    assert bridged(np.where(known, course[:3000], 0.0), known) == pytest.approx(course[:3000], abs=0.01)
+    assert continued(course[:3000], 1000) == pytest.approx(course[3000:], abs=0.03)
+
+
+def test_noise_goes_on_as_nothing_and_no_course_grows():
+    noise = np.random.default_rng(7).normal(size=4000)
+    assert np.sqrt(np.mean(continued(noise, 2000)[200:] ** 2)) < 0.1
+    assert np.abs(np.roots(autoregression(noise, 50))).max() < 1.0
+    assert not continued(np.zeros(100), 50).any()
+    assert not continued(noise, 0).size
+    assert np.array_equal(autoregression(np.zeros(10), 3), [1.0])
