@@ -126,7 +126,9 @@ def relay_law(setup: GaugedGrinding, probability: Vector, period_s: float) -> Pa
     height = np.linspace(_SIGMAS * sd, -_SIGMAS * sd, _RELAY_POINTS)
     if step * _FINE < sd:
         logs = log_ndtr(height / sd)
-        survival = np.asarray(np.exp(integrate.cumulative_trapezoid(logs, -height, initial=0) / step))
+        # the samples that are over, and the one that lasts
+        over = integrate.cumulative_trapezoid(logs, -height, initial=0) / step
+        survival = np.asarray(np.exp(over + logs))
     else:
         survival = np.zeros(_RELAY_POINTS)
         for phase in (np.arange(_RELAY_PHASES) + 0.5) / _RELAY_PHASES:

@@ -18,6 +18,7 @@ from scipy.special import ndtri
 from selector.errors import InputError
 from selector.physics.gauging.characteristic import Characteristic
 from selector.physics.gauging.finished_sizes import finished_sizes
+from selector.physics.gauging.first_passage import relay_law
 from selector.physics.gauging.gauged_grinding import GaugedGrinding
 from selector.physics.gauging.process import Grinding, Noise, Stage, Surface, Tolerance
 from selector.physics.gauging.size_distribution import SizeDistribution, size_distribution
@@ -167,6 +168,24 @@ def test_relay_noise_trips_early():
     rarely = size_distribution(setup, period_s=0.2)
     assert abs(rarely.mean_um - seldom.mean_um) < ERRORS * seldom.mean_error_um
     assert abs(rarely.sd_um - seldom.sd_um) < ERRORS * seldom.sd_error_um
+
+
+@pytest.mark.parametrize("noise_v", [0.0062, 0.0065, 0.01, 0.03])
+def test_relay_noise_sample_by_sample_and_by_its_integral(noise_v):
+    """Below 20 samples in a standard deviation of the noise one by one, above by the integral."""
+    setup = set_up(relay=Relay(0.02, noise_v))
+    passage = size_distribution(setup, period_s=0.0062)
+    sizes = finished_sizes(setup, 4000, seed=9, period_s=0.0062)
+    assert abs(passage.mean_um - sizes.mean_um) < ERRORS * sizes.mean_error_um
+    assert abs(passage.sd_um - sizes.sd_um) < ERRORS * sizes.sd_error_um
+
+
+def test_both_ways_of_relay_noise_meet():
+    probability = np.array([0.1, 0.5, 0.9])
+    few, many = (relay_law(set_up(relay=Relay(0.02, volts)), probability, 0.0062) for volts in (0.006199, 0.006201))
+    # in units of the noise; the integral is off by the next term of Euler and Maclaurin, (a·hold/sd)²/24 = 1e-4
+    assert few.mean_um / 0.6199 == pytest.approx(many.mean_um / 0.6201, abs=5e-4)
+    np.testing.assert_allclose(few.size_um / 0.6199, many.size_um / 0.6201, atol=2e-3)
 
 
 def test_wear_over_a_batch():
