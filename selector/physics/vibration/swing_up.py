@@ -23,8 +23,8 @@ from selector.physics.vibration.structure import Structure
 Vector = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-_MOST_STEPS = 30_000_000
-"""Samples × answers of one pole to one line: some three seconds."""
+_MOST_STEPS = 10_000_000
+"""Samples × answers of one pole to one line, the largest first: about a second."""
 _NOTHING = 1e-3
 """Share of all changes below which that of one pole under one line is left out."""
 _GONE = 20.0
