@@ -80,13 +80,13 @@ def screen(as_json: bool = False) -> Console:
 
 
 def table(title: str, columns: Iterable[str], rows: Iterable[Iterable[object]], numeric: Iterable[str] = ()) -> Table:
-    """A table of plain text; columns named in `numeric` are aligned to the right."""
-    from rich import box
-    from rich.table import Table
+    """A table of plain text; columns named in `numeric` are aligned to the right and keep their numbers whole."""
     from rich.text import Text
 
+    from selector.cli.fitted_table import FittedTable
+
     right = set(numeric)
-    shown = Table(title=title, title_justify="left", min_width=len(title), box=box.SIMPLE_HEAD, pad_edge=False)
+    shown = FittedTable(title)
     for column in columns:
         shown.add_column(column, justify="right" if column in right else "left", overflow="fold")
     for row in rows:

@@ -67,7 +67,12 @@ def vibration(
     machine: MachineFile = None,
     seed: Annotated[
         int | None,
-        typer.Option("--seed", metavar="N", min=0, help="Of phases and noise. Default: that of the model file."),
+        typer.Option(
+            "--seed",
+            metavar="N",
+            min=0,
+            help="Of phases and noise. Default: that of the model file; with --inputs its phases, and no noise.",
+        ),
     ] = None,
     report: Report = None,
     as_json: AsJson = False,

@@ -19,8 +19,11 @@ if TYPE_CHECKING:
     from selector.physics.vibration.vibration_summary import VibrationSummary
 
 _MOST_ROWS = 10
-_LEAST_DB = 1e-4
-"""Difference below which two solutions are the same, to rounding."""
+_LEAST_DB = 0.01
+"""Difference below which nothing is told of it."""
+
+_LEAST_UM = 1e-3
+"""Below it a number is told with a power of ten."""
 
 _FINALS = ("tool", "workpiece", RELATIVE)
 _HEADS = ["tool", "workpiece", "tool − workpiece"]
@@ -76,7 +79,12 @@ def show_analysis(console: Console, model: VibrationModel, summary: VibrationSum
     _show_modes(console, summary.modes)
     _show_lines(console, summary)
     rows = [
-        (head, one.expected_um if one.realisations else None, one.rms_um, one.largest_um if one.realisations else None)
+        (
+            head,
+            _number(one.expected_um if one.realisations else None),
+            _number(one.rms_um),
+            _number(one.largest_um if one.realisations else None),
+        )
         for final, head in zip(_FINALS, _HEADS, strict=True)
         for one in [summary.amplitudes[final]]
     ]
@@ -94,7 +102,7 @@ def _show_modes(console: Console, modes: StructureModes) -> None:
     rows = [
         (
             float(modes.frequency_hz[k]),
-            2.0 * math.pi * float(modes.loss_factor[k]),
+            _number(2.0 * math.pi * float(modes.loss_factor[k])),
             ", ".join(_moving_most(modes, k)),
         )
         for k in range(min(_MOST_ROWS, len(modes.frequency_hz)))
@@ -112,13 +120,13 @@ def _show_lines(console: Console, summary: VibrationSummary) -> None:
             one.source,
             one.frequency_hz,
             None if one.order is None else f"{one.order:.4g} × {one.shaft}",
-            one.force_n,
-            *(one.coupled_um[final] for final in _FINALS),
-            *([one.chains_um[RELATIVE]] if has_chains else []),
+            _number(one.force_n),
+            *(_number(one.coupled_um[final]) for final in _FINALS),
+            *([_number(one.chains_um[RELATIVE])] if has_chains else []),
         )
         for one in ranked
     ]
-    heads = [*_HEADS, *(["tool − workpiece by chains"] if has_chains else [])]
+    heads = [*_HEADS, *(["by chains"] if has_chains else [])]
     columns = ["source", "Hz", "order", "N", *heads]
     title = "Largest lines, amplitudes in µm" if len(summary.lines) > _MOST_ROWS else "Lines, amplitudes in µm"
     numeric = ["Hz", "N", *heads]
@@ -126,7 +134,7 @@ def _show_lines(console: Console, summary: VibrationSummary) -> None:
 
 
 def _show_errors(console: Console, summary: VibrationSummary) -> None:
-    kinds = [(one.kind, one.lines, one.kinematic_um, one.rms_um) for one in summary.heights.values()]
+    kinds = [(one.kind, one.lines, _number(one.kinematic_um), _number(one.rms_um)) for one in summary.heights.values()]
     heads = ["kind", "frequencies", "copied motion", "W by the force"]
     console.print(showing.table("Heights by kind, µm", heads, kinds, numeric=heads[1:]))
     ranked = sorted(summary.errors, key=lambda one: -one.kinematic_um)[:_MOST_ROWS]
@@ -135,16 +143,16 @@ def _show_errors(console: Console, summary: VibrationSummary) -> None:
             one.kind,
             ", ".join(one.sources),
             one.frequency_hz,
-            one.wavelength_mm,
+            _number(one.wavelength_mm),
             one.direction,
-            one.waves_per_revolution,
-            one.kinematic_um,
-            one.published_um,
+            _number(one.waves_per_revolution),
+            _number(one.kinematic_um),
+            _number(one.published_um),
         )
         for one in ranked
     ]
-    columns = ["kind", "source", "Hz", "wavelength, mm", "along", "waves per turn", "copied, µm", "W, µm"]
-    numeric = ["Hz", "wavelength, mm", "waves per turn", "copied, µm", "W, µm"]
+    columns = ["kind", "source", "Hz", "wavelength mm", "along", "waves per turn", "copied µm", "W µm"]
+    numeric = ["Hz", "wavelength mm", "waves per turn", "copied µm", "W µm"]
     console.print(showing.table("Periodic errors, highest first", columns, rows, numeric=numeric))
 
 
@@ -157,13 +165,13 @@ def _show_chains(console: Console, accuracy: Sequence[ChainAccuracy]) -> None:
             one.final,
             f"{100 * one.published.share_within:.0f} %",
             _decibel(one.published),
-            one.published.largest_at_hz,
+            _number(one.published.largest_at_hz),
             _decibel(one.one_way),
             _decibel(one.cut_out),
         )
         for one in worst
     ]
-    columns = ["chain", "source", "final", "within 10 %", "rms, dB", "most at Hz", "one way, dB", "cut out, dB"]
+    columns = ["chain", "source", "final", "within 10 %", "rms dB", "most at Hz", "one way dB", "cut out dB"]
     which = f", the {_MOST_ROWS} worst of {len(accuracy)}" if len(accuracy) > _MOST_ROWS else ""
     title = f"Chains against the coupled structure{which}"
     console.print(showing.table(title, columns, rows, numeric=columns[3:]))
@@ -194,8 +202,18 @@ def _moving_most(modes: StructureModes, k: int, most: int = 3) -> list[str]:
     return [name for name in ranked[:most] if sizes[name] >= 0.5 * sizes[ranked[0]]]
 
 
-def _decibel(one: Agreement) -> float:
-    return one.rms_db if one.rms_db >= _LEAST_DB else 0.0
+def _decibel(one: Agreement) -> str:
+    return "0" if one.rms_db < _LEAST_DB else _number(one.rms_db)
+
+
+def _number(value: float | None) -> str:
+    """Three significant digits; a dash for what is not known."""
+    if value is None or not math.isfinite(value):
+        return "–"
+    if value == 0 or _LEAST_UM <= abs(value) < 1000:
+        return f"{value:.3g}"
+    digits, _, exponent = f"{value:.2e}".partition("e")
+    return f"{value:.0f}" if 1000 <= abs(value) < 1e7 else f"{digits}e{int(exponent)}"
 
 
 def _error(one: PeriodicError) -> dict[str, Any]:

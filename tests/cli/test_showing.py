@@ -76,6 +76,26 @@ def test_tables_degrade_on_a_code_page_that_lacks_letters(monkeypatch):
     assert "this stretch is left out" in text
 
 
+ROWS = [["longitudinal motor", "12 × longitudinal motor", "1.19e-6", "0.0684"], ["spindle", "–", "123.4", "1.2"]]
+HEADS = ["source", "order and shaft", "tool − workpiece", "by chains"]
+
+
+@pytest.mark.parametrize("width", [10, 30, 43, 50, 57, 66, 80, 140])
+def test_numbers_stay_whole_and_nothing_is_cut_off(width, monkeypatch, capfd):
+    monkeypatch.setenv("COLUMNS", str(width))
+    showing.screen().print(showing.table("Lines", HEADS, ROWS, numeric=HEADS[2:]))
+    shown = capfd.readouterr().out
+    assert max(map(len, shown.splitlines())) <= width
+    # 1 + 3·3 + 1 between the columns, 8 for either text, 9 for "workpiece", 6 for "chains"
+    if width >= 11 + 8 + 8 + 9 + 6:
+        for number in ("1.19e-6", "0.0684", "123.4", "1.2"):
+            assert number in shown.split()
+    if width >= 11 + 12 + 12 + 9 + 6:
+        assert {"longitudinal", "motor", "workpiece"} <= {*shown.split()}
+    if width == 140:
+        assert "tool − workpiece" in shown  # headings give way where they must only
+
+
 def test_people_read_stderr_when_stdout_is_json(capfd):
     showing.screen(as_json=True).print("progress")
     assert capfd.readouterr() == ("", "progress\n")

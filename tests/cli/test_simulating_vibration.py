@@ -220,8 +220,10 @@ def test_recorded_speeds_drive_it_and_what_was_recorded_is_laid_beside_it(folder
     again = pd.read_csv("sim/r1.csv")
     off = again["tool"] - recorded["tool"]
     assert compared["tool"]["rms"] == pytest.approx(np.sqrt(np.mean(off**2)), rel=1e-6, abs=1e-12)
-    # the same model, speeds and seed: what differs is no more than the noise of two drawings
-    assert compared["tool"]["rms"] < 0.03
+    # the same model, speeds and phases: what differs is the noise of the recording, 0.01 µm to 1/√(2·1001) = 2.2 %;
+    # the speed is bridged from rounded corners
+    assert compared["tool"]["rms"] == pytest.approx(0.01, rel=0.1)
+    assert shown["seed"] is None
     assert "Simulated and recorded" in Path("p.html").read_text(encoding="utf-8")
 
 

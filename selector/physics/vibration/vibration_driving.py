@@ -55,7 +55,8 @@ def driven_runs(
 ) -> DrivenVibration:
     """A simulation of every run of a recording: recorded speeds turn the shafts, recorded forces replace spectra.
 
-    The shifts of the other sources are drawn by the seed: a recording of speeds does not tell them.
+    The shifts of the other sources are drawn by the seed: a recording of speeds does not tell them. Without a `seed`
+    they are those of the file's, and there is no noise.
 
     Parameters
     ----------
@@ -64,7 +65,7 @@ def driven_runs(
     recording : Recording
         Runs with the speed of a shaft or the force of a source; how channels are found: `recorded_channels`.
     seed : int, optional
-        Of shifts and noise; default: that of the file.
+        Of shifts and noise; default: shifts by that of the file, and no noise.
     progress : callable, optional
         Told how many runs of how many are done.
 
@@ -73,11 +74,10 @@ def driven_runs(
     InputError
         The recording cannot drive this model: neither speed nor force, or too few samples.
     """
-    noise = model.file.run.seed if seed is None else seed
     channels = recorded_channels(model, recording)
     if not channels.speeds and not channels.forces:
         raise _nothing_drives(model, recording)
-    phases = model.phases_rad(noise)
+    phases = model.phases_rad(model.file.run.seed if seed is None else seed)
     signals: dict[str, MotionSignal] = {}
     findings: list[Finding] = list(channels.findings)
     weights: dict[str, float] = {}
@@ -102,7 +102,7 @@ def driven_runs(
     if channels.forces:
         findings.append(_spectra_of_the_file(tuple(channels.forces)))
     simulation = VibrationSimulation(
-        _as_recorded(model.recorded(signals, noise), recording, names),
+        _as_recorded(model.recorded(signals, seed), recording, names),
         model.motions(shaft_rpm),
         shaft_rpm,
         dict.fromkeys(recording.runs, phases),

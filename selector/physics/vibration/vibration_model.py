@@ -273,12 +273,12 @@ class VibrationModel:
             beyond="leave-out" if leave_out else "refuse",
         )
 
-    def recorded(self, signals: Mapping[str, MotionSignal], seed: int) -> Recording:
-        """Run → signal, as a recording with the noise of the file."""
+    def recorded(self, signals: Mapping[str, MotionSignal], seed: int | None) -> Recording:
+        """Run → signal, as a recording with the noise of the file, drawn by the seed; without one there is none."""
         tables, noise_um = {}, self.file.sensing.noise_um
         for number, (run, signal) in enumerate(signals.items()):
             motion_um = _UM * signal.motion_m
-            if noise_um > 0:
+            if seed is not None and noise_um > 0:
                 drawn = np.random.default_rng([seed, number])
                 motion_um = motion_um + noise_um * drawn.standard_normal(motion_um.shape)
             columns = dict(zip(signal.finals, motion_um, strict=True))
@@ -287,7 +287,12 @@ class VibrationModel:
             columns |= {speed_name(name): rpm for name, rpm in signal.shaft_rpm.items()}
             tables[run] = pd.DataFrame(columns, index=pd.Index(signal.time_s, name="time_s"))
         provenance = {
-            "simulated": {"model": self.name, "kind": self.file.model.kind, "seed": seed, "instruments": True},
+            "simulated": {
+                "model": self.name,
+                "kind": self.file.model.kind,
+                "seed": seed,
+                "instruments": seed is not None,
+            },
             "runs": {run: {"method": self.file.run.method} for run in signals},
         }
         return Recording.from_runs(tables, (*self.outputs, *self._input_channels()), provenance)

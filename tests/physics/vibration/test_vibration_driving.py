@@ -104,6 +104,19 @@ def test_a_recorded_speed_turns_the_shaft_and_what_follows_it():
     assert driven.simulation.shaft_rpm["spindle"] == pytest.approx(np.trapezoid(speed, TIME_S) / 3.999, rel=1e-9)
 
 
+def test_noise_comes_with_a_seed_alone():
+    noisy, quiet = model(("sensing.noise_um", 0.5)), model()
+    recorded = recording(TIME_S, ("n", "spindle_speed", np.full(len(TIME_S), 900.0)))
+    without, plain = driven_runs(noisy, recorded), driven_runs(quiet, recorded)
+    assert (tool(without) == tool(plain)).all()
+    told = without.simulation.recording.provenance["simulated"]
+    assert (told["seed"], told["instruments"]) == (None, False)
+    # phases are those of the file's seed, so that a model follows its own recording in time
+    assert without.simulation.phases_rad["r1"] == noisy.phases_rad(noisy.file.run.seed)
+    added = tool(driven_runs(noisy, recorded, seed=2)) - tool(driven_runs(quiet, recorded, seed=2))
+    assert np.std(added) == pytest.approx(0.5, rel=0.05)  # 4000 draws: 1.1 %
+
+
 def test_a_recorded_force_replaces_the_lines_of_its_source_alone():
     built = model()
     driven = driven_runs(built, recording(TIME_S, ("F", "force", FORCE, "motor")))
