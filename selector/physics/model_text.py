@@ -18,6 +18,7 @@ from pydantic import BaseModel, Tag, ValidationError
 
 from selector.errors import ModelFileError
 from selector.physics.model_entries import NO_SUCH_KIND, Entry, is_choice_tag
+from selector.physics.model_headers import bracket_slip
 from selector.physics.model_mistakes import expected_text
 
 LARGEST_FILE_BYTES = 4_000_000
@@ -38,6 +39,9 @@ File = TypeVar("File", bound=Entry)
 _MOST_PARTS = 32
 _MOST_NAMED = 8
 _PART = r"""(?:(?<![\w-])[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
+_VALUE = re.compile(r"""[-+]?(?:[\d.]+(?:e[-+]?\d+)?|inf|nan)|'[^']*'|\[[^\]]*\]""")
+"""A value alone: its key belongs before it."""
+
 _LONG_KEY = re.compile(rf"(?:{_PART}[ \t]*+\.[ \t]*+){{{_MOST_PARTS}}}")
 """Reading a dotted key takes a time that grows with the square of its parts."""
 
@@ -77,7 +81,7 @@ class ModelFamily(Generic[File]):
 
     def parsed(self, text: str, *, where: str = "model file") -> File:
         """The model file with this content; `where` names it in messages. Errors as `read`."""
-        return self.checked(sections_of_text(text, where=where), where=where)
+        return self.checked(sections_of_text(text, where=where, is_array=self._is_array), where=where)
 
     def checked(self, values: Mapping[str, Any], *, where: str = "model file") -> File:
         """The model file with these sections as plain values. Errors as `read`."""
@@ -87,8 +91,15 @@ class ModelFamily(Generic[File]):
         except ValidationError as error:
             raise self._invalid(error, schema, where) from None
         for key, found, expected, advice in self.contradictions(file):
+            if _VALUE.fullmatch(found):
+                found = f"{_name_of(key)} = {found}"
             raise ModelFileError(found, expected=expected, where=f"{where}, key {key_text(key)}", advice=advice)
         return file
+
+    def _is_array(self, name: str) -> bool:
+        """Whether there may be several sections of this name."""
+        path = [part.strip(" \"'") for part in name.split(".")]
+        return any(_section_at(schema, path, tuple(path))[0].startswith("[[") for schema in self.kinds.values())
 
     def _text(self, place: Path) -> str:
         if place.exists() and not (place.is_file() or place.is_dir()):
@@ -156,7 +167,11 @@ class ModelFamily(Generic[File]):
                 advice=f"{advice}, or remove it; {self.page} explains every key",
             )
         expected, advice = expected_text(first), f"correct this value; {self.page} explains it"
-        found = shown(held)
+        found = shown(held) if isinstance(held, Mapping) else f"{_name_of(key)} = {shown(held)}"
+        header, _ = _section_at(schema, first["loc"], key)
+        if header and isinstance(held, Mapping | list) and header.startswith("[[") == isinstance(held, Mapping):
+            what = "one of them" if header.startswith("[[") else "it"
+            expected, advice = f"{header} before {what}", f"correct the brackets; {self.page} explains the section"
         if kindless and held is None:
             found, advice = "no 'kind'", f'add kind = "…"; {self.page} explains each'
         return ModelFileError(f"{found}{more}", expected=expected, where=place, advice=advice)
@@ -187,8 +202,8 @@ class ModelFamily(Generic[File]):
         )
 
 
-def sections_of_text(text: str, *, where: str) -> dict[str, Any]:
-    """The sections of a TOML text as plain values; `where` names it in messages.
+def sections_of_text(text: str, *, where: str, is_array: Callable[[str], bool] = lambda name: False) -> dict[str, Any]:
+    """The sections of a TOML text as plain values; `where` names it in messages, `is_array` is of `bracket_slip`.
 
     Raises
     ------
@@ -206,6 +221,10 @@ def sections_of_text(text: str, *, where: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
+        slip = bracket_slip(text, is_array) if str(error).startswith("Cannot ") else None
+        if slip is not None:
+            found, expected, advice, line = slip
+            raise ModelFileError(found, expected=expected, where=f"{where}, line {line}", advice=advice) from None
         said = "nested too deep" if isinstance(error, RecursionError) else str(error)[:200]
         raise ModelFileError(
             f"text that is not TOML ({said})",
@@ -244,12 +263,15 @@ def key_text(key: Sequence[str | int]) -> str:
     return text
 
 
-def unknown_name(what: str, name: str, known: Sequence[str]) -> tuple[str, str, str]:
-    """(found, expected, advice) of a name that does not exist, with the nearest that does."""
+def unknown_name(what: str, name: str, known: Sequence[str], *, add: str = "") -> tuple[str, str, str]:
+    """(found, expected, advice) of a name that does not exist, with the nearest that does; `add` is how to make it."""
     near = _closest(name, known)
+    if not known:
+        advice = f"add the {what}{f': {add}' if add else ''}, or leave out what names it"
+        return f"no {what} called {name!r}", f"a {what} of the file, which has none", advice
     return (
         f"no {what} called {name!r}",
-        (f"{near!r} perhaps; " if near else "") + "one of " + (", ".join(known[:20]) or "none, there are none"),
+        (f"{near!r} perhaps; " if near else "") + "one of " + ", ".join(known[:20]),
         "correct the name, or add what it names",
     )
 
@@ -264,6 +286,12 @@ def shown(value: object) -> str:
         return "a number beyond all limits"
     text = ascii(value)
     return text if len(text) <= 80 else f"{text[:79]}…"
+
+
+def _name_of(key: Key) -> str:
+    """The last name of a key, with the numbers behind it."""
+    named = [place for place, part in enumerate(key) if isinstance(part, str)]
+    return key_text(key[named[-1] :]) if named else key_text(key)
 
 
 def _key_of(problem: Mapping[str, Any]) -> Key:

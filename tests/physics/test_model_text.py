@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import time
+
 import pytest
 
 from selector.errors import ModelFileError
 from selector.physics.drive.model_file import checked_model_file
+from selector.physics.model_headers import bracket_slip
+from selector.physics.model_text import unknown_name
 from selector.physics.thermal.model_file import parsed_model_file
+from selector.physics.vibration.model_file import checked_model_file as checked_vibration
+from selector.physics.vibration.model_file import parsed_model_file as parsed_vibration
 from tests.physics.drive.test_model_file import RIGID, changed
+from tests.physics.vibration.model_values import changed as changed_vibration
 
 
 def refusal(*changes) -> ModelFileError:
@@ -48,3 +55,69 @@ def test_what_else_is_wrong_is_named():
     assert said.found == "unknown key 'bar' (also wrong: unknown axes.X.foo, no motion.amplitude_mm)"
     many = refusal(*((f"run.k{number}", 1) for number in range(12)))
     assert many.found.endswith("unknown run.k8 and 3 more)")
+
+
+def test_a_value_is_told_with_its_key():
+    small = [("members.tool.mass_kg", 0.0), ("joints.1.stiffness_n_per_m", 0.0), ("run.period_s", "1 ms")]
+    said = {}
+    for key, value in small:
+        with pytest.raises(ModelFileError) as caught:
+            checked_vibration(changed_vibration((key, value)))
+        said[key] = caught.value.found
+    assert said["members.tool.mass_kg"] == "mass_kg = 0.0"
+    assert said["joints.1.stiffness_n_per_m"] == "stiffness_n_per_m = 0.0"
+    assert said["run.period_s"] == "period_s = '1 ms'"
+    # refused by the dataclass, not by the schema
+    assert refusal(("axes.X.mechanics.mass_kg", -3.0)).found == "mass_kg = -3"
+    # what is a sentence already stays one
+    assert refusal(("motion.axis", "Q")).found.startswith("no axis called 'Q'")
+
+
+def test_where_there_are_none_it_is_said_how_to_add_one():
+    found, expected, advice = unknown_name("shaft", "spindle", [], add="[shafts.spindle] with rpm = 1200, say")
+    assert found == "no shaft called 'spindle'"
+    assert "none" in expected
+    assert "one of" not in expected
+    assert "[shafts.spindle]" in advice
+    assert unknown_name("shaft", "spindel", ["spindle", "motor"])[1] == "'spindle' perhaps; one of spindle, motor"
+
+
+JOINT = '\nbetween = ["a", "ground"]\nstiffness_n_per_m = 1e8\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "found", "expected"),
+    [
+        (f"[joints]{JOINT}[joints] # second{JOINT}", "[joints] twice", "[[joints]] before each of them"),
+        (f"[joints]{JOINT}" * 3, "[joints] 3 times", "[[joints]] before each of them"),
+        (f"[joints]{JOINT}[[joints]]{JOINT}", "[joints] and [[joints]]", "[[joints]] before each of them"),
+        (f"[[joints]]{JOINT}[joints]{JOINT}", "[joints] and [[joints]]", "[[joints]] before each of them"),
+        ("[members.bed]\nmass_kg = 1.0\n[members.bed]\nmass_kg = 2.0\n", "[members.bed] twice", "every section of"),
+        ("[run]\nseed = 1\nseed = 2\n", "text that is not TOML (Cannot overwrite a value (at line 6, column 9))",
+         "sections"),
+    ],
+)  # fmt: skip
+def test_brackets_of_the_wrong_kind(text, found, expected):
+    with pytest.raises(ModelFileError) as caught:
+        parsed_vibration(f'[model]\nkind = "vibration"\nname = "x"\n{text}')
+    assert caught.value.found == found
+    assert caught.value.expected.startswith(expected)
+
+
+@pytest.mark.parametrize(
+    ("section", "value", "expected"),
+    [
+        ("joints", {"between": ["tool", "ground"], "stiffness_n_per_m": 1e8}, "[[joints]] before one of them"),
+        ("cutting", [{"shaft": "spindle"}], "[cutting] before it"),
+    ],
+)
+def test_a_single_section_with_the_wrong_brackets(section, value, expected):
+    with pytest.raises(ModelFileError) as caught:
+        checked_vibration(changed_vibration((section, value)))
+    assert caught.value.expected == expected
+
+
+def test_long_lines_of_brackets_take_no_time():
+    started = time.monotonic()
+    assert bracket_slip("[" + " " * 2_000_000 + "\n" + "[a]\n" * 100_000, lambda name: False) is not None
+    assert time.monotonic() - started < 5.0  # 0.1 s where the machine is not busy

@@ -15,6 +15,7 @@ from selector.physics.model_text import (
     Key,
     ModelFamily,
     bound_contradictions,
+    key_text,
     plain_values,
     unknown_name,
 )
@@ -100,7 +101,7 @@ def _of_shafts(file: VibrationFile) -> Iterator[Contradiction]:
         elif shaft.of is None and shaft.ratio is not None:
             yield (*key, "ratio"), "a ratio without of", "the shaft that it follows", "add of, or leave ratio out"
         elif shaft.of is not None and shaft.of not in file.shafts:
-            yield (*key, "of"), *unknown_name("shaft", shaft.of, list(file.shafts))
+            yield (*key, "of"), *_unknown_shaft(file, shaft.of)
         elif shaft.of is not None and _follows_itself(name, file.shafts):
             advice = "give one of these shafts a speed of its own"
             yield (*key, "of"), f"{name!r} following itself", "a shaft that turns at last", advice
@@ -113,6 +114,10 @@ def _of_shafts(file: VibrationFile) -> Iterator[Contradiction]:
                 yield (*key, "rpm"), "a shaft that stands", "a speed above 0", "leave the shaft and its lines out"
         elif shaft.rpm == 0:
             yield (*key, "rpm"), "a shaft that stands", "a speed above 0", "leave the shaft and its lines out"
+
+
+def _unknown_shaft(file: VibrationFile, name: str) -> tuple[str, str, str]:
+    return unknown_name("shaft", name, list(file.shafts), add=f"[{key_text(('shafts', name))}] with rpm = 1200, say")
 
 
 def _follows_itself(name: str, shafts: Mapping[str, ShaftSection]) -> bool:
@@ -136,7 +141,7 @@ def _of_sources(file: VibrationFile) -> Iterator[Contradiction]:
             advice = "leave against out where it pushes against the ground"
             yield (*key, "against"), *unknown_name("member", source.against, known)[:2], advice
         if source.shaft is not None and source.shaft not in file.shafts:
-            yield (*key, "shaft"), *unknown_name("shaft", source.shaft, list(file.shafts))
+            yield (*key, "shaft"), *_unknown_shaft(file, source.shaft)
         for number, line in enumerate(source.lines):
             made = partial(Line, line.frequency_hz, line.order, line.force_n, line.unbalance_kg_m)
             yield from _tried(made, (*key, "lines", number), line)
@@ -218,7 +223,7 @@ def _of_finals(file: VibrationFile) -> Iterator[Contradiction]:
         found = f"{file.finals.tool!r} as tool and workpiece"
         yield ("finals", "workpiece"), found, "two members", "name the one that cuts and the one that is cut"
     if file.cutting is not None and file.cutting.shaft not in file.shafts:
-        yield ("cutting", "shaft"), *unknown_name("shaft", file.cutting.shaft, list(file.shafts))
+        yield ("cutting", "shaft"), *_unknown_shaft(file, file.cutting.shaft)
 
 
 def _of_run(file: VibrationFile) -> Iterator[Contradiction]:
