@@ -117,7 +117,9 @@ def _of_shafts(file: VibrationFile) -> Iterator[Contradiction]:
 
 
 def _unknown_shaft(file: VibrationFile, name: str) -> tuple[str, str, str]:
-    return unknown_name("shaft", name, list(file.shafts), add=f"[{key_text(('shafts', name))}] with rpm = 1200, say")
+    return unknown_name(
+        "shaft", name, list(file.shafts), add=f"[{key_text(('shafts', name))}] and rpm = 1200, for example"
+    )
 
 
 def _follows_itself(name: str, shafts: Mapping[str, ShaftSection]) -> bool:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from selector.findings import Finding, Level
 from selector.physics.model_plausibility import UsualRange, unlikely_numbers
 from selector.physics.vibration.final_motion import FinalMotions
+from selector.physics.vibration.mass_slips import mass_slips
 from selector.physics.vibration.model_file import plain_values
 from selector.physics.vibration.modes import StructureModes
 from selector.physics.vibration.parameters import UNITS
@@ -54,6 +55,7 @@ _KEY_UNITS = {**UNITS, "period_s": "s", "diameter_mm": "mm", "feed_mm_per_rev": 
 def model_findings(model: VibrationModel, modes: StructureModes) -> tuple[Finding, ...]:
     """What is odd before it runs: numbers and eigenfrequencies that no machine has, lines in sharp resonances."""
     found = list(unlikely_numbers(plain_values(model.file), USUAL, lambda key: _KEY_UNITS.get(key, "1")))
+    found += mass_slips(model.structure, modes, USUAL["mass_kg"].high)
     found += _odd_frequencies(model.structure, modes)
     found += _sharp(model, modes)
     return tuple(found)

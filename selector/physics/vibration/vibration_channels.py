@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from selector.findings import Finding, Where
-from selector.physics.vibration.vibration_model import RELATIVE, VibrationModel, force_name, speed_name
+from selector.physics.model_text import key_text
+from selector.physics.vibration.vibration_model import FINALS, RELATIVE, VibrationModel, force_name, speed_name
 from selector.recording import Channel, Recording
 
 
@@ -19,7 +20,7 @@ class RecordedChannels:
     speeds, forces, motions : mapping of str to str
         Shaft, source, and output of the model → name of the recorded channel.
     findings : tuple of Finding
-        Channels of speeds and forces that belong to nothing, or could be of several.
+        Channels that belong to nothing, or could be of several.
     """
 
     speeds: Mapping[str, str]
@@ -48,6 +49,7 @@ def recorded_channels(model: VibrationModel, recording: Recording) -> RecordedCh
     unused = (
         *_unused(alone["spindle_speed"], speeds.values(), "shaft", file.shafts),
         *_unused(alone["force"], forces.values(), "source", file.sources),
+        *_not_compared(alone["displacement"], motions),
     )
     return RecordedChannels(speeds, forces, motions, unused)
 
@@ -73,6 +75,25 @@ def _matched(wanted: Mapping[str, tuple[str, ...]], channels: Iterable[Channel])
         for key, name in found.items()
         if name not in several or name.casefold() in {one.casefold() for one in wanted[key]}
     }
+
+
+def _not_compared(channels: Iterable[Channel], motions: Mapping[str, str]) -> Iterator[Finding]:
+    """One finding of all displacements that are neither of the tool nor of the workpiece."""
+    names = [one.name for one in channels if one.name not in motions.values()]
+    free = [key for key in (*FINALS, RELATIVE) if key not in motions]
+    if not names or not free:
+        return
+    listed = ", ".join(map(repr, names[:6])) + (" …" if len(names) > 6 else "")
+    are = "(displacements) are" if len(names) > 1 else "(displacement) is"
+    places = " or ".join(f'"{key}"' for key in free)
+    yield Finding(
+        "motion-not-compared",
+        "info" if motions else "warning",
+        f"{listed} {are} not known to be of tool or workpiece, and not compared.",
+        Where(channel=names[0]),
+        {"channels": names, "places": free},
+        f"say in the machine file what it moved, e.g. [channels.{key_text((names[0],))}] place = {places}",
+    )
 
 
 def _unused(

@@ -51,6 +51,32 @@ def test_slips_of_units_are_told_with_what_was_perhaps_meant(change, key, perhap
     assert found.evidence["perhaps"] == pytest.approx(perhaps, rel=1e-12)
 
 
+def test_a_mass_in_grams_is_told_beside_the_other_members():
+    # workpiece 20 kg, tool 5 kg, bed 800 kg on the ground
+    grams = said(model(("members.workpiece.mass_kg", 20_000.0)))["unlikely-masses"]
+    assert grams.evidence["member"] == "workpiece"
+    assert grams.suggestion == "write members.workpiece.mass_kg = 20 if g was meant"
+    assert grams.evidence["alone_hz"] == pytest.approx(math.sqrt(2e8 / 20_000.0) / (2.0 * math.pi), rel=1e-12)
+    # a heavy table on a joint as stiff as that, and a foundation, are no slips
+    stiff = ("joints.0.stiffness_n_per_m", 2e9)
+    assert "unlikely-masses" not in said(model(("members.workpiece.mass_kg", 20_000.0), stiff))
+    assert "unlikely-masses" not in said(model(("members.bed.mass_kg", 80_000.0)))
+
+
+def test_all_masses_in_grams_are_told_at_once():
+    every = {"workpiece": 20e3, "tool": 5e3, "bed": 800e3}
+    grams = said(model(*((f"members.{name}.mass_kg", mass) for name, mass in every.items())))["unlikely-masses"]
+    assert "5 to 800 kg" in grams.statement
+    # none of them beyond what machines have
+    light = {"workpiece": 20e3, "tool": 5e3, "bed": 150e3}
+    soft = [(f"joints.{n}.stiffness_n_per_m", 2e7) for n in range(3)]
+    assert "unlikely-masses" in said(model(*((f"members.{name}.mass_kg", mass) for name, mass in light.items()), *soft))
+    # a large machine, coarsely divided
+    large = {"workpiece": 2e3, "tool": 3e3, "bed": 30e3}
+    firm = [(f"joints.{n}.stiffness_n_per_m", 1e9) for n in range(3)]
+    assert said(model(*((f"members.{name}.mass_kg", mass) for name, mass in large.items()), *firm)) == {}
+
+
 def test_eigenfrequencies_that_no_machine_has_name_member_and_joint():
     high = said(model(("members.tool.mass_kg", 0.005)))["unlikely-eigenfrequency"]
     # 1e8 N/m on 5 g

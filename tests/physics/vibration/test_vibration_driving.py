@@ -104,6 +104,25 @@ def test_a_recorded_speed_turns_the_shaft_and_what_follows_it():
     assert driven.simulation.shaft_rpm["spindle"] == pytest.approx(np.trapezoid(speed, TIME_S) / 3.999, rel=1e-9)
 
 
+def test_displacements_of_nothing_are_named_with_what_to_put_into_the_machine_file():
+    speed, moved = ("n", "spindle_speed", np.full(len(TIME_S), 900.0)), np.zeros(len(TIME_S))
+    two = recording(TIME_S, speed, ("Werkzeug", "displacement", moved), ("Werkstück", "displacement", moved))
+    said = next(one for one in driven_runs(model(), two).findings if one.id == "motion-not-compared")
+    assert said.level == "warning"
+    assert "'Werkzeug', 'Werkstück' (displacements) are not" in said.statement
+    assert '[channels.Werkzeug] place = "tool" or "workpiece" or "tool_workpiece"' in said.suggestion
+    # what it advises is enough
+    placed = (("Werkzeug", "displacement", moved, "tool"), ("Werkstück", "displacement", moved, "workpiece"))
+    driven = driven_runs(model(), recording(TIME_S, speed, *placed))
+    assert (driven.matched["tool"], driven.matched["workpiece"]) == ("Werkzeug", "Werkstück")
+    assert "motion-not-compared" not in ids(driven)
+    # beside channels that are compared it is no warning
+    third = recording(TIME_S, speed, *placed, ("bed drift", "displacement", moved))
+    said = next(one for one in driven_runs(model(), third).findings if one.id == "motion-not-compared")
+    assert (said.level, said.evidence["channels"]) == ("info", ["bed drift"])
+    assert '[channels."bed drift"] place = "tool_workpiece"' in said.suggestion
+
+
 def test_noise_comes_with_a_seed_alone():
     noisy, quiet = model(("sensing.noise_um", 0.5)), model()
     recorded = recording(TIME_S, ("n", "spindle_speed", np.full(len(TIME_S), 900.0)))
