@@ -39,7 +39,7 @@ def page_of(
         recording=recording,
         model=model.name,
         summary=summary,
-        linear=size_distribution(model.setup, method="linear", parts=model.file.run.parts, period_s=model.period_s),
+        linear=size_distribution(model.setup, method="linear", parts=model.file.run.parts),
         wanted_um=model.setup.wanted_um,
         tolerance=made.tolerance,
         parts=_ground(model, simulation) if simulation.courses else _driven(recording),

@@ -1,9 +1,9 @@
 """How one part is ground until the relay stops it, step by step (compiled).
 
-Between two events (sample of the relay, edge of a groove, change of feed) the allowance falls by its closed form, the
+Between two events (end of an even step, edge of a groove, change of feed) the allowance falls by its closed form, the
 noise and its part in the filter are drawn from their joint distribution, and the rest of what the filter is fed runs
 straight from one end to the other. Where the voltage reaches the threshold is the root of the cubic that has its
-values and rates at both ends.
+values and rates at both ends; what is recorded between them lies on the same cubic, so that recording changes nothing.
 """
 
 # ruff: noqa: NPY002  (compiled, the legacy calls draw from a generator of the thread that is seeded for every part)
@@ -63,8 +63,11 @@ class Plan(NamedTuple):
     noise_rate: float
     delay_s: float
     relay_noise: float
-    period_s: float
-    steps: int
+    hold_s: float
+    crest_v: Vector
+    crest_from: float
+    crest_step: float
+    step_s: float
     patience_s: float
 
 
@@ -92,6 +95,17 @@ def _slope(plan, seen):
         return 0.0
     i = int(at)
     return (plan.table_v[i + 1] - plan.table_v[i]) / plan.table_step
+
+
+@compiled
+def _crest(plan, seen):
+    """Peak of the ripple over the mean voltage."""
+    n = len(plan.crest_v) - 1
+    if n < 0:
+        return 0.0
+    at = min(max((seen - plan.crest_from) / plan.crest_step, 0.0), float(n))
+    i = min(int(at), n - 1)
+    return plan.crest_v[i] + (at - i) * (plan.crest_v[i + 1] - plan.crest_v[i])
 
 
 @compiled
@@ -150,6 +164,13 @@ def _cubic(u0, u1, d0, d1, s):
 
 
 @compiled
+def _cubic_rate(u0, u1, d0, d1, s):
+    """Its rate per step."""
+    p, q = 2.0 * (u0 - u1) + d0 + d1, 3.0 * (u1 - u0) - 2.0 * d0 - d1
+    return (3.0 * p * s + 2.0 * q) * s + d0
+
+
+@compiled
 def _crossing(u0, u1, d0, d1):
     """Where within a step the voltage, u below its threshold at the start, first reaches it; −1: nowhere."""
     high = 1.0
@@ -172,7 +193,34 @@ def _crossing(u0, u1, d0, d1):
 
 
 @compiled
-def _part(plan, number, seed, ends, record):
+def _first_crossing(plan, course, extra, redraw, to_redraw):
+    """Where within a step the voltage first reaches its threshold, or −1; the noise of the relay at its end.
+
+    `course` has values and rates per step of the voltage without that noise, over its threshold, at both ends; a value
+    of the noise lasts until `redraw`, both counted in steps.
+    """
+    u0, u1, d0, d1 = course
+    if redraw >= 1.0:
+        return _crossing(u0 + extra, u1 + extra, d0, d1), extra, redraw
+    begin, low, slope = 0.0, u0, d0
+    while True:
+        end = min(redraw, 1.0)
+        width = end - begin
+        high, rate = _cubic(u0, u1, d0, d1, end), _cubic_rate(u0, u1, d0, d1, end)
+        at = _crossing(low + extra, high + extra, slope * width, rate * width)
+        if at >= 0.0:
+            return begin + at * width, extra, redraw
+        if redraw >= 1.0:
+            return -1.0, extra, redraw
+        extra = plan.relay_noise * np.random.standard_normal()
+        redraw += to_redraw
+        begin, low, slope = end, high, rate
+        if low + extra >= 0.0:
+            return begin, extra, redraw
+
+
+@compiled
+def _part(plan, number, seed, ends, record, period_s):
     """Grinds one part; fills the ends of its stages [s] and the record; returns size, duration and its state."""
     np.random.seed(seed)
     scale = max(1.0 + plan.feed_sd * np.random.standard_normal(), LEAST_FEED)
@@ -181,6 +229,9 @@ def _part(plan, number, seed, ends, record):
     f = plan.noise_sd * np.random.standard_normal()
     passed = 1.0 / (1.0 + plan.noise_rate * plan.filter_s)
     smoothed = passed * f + plan.noise_sd * math.sqrt(passed - passed * passed) * np.random.standard_normal()
+    extra, redraw = 0.0, math.inf
+    if plan.relay_noise > 0.0:
+        extra, redraw = plan.relay_noise * np.random.standard_normal(), plan.hold_s * np.random.random()
     since = number % plan.dress_every if plan.dress_every > 0 else number
     removed = scale / (1.0 + plan.wheel_wear * (1.0 + plan.wear_growth) ** since)
     worn = plan.probe_wear * number
@@ -202,91 +253,118 @@ def _part(plan, number, seed, ends, record):
     begun, limit = 0.0, 2.0 * max(x - plan.limit_um[0], 0.0) / a + plan.patience_s
     waiting, switch, state = False, math.inf, STOPPED
     size, duration = x, 0.0
-    h = plan.period_s / plan.steps
+    h = plan.step_s
     whole = _weights(plan, h)
-    rows = len(record)
-    i, t = 0, 0.0
+    rows, row = len(record), 0
+    done, t = 0, 0.0
     while True:
-        extra = plan.relay_noise * np.random.standard_normal() if plan.relay_noise > 0.0 and stage < stages else 0.0
-        if i < rows:
-            seen = x + f - worn + plan.runout * math.sin(2 * math.pi * (turn + plan.per_s * t))
-            record[i, ALLOWANCE], record[i, SEEN] = x, seen - (plan.depth if inside else 0.0)
-            record[i, VOLTAGE], record[i, STAGE] = y, stage
-            record[i, FEED] = plan.feed[stage] * scale if stage < stages else 0.0
-        if stage == stages and i >= rows - 1:
+        # events that are due
+        if edge <= t:
+            inside = not inside
+            edge += (plan.share if inside else 1.0 - plan.share) * pitch
+            continue
+        groove = plan.depth if inside else 0.0
+        still = x - worn + plan.runout * math.sin(2 * math.pi * (turn + plan.per_s * t)) - groove
+        if stage < stages and not waiting:
+            if redraw <= t:
+                extra = plan.relay_noise * np.random.standard_normal()
+                redraw += plan.hold_s * (math.floor((t - redraw) / plan.hold_s) + 1.0)
+            if plan.sign * (y + extra - plan.threshold[stage]) + _crest(plan, still) >= 0.0:
+                if t == begun:
+                    state = AT_ONCE
+                waiting, switch = True, t + plan.delay_s
+            elif t - begun > limit:
+                while row < rows:
+                    _put(record[row], x, still + f, y, plan.feed[stage] * scale, stage)
+                    row += 1
+                return x, t, NEVER
+        if switch <= t:
+            ends[stage] = t
+            stage, begun, waiting, switch = stage + 1, t, False, math.inf
+            if stage == stages:
+                size, duration, a = x - plan.lag_s * r if plan.lag_s > 0.0 else x, t, 0.0
+            else:
+                a = plan.feed[stage] * removed
+                limit = 2.0 * max(x - plan.limit_um[stage], 0.0) / a + plan.patience_s
+            continue
+        if stage == stages and row >= rows:
             return size, duration, state
-        for j in range(plan.steps):
-            end = (i * plan.steps + j + 1) * h
-            while t < end:
-                # events that are due
-                if edge <= t:
-                    inside = not inside
-                    edge += (plan.share if inside else 1.0 - plan.share) * pitch
-                    continue
-                if stage < stages and not waiting:
-                    if plan.sign * (y + extra - plan.threshold[stage]) >= 0.0:
-                        if t == begun:
-                            state = AT_ONCE
-                        waiting, switch = True, t + plan.delay_s
-                    elif t - begun > limit:
-                        return x, t, NEVER
-                if switch <= t:
-                    ends[stage] = t
-                    stage, begun, waiting, switch = stage + 1, t, False, math.inf
+        end = (done + 1) * h
+        if end - t < 1e-9 * h:
+            done, end = done + 1, (done + 2) * h
+        to = min(end, edge, switch)
+        hs = to - t
+        weights = whole if hs == h or abs(hs - h) < 1e-9 * h else _weights(plan, hs)
+        keep, early, late, rho, spread, from_f, to_f, own, slower = weights
+        seen = still + f
+        v0, slope = _voltage(plan, seen), _slope(plan, seen)
+        f1 = f
+        bridge = 0.0
+        if plan.noise_sd > 0.0:
+            f1 = rho * f + spread * np.random.standard_normal()
+            bridge = slope * (from_f * f + to_f * f1 + own * np.random.standard_normal())
+        x1, r1 = _fallen(plan, x, r, a, hs, slower)
+        besides = f1 - worn + plan.runout * math.sin(2 * math.pi * (turn + plan.per_s * to)) - groove
+        v1 = _voltage(plan, x1 + besides)
+        y1 = keep * y + early * v0 + late * v1 + bridge
+        # until where the feed of the beginning acts, and what then is left
+        fed, x_fed, r_fed, before, a_before = to, x1, r1, stage, a
+        if stage < stages and not waiting:
+            c0, c1 = _crest(plan, still), _crest(plan, x1 + besides - f1)
+            u0 = plan.sign * (y - plan.threshold[stage]) + c0
+            u1 = plan.sign * (y1 - plan.threshold[stage]) + c1
+            d0 = plan.sign * (v0 - y) * hs / plan.filter_s + c1 - c0
+            d1 = plan.sign * (v1 - y1) * hs / plan.filter_s + c1 - c0
+            found = _first_crossing(plan, (u0, u1, d0, d1), plan.sign * extra, (redraw - t) / hs, plan.hold_s / hs)
+            at, extra = found[0], plan.sign * found[1]
+            redraw = t + found[2] * hs
+            if at >= 0.0:
+                waiting, switch = True, t + at * hs + plan.delay_s
+                if switch < to:
+                    slower = math.exp((t - switch) / plan.lag_s) if plan.lag_s > 0.0 else 0.0
+                    fed = switch
+                    x_fed, r_fed = _fallen(plan, x, r, a, switch - t, slower)
+                    ends[stage] = switch
+                    stage, begun, waiting = stage + 1, to, False
                     if stage == stages:
-                        size, duration, a = x - plan.lag_s * r if plan.lag_s > 0.0 else x, t, 0.0
-                        if rows == 0:
-                            return size, duration, state
+                        size = x_fed - plan.lag_s * r_fed if plan.lag_s > 0.0 else x_fed
+                        duration, a = switch, 0.0
                     else:
                         a = plan.feed[stage] * removed
-                        limit = 2.0 * max(x - plan.limit_um[stage], 0.0) / a + plan.patience_s
-                    continue
-                to = min(end, edge, switch)
-                hs = to - t
-                weights = whole if hs == h or abs(hs - h) < 1e-9 * h else _weights(plan, hs)
-                keep, early, late, rho, spread, from_f, to_f, own, slower = weights
-                groove = plan.depth if inside else 0.0
-                seen = x + f - worn + plan.runout * math.sin(2 * math.pi * (turn + plan.per_s * t)) - groove
-                v0, slope = _voltage(plan, seen), _slope(plan, seen)
-                f1 = f
-                bridge = 0.0
-                if plan.noise_sd > 0.0:
-                    f1 = rho * f + spread * np.random.standard_normal()
-                    bridge = slope * (from_f * f + to_f * f1 + own * np.random.standard_normal())
-                x1, r1 = _fallen(plan, x, r, a, hs, slower)
-                besides = f1 - worn + plan.runout * math.sin(2 * math.pi * (turn + plan.per_s * to)) - groove
-                v1 = _voltage(plan, x1 + besides)
-                y1 = keep * y + early * v0 + late * v1 + bridge
-                if stage < stages and not waiting:
-                    u0 = plan.sign * (y + extra - plan.threshold[stage])
-                    u1 = plan.sign * (y1 + extra - plan.threshold[stage])
-                    d0, d1 = plan.sign * (v0 - y) * hs / plan.filter_s, plan.sign * (v1 - y1) * hs / plan.filter_s
-                    at = _crossing(u0, u1, d0, d1)
-                    if at >= 0.0:
-                        waiting, switch = True, t + at * hs + plan.delay_s
-                        if switch < to:
-                            slower = math.exp((t - switch) / plan.lag_s) if plan.lag_s > 0.0 else 0.0
-                            x1, r1 = _fallen(plan, x, r, a, switch - t, slower)
-                            ends[stage] = switch
-                            stage, begun, waiting = stage + 1, to, False
-                            if stage == stages:
-                                size = x1 - plan.lag_s * r1 if plan.lag_s > 0.0 else x1
-                                duration, a = switch, 0.0
-                                if rows == 0:
-                                    return size, duration, state
-                            else:
-                                a = plan.feed[stage] * removed
-                                limit = 2.0 * max(x1 - plan.limit_um[stage], 0.0) / a + plan.patience_s
-                            slower = math.exp((switch - to) / plan.lag_s) if plan.lag_s > 0.0 else 0.0
-                            x1, r1 = _fallen(plan, x1, r1, a, to - switch, slower)
-                            switch = math.inf
-                            y1 += late * (_voltage(plan, x1 + besides) - v1)
-                x, r, f, y, t = x1, r1, f1, y1, to
-        i += 1
+                        limit = 2.0 * max(x_fed - plan.limit_um[stage], 0.0) / a + plan.patience_s
+                    slower = math.exp((switch - to) / plan.lag_s) if plan.lag_s > 0.0 else 0.0
+                    x1, r1 = _fallen(plan, x_fed, r_fed, a, to - switch, slower)
+                    switch = math.inf
+                    y1 += late * (_voltage(plan, x1 + besides) - v1)
+                    v1 = _voltage(plan, x1 + besides)
+        while row < rows and row * period_s < to:
+            now = row * period_s
+            s = min(max((now - t) / hs, 0.0), 1.0)
+            level = _cubic(y, y1, (v0 - y) * hs / plan.filter_s, (v1 - y1) * hs / plan.filter_s, s)
+            if now < fed:
+                left = math.exp((t - now) / plan.lag_s) if plan.lag_s > 0.0 else 0.0
+                at_x, _ = _fallen(plan, x, r, a_before, max(now - t, 0.0), left)
+                acts = before
+            else:
+                left = math.exp((fed - now) / plan.lag_s) if plan.lag_s > 0.0 else 0.0
+                at_x, _ = _fallen(plan, x_fed, r_fed, a, now - fed, left)
+                acts = stage
+            swung = plan.runout * math.sin(2 * math.pi * (turn + plan.per_s * now))
+            feed = plan.feed[acts] * scale if acts < stages else 0.0
+            _put(record[row], at_x, at_x - worn + swung - groove + f + s * (f1 - f), level, feed, acts)
+            row += 1
+        x, r, f, y, t = x1, r1, f1, y1, to
+        if to == end:
+            done += 1
+
+
+@compiled
+def _put(row, allowance, seen, voltage, feed, stage):
+    row[ALLOWANCE], row[SEEN], row[VOLTAGE], row[FEED], row[STAGE] = allowance, seen, voltage, feed, stage
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def grind(plan, numbers, seeds, size, duration, ends, state, record):
-    """Grinds the parts of these numbers one after the other; `record` has rows for the first of them, or none."""
+def grind(plan, numbers, seeds, size, duration, ends, state, record, period_s):
+    """Grinds the parts of these numbers; `record` has a row every `period_s` for the first of them, or none."""
     for k in range(len(numbers)):
-        size[k], duration[k], state[k] = _part(plan, numbers[k], seeds[k], ends[k], record)
+        size[k], duration[k], state[k] = _part(plan, numbers[k], seeds[k], ends[k], record, period_s)

@@ -32,8 +32,8 @@ class Characteristic:
     ----------
     allowance_um, voltage_v : ndarray of shape (n_points,)
         Increasing [µm]; [V].
-    stroke_um, ripple_v : ndarray of shape (n_points,) or None
-        Of the probe; of the smoothed voltage, from lowest to highest [µm], [V].
+    stroke_um, ripple_v, crest_v : ndarray of shape (n_points,) or None
+        Of the probe; of the smoothed voltage, from lowest to highest, and the latter above the mean [µm], [V], [V].
     rounds : ndarray of shape (n_points,) or None
         After how many periods of the pull the swing repeats; 0: never.
     free_amplitude_um : float or None
@@ -48,6 +48,7 @@ class Characteristic:
     voltage_v: Vector
     stroke_um: Vector | None = None
     ripple_v: Vector | None = None
+    crest_v: Vector | None = None
     rounds: NDArray[np.int64] | None = None
     free_amplitude_um: float | None = None
     touch_um: float | None = None
@@ -188,6 +189,7 @@ def characteristic(
         voltage_v=np.array([swing.voltage_v for swing in fallen]),
         stroke_um=np.array([swing.stroke_um for swing in fallen]),
         ripple_v=np.array([swing.ripple_v for swing in fallen]),
+        crest_v=np.array([swing.crest_v for swing in fallen]),
         rounds=np.array([swing.rounds for swing in fallen], dtype=np.int64),
         free_amplitude_um=amplitude_um,
         touch_um=touch_um,
@@ -275,8 +277,8 @@ def _findings(fallen: Sequence[SteadySwing], risen: Sequence[SteadySwing], most_
             Finding(
                 "irregular-swing",
                 "info",
-                f"{_at(irregular)} the impacts never repeat: mean voltages over {IRREGULAR_ROUNDS} periods of the pull, "
-                f"or fewer, are known to {1e3 * worst:.2g} mV only, and the smoothed voltage wanders.",
+                f"{_at(irregular)} the impacts never repeat: mean voltages over {IRREGULAR_ROUNDS} periods of the "
+                f"pull, or fewer, are known to {1e3 * worst:.2g} mV only, and the smoothed voltage wanders.",
                 evidence={"allowance_um": [swing.allowance_um for swing in irregular], "voltage_sd_v": worst},
                 suggestion="damp the probe, or excite it nearer to its resonance",
             )

@@ -11,7 +11,8 @@ from selector.physics.gauging.surface_ripple import mean_surface_um, surface_um
 
 Vector = NDArray[np.float64]
 
-_DELAYS, _NOISES, _TURNS, _HALVINGS = 12, 9, 61, 50
+_TURNS, _HALVINGS = 61, 50
+_DELAYS, _NOISES = np.polynomial.laguerre.laggauss(12), np.polynomial.hermite_e.hermegauss(9)
 
 
 def curvature_um(setup: GaugedGrinding) -> float:
@@ -24,13 +25,12 @@ def curvature_um(setup: GaugedGrinding) -> float:
     curve = setup.characteristic
     if curve is None:
         return 0.0
-    lag, share = np.polynomial.laguerre.laggauss(_DELAYS)
-    noise, weight = np.polynomial.hermite_e.hermegauss(_NOISES)
+    (lag, share), (noise, weight) = _DELAYS, _NOISES
     ahead = setup.rates_um_per_s[-1] * setup.gauge.time_constant_s
     met = surface_um(setup.surface, np.arange(_TURNS) / _TURNS)
     offsets = (ahead * lag)[:, None, None] + (setup.noise.sd_um * noise)[:, None] + met
     weights = share[:, None, None] * (weight / weight.sum())[:, None] * np.full(_TURNS, 1.0 / _TURNS)
-    threshold = setup.thresholds_v[-1]
+    threshold = setup.mean_thresholds_v[-1]
     rising = setup.gauge.gain_v_per_um > 0
 
     def above(allowance_um: float) -> bool:

@@ -14,12 +14,12 @@ from selector.errors import InputError
 from selector.findings import Finding
 from selector.physics.gauging._part_kernel import AT_ONCE, COLUMNS, NEVER, grind
 from selector.physics.gauging.gauged_grinding import GaugedGrinding
-from selector.physics.gauging.part_plan import part_plan
+from selector.physics.gauging.part_plan import part_plan, steps_per_part
 
 Vector = NDArray[np.float64]
 
-_CHUNK = 64
-"""Parts between two looks at Ctrl-C and progress."""
+_CHUNK, _STEPS_OF_CHUNK = 64, 2_000_000
+"""Parts between two looks at Ctrl-C and progress, and about how many steps they may take: a fraction of a second."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,6 @@ def finished_sizes(
     parts: int,
     *,
     seed: int = 0,
-    period_s: float | None = None,
     steps: int | None = None,
     threads: int = 1,
     progress: Callable[[int, int], None] | None = None,
@@ -126,25 +125,25 @@ def finished_sizes(
     """Grinds `parts` parts one after the other and tells what became of them.
 
     The wheel is fresh and the probe unworn at the first. A part depends on seed and number alone, so that more parts or
-    threads change none of them, and `part_course` shows the same. The relay compares all the time; its own noise is
-    drawn anew every `period_s` [s] (None: T_Φ/8). Noise and filter go in exact steps, `steps` a period (None: as
-    many as resolve 1/β, T_Φ, lag and run-out), crossings are located within them. `progress(done, parts)` is called
-    now and then.
+    threads change none of them, and `part_course` shows the same. The relay compares all the time. Noise and filter
+    go in exact steps, `steps` in T_Φ (None: as many as resolve 1/β, T_Φ, lag and run-out), crossings are located
+    within them. `progress(done, parts)` is called now and then.
 
-    Raises InputError for no parts, a period of 0, or more steps than can be waited for.
+    Raises InputError for no parts, or more steps than can be waited for.
     """
-    plan = part_plan(setup, period_s, parts, steps)
+    plan = part_plan(setup, parts, steps)
     seeds = part_seeds(seed, parts)
     numbers = np.arange(parts)
     size, duration, state = np.empty(parts), np.empty(parts), np.empty(parts, dtype=np.int64)
     ends = np.zeros((parts, len(plan.feed)))
     nothing = np.empty((0, COLUMNS))
+    many = int(min(max(_STEPS_OF_CHUNK / steps_per_part(setup, steps), 1.0), _CHUNK))
 
     def chunk(first: int) -> None:
-        own = slice(first, min(first + _CHUNK, parts))
-        grind(plan, numbers[own], seeds[own], size[own], duration[own], ends[own], state[own], nothing)
+        own = slice(first, min(first + many, parts))
+        grind(plan, numbers[own], seeds[own], size[own], duration[own], ends[own], state[own], nothing, 1.0)
 
-    starts = range(0, parts, _CHUNK)
+    starts = range(0, parts, many)
     if threads > 1:
         with ThreadPoolExecutor(threads) as pool:
             list(pool.map(chunk, starts))
@@ -152,7 +151,7 @@ def finished_sizes(
         for first in starts:
             chunk(first)
             if progress is not None:
-                progress(min(first + _CHUNK, parts), parts)
+                progress(min(first + many, parts), parts)
     return FinishedSizes(size, duration, ends, state != NEVER, state == AT_ONCE)
 
 

@@ -111,8 +111,8 @@ def weighted_quantiles(values: Vector, weights: Vector, probability: Vector) -> 
     return np.interp(probability, middle, values[order])
 
 
-def relay_law(setup: GaugedGrinding, probability: Vector, period_s: float) -> PassageLaw:
-    """By how much larger parts grow because noise of the relay, new every `period_s`, trips it early [µm].
+def relay_law(setup: GaugedGrinding, probability: Vector) -> PassageLaw:
+    """By how much larger parts grow because noise of the relay, new every `noise_hold_s`, trips it early [µm].
 
     Of a reading that falls straight at the rate a: sample by sample the share that is not tripped, averaged over where
     the samples lie; where they are many, by the integral of its logarithm.
@@ -120,7 +120,7 @@ def relay_law(setup: GaugedGrinding, probability: Vector, period_s: float) -> Pa
     sd = setup.relay.noise_v / abs(setup.gauge.gain_v_per_um)
     if sd <= NO_NOISE_UM:
         return PassageLaw(0.0, 0.0, np.zeros(len(probability)))
-    step = setup.rates_um_per_s[-1] * period_s
+    step = setup.rates_um_per_s[-1] * setup.relay.noise_hold_s
     # so many samples can trip it before the reading is near that the window has to begin earlier than _SIGMAS only
     # where nobody would use the gauge any more
     height = np.linspace(_SIGMAS * sd, -_SIGMAS * sd, _RELAY_POINTS)

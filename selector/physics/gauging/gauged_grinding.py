@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from selector.errors import InputError
 from selector.physics.gauging.process import Grinding, Noise, Surface
+from selector.physics.gauging.ripple_crest import RippleCrest
 from selector.physics.gauging.threshold import (
     removal_rate_um_per_s,
     stage_thresholds_v,
@@ -23,6 +24,10 @@ Vector = NDArray[np.float64]
 
 MOST_FEED_SD = 0.25
 """Spread of a feed over parts beyond which some part would hardly be fed at all."""
+
+
+_CREST_ROUNDS = 3
+"""Peaks change with the allowance by less than a hundredth of what the voltage does."""
 
 
 class VoltageCurve(Protocol):
@@ -56,6 +61,8 @@ class GaugedGrinding:
         What the gauge shows in a simulation; beyond its ends it stays as it is there. None: the line.
     thresholds_v : tuple of float
         One a stage [V]; empty: those of G eq. 23, which then stand here.
+    crest : RippleCrest or None
+        Ripple of the smoothed voltage: the relay compares its peaks. None: there is none.
 
     Raises
     ------
@@ -71,6 +78,7 @@ class GaugedGrinding:
     noise: Noise = field(default_factory=Noise)
     characteristic: VoltageCurve | None = None
     thresholds_v: tuple[float, ...] = ()
+    crest: RippleCrest | None = None
 
     def __post_init__(self) -> None:
         if self.gauge.gain_v_per_um == 0:
@@ -113,6 +121,26 @@ class GaugedGrinding:
         """How fast the allowance falls in each stage, the wheel being fresh [µm/s]."""
         wear = wear_share(self.grinding)
         return tuple(removal_rate_um_per_s(stage.feed_um_per_s, wear) for stage in self.grinding.stages)
+
+    @property
+    def mean_thresholds_v(self) -> tuple[float, ...]:
+        """Mean voltage when the peaks of the ripple are at each threshold, at the allowance that is then met [V].
+
+        That allowance is of the line, T_Φ late, and at the bottom of grooves, where the relay trips on its peaks.
+        """
+        if self.crest is None:
+            return self.thresholds_v
+        gauge, surface = self.gauge, self.surface
+        deep_um = surface.groove_depth_um if surface.grooves > 0 else 0.0
+        found = []
+        for volts, rate in zip(self.thresholds_v, self.rates_um_per_s, strict=True):
+            mean_v = volts
+            for _ in range(_CREST_ROUNDS):
+                met_um = (mean_v - gauge.bias_v) / gauge.gain_v_per_um - rate * gauge.time_constant_s - deep_um
+                crest_v = float(self.crest.crest_at(met_um, gauge.time_constant_s))
+                mean_v = volts + math.copysign(crest_v, gauge.gain_v_per_um)
+            found.append(mean_v)
+        return tuple(found)
 
     @property
     def restlessness(self) -> float:

@@ -118,7 +118,7 @@ def driven_runs(
             "allowance": allowance,
             "gauge": voltage,
             "measured": model.measured_um(voltage),
-            "stage": _stage(model, voltage),
+            "stage": _stage(model, voltage, allowance),
             "feed": values,
         }
         tables[run] = pd.DataFrame(
@@ -229,10 +229,15 @@ def _fallen_um(model: GaugingModel, time_s: Vector, feed_mm_per_min: Vector) -> 
     return grinding.allowance_um - fallen
 
 
-def _stage(model: GaugingModel, voltage_v: Vector) -> Vector:
-    """Number of the stage that the voltage asks for, the first being 1; 0 once it has asked for the stop."""
-    thresholds = np.array(model.setup.thresholds_v)
-    done = np.searchsorted(thresholds, np.maximum.accumulate(voltage_v), side="right")
+def _stage(model: GaugingModel, voltage_v: Vector, allowance_um: Vector) -> Vector:
+    """Number of the stage that the voltage asks for, the first being 1; 0 once it has asked for the stop.
+
+    The relay compares the peaks of the ripple, those on a whole surface.
+    """
+    thresholds, compared = np.array(model.setup.thresholds_v), voltage_v
+    if model.crest is not None:
+        compared = voltage_v + model.crest.crest_at(allowance_um, model.values.filter_s)
+    done = np.searchsorted(thresholds, np.maximum.accumulate(compared), side="right")
     return np.where(done < len(thresholds), done + 1.0, 0.0)
 
 

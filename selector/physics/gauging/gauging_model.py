@@ -40,6 +40,7 @@ from selector.physics.gauging.model_parts import FileParts, file_parts
 from selector.physics.gauging.model_schema import GaugingFile
 from selector.physics.gauging.parameters import parameters, with_parameters
 from selector.physics.gauging.part_course import PartCourse, part_course
+from selector.physics.gauging.ripple_crest import RippleCrest
 from selector.physics.gauging.threshold import removal_rate_um_per_s, threshold_v, wear_share
 from selector.physics.gauging.transducer import LinearGauge, Transducer
 from selector.physics.gauging.vibrating_contact import GaugeMotion
@@ -146,6 +147,15 @@ class GaugingModel:
         return None if self.values.transducer is None else _characteristic(self.values.transducer)
 
     @cached_property
+    def crest(self) -> RippleCrest | None:
+        """Ripple of the smoothed voltage, at twice the frequency of the swing; None of a linear gauge."""
+        transducer, curve = self.values.transducer, self.characteristic
+        if transducer is None or curve is None or curve.crest_v is None:
+            return None
+        swings_hz = 2.0 * transducer.electromagnet.frequency_hz
+        return RippleCrest(curve.allowance_um, curve.crest_v, self.values.filter_s, 2.0 * swings_hz)
+
+    @cached_property
     def stage_gauges(self) -> tuple[LinearGauge, ...]:
         """The line at the end of each stage; of a linear gauge the same for all."""
         stages, linear = self.values.grinding.stages, self.values.linear
@@ -186,7 +196,14 @@ class GaugingModel:
         made, said = self.values, self.file.thresholds
         volts = self.advised_thresholds_v if said is None else said.volts
         return GaugedGrinding(
-            self.stage_gauges[-1], made.grinding, made.relay, made.surface, made.noise, self.characteristic, volts
+            self.stage_gauges[-1],
+            made.grinding,
+            made.relay,
+            made.surface,
+            made.noise,
+            self.characteristic,
+            volts,
+            self.crest,
         )
 
     def with_parameters(self, values: Mapping[str, float]) -> GaugingModel:
@@ -229,16 +246,16 @@ class GaugingModel:
         from selector.physics.gauging.model_findings import model_findings
 
         random = self.file.run.seed if seed is None else seed
-        setup, period_s, parts = self.setup, self.period_s, self.file.run.parts
+        setup, parts = self.setup, self.file.run.parts
 
         def told(done: int, of: int) -> None:
             if progress is not None:
                 progress(done, of, "parts")
 
-        sizes = finished_sizes(setup, parts, seed=random, period_s=period_s, progress=told)
+        sizes = finished_sizes(setup, parts, seed=random, progress=told)
         names = [name or run for name in self.runs if name != WAVEFORM_RUN]
         courses = {
-            name: part_course(setup, number, seed=random, period_s=period_s) for number, name in enumerate(names)
+            name: part_course(setup, number, seed=random, period_s=self.period_s) for number, name in enumerate(names)
         }
         tables = {name: self._table(course) for name, course in courses.items()}
         about: dict[str, dict[str, Any]] = {
@@ -325,7 +342,9 @@ def gauging_model(file: GaugingFile, columns: Mapping[str, Any] | None = None) -
                     f"{volts:g} V",
                     expected=f"a voltage between {low:.4g} and {high:.4g} V: the gauge gives no other",
                     where=f"key thresholds.volts[{number + 1}]",
-                    advice="set it within, or leave [thresholds] out: eq. 23 says them then",
+                    advice=f"write {1e-3 * volts:g} if {volts:g} mV was meant"
+                    if low < 1e-3 * volts < high
+                    else "set it within, or leave [thresholds] out: they are then calculated (eq. 23)",
                 )
     return model
 

@@ -95,7 +95,7 @@ def gauging_summary(
     InputError
         As `size_distribution` and `trade_off`.
     """
-    setup, parts, period_s = model.setup, model.file.run.parts, model.period_s
+    setup, parts = model.setup, model.file.run.parts
     told = None if simulation is None else simulation.recording.provenance["simulated"]["seed"]
     sizes = _sizes(model, model.file.run.seed if told is None else int(told), progress)
     if not sizes.tripped.any():
@@ -105,10 +105,10 @@ def gauging_summary(
             where="key thresholds.volts" if model.file.thresholds is not None else "key grinding.stages",
             advice="lower the thresholds, or leave them out: eq. 23 says them then",
         )
-    formula = size_distribution(setup, parts=parts, period_s=period_s)
+    formula = size_distribution(setup, parts=parts)
     tolerance, curve = model.values.tolerance, model.characteristic
     known = None if tolerance is None else capability(sizes.finished_um, tolerance)
-    filters = trade_off(setup, parts=parts, period_s=period_s)
+    filters = trade_off(setup, parts=parts)
     return GaugingSummary(
         gauge=setup.gauge,
         characteristic=curve,
@@ -140,6 +140,6 @@ def _sizes(model: GaugingModel, seed: int, progress: Progress | None) -> Finishe
 
     found: list[FinishedSizes] = []
     for one in seeds:
-        found.append(finished_sizes(model.setup, batch, seed=int(one), period_s=model.period_s, progress=told))
+        found.append(finished_sizes(model.setup, batch, seed=int(one), progress=told))
     columns = {one.name: [getattr(batch, one.name) for batch in found] for one in fields(FinishedSizes)}
     return FinishedSizes(**{name: np.concatenate(values) for name, values in columns.items()})

@@ -143,8 +143,8 @@ class MeanCourse:
 
 
 def threshold_readings_um(setup: GaugedGrinding) -> list[float]:
-    """The thresholds as smoothed readings [µm]."""
-    return [(volts - setup.gauge.bias_v) / setup.gauge.gain_v_per_um for volts in setup.thresholds_v]
+    """Mean readings at which the relay acts, peaks of a ripple being at the thresholds [µm]."""
+    return [(volts - setup.gauge.bias_v) / setup.gauge.gain_v_per_um for volts in setup.mean_thresholds_v]
 
 
 def on_line(setup: GaugedGrinding) -> GaugedGrinding:

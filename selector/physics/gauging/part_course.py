@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from selector.errors import InputError
 from selector.physics.gauging._part_kernel import (
     ALLOWANCE,
     AT_ONCE,
@@ -20,7 +22,7 @@ from selector.physics.gauging._part_kernel import (
 )
 from selector.physics.gauging.finished_sizes import part_seeds
 from selector.physics.gauging.gauged_grinding import GaugedGrinding
-from selector.physics.gauging.part_plan import part_plan
+from selector.physics.gauging.part_plan import default_period_s, part_plan
 
 Vector = NDArray[np.float64]
 
@@ -69,24 +71,32 @@ class PartCourse:
 def part_course(
     setup: GaugedGrinding, part: int = 0, *, seed: int = 0, period_s: float | None = None, steps: int | None = None
 ) -> PartCourse:
-    """The part of this number, the first being 0, as `finished_sizes` with the same seed, period and steps grinds it.
+    """The part of this number, the first being 0, as `finished_sizes` with the same seed and steps grinds it.
 
-    Raises InputError as that does.
+    Samples are `period_s` apart (None: T_Φ/8); how often it is looked at does not change the part. Between two steps
+    the noise that the gauge sees goes straight.
+
+    Raises InputError as that does, and for a period that is not above 0.
     """
-    plan = part_plan(setup, period_s, part + 1, steps)
+    period = default_period_s(setup) if period_s is None else period_s
+    if not (math.isfinite(period) and period > 0):
+        raise InputError(
+            f"{period:g} s", expected="a sampling period above 0", where="period_s", advice="some part of T_Φ will do"
+        )
+    plan = part_plan(setup, part + 1, steps)
     number, seeds = np.array([part]), part_seeds(seed, part + 1)[part:]
     size, duration, state = np.empty(1), np.empty(1), np.empty(1, dtype=np.int64)
     ends = np.zeros((1, len(plan.feed)))
-    grind(plan, number, seeds, size, duration, ends, state, np.empty((0, COLUMNS)))
+    grind(plan, number, seeds, size, duration, ends, state, np.empty((0, COLUMNS)), period)
     tripped = bool(state[0] != NEVER)
     after_s = _SETTLING * plan.filter_s + _LAGS * plan.lag_s if tripped else 0.0
-    rows = max(int((duration[0] + after_s) / plan.period_s) + 1, _LEAST_ROWS if tripped else 1)
+    rows = max(int((duration[0] + after_s) / period) + 1, _LEAST_ROWS if tripped else 1)
     record = np.empty((rows, COLUMNS))
-    grind(plan, number, seeds, size, duration, ends, state, record)
+    grind(plan, number, seeds, size, duration, ends, state, record, period)
     stage = record[:, STAGE].astype(np.int64)
     stages_done = int(np.count_nonzero(ends[0])) if not tripped else len(plan.feed)
     columns = [record[:, column].copy() for column in (ALLOWANCE, SEEN, VOLTAGE, FEED)]
-    time_s = np.asarray(np.arange(rows) * plan.period_s, dtype=np.float64)
+    time_s = np.asarray(np.arange(rows) * period, dtype=np.float64)
     for values in (time_s, stage, *columns):
         values.flags.writeable = False
     return PartCourse(

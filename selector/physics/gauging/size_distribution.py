@@ -15,7 +15,6 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import BarycentricInterpolator
 from scipy.special import ndtr, ndtri
 
 from selector.errors import InputError
@@ -24,7 +23,6 @@ from selector.physics.gauging.curvature import curvature_um
 from selector.physics.gauging.first_passage import masses, passage_law, relay_law, weighted_quantiles
 from selector.physics.gauging.gauged_grinding import GaugedGrinding
 from selector.physics.gauging.mean_course import last_stage, on_line, threshold_readings_um
-from selector.physics.gauging.part_plan import default_period_s
 from selector.physics.gauging.process import Tolerance
 from selector.physics.gauging.surface_ripple import mean_surface_um, smoothed_surface
 from selector.physics.gauging.threshold import voltage_variance_v2, wear_share
@@ -36,7 +34,8 @@ _PACES, _PARTS, _LATTICE, _STILL_LATTICE = 9, 12, 64, 256
 _GOLDEN, _PLASTIC = (math.sqrt(5.0) - 1.0) / 2.0, 0.7548776662466927
 _PROBABILITY, _SHOWN = ndtr(np.linspace(-3.9, 3.9, 131)), ndtr(np.linspace(-3.6, 3.6, 289))
 _FEEDS, _RELAYS = np.linspace(-3.5, 3.5, 21), np.linspace(-3.5, 3.5, 15)
-_MOMENT_FEEDS, _MOMENT_PARTS, _MOST_SIGMAS = 15, 600, 4.0
+_MOMENT_FEEDS, _MOMENT_PARTS, _MOST_SIGMAS = np.polynomial.hermite_e.hermegauss(15), 600, 4.0
+_SAME_PACE = 1e-9
 _SINGLE, _SLOW_RIPPLE = 0.2, 1.0
 
 
@@ -108,13 +107,11 @@ class SizeDistribution:
         return float(ndtr((size_um - self.mean_um) / self.sd_um))
 
 
-def size_distribution(
-    setup: GaugedGrinding, *, method: Method = "first-passage", parts: int = 1, period_s: float | None = None
-) -> SizeDistribution:
+def size_distribution(setup: GaugedGrinding, *, method: Method = "first-passage", parts: int = 1) -> SizeDistribution:
     """Finished sizes by formula, of a batch of `parts` with its wear (1: as at the first part).
 
-    The gauge is its line, the noise stationary; `period_s` is how often noise of the relay is new (None: T_Φ/8). The
-    linear method also takes the last stage to be long against T_Φ and lag; the other has the mean transient.
+    The gauge is its line, the noise stationary. The linear method also takes the last stage to be long against T_Φ and
+    lag; the other has the mean transient.
 
     Raises InputError for a method that is none, no parts, or a wheel that wears too much before it is dressed.
     """
@@ -126,8 +123,7 @@ def size_distribution(
             advice="correct it",
         )
     line = on_line(setup)
-    period = default_period_s(setup) if period_s is None else period_s
-    lot, early, white, relay_um = _lot(line, method, parts), *_of_relay(setup, method, period)
+    lot, early, white, relay_um = _lot(line, method, parts), *_of_relay(setup, method)
     at, weight = lot.sizes()
     if white > 0:
         at = at[:, None] + np.interp(ndtr(_RELAYS), _PROBABILITY, relay_um)
@@ -145,10 +141,10 @@ def size_distribution(
     )  # fmt: skip
 
 
-def size_moments_um(setup: GaugedGrinding, *, parts: int, period_s: float) -> tuple[float, float]:
+def size_moments_um(setup: GaugedGrinding, *, parts: int) -> tuple[float, float]:
     """Mean and standard deviation by first passage, without the quantiles: quicker, where many are wanted [µm]."""
     lot = _lot(on_line(setup), "first-passage", parts)
-    early, white, _ = _of_relay(setup, "first-passage", period_s)
+    early, white, _ = _of_relay(setup, "first-passage")
     return lot.mean_um + early, math.sqrt(lot.within_um2 + lot.between_um2 + white)
 
 
@@ -171,12 +167,12 @@ def _smooth_lot(line: GaugedGrinding, method: Method, parts: int) -> _Lot:
     """Nothing but noise within a part: its law changes smoothly with the pace."""
     numbers, few = _some_parts(parts, _MOMENT_PARTS), _some_parts(parts, _PARTS)
     spread = line.grinding.feed_sd > 0
-    nodes, weights = np.polynomial.hermite_e.hermegauss(_MOMENT_FEEDS) if spread else (np.zeros(1), np.ones(1))
+    nodes, weights = _MOMENT_FEEDS if spread else (np.zeros(1), np.ones(1))
     weights = weights / weights.sum()
     paces = _fed(line, nodes)[:, None] * _slowed(line, numbers)
     law = (_linear_law if method == "linear" else _passage_law)(line, float(paces.min()), float(paces.max()))
     each = law.mean(paces) + _worn_um(line, numbers)
-    mean = float(weights @ each.mean(axis=1))
+    mean = float(np.sum(weights * each.mean(axis=1)))
 
     def sizes() -> tuple[Vector, Vector]:
         feeds = _FEEDS if spread else np.zeros(1)
@@ -186,8 +182,8 @@ def _smooth_lot(line: GaugedGrinding, method: Method, parts: int) -> _Lot:
 
     return _Lot(
         mean,
-        max(float(weights @ law.variance(paces).mean(axis=1)), 0.0),
-        max(float(weights @ ((each - mean) ** 2).mean(axis=1)), 0.0),
+        max(float(np.sum(weights * law.variance(paces).mean(axis=1))), 0.0),
+        max(float(np.sum(weights * ((each - mean) ** 2).mean(axis=1))), 0.0),
         sizes,
     )
 
@@ -237,16 +233,17 @@ def _linear_law(line: GaugedGrinding, low: float, high: float) -> _Laws:
 
 def _passage_law(line: GaugedGrinding, low: float, high: float) -> _Laws:
     """By first passage at a few paces, and polynomials through them."""
-    count = _PACES if high > low else 1
-    at = 0.5 * (low + high) - 0.5 * (high - low) * np.cos((np.arange(count) + 0.5) * math.pi / count)
+    count = _PACES if high - low > _SAME_PACE * high else 1
+    angle = (np.arange(count) + 0.5) * math.pi / count
+    at = 0.5 * (low + high) - 0.5 * (high - low) * np.cos(angle)
+    weight = np.sin(angle) * (-1.0) ** np.arange(count)
     found = [passage_law(line, _PROBABILITY, float(pace)) for pace in at]
 
     def through(values: list[Vector]) -> Callable[[Vector], Vector]:
         table = np.stack(values)
         if count == 1:
             return lambda pace: np.broadcast_to(table[0], (*pace.shape, *table[0].shape))
-        curve = BarycentricInterpolator(at, table)
-        return lambda pace: np.asarray(curve(pace.ravel())).reshape(*pace.shape, *table.shape[1:])
+        return lambda pace: _polynomial(at, weight, table, pace)
 
     return _Laws(
         through([np.array(one.mean_um) for one in found]),
@@ -255,12 +252,25 @@ def _passage_law(line: GaugedGrinding, low: float, high: float) -> _Laws:
     )
 
 
-def _of_relay(setup: GaugedGrinding, method: Method, period_s: float) -> tuple[float, float, Vector]:
+def _polynomial(at: Vector, weight: Vector, table: Vector, pace: Vector) -> Vector:
+    """The polynomial through a table at Chebyshev's nodes, by its barycentric form; shape of `pace`, then of a row."""
+    distance = pace[..., None] - at
+    met = distance == 0.0
+    share = np.where(met.any(axis=-1, keepdims=True), met, weight / np.where(met, 1.0, distance))
+    share = share / share.sum(axis=-1, keepdims=True)
+    # summed node by node: a matrix product may round otherwise from call to call
+    found = np.zeros((*pace.shape, *table.shape[1:]))
+    for node, row in enumerate(table):
+        found += share[..., node].reshape(*pace.shape, *(1,) * row.ndim) * row
+    return found
+
+
+def _of_relay(setup: GaugedGrinding, method: Method) -> tuple[float, float, Vector]:
     """What noise of the relay adds: mean [µm], variance [µm²], quantiles [µm]."""
     if method == "linear":
         white = setup.relay.noise_v / abs(setup.gauge.gain_v_per_um)
         return 0.0, white**2, white * ndtri(_PROBABILITY)
-    law = relay_law(setup, _PROBABILITY, period_s)
+    law = relay_law(setup, _PROBABILITY)
     return law.mean_um, law.variance_um2, law.size_um
 
 

@@ -65,7 +65,7 @@ def size_findings(
 
 def _early(model: GaugingModel, formula: SizeDistribution) -> Iterator[Finding]:
     setup, parts = model.setup, model.file.run.parts
-    linear = size_distribution(setup, method="linear", parts=parts, period_s=model.period_s)
+    linear = size_distribution(setup, method="linear", parts=parts)
     early_um = formula.mean_um - linear.mean_um
     if formula.ripple_rate >= 1.0:
         surface = on_line(setup).surface

@@ -46,8 +46,8 @@ class SteadySwing:
         [µm].
     voltage_v, voltage_sd_v : float
         Mean of the smoothed voltage, and how uncertain it is because the swing is irregular [V].
-    ripple_v : float
-        From the lowest to the highest smoothed voltage [V].
+    ripple_v, crest_v : float
+        From the lowest to the highest smoothed voltage; how far the highest is above the mean [V].
     stroke_um, highest_um : float
         Between the turning points over all rounds; the highest of them, from the probe's rest [µm].
     rounds : int
@@ -62,6 +62,7 @@ class SteadySwing:
     voltage_v: float
     voltage_sd_v: float
     ripple_v: float
+    crest_v: float
     stroke_um: float
     highest_um: float
     rounds: int
@@ -123,17 +124,19 @@ def steady_swing(
     ran = repeats or swing.affordable(IRREGULAR_ROUNDS)
     state[at.U] = _settled_voltage(swing, state, ran)
     out = swing.run(state, ran)
-    shown = min(ran, MOST_ROUNDS_TO_REPEAT)
+    mean_v = float(out[:, at.S].mean())
+    ripple_v, crest_v = _ripple(swing, p, state, min(ran, MOST_ROUNDS_TO_REPEAT), mean_v, bool(repeats))
     return SteadySwing(
         allowance_um=math.inf if allowance_um is None else float(allowance_um),
-        voltage_v=float(out[:, at.S].mean()),
+        voltage_v=mean_v,
         voltage_sd_v=0.0 if repeats else _sd_of_mean(out[:, at.S]),
-        ripple_v=_ripple(swing, p, state, shown, float(out[:, at.S].mean()), bool(repeats)),
+        ripple_v=ripple_v,
+        crest_v=crest_v,
         stroke_um=1e6 * float(out[:, 4].max() - out[:, 5].min()),
         highest_um=1e6 * float(out[:, 4].max()),
         rounds=repeats,
         touches=float(out[:, 6].mean()),
-        state=GaugeState(float(state[0]), float(state[1]), None, float(state[2]), float(out[:, at.S].mean())),
+        state=GaugeState(float(state[0]), float(state[1]), None, float(state[2]), mean_v),
     )
 
 
@@ -194,8 +197,8 @@ def _settled_voltage(swing: _Rounds, state: Vector, rounds: int) -> float:
     return float(added / (1.0 - left))
 
 
-def _ripple(swing: _Rounds, p: Vector, state: Vector, rounds: int, mean_v: float, repeats: bool) -> float:
-    """Smoothed voltage from its lowest to its highest."""
+def _ripple(swing: _Rounds, p: Vector, state: Vector, rounds: int, mean_v: float, repeats: bool) -> tuple[float, float]:
+    """Smoothed voltage from its lowest to its highest, and the latter above its mean."""
     time = np.linspace(0.0, rounds * round_s(swing.transducer), _SAMPLES * rounds + 1)
     out = np.empty((len(time), 4))
     knots, plane = np.array([0, len(time) - 1]), np.full(len(time), swing.plane_m)
@@ -208,7 +211,7 @@ def _ripple(swing: _Rounds, p: Vector, state: Vector, rounds: int, mean_v: float
     fading = np.exp(-time * p[at.RATE])
     first = out[-1, at.S] / (1.0 - fading[-1]) if repeats else mean_v
     course = out[:, at.S] + first * fading
-    return float(course.max() - course.min())
+    return float(course.max() - course.min()), float(course.max() - course[:-1].mean())
 
 
 def _sd_of_mean(values: Vector) -> float:

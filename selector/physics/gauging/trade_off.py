@@ -18,7 +18,6 @@ from selector.errors import InputError
 from selector.physics.gauging.curvature import curvature_um
 from selector.physics.gauging.finished_sizes import finished_sizes
 from selector.physics.gauging.gauged_grinding import GaugedGrinding
-from selector.physics.gauging.part_plan import default_period_s
 from selector.physics.gauging.size_distribution import size_moments_um
 
 Vector = NDArray[np.float64]
@@ -48,7 +47,7 @@ class TradeOff:
     present_s, present_bias_um, present_sd_um : float
         With the filter and the thresholds that there are [s], [µm], [µm].
     at_edge : bool
-        Whether the best T_Φ is an end of the range that was tried, and may lie beyond.
+        Whether one of the two best T_Φ is an end of the range that was tried, and may lie beyond.
     """
 
     time_constant_s: Vector
@@ -83,17 +82,14 @@ def trade_off(
     *,
     time_constants_s: ArrayLike | None = None,
     parts: int = 1,
-    period_s: float | None = None,
 ) -> TradeOff:
     """Error of the size with other filters, by first passage on the line; the curve of a characteristic moves the mean.
 
     `time_constants_s` increase [s]; None: up to a third of the last stage, which has to be long against its filter.
-    `parts` is the batch whose wear counts, `period_s` how often noise of the relay is new (None: T_Φ/8 of the filter
-    that there is).
+    `parts` is the batch whose wear counts.
 
     Raises InputError for time constants that are not above 0 and increasing, and as `size_distribution` does.
     """
-    period = default_period_s(setup) if period_s is None else period_s
     filters = _default_filters(setup) if time_constants_s is None else np.array(time_constants_s, dtype=np.float64)
     if filters.ndim != 1 or len(filters) < 2 or not (filters > 0).all() or not (np.diff(filters) > 0).all():
         raise InputError(
@@ -106,7 +102,7 @@ def trade_off(
     def moments(filter_s: float | None) -> tuple[float, float]:
         """Bias and standard deviation; None: as it is."""
         other = setup if filter_s is None else setup.with_filter(filter_s)
-        mean, sd_um = size_moments_um(other, parts=parts, period_s=period)
+        mean, sd_um = size_moments_um(other, parts=parts)
         return mean + curvature_um(other) - setup.wanted_um, sd_um
 
     bias, sd = np.array([moments(float(one)) for one in filters]).T.copy()
@@ -124,13 +120,13 @@ def trade_off(
         setup.with_filter(steady_s).thresholds_v[-1] - setup.gauge.gain_v_per_um * steady[0],
         steady[1],
         setup.gauge.time_constant_s, *present,
-        best_s in ends,
+        best_s in ends or steady_s in ends,
     )  # fmt: skip
 
 
-def centred_threshold_v(setup: GaugedGrinding, *, parts: int = 1, period_s: float | None = None) -> float:
+def centred_threshold_v(setup: GaugedGrinding, *, parts: int = 1) -> float:
     """Voltage of the last command that makes the mean size the wanted one, by first passage on the line [V]."""
-    mean, _ = size_moments_um(setup, parts=parts, period_s=default_period_s(setup) if period_s is None else period_s)
+    mean, _ = size_moments_um(setup, parts=parts)
     off = mean + curvature_um(setup) - setup.wanted_um
     return setup.thresholds_v[-1] - setup.gauge.gain_v_per_um * off
 
@@ -141,7 +137,6 @@ def mean_square_errors(
     *,
     parts: int = 1000,
     seed: int = 0,
-    period_s: float | None = None,
     threads: int = 1,
 ) -> tuple[Vector, Vector]:
     """Mean square error of the size with these filters and thresholds of eq. 23, by Monte Carlo; its standard error.
@@ -149,11 +144,10 @@ def mean_square_errors(
     Shapes of `time_constants_s` [µm²]; the check on `TradeOff.rms_um` squared. Parts that are given up do not count.
     """
     filters = np.asarray(time_constants_s, dtype=np.float64)
-    period = default_period_s(setup) if period_s is None else period_s
     means, errors = np.empty(filters.shape), np.empty(filters.shape)
     for at, filter_s in np.ndenumerate(filters):
         other = setup.with_filter(float(filter_s))
-        sizes = finished_sizes(other, parts, seed=seed, period_s=period, threads=threads)
+        sizes = finished_sizes(other, parts, seed=seed, threads=threads)
         bias = sizes.mean_um - setup.wanted_um
         squares = (sizes.finished_um - setup.wanted_um) ** 2
         means[at] = bias**2 + float(sizes.finished_um.var())

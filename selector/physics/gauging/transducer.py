@@ -140,14 +140,18 @@ class Relay:
     delay_s : float
         From the comparison to the feed standing still [s].
     noise_v : float
-        Standard deviation of noise on the compared voltage, without memory from sample to sample [V].
+        Standard deviation of noise on the compared voltage, without memory from one value to the next [V].
+    noise_hold_s : float
+        How long a value of this noise lasts, until the next is drawn: of a relay that samples, its period [s].
     """
 
     delay_s: float = 0.0
     noise_v: float = 0.0
+    noise_hold_s: float = 0.01
 
     def __post_init__(self) -> None:
         require_not_negative(self, "delay_s", "noise_v")
+        require_positive(self, "noise_hold_s")
 
 
 @dataclass(frozen=True)
