@@ -350,8 +350,8 @@ def _parameters(page: VibrationPage) -> Table | None:
 
 
 _ERRORS = (
-    "Filled: what a tip leaves that copies the motion of the tool against the workpiece. Hollow: W of V eq. 2, which "
-    "takes inertia forces of tool and workpiece for changes of the cutting force. First revolution, without "
+    "Filled: what a tip leaves that copies the motion of the tool against the workpiece. Hollow: W, the law of the "
+    "cutting force, which takes inertia forces of tool and workpiece for changes of it. First revolution, without "
     "regeneration and chatter; grey: several sources."
 )
 _STRUCTURE = (

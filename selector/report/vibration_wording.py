@@ -42,16 +42,16 @@ def error_sentence(one: PeriodicError, carried: CarryingMode | None) -> str:
     return (
         f"The highest periodic error is {one.kind} of {number_text(one.kinematic_um)} µm, every "
         f"{number_text(one.wavelength_mm)} mm {_ALONG[one.direction]}. It comes from {listed(one.sources)} at "
-        f"{one.frequency_hz:.4g} Hz{carried_text(carried)}."
+        f"{one.frequency_hz:.4g} Hz{carried_text(carried, one.frequency_hz)}."
     )
 
 
 def published_sentences(errors: Sequence[PeriodicError]) -> list[str]:
-    """The highest error by V eq. 2, and how much of a motion there is behind it."""
+    """The highest error by the law of the cutting force (V eq. 2), and how much of a motion there is behind it."""
     one = max(errors, key=lambda error: error.published_um)
     said = (
-        f"That is what a tip leaves which copies the motion of the tool against the workpiece. By V eq. 2, which takes "
-        f"inertia forces for changes of the cutting force, the highest is {one.kind} of "
+        f"That is what a tip leaves which copies the motion of the tool against the workpiece. By the law of the "
+        f"cutting force, with the inertia forces of both as its changes, the highest is {one.kind} of "
         f"{number_text(one.published_um)} µm by {listed(one.sources)} at {one.frequency_hz:.4g} Hz"
     )
     if one.published_um > _MORE_THAN_MOTION * one.kinematic_um:
@@ -64,7 +64,8 @@ def line_sentence(one: LineSummary, carried: CarryingMode | None) -> str:
     """The line that moves the tool most against the workpiece, where nothing is said of a cut."""
     return (
         f"The tool moves most against the workpiece at {one.frequency_hz:.4g} Hz, with an amplitude of "
-        f"{number_text(one.motion_um[RELATIVE])} µm. It comes from {one.source}{carried_text(carried)}."
+        f"{number_text(one.motion_um[RELATIVE])} µm. It comes from {one.source}"
+        f"{carried_text(carried, one.frequency_hz)}."
     )
 
 
@@ -80,14 +81,18 @@ def run_up_sentence(
     )
 
 
-def carried_text(carried: CarryingMode | None) -> str:
-    """Which resonance has a hand in a line, as the end of a sentence."""
+def carried_text(carried: CarryingMode | None, frequency_hz: float) -> str:
+    """Which resonance has a hand in a line of this frequency [Hz], or that none has, as the end of a sentence."""
     if carried is None:
         return ""
-    mode = f"the mode at {carried.frequency_hz:.4g} Hz, in which the {carried.member} moves most"
+    at_hz = f"{carried.frequency_hz:.4g} Hz"
     if carried.amplification >= _FAR:
+        mode = f"the mode at {at_hz}, in which the {carried.member} moves most"
         return f", near {mode}: the resonance makes it {number_text(carried.amplification)} times as large"
-    return f", mostly by {mode}, far from its resonance"
+    below = frequency_hz < carried.frequency_hz
+    side, why = ("below", "the machine gives way as to a steady force") if below else ("above", "the masses resist it")
+    mode = f"the mode that has most of it ({at_hz}, the {carried.member} moves most)"
+    return f". No resonance makes it large: it lies {side} {mode}, and {why}"
 
 
 def kinds_sentence(heights: Sequence[KindHeight]) -> str:
@@ -145,8 +150,8 @@ def kinds_table(heights: Sequence[KindHeight]) -> Table:
     ]
     note = (
         "Copied: root of the sum of squares of 2·|motion of tool against workpiece|, of lines that know nothing of "
-        "each other. W: the same root of the heights of V eq. 2; largest: W of all inertia forces added up, when "
-        "all crests meet. First revolution, without regeneration and chatter."
+        "each other. W: the same root of the heights by the law of the cutting force; largest: W of all inertia "
+        "forces added up, when all crests meet. First revolution, without regeneration and chatter."
     )
     heads = ["kind", ">frequencies", ">copied motion [µm]", ">W [µm]", ">W, largest [µm]"]
     return table(heads, rows, note)
@@ -171,8 +176,8 @@ def errors_table(errors: Sequence[PeriodicError]) -> Table:
     ]
     more = f"{len(errors) - MOST_ERRORS} more are in the JSON. " if len(errors) > MOST_ERRORS else ""
     note = (
-        f"{more}W: of V eq. 2, sum over tool and workpiece. Along the axis: what a stylus meets that runs "
-        "along the part; straight where the waves of all turns lie side by side."
+        f"{more}W: by the law of the cutting force, tool and workpiece added up. Along the axis: what a stylus meets "
+        "that runs along the part; straight where the waves of all turns lie side by side."
     )
     heads = ["kind", "source", ">Hz", ">wavelength [mm]", "along", ">waves per turn", ">along the axis [mm]"]
     return table([*heads, ">copied [µm]", ">W [µm]"], rows, note)

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from selector.physics.channel_differences import ChannelDifference
-from selector.physics.vibration.resonance import carrying_mode, relative_parts
+from selector.physics.vibration.resonance import CarryingMode, carrying_mode, relative_parts
 from selector.physics.vibration.vibration_summary import RELATIVE
 from selector.report.numbers import number_text
 from selector.report.vibration_report import vibration_html, write_vibration_report
-from selector.report.vibration_wording import published_sentences, source_shares
+from selector.report.vibration_wording import carried_text, published_sentences, source_shares
 from tests.report import vibrations
 from tests.report.test_selection_report import MEGABYTE, Page
 from tests.report.test_thermal_in_browser import BROWSER
@@ -152,3 +152,19 @@ def test_every_figure_is_drawn_in_a_browser_and_nothing_is_refused(kind, tmp_pat
     assert len(re.findall(r'<svg class="main-svg"', drawn)) >= FIGURES[kind]
     assert "updatemenu-header" in drawn
     assert not [line for line in run.stderr.splitlines() if ":CONSOLE" in line]
+
+
+@pytest.mark.parametrize(
+    ("frequency_hz", "said"),
+    [
+        (
+            13.3,
+            ". No resonance makes it large: it lies below the mode that has most of it (40 Hz, the tool moves most)",
+        ),
+        (90.0, ". No resonance makes it large: it lies above the mode"),
+        (38.0, ", near the mode at 40 Hz, in which the tool moves most: the resonance makes it"),
+    ],
+)
+def test_a_line_far_from_resonances_is_not_said_to_be_made_by_one(frequency_hz, said):
+    mode = CarryingMode(0, 40.0, 0.1, "tool", 1.0 / abs(1.0 - (frequency_hz / 40.0) ** 2))
+    assert carried_text(mode, frequency_hz).startswith(said)
