@@ -12,13 +12,18 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from selector.physics.vibration.chain_error import Agreement, ChainAccuracy, chain_accuracy
 from selector.physics.vibration.coupled import receptance, response
 from selector.physics.vibration.model_file import read_model_file
 from selector.physics.vibration.modes import receptance_by_modes, structure_modes
+from selector.physics.vibration.spectrum import excitation
 from selector.physics.vibration.structure import Structure
 from selector.physics.vibration.vibration_model import VibrationModel, vibration_model
+from selector.physics.vibration.vibration_summary import judged_frequencies_hz
+
+Vector = NDArray[np.float64]
 
 ROOT = Path(__file__).resolve().parents[1]
 HZ = np.geomspace(5.0, 2000.0, 4000)
@@ -30,6 +35,8 @@ def main() -> None:
     structure, names = model.structure, model.structure.names
     split = model.split_hz(model.shaft_rpm)
     assert split is not None
+    lines = excitation(model.sources, model.shaft_rpm)
+    judged = judged_frequencies_hz(model, lines.frequency_hz, split)
 
     modes = structure_modes(structure)
     print(
@@ -50,9 +57,10 @@ def main() -> None:
     print(f"{len(names)} members at 10 000 frequencies: direct {direct_s:.3f} s, by modes {modes_s:.3f} s")
 
     for dampers_carry in (False, True):
-        print(f"\nsplit {split:.0f} Hz, 5 Hz to 2 kHz, {'dampers carry' if dampers_carry else 'as published'}")
+        how = "dampers carry" if dampers_carry else "as published"
+        print(f"\nsplit {split:.0f} Hz, {judged[0]:.0f} to {judged[-1]:.0f} Hz, {how}")
         print("chain, source | share within 10 % (amplitude alone), rms: published | one way | cut out | bands [Hz]")
-        for one in accuracy(model, structure, split, dampers_carry=dampers_carry):
+        for one in accuracy(model, structure, judged, split, dampers_carry=dampers_carry):
             parts = " | ".join(short(part) for part in (one.published, one.one_way, one.cut_out))
             bands = ", ".join(f"{low:.0f}-{high:.0f}" for low, high in one.published.bands_hz if high > 1.1 * low)
             print(f"{one.chain:8s} {one.source!s:4s} | {parts} | {bands}")
@@ -60,7 +68,7 @@ def main() -> None:
     print(f"\n{VARIED} lathes with every mass, stiffness and ψ between half and twice: share within 10 %")
     shares = defaultdict[tuple[str, str | None], list[float]](list)
     for seed in range(VARIED):
-        for one in accuracy(model, varied(structure, seed), split):
+        for one in accuracy(model, varied(structure, seed), judged, split):
             shares[one.chain, one.source].append(100 * one.published.share_within)
     for (chain, source), values in shares.items():
         low, middle, high = np.quantile(values, [0.1, 0.5, 0.9])
@@ -68,10 +76,10 @@ def main() -> None:
 
 
 def accuracy(
-    model: VibrationModel, structure: Structure, split: float, *, dampers_carry: bool = False
+    model: VibrationModel, structure: Structure, judged_hz: Vector, split: float, *, dampers_carry: bool = False
 ) -> tuple[ChainAccuracy, ...]:
     return chain_accuracy(
-        structure, model.chains, HZ, sources=model.sources, split_hz=split, dampers_carry=dampers_carry
+        structure, model.chains, judged_hz, sources=model.sources, split_hz=split, dampers_carry=dampers_carry
     )
 
 

@@ -173,7 +173,9 @@ def _show_chains(console: Console, accuracy: Sequence[ChainAccuracy]) -> None:
     ]
     columns = ["chain", "source", "final", "within 10 %", "rms dB", "most at Hz", "one way dB", "cut out dB"]
     which = f", the {_MOST_ROWS} worst of {len(accuracy)}" if len(accuracy) > _MOST_ROWS else ""
-    title = f"Chains against the coupled structure{which}"
+    spans = [one.frequency_hz[[0, -1]] for one in accuracy]
+    span = f"{min(one[0] for one in spans):.3g} to {max(one[1] for one in spans):.4g} Hz"
+    title = f"Chains against the coupled structure, {span}{which}"
     console.print(showing.table(title, columns, rows, numeric=columns[3:]))
 
 

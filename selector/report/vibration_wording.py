@@ -245,9 +245,12 @@ def chains_table(accuracy: Sequence[ChainAccuracy]) -> Table:
         )
         for one in accuracy
     ]
+    lowest = min(float(one.frequency_hz[0]) for one in accuracy)
+    highest = max(float(one.frequency_hz[-1]) for one in accuracy)
     note = (
-        "Against the coupled solution of the whole structure with the same force, over the frequencies of the chain's "
-        "range, phase counted. One way: published against the coupled solution of the chain alone. Cut out: the chain "
+        "Against the coupled solution of the whole structure with the same force, from "
+        f"{number_text(lowest)} to {number_text(highest)} Hz, evenly over the logarithm, in the chain's range, phase "
+        "counted. One way: published against the coupled solution of the chain alone. Cut out: the chain "
         "alone, coupled, against the whole structure."
     )
     heads = ["chain", "source", "final", ">within 10 %", "widest bands within 10 % [Hz]", ">rms [dB]"]

@@ -248,18 +248,28 @@ def _too_many(
     )
 
 
+def judged_frequencies_hz(
+    model: VibrationModel, lines_hz: NDArray[np.float64], split_hz: float | None
+) -> NDArray[np.float64]:
+    """Frequencies at which the chains of a model are judged [Hz]: as many a decade from 1 Hz to twice the highest line.
+
+    If the high chains begin above the highest line, to twice the frequency where they do.
+    """
+    highest = _BEYOND * max(split_hz or 0.0, float(lines_hz.max(initial=_LOWEST_JUDGED_HZ)))
+    motions = sum(len(chain.sources) for chain in model.chains) * len(model.structure.members)
+    judged = min(max(_JUDGED_AT_ONCE // max(motions, 1), _FEWEST_JUDGED), _JUDGED)
+    return np.geomspace(min(_LOWEST_JUDGED_HZ, highest / 10.0), highest, judged)
+
+
 def _accuracy(
     model: VibrationModel, lines_hz: NDArray[np.float64], split_hz: float | None
 ) -> tuple[tuple[ChainAccuracy, ...], tuple[Finding, ...]]:
     """Every chain over its range; where it meets an undamped resonance there is none, and a finding."""
     if not model.chains:
         return (), ()
-    highest = _BEYOND * max(split_hz or 0.0, float(lines_hz.max(initial=_LOWEST_JUDGED_HZ)))
-    motions = sum(len(chain.sources) for chain in model.chains) * len(model.structure.members)
-    judged = min(max(_JUDGED_AT_ONCE // motions, _FEWEST_JUDGED), _JUDGED)
-    frequency = np.geomspace(min(_LOWEST_JUDGED_HZ, highest / 10.0), highest, judged)
+    judged_hz = judged_frequencies_hz(model, lines_hz, split_hz)
     try:
-        return chain_accuracy(model.structure, model.chains, frequency, sources=model.sources, split_hz=split_hz), ()
+        return chain_accuracy(model.structure, model.chains, judged_hz, sources=model.sources, split_hz=split_hz), ()
     except InputError as error:
         said = Finding(
             "chains-not-judged",
@@ -287,4 +297,11 @@ def _of_speeds(model: VibrationModel, simulation: VibrationSimulation) -> tuple[
     )
 
 
-__all__ = ["RELATIVE", "AmplitudeSummary", "LineSummary", "VibrationSummary", "vibration_summary"]
+__all__ = [
+    "RELATIVE",
+    "AmplitudeSummary",
+    "LineSummary",
+    "VibrationSummary",
+    "judged_frequencies_hz",
+    "vibration_summary",
+]

@@ -10,7 +10,7 @@ import pytest
 
 from selector.physics.vibration.model_file import checked_model_file, read_model_file
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, vibration_model
-from selector.physics.vibration.vibration_summary import vibration_summary
+from selector.physics.vibration.vibration_summary import judged_frequencies_hz, vibration_summary
 from tests.physics.vibration.model_values import changed
 
 LATHE = Path(__file__).resolve().parents[3] / "fixtures" / "vibration" / "lathe.toml"
@@ -111,3 +111,12 @@ def test_chains_that_meet_an_undamped_resonance_are_not_judged():
                     ("joints.2.stiffness_n_per_m", 1e14))  # fmt: skip
     assert found.accuracy == ()
     assert "chains-not-judged" in [finding.id for finding in found.findings]
+
+
+def test_chains_are_judged_from_1_hz_to_twice_the_highest_line_or_where_the_high_ones_begin():
+    built = vibration_model(read_model_file(LATHE))
+    assert judged_frequencies_hz(built, np.array([0.8, 1700.0]), 785.4)[[0, -1]] == pytest.approx([1.0, 3400.0])
+    assert judged_frequencies_hz(built, np.array([20.0]), 785.4)[-1] == pytest.approx(2 * 785.4)
+    assert judged_frequencies_hz(built, np.array([20.0]), None)[-1] == pytest.approx(40.0)
+    steps = np.diff(np.log(judged_frequencies_hz(built, np.array([20.0]), None)))
+    assert steps == pytest.approx(steps[0], rel=1e-9)  # as many a decade everywhere
