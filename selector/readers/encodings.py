@@ -152,7 +152,9 @@ def _word_shape(word: str) -> float:
     inner_capitals = sum(a.islower() and b.isupper() for a, b in itertools.pairwise(word))
     if "CYRILLIC" in scripts:
         lower = sum(c.islower() for c in word)
-        return (0.5 if lower >= len(word) - 1 else 0.1) * len(word) - penalty - 2.0 * inner_capitals
+        # letters of ASCII speak for no encoding: one sign inside a Latin word is no Cyrillic word
+        written = sum(not c.isascii() for c in word)
+        return (0.5 if lower >= len(word) - 1 else 0.1) * written - penalty - 2.0 * inner_capitals
     accents = sum(not c.isascii() for c in word)
     usual = sum(c in "äöüßÄÖÜéèàçêâôñáíóúščřžýěůłżźśćńąęőűăâîșț" for c in word)
     return usual * 0.8 - (accents - usual) * 0.8 - 2.0 * inner_capitals - penalty - (2.0 if accents > 3 else 0.0)

@@ -3,6 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from selector.readers.encodings import decoded
+
 HEADERS = {
     "western": ("Zeit [s]", "Spindellager vorn [°C]", "Gehäuse [°C]", "Verlagerung Z [µm]"),
     "french": ("Temps [s]", "Température 1 [°C]", "Palier arrière [°C]", "Déplacement Z [µm]"),
@@ -65,3 +67,21 @@ def test_a_cut_multibyte_character_does_not_change_the_encoding(reads):
 def test_every_line_end(reads, times, line_end):
     reading = reads(line_end.join(["t [s],T1", *(f"{i},2{i}" for i in range(5))]) + line_end)
     assert times(reading) == [0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize(
+    "word",
+    ["Werkstück", "Fräskopf", "Drehmomentstütze", "Bohrungsmaß", "Messfühler", "rugosité", "extensión", "köldmedium"],
+)
+def test_one_accent_in_a_long_latin_word_is_no_cyrillic_letter(word):
+    text = f"t [s];Werkzeug;{word}\n0;1;2,5\n"
+    found = decoded(text.encode("cp1252"), "day.csv")
+    assert found.utf8.decode("utf-8") == text
+
+
+@pytest.mark.parametrize("word", ["Деталь", "Tмасла", "t_окр", "скорость_об/мин", "Заготовка", "Смазка"])
+@pytest.mark.parametrize("encoding", ["cp1251", "koi8_r", "cp866"])
+def test_cyrillic_words_stay_cyrillic_beside_latin_letters(word, encoding):
+    text = f"t [s];T1;{word}\n0;1;2,5\n"
+    found = decoded(text.encode(encoding), "day.csv")
+    assert (found.encoding, found.utf8.decode("utf-8")) == (encoding, text)
