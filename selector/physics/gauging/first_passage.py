@@ -12,6 +12,7 @@ large where the noise is restless.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +21,7 @@ from scipy import integrate
 from scipy.special import log_ndtr, ndtr
 
 from selector.physics.gauging.gauged_grinding import GaugedGrinding
-from selector.physics.gauging.mean_course import MeanCourse, last_stage, threshold_readings_um
+from selector.physics.gauging.mean_course import MeanCourse, stage_courses, threshold_readings_um
 from selector.physics.gauging.process import Noise
 from selector.physics.gauging.renewal import clump_survival, renewal_survival, steps_needed
 from selector.physics.gauging.threshold import voltage_rate_sd_v_per_s, voltage_variance_v2
@@ -32,6 +33,8 @@ NO_NOISE_UM = 1e-9
 """Noise that is less than this moves no size."""
 
 _FAR = -30.0
+_FEW_SIGMAS, _SETTLED = 5.0, 8.0
+_STARTS = np.polynomial.hermite_e.hermegauss(5)
 _FEW, _LONG_GONE = 1e-7, 1e-30
 _RELAY_POINTS, _RELAY_PHASES, _FINE = 2001, 16, 20.0
 
@@ -56,16 +59,67 @@ class PassageLaw:
 def passage_law(setup: GaugedGrinding, probability: Vector, pace: float = 1.0, turn: float = 0.0) -> PassageLaw:
     """Sizes of parts whose allowance falls `pace` times as fast as with the mean feed, the workpiece begun at `turn`.
 
-    The last stage on its mean course, the gauge a line, its noise stationary, the relay's own noise left out; the
-    stages before end when they do without noise. Quantiles at `probability`, shape (n_probabilities,).
+    The last stage on its mean course, the gauge a line, its noise stationary, the relay's own noise left out. Where it
+    is so short that it matters when it begins, noise also ends the stage before early; those before that end when they
+    do without noise. Quantiles at `probability`, shape (n_probabilities,).
     """
-    gain, level = abs(setup.gauge.gain_v_per_um), threshold_readings_um(setup)[-1]
-    sd = math.sqrt(voltage_variance_v2(setup.gauge, setup.noise)) / gain
-    rate_sd = voltage_rate_sd_v_per_s(setup.gauge, setup.noise) / gain
-    course, delay_s = last_stage(setup, pace, turn), setup.relay.delay_s
+    level, delay_s = threshold_readings_um(setup)[-1], setup.relay.delay_s
+    courses = stage_courses(setup, pace, turn)
+    sd, _ = _reading_sds(setup)
     if sd <= NO_NOISE_UM:
-        still = float(course.size(course.time_of(level), delay_s))
+        still = float(courses[-1].size(courses[-1].time_of(level), delay_s))
         return PassageLaw(still, 0.0, np.full(len(probability), still))
+    if len(courses) == 1 or is_settled(courses[-1], level, sd):
+        time, survival = _still_ground(setup, courses[-1], level)
+        return _law_of(survival, courses[-1].size(time, delay_s), probability)
+    laws, weights = [], []
+    for share, course in _starts(setup, courses):
+        time, survival = _still_ground(setup, course, level)
+        laws.append(_law_of(survival, course.size(time, delay_s), probability))
+        weights.append(share)
+    return _mixture(laws, np.array(weights), probability)
+
+
+def _starts(setup: GaugedGrinding, courses: list[MeanCourse]) -> Iterator[tuple[float, MeanCourse]]:
+    """Last stages that begin when noise has ended the one before, and their shares."""
+    before, rate = courses[-2], courses[-1].rate_um_per_s
+    time, survival = _still_ground(setup, before, threshold_readings_um(setup)[-2])
+    ended = _law_of(survival, -time, np.array([0.5]))
+    noise = relay_law(setup, np.array([0.5]), before.rate_um_per_s)
+    mean_s = -ended.mean_um - noise.mean_um / before.rate_um_per_s
+    sd_s = math.hypot(math.sqrt(ended.variance_um2), math.sqrt(noise.variance_um2) / before.rate_um_per_s)
+    for node, weight in zip(*_STARTS, strict=True):
+        yield weight, before.next_stage(max(mean_s + node * sd_s, 0.0) + setup.relay.delay_s, rate)
+
+
+def is_settled(course: MeanCourse, reading_um: float, sd_um: float) -> bool:
+    """Whether nothing of how a stage began is left when noise of this size first takes the reading to this level."""
+    begin, _ = course.window_s(reading_um, _FEW_SIGMAS * sd_um)
+    return begin > _SETTLED * (course.unit.time_constant_s + course.lag_s)
+
+
+def _mixture(laws: Sequence[PassageLaw], weights: Vector, probability: Vector) -> PassageLaw:
+    weights = weights / weights.sum()
+    means = np.array([law.mean_um for law in laws])
+    mean = float(np.sum(weights * means))
+    square = float(np.sum(weights * (np.array([law.variance_um2 for law in laws]) + means**2)))
+    sizes = np.stack([law.size_um for law in laws])
+    shares = weights[:, None] * masses(probability)
+    return PassageLaw(mean, max(square - mean**2, 0.0), weighted_quantiles(sizes.ravel(), shares.ravel(), probability))
+
+
+def _reading_sds(setup: GaugedGrinding) -> tuple[float, float]:
+    """Standard deviations of the smoothed noise [µm] and of its rate [µm/s]."""
+    gain = abs(setup.gauge.gain_v_per_um)
+    return (
+        math.sqrt(voltage_variance_v2(setup.gauge, setup.noise)) / gain,
+        voltage_rate_sd_v_per_s(setup.gauge, setup.noise) / gain,
+    )
+
+
+def _still_ground(setup: GaugedGrinding, course: MeanCourse, level: float) -> tuple[Vector, Vector]:
+    """Times of a stage [s], and the share of the parts whose reading has not come down to the level by then."""
+    sd, rate_sd = _reading_sds(setup)
     begin, end = course.window_s(level, _SIGMAS * sd)
     # a step is a small part of a wave of the surface, and of the time in which the reading falls by the noise
     shortest = min(course.shortest_s() / _PER_WAVE, sd / course.rate_um_per_s / _PER_SIGMA)
@@ -78,7 +132,7 @@ def passage_law(setup: GaugedGrinding, probability: Vector, pace: float = 1.0, t
     survival = _survival(time, q, approach, sd, rate_sd)
     if course.is_whole:
         time, survival = _without_clumps(course, level, setup.noise, time, q, survival)
-    return _law_of(survival, course.size(time, delay_s), probability)
+    return time, survival
 
 
 def _without_clumps(
@@ -111,16 +165,17 @@ def weighted_quantiles(values: Vector, weights: Vector, probability: Vector) -> 
     return np.interp(probability, middle, values[order])
 
 
-def relay_law(setup: GaugedGrinding, probability: Vector) -> PassageLaw:
+def relay_law(setup: GaugedGrinding, probability: Vector, rate_um_per_s: float | None = None) -> PassageLaw:
     """By how much larger parts grow because noise of the relay, new every `noise_hold_s`, trips it early [µm].
 
-    Of a reading that falls straight at the rate a: sample by sample the share that is not tripped, averaged over where
-    the samples lie; where they are many, by the integral of its logarithm.
+    Of a reading that falls straight at this rate (None: that of the last stage): sample by sample the share that is not
+    tripped, averaged over where the samples lie; where they are many, by the integral of its logarithm.
     """
     sd = setup.relay.noise_v / abs(setup.gauge.gain_v_per_um)
     if sd <= NO_NOISE_UM:
         return PassageLaw(0.0, 0.0, np.zeros(len(probability)))
-    step = setup.rates_um_per_s[-1] * setup.relay.noise_hold_s
+    rate = setup.rates_um_per_s[-1] if rate_um_per_s is None else rate_um_per_s
+    step = rate * setup.relay.noise_hold_s
     # so many samples can trip it before the reading is near that the window has to begin earlier than _SIGMAS only
     # where nobody would use the gauge any more
     height = np.linspace(_SIGMAS * sd, -_SIGMAS * sd, _RELAY_POINTS)

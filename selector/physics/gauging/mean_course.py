@@ -136,6 +136,17 @@ class MeanCourse:
         fall = float(above[first - 1] - above[first])
         return low + (high - low) * float(above[first - 1]) / fall if fall > 0 else high
 
+    def next_stage(self, after_s: float, rate_um_per_s: float) -> MeanCourse:
+        """The feed that follows when this one has acted for so long."""
+        return replace(
+            self,
+            allowance_um=float(self.allowance(after_s)),
+            reading_um=float(self.reading(after_s)),
+            rate_um_per_s=rate_um_per_s,
+            start_rate=float(self.removal(after_s)),
+            turn=self.turn + after_s * self.surface.workpiece_rpm / 60.0,
+        )
+
     def size(self, time_s: ArrayLike, delay_s: float) -> Vector:
         """What is left when the last command is given at `time_s` and the springs have relaxed, same shape [µm]."""
         stop = np.asarray(time_s, dtype=np.float64) + delay_s
@@ -171,19 +182,16 @@ def last_stage(setup: GaugedGrinding, pace: float = 1.0, turn: float = 0.0) -> M
 
     By the line and without noise; the workpiece begins the first stage at `turn`.
     """
+    return stage_courses(setup, pace, turn)[-1]
+
+
+def stage_courses(setup: GaugedGrinding, pace: float = 1.0, turn: float = 0.0) -> list[MeanCourse]:
+    """The same of all feeds, the first one first."""
     levels, rates = threshold_readings_um(setup), setup.rates_um_per_s
     unit = LinearGauge(1.0, 0.0, setup.gauge.time_constant_s)
     lag_s, x = setup.grinding.lag_s, setup.grinding.allowance_um
     first = rates[0] * pace
-    course = MeanCourse(unit, x, x, first, 0.0 if lag_s > 0 else first, lag_s, setup.surface, turn)
+    courses = [MeanCourse(unit, x, x, first, 0.0 if lag_s > 0 else first, lag_s, setup.surface, turn)]
     for level, rate in zip(levels[:-1], rates[1:], strict=True):
-        over = course.time_of(level) + setup.relay.delay_s
-        course = replace(
-            course,
-            allowance_um=float(course.allowance(over)),
-            reading_um=float(course.reading(over)),
-            rate_um_per_s=rate * pace,
-            start_rate=float(course.removal(over)),
-            turn=course.turn + over * setup.surface.workpiece_rpm / 60.0,
-        )
-    return course
+        courses.append(courses[-1].next_stage(courses[-1].time_of(level) + setup.relay.delay_s, rate * pace))
+    return courses

@@ -57,4 +57,4 @@ class RippleCrest:
         """
         omega = 2 * math.pi * self.frequency_hz
         less = math.hypot(1.0, omega * self.time_constant_s) / math.hypot(1.0, omega * time_constant_s)
-        return np.asarray(less * np.interp(allowance_um, self.allowance_um, self.crest_v))
+        return np.asarray(less * np.interp(np.asarray(allowance_um, dtype=np.float64), self.allowance_um, self.crest_v))

@@ -20,9 +20,9 @@ from scipy.special import ndtr, ndtri
 from selector.errors import InputError
 from selector.physics.gauging._part_kernel import LEAST_FEED
 from selector.physics.gauging.curvature import curvature_um
-from selector.physics.gauging.first_passage import masses, passage_law, relay_law, weighted_quantiles
+from selector.physics.gauging.first_passage import is_settled, masses, passage_law, relay_law, weighted_quantiles
 from selector.physics.gauging.gauged_grinding import GaugedGrinding
-from selector.physics.gauging.mean_course import last_stage, on_line, threshold_readings_um
+from selector.physics.gauging.mean_course import last_stage, on_line, stage_courses, threshold_readings_um
 from selector.physics.gauging.process import Tolerance
 from selector.physics.gauging.surface_ripple import mean_surface_um, smoothed_surface
 from selector.physics.gauging.threshold import voltage_variance_v2, wear_share
@@ -36,7 +36,10 @@ _PROBABILITY, _SHOWN = ndtr(np.linspace(-3.9, 3.9, 131)), ndtr(np.linspace(-3.6,
 _FEEDS, _RELAYS = np.linspace(-3.5, 3.5, 21), np.linspace(-3.5, 3.5, 15)
 _MOMENT_FEEDS, _MOMENT_PARTS, _MOST_SIGMAS = np.polynomial.hermite_e.hermegauss(15), 600, 4.0
 _SAME_PACE = 1e-9
-_SINGLE, _SLOW_RIPPLE = 0.2, 1.0
+_SLOW_RIPPLE, _OFF_SHARE, _NOTHING_UM = 1.0, 0.05, 1e-3
+"""The linear formula holds within this share of the spread, and a nanometre."""
+
+_MEMORIES, _SETTLED, _SIGMAS = 8.0, 5.0, 3.0
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,11 @@ class SizeDistribution:
         σ_ẏ/(|K|·a) of noise in the last stage; far below 1 the linear formula holds.
     ripple_rate : float
         Largest rate of the smoothed surface over a: from 1 on the reading falls to the threshold and rises again.
+    linear_holds : bool
+        Whether mean and spread by the linear formula are within a twentieth of the spread of those by first passage
+        with the curvature, and those may be trusted.
+    passage_holds : bool
+        Whether those by first passage may be trusted: see `_passage_holds`.
     curvature_um : float
         By how much the curve of the characteristic would move the mean size, which is not in it: the gauge is a line
         here, but for grooves, of which it shows no more than the free swing [µm].
@@ -71,11 +79,8 @@ class SizeDistribution:
     restlessness: float
     ripple_rate: float
     curvature_um: float
-
-    @property
-    def linear_holds(self) -> bool:
-        """Whether the linear formula may be trusted: noise and surface let the reading pass its threshold but once."""
-        return self.restlessness <= _SINGLE and self.ripple_rate < _SLOW_RIPPLE
+    linear_holds: bool
+    passage_holds: bool
 
     def quantile_um(self, probability: ArrayLike) -> Vector:
         """Size below which this share of the parts is, shape of `probability` [µm]."""
@@ -133,19 +138,54 @@ def size_distribution(setup: GaugedGrinding, *, method: Method = "first-passage"
     middle = float(np.average(at, weights=weight))
     spread = math.sqrt(float(np.average((at - middle) ** 2, weights=weight)))
     within, mean = math.sqrt(lot.within_um2 + white), lot.mean_um + early
+    trusted, moved, ripple_rate = _passage_holds(line), curvature_um(setup), _ripple_rate(line)
     sd = math.hypot(within, math.sqrt(lot.between_um2))
     sizes = mean + (sizes - middle) * (sd / spread if spread > 0 else 0.0)
     return SizeDistribution(
         method, mean, sd, within, math.sqrt(lot.between_um2), _SHOWN, sizes,
-        setup.restlessness, _ripple_rate(line), curvature_um(setup),
+        setup.restlessness, ripple_rate, moved,
+        trusted and ripple_rate < _SLOW_RIPPLE and _linear_holds(line, parts, moved), trusted,
     )  # fmt: skip
 
 
 def size_moments_um(setup: GaugedGrinding, *, parts: int) -> tuple[float, float]:
     """Mean and standard deviation by first passage, without the quantiles: quicker, where many are wanted [µm]."""
-    lot = _lot(on_line(setup), "first-passage", parts)
-    early, white, _ = _of_relay(setup, "first-passage")
+    return _moments_um(on_line(setup), "first-passage", parts)
+
+
+def _moments_um(line: GaugedGrinding, method: Method, parts: int) -> tuple[float, float]:
+    lot = _lot(line, method, parts)
+    early, white, _ = _of_relay(line, method)
     return lot.mean_um + early, math.sqrt(lot.within_um2 + lot.between_um2 + white)
+
+
+def _linear_holds(line: GaugedGrinding, parts: int, curvature: float) -> bool:
+    mean, sd = _moments_um(line, "first-passage", parts)
+    linear_mean, linear_sd = _moments_um(line, "linear", parts)
+    most = _OFF_SHARE * sd + _NOTHING_UM
+    return abs(mean + curvature - linear_mean) <= most and abs(sd - linear_sd) <= most
+
+
+def _passage_holds(line: GaugedGrinding) -> bool:
+    """Whether nothing happens that the formula by first passage leaves out.
+
+    Not so where noise of the relay, whose shift is added by itself, already trips it as the last stage begins; where
+    that stage begins otherwise from part to part, because of noise that is still remembered when parts trip, or of
+    allowances that differ and a first stage too short for filter and lag.
+    """
+    courses, levels = stage_courses(line), threshold_readings_um(line)
+    filter_s, lag_s = line.gauge.time_constant_s, line.grinding.lag_s
+    last, level = courses[-1], levels[-1]
+    sd = math.sqrt(voltage_variance_v2(line.gauge, line.noise)) / abs(line.gauge.gain_v_per_um)
+    if line.relay.noise_v > 0:
+        law = relay_law(line, np.array([0.5]))
+        if law.mean_um + _SIGMAS * (math.sqrt(law.variance_um2) + sd) > last.reading_um - level:
+            return False
+    if line.grinding.allowance_sd_um > 0 and courses[0].time_of(levels[0]) < _SETTLED * (filter_s + lag_s):
+        return False
+    if len(courses) == 1 or sd == 0 or is_settled(last, level, sd):
+        return True
+    return last.time_of(level) > _MEMORIES * (filter_s + 1.0 / line.noise.rate_per_s)
 
 
 @dataclass(frozen=True)

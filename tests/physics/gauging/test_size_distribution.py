@@ -21,6 +21,7 @@ from selector.physics.gauging.finished_sizes import finished_sizes
 from selector.physics.gauging.first_passage import relay_law
 from selector.physics.gauging.gauged_grinding import GaugedGrinding
 from selector.physics.gauging.process import Grinding, Noise, Stage, Surface, Tolerance
+from selector.physics.gauging.ripple_crest import RippleCrest
 from selector.physics.gauging.size_distribution import SizeDistribution, size_distribution
 from selector.physics.gauging.threshold import voltage_rate_sd_v_per_s
 from selector.physics.gauging.transducer import Relay
@@ -111,7 +112,7 @@ def test_noise_that_is_quick_trips_early(sd_um, rate_per_s, filter_s, feed):
     assert sizes.mean_um - linear.mean_um > 2 * sizes.mean_error_um
     assert abs(passage.mean_um - sizes.mean_um) < 0.04 * sizes.sd_um + ERRORS * sizes.mean_error_um
     assert abs(passage.sd_um - sizes.sd_um) < 0.02 * sizes.sd_um + ERRORS * sizes.sd_error_um
-    assert abs(passage.mean_um - sizes.mean_um) < 0.3 * abs(linear.mean_um - sizes.mean_um)
+    assert abs(passage.mean_um - sizes.mean_um) < 0.3 * abs(linear.mean_um - sizes.mean_um) + sizes.mean_error_um
 
 
 def test_rare_crossings_are_those_of_rice():
@@ -210,6 +211,95 @@ def test_a_last_stage_that_is_too_short_for_its_filter():
     assert sizes.mean_um < 1.0
     # the stage before ends when it does without noise
     assert passage.mean_um == pytest.approx(sizes.mean_um, abs=ERRORS * sizes.mean_error_um + 0.02)
+
+
+SHORT = {
+    "2 µm": (12.0, 1.0, 20.0),
+    "1 µm": (11.0, 1.0, 20.0),
+    "little noise": (12.0, 0.3, 20.0),
+}
+
+
+@pytest.mark.parametrize("name", SHORT)
+def test_a_short_slow_stage_begins_when_noise_lets_it(name):
+    """Noise ends the stage before by up to half of what is left for the last one; 4 and 2 % as of long stages."""
+    until, sd, rate = SHORT[name]
+    setup = set_up(Grinding(22.0, (Stage(20.0, until), Stage(0.5, 10.0)), allowance_sd_um=1.0), noise=Noise(sd, rate))
+    passage = size_distribution(setup)
+    sizes = finished_sizes(setup, 3000, seed=3)
+    assert passage.passage_holds
+    assert abs(passage.mean_um - sizes.mean_um) < 0.04 * sizes.sd_um + ERRORS * sizes.mean_error_um
+    assert abs(passage.sd_um - sizes.sd_um) < 0.02 * sizes.sd_um + ERRORS * sizes.sd_error_um
+
+
+SLOW_STAGE = Grinding(22.0, (Stage(20.0, 12.0), Stage(0.5, 10.0)), allowance_sd_um=1.0)
+DOUBTFUL = {
+    "noise that is still remembered": set_up(SLOW_STAGE, noise=Noise(1.0, 2.0)),
+    "removal that still grows": set_up(replace(TWO_STAGES, lag_s=1.0), noise=Noise(0.1, 2.0)),
+    "relay noise": set_up(SLOW_STAGE, relay=Relay(0.02, 0.01)),
+    "relay noise and noise": set_up(SLOW_STAGE, noise=Noise(0.5, 20.0), relay=Relay(0.02, 0.01)),
+}
+
+
+@pytest.mark.parametrize("name", DOUBTFUL)
+def test_first_passage_says_where_it_leaves_something_out(name):
+    linear, passage = both(DOUBTFUL[name])
+    sizes = finished_sizes(DOUBTFUL[name], 3000, seed=3)
+    assert not passage.passage_holds
+    assert not passage.linear_holds
+    off = abs(passage.mean_um - sizes.mean_um) / sizes.sd_um, abs(passage.sd_um / sizes.sd_um - 1.0)
+    # more than the hundredths that it is off by elsewhere
+    assert max(off) > 0.04
+    assert linear.passage_holds == passage.passage_holds
+
+
+def test_the_linear_formula_holds_where_it_is_within_a_twentieth():
+    curved = np.linspace(-10.0, 60.0, 401)
+    bent = Characteristic(curved, GAUGE.bias_v + GAUGE.gain_v_per_um * curved + 4e-5 * (curved - 2.0) ** 2)
+    slow = set_up(Grinding(30.0, (Stage(5.0, 2.0),)), noise=Noise(0.2, 0.5), relay=Relay())
+    for setup, holds in (
+        (slow, True),
+        (set_up(noise=Noise(0.3, 10.0)), True),  # 2 and 1 % of the spread
+        (set_up(noise=Noise(0.3, 100.0)), False),  # 7 %
+        (replace(slow, relay=Relay(0.0, 1e-5)), True),
+        (replace(slow, relay=Relay(0.0, 0.002)), False),
+        (set_up(Grinding(22.0, (Stage(20.0, 6.0), Stage(5.0, 5.0))), noise=Noise(0.1, 1.0)), False),
+        (replace(slow, characteristic=bent), True),
+        (replace(slow.with_filter(0.6), characteristic=bent), False),
+        (set_up(surface=Surface(150.0, 4, 0.1, 5.0)), False),
+        (set_up(), True),
+    ):
+        assert [one.linear_holds for one in both(setup)] == [holds, holds]
+
+
+def test_the_same_bits_every_time():
+    setup = set_up(SPREAD, noise=Noise(0.5, 30.0), relay=Relay(0.02, 0.001))
+    first, again = size_distribution(setup), size_distribution(setup)
+    assert (first.mean_um, first.sd_um) == (again.mean_um, again.sd_um)
+    np.testing.assert_array_equal(first.size_um, again.size_um)
+
+
+def test_a_ripple_trips_early_by_its_peaks():
+    """30 mV at 0 µm and 10 mV at 40 µm, over 10 mV/µm; found by Monte Carlo and both formulas."""
+    crest = RippleCrest(np.array([0.0, 40.0]), np.array([0.03, 0.01]), 0.05, 200.0)
+    # 25 mV at 10 µm; the size is 2 µm and 3 of early command, less what it changes on the way
+    at_um = (2.0 + 3.0) / (1.0 + 0.05)
+    still = replace(set_up(), crest=crest)
+    sizes = finished_sizes(still, 3)
+    np.testing.assert_allclose(sizes.size_um, at_um + 5.0 * 0.02 * (1 - 1 / 1.05), atol=0.02)
+    for one in both(still):
+        assert one.mean_um == pytest.approx(sizes.mean_um, abs=1e-3)
+        assert one.linear_holds
+    noisy = replace(set_up(SPREAD, noise=Noise(0.1, 2.0)), crest=crest)
+    sizes = finished_sizes(noisy, 4000, seed=11)
+    for one in both(noisy):
+        assert abs(one.mean_um - sizes.mean_um) < ERRORS * sizes.mean_error_um
+        assert abs(one.sd_um - sizes.sd_um) < ERRORS * sizes.sd_error_um
+    rising = replace(still, gauge=replace(GAUGE, gain_v_per_um=0.01), thresholds_v=())
+    np.testing.assert_allclose(finished_sizes(rising, 3).size_um, finished_sizes(still, 3).size_um, atol=1e-9)
+    # behind a filter that is four times as slow, a quarter of it
+    slower = finished_sizes(still.with_filter(0.2), 1).size_um[0]
+    assert slower - finished_sizes(set_up().with_filter(0.2), 1).size_um[0] == pytest.approx(0.72, abs=0.03)
 
 
 def test_a_curved_characteristic_moves_the_mean():
