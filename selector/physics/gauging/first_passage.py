@@ -33,7 +33,7 @@ NO_NOISE_UM = 1e-9
 """Noise that is less than this moves no size."""
 
 _FAR = -30.0
-_FEW_SIGMAS, _SETTLED = 5.0, 8.0
+_FEW_SIGMAS, _SETTLED = 5.0, 5.0
 _STARTS = np.polynomial.hermite_e.hermegauss(5)
 _FEW, _LONG_GONE = 1e-7, 1e-30
 _RELAY_POINTS, _RELAY_PHASES, _FINE = 2001, 16, 20.0

@@ -42,7 +42,7 @@ def _found(model: GaugingModel) -> Iterator[Finding]:
     if curve is not None:
         yield from _swings(curve)
         yield from _reach(model, curve)
-        yield from _ripple(model, curve)
+        yield from _ripple(model)
     yield from _thresholds(model)
     yield from _samples(model)
 
@@ -79,22 +79,25 @@ def _reach(model: GaugingModel, curve: Characteristic) -> Iterator[Finding]:
         )
 
 
-def _ripple(model: GaugingModel, curve: Characteristic) -> Iterator[Finding]:
-    """Of the smoothed voltage at the frequency of the rectified swing, which the characteristic averages out."""
-    if curve.ripple_v is None or model.values.transducer is None:
+def _ripple(model: GaugingModel) -> Iterator[Finding]:
+    """Of the smoothed voltage at the frequency of the rectified swing, whose peaks the relay compares."""
+    setup = model.setup
+    if model.crest is None:
         return
-    gauge = model.setup.gauge
-    half_v = 0.5 * float(np.interp(gauge.allowance_um, curve.allowance_um, curve.ripple_v))
-    early_um = half_v / abs(gauge.gain_v_per_um)
-    if early_um > mattering_um(model):
+    gain = setup.gauge.gain_v_per_um
+    crest_v = float(model.crest.crest_at(setup.wanted_um, setup.gauge.time_constant_s))
+    early_um, clear_v = crest_v / abs(gain), model.advised_thresholds_v[-1] + crest_v
+    is_set = abs(setup.thresholds_v[-1] - clear_v) < 0.5 * crest_v
+    if early_um > mattering_um(model) and not is_set:
         yield Finding(
             "ripple-behind-filter",
             "info",
-            f"Behind the filter the voltage still swings by ±{1e3 * half_v:.2g} mV at twice the frequency of the "
-            f"probe, ±{early_um:.2g} µm of size: a quick relay trips on its peaks, so much early. Parts are simulated "
-            "without it; the waveform shows it.",
-            evidence={"ripple_v": half_v, "early_um": early_um},
-            suggestion="set the last threshold for it with a master part, or give smoothing.time_constant_s more",
+            "Behind the filter the voltage still swings at twice the frequency of the probe, up to "
+            f"{1e3 * crest_v:.2g} mV above its mean: the relay trips on these peaks, {early_um:.2g} µm early. The "
+            "calculated threshold (eq. 23) does not know of it.",
+            evidence={"crest_v": crest_v, "early_um": early_um, "clear_v": clear_v},
+            suggestion=f"set the last threshold to about {clear_v:.5g} V, which takes it out, or give "
+            "smoothing.time_constant_s more",
         )
 
 

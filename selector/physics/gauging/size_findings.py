@@ -5,13 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from selector.findings import Finding
-from selector.physics.gauging.mean_course import on_line
+from selector.physics.gauging.early_findings import differing_findings, early_findings
 from selector.physics.gauging.model_findings import mattering_um
-from selector.physics.gauging.size_distribution import size_distribution
-from selector.physics.gauging.surface_ripple import mean_surface_um, smoothed_surface
 
 if TYPE_CHECKING:
     from selector.physics.gauging.capability import Capability
@@ -23,13 +19,8 @@ if TYPE_CHECKING:
 CAPABLE = 1.33
 """Cpk from which on a process is called capable: four standard deviations to the nearer limit."""
 
-_TURNS = 2048
-_RESTLESS = 0.1
-_EARLY_SHARE = 0.1
-"""Share of the standard deviation from which on an early command is told."""
-
 _ERRORS = 4.0
-"""Standard errors by which formula and Monte Carlo must differ to be told."""
+"""Standard errors by which sizes must be off to be told."""
 
 _BETTER = 0.9
 """A filter is better that leaves at most this share of the error."""
@@ -55,47 +46,12 @@ def size_findings(
         Of this model.
     """
     return (
-        *_early(model, formula),
+        *early_findings(model, formula),
         *_off(model, sizes),
         *_capability(model, formula, capability, filters),
         *_filter(filters),
-        *_differing(model, formula, sizes),
+        *differing_findings(model, formula, sizes),
     )
-
-
-def _early(model: GaugingModel, formula: SizeDistribution) -> Iterator[Finding]:
-    setup, parts = model.setup, model.file.run.parts
-    linear = size_distribution(setup, method="linear", parts=parts)
-    early_um = formula.mean_um - linear.mean_um
-    if formula.ripple_rate >= 1.0:
-        surface = on_line(setup).surface
-        mean_um = -mean_surface_um(surface)
-        behind, _ = smoothed_surface(surface, setup.gauge.time_constant_s, np.arange(_TURNS) / _TURNS)
-        swing_um = float(np.abs(behind + mean_um).max())
-        yield Finding(
-            "surface-trips-early",
-            "warning",
-            f"Behind the filter grooves and run-out still move the reading by up to {swing_um:.3g} µm from its mean, "
-            f"{formula.ripple_rate:.3g} times as fast as the feed does: the relay trips on the peaks, "
-            f"{early_um:.2g} µm early" + (f", and the mean of the grooves adds {mean_um:.2g} µm." if mean_um else "."),
-            evidence={
-                "ripple_um": swing_um,
-                "ripple_rate": formula.ripple_rate,
-                "early_um": early_um,
-                "mean_um": mean_um,
-            },
-            suggestion="set the last threshold for this surface, and give the filter more time",
-        )
-    elif formula.restlessness > _RESTLESS and early_um > _EARLY_SHARE * formula.sd_um:
-        yield Finding(
-            "noise-trips-early",
-            "info" if early_um < mattering_um(model) else "warning",
-            f"Noise moves the smoothed voltage {formula.restlessness:.2g} times as fast as the feed does: it reaches "
-            f"the threshold early, and parts are {early_um:.2g} µm larger than eq. 23 has it. The spread by eq. 25 is "
-            f"{linear.sd_um:.3g} µm; with early commands it is {formula.sd_um:.3g} µm.",
-            evidence={"restlessness": formula.restlessness, "early_um": early_um, "sd_by_eq_25_um": linear.sd_um},
-            suggestion="give the filter more time, feed faster in the last stage, or move the last threshold",
-        )
 
 
 def _off(model: GaugingModel, sizes: FinishedSizes) -> Iterator[Finding]:
@@ -160,24 +116,3 @@ def _filter(filters: TradeOff) -> Iterator[Finding]:
         suggestion=f"set the last threshold to {filters.best_threshold_v:.5g} V with the one, "
         f"{filters.centred_best_v:.5g} V with the other",
     )
-
-
-def _differing(model: GaugingModel, formula: SizeDistribution, sizes: FinishedSizes) -> Iterator[Finding]:
-    """Where the formula is not to be trusted, by what it misses."""
-    by_formula = formula.mean_um + formula.curvature_um
-    mean_um, sd_um = sizes.mean_um - by_formula, sizes.sd_um - formula.sd_um
-    least = 0.5 * mattering_um(model)
-    beyond = [
-        abs(one) > max(_ERRORS * error, least)
-        for one, error in ((mean_um, sizes.mean_error_um), (sd_um, sizes.sd_error_um))
-    ]
-    if any(beyond):
-        yield Finding(
-            "formula-differs",
-            "info",
-            f"The formula says {by_formula:.3g} ± {formula.sd_um:.3g} µm (mean and standard deviation), Monte Carlo "
-            f"{sizes.mean_um:.3g} ± {sizes.sd_um:.3g} µm; the latter counts, with standard errors of "
-            f"{sizes.mean_error_um:.1g} and {sizes.sd_error_um:.1g} µm.",
-            evidence={"formula_um": by_formula, "formula_sd_um": formula.sd_um, "mean_um": sizes.mean_um},
-            suggestion="see docs/explanation/finished-sizes.md for what the formula leaves out",
-        )
