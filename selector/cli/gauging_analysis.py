@@ -21,12 +21,12 @@ _SETTINGS = {
     "best-filter": "best filter, eq. 23",
     "best-filter-centred": "best filter, centred",
 }
+_ROUNDING_UM = 1e-4
+_METHODS = {"linear": "formula, passed once (eq. 25)", "first-passage": "formula, early trips counted"}
 
 
 def gauging_object(model: GaugingModel, simulation: GaugingSimulation, summary: GaugingSummary) -> dict[str, Any]:
     """`gauging` of `selector.simulation/1`."""
-    from selector.physics.gauging.gauging_advice import gauging_settings
-
     gauge, curve, one = summary.gauge, summary.characteristic, summary.trade_off
     return {
         "gauge": {
@@ -35,6 +35,7 @@ def gauging_object(model: GaugingModel, simulation: GaugingSimulation, summary: 
             "time_constant_s": gauge.time_constant_s,
             "allowance_um": gauge.allowance_um,
             "linear_range_um": list(summary.linear_range_um),
+            "linear_within_um": summary.linear_within_um,
         },
         "characteristic": None
         if curve is None
@@ -68,14 +69,18 @@ def gauging_object(model: GaugingModel, simulation: GaugingSimulation, summary: 
             "settings": [
                 {
                     "setting": setting.name,
-                    "by": setting.by,
+                    "by": "Monte Carlo",
+                    "parts": setting.parts,
                     "time_constant_s": setting.time_constant_s,
                     "threshold_v": setting.threshold_v,
+                    "thresholds_v": list(setting.thresholds_v),
+                    "at_limit": setting.at_limit,
                     "bias_um": setting.bias_um,
+                    "bias_standard_error_um": setting.bias_error_um,
                     "sd_um": setting.sd_um,
                     "rms_um": setting.rms_um,
                 }
-                for setting in gauging_settings(summary)
+                for setting in summary.settings
             ],
         },
     }
@@ -83,12 +88,10 @@ def gauging_object(model: GaugingModel, simulation: GaugingSimulation, summary: 
 
 def show_analysis(console: Console, model: GaugingModel, summary: GaugingSummary) -> None:
     """Gauge and stages, finished sizes, capability, and what other filters and thresholds would do, as tables."""
-    from selector.physics.gauging.gauging_advice import gauging_settings
-
     gauge, (low, high) = summary.gauge, summary.linear_range_um
     line = f"K = {1e3 * gauge.gain_v_per_um:.4g} mV/µm, T_Φ = {1e3 * gauge.time_constant_s:.4g} ms"
     if summary.characteristic is not None:
-        line += f"; the line holds from {low:.4g} to {high:.4g} µm"
+        line += f"; the line holds within {summary.linear_within_um:.2g} µm from {low:.4g} to {high:.4g} µm"
     rows: list[tuple[object, ...]] = [
         (number, stage.feed_um_per_s, stage.rate_um_per_s, stage.until_um, f"{stage.threshold_v:.5g}")
         for number, stage in enumerate(summary.stages, start=1)
@@ -103,26 +106,42 @@ def show_analysis(console: Console, model: GaugingModel, summary: GaugingSummary
             *(sizes.mean_um, sizes.mean_error_um, sizes.mean_um - wanted),
             *(sizes.sd_um, sizes.sd_error_um),
         ),
-        (f"formula, {formula.method}", formula.mean_um, None, formula.mean_um - wanted, formula.sd_um, None),
+        (_METHODS[formula.method], _seen(formula.mean_um), None, _seen(formula.mean_um - wanted), formula.sd_um, None),
     ]
-    columns = ["", "mean", "±", "less wanted", "sd", "±"]
+    columns = ["", "mean", "±", "off wanted", "sd", "±"]
     console.print(showing.table("Finished sizes, µm", columns, rows, numeric=columns[1:]))
     if summary.capability is not None:
         _show_capability(console, summary.capability)
     rows = [
         (
-            _SETTINGS[one.name],
-            one.by,
+            _SETTINGS[one.name] + (" *" if one.at_limit else ""),
             1e3 * one.time_constant_s,
-            f"{one.threshold_v:.5g}",
-            one.bias_um,
+            " ".join(f"{volts:.6g}" for volts in one.thresholds_v),
+            _seen(one.bias_um),
+            one.bias_error_um,
             one.sd_um,
-            one.rms_um,
         )
-        for one in gauging_settings(summary)
+        for one in summary.settings
     ]
-    columns = ["filter and last threshold", "by", "T_Φ, ms", "threshold, V", "less wanted, µm", "sd, µm", "rms, µm"]
-    console.print(showing.table("What would be better", columns, rows, numeric=columns[2:]))
+    columns = ["filter and threshold", "T_Φ, ms", "volts", "off, µm", "±", "sd, µm"]
+    console.print(showing.table("What would be better, by Monte Carlo", columns, rows, numeric=columns[1:]))
+    notes = [
+        "off: mean size minus the wanted one; volts: of all stages, for [thresholds]. Eq. 23 calculates them: the "
+        "voltage of the wanted size, ahead by what is ground off while filter, relay and springs are late."
+    ]
+    if any(one.at_limit for one in summary.settings):
+        shortest, longest = (1e3 * float(end) for end in summary.trade_off.time_constant_s[[0, -1]])
+        notes.append(
+            f"* the end of what was looked at, {shortest:.3g} to {longest:.4g} ms, because the last stage has to be "
+            "long against its filter."
+        )
+    for note in notes:
+        console.print(note, style="dim", markup=False)
+
+
+def _seen(value_um: float) -> float:
+    """What is below a tenth of a nanometre is 0."""
+    return value_um if abs(value_um) >= _ROUNDING_UM else 0.0
 
 
 def _show_capability(console: Console, one: Capability) -> None:
@@ -130,7 +149,7 @@ def _show_capability(console: Console, one: Capability) -> None:
         f"{one.cp:.3g} ({one.cp_low:.3g} to {one.cp_high:.3g})",
         f"{one.cpk:.3g} ({one.cpk_low:.3g} to {one.cpk_high:.3g})",
         one.cpk_quantiles,
-        f"{100 * one.share_outside:.3g} % ({100 * one.share_outside_low:.2g} to {100 * one.share_outside_high:.2g} %)",
+        f"{100 * one.share_outside:.3g} % ({100 * one.share_outside_low:.3g} to {100 * one.share_outside_high:.3g} %)",
     )
     columns = ["Cp", "Cpk", "Cpk by quantiles", "out of tolerance"]
     console.print(showing.table(f"Capability, {100 * one.confidence:.3g} % intervals", columns, [row]))

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from selector.physics.channel_differences import ChannelDifference
     from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation
     from selector.physics.gauging.gauging_summary import GaugingSummary
+    from selector.readers import Reading
 
 _RUNS_OF_PARTS = "every part that is ground is a run of its own"
 
@@ -157,17 +158,29 @@ def _driven(
 ) -> _Work:
     """The gauge on every recorded run."""
     from selector.physics.channel_differences import channel_differences
+    from selector.physics.gauging.gauging_channels import roles_asked
     from selector.physics.gauging.gauging_driving import driven_runs
+    from selector.readers import Overrides
     from selector.readers import read as read_recordings
 
     require_free_folder(out, "--inputs writes one file a run")
     reading = read_recordings(inputs, machine=machine)
+    asked = roles_asked(built.file, reading.recording, _unread(reading))
+    if asked:
+        # a column whose role was guessed otherwise, or not at all, is what the model file says
+        reading = read_recordings(inputs, machine=machine, overrides=Overrides(roles=asked))
     destination = driven_destination(out, reading, report, [model])
     with named_runs({run.name: run.file for run in reading.runs}):
         driven = driven_runs(built, reading.recording, seed=seed, progress=progress)
     said = (*reading.findings, *driven.findings)
     differences = channel_differences(driven.simulation.recording, reading.recording, driven.inputs)
     return _Work(driven.simulation, destination, said, differences, driven.inputs)
+
+
+def _unread(reading: Reading) -> list[str]:
+    """Columns of which nothing tells what they measure."""
+    found = [one.evidence.get("columns", []) for one in reading.findings if one.id == "columns-without-role"]
+    return [str(name) for names in found for name in names]
 
 
 def _show(

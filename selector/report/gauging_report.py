@@ -34,6 +34,7 @@ from selector.report.gauging_wording import (
     sizes_table,
     sizes_title,
     trade_off_table,
+    verdict,
 )
 from selector.report.numbers import NONE, number_text
 from selector.report.page import Picture, Pictures, rendered
@@ -50,8 +51,9 @@ _BEFORE_S = 12.0
 
 _SHARE_OF_PART = 0.5
 _STROKES_SHOWN = 6.0
-_SMOOTHED, _DENSITY_POINTS = 0.15, 161
-"""Share of the standard deviation by which densities by formula are smoothed."""
+_SMOOTHED, _SMOOTHED_TURNS, _DENSITY_POINTS = 0.15, 0.4, 161
+"""Shares of the standard deviation by which densities by formula are smoothed: of whole surfaces; of grooves and
+run-out, of which some dozens of turns and feeds are pooled."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,6 +170,7 @@ def gauging_html(page: GaugingPage) -> str:
     values: dict[str, Any] = {
         "title": f"Simulation: {page.model}",
         "version": __version__,
+        "verdict": verdict(summary),
         "first": sentences[0],
         "more": sentences[1:],
         "comparison": channels_part(pictures, page.differences) if page.differences else None,
@@ -188,7 +191,7 @@ def _sizes(pictures: Pictures, page: GaugingPage) -> dict[str, Any]:
     summary = page.summary
     curves = {
         name: _density(one)
-        for name, one in (("formula", summary.formula), ("linear formula", page.linear))
+        for name, one in (("formula, early trips counted", summary.formula), ("formula, eq. 25", page.linear))
         if one.sd_um > 0
     }
     histogram = size_histogram(summary.sizes.finished_um, curves, page.limits_um, page.wanted_um, sizes_title(summary))
@@ -210,8 +213,9 @@ def _density(one: SizeDistribution) -> tuple[Vector, Vector]:
 
     Quantiles of parts that are pooled stand in heaps, of which a difference quotient would show each one.
     """
-    width = _SMOOTHED * one.sd_um
-    shrunk = one.mean_um + (one.size_um - one.mean_um) / math.sqrt(1.0 + _SMOOTHED**2)
+    share_of_sd = _SMOOTHED_TURNS if one.ripple_rate > 0 else _SMOOTHED
+    width = share_of_sd * one.sd_um
+    shrunk = one.mean_um + (one.size_um - one.mean_um) / math.sqrt(1.0 + share_of_sd**2)
     middle, share = (shrunk[1:] + shrunk[:-1]) / 2.0, np.diff(one.probability)
     at = np.linspace(shrunk[0] - 3.0 * width, shrunk[-1] + 3.0 * width, _DENSITY_POINTS)
     kernels = np.exp(-0.5 * ((at[:, None] - middle) / width) ** 2) / (math.sqrt(2.0 * math.pi) * width)
@@ -291,15 +295,15 @@ def _parameters(page: GaugingPage) -> Table | None:
 
 
 _HISTOGRAM = (
-    "Bars: parts of the Monte Carlo calculation that the gauge has stopped. Lines: formulas. The linear one lets the "
-    "reading pass its threshold once; the other knows that noise reaches it early."
+    "Bars: parts of the Monte Carlo calculation that the gauge has stopped. Lines: formulas. Eq. 25 lets the reading "
+    "pass its threshold once; the other counts that noise reaches it early."
 )
 _CHART = "In the order of grinding."
 _CHART_DRESSED = "In the order of grinding. Dotted: the wheel is dressed."
 _FILTER = (
-    "Error of the size against the wanted one, thresholds by eq. 23; the present one with the threshold that it has. A "
-    "longer filter quiets the noise, but makes the gauge late, and how much that is in size depends on the feed of the "
-    "part."
+    "By formula: error of the size against the wanted one, with thresholds calculated for each filter (eq. 23); the "
+    "present one with the threshold that it has. A longer filter quiets the noise, but makes the gauge late, and how "
+    "much that is in size depends on the feed of the part."
 )
 _PART = (
     "Allowance counts from the nominal size; where the feed stands it is the size of the part. Dotted: thresholds of "

@@ -7,25 +7,32 @@ import math
 from selector.figures import style
 from selector.physics.gauging.capability import Capability
 from selector.physics.gauging.finished_sizes import FinishedSizes
-from selector.physics.gauging.gauging_advice import gauging_settings
+from selector.physics.gauging.gauging_advice import BEST_CENTRED, BEST_FILTER, CENTRED, PRESENT, Setting, off_text
 from selector.physics.gauging.gauging_summary import GaugingSummary
 from selector.physics.gauging.process import Tolerance
 from selector.physics.gauging.size_distribution import SizeDistribution
-from selector.report.numbers import NONE, number_text
+from selector.report.numbers import NONE, listed, number_text
 from selector.report.tables import Table, table
 
 _MATTERS = 0.9
 """An error that falls to less than this share of itself is worth a change."""
 
 _OFF_CENTRE = 0.05
+_MOST_DECIMALS = 6
 _ROUNDING_UM = 1e-4
+_CAPABLE, _SCRAP = 1.33, 1.0
+"""Cpk from which on a process is called capable; Cpk below which parts are scrap day by day."""
+
 SETTINGS = {
-    "present": "as it is",
-    "centred": "last threshold centred",
-    "best-filter": "best filter, threshold by eq. 23",
-    "best-filter-centred": "best filter, threshold centred",
+    PRESENT: "as it is",
+    CENTRED: "last threshold centred",
+    BEST_FILTER: "best filter, calculated thresholds (eq. 23)",
+    BEST_CENTRED: "best filter, last threshold centred",
 }
-_METHODS = {"linear": "by formula, linear (G eq. 25)", "first-passage": "by formula, first passage"}
+_METHODS = {
+    "linear": "formula, threshold passed once (linear, eq. 25)",
+    "first-passage": "formula, early trips counted (first passage)",
+}
 
 
 def size_sentences(
@@ -59,6 +66,14 @@ def size_sentences(
     return told
 
 
+def verdict(summary: GaugingSummary) -> str:
+    """How the page takes it: ``"good"`` is capable, ``"bad"`` makes scrap, ``"plain"`` is between or not known."""
+    known = summary.capability
+    if known is None:
+        return "plain"
+    return "good" if known.cpk >= _CAPABLE else "bad" if known.cpk < _SCRAP else "plain"
+
+
 def sizes_title(summary: GaugingSummary) -> str:
     """What the histogram shows, as plain text for a figure."""
     sizes, formula = summary.sizes, summary.formula
@@ -80,7 +95,8 @@ def filter_title(summary: GaugingSummary) -> str:
     text = f"Computed: {style.number(one.present_rms_um)} µm (rms) with the filter of {_ms(one.present_s)}"
     if one.best_rms_um > _MATTERS * one.present_rms_um:
         return f"{text}; the best one would make little difference"
-    edge = " or beyond" if one.at_edge else ""
+    ends = (one.time_constant_s[0], one.time_constant_s[-1])
+    edge = ", the end of what was looked at" if one.best_s in ends else ""
     return f"{text}, {style.number(one.best_rms_um)} µm with {_ms(one.best_s)}{edge}"
 
 
@@ -109,11 +125,12 @@ def sizes_table(summary: GaugingSummary, linear: SizeDistribution, wanted_um: fl
         )
         for method, one in formulas.items()
     ]
-    heads = [">mean [µm]", ">less wanted [µm]"][: len(zeros)]
+    heads = [">mean [µm]", ">off wanted [µm]"][: len(zeros)]
     note = (
         "± one standard error. Within: the same part ground again and again; between: what differs from part to part. "
-        "The linear formula lets the reading pass its threshold once. It holds where σ of the rate of the smoothed "
-        f"noise is far below the rate at which the voltage rises: it is {number_text(formula.restlessness, 2)} of it."
+        "Eq. 25, the published one, lets the reading pass its threshold once. It holds where σ of the rate of the "
+        f"smoothed noise is far below the rate at which the voltage rises: it is {number_text(formula.restlessness, 2)}"
+        " of it. First passage: noise that touches the threshold for the first time ends the feed, however early."
     )
     if formula.ripple_rate > 0:
         note += (
@@ -149,27 +166,36 @@ def capability_table(one: Capability) -> Table:
 
 
 def trade_off_table(summary: GaugingSummary) -> Table:
-    """Filter and last threshold as they are, and what others would do."""
+    """Filter and thresholds as they are, and what others give."""
     rows = [
         (
-            SETTINGS[one.name],
-            one.by,
+            SETTINGS[one.name] + (", at the end of what was looked at" if one.at_limit else ""),
             number_text(1e3 * one.time_constant_s),
-            number_text(one.threshold_v, 5),
-            _um(one.bias_um),
+            volts_text(one),
+            off_text(one).replace("-", "−"),
             _um(one.sd_um),
             _um(one.rms_um),
         )
-        for one in gauging_settings(summary)
+        for one in summary.settings
     ]
     note = (
-        "Less wanted: mean size minus the wanted one. Eq. 23 is calculated from gain, filter and feed; a centred "
-        "threshold is moved until the mean of the parts is as wanted."
+        f"Each row: {_counts(summary)} parts ground with just this filter and these thresholds (Monte Carlo, "
+        "± one standard error), all with the same noise, feeds and starts. Off wanted: mean size minus the wanted one. "
+        "Calculated thresholds, eq. 23: the voltage of the wanted size, ahead by what is still ground off while "
+        "filter, relay and springs are late. A centred one is moved until the mean is as wanted. The best filters are "
+        f"looked for by formula from {_ms(float(summary.trade_off.time_constant_s[0]))} to "
+        f"{_ms(float(summary.trade_off.time_constant_s[-1]))}, because the last stage has to be long against its "
+        "filter."
     )
-    if summary.trade_off.at_edge:
-        note += " The best filter is at the end of those that were tried: a longer stage would allow a longer one."
-    heads = ["", "by", ">T_Φ [ms]", ">last threshold [V]", ">less wanted [µm]", ">sd [µm]", ">rms error [µm]"]
+    if len(summary.settings) < len(SETTINGS):
+        note += " What no model file may say, or with which more parts miss a threshold, is left out."
+    heads = ["", ">T_Φ [ms]", ">thresholds [V]", ">off wanted [µm]", ">sd [µm]", ">rms error [µm]"]
     return table(heads, rows, note)
+
+
+def _counts(summary: GaugingSummary) -> str:
+    low, high = (end(one.parts for one in summary.settings) for end in (min, max))
+    return str(high) if low == high else f"{low} to {high}"
 
 
 def gauge_tables(summary: GaugingSummary) -> list[tuple[str, Table]]:
@@ -181,8 +207,8 @@ def gauge_tables(summary: GaugingSummary) -> list[tuple[str, Table]]:
         ("bias, voltage of the line at 0 µm", number_text(gauge.bias_v, 5), "V"),
         ("filter T_Φ", number_text(1e3 * gauge.time_constant_s, 4), "ms"),
         ("line touches the characteristic at", number_text(gauge.allowance_um), "µm"),
-        ("line holds from", number_text(low), "µm"),
-        ("line holds to", number_text(high), "µm"),
+        (f"line holds within {_um(summary.linear_within_um)} µm of size from", number_text(low), "µm"),
+        (f"line holds within {_um(summary.linear_within_um)} µm of size to", number_text(high), "µm"),
     ]
     curve = summary.characteristic
     if curve is None:
@@ -256,23 +282,51 @@ def _capability_sentence(one: Capability, tolerance: Tolerance) -> str:
 
 def _advice(summary: GaugingSummary) -> list[str]:
     """What would make the error smaller: the last threshold, the filter, or nothing of it; then whole sentences."""
-    present, centred, _, both = gauging_settings(summary)
-    spread_um = summary.trade_off.present_sd_um
-    edge = " or more" if summary.trade_off.at_edge and both.time_constant_s > present.time_constant_s else ""
-    filters = (
-        f"a filter of {_ms(both.time_constant_s)}{edge} in place of {_ms(present.time_constant_s)}, with a last "
-        f"threshold of {number_text(both.threshold_v, 4)} V, would narrow the spread to {number_text(both.sd_um, 2)} µm"
-        if both.sd_um < _MATTERS * spread_um
-        else ""
-    )
-    if centred.rms_um < _MATTERS * present.rms_um:
-        first = (
-            f"a last threshold of {number_text(centred.threshold_v, 4)} V in place of "
-            f"{number_text(present.threshold_v, 4)} V would centre them (rms error {number_text(present.rms_um, 2)} → "
+    by_name = {one.name: one for one in summary.settings}
+    present, centred, both = by_name[PRESENT], by_name.get(CENTRED), by_name.get(BEST_CENTRED)
+    narrower = both if both is not None and both.sd_um < _MATTERS * present.sd_um else None
+    found = []
+    if centred is not None and centred.rms_um < _MATTERS * present.rms_um:
+        found.append(
+            f"{_thresholds(centred)} in place of {volts_text(present, like=centred)} would centre them (simulated: off "
+            f"by {off_text(centred).replace('-', '−')} µm; rms error {number_text(present.rms_um, 2)} → "
             f"{number_text(centred.rms_um, 2)} µm)"
         )
-        return [first, f"By formula, {filters}."] if filters else [first]
-    return [filters or "neither another filter nor another last threshold would make them much better"]
+    if narrower is not None and not narrower.at_limit:
+        found.append(
+            f"a filter of {_ms(narrower.time_constant_s)} in place of {_ms(present.time_constant_s)}, with "
+            f"{_thresholds(narrower)}, would narrow the spread to {number_text(narrower.sd_um, 2)} µm (simulated)"
+        )
+    first, *more = found or [
+        "the last threshold is right as it is"
+        if narrower is not None
+        else "neither another filter nor another last threshold would make them much better"
+    ]
+    sentences = [f"{one[0].upper()}{one[1:]}." for one in more]
+    if narrower is not None and narrower.at_limit:
+        longer = narrower.time_constant_s > present.time_constant_s
+        sentences.append(
+            f"Longer filters narrow the spread as far as was looked, to "
+            f"{number_text(narrower.sd_um, 2)} µm at {_ms(narrower.time_constant_s)} with {_thresholds(narrower)}: the "
+            "optimum lies at that limit, which is there because the last stage has to be long against its filter, and "
+            "not because more would be worse."
+            if longer
+            else f"Shorter filters narrow the spread as far as was looked, to {number_text(narrower.sd_um, 2)} µm at "
+            f"{_ms(narrower.time_constant_s)} with {_thresholds(narrower)}: the optimum lies at that limit."
+        )
+    return [first, *sentences]
+
+
+def volts_text(one: Setting, like: Setting | None = None) -> str:
+    """All thresholds of a setting as a model file has them, with at most as many decimals as those of `like`."""
+    decimals = max(len(f"{volts:.10g}".partition(".")[2]) for volts in (like or one).thresholds_v)
+    decimals = min(decimals, _MOST_DECIMALS)
+    told = [f"{round(volts, decimals):.{decimals}f}" for volts in one.thresholds_v]
+    return listed([text.rstrip("0").rstrip(".").replace("-", "−") if "." in text else text for text in told])
+
+
+def _thresholds(one: Setting) -> str:
+    return f"{'thresholds' if len(one.thresholds_v) > 1 else 'a threshold'} of {volts_text(one)} V"
 
 
 def _ms(seconds: float) -> str:

@@ -158,14 +158,17 @@ def test_the_settings_are_those_of_the_curve(folder, capfd):
         "present", "centred", "best-filter", "best-filter-centred",
     ]  # fmt: skip
     assert present["bias_um"] == pytest.approx(told["monte_carlo"]["mean_um"] - told["wanted_um"], abs=1e-12)
-    # by the slope of the gauge, −0.01 V/µm
-    assert centred["threshold_v"] - present["threshold_v"] == pytest.approx(0.01 * present["bias_um"], abs=1e-12)
-    assert centred["bias_um"] == both["bias_um"] == 0.0
+    assert all(setting["by"] == "Monte Carlo" and len(setting["thresholds_v"]) == 2 for setting in one["settings"])
+    # by the slope of the gauge, −0.01 V/µm, to a digit that moves sizes by less than the error of their mean
+    error_um = present["bias_standard_error_um"]
+    assert centred["threshold_v"] - present["threshold_v"] == pytest.approx(
+        0.01 * present["bias_um"], abs=0.01 * error_um
+    )
+    assert max(abs(centred["bias_um"]), abs(both["bias_um"])) < error_um
     squares = np.square(one["bias_um"]) + np.square(one["sd_um"])
-    # the best lies between points of the curve, or on one
-    assert best["rms_um"] <= math.sqrt(squares.min()) * (1 + 1e-9)
-    assert both["sd_um"] <= min(one["sd_um"]) * (1 + 1e-9)
-    assert np.hypot(best["bias_um"], best["sd_um"]) == pytest.approx(best["rms_um"], rel=1e-12)
+    # by Monte Carlo of 2000 parts, whose rms is known to 1.6 %: 4 of them beside the formula
+    assert best["rms_um"] <= math.sqrt(squares.min()) * 1.064
+    assert both["sd_um"] <= min(one["sd_um"]) * 1.064
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
@@ -229,7 +232,8 @@ def test_for_people(folder, capfd):
     out, err = capfd.readouterr()
     for text in (
         "a gauge as a line", "simulated, 3 runs", "K = -10 mV/µm", "Finished sizes, µm", "Monte Carlo, 2000 parts",
-        "Capability, 95 % intervals", "What would be better", "best filter, eq. 23", "--machine parts",
+        "Capability, 95 % intervals", "What would be better", "best filter, eq. 23", "for [thresholds]",
+        "--machine parts",
     ):  # fmt: skip
         assert text in out
     assert "\x1b" not in out + err

@@ -54,7 +54,10 @@ def test_a_threshold_that_is_off_is_told_with_the_one_that_centres():
     sizes = shown.summary.sizes
     # by the gain, −0.01 V/µm
     better = 1.97 + 0.01 * sizes.mean_um
-    assert f"a last threshold of {number_text(better, 4)} V in place of 1.970 V would centre them" in text
+    found = re.search(r"thresholds of 1\.83 and (\d\.\d+) V in place of 1\.83 and 1\.97 V would centre them", text)
+    assert found is not None
+    # by Monte Carlo: some hundredths of the 2.6 µm are bent by what is early
+    assert float(found[1]) == pytest.approx(better, abs=1e-3)
     # the command comes 0.025 V early: 2.5 µm, and parts with a worn wheel are larger still
     assert sizes.mean_um > 2.4
 

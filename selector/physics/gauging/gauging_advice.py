@@ -1,41 +1,78 @@
-"""Which filters and last thresholds are worth comparing: what there is, and what would make sizes better."""
+"""Which filters and thresholds are worth comparing, and what sizes do they give when parts are ground with them.
+
+Every setting is a model file that could be run: its time constant and all its thresholds are round numbers, and its
+mean and spread are those of parts ground with just these. Of a number a part has the same noise, feed
+and start in all settings.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from selector.physics.gauging.gauging_summary import GaugingSummary
+from selector.errors import InputError
+from selector.physics.gauging.model_file import checked_model_file, plain_values
 
-MONTE_CARLO, FORMULA = "Monte Carlo", "formula"
+if TYPE_CHECKING:
+    from selector.physics.gauging.finished_sizes import FinishedSizes
+    from selector.physics.gauging.gauging_model import GaugingModel
+    from selector.physics.gauging.trade_off import TradeOff
+
+PRESENT, CENTRED, BEST_FILTER, BEST_CENTRED = "present", "centred", "best-filter", "best-filter-centred"
+
+_NEAR = 0.4
+"""Share of the standard error of a mean to which it is centred."""
+
+_FINE_UM = 1e-3
+_MOST_RUNS = 7
+_STEEP = 4.0
+"""By how much the change of size with the voltage may differ from the gain of the gauge."""
+
+_FILTER_DIGITS = 2
+_MISSED = 0.01
+"""Share of the parts that may miss a threshold more than do now."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """A filter and a last threshold, and what they make of the sizes.
+    """A filter and thresholds, and what sizes parts have that are ground with them, by Monte Carlo.
 
     Attributes
     ----------
     name : str
         ``"present"``, ``"centred"``, ``"best-filter"`` or ``"best-filter-centred"``.
-    by : str
-        `MONTE_CARLO` or `FORMULA`: where bias and standard deviation are from.
-    time_constant_s, threshold_v : float
-        T_Φ [s]; voltage of the last command [V].
-    bias_um, sd_um : float
-        Mean size less the wanted one; standard deviation [µm].
+    time_constant_s : float
+        T_Φ [s].
+    thresholds_v : tuple of float
+        Of all stages, as they go into a model file [V].
+    parts : int
+        That were ground.
+    bias_um, bias_error_um : float
+        Mean size minus the wanted one; its standard error [µm].
+    sd_um : float
+        Standard deviation of the sizes [µm].
+    at_limit : bool
+        Whether T_Φ is the longest or shortest that was looked at, so that a better one may lie beyond.
     """
 
     name: str
-    by: str
     time_constant_s: float
-    threshold_v: float
+    thresholds_v: tuple[float, ...]
+    parts: int
     bias_um: float
+    bias_error_um: float
     sd_um: float
+    at_limit: bool = False
+
+    @property
+    def threshold_v(self) -> float:
+        """Voltage of the last command [V]."""
+        return self.thresholds_v[-1]
 
     @property
     def rms_um(self) -> float:
@@ -43,20 +80,185 @@ class Setting:
         return math.hypot(self.bias_um, self.sd_um)
 
 
-def gauging_settings(summary: GaugingSummary) -> tuple[Setting, Setting, Setting, Setting]:
-    """As it is; its last threshold moved so that the mean is as wanted; the best filter, by eq. 23 and centred.
+def volts_text(setting: Setting) -> str:
+    """What to write into the model file, all thresholds of it."""
+    return f"thresholds.volts = [{', '.join(f'{volts:.10g}' for volts in setting.thresholds_v)}]"
 
-    The first two are by Monte Carlo, the others by the formula of the trade-off.
+
+def off_text(setting: Setting) -> str:
+    """How far the mean is off, with its standard error [µm]."""
+    if not setting.bias_error_um > 0:
+        return f"{setting.bias_um:.2g}"
+    decimals = max(0, 1 - math.floor(math.log10(setting.bias_error_um)))
+    off = f"{setting.bias_um:.{decimals}f}"
+    return f"{off.removeprefix('-') if float(off) == 0 else off} ± {setting.bias_error_um:.{decimals}f}"
+
+
+def limit_text(setting: Setting) -> str:
+    """That a filter is at the end of those that were looked at, to stand behind its time; empty if it is not."""
+    return " (the end of what was looked at, as a stage has to be long against its filter)" if setting.at_limit else ""
+
+
+Sizes = Callable[["GaugingModel"], "FinishedSizes"]
+"""Parts ground as a model says, all with the same noise, feeds and starts."""
+
+
+def gauging_settings(
+    model: GaugingModel, present: FinishedSizes, filters: TradeOff, sizes_of: Sizes
+) -> tuple[Setting, ...]:
+    """As it is; its last threshold moved until the mean is as wanted; the best filter, by eq. 23 and centred.
+
+    The filters are the best ones of the trade-off, by formula. What no file may say is left out, such as thresholds
+    that do not rise or that the gauge does not show, and settings with which more parts miss a threshold.
+
+    Parameters
+    ----------
+    model : GaugingModel
+        As it is.
+    present : FinishedSizes
+        Its parts.
+    filters : TradeOff
+        Of it.
+    sizes_of : callable
+        Parts of another model of this kind.
     """
-    one, sizes, stage = summary.trade_off, summary.sizes, summary.stages[-1]
-    bias_um = sizes.mean_um - stage.until_um
-    at = np.log(one.time_constant_s)
-    best_bias_um = float(np.interp(math.log(one.best_s), at, one.bias_um))
-    best_sd_um = math.sqrt(max(one.best_rms_um**2 - best_bias_um**2, 0.0))
-    centred_v = stage.threshold_v - summary.gauge.gain_v_per_um * bias_um
-    return (
-        Setting("present", MONTE_CARLO, one.present_s, stage.threshold_v, bias_um, sizes.sd_um),
-        Setting("centred", MONTE_CARLO, one.present_s, centred_v, 0.0, sizes.sd_um),
-        Setting("best-filter", FORMULA, one.best_s, one.best_threshold_v, best_bias_um, best_sd_um),
-        Setting("best-filter-centred", FORMULA, one.centred_s, one.centred_best_v, 0.0, one.centred_rms_um),
+    bench = _Bench(model, present, sizes_of)
+    ends = (float(filters.time_constant_s[0]), float(filters.time_constant_s[-1]))
+    now = model.setup.thresholds_v
+    found = [_setting(PRESENT, model, present), _centred(CENTRED, bench, model, now, now[-1], present)]
+    best = bench.with_filter(_rounded(filters.best_s, _FILTER_DIGITS))
+    if best is not None:
+        volts = bench.rounded(best.advised_thresholds_v)
+        found.append(bench.setting(BEST_FILTER, best, volts, at_limit=filters.best_s in ends))
+    steady = bench.with_filter(_rounded(filters.centred_s, _FILTER_DIGITS))
+    if steady is not None:
+        volts, first_v = steady.advised_thresholds_v, filters.centred_best_v
+        found.append(_centred(BEST_CENTRED, bench, steady, volts, first_v, at_limit=filters.centred_s in ends))
+    return tuple(one for one in found if one is not None)
+
+
+class _Bench:
+    """Grinds parts with other thresholds and filters."""
+
+    def __init__(self, model: GaugingModel, present: FinishedSizes, sizes_of: Sizes) -> None:
+        self._model, self._present, self._sizes_of = model, present, sizes_of
+        fine_um = max(_NEAR * present.mean_error_um, _FINE_UM)
+        # the digit of a voltage that moves a size by less than that
+        self._decimals = math.ceil(-math.log10(0.5 * fine_um * abs(model.setup.gauge.gain_v_per_um)))
+
+    def rounded(self, volts: Sequence[float]) -> tuple[float, ...]:
+        return tuple(round(one, self._decimals) for one in volts)
+
+    def with_filter(self, time_constant_s: float) -> GaugingModel | None:
+        """The model with another T_Φ and thresholds of eq. 23; None if no file may say so."""
+        plain = _unbound(self._model)
+        gauge = plain["transducer"]["smoothing"] if "transducer" in plain else plain["linear"]
+        gauge["time_constant_s"] = time_constant_s
+        plain.pop("thresholds", None)
+        return _made(plain)
+
+    def setting(
+        self, name: str, model: GaugingModel, volts: tuple[float, ...], *, at_limit: bool = False
+    ) -> Setting | None:
+        """What these thresholds give; None if no file may say them, or if more parts miss one than do now."""
+        made = _made(_unbound(model) | {"thresholds": {"volts": list(volts)}})
+        if made is None:
+            return None
+        sizes = self._sizes_of(made)
+        if _missed(sizes) > _missed(self._present) + _MISSED:
+            return None
+        return _setting(name, made, sizes, at_limit=at_limit)
+
+
+def _centred(
+    name: str,
+    bench: _Bench,
+    model: GaugingModel,
+    volts: Sequence[float],
+    first_v: float,
+    known: FinishedSizes | None = None,
+    *,
+    at_limit: bool = False,
+) -> Setting | None:
+    """The setting whose last threshold makes the mean as wanted; found by the secant, beginning at `first_v`.
+
+    `known` are the sizes with `first_v`.
+    """
+    gain = model.setup.gauge.gain_v_per_um
+    tried: list[tuple[float, float]] = []
+    next_v = first_v
+    if known is not None:
+        off_um = known.mean_um - model.setup.wanted_um
+        tried, next_v = [(first_v, off_um)], first_v - gain * off_um
+    best: Setting | None = None
+    for _ in range(_MOST_RUNS):
+        one = bench.setting(name, model, bench.rounded((*volts[:-1], next_v)), at_limit=at_limit)
+        if one is None:
+            break
+        if best is None or abs(one.bias_um) < abs(best.bias_um):
+            best = one
+        if abs(one.bias_um) <= max(_NEAR * one.bias_error_um, _FINE_UM):
+            break
+        tried.append((one.threshold_v, one.bias_um))
+        next_v = _next_v(tried, gain)
+        if bench.rounded((next_v,))[0] in [volt for volt, _ in tried]:
+            break
+    return best
+
+
+def _next_v(tried: Sequence[tuple[float, float]], gain: float) -> float:
+    """Where the line through the two nearest trials is 0; within the nearest ones on both sides."""
+    near = sorted(tried, key=lambda one: abs(one[1]))
+    (volts, off_um), slope = near[0], 1.0 / gain
+    if len(near) > 1 and near[1][0] != volts:
+        between = (near[1][1] - off_um) / (near[1][0] - volts)
+        if 1.0 / _STEEP < between * gain < _STEEP:
+            slope = between
+    guess = volts - off_um / slope
+    for (low, left), (high, right) in pairwise(sorted(tried)):
+        if left * right < 0 and not low < guess < high:
+            return 0.5 * (low + high)
+    return guess
+
+
+def _setting(name: str, model: GaugingModel, sizes: FinishedSizes, *, at_limit: bool = False) -> Setting:
+    setup = model.setup
+    return Setting(
+        name,
+        setup.gauge.time_constant_s,
+        setup.thresholds_v,
+        len(sizes.finished_um),
+        sizes.mean_um - setup.wanted_um,
+        sizes.mean_error_um,
+        sizes.sd_um,
+        at_limit,
     )
+
+
+def _missed(sizes: FinishedSizes) -> float:
+    """Share of the parts that no threshold stopped, or that a stage had nothing to do with."""
+    return float(np.mean(~sizes.tripped | sizes.at_once))
+
+
+def _unbound(model: GaugingModel) -> dict[str, Any]:
+    """The file as plain values without what would forbid other settings; tables may be changed."""
+    plain = {key: value for key, value in plain_values(model.file).items() if key != "bounds"}
+    for section in ("linear", "transducer"):
+        if section in plain:
+            plain[section] = {
+                key: dict(value) if isinstance(value, dict) else value for key, value in plain[section].items()
+            }
+    return plain
+
+
+def _made(plain: dict[str, Any]) -> GaugingModel | None:
+    from selector.physics.gauging.gauging_model import gauging_model
+
+    try:
+        return gauging_model(checked_model_file(plain))
+    except InputError:
+        return None
+
+
+def _rounded(value: float, digits: int) -> float:
+    return float(f"{value:.{digits}g}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 from selector.errors import OptionError
 from selector.findings import Finding, Where
@@ -40,13 +40,13 @@ KINDS: Mapping[str, Channel] = {"allowance": ALLOWANCE, "feed": FEED, "gauge": G
 
 def recorded_channels(file: GaugingFile, recording: Recording) -> dict[str, str]:
     """Kind, of `KINDS`, → channel: the one that ``[recorded]`` names, else the one of this name, else the only one left
-    of its role; of several of a role none is.
+    of its role; of several of a role none is. What is named may have any role of the same unit, which may be guessed.
 
     Raises
     ------
     OptionError
-        The recording has no channel of a name that the file gives, or the file gives one name twice, or the channel has
-        another role.
+        The recording has no channel of a name that the file gives, or the file gives one name twice, or the channel is
+        held in another unit.
     """
     by_name = {channel.name: channel for channel in recording.channels}
     found: dict[str, str] = {}
@@ -57,13 +57,30 @@ def recorded_channels(file: GaugingFile, recording: Recording) -> dict[str, str]
             found[kind] = said
     for kind, own in KINDS.items():
         same = by_name.get(own.name)
-        if kind not in found and same is not None and same.role == own.role and own.name not in found.values():
+        if kind not in found and same is not None and same.unit == own.unit and own.name not in found.values():
             found[kind] = own.name
     for kind, own in KINDS.items():
         alike = [c.name for c in recording.channels if c.role == own.role and c.name not in found.values()]
         if kind not in found and len(alike) == 1:
             found[kind] = alike[0]
     return found
+
+
+def roles_asked(file: GaugingFile, recording: Recording, unread: Sequence[str]) -> dict[str, str]:
+    """Column → role that it has to be read with, where a guess says otherwise or nothing; `unread` have none.
+
+    Columns that ``[recorded]`` names, and unread ones that are called as in a simulation.
+    """
+    units = {channel.name: channel.unit for channel in recording.channels}
+    said = {
+        getattr(file.recorded, kind): own for kind, own in KINDS.items() if getattr(file.recorded, kind) is not None
+    }
+    asked = {own.name: own.role for own in KINDS.values() if own.name in unread and own.name not in said}
+    wrong = [name for name, own in said.items() if name in unread or units.get(name, own.unit) != own.unit]
+    if asked or wrong:
+        # all of them: what was guessed of one column may hang on another
+        asked |= {name: own.role for name, own in said.items() if name in unread or name in units}
+    return asked
 
 
 def undecided_findings(recording: Recording, found: Mapping[str, str]) -> Iterator[Finding]:
@@ -98,10 +115,11 @@ def _require_channel(
         raise OptionError(
             f"{said!r} twice", expected="a channel for one thing", where=where, advice="leave one of the two out"
         )
-    if by_name[said].role != own.role:
+    if by_name[said].unit != own.unit:
         raise OptionError(
-            f"{said!r} with the role {by_name[said].role}",
-            expected=f"a channel with the role {own.role}",
+            f"{said!r} with the role {by_name[said].role}, in {by_name[said].unit}",
+            expected=f"a channel in {own.unit}, as of the role {own.role}",
             where=where,
-            advice="name another channel, or correct its role in the machine file",
+            advice=f'name another channel, or say what it is in the machine file: [channels."{said}"] with '
+            f'role = "{own.role}" and its unit, and give it with --machine',
         )

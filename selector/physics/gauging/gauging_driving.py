@@ -18,15 +18,14 @@ from selector.physics.gauging.gauging_channels import (
     GAUGE,
     MEASURED,
     STAGE,
-    UM_PER_S,
     recorded_channels,
     undecided_findings,
 )
+from selector.physics.gauging.gauging_feed import fallen_um, start_finding, start_um
 from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation, Progress
 from selector.physics.gauging.model_findings import model_findings
 from selector.physics.gauging.model_length import finest_s
 from selector.physics.gauging.model_limits import MOST_ALLOWANCE_UM
-from selector.physics.gauging.threshold import wear_share
 from selector.physics.gauging.voltage_course import SeenSurface, voltage_course
 from selector.recording import Channel, Recording
 
@@ -77,7 +76,8 @@ def driven_runs(
     """What the gauge shows of every run of a recording: voltage, size, and which stage it would be in.
 
     The recorded allowance, or size counted from the nominal one, drives it. Where only the feed was recorded, the
-    allowance begins at the mean one of the file and falls as the file says of wheel and lag. The surface begins at
+    allowance begins at what the recorded gauge says, else at the mean one of the file, and falls as the file says of
+    wheel and lag. The surface begins at
     angle 0. The stage is what the model's relay would have commanded, without its noise; nothing follows from it.
 
     Parameters
@@ -110,7 +110,10 @@ def driven_runs(
         with told_of(f"run {run}, channel {found[drives]}"):
             time_s = recording.time_s(run)
             values, said = _complete(recording, run, found[drives])
-            allowance = values if drives == "allowance" else _fallen_um(model, time_s, values)
+            allowance = values
+            if drives == "feed":
+                allowance, begun = _by_feed(model, recording, run, found, values)
+                said.append(begun)
             random = np.random.default_rng(sources[number]) if sources else None
             voltage = _shown_v(model, time_s, allowance, random)
         findings += said
@@ -151,7 +154,7 @@ def _complete(recording: Recording, run: str, channel: str) -> tuple[Vector, lis
     """Values at all samples, straight over what is missing, and what is to be said of clock and gaps."""
     time_s, values = recording.time_s(run), np.asarray(recording.values(run, [channel])[:, 0], dtype=np.float64)
     of = recording.channel(channel)
-    require_within(values, time_s, MOST_ALLOWANCE_UM if of.role == ALLOWANCE.role else _MOST_MM_PER_MIN, of.unit)
+    require_within(values, time_s, MOST_ALLOWANCE_UM if of.unit == ALLOWANCE.unit else _MOST_MM_PER_MIN, of.unit)
     seen = np.isfinite(values)
     if np.count_nonzero(seen) < 2:
         raise InputError(
@@ -213,20 +216,22 @@ def _clock(run: str, channel: str, time_s: Vector) -> list[Finding]:
     ]
 
 
-def _fallen_um(model: GaugingModel, time_s: Vector, feed_mm_per_min: Vector) -> Vector:
-    """The allowance under a recorded feed, held from sample to sample, as wheel and springs of the file follow it."""
-    grinding = model.values.grinding
-    feed = np.maximum(feed_mm_per_min, 0.0) * UM_PER_S
-    rate = feed / (1.0 + wear_share(grinding))
-    steps, lag_s = np.diff(time_s), grinding.lag_s
-    if lag_s == 0:
-        return grinding.allowance_um - np.concatenate([[0.0], np.cumsum(rate[:-1] * steps)])
-    removal, fallen = 0.0, np.zeros(len(time_s))
-    for k, (step_s, wanted) in enumerate(zip(steps.tolist(), rate[:-1].tolist(), strict=True)):
-        left = np.exp(-step_s / lag_s)
-        fallen[k + 1] = fallen[k] + wanted * step_s + (removal - wanted) * lag_s * (1.0 - left)
-        removal = wanted + (removal - wanted) * left
-    return grinding.allowance_um - fallen
+def _by_feed(
+    model: GaugingModel, recording: Recording, run: str, found: Mapping[str, str], feed: Vector
+) -> tuple[Vector, Finding]:
+    """The allowance under a recorded feed, from where the recorded gauge says that it began, else the file."""
+    time_s, of_file_um = recording.time_s(run), model.values.grinding.allowance_um
+    channel = found.get("gauge", found.get("measured"))
+    shown: Vector | None = None
+    if channel is not None:
+        shown = recording.values(run, [channel])[:, 0]
+        shown = model.measured_um(shown) if "gauge" in found else shown
+    fallen = fallen_um(model, time_s, feed)
+    begins = start_um(model, time_s, fallen, shown)
+    said = start_finding(
+        run, of_file_um if begins is None else begins, channel if begins is not None else None, of_file_um
+    )
+    return (of_file_um if begins is None else begins) - fallen, said
 
 
 def _stage(model: GaugingModel, voltage_v: Vector, allowance_um: Vector) -> Vector:
@@ -275,13 +280,13 @@ def _nothing_compared(recording: Recording) -> Finding:
 
 
 def _nothing_drives(model: GaugingModel, recording: Recording) -> OptionError:
-    here = ", ".join(f"{channel.name} ({channel.role})" for channel in recording.channels[:12])
-    sizes = [name for name in recording.names if recording.channel(name).role == ALLOWANCE.role]
+    here = ", ".join(f"{channel.name} ({channel.role}, {channel.unit})" for channel in recording.channels[:12])
+    lengths = [channel.name for channel in recording.channels if channel.unit == ALLOWANCE.unit]
+    name = lengths[0] if lengths else "NAME OF ITS COLUMN"
     return OptionError(
         f"nothing that drives the gauge: {here}",
-        expected="a channel with the allowance (role size), or one with the feed (role feed_rate)",
+        expected="a channel with the allowance, counted from the nominal size, or one with the feed",
         where=f"model {model.name!r}",
-        advice=f'say which: allowance = "{sizes[0]}" under [recorded]'
-        if sizes
-        else 'give the channel its role in the machine file, or add allowance = "CHANNEL" to [recorded]',
+        advice=f'say which in the model file, whatever role it has: allowance = "{name}" under [recorded]; or feed = '
+        '"…" there',
     )

@@ -12,6 +12,7 @@ from selector.physics.gauging.model_length import length_contradictions
 from selector.physics.gauging.model_limits import MOST_STAGES
 from selector.physics.gauging.model_parts import file_parts, part_contradictions
 from selector.physics.gauging.model_schema import KINDS, GaugingFile
+from selector.physics.gauging.model_slips import early_slips, late_slips
 from selector.physics.gauging.threshold import wear_share
 from selector.physics.model_text import Contradiction, ModelFamily, bound_contradictions, plain_values
 from selector.physics.model_values import refused
@@ -41,10 +42,12 @@ def checked_model_file(values: Mapping[str, Any], *, where: str = "model file") 
 def contradictions(file: GaugingFile) -> Iterator[Contradiction]:
     """(key, found, expected, advice) of whatever does not fit together in a file whose values are valid one by one."""
     yield from _of_gauge(file)
+    yield from early_slips(file)
     yield from part_contradictions(file)
     yield from _of_linear(file)
     yield from _of_wear(file)
     yield from _of_thresholds(file)
+    yield from late_slips(file)
     yield from bound_contradictions(file.bounds)
     yield from length_contradictions(file)
 
@@ -98,7 +101,7 @@ def _of_thresholds(file: GaugingFile) -> Iterator[Contradiction]:
     key, volts = ("thresholds", "volts"), file.thresholds.volts
     if len(volts) != stages:
         many = f"{stages} stage{'s' * (stages != 1)}"
-        advice = "give one voltage a stage, or leave the section out: eq. 23 says them then"
+        advice = "give one voltage a stage, or leave the section out: they are then calculated (eq. 23)"
         yield key, f"{len(volts)} for {many}", "one threshold for each of the stages", advice
     elif any(later <= earlier for earlier, later in pairwise(volts)):
         found = ", ".join(f"{one:g}" for one in volts)

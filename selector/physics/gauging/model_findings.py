@@ -1,4 +1,4 @@
-"""What is odd about gauging before a part is ground: numbers, reach of the gauge, thresholds, samples, ripple."""
+"""What is odd about gauging before a part is ground: numbers, reach of the gauge, slow parts, samples, ripple."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from selector.findings import Finding
 from selector.physics.gauging.model_length import finest_s
+from selector.physics.gauging.model_slips import slow_times
 from selector.physics.gauging.parameter_bounds import unit_of_key
 from selector.physics.gauging.plausibility import USUAL
 from selector.physics.model_plausibility import unlikely_numbers
@@ -23,6 +24,9 @@ _SHIFT_SHARE = 0.1
 
 _SHIFT_UM = 1.0
 """The same without a tolerance [µm]."""
+
+_SHORT = 0.5
+"""Share of the last stage that a filter takes at most that somebody could have meant."""
 
 
 def model_findings(model: GaugingModel) -> tuple[Finding, ...]:
@@ -43,7 +47,7 @@ def _found(model: GaugingModel) -> Iterator[Finding]:
         yield from _swings(curve)
         yield from _reach(model, curve)
         yield from _ripple(model)
-    yield from _thresholds(model)
+    yield from _slow(model)
     yield from _samples(model)
 
 
@@ -101,30 +105,23 @@ def _ripple(model: GaugingModel) -> Iterator[Finding]:
         )
 
 
-def _thresholds(model: GaugingModel) -> Iterator[Finding]:
-    """Thresholds of the file that end a stage elsewhere than it says."""
-    if model.file.thresholds is None:
-        return
-    for number, (volts, by_eq_23, gauge, stage) in enumerate(
-        zip(
-            model.file.thresholds.volts,
-            model.advised_thresholds_v,
-            model.stage_gauges,
-            model.values.grinding.stages,
-            strict=True,
+def _slow(model: GaugingModel) -> Iterator[Finding]:
+    """Filter, delay and lag that are long against the feed that they act in."""
+    rates, made = model.setup.rates_um_per_s, model.values
+    ends = (made.grinding.allowance_um, *(stage.until_um for stage in made.grinding.stages))
+    lasts_s = (ends[-2] - ends[-1]) / rates[-1]
+    for key, time_s in slow_times(made).items():
+        if time_s <= lasts_s:
+            continue
+        meant = f"; {time_s:g} ms would be {1e-3 * time_s:g} s" if 1e-3 * time_s < _SHORT * lasts_s else ""
+        yield Finding(
+            "slow-for-the-stage",
+            "warning",
+            f"{key} is {time_s:.4g} s, and the last stage takes {lasts_s:.3g} s: the gauge commands before the stage "
+            f"has settled, or before it begins{meant}.",
+            evidence={"key": key, "time_s": time_s, "stage_s": lasts_s},
+            suggestion="give the last stage more allowance or less feed, or correct the time if it is a slip",
         )
-    ):
-        off_um = (volts - by_eq_23) / gauge.gain_v_per_um
-        if abs(off_um) > mattering_um(model):
-            yield Finding(
-                "threshold-ends-elsewhere",
-                "warning",
-                f"The threshold of stage {number + 1}, {volts:.6g} V, is reached {abs(off_um):.3g} µm "
-                f"{'before' if off_um > 0 else 'after'} what is wanted: it ends the stage at about "
-                f"{stage.until_um + off_um:.4g} µm, not at {stage.until_um:.4g} µm. Eq. 23 says {by_eq_23:.6g} V.",
-                evidence={"stage": number + 1, "volts": volts, "eq_23_v": by_eq_23, "off_um": off_um},
-                suggestion="correct it, unless it was set for what eq. 23 does not know: grooves, ripple, early noise",
-            )
 
 
 def _samples(model: GaugingModel) -> Iterator[Finding]:

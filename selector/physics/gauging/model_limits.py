@@ -12,7 +12,7 @@ MOST_STAGES = 20
 _OF_KEY = {
     "feed_um_per_s": (1e-6, 1e6),
     "gain_v_per_um": (1e-12, 1e6),
-    "feed_sd": (0.0, 0.25),
+    "feed_sd": (0.0, 100.0),
     "wheel_wear": (0.0, 1e3),
     "wear_growth_per_part": (0.0, 10.0),
     "dress_every": (0, 10**9),

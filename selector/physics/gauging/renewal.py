@@ -47,8 +47,13 @@ def steps_needed(noise: Noise, filter_s: float, deviations: float, duration_s: f
 
 
 def renewal_survival(course: MeanCourse, reading_um: float, noise: Noise, time_s: Vector) -> Vector:
-    """Share that has not tripped at evenly spaced times, by the equation of first passage, shape of `time_s`."""
+    """Share that has not tripped at evenly spaced times, by the equation of first passage, shape of `time_s`.
+
+    Times that do not differ are a moment at which all have tripped, or none may: then the share that is above.
+    """
     filter_s, step = course.unit.time_constant_s, float(time_s[1] - time_s[0])
+    if step <= 0:
+        return np.asarray(ndtr((course.reading(time_s) - reading_um) / _smoothed_sd(noise, filter_s)))
     middle = 0.5 * (time_s[1:] + time_s[:-1])
     above = course.reading(middle) - reading_um
     approach = (course.reading(middle) - course.allowance(middle)) / filter_s

@@ -105,7 +105,7 @@ def test_several_sizes_are_undecided_unless_the_file_says():
     two = Recording.from_runs({"r": table(time_s, a=20.0 - time_s, b=20.0 - time_s)}, [size("a"), size("b")])
     with pytest.raises(OptionError, match='allowance = "a" under') as caught:
         driven_runs(model(), two)
-    assert "a (size), b (size)" in caught.value.found
+    assert "a (size, um), b (size, um)" in caught.value.found
     said = driven_runs(model(("recorded.allowance", "b")), two)
     assert said.matched == {"allowance": "b", "measured": "a"}
 
@@ -127,7 +127,7 @@ def test_names_that_cannot_be_are_refused_with_their_key(recorded, said):
 
 def test_nothing_that_drives_names_what_there_is():
     voltage = Recording.from_runs({"r": table([0, 1], u=[0.5, 0.6])}, [Channel("u", "voltage", "V")])
-    with pytest.raises(OptionError, match=r"u \(voltage\)"):
+    with pytest.raises(OptionError, match=r"u \(voltage, V\)"):
         driven_runs(model(), voltage)
     shown = Recording.from_runs({"r": table([0, 1], measured=[20.0, 19.0])}, [size("measured")])
     with pytest.raises(OptionError, match='allowance = "measured" under'):

@@ -225,16 +225,16 @@ def test_names_of_a_single_run_are_free():
 
 def test_odd_thresholds_samples_and_numbers_are_told():
     assert found(model(LINEAR)) == {}
-    late = found(model(LINEAR, ("thresholds.volts", [0.745, 0.82])))["threshold-ends-elsewhere"]
-    # 0.799 V by eq. 23: 0.021 V over 5 mV/µm
-    assert late.evidence["off_um"] == pytest.approx(-4.2)
-    assert "-4.2 µm, not at 0 µm" in late.statement
+    # what thresholds of the file make of the sizes is told of the sizes
+    assert found(model(LINEAR, ("thresholds.volts", [0.745, 0.82]))) == {}
+    slow = found(model(LINEAR, ("linear.time_constant_s", 7.0)))["slow-for-the-stage"]
+    assert slow.evidence["stage_s"] < slow.evidence["time_s"] == 7.0
     coarse = found(model(LINEAR, ("run.period_s", 0.05)))["coarse-period"]
     assert coarse.suggestion == "take run.period_s = 0.02 or less, or leave it out"
     surface = {"workpiece_rpm": 300.0, "grooves": 4, "groove_share": 0.1, "groove_depth_um": 5.0}
     grooved = found(model(LINEAR, ("run.period_s", 0.02), ("surface", surface)))["coarse-period"]
     assert "4 grooves" in grooved.statement
-    odd = found(model(LINEAR, ("grinding.stages.1.feed_um_per_s", 0.005)))["unlikely-value"]
+    odd = found(model(LINEAR, ("grinding.stages.1.feed_um_per_s", 0.2)))["unlikely-value"]
     assert "mm/min" in odd.suggestion
 
 
@@ -243,3 +243,16 @@ def test_the_end_of_reach_is_told():
     assert "rest_gap_m" in near.suggestion
     assert "wanted-size-at-the-end-of-reach" not in found(model(CHAIN))
     assert "allowance-beyond-reach" not in found(model(CHAIN, ("grinding.allowance_um", 100.0)))
+
+
+@pytest.mark.parametrize(
+    ("values", "change", "meant"),
+    [
+        (LINEAR, ("linear.gain_v_per_um", -0.00002), "-0.02"),
+        (LINEAR, ("tolerance", {"lower_um": -0.0025, "upper_um": 2.5}), "-2.5"),
+        (LINEAR, ("grinding.stages.1.feed_um_per_s", 0.24), "4"),
+        (LINEAR, ("noise.sd_um", 400.0), "0.4"),
+    ],
+)
+def test_slips_of_units_are_told_with_what_was_perhaps_meant(values, change, meant):
+    assert f"= {meant} if" in found(model(values, change))["unlikely-value"].suggestion
