@@ -18,6 +18,7 @@ from selector.physics.gauging.characteristic import characteristic, linear_gauge
 from selector.physics.gauging.finished_sizes import finished_sizes
 from selector.physics.gauging.gauged_grinding import GaugedGrinding
 from selector.physics.gauging.process import Grinding, Noise, Stage, Surface
+from selector.physics.gauging.ripple_crest import RippleCrest
 from selector.physics.gauging.size_distribution import size_distribution
 from selector.physics.gauging.trade_off import trade_off
 from selector.physics.gauging.transducer import LinearGauge, Relay
@@ -25,6 +26,7 @@ from tests.physics.gauging.examples import TRANSDUCER
 
 GAUGE = LinearGauge(-0.01, 3.0, 0.05)
 GRINDING = Grinding(22.0, (Stage(20.0, 12.0), Stage(5.0, 2.0)), allowance_sd_um=1.0)
+SHORT = Grinding(22.0, (Stage(20.0, 12.0), Stage(0.5, 10.0)), allowance_sd_um=1.0)
 BASE = GaugedGrinding(GAUGE, GRINDING, Relay(0.02))
 
 
@@ -32,6 +34,8 @@ def cases() -> dict[str, GaugedGrinding]:
     """T_Φ 50 ms, relay 20 ms late, last feed 5 µm/s, unless the name says otherwise."""
     curve = characteristic(TRANSDUCER)
     gauge = linear_gauge(curve, 2.0, 0.05)
+    swings_hz = 2.0 * TRANSDUCER.electromagnet.frequency_hz
+    crest = RippleCrest(curve.allowance_um, curve.crest_v, TRANSDUCER.smoothing.time_constant_s, 2.0 * swings_hz)
     quick = replace(GAUGE, time_constant_s=0.003)
     return {
         "noise 0.05 µm, 100/s": replace(BASE, noise=Noise(0.05, 100.0)),
@@ -42,8 +46,13 @@ def cases() -> dict[str, GaugedGrinding]:
         "noise 1 µm, 100/s": replace(BASE, noise=Noise(1.0, 100.0)),
         "noise 2 µm, 100/s": replace(BASE, noise=Noise(2.0, 100.0)),
         "T_Φ 3 ms, noise 0.5 µm, 30/s": replace(BASE.with_filter(0.003), gauge=quick, noise=Noise(0.5, 30.0)),
-        "relay noise 2 mV every 6.3 ms": replace(BASE, relay=Relay(0.02, 0.002)),
+        "relay noise 2 mV every 10 ms": replace(BASE, relay=Relay(0.02, 0.002)),
         "relay noise, and 0.3 µm, 100/s": replace(BASE, relay=Relay(0.02, 0.002), noise=Noise(0.3, 100.0)),
+        "noise 1 µm, 20/s, last 2 µm at 0.5 µm/s": replace(
+            BASE, grinding=SHORT, thresholds_v=(), noise=Noise(1.0, 20.0)
+        ),
+        "the same, noise 2/s": replace(BASE, grinding=SHORT, thresholds_v=(), noise=Noise(1.0, 2.0)),
+        "the same, relay noise 10 mV": replace(BASE, grinding=SHORT, thresholds_v=(), relay=Relay(0.02, 0.01)),
         "run-out 0.2 µm, 120 r/min": replace(BASE, surface=Surface(120.0, runout_um=0.2)),
         "run-out 1 µm, 120 r/min": replace(BASE, surface=Surface(120.0, runout_um=1.0)),
         "run-out 1 µm, noise 0.3 µm, 20/s": replace(
@@ -53,6 +62,9 @@ def cases() -> dict[str, GaugedGrinding]:
         "the same and noise 0.3 µm, 20/s": replace(BASE, surface=Surface(150.0, 4, 0.1, 5.0), noise=Noise(0.3, 20.0)),
         "curved, noise 0.5 µm, 10/s": replace(
             GaugedGrinding(gauge, GRINDING, Relay(0.02), noise=Noise(0.5, 10.0)), characteristic=curve
+        ),
+        "curved, the same, ripple": replace(
+            GaugedGrinding(gauge, GRINDING, Relay(0.02), noise=Noise(0.5, 10.0)), characteristic=curve, crest=crest
         ),
         "curved, noise 3 µm, 0.5/s, T_Φ 0.5 s": replace(
             GaugedGrinding(
@@ -80,7 +92,7 @@ def main() -> None:
     options = parser.parse_args()
     finished_sizes(BASE, 1)
     size_distribution(replace(BASE, noise=Noise(1.0, 10.0)))
-    print("| case | r | wave | linear | first passage | Monte Carlo |\n|---|---|---|---|---|---|")
+    print("| case | r | wave | linear | first passage | Monte Carlo | holds |\n|---|---|---|---|---|---|---|")
     times = []
     for name, setup in cases().items():
         linear = size_distribution(setup, method="linear")
@@ -97,7 +109,8 @@ def main() -> None:
             f"| {linear.mean_um - wanted:+.3f}, {linear.sd_um:.3f} "
             f"| {passage.mean_um - wanted:+.3f}, {passage.sd_um:.3f}{moved} "
             f"| {sizes.mean_um - wanted:+.4f} ± {sizes.mean_error_um:.4f}, "
-            f"{sizes.sd_um:.4f} ± {sizes.sd_error_um:.4f} |"
+            f"{sizes.sd_um:.4f} ± {sizes.sd_error_um:.4f} "
+            f"| {'a' if passage.linear_holds else ''}{'b' if passage.passage_holds else ''} |"
         )
         steps = sizes.duration_s.mean()
         times.append(

@@ -15,8 +15,7 @@ from selector.physics.gauging.finished_sizes import FinishedSizes, finished_size
 from selector.physics.gauging.gauging_advice import Setting, gauging_settings
 from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation, Progress
 from selector.physics.gauging.model_findings import mattering_um
-from selector.physics.gauging.part_steps import feeds_s, longest_step_s, steps_in
-from selector.physics.gauging.part_steps import FEWEST_SIZES
+from selector.physics.gauging.part_steps import FEWEST_SIZES, feeds_s, longest_step_s, steps_in
 from selector.physics.gauging.size_distribution import SizeDistribution, size_distribution
 from selector.physics.gauging.size_findings import size_findings
 from selector.physics.gauging.stage_ends import threshold_findings

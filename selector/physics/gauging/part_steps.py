@@ -11,15 +11,18 @@ from selector.physics.gauging.transducer import Relay
 STEPS_PER_CORRELATION, STEPS_PER_FILTER, STEPS_PER_LAG, STEPS_PER_TURN = 4.0, 8.0, 8.0, 64.0
 """Steps in 1/β, T_Φ, lag_s and a turn with run-out: more of them change sizes by less than 20 000 parts can tell."""
 
-MOST_STEPS = 1_000_000_000
-"""Of all parts together: a minute or two."""
+MOST_STEPS = 500_000_000
+"""Of all parts together: about a minute."""
+
+FEWEST_SIZES = 2000
+"""Parts from which sizes are told, where a file has fewer."""
 
 MOST_STEPS_OF_PART = 10_000_000
 """A second or two, in which nothing hears Ctrl-C."""
 
 
 STEPS_ADVICE = {
-    "stages": "give the feeds and allowances the right power of ten, or slower noise (rate_per_s)",
+    "stages": "give it, or the feeds and allowances, the right power of ten",
     "thresholds_v": "set the thresholds within what is ground, or leave them out: they follow from the sizes wanted",
     "parts": "grind fewer parts, or give slower noise (rate_per_s)",
 }
