@@ -290,11 +290,11 @@ def _part(plan, number, seed, ends, record, period_s):
         if stage == stages and row >= rows:
             return size, duration, state
         end = (done + 1) * h
-        if end - t < 1e-9 * h:
+        if end - t < 1e-6 * h:
             done, end = done + 1, (done + 2) * h
         to = min(end, edge, switch)
         hs = to - t
-        weights = whole if hs == h or abs(hs - h) < 1e-9 * h else _weights(plan, hs)
+        weights = whole if hs == h or abs(hs - h) < 1e-6 * h else _weights(plan, hs)
         keep, early, late, rho, spread, from_f, to_f, own, slower = weights
         seen = still + f
         v0, slope = _voltage(plan, seen), _slope(plan, seen)

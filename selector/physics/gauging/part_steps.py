@@ -17,8 +17,8 @@ MOST_STEPS = 500_000_000
 FEWEST_SIZES = 2000
 """Parts from which sizes are told, where a file has fewer."""
 
-MOST_STEPS_OF_PART = 10_000_000
-"""A second or two, in which nothing hears Ctrl-C."""
+MOST_STEPS_OF_PART = 3_000_000
+"""Half a second, in which nothing hears Ctrl-C."""
 
 
 STEPS_ADVICE = {

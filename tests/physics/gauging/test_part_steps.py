@@ -1,0 +1,66 @@
+"""Files that nobody waits for are refused at once, with the key that asks for so many steps."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from selector.errors import ModelFileError
+from selector.physics.gauging.finished_sizes import finished_sizes
+from selector.physics.gauging.model_file import checked_model_file
+from selector.physics.gauging.part_plan import steps_per_part
+from selector.physics.gauging.part_steps import MOST_STEPS_OF_PART
+from selector.physics.gauging.process import Grinding, Noise, Stage
+from tests.physics.gauging.set_ups import set_up
+from tests.physics.gauging.test_model_file import LINEAR, TRANSDUCER, changed
+
+ENDLESS = {
+    "a feed of 10 pm/s": (LINEAR, ("grinding.stages.0.feed_um_per_s", 1e-5), "grinding.stages"),
+    "quick noise": (LINEAR, ("noise", {"sd_um": 0.1, "rate_per_s": 1e7}), "noise.rate_per_s"),
+    "quick noise for 2000 parts": (LINEAR, ("noise", {"sd_um": 0.1, "rate_per_s": 1e5}), "noise.rate_per_s"),
+    "a filter of 1 µs": (LINEAR, ("linear.time_constant_s", 1e-6), "linear.time_constant_s"),
+    "a filter of 1 µs of a transducer": (
+        TRANSDUCER, ("transducer.smoothing.time_constant_s", 1e-6), "transducer.smoothing.time_constant_s",
+    ),
+    "a relay of 1 GHz": (LINEAR, ("relay", {"noise_v": 0.01, "noise_hold_s": 1e-9}), "relay.noise_hold_s"),
+    "grooves without end": (
+        LINEAR,
+        ("surface", {"workpiece_rpm": 1e5, "grooves": 10_000, "groove_share": 0.1, "groove_depth_um": 1.0}),
+        "surface.grooves",
+    ),
+    "run-out of a turbine": (LINEAR, ("surface", {"workpiece_rpm": 1e6, "runout_um": 1.0}), "surface.workpiece_rpm"),
+    "parts without end": (LINEAR, ("run.parts", 900_000), "run.parts"),
+    "volts for mV": (LINEAR, ("thresholds.volts", [0.745, 1e6]), "thresholds.volts[2]"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ENDLESS)
+def test_what_asks_for_too_many_steps_is_refused_by_its_key(name):
+    values, change, key = ENDLESS[name]
+    begun = time.perf_counter()
+    with pytest.raises(ModelFileError) as caught:
+        checked_model_file(changed(values, change))
+    # a file is checked in milliseconds; to run one of these would take a minute or more
+    assert time.perf_counter() - begun < 2.0
+    assert caught.value.where == f"model file, key {key}"
+
+
+def test_steps_are_about_those_that_are_taken():
+    """A part of 2.54 s in steps of T_Φ/8 or 1/(4β), whichever is less."""
+    grinding = Grinding(22.0, (Stage(20.0, 12.0), Stage(5.0, 2.0)))
+    # 10/20 + 10/5 s and two delays of 20 ms
+    for noise, step_s in ((Noise(), 0.05 / 8), (Noise(0.01, 1000.0), 0.25e-3)):
+        assert steps_per_part(set_up(grinding, noise=noise)) == pytest.approx(2.54 / step_s, rel=1e-9)
+
+
+def test_the_longest_part_is_over_before_anybody_misses_ctrl_c():
+    grinding = Grinding(22.0, (Stage(20.0, 12.0), Stage(5.0, 2.0)))
+    setup = set_up(grinding, noise=Noise(0.1, 0.9 * MOST_STEPS_OF_PART / 2.54 / 4.0))
+    finished_sizes(set_up(grinding), 1)
+    told: list[tuple[float, int]] = []
+    begun = time.perf_counter()
+    finished_sizes(setup, 2, progress=lambda done, of: told.append((time.perf_counter() - begun, done)))
+    # one part a chunk; 0.4 s each where nothing else runs
+    assert [done for _, done in told] == [1, 2]
+    assert told[0][0] < 8.0
