@@ -26,6 +26,8 @@ Vector = NDArray[np.float64]
 
 _MOST_RPM, _MOST_FORCE_N = 1e6, 1e9
 _FEWEST = 8
+_TURNED_BACK = 0.01
+"""Share of the largest speed, below which a sign is noise."""
 
 
 @dataclass(frozen=True)
@@ -130,6 +132,7 @@ class _DrivenRun:
         self.findings: list[Finding] = []
         self.courses = file_shafts(model.file, self._recorded_courses())
         self.mean_rpm = {name: mean_rpm(course, 0.0, self.duration_s) for name, course in self.courses.items()}
+        self._require_turning_cut()
 
     def signal(self, phases_rad: Mapping[str, float]) -> MotionSignal:
         """Motion and forces at the time stamps of the run."""
@@ -178,8 +181,25 @@ class _DrivenRun:
             values = self._values(name, _MOST_RPM)
             if values is not None:
                 seen = np.isfinite(values)
+                self.findings += _without_sign(name, values[seen])
                 found[shaft] = ShaftCourse(self.time_s[seen], np.abs(values[seen]))
         return found
+
+    def _require_turning_cut(self) -> None:
+        """Raises OptionError if the shaft of the cut stands through the run: no surface is made then."""
+        cut = self.model.file.cutting
+        if cut is None or self.mean_rpm[cut.shaft] > 0:
+            return
+        leading: str | None = cut.shaft
+        while leading is not None and leading not in self.channels.speeds:
+            leading = self.model.file.shafts[leading].of
+        raise OptionError(
+            f"a speed of 0 r/min through the whole run, and the cut is at shaft {cut.shaft!r}",
+            expected="a shaft that turns: [cutting] asks what the vibration leaves on a part",
+            where=f"channel {cut.shaft if leading is None else self.channels.speeds[leading]}",
+            advice="leave this run out, or leave [cutting] out of the model file if the spindle stood; otherwise check "
+            "the channel and its unit",
+        )
 
     def _values(self, channel: str, most: float) -> Vector | None:
         """A recorded course with NaN where it lacks; None where nothing of it was recorded; told by findings."""
@@ -217,6 +237,25 @@ class _DrivenRun:
             {"missing": int(lacks.sum()), "longest": int(longest)},
             "cut the run to the stretch that is complete if this matters",
         )
+
+
+def _without_sign(channel: str, rpm: Vector) -> tuple[Finding, ...]:
+    """That the amount of a speed below 0 counts; the noise of a standing shaft is not told."""
+    back = rpm < -_TURNED_BACK * np.abs(rpm).max()
+    if not back.any():
+        return ()
+    both = bool((rpm > _TURNED_BACK * np.abs(rpm).max()).any())
+    said = f"in {back.sum()} of {len(rpm)} samples, and above it in others" if both else "where the shaft turns"
+    return (
+        Finding(
+            "speed-without-sign",
+            "warning" if both else "info",
+            f"{channel} is below 0 {said}: the shaft is taken to turn as fast the one way as the other, by the amount.",
+            Where(channel=channel),
+            {"below_0": int(back.sum()), "lowest_rpm": float(rpm.min()), "highest_rpm": float(rpm.max())},
+            "cut the run where the shaft turns round if this matters" if both else "",
+        ),
+    )
 
 
 def _as_recorded(simulated: Recording, recording: Recording, names: Mapping[str, str]) -> Recording:

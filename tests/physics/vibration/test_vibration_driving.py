@@ -289,3 +289,31 @@ def test_a_force_with_a_mean_deflects_from_the_first_sample_to_the_last():
     (told,) = (one for one in driven.findings if one.id == "steady-before-recording")
     assert told.level == "info"
     assert told.evidence["begin_um"]["tool"] < 1e-9 * np.abs(deflected).max()
+
+
+@pytest.mark.parametrize("shaft", ["spindle", "motor"])
+def test_a_shaft_of_the_cut_that_stands_is_refused_with_its_channel(shaft):
+    # the motor follows the spindle: its speed is that of the recorded one too
+    stands = recording(TIME_S, ("n", "spindle_speed", 0.0 * TIME_S, "spindle"))
+    with pytest.raises(OptionError) as refused:
+        driven_runs(model(("cutting.shaft", shaft)), stands)
+    assert refused.value.where == "run r1, channel n"
+    assert "[cutting]" in refused.value.advice
+    begins = recording(TIME_S, ("n", "spindle_speed", 300.0 * TIME_S, "spindle"))
+    assert driven_runs(model(("cutting.shaft", shaft)), begins).simulation.shaft_rpm["spindle"] > 0
+
+
+def test_of_speeds_below_0_the_amount_counts_and_it_is_said():
+    forth, back = (
+        driven_runs(model(), recording(TIME_S, ("n", "spindle_speed", np.full(len(TIME_S), sign * 900.0))))
+        for sign in (1.0, -1.0)
+    )
+    assert np.array_equal(tool(back), tool(forth))
+    assert "speed-without-sign" not in ids(forth)
+    (told,) = [one for one in back.findings if one.id == "speed-without-sign"]
+    assert (told.level, told.where.channel, told.evidence["below_0"]) == ("info", "n", len(TIME_S))
+    turned = driven_runs(model(), recording(TIME_S, ("n", "spindle_speed", np.linspace(-900.0, 900.0, len(TIME_S)))))
+    assert [one.level for one in turned.findings if one.id == "speed-without-sign"] == ["warning"]
+    # a hundredth of the speed is the noise of a shaft that stands
+    noisy = np.r_[np.full(2000, 900.0), np.full(2000, -5.0)]
+    assert "speed-without-sign" not in ids(driven_runs(model(), recording(TIME_S, ("n", "spindle_speed", noisy))))
