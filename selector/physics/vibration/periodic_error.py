@@ -29,6 +29,8 @@ Direction = Literal["cut", "feed"]
 _LEAST_LOBES = 1.5
 _LEAST_TURNING = 0.5
 _MOST_LOG = 600.0
+_NO_FORCE_LOG = 200.0
+"""Forces that are smaller yet leave no height by themselves, whatever the exponent."""
 
 
 @dataclass(frozen=True)
@@ -218,8 +220,9 @@ def published_height_um(force_n: float, cutting: Cutting) -> float:
     if force_n == 0.0:
         return 0.0
     # logarithms: single powers may leave the range of numbers though the height does not
-    depth = (math.log(force_n) - slope) / cutting.depth_exponent
-    if not (abs(slope) < _MOST_LOG and depth < _MOST_LOG):
+    ratio = math.log(force_n) - slope
+    depth = ratio / cutting.depth_exponent
+    if not (abs(slope) < _MOST_LOG and depth < _MOST_LOG and (depth > -_MOST_LOG or ratio < -_NO_FORCE_LOG)):
         raise InputError(
             f"no height in numbers for {force_n:g} N with the exponents x = {cutting.depth_exponent:g}, "
             f"y = {cutting.feed_exponent:g}, n = {cutting.speed_exponent:g}",

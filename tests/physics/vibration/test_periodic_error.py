@@ -249,6 +249,7 @@ def test_from_sources_to_errors():
     ("change", "force_n"),
     [
         ({"depth_exponent": 1e-3}, 1e6),
+        ({"depth_exponent": 1e-9}, 1.0),
         ({"feed_exponent": 1e5}, 1.0),
         ({"speed_exponent": -1e308}, 1.0),
         ({"speed_exponent": 1e308, "feed_exponent": 1e308}, 1.0),
@@ -258,6 +259,10 @@ def test_exponents_that_leave_the_range_of_numbers_are_refused(change, force_n):
     with pytest.raises(InputError) as caught:
         published_height_um(force_n, replace(CUTTING, **change))
     assert caught.value.where == "cutting.depth_exponent"
+
+
+def test_forces_of_rounding_are_no_fault_of_the_exponents():
+    assert 0.0 <= published_height_um(1e-300, replace(CUTTING, depth_exponent=0.75)) < 1e-300
 
 
 def test_other_numbers_that_cannot_be_are_refused():
