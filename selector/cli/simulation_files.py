@@ -37,6 +37,7 @@ def require_places(
         if path is None:
             continue
         refuse_to_replace_input(path, read, option)
+        _refuse_broken_link(path, option)
         folder = path.parent.resolve()
         if len(folder.parts) > 1 and folder.parts[1] in _NO_PLACE_FOR_FILES and folder.parts[2:3] != ("shm",):
             raise OptionError(
@@ -69,11 +70,17 @@ def require_page_place(report: Path) -> None:
     OptionError
         The name does not end in .html, or its place cannot be written to.
     """
-    if report.suffix.lower() not in (".html", ".htm") or report.is_dir():
+    if report.is_dir():
+        raise OptionError(
+            "a folder of this name exists", expected="a file that ends in .html, or a name that is free",
+            where=f"--report {report}", advice=f"choose another name, e.g. --report {report / 'run1.html'}",
+        )  # fmt: skip
+    if report.suffix.lower() not in (".html", ".htm"):
         raise OptionError(
             f"{report.name!r}", expected="a file that ends in .html", where="--report",
             advice="name the page, e.g. --report run1.html",
         )  # fmt: skip
+    _refuse_broken_link(report, "--report")
     require_writable_folder(report.parent, "--report")
 
 
@@ -132,6 +139,16 @@ def written_together(paths: Iterable[Path]) -> Iterator[Mapping[Path, Path]]:
     finally:
         for stage in stages.values():
             shutil.rmtree(stage, ignore_errors=True)
+
+
+def _refuse_broken_link(path: Path, option: str) -> None:
+    """Raises OptionError if the path, or its folder, is a link to nothing: files would take the place of the link."""
+    for place in (path, *path.parents):
+        if place.is_symlink() and not place.exists():
+            raise OptionError(
+                f"a link to {place.readlink()}, which does not exist", expected="a name that is free, or a link to "
+                "what exists", where=f"{option} {place}", advice="choose another name, or remove the link",
+            )  # fmt: skip
 
 
 def _is_simulated(machine_path: Path) -> bool:

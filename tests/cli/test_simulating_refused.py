@@ -145,3 +145,17 @@ def test_places_are_named_as_they_were_asked_for(path, shown):
     with pytest.raises(OptionError) as told, named_as_asked():
         raise OptionError("full", expected="space", where=f"--out {path}", advice="free some")
     assert told.value.where == f"--out {shown}"
+
+
+def test_a_folder_where_the_page_is_to_be_is_called_a_folder(folder, capfd):
+    Path("page.html").mkdir()
+    assert "a folder of this name exists" in refused(capfd, "model.toml", "--out", "a.csv", "--report", "page.html")
+
+
+@pytest.mark.parametrize("link", ["a.csv", "a.machine.toml", "page.html", "sub"])
+def test_links_to_nothing_are_not_replaced(folder, capfd, link):
+    Path(link).symlink_to("nowhere")
+    where = "sub/a.csv" if link == "sub" else "a.csv"
+    err = refused(capfd, "model.toml", "--out", where, "--report", "page.html")
+    assert "a link to nowhere, which does not exist" in err
+    assert Path(link).is_symlink()
