@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from itertools import pairwise
@@ -24,6 +25,7 @@ from selector.physics.vibration.chain import chain_links, force_sign
 from selector.physics.vibration.model_parts import chain_of, file_shafts, file_structure, own_course, source_of
 from selector.physics.vibration.model_schema import (
     KINDS,
+    LEAST_PERIOD_S,
     MOST_LINES,
     MOST_SAMPLES,
     MOST_SINES,
@@ -163,7 +165,12 @@ def _too_fast(
     highest = frequency_hz if frequency_hz is not None else (order or 0.0) * fastest_rpm / 60.0
     if highest * file.run.period_s >= 0.5:
         found = f"{highest:.6g} Hz, sampled every {file.run.period_s:g} s"
-        advice = f"make run.period_s smaller than {0.5 / highest:.3g}, or leave the line out"
+        slower = "the frequency" if frequency_hz is not None else "the order, the rpm of the shaft or a ratio"
+        advice = (
+            f"make run.period_s smaller than {0.5 / highest:.3g}, or leave the line out"
+            if 0.5 / highest > LEAST_PERIOD_S
+            else f"make {slower} smaller: no run.period_s is short enough; or leave the line out"
+        )
         field = "order" if frequency_hz is None else "frequency_hz"
         yield (*key, field), found, "more than two samples in a period", advice
 
@@ -236,11 +243,11 @@ def _of_run(file: VibrationFile) -> Iterator[Contradiction]:
         yield ("run", "duration_s"), found, f"at least {FEWEST_SAMPLES} samples", "make the run longer"
     for what, count, most in (
         ("samples", samples, MOST_SAMPLES),
-        (f"sines to be added ({lines} lines in {samples:.3g} samples)", samples * lines, MOST_SINES),
+        (f"sines to be added ({lines} lines in {math.ceil(samples)} samples)", samples * lines, MOST_SINES),
     ):
         if count > most:
             advice = "make the run shorter, or run.period_s larger"
-            yield ("run", "duration_s"), f"{count:.3g} {what}", f"at most {most:.3g}", advice
+            yield ("run", "duration_s"), f"{math.ceil(count)} {what}", f"at most {most}", advice
 
 
 _FAMILY: ModelFamily[VibrationFile] = ModelFamily(

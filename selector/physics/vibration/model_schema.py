@@ -15,6 +15,7 @@ from selector.physics.vibration.structure import GROUND
 
 MOST_MEMBERS = 200
 MOST_LINES = 2_000
+LEAST_PERIOD_S = 1e-7
 MOST_SINES = 500_000_000
 """Lines × samples of one run: some ten seconds."""
 
@@ -51,7 +52,7 @@ class ModelSection(Entry):
 class RunSection(Entry):
     """``[run]``: how often, how long, from which phases, by which method."""
 
-    period_s: Annotated[float, limited(1e-7, 10)]
+    period_s: Annotated[float, limited(LEAST_PERIOD_S, 10)]
     duration_s: Annotated[float, limited(0, 1e6, above=True)]
     seed: Seed = 0
     method: Literal["coupled", "chains"] = "coupled"
@@ -182,4 +183,4 @@ class VibrationFile(Entry):
 
 KINDS: Mapping[str, type[VibrationFile]] = {"vibration": VibrationFile}
 
-__all__ = ["KINDS", "MOST_LINES", "MOST_MEMBERS", "MOST_SAMPLES", "MOST_SINES"]
+__all__ = ["KINDS", "LEAST_PERIOD_S", "MOST_LINES", "MOST_MEMBERS", "MOST_SAMPLES", "MOST_SINES"]

@@ -186,6 +186,22 @@ def test_huge_counts_are_refused():
         checked_model_file(changed(("sources.motor.lines", lines), ("run.duration_s", 500.0)))
 
 
+def test_counts_just_beyond_what_is_allowed_are_told_in_full():
+    with pytest.raises(ModelFileError) as refused:
+        checked_model_file(changed(("run.duration_s", 2000.001)))
+    assert (refused.value.found, refused.value.expected) == ("2000001 samples", "at most 2000000")
+
+
+def test_a_line_too_fast_for_any_period_is_told_what_makes_it_slower():
+    shafts = {"spindle": {"rpm": 1200.0}, "b": {"of": "spindle", "ratio": 1e4}, "motor": {"of": "b", "ratio": 1e4}}
+    with pytest.raises(ModelFileError) as refused:
+        checked_model_file(changed(("shafts", shafts)))
+    assert refused.value.advice.startswith("make the order, the rpm of the shaft or a ratio smaller")
+    with pytest.raises(ModelFileError) as refused:
+        checked_model_file(changed(("sources.motor.lines.0.frequency_hz", 1e6)))
+    assert refused.value.advice.startswith("make run.period_s smaller than 5e-07")
+
+
 def test_another_kind_of_model_is_told_where_it_belongs():
     with pytest.raises(ModelFileError, match="selector simulate drive"):
         parsed_model_file('[model]\nkind = "drive"\nname = "x"')
