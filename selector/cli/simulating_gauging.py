@@ -178,9 +178,10 @@ def _driven(
 
 
 def _unread(reading: Reading) -> list[str]:
-    """Columns of which nothing tells what they measure."""
+    """Columns of which nothing tells what they measure, or nothing but their names."""
     found = [one.evidence.get("columns", []) for one in reading.findings if one.id == "columns-without-role"]
-    return [str(name) for names in found for name in names]
+    guessed = [channel.name for channel in reading.channels if {"role", "unit"} <= set(channel.guessed)]
+    return [*(str(name) for names in found for name in names), *guessed]
 
 
 def _show(

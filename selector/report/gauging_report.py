@@ -191,7 +191,7 @@ def _sizes(pictures: Pictures, page: GaugingPage) -> dict[str, Any]:
     summary = page.summary
     curves = {
         name: _density(one)
-        for name, one in (("formula, early trips counted", summary.formula), ("formula, eq. 25", page.linear))
+        for name, one in (("formula, early trips", summary.formula), ("eq. 25", page.linear))
         if one.sd_um > 0
     }
     histogram = size_histogram(summary.sizes.finished_um, curves, page.limits_um, page.wanted_um, sizes_title(summary))

@@ -176,8 +176,9 @@ def test_every_example_runs_and_is_read_back(example, folder, capfd):
     # few files; batches with wear stay as they are
     text = re.sub(r"parts = [25]0\b", "parts = 2", example.read_text(encoding="utf-8"))
     Path("example.toml").write_text(text, encoding="utf-8")
-    shown = simulated(capfd, "example.toml", "--out", "parts", "--report", "page.html")
-    reading = read([Path("parts")], machine=Path(shown["machine_file"]))
+    out = "parts" if "parts = " in text else "part.csv"
+    shown = simulated(capfd, "example.toml", "--out", out, "--report", "page.html")
+    reading = read([Path(out)], machine=Path(shown["machine_file"]))
     assert [channel["name"] for channel in shown["channels"]] == list(reading.recording.names)
     assert all(math.isfinite(part["size_um"]) for part in shown["gauging"]["parts"])
     page = Path("page.html").read_text(encoding="utf-8")
@@ -261,7 +262,7 @@ def test_values_that_cannot_be_are_refused_with_their_key(good, bad, folder, cap
 
 
 def test_thresholds_beyond_what_the_gauge_gives_are_refused_with_their_key(folder, capfd):
-    text = (ROOT / "fixtures" / "gauging" / "grind-to-size.toml").read_text(encoding="utf-8")
+    text = (ROOT / "fixtures" / "gauging" / "interrupted.toml").read_text(encoding="utf-8")
     Path("bad.toml").write_text(f"{text}\n[thresholds]\nvolts = [1.5, 5.0]\n", encoding="utf-8")
     said = refused(capfd, "bad.toml", "--out", "parts")
     assert "bad.toml, key thresholds.volts[2]" in said
@@ -325,3 +326,36 @@ def test_ctrl_c_leaves_nothing_behind(folder):
     assert out == ""
     assert "Nothing was written" in err
     assert sorted(path.name for path in folder.iterdir()) == before
+
+
+def test_recorded_columns_are_what_the_model_file_says_whatever_was_guessed(folder, capfd):
+    simulated(capfd, "quiet.toml", "--out", "r1.csv")
+    table = pd.read_csv("r1.csv")
+    said = '[recorded]\nallowance = "Rest"\ngauge = "Uhr"\n'
+    Path("named.toml").write_text(QUIET + said, encoding="utf-8")
+    for number, (heads, factor) in enumerate(
+        {("Rest [um]", "Uhr [V]"): 1.0, ("Rest [mm]", "Uhr [mV]"): 1e-3, ("Rest", "Uhr"): 1.0}.items()
+    ):
+        volts = table["gauge"] * (1000.0 if "mV" in heads[1] else 1.0)
+        other = pd.DataFrame({"time [s]": table["time_s"], heads[0]: table["allowance"] * factor, heads[1]: volts})
+        other.to_csv("other.csv", index=False)
+        shown = simulated(capfd, "named.toml", "--inputs", "other.csv", "--out", f"sim {number}")
+        (one,) = shown["gauging"]["comparison"]
+        # as when the recording says itself what its channels are
+        assert (one["channel"], one["largest"] < 0.003) == ("Uhr", True), heads
+
+
+def test_where_only_the_feed_was_recorded_the_gauge_says_where_it_begins(folder, capfd):
+    simulated(capfd, "quiet.toml", "--out", "r1.csv")
+    table = pd.read_csv("r1.csv")[["time_s", "feed", "gauge"]]
+    # 7 µm more than the file has
+    table["gauge"] -= 0.01 * 7.0
+    table.to_csv("fed.csv", index=False)
+    shown = simulated(capfd, "quiet.toml", "--inputs", "fed.csv", "--out", "sim")
+    told = {one["id"]: one for one in shown["findings"]}
+    # no noise: what is left is that the feed is held from sample to sample
+    assert told["start-from-gauge"]["evidence"]["begins_um"] == pytest.approx(47.0, abs=0.1)
+    table[["time_s", "feed"]].to_csv("feed.csv", index=False)
+    alone = simulated(capfd, "quiet.toml", "--inputs", "feed.csv", "--out", "alone")
+    assert "start-from-file" in {one["id"] for one in alone["findings"]}
+    assert pd.read_csv("alone/feed.csv")["allowance"].iloc[0] == 40.0

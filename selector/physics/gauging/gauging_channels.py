@@ -67,7 +67,7 @@ def recorded_channels(file: GaugingFile, recording: Recording) -> dict[str, str]
 
 
 def roles_asked(file: GaugingFile, recording: Recording, unread: Sequence[str]) -> dict[str, str]:
-    """Column → role that it has to be read with, where a guess says otherwise or nothing; `unread` have none.
+    """Column → role that it has to be read with, where a guess says otherwise; of `unread` ones nothing else says it.
 
     Columns that ``[recorded]`` names, and unread ones that are called as in a simulation.
     """
