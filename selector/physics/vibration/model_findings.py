@@ -124,27 +124,40 @@ def chain_findings(model: VibrationModel, coupled: FinalMotions, chains: FinalMo
 
 
 def _in_no_chain(model: VibrationModel, coupled: FinalMotions, chains: FinalMotions, level: Level) -> Iterator[Finding]:
-    """Sources with lines that no chain carries to any final."""
-    lost = ~chains.carried.any(axis=0)
+    """One finding of all sources with lines that no chain carries to any final; what moves most comes first."""
+    lost, moved_um = ~chains.carried.any(axis=0), {}
+    frequency: dict[str, list[float]] = {}
     for number, source in enumerate(chains.sources):
         rows = np.flatnonzero(lost & (chains.source == number))
-        if not len(rows):
-            continue
-        frequency = np.sort(chains.frequency_hz[rows])
-        named = any(source in chain.sources for chain in model.chains)
-        where = "in any chain" if not named else "in a chain of their range"
-        missing_um = {final: _rms_um(coupled.of(final)[rows]) for final in FINALS}
-        moved = " and ".join(
-            f"{_WORDS.get(final, f'the {final}')} by {size:.3g} µm" for final, size in missing_um.items()
-        )
-        yield Finding(
-            "source-in-no-chain",
-            level,
-            f"{source} is not {where} at {_listed(frequency)} Hz: what it moves there is missing from the chain "
-            f"method. By the coupled structure these lines move {moved} (rms).",
-            evidence={"source": source, "frequency_hz": frequency.tolist(), "coupled_um": missing_um},
-            suggestion="name it in the chains that begin where it acts, or take the coupled structure",
-        )
+        if len(rows):
+            frequency[source] = np.sort(chains.frequency_hz[rows]).tolist()
+            moved_um[source] = {final: _rms_um(coupled.of(final)[rows]) for final in FINALS}
+    names = sorted(frequency, key=lambda name: -max(moved_um[name].values()))
+    if not names:
+        return
+    all_um = {final: _rms_um(coupled.of(final)[lost]) for final in FINALS}
+    moved = " and ".join(f"{_WORDS.get(final, f'the {final}')} by {size:.3g} µm" for final, size in all_um.items())
+    named = {name for chain in model.chains for name in chain.sources}
+    where = "in a chain of their range" if named & frequency.keys() else "in any chain"
+    if len(names) == 1:
+        are = f"{names[0]} is not {where} at {_listed(np.array(frequency[names[0]]))} Hz: what it moves there is"
+    else:
+        listed = ", ".join(names[:6]) + (" …" if len(names) > 6 else "")
+        lines = np.unique(chains.frequency_hz[lost])
+        are = f"{len(names)} sources ({listed}) are not {where} at {_listed(lines)} Hz: what they move there is"
+    yield Finding(
+        "source-in-no-chain",
+        level,
+        f"{are} missing from the chain method. By the coupled structure these lines move {moved} (rms).",
+        evidence={
+            "sources": names,
+            "frequency_hz": {name: frequency[name] for name in names},
+            "coupled_um": {name: moved_um[name] for name in names},
+        },
+        suggestion="name them in the chains that begin where they act, or take the coupled structure"
+        if len(names) > 1
+        else "name it in the chains that begin where it acts, or take the coupled structure",
+    )
 
 
 def _missing(model: VibrationModel, coupled: FinalMotions, chains: FinalMotions, level: Level) -> Iterator[Finding]:
