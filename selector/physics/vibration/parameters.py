@@ -7,11 +7,12 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from selector.physics.model_entries import Entry
 from selector.physics.model_parameters import Parameter, bad_bounds, put_at, require_settable
 from selector.physics.model_text import Key
 from selector.physics.vibration.model_file import checked_model_file, plain_values
 from selector.physics.vibration.model_parts import file_shafts
-from selector.physics.vibration.model_schema import LineSection, VibrationFile
+from selector.physics.vibration.model_schema import JointSection, LineSection, MemberSection, VibrationFile
 from selector.physics.vibration.shaft_course import ShaftCourse
 
 _TIMES = 10.0
@@ -52,14 +53,19 @@ def parameters(file: VibrationFile) -> dict[str, Parameter]:
     Raises
     ------
     ModelFileError
-        ``[bounds]`` names what is no parameter, or excludes the value of one.
+        ``[bounds]`` names what is no parameter, excludes the value of one, or allows what its key does not.
     """
     found: dict[str, Parameter] = {}
     for number in _numbers(file):
         name = _name(number.path)
-        low, high = file.bounds.get(name, (min(number.low, number.value), max(number.high, number.value)))
+        low, high = file.bounds.get(name, _around_value(number))
         if not low <= number.value <= high:
             raise bad_bounds(name, f"[{low:g}, {high:g}]", f"limits around the value, {number.value:g}")
+        least, most = _LIMITS[str(number.path[-1])]
+        if low < least or high > most:
+            raise bad_bounds(
+                name, f"[{low:g}, {high:g}]", f"limits between {least:g} and {most:g}, as its key has them"
+            )
         found[name] = Parameter(number.value, low, high, UNITS[str(number.path[-1])])
     for name in file.bounds:
         if name not in found:
@@ -101,6 +107,26 @@ def _numbers(file: VibrationFile) -> Iterator[_Number]:
         course = courses[source.shaft] if source.shaft is not None else None
         for number, line in enumerate(source.lines):
             yield from _of_line(("sources", name, "lines", number), line, course, file.run.duration_s)
+
+
+def _limits(section: type[Entry], key: str) -> tuple[float, float]:
+    """Smallest and largest value that a key may have."""
+    metadata = section.model_fields[key].metadata
+    least, most = (next(getattr(one, end) for one in metadata if hasattr(one, end)) for end in ("ge", "le"))
+    return float(least), float(most)
+
+
+def _around_value(number: _Number) -> tuple[float, float]:
+    """Bounds of a number without an entry in ``[bounds]``; never beyond what its key may have."""
+    least, most = _LIMITS[str(number.path[-1])]
+    return max(min(number.low, number.value), least), min(max(number.high, number.value), most)
+
+
+_LIMITS = {
+    "mass_kg": _limits(MemberSection, "mass_kg"),
+    **{key: _limits(JointSection, key) for key in ("stiffness_n_per_m", "dissipation")},
+    **{key: _limits(LineSection, key) for key in ("force_n", "unbalance_kg_m", "phase_rad")},
+}
 
 
 def _around(path: Key, value: float) -> _Number:

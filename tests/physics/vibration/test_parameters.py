@@ -70,3 +70,26 @@ def test_unknown_parameters_and_impossible_values_are_refused():
 def test_bounds_of_nothing_or_beside_the_value_are_refused_when_the_model_is_made(bounds):
     with pytest.raises(ModelFileError, match="bounds"):
         vibration_model(checked_model_file(changed(("bounds", bounds))))
+
+
+@pytest.mark.parametrize(
+    ("name", "limits"),
+    [
+        ("joints.1.dissipation", [-0.5, 2.0]),
+        ("joints.1.stiffness_n_per_m", [0.0, 5e10]),
+        ("members.tool.mass_kg", [-1.0, 9.0]),
+        ("members.tool.mass_kg", [1.0, 1e10]),
+        ("sources.motor.lines.1.force_n", [-1.0, 20.0]),
+    ],
+)
+def test_bounds_beyond_what_the_key_may_have_are_refused(name, limits):
+    with pytest.raises(ModelFileError) as refused:
+        vibration_model(checked_model_file(changed(("bounds", {name: limits}))))
+    assert refused.value.where == f"key bounds.{name}"
+    assert "as its key has them" in refused.value.expected
+
+
+def test_bounds_that_nobody_gave_stay_within_what_the_key_may_have():
+    found = parameters(checked_model_file(changed(("joints.0.stiffness_n_per_m", 5e14), ("members.bed.mass_kg", 1e-9))))
+    assert (found["joints.1.stiffness_n_per_m"].low, found["joints.1.stiffness_n_per_m"].high) == (5e13, 1e15)
+    assert found["members.bed.mass_kg"].low == 1e-9
