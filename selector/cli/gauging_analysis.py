@@ -194,6 +194,7 @@ def _formula(one: SizeDistribution) -> dict[str, Any]:
         "ripple_rate": one.ripple_rate,
         "curvature_um": one.curvature_um,
         "linear_holds": one.linear_holds,
+        "passage_holds": one.passage_holds,
     }
 
 

@@ -138,7 +138,7 @@ def _samples(model: GaugingModel) -> Iterator[Finding]:
         "coarse-period",
         "warning",
         f"Samples are {said:.3g} s apart, which does not show {what}; the recording looks different from what "
-        "happened, and noise of the relay is new so rarely. The sizes are calculated in finer steps.",
+        "happened. The sizes are calculated in finer steps.",
         evidence={"period_s": said, "advised_s": finest},
         suggestion=f"take run.period_s = {finest:.2g} or less, or leave it out",
     )
