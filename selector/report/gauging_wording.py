@@ -288,8 +288,8 @@ def _advice(summary: GaugingSummary) -> list[str]:
     found = []
     if centred is not None and centred.rms_um < _MATTERS * present.rms_um:
         found.append(
-            f"{_thresholds(centred)} in place of {volts_text(present, like=centred)} would centre them (simulated: off "
-            f"by {off_text(centred).replace('-', '−')} µm; rms error {number_text(present.rms_um, 2)} → "
+            f"{_thresholds(centred)} in place of {volts_text(present, like=centred)} V would centre them (simulated: "
+            f"off by {off_text(centred).replace('-', '−')} µm; rms error {number_text(present.rms_um, 2)} → "
             f"{number_text(centred.rms_um, 2)} µm)"
         )
     if narrower is not None and not narrower.at_limit:

@@ -39,7 +39,7 @@ def found(built):
 def test_examples_run_and_tell_what_they_are_made_to_show(name):
     built = gauging_model(read_model_file(FIXTURES / f"{name}.toml"))
     simulation = built.simulation()
-    assert simulation.recording.runs == (*(run for run in built.runs),)
+    assert simulation.recording.runs == tuple(run or "simulation" for run in built.runs)
     assert simulation.sizes.tripped.all()
     assert not simulation.sizes.at_once.any()
     parts = [run for run in built.runs if run != "waveform"]
@@ -60,8 +60,8 @@ def test_examples_run_and_tell_what_they_are_made_to_show(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_what_is_recorded_of_a_part(name):
     built = gauging_model(read_model_file(FIXTURES / f"{name}.toml"))
-    recording = built.simulate()
-    for run in ("part 1", "part 7"):
+    recording = built.simulate(run="part 1")
+    for run in ("part 1", "part 7")[: built.file.run.parts]:
         values = recording.values(run, ["allowance", "gauge", "measured", "feed", "stage"])
         assert np.isfinite(values).all()
         stages = len(built.file.grinding.stages)

@@ -6,7 +6,7 @@ import copy
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from selector.errors import ModelFileError
@@ -147,9 +147,9 @@ def test_a_model_of_another_physics_is_sent_to_its_command():
 
 
 @given(
-    filter_s=st.floats(1e-3, 1.0),
-    feed=st.floats(0.1, 100.0),
-    rpm=st.floats(1.0, 3000.0),
+    filter_s=st.floats(5e-3, 1.0),
+    feed=st.floats(1.0, 100.0),
+    rpm=st.floats(1.0, 1000.0),
     grooves=st.integers(0, 50),
 )
 def test_left_out_the_period_shows_filter_and_grooves_and_is_not_too_short(filter_s, feed, rpm, grooves):
@@ -159,9 +159,13 @@ def test_left_out_the_period_shows_filter_and_grooves_and_is_not_too_short(filte
     stages = [{"feed_um_per_s": feed, "until_um": 0.0}]
     # a filter that takes longer than the grinding is refused
     filter_s = min(filter_s, 60.0 / feed)
-    file = checked_model_file(
-        changed(LINEAR, ("linear.time_constant_s", filter_s), ("surface", surface), ("grinding.stages", stages))
-    )
+    values = changed(LINEAR, ("linear.time_constant_s", filter_s), ("surface", surface), ("grinding.stages", stages))
+    try:
+        file = checked_model_file(values)
+    except ModelFileError as error:
+        # a quick filter or many grooves in a slow grinding: refused for their number of steps, of which others tell
+        assume("steps of the calculation" not in error.found)
+        raise
     parts = file_parts(file)
     samples = planned_s(parts) / sampling_s(file, parts)
     # rounding down to 1, 2, 5 makes up to 2.5 times as many
