@@ -28,6 +28,7 @@ USUAL: Mapping[str, UsualRange] = {
     "transducer.rest_gap_m": UsualRange(0.0, 3e-3, {"µm": 1e-6, "mm": 1e-3}),
     "relay.delay_s": UsualRange(0.0, 0.5, _SECONDS),
     "relay.noise_v": UsualRange(0.0, 1.0, {"mV": 1e-3}),
+    "relay.noise_hold_s": UsualRange(1e-5, 1.0, _SECONDS),
     "grinding.allowance_um": UsualRange(3.0, 3e3, _SIZE),
     "grinding.lag_s": UsualRange(0.0, 20.0, _SECONDS),
     "grinding.wheel_wear": UsualRange(0.0, 0.95, {"%": 0.01}),

@@ -169,9 +169,9 @@ def _linear_holds(line: GaugedGrinding, parts: int, curvature: float) -> bool:
 def _passage_holds(line: GaugedGrinding) -> bool:
     """Whether nothing happens that the formula by first passage leaves out.
 
-    Not so where noise of the relay, whose shift is added by itself, already trips it as the last stage begins; where
-    that stage begins otherwise from part to part, because of noise that is still remembered when parts trip, or of
-    allowances that differ and a first stage too short for filter and lag.
+    Not so where noise of the relay, whose shift is that of a reading that falls straight, trips it before it does;
+    where the last stage begins otherwise from part to part, because of noise that is still remembered when parts trip,
+    or of allowances that differ and a first stage too short for filter and lag.
     """
     courses, levels = stage_courses(line), threshold_readings_um(line)
     filter_s, lag_s = line.gauge.time_constant_s, line.grinding.lag_s
@@ -179,7 +179,12 @@ def _passage_holds(line: GaugedGrinding) -> bool:
     sd = math.sqrt(voltage_variance_v2(line.gauge, line.noise)) / abs(line.gauge.gain_v_per_um)
     if line.relay.noise_v > 0:
         law = relay_law(line, np.array([0.5]))
-        if law.mean_um + _SIGMAS * (math.sqrt(law.variance_um2) + sd) > last.reading_um - level:
+        spread = math.sqrt(law.variance_um2)
+        first_s = last.time_of(level + law.mean_um + _SIGMAS * (spread + sd))
+        steady = float(last.allowance(first_s)) + last.rate_um_per_s * filter_s
+        if first_s == 0.0 or abs(float(last.reading(first_s)) - steady) > _OFF_SHARE * spread:
+            return False
+        if abs(float(last.removal(first_s)) - last.rate_um_per_s) > _OFF_SHARE * last.rate_um_per_s:
             return False
     if line.grinding.allowance_sd_um > 0 and courses[0].time_of(levels[0]) < _SETTLED * (filter_s + lag_s):
         return False

@@ -10,10 +10,14 @@ import numpy as np
 import pytest
 
 from selector.physics.gauging.finished_sizes import finished_sizes
+from selector.physics.gauging.gauged_grinding import GaugedGrinding
 from selector.physics.gauging.gauging_model import gauging_model
 from selector.physics.gauging.gauging_summary import FEWEST_SIZES, gauging_summary
 from selector.physics.gauging.model_file import checked_model_file, plain_values, read_model_file
+from selector.physics.gauging.process import Grinding, Noise, Stage
+from selector.physics.gauging.size_distribution import size_distribution
 from selector.physics.gauging.stage_ends import threshold_findings
+from selector.physics.gauging.transducer import LinearGauge, Relay
 from tests.physics.gauging.test_model_file import LINEAR, changed
 
 FIXTURES = Path(__file__).resolve().parents[3] / "fixtures" / "gauging"
@@ -176,7 +180,7 @@ def test_early_commands_of_the_relay_alone_are_told_with_their_cause():
     assert early.evidence["of_relay_um"] == pytest.approx(early.evidence["early_um"])
     assert relay.sizes.mean_um == pytest.approx(early.evidence["early_um"], abs=4.0 * relay.sizes.mean_error_um)
     assert not relay.formula.linear_holds
-    both = of(LINEAR, ("relay", {"noise_v": 0.005}), ("noise", {"sd_um": 1.0, "rate_per_s": 50.0}))
+    both = of(LINEAR, ("relay", {"noise_v": 0.0015}), ("noise", {"sd_um": 1.0, "rate_per_s": 50.0}))
     statement = told(both)["noise-trips-early"].statement
     assert "noise that the gauge sees" in statement.lower()
     assert "noise of the relay" in statement
@@ -236,3 +240,16 @@ def test_progress_is_told_over_all_batches():
     assert sizes == sorted(sizes)
     assert sizes[-1] == 2100
     assert {what for _, _, what in said} == {"sizes", "settings"}
+
+
+@pytest.mark.parametrize(("filter_s", "delay_s", "lag_s"), [(150.0, 0.02, 0.5), (0.15, 20.0, 0.5), (0.15, 0.02, 500.0)])
+def test_formulas_of_gauges_that_are_far_too_slow_have_numbers(filter_s, delay_s, lag_s):
+    # no file may say so; a fit or a caller may
+    slow = GaugedGrinding(
+        LinearGauge(-0.02, 5.0, filter_s),
+        Grinding(120.0, (Stage(20.0, 25.0), Stage(4.0, 0.0)), 8.0, feed_sd=0.06, lag_s=lag_s),
+        Relay(delay_s),
+        noise=Noise(0.4, 2.0),
+    )
+    found = size_distribution(slow)
+    assert np.isfinite([found.mean_um, found.sd_um, *found.size_um]).all()

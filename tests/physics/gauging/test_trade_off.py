@@ -68,6 +68,21 @@ def test_a_centred_threshold_centres():
     assert shift == pytest.approx(-found.bias_um[at], rel=1e-12)
 
 
+def test_an_edge_is_told_of_the_centred_optimum_too():
+    """Noise of the relay: the centred optimum is the quickest filter, that of eq. 23 lies within."""
+    found = trade_off(set_up(replace(SETUP.grinding, feed_sd=0.1), relay=Relay(0.02, 0.005)))
+    ends = found.time_constant_s[[0, -1]]
+    assert found.best_s not in ends or found.centred_s in ends
+    assert found.centred_s in ends
+    assert found.at_edge
+
+
+def test_the_same_bits_every_time():
+    first, again = trade_off(SETUP), trade_off(SETUP)
+    for name, value in vars(first).items():
+        np.testing.assert_array_equal(value, getattr(again, name))
+
+
 def test_no_noise_asks_for_no_filter():
     quiet = set_up(replace(SETUP.grinding, feed_sd=0.1), relay=Relay())
     found = trade_off(quiet)
