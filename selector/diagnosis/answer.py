@@ -1,0 +1,193 @@
+"""What a diagnosis says, as values: verdict, where, which effects, what the fit gained; the JSON is made of these."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.effect import Quantity
+from selector.findings import Finding
+
+Vector = NDArray[np.float64]
+Verdict = Literal["missing-physics", "nothing-missing", "data-fault", "miscalibrated", "unexplained"]
+SCHEMA = "selector.diagnosis/1"
+
+
+@dataclass(frozen=True)
+class Place:
+    """A box of the mismatch: channel, time window of a run [s], regime in words, share of the misfit, adjusted p."""
+
+    channel: str
+    place: str | None
+    run: str | None
+    from_s: float | None
+    to_s: float | None
+    regime: str | None
+    share: float
+    p_value: float | None = None
+
+
+@dataclass(frozen=True)
+class NamedEffect:
+    """An effect that the evidence supports.
+
+    Attributes
+    ----------
+    id, channel, place, statement
+        As in the contract; `channel` is the response that shows it most, `channels` all that show it.
+    parameters : mapping of str to Quantity
+    confidence, p_value, share : float
+        Probability that the name is right, family-wise p, share of the mismatch that it explains.
+    cannot_be_told_from : tuple of str
+    experiment : str
+        The run that would tell.
+    suspected : bool
+        Supported, but not confirmed on a part of the data with another programme.
+    courses : mapping of str to ndarray of shape (n_rows,)
+        Response → the effect's fitted course [unit of the response].
+    """
+
+    id: str
+    channel: str
+    place: str | None
+    statement: str
+    parameters: Mapping[str, Quantity]
+    confidence: float
+    p_value: float
+    share: float
+    cannot_be_told_from: tuple[str, ...]
+    experiment: str
+    channels: tuple[str, ...] = ()
+    suspected: bool = False
+    courses: Mapping[str, Vector] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Root mean square errors of one part of the data [unit]; `noise_floor` where it is known."""
+
+    rmse_before: float
+    rmse_after: float
+    noise_floor: float | None = None
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What the improved model gains in one response.
+
+    `before` is the simulation as it was given, `recalibrated` with its own offset, gain and delay fitted, `after` with
+    the named effects in it as well; `gap_closed` is the share of the way from the recalibrated error to the noise
+    floor, on held-out rows, with its interval; `placebo_gain` what wrong effects of the same size closed (about 0).
+    """
+
+    unit: str
+    train: Errors
+    heldout: Errors
+    recalibrated_heldout: float
+    gap_closed: Quantity | None
+    placebo_gain: Quantity | None
+    before: Vector
+    recalibrated: Vector
+    after: Vector
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """How an effect stood in the test: whitened gain by cross-validation, p, and why it was not named or not tested."""
+
+    id: str
+    channel: str
+    gain: float
+    p_value: float
+    named: bool
+    note: str
+
+
+@dataclass(frozen=True)
+class Detectable:
+    """Smallest effect that this record would have shown: `size` [unit] in the response, in `chance` of all cases."""
+
+    id: str
+    channel: str
+    size: float
+    unit: str
+    chance: float
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class NextRun:
+    """A run that the machine can do and what it would tell: the pair that it separates best, its power and duration."""
+
+    description: str
+    separates: tuple[str, ...]
+    power: float | None
+    duration_s: float | None
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The answer; every array has the rows of `comparison`."""
+
+    comparison: Comparison
+    verdict: Verdict
+    headline: str
+    where: tuple[Place, ...]
+    effects: tuple[NamedEffect, ...]
+    fit: Mapping[str, Fit]
+    evidence: tuple[Evidence, ...]
+    detectable: tuple[Detectable, ...]
+    next_runs: tuple[NextRun, ...]
+    recalibration: Mapping[str, Mapping[str, Quantity]]
+    findings: tuple[Finding, ...]
+    seed: int
+
+    def as_dict(self) -> dict[str, Any]:
+        """The JSON of the contract `selector.diagnosis/1`."""
+        return {
+            "schema": SCHEMA,
+            "verdict": self.verdict,
+            "headline": self.headline,
+            "where": [_place(place) for place in self.where],
+            "effects": [_effect(effect) for effect in self.effects],
+            "fit": {name: _fit(fit) for name, fit in self.fit.items()},
+            "findings": [finding.as_dict() for finding in self.findings],
+        }
+
+
+def _place(place: Place) -> dict[str, Any]:
+    return {key: value for key, value in vars(place).items() if key != "p_value" or value is not None}
+
+
+def _effect(effect: NamedEffect) -> dict[str, Any]:
+    return {
+        "id": effect.id,
+        "channel": effect.channel,
+        "channels": list(effect.channels),
+        "place": effect.place,
+        "statement": effect.statement,
+        "parameters": {name: dict(vars(quantity)) for name, quantity in effect.parameters.items()},
+        "confidence": effect.confidence,
+        "p_value": effect.p_value,
+        "share": effect.share,
+        "suspected": effect.suspected,
+        "cannot_be_told_from": list(effect.cannot_be_told_from),
+        "experiment": effect.experiment,
+    }
+
+
+def _fit(fit: Fit) -> dict[str, Any]:
+    floor = {"noise_floor": fit.heldout.noise_floor}
+    return {
+        "train": {"rmse_before": fit.train.rmse_before, "rmse_after": fit.train.rmse_after},
+        "heldout": {"rmse_before": fit.heldout.rmse_before, "rmse_after": fit.heldout.rmse_after} | floor,
+        "recalibrated_heldout_rmse": fit.recalibrated_heldout,
+        "gap_closed": None if fit.gap_closed is None else dict(vars(fit.gap_closed)),
+        "placebo_gain": None if fit.placebo_gain is None else dict(vars(fit.placebo_gain)),
+        "unit": fit.unit,
+    }

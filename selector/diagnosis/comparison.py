@@ -1,0 +1,107 @@
+"""What is compared: recorded and simulated courses on one clock, run by run, and which rows are kept for the proof."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.errors import InputError
+from selector.findings import Finding
+from selector.recording import Channel
+
+Vector = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Recordings and a simulation of the same runs, at the times of the recordings.
+
+    Attributes
+    ----------
+    runs : tuple of str
+        Names of the runs, in order.
+    starts : tuple of int
+        First row of every run, and last of all the number of rows.
+    time_s : ndarray of shape (n_rows,)
+        From the start of the run [s]; increases within a run.
+    channels : tuple of Channel
+        The recorded channels.
+    recorded : mapping of str to ndarray of shape (n_rows,)
+        Every recorded channel in its canonical unit; NaN = missing.
+    simulated : mapping of str to ndarray of shape (n_rows,)
+        Every simulated channel at the same rows; NaN where the simulation does not reach. A channel that was not
+        recorded (a state, a heat flow of the simulation) may stand here too.
+    responses : tuple of str
+        What is compared: recorded and simulated.
+    held_out : ndarray of bool of shape (n_rows,)
+        Rows that nothing is fitted to.
+    resolution : mapping of str to float
+        Smallest step that a channel's readings make [unit of the channel]; 0 = none was seen.
+    findings : tuple of Finding
+        What was noticed while the files were brought together.
+    """
+
+    runs: tuple[str, ...]
+    starts: tuple[int, ...]
+    time_s: Vector
+    channels: tuple[Channel, ...]
+    recorded: Mapping[str, Vector]
+    simulated: Mapping[str, Vector]
+    responses: tuple[str, ...]
+    held_out: Mask
+    resolution: Mapping[str, float] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
+
+    def __post_init__(self) -> None:
+        n = len(self.time_s)
+        lengths = {name: len(values) for part in (self.recorded, self.simulated) for name, values in part.items()}
+        if self.starts[-1] != n or len(self.starts) != len(self.runs) + 1 or set(lengths.values()) - {n}:
+            raise ValueError(
+                f"{n} rows, runs that end at {self.starts[-1]}, channels of {sorted(set(lengths.values()))}"
+            )
+        for name in self.responses:
+            if name not in self.recorded or name not in self.simulated:
+                raise InputError(
+                    f"no {'recorded' if name not in self.recorded else 'simulated'} channel {name!r}",
+                    expected="every response both recorded and simulated",
+                    where="comparison",
+                    advice="name the channels alike, or choose others with --response",
+                )
+
+    def channel(self, name: str) -> Channel:
+        """The recorded channel of this name."""
+        return next(channel for channel in self.channels if channel.name == name)
+
+    def with_role(self, *roles: str) -> tuple[str, ...]:
+        """Names of the recorded channels with one of these roles that are no response."""
+        return tuple(c.name for c in self.channels if c.role in roles and c.name not in self.responses)
+
+    def rows_of_runs(self) -> Iterator[tuple[str, slice]]:
+        """Every run with its rows."""
+        for k, run in enumerate(self.runs):
+            yield run, slice(self.starts[k], self.starts[k + 1])
+
+    @cached_property
+    def run_index(self) -> NDArray[np.intp]:
+        """Number of the run that every row belongs to, shape (n_rows,)."""
+        return np.repeat(np.arange(len(self.runs)), np.diff(self.starts))
+
+    @cached_property
+    def period_s(self) -> float:
+        """Sampling period [s]: the median step."""
+        steps = np.diff(self.time_s)
+        return float(np.median(steps[np.diff(self.run_index) == 0]))
+
+    @cached_property
+    def longest_s(self) -> float:
+        """Length of the longest run [s]."""
+        return max(float(self.time_s[rows][-1] - self.time_s[rows][0]) for _, rows in self.rows_of_runs())
+
+    def difference(self, response: str) -> Vector:
+        """Recorded minus simulated [unit of the response], shape (n_rows,); NaN where one of them is missing."""
+        return self.recorded[response] - self.simulated[response]

@@ -1,0 +1,1 @@
+"""Effects of the family `data`, one file each."""

@@ -1,0 +1,1 @@
+"""Effects of the family `drive`, one file each."""

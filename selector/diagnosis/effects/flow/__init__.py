@@ -1,0 +1,1 @@
+"""Effects of the family `flow`, one file each."""

@@ -1,0 +1,1 @@
+"""Effects of the family `gauging`, one file each."""

@@ -1,0 +1,1 @@
+"""Effects of the family `thermal`, one file each."""
