@@ -1,0 +1,214 @@
+"""Recording and simulation on one clock."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from selector.diagnosis.alignment import comparison_of, resolution
+from selector.diagnosis.unusable import identical_responses
+from selector.errors import InputError, OptionError
+from selector.recording import Channel, Recording
+
+Z = Channel("Z", "displacement", "um")
+Y = Channel("Y", "displacement", "um")
+T = Channel("T1", "temperature", "degC")
+VALVE = Channel("valve", "state", "1")
+
+
+def recording(runs, channels=(Z,), provenance=None):
+    """{run: (time_s, {channel: values})}"""
+    tables = {run: pd.DataFrame(columns, index=pd.Index(time)) for run, (time, columns) in runs.items()}
+    return Recording.from_runs(tables, channels, provenance)
+
+
+def noisy(n, seed=0, size=1.0):
+    return np.round(size * np.random.default_rng(seed).normal(size=n), 2)
+
+
+def pair(n=200, runs=("a", "b", "c")):
+    time = np.arange(n) * 2.0
+    course = np.sin(time / 50.0)
+    rec = recording({run: (time, {"Z": np.round(10 * course + noisy(n, k), 2)}) for k, run in enumerate(runs)})
+    sim = recording({run: (time, {"Z": 10 * course}) for run in runs})
+    return rec, sim
+
+
+def test_the_last_run_is_held_out():
+    comparison = comparison_of(*pair())
+    assert comparison.runs == ("a", "b", "c")
+    assert np.array_equal(comparison.held_out, comparison.run_index == 2)
+    assert comparison.responses == ("Z",)
+    # rounding to 2 digits is all there is
+    assert comparison.resolution["Z"] == pytest.approx(0.01, rel=1e-6)
+
+
+def test_other_ways_to_hold_out():
+    rec, sim = pair()
+    assert np.array_equal(comparison_of(rec, sim, holdout="a").held_out, np.arange(600) < 200)
+    share = comparison_of(rec, sim, holdout="0.25").held_out
+    # a quarter of every run, at its end; one row is the rounding
+    assert abs(share[:200].sum() - 50) <= 1
+    assert share[150:200].all()
+    assert not share[200:340].any()
+    single = comparison_of(*pair(runs=("a",))).held_out
+    assert abs(single.sum() - 60) <= 1
+    assert single[-60:].all()
+
+
+@pytest.mark.parametrize("holdout", ["0", "1.5", "nan", "d", "-0.2"])
+def test_hold_outs_that_are_none(holdout):
+    with pytest.raises(OptionError) as told:
+        comparison_of(*pair(), holdout=holdout)
+    assert told.value.where == "--holdout"
+    assert "a, b, c" in told.value.expected
+
+
+def test_the_only_run_cannot_be_held_out():
+    with pytest.raises(OptionError, match="the only run"):
+        comparison_of(*pair(runs=("a",)), holdout="a")
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    step=st.floats(0.3, 9.0),
+    first=st.floats(0.0, 100.0),
+    last=st.floats(300.0, 500.0),
+    seed=st.integers(0, 1000),
+)
+def test_a_straight_line_is_read_exactly_whatever_the_grids(step, first, last, seed):
+    random = np.random.default_rng(seed)
+    time = np.sort(random.uniform(0.0, 400.0, 300))
+    time[0] = 0.0
+    time = np.unique(time)
+    own = np.unique(np.r_[np.arange(first, last, step), last])
+    rec = recording({"a": (time, {"Z": 3.0 * time + noisy(len(time), seed)})})
+    sim = recording(
+        {"a": (own - own[0], {"Z": 3.0 * own + 7.0})}, provenance={"runs": {"a": {"first_stamp_s": own[0]}}}
+    )
+    comparison = comparison_of(rec, sim)
+    read = comparison.simulated["Z"]
+    tolerance = 0.5 * np.median(np.diff(time))
+    inside = (time >= own[0]) & (time <= own[-1])
+    outside = (time < own[0] - tolerance - 1e-9) | (time > own[-1] + tolerance + 1e-9)
+    assert np.isnan(read[outside]).all()
+    # exact but for rounding of 1 in 1e3
+    assert np.allclose(read[inside], 3.0 * time[inside] + 7.0, rtol=0, atol=1e-9)
+
+
+def test_clocks_that_start_elsewhere():
+    time = np.arange(0.0, 400.0, 2.0)
+    rec = recording({"a": (time, {"Z": time + noisy(200)})}, provenance={"runs": {"a": {"first_stamp_s": 30.0}}})
+    later = recording({"a": (time, {"Z": time})}, provenance={"runs": {"a": {"first_stamp_s": 0.0}}})
+    # same span, 7.5 % later: whether the zero differs or the clock is off cannot be seen; spans that fit are one span
+    assert comparison_of(rec, later).simulated["Z"][0] == 0.0
+    assert [f.id for f in comparison_of(rec, later).findings] == ["clocks-with-other-zeros"]
+    slightly = recording({"a": (time, {"Z": time})}, provenance={"runs": {"a": {"first_stamp_s": 20.0}}})
+    # 2.5 %: the stamps are believed, and the difference is there to be found
+    assert comparison_of(rec, slightly).simulated["Z"][0] == 10.0
+    dated = [{"runs": {"a": {"first_stamp_s": 0.0, "start": f"2026-11-20T08:00:{s:02d}"}}} for s in (12, 2)]
+    rec, sim = (recording({"a": (time, {"Z": time + noisy(200, k)})}, provenance=p) for k, p in enumerate(dated))
+    assert np.isnan(comparison_of(rec, sim).simulated["Z"][-1])
+
+
+def test_states_hold_and_holes_stay_holes():
+    time = np.arange(0.0, 300.0, 1.0)
+    rec = recording(
+        {"a": (time, {"Z": noisy(300), "valve": (time > 151) * 1.0})},
+        (Z, VALVE),
+    )
+    rare = np.where(np.arange(300) % 5 == 0, time, np.nan)
+    rare[100:180] = np.nan
+    sim = recording({"a": (time, {"Z": rare, "valve": (time >= 150) * 1.0})}, (Z, VALVE))
+    comparison = comparison_of(rec, sim)
+    read = comparison.simulated["Z"]
+    assert np.allclose(read[:96], time[:96])
+    assert np.isnan(read[96:180]).all()
+    assert np.isfinite(read[180:295]).all()
+    half = recording({"a": (time[::10], {"Z": time[::10], "valve": (time[::10] >= 150) * 1.0})}, (Z, VALVE))
+    assert set(comparison_of(rec, half).simulated["valve"][:291]) == {0.0, 1.0}
+
+
+def test_runs_and_channels_that_only_one_has():
+    rec, sim = pair(runs=("a", "b", "c"))
+    other = recording({run: (sim.time_s(run), {"Z": sim.values(run, ["Z"])[:, 0]}) for run in ("a", "c")})
+    comparison = comparison_of(rec, other)
+    assert comparison.runs == ("a", "c")
+    assert [(f.id, f.where.run, f.action) for f in comparison.findings] == [("run-not-compared", "b", "leave-out-run")]
+    assert [f.id for f in comparison_of(other, sim, responses=["Z"]).findings] == [
+        "simulated-only",
+        "simulation-is-recording",
+    ]
+
+
+def refused(rec, sim, **options):
+    with pytest.raises(InputError) as told:
+        comparison_of(rec, sim, **options)
+    error = told.value
+    assert all((error.found, error.expected, error.where, error.advice))
+    assert "nan" not in error.found.lower()
+    return error
+
+
+def test_what_cannot_be_compared_is_refused():
+    rec, sim = pair()
+    time = rec.time_s("a")
+    assert "recorded runs a, b, c" in refused(rec, pair(runs=("x",))[1]).found
+    assert "recorded channels Z" in refused(rec, recording({"a": (time, {"Y": time})}, (Y,))).found
+    assert refused(rec, sim, responses=["Y"]).where == "--response"
+    warm = recording({"a": (time, {"Z": time})}, (Channel("Z", "temperature", "degC"),))
+    assert "displacement" in refused(rec, warm).found
+    later = recording({"a": (time, {"Z": time})}, provenance={"runs": {"a": {"first_stamp_s": 1e5}}})
+    early = recording({"a": (time[:50], {"Z": time[:50]})}, provenance={"runs": {"a": {"first_stamp_s": 0.0}}})
+    assert "no value" in refused(recording({"a": (time, {"Z": noisy(200)})}), later).found
+    assert "held out" in refused(recording({"a": (time[:20], {"Z": noisy(20)})}), early).expected
+    empty = recording({run: (time, {"Z": np.full(200, np.nan)}) for run in "abc"})
+    assert "no value" in refused(rec, empty).found
+    assert "no recorded value" in refused(empty, sim).found
+    still = recording({run: (time, {"Z": np.zeros(200)}) for run in "abc"})
+    assert "never moves" in refused(still, sim).found
+
+
+def test_twenty_samples_are_too_few():
+    assert "samples that can be compared" in refused(*pair(n=20, runs=("a",))).found
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e-3, 1e6])
+def test_simulations_in_another_unit_are_refused(factor):
+    rec, sim = pair()
+    error = refused(rec, sim.with_values(sim.frame * factor))
+    assert "times what was simulated" in error.found
+    assert "unit" in error.expected
+
+
+def test_gains_that_a_calibration_may_have_are_compared():
+    rec, sim = pair()
+    for factor in (0.5, 1.8, 25.4):
+        assert comparison_of(rec, sim.with_values(sim.frame / factor)).responses == ("Z",)
+
+
+def test_copies_are_told_and_inputs_left_out():
+    rec, sim = pair()
+    copy = comparison_of(rec, rec)
+    assert identical_responses(copy) == ("Z",) == copy.responses
+    assert [f.id for f in copy.findings] == ["simulation-is-recording"]
+    time = rec.time_s("a")
+    both = {run: (time, {"Z": rec.values(run, ["Z"])[:, 0], "T1": 20 + noisy(200, 9)}) for run in "abc"}
+    given_back = {run: (time, {"Z": sim.values(run, ["Z"])[:, 0], "T1": both[run][1]["T1"]}) for run in "abc"}
+    comparison = comparison_of(recording(both, (Z, T)), recording(given_back, (Z, T)))
+    assert comparison.responses == ("Z",)
+    assert [(f.id, f.where.channel) for f in comparison.findings] == [("input-of-simulation", "T1")]
+    asked = comparison_of(recording(both, (Z, T)), recording(given_back, (Z, T)), responses=["T1", "Z"])
+    assert asked.responses == ("T1", "Z")
+
+
+@settings(deadline=None, max_examples=60)
+@given(step=st.sampled_from([0.001, 0.05, 0.1, 0.5, 5.0]), offset=st.floats(-1e3, 1e3), seed=st.integers(0, 10**6))
+def test_resolution_is_the_grid_of_the_readings(step, offset, seed):
+    counts = np.round(np.random.default_rng(seed).normal(scale=30.0, size=400))
+    # one hundredth: the grid is known from some hundred steps
+    assert resolution(counts * step + offset) == pytest.approx(step, rel=1e-2)
+    assert resolution(np.random.default_rng(seed).normal(size=400)) < 1e-2 * 1.0
