@@ -1,0 +1,258 @@
+"""One response on the bench: what recalibration explains, every candidate shape, the noise filter, blocks of rows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.effect import Effect, Variant
+from selector.diagnosis.moments import Moments, beside, moments
+from selector.diagnosis.noise import NoiseModel, noise_model, stretches, whitened
+from selector.diagnosis.signals import filled, rate
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+_BLOCKS = 24
+_FOLDS = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One shape of one effect in one response, and where its columns stand among all columns."""
+
+    effect: Effect
+    variant: Variant
+    first: int
+
+    @property
+    def columns(self) -> slice:
+        """Its columns among those of all candidates."""
+        return slice(self.first, self.first + len(self.variant.names))
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """All that is needed to test effects in one response.
+
+    Attributes
+    ----------
+    response : str
+    target : ndarray of shape (n_rows,)
+        Recorded minus simulated [unit]; NaN where one is missing.
+    fitted : ndarray of bool of shape (n_rows,)
+        Rows that are fitted to: seen, not held out.
+    nuisance : ndarray of shape (n_rows, p)
+        What recalibration may change; `nuisance_names` says what each is.
+    columns : ndarray of shape (n_rows, m)
+        Candidate columns, each of root mean square 1 over the fitted rows; `scales` (m,) is what they were divided by.
+    candidates : tuple of Candidate
+    noise : NoiseModel
+    parts : list of slice
+        Stretches without gaps.
+    """
+
+    response: str
+    target: Vector
+    fitted: NDArray[np.bool_]
+    nuisance: Matrix
+    nuisance_names: tuple[str, ...]
+    columns: Matrix
+    scales: Vector
+    candidates: tuple[Candidate, ...]
+    noise: NoiseModel
+    parts: list[slice]
+    runs: NDArray[np.intp]
+
+    def with_noise(self, noise: NoiseModel) -> Bench:
+        """The same with another noise filter."""
+        return replace(self, noise=noise)
+
+    @cached_property
+    def white_columns(self) -> Matrix:
+        """Candidate columns behind the noise filter, fitted rows only."""
+        return whitened(self.noise, self.columns, self.parts)[self.rows]
+
+    @cached_property
+    def white_nuisance(self) -> Matrix:
+        """Columns of the recalibration behind the noise filter, fitted rows only."""
+        return whitened(self.noise, self.nuisance, self.parts)[self.rows]
+
+    @cached_property
+    def white_target(self) -> Vector:
+        """The target behind the noise filter, fitted rows only; 0 where it is missing."""
+        return whitened(self.noise, self._whole_target[:, None], self.parts)[self.rows, 0]
+
+    @cached_property
+    def _whole_target(self) -> Vector:
+        result = np.zeros(len(self.target))
+        for part in self.parts:
+            seen = np.isfinite(self.target[part])
+            at = np.arange(part.stop - part.start)
+            result[part] = np.interp(at, at[seen], self.target[part][seen])
+        return result
+
+    @cached_property
+    def rows(self) -> NDArray[np.intp]:
+        """The fitted rows that have a past within their stretch."""
+        told = np.zeros(len(self.target), dtype=bool)
+        for part in self.parts:
+            told[part.start + len(self.noise.phi) : part.stop] = True
+        return np.flatnonzero(told & self.fitted)
+
+    @cached_property
+    def blocks(self) -> list[slice]:
+        """About 24 blocks of `rows`, none over the end of a run, none shorter than the noise remembers."""
+        run = self.runs[self.rows]
+        size = max(len(self.rows) / _BLOCKS, 4.0 * self.noise.correlation_samples, 8.0)
+        found = []
+        edges = np.flatnonzero(np.r_[True, np.diff(run) != 0, True])
+        for first, last in pairwise(edges):
+            n = max(1, round((last - first) / size))
+            cuts = np.linspace(first, last, n + 1).round().astype(int)
+            found += [slice(int(a), int(b)) for a, b in pairwise(cuts)]
+        return found
+
+    @cached_property
+    def folds(self) -> NDArray[np.intp]:
+        """Which fold every block belongs to; neighbours belong to different ones."""
+        return np.arange(len(self.blocks)) % min(_FOLDS, max(2, len(self.blocks)))
+
+    @cached_property
+    def block_runs(self) -> NDArray[np.intp]:
+        """Which run every block lies in."""
+        return np.array([self.runs[self.rows[block.start]] for block in self.blocks])
+
+    @cached_property
+    def counts(self) -> list[int]:
+        """Number of columns of every candidate."""
+        return [len(candidate.variant.names) for candidate in self.candidates]
+
+    @cached_property
+    def bounds(self) -> Matrix:
+        """Between what the coefficient of every (scaled) column may lie, shape (m, 2)."""
+        limits = np.tile([-np.inf, np.inf], (self.columns.shape[1], 1))
+        for candidate in self.candidates:
+            if candidate.variant.bounds is not None:
+                limits[candidate.columns] = np.array(candidate.variant.bounds)
+        return limits * self.scales[:, None]
+
+    def base(self, named: Sequence[int]) -> Matrix:
+        """Whitened columns of the recalibration and of the candidates `named`, fitted rows."""
+        parts = [self.white_nuisance, *(self.white_columns[:, self.candidates[v].columns] for v in named)]
+        return np.column_stack(parts)
+
+    @cached_property
+    def _sums(self) -> Moments:
+        return moments(self.white_columns, self.white_target, self.blocks, self.counts, self.bounds)
+
+    def moments(self, base: Matrix) -> Moments:
+        """Sums of products of all candidates beside whitened `base` columns."""
+        return beside(self._sums, base, self.white_columns, self.white_target, self.blocks)
+
+    def raw_base(self, named: Sequence[int]) -> Matrix:
+        """Columns of the recalibration and of the candidates `named`, all rows, not whitened."""
+        return np.column_stack([self.nuisance, *(self.columns[:, self.candidates[v].columns] for v in named)])
+
+    def coefficients(self, named: Sequence[int]) -> tuple[Vector, Matrix]:
+        """Generalised least squares on the fitted rows: coefficients and their covariance, shapes (p,), (p, p)."""
+        base = self.base(named)
+        gram = base.T @ base
+        inverse = np.linalg.pinv(gram, rcond=1e-10, hermitian=True)
+        return inverse @ (base.T @ self.white_target), inverse
+
+    def residual(self, named: Sequence[int]) -> Vector:
+        """The target less recalibration and named candidates [unit], all rows; NaN where the target is missing."""
+        return self.target - self.raw_base(named) @ self.coefficients(named)[0]
+
+    def refitted_noise(self, named: Sequence[int]) -> Bench:
+        """The same with the noise that is left beside the candidates `named`."""
+        left = np.where(self.fitted, self.residual(named), np.nan)
+        parts = [part for part in stretches_of(self, self.fitted) if part.stop - part.start > 8]
+        lost = self.nuisance.shape[1] + sum(self.counts[v] for v in named)
+        return self.with_noise(noise_model(left, parts, lost=lost))
+
+
+def stretches_of(bench: Bench, seen: NDArray[np.bool_]) -> list[slice]:
+    """The stretches of a bench, cut to rows that are `seen` at both ends."""
+    found = []
+    for part in bench.parts:
+        here = np.flatnonzero(seen[part])
+        if len(here) > 2:
+            found.append(slice(part.start + int(here[0]), part.start + int(here[-1]) + 1))
+    return found
+
+
+def bench_of(
+    comparison: Comparison,
+    response: str,
+    effects: Sequence[Effect],
+    extra: Mapping[str, Sequence[Variant]] | None = None,
+) -> tuple[Bench, dict[str, str]]:
+    """The bench of a response, and for every effect that cannot be tested in it, why.
+
+    `extra` are shapes that a runnable model gave, effect id → variants; they take the place of the effect's own.
+    """
+    target = comparison.difference(response)
+    seen = np.isfinite(target)
+    fitted = seen & ~comparison.held_out
+    candidates: list[Candidate] = []
+    columns: list[Matrix] = []
+    scales: list[Vector] = []
+    untested: dict[str, str] = {}
+    first = 0
+    for effect in effects:
+        given = (extra or {}).get(effect.id)
+        reason = None if given else effect.testable(comparison, response)
+        if reason is not None:
+            untested[effect.id] = reason
+            continue
+        before = first
+        for variant in given or effect.variants(comparison, response):
+            scale = np.sqrt(np.mean(variant.columns[fitted] ** 2, axis=0))
+            if not np.isfinite(variant.columns).all() or not (scale > 0.0).all():
+                continue
+            candidates.append(Candidate(effect, variant, first))
+            columns.append(variant.columns / scale)
+            scales.append(scale)
+            first += len(variant.names)
+        if first == before:
+            untested[effect.id] = "nothing in the fitted runs excites it"
+    nuisance, names = recalibration_columns(comparison, response, fitted)
+    parts = stretches(comparison, seen)
+    bench = Bench(
+        response=response,
+        target=target,
+        fitted=fitted,
+        nuisance=nuisance,
+        nuisance_names=names,
+        columns=np.column_stack(columns) if columns else np.empty((len(target), 0)),
+        scales=np.concatenate(scales) if scales else np.empty(0),
+        candidates=tuple(candidates),
+        noise=NoiseModel(np.zeros(0), float(np.nanstd(target[fitted])) or 1.0),
+        parts=parts,
+        runs=comparison.run_index,
+    )
+    return bench.refitted_noise([]), untested
+
+
+def recalibration_columns(
+    comparison: Comparison, response: str, fitted: NDArray[np.bool_]
+) -> tuple[Matrix, tuple[str, ...]]:
+    """What the simulation's user may put right without new physics: offset, gain and delay of the simulated course.
+
+    Columns are scaled to root mean square 1 over the fitted rows, but the offset, which is 1.
+    """
+    simulated = filled(comparison, comparison.simulated[response])
+    found, names = [np.ones(len(simulated))], ["offset"]
+    for name, column in (("gain", simulated), ("delay", -rate(comparison, simulated))):
+        spread = float(np.std(column[fitted]))
+        if spread > 1e-9 * max(float(np.abs(column[fitted]).max()), 1e-300):
+            found.append(column)
+            names.append(name)
+    return np.column_stack(found), tuple(names)

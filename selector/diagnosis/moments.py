@@ -1,0 +1,204 @@
+"""Sums of products of whitened columns, block by block: all that tests of the candidates need of the samples."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+Indices = NDArray[np.intp]
+_LEFT = 1e-5
+"""Share of a column that must be left after projection; below it the column is the others' and cannot be tested."""
+
+
+@dataclass(frozen=True, eq=False)
+class Moments:
+    """Sums over blocks of rows: base columns, candidate columns and the target, all whitened.
+
+    Attributes
+    ----------
+    base, base_target : ndarrays of shape (n_blocks, p, p), (n_blocks, p)
+    cross : ndarray of shape (n_blocks, p, m)
+        Base columns with candidate columns.
+    target : ndarray of shape (n_blocks, m)
+        Candidate columns with the target.
+    within : list of ndarray of shape (n_blocks, n_variants, k, k)
+        For every number of columns k: products of a variant's columns with each other.
+    square : ndarray of shape (n_blocks,)
+        Sum of squares of the target.
+    groups : list of ndarray of shape (n_variants, k)
+        For every k, the candidate columns of its variants.
+    members : list of ndarray of shape (n_variants,)
+        For every k, the numbers of its variants.
+    bounds : list of ndarray of shape (n_variants, k, 2)
+        For every k, between what every coefficient may lie.
+    """
+
+    base: Matrix
+    base_target: Matrix
+    cross: Matrix
+    target: Matrix
+    within: list[Matrix]
+    square: Vector
+    groups: list[Indices]
+    members: list[Indices]
+    bounds: list[Matrix]
+
+    @property
+    def n_variants(self) -> int:
+        """How many variants there are."""
+        return sum(len(members) for members in self.members)
+
+
+def column_groups(counts: Sequence[int]) -> tuple[list[Indices], list[Indices]]:
+    """Columns and numbers of the variants that have 1, 2, … columns, for variants that stand side by side."""
+    first = np.concatenate([[0], np.cumsum(counts)])[:-1].astype(np.intp)
+    sizes = np.asarray(counts, dtype=np.intp)
+    groups, members = [], []
+    for k in sorted(set(counts)):
+        here = np.flatnonzero(sizes == k)
+        groups.append(first[here][:, None] + np.arange(k)[None, :])
+        members.append(here)
+    return groups, members
+
+
+def moments(columns: Matrix, target: Vector, blocks: Sequence[slice], counts: Sequence[int], bounds: Matrix) -> Moments:
+    """The sums over each of the `blocks` of rows, beside no base; `bounds` (n_columns, 2) of the coefficients."""
+    groups, members = column_groups(counts)
+    m, n = columns.shape[1], len(blocks)
+    sums = Moments(
+        base=np.empty((n, 0, 0)),
+        base_target=np.empty((n, 0)),
+        cross=np.empty((n, 0, m)),
+        target=np.empty((n, m)),
+        within=[np.empty((n, *group.shape, group.shape[1])) for group in groups],
+        square=np.empty(n),
+        groups=groups,
+        members=members,
+        bounds=[bounds[group] for group in groups],
+    )
+    for b, rows in enumerate(blocks):
+        z, y = columns[rows], target[rows]
+        sums.target[b], sums.square[b] = z.T @ y, y @ y
+        for part, group in zip(sums.within, groups, strict=True):
+            k = group.shape[1]
+            for i in range(k):
+                for j in range(i, k):
+                    part[b, :, i, j] = np.einsum("nv,nv->v", z[:, group[:, i]], z[:, group[:, j]])
+                    part[b, :, j, i] = part[b, :, i, j]
+    return sums
+
+
+def beside(sums: Moments, base: Matrix, columns: Matrix, target: Vector, blocks: Sequence[slice]) -> Moments:
+    """The same sums beside whitened `base` columns of shape (n_rows, p)."""
+    parts = [(base[rows], columns[rows], target[rows]) for rows in blocks]
+    return replace(
+        sums,
+        base=np.array([x.T @ x for x, _, _ in parts]),
+        base_target=np.array([x.T @ y for x, _, y in parts]),
+        cross=np.array([x.T @ z for x, z, _ in parts]),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """Every variant fitted together with the base on some blocks.
+
+    Attributes
+    ----------
+    gain : ndarray of shape (n_variants,)
+        By how much the sum of squares falls when the variant is added; 0 if it cannot be told from the base.
+    base_alone : ndarray of shape (p,)
+        Coefficients of the base without any variant.
+    coefficients, base_coefficients : lists of ndarray, shapes (n_variants, k), (n_variants, p)
+        For every number of columns k.
+    """
+
+    gain: Vector
+    base_alone: Vector
+    coefficients: list[Matrix]
+    base_coefficients: list[Matrix]
+
+
+def solved(sums: Moments, use: NDArray[np.bool_]) -> Solved:
+    """Fit of every variant beside the base on the blocks in `use`."""
+    a, g = sums.base[use].sum(axis=0), sums.base_target[use].sum(axis=0)
+    cross, target = sums.cross[use].sum(axis=0), sums.target[use].sum(axis=0)
+    inverse = np.linalg.pinv(a, rcond=1e-10, hermitian=True)
+    alone, carried = inverse @ g, inverse @ cross
+    gain = np.zeros(sums.n_variants)
+    coefficients, beside = [], []
+    for part, group, members, limits in zip(sums.within, sums.groups, sums.members, sums.bounds, strict=True):
+        whole = part[use].sum(axis=0)
+        b = cross[:, group]
+        left = whole - np.einsum("pvi,pvj->vij", b, carried[:, group])
+        score = target[group] - np.einsum("pvi,p->vi", b, alone)
+        beta, told = _solutions(left, whole, score)
+        beta = np.clip(beta, limits[:, :, 0], limits[:, :, 1])
+        rise = 2.0 * np.einsum("vi,vi->v", score, beta) - np.einsum("vi,vij,vj->v", beta, left, beta)
+        gain[members] = np.where(told, rise, 0.0)
+        coefficients.append(beta)
+        beside.append(alone[None, :] - np.einsum("pvi,vi->vp", carried[:, group], beta))
+    return Solved(np.maximum(gain, 0.0), alone, coefficients, beside)
+
+
+def _solutions(left: Matrix, whole: Matrix, score: Matrix) -> tuple[Matrix, NDArray[np.bool_]]:
+    """S⁻¹·s for every variant; columns of which nothing is left beside the base or each other count as none."""
+    size = np.maximum(np.einsum("vii->vi", whole), 1e-300)
+    scale = 1.0 / np.sqrt(size)
+    left = left * scale[:, :, None] * scale[:, None, :]
+    values, vectors = np.linalg.eigh(left)
+    kept = values > _LEFT
+    inverse = np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0)
+    turned = np.einsum("vij,vi->vj", vectors, score * scale)
+    beta = np.einsum("vij,vj->vi", vectors, inverse * turned) * scale
+    return beta, np.asarray(kept.any(axis=1))
+
+
+def losses(sums: Moments, fit: Solved, on: NDArray[np.bool_], chosen: Indices) -> tuple[float, Vector]:
+    """Sum of squares on the blocks `on`: of the base alone, and with each variant of `chosen`, fitted elsewhere."""
+    a, g = sums.base[on].sum(axis=0), sums.base_target[on].sum(axis=0)
+    square = float(sums.square[on].sum())
+    alone = square - 2.0 * float(fit.base_alone @ g) + float(fit.base_alone @ a @ fit.base_alone)
+    cross, target = sums.cross[on].sum(axis=0), sums.target[on].sum(axis=0)
+    place = {int(v): (q, i) for q, members in enumerate(sums.members) for i, v in enumerate(members)}
+    result = np.empty(len(chosen))
+    for n, v in enumerate(chosen):
+        q, i = place[int(v)]
+        beta, alpha, group = fit.coefficients[q][i], fit.base_coefficients[q][i], sums.groups[q][i]
+        within = sums.within[q][on, i].sum(axis=0)
+        result[n] = (
+            square
+            - 2.0 * (alpha @ g + beta @ target[group])
+            + alpha @ a @ alpha
+            + 2.0 * alpha @ cross[:, group] @ beta
+            + beta @ within @ beta
+        )
+    return alone, result
+
+
+def scores_of_noise(sums: Moments, noise_base: Matrix, noise_target: Matrix) -> list[tuple[Matrix, Matrix]]:
+    """Per number of columns k: what noise says of every variant, block by block, and the root of its inverse product.
+
+    `noise_base` (n_blocks, p) and `noise_target` (n_blocks, m) are products of base and candidate columns with noise.
+    Returns shapes (n_blocks, n_variants, k) and (n_variants, k, k): with signs ε of the blocks, the gain that noise
+    alone makes is ‖root·Σ ε_b·score_b‖².
+    """
+    a, cross = sums.base.sum(axis=0), sums.cross.sum(axis=0)
+    inverse = np.linalg.pinv(a, rcond=1e-10, hermitian=True)
+    carried = inverse @ cross
+    found = []
+    for part, group in zip(sums.within, sums.groups, strict=True):
+        whole = part.sum(axis=0)
+        left = whole - np.einsum("pvi,pvj->vij", cross[:, group], carried[:, group])
+        score = noise_target[:, group] - np.einsum("bp,pvi->bvi", noise_base, carried[:, group])
+        scale = 1.0 / np.sqrt(np.maximum(np.einsum("vii->vi", whole), 1e-300))
+        values, vectors = np.linalg.eigh(left * scale[:, :, None] * scale[:, None, :])
+        kept = values > _LEFT
+        root = np.where(kept, 1.0 / np.sqrt(np.where(kept, values, 1.0)), 0.0)
+        found.append((score, np.einsum("vj,vij,vi->vji", root, vectors, scale)))
+    return found

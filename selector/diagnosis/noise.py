@@ -1,0 +1,119 @@
+"""What the noise of a channel looks like, and the filter that makes it white."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.diagnosis.comparison import Comparison
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+_LONGEST_ORDER = 12
+_GAP_PERIODS = 3.5
+"""A gap of more sampling periods than this starts a new stretch: what was before says little about what comes."""
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """An autoregression of the noise of one channel, e_t = Σ φ_i·e_(t−i) + s·w_t with white w of variance 1.
+
+    Attributes
+    ----------
+    phi : ndarray of shape (order,)
+    sd : float
+        s [unit of the channel].
+    """
+
+    phi: Vector
+    sd: float
+
+    @property
+    def correlation_samples(self) -> float:
+        """Samples until two readings say something new: (1 + a)/(1 − a) of the sum a of φ, at least 1."""
+        total = float(np.clip(self.phi.sum(), -0.9, 0.999))
+        return max(1.0, (1.0 + total) / (1.0 - total))
+
+
+def stretches(comparison: Comparison, seen: NDArray[np.bool_]) -> list[slice]:
+    """Rows that follow each other without a gap, in which a channel was `seen` (holes of up to 3 samples count in)."""
+    found = []
+    for _, rows in comparison.rows_of_runs():
+        here = rows.start + np.flatnonzero(seen[rows])
+        if len(here) < 2:
+            continue
+        time = comparison.time_s[here]
+        cuts = np.flatnonzero(np.diff(time) > _GAP_PERIODS * comparison.period_s) + 1
+        for part in np.split(here, cuts):
+            if len(part) > 2:
+                found.append(slice(int(part[0]), int(part[-1]) + 1))
+    return found
+
+
+def noise_model(residual: Vector, parts: list[slice], *, lost: int = 0) -> NoiseModel:
+    """The autoregression of up to 12 samples that explains a residual best (Bayes' information criterion).
+
+    Large readings count less (Huber), so that a burst does not decide what the noise is. `lost` degrees of freedom went
+    into the fit that left this residual.
+    """
+    filled = [_filled(residual[part]) for part in parts]
+    spread = _spread(np.concatenate(filled))
+    if spread == 0.0:
+        return NoiseModel(np.zeros(0), 0.0)
+    clipped = [np.clip(part, -4.0 * spread, 4.0 * spread) for part in filled]
+    n = sum(len(part) for part in clipped)
+    highest = int(min(_LONGEST_ORDER, max(1, n // 40)))
+    rows = [np.lib.stride_tricks.sliding_window_view(part, highest + 1) for part in clipped if len(part) > highest + 1]
+    if not rows:
+        return NoiseModel(np.zeros(0), spread)
+    table = np.concatenate(rows)
+    target, past = table[:, -1], table[:, -2::-1]
+    gram, cross, total = past.T @ past, past.T @ target, float(target @ target)
+    best = (np.inf, np.zeros(0), spread)
+    for order in range(highest + 1):
+        phi = np.linalg.solve(gram[:order, :order] + 1e-9 * np.trace(gram) * np.eye(order), cross[:order])
+        variance = max((total - float(phi @ cross[:order])) / max(len(target) - order - lost, 1), 1e-300)
+        score = len(target) * np.log(variance) + np.log(len(target)) * order
+        if score < best[0] - 1e-9:
+            best = (score, phi, float(np.sqrt(variance)))
+    phi = best[1]
+    left = np.concatenate([_predicted(part[:, None], phi)[len(phi) :, 0] for part in filled])
+    return NoiseModel(phi, max(float(np.sqrt(np.mean(left**2) * len(left) / max(len(left) - lost, 1))), 1e-300))
+
+
+def whitened(model: NoiseModel, values: Matrix, parts: list[slice]) -> Matrix:
+    """Columns passed through the filter that makes the noise white with variance 1, shape as `values`.
+
+    Rows outside the stretches and the first rows of each, which have no past, are 0: they say nothing.
+    """
+    order = len(model.phi)
+    result = np.zeros(values.shape)
+    for part in parts:
+        block = _predicted(values[part], model.phi)
+        block[:order] = 0.0
+        result[part] = block / model.sd
+    return result
+
+
+def _predicted(values: Matrix, phi: Vector) -> Matrix:
+    """Values less what an autoregression predicts from those before; the first rows stay."""
+    result = np.array(values, dtype=np.float64)
+    for lag, weight in enumerate(phi, start=1):
+        result[lag:] -= weight * values[:-lag] if len(values) > lag else 0.0
+    return result
+
+
+def _filled(values: Vector) -> Vector:
+    seen = np.isfinite(values)
+    if seen.all():
+        return values
+    at = np.arange(len(values))
+    return np.interp(at, at[seen], values[seen])
+
+
+def _spread(values: Vector) -> float:
+    """Robust standard deviation; the plain one where more than half of the values are alike."""
+    robust = 1.4826 * float(np.median(np.abs(values - np.median(values))))
+    return robust if robust > 0.0 else float(np.std(values))

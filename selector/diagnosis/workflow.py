@@ -1,0 +1,243 @@
+"""From a comparison to an answer: recalibrate, estimate the noise, search, decide, show."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.diagnosis.answer import Diagnosis, Evidence, NamedEffect, Place, Verdict
+from selector.diagnosis.bench import Bench, bench_of
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.catalogue import catalogue
+from selector.diagnosis.effects.effect import Effect, Fitted, Variant
+from selector.diagnosis.moments import solved
+from selector.diagnosis.recalibration import Recalibrated, recalibrated
+from selector.diagnosis.search import Search, Standing, numbers, search
+from selector.diagnosis.showing import fit_of
+
+Vector = NDArray[np.float64]
+
+
+class Progress(Protocol):
+    """Told how far the work is: steps done, steps in all, what is done now."""
+
+    def __call__(self, done: int, total: int, text: str, /) -> None:
+        """Takes the news."""
+
+
+def diagnosis(
+    comparison: Comparison,
+    *,
+    seed: int = 0,
+    false_alarm: float = 0.01,
+    effects: Sequence[Effect] | None = None,
+    through_model: Mapping[str, Mapping[str, Sequence[Variant]]] | None = None,
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """What the simulation left out, where, how sure that is, and what putting it in gains.
+
+    Parameters
+    ----------
+    comparison
+        Recordings and simulation on one clock.
+    seed : int
+        Of the draws of noise. The same seed gives the same answer, bit for bit.
+    false_alarm : float
+        Family-wise probability of naming an effect where there is none.
+    effects : sequence of Effect, optional
+        Default: the whole catalogue.
+    through_model : mapping, optional
+        Response → effect id → shapes that a runnable model gave.
+    progress : callable, optional
+        Told step by step.
+
+    Raises
+    ------
+    InputError
+        If the comparison is no basis for an answer.
+    """
+    say = progress or (lambda done, total, text: None)
+    known = tuple(effects if effects is not None else catalogue())
+    benches: dict[str, Bench] = {}
+    untested: dict[str, dict[str, str]] = {}
+    steps = len(comparison.responses) + 3
+    for k, name in enumerate(comparison.responses):
+        say(k, steps, f"shapes of all effects in {name}")
+        benches[name], untested[name] = bench_of(comparison, name, known, (through_model or {}).get(name))
+    say(steps - 3, steps, "testing effects")
+    found = search(benches, false_alarm=false_alarm, seed=seed)
+    benches = dict(found.benches)
+    say(steps - 2, steps, "errors on held-out rows")
+    again = {
+        name: recalibrated(
+            bench, numbers(found.named, name), _noise(bench, found, name), _unit(comparison, name), seed=seed
+        )
+        for name, bench in benches.items()
+    }
+    named = tuple(sorted((_named(comparison, found, id_) for id_ in found.named), key=lambda effect: -effect.share))
+    verdict = _verdict(named, again)
+    fit = {
+        name: fit_of(
+            comparison, bench, numbers(found.named, name), _unit(comparison, name),
+            recalibrate=verdict in ("missing-physics", "data-fault", "miscalibrated"), seed=seed,
+        )
+        for name, bench in benches.items()
+    }  # fmt: skip
+    return Diagnosis(
+        comparison=comparison,
+        verdict=verdict,
+        headline="",
+        where=_where(comparison, named),
+        effects=named,
+        fit=fit,
+        evidence=tuple(_evidence(found, untested)),
+        detectable=(),
+        next_runs=(),
+        recalibration={name: one.quantities for name, one in again.items()},
+        findings=comparison.findings,
+        seed=seed,
+    )
+
+
+def _verdict(named: Sequence[NamedEffect], again: Mapping[str, Recalibrated]) -> Verdict:
+    if any(not effect.id.startswith("data.") for effect in named):
+        return "missing-physics"
+    if named:
+        return "data-fault"
+    return "miscalibrated" if any(one.matters for one in again.values()) else "nothing-missing"
+
+
+def _noise(bench: Bench, found: Search, name: str) -> Vector:
+    base = bench.base(numbers(found.named, name))
+    return np.asarray(bench.white_target - base @ np.linalg.lstsq(base, bench.white_target, rcond=None)[0])
+
+
+def _unit(comparison: Comparison, name: str) -> str:
+    return comparison.channel(name).unit
+
+
+def _named(comparison: Comparison, found: Search, id_: str) -> NamedEffect:
+    standing, by_response = found.standing[id_], found.named[id_]
+    gains = {name: found.standing[id_].tested[name].gain for name in by_response}
+    main = max(gains, key=lambda name: gains[name])
+    courses, shares = {}, []
+    for name, v in by_response.items():
+        bench = found.benches[name]
+        course, share = _course(bench, numbers(found.named, name), v)
+        courses[name] = course
+        shares.append(share)
+    fitted = _fitted(comparison, found, id_, main, courses[main])
+    effect = found.benches[main].candidates[by_response[main]].effect
+    reading = effect.reading(fitted, comparison)
+    return NamedEffect(
+        id=id_,
+        channel=main,
+        place=fitted.variant.place,
+        statement=reading.statement,
+        parameters=reading.parameters,
+        confidence=_confidence(found, id_),
+        p_value=float(min(1.0, standing.p_value)),
+        share=float(np.clip(max(shares), 0.0, 1.0)),
+        cannot_be_told_from=found.rivals[id_],
+        experiment=effect.experiment,
+        channels=tuple(sorted(gains, key=lambda name: -gains[name])),
+        courses=courses,
+    )
+
+
+def _course(bench: Bench, named: Sequence[int], v: int) -> tuple[Vector, float]:
+    """The fitted course of candidate `v` [unit] and the share of the mismatch that goes with it."""
+    beta = bench.coefficients(named)[0]
+    first = bench.nuisance.shape[1]
+    for other in named:
+        width = bench.counts[other]
+        if other == v:
+            course = bench.columns[:, bench.candidates[v].columns] @ beta[first : first + width]
+        first += width
+    rows = bench.fitted
+    alone = float(np.mean(bench.residual([])[rows] ** 2))
+    without = float(np.mean(bench.residual([other for other in named if other != v])[rows] ** 2))
+    with_it = float(np.mean(bench.residual(named)[rows] ** 2))
+    return course, (without - with_it) / alone if alone > 0.0 else 0.0
+
+
+def _fitted(comparison: Comparison, found: Search, id_: str, response: str, course: Vector) -> Fitted:
+    bench, v = found.benches[response], found.named[id_][response]
+    named = numbers(found.named, response)
+    beta, covariance = bench.coefficients(named)
+    first = bench.nuisance.shape[1] + sum(bench.counts[other] for other in named[: named.index(v)])
+    here = slice(first, first + bench.counts[v])
+    candidate = bench.candidates[v]
+    scale = bench.scales[candidate.columns]
+    return Fitted(
+        response=response,
+        unit=_unit(comparison, response),
+        variant=candidate.variant,
+        coefficients=beta[here] / scale,
+        standard_errors=np.sqrt(np.diag(covariance)[here]) / scale,
+        shape_intervals=_shape_intervals(bench, named, v),
+        rms=float(np.sqrt(np.mean(course[bench.fitted] ** 2))),
+        largest=float(np.abs(course[bench.fitted] - np.median(course[bench.fitted])).max()),
+    )
+
+
+def _shape_intervals(bench: Bench, named: Sequence[int], v: int) -> dict[str, tuple[float, float]]:
+    """Range of every shape parameter over the shapes that fit within χ² = 3.84 as well."""
+    others = [other for other in named if other != v]
+    gains = solved(bench.moments(bench.base(others)), np.ones(len(bench.blocks), dtype=bool)).gain
+    own = bench.candidates[v]
+    alike = [
+        candidate.variant.shape
+        for k, candidate in enumerate(bench.candidates)
+        if candidate.effect.id == own.effect.id
+        and candidate.variant.sources == own.variant.sources
+        and candidate.variant.shape.keys() == own.variant.shape.keys()
+        and gains[k] >= gains[v] - 3.84
+    ]
+    return {
+        key: (min(shape[key].value for shape in alike), max(shape[key].value for shape in alike))
+        for key in own.variant.shape
+    }
+
+
+def _confidence(found: Search, id_: str) -> float:
+    own = found.standing[id_]
+    return float(np.clip(1.0 - own.p_value, 0.0, 1.0)) * (
+        0.95 if not found.rivals[id_] else 1.0 / (1.0 + len(found.rivals[id_]))
+    )
+
+
+def _where(comparison: Comparison, named: Sequence[NamedEffect]) -> tuple[Place, ...]:
+    found = []
+    for effect in named:
+        for run, rows in comparison.rows_of_runs():
+            time = comparison.time_s[rows]
+            found.append(Place(effect.channel, effect.place, run, float(time[0]), float(time[-1]), None, effect.share))
+    return tuple(found)
+
+
+def _evidence(found: Search, untested: Mapping[str, Mapping[str, str]]) -> list[Evidence]:
+    rows = []
+    for id_, standing in sorted(found.standing.items(), key=lambda item: -item[1].cv_gain):
+        rows.append(
+            Evidence(
+                id_, standing.responses[0], standing.cv_gain, standing.p_value, id_ in found.named, _note(standing)
+            )
+        )
+    tested = set(found.standing)
+    for response, reasons in untested.items():
+        rows += [
+            Evidence(id_, response, 0.0, 1.0, False, f"not testable here: {why}")
+            for id_, why in reasons.items()
+            if id_ not in tested
+        ]
+    return rows
+
+
+def _note(standing: Standing) -> str:
+    if standing.run_gain is not None and standing.run_gain <= 0.0:
+        return "does not carry over from one run to another"
+    return "no gain on rows that were not fitted" if standing.cv_gain <= 0.0 else ""
