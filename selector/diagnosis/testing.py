@@ -55,10 +55,17 @@ def tail_probability(gain: float, noise: Vector) -> float:
 
     Its scale is not below 2, that of χ² in the tail, so that few draws promise no certainty that they cannot have.
     """
-    spread = float(np.std(noise))
-    scale = max(2.0, spread * np.sqrt(6.0) / np.pi)
-    location = float(np.mean(noise)) - np.euler_gamma * scale
-    return float(np.clip(stats.gumbel_r.sf(gain, location, scale), 1e-300, 1.0))
+    return float(np.clip(stats.gumbel_r.sf(gain, *_gumbel(noise)), 1e-300, 1.0))
+
+
+def tail_threshold(probability: float, noise: Vector) -> float:
+    """The gain that noise exceeds with this `probability`, by the same law."""
+    return float(stats.gumbel_r.isf(probability, *_gumbel(noise)))
+
+
+def _gumbel(noise: Vector) -> tuple[float, float]:
+    scale = max(2.0, float(np.std(noise)) * np.sqrt(6.0) / np.pi)
+    return float(np.mean(noise)) - np.euler_gamma * scale, scale
 
 
 def tests_of(bench: Bench, named: Sequence[int], noise: Vector, *, seed: int) -> dict[str, Tested]:
