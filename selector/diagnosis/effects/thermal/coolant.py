@@ -1,0 +1,103 @@
+"""Coolant that changes the boundary while it runs: it takes heat away, the more the warmer the machine is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.heat_wording import delay_of, place_of, quantities, with_place, worth
+from selector.diagnosis.heating import lacking, simulated_rise, sources, switched_on, temperature_rise
+from selector.diagnosis.signals import course, excited, lagged, scaled, time_constants
+
+_MOST_SENSORS = 2
+
+
+def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
+    if _testable(comparison, response) is not None:
+        return
+    known = sources(comparison, response)
+    taus = time_constants(comparison, 8)
+    for name in known.coolant_switches:
+        on = switched_on(comparison, name)
+        warmth = scaled(simulated_rise(comparison, response))
+        for tau_s in taus:
+            yield _variant(comparison, name, [(name, on)], tau_s)
+            if excited(warmth):
+                yield _variant(comparison, name, [(f"{name} × simulated {response}", on * warmth)], tau_s)
+                both = [(name, on), (f"{name} × simulated {response}", on * warmth)]
+                yield _variant(comparison, name, both, tau_s)
+        for fluid in known.coolant_temperatures:
+            for words, colder in _colder(comparison, response, fluid):
+                for tau_s in taus[::2]:
+                    yield _variant(comparison, name, [(f"{name} × ({words})", on * colder)], tau_s)
+    if not known.coolant_switches:
+        for fluid in known.coolant_temperatures:
+            for tau_s in (0.0, *taus):
+                yield _variant(comparison, fluid, [(f"rise of {fluid}", temperature_rise(comparison, fluid))], tau_s)
+
+
+def _colder(comparison: Comparison, response: str, fluid: str) -> Iterator[tuple[str, np.ndarray]]:
+    """How much colder the coolant is than what it may flow over [K]."""
+    temperature = course(comparison, fluid)
+    yield f"rise of {fluid}", temperature_rise(comparison, fluid)
+    for sensor in sources(comparison, response).machine[:_MOST_SENSORS]:
+        yield f"{fluid} − {sensor}", temperature - course(comparison, sensor)
+
+
+def _variant(comparison: Comparison, name: str, heats: list[tuple[str, np.ndarray]], tau_s: float) -> Variant:
+    return Variant(
+        np.column_stack([lagged(comparison, heat, float(tau_s)) for _, heat in heats]),
+        tuple(f"{words} delayed by {tau_s / 60:.3g} min" for words, _ in heats),
+        {"tau_s": Quantity(float(tau_s), "s")},
+        place=place_of(comparison, name),
+        sources=(name,),
+        regime=f"{name} on" if comparison.channel(name).role != "temperature" else None,
+    )
+
+
+def _testable(comparison: Comparison, response: str) -> str | None:
+    lack = lacking(comparison, response)
+    known = sources(comparison, response)
+    if lack is None and not known.coolant_switches and not known.coolant_temperatures:
+        return "no state, flow or temperature of the coolant that changes was recorded"
+    return lack
+
+
+def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
+    name = fitted.variant.sources[0]
+    when = "moves while the coolant runs" if fitted.variant.regime else "follows the coolant's temperature"
+    return Reading(
+        f"{fitted.response} {when} ({with_place(comparison, name)}) {delay_of(fitted)}; {worth(fitted)}.",
+        quantities(fitted, comparison),
+    )
+
+
+EFFECT = Effect(
+    id="thermal.coolant",
+    title="coolant changes the boundary while it runs",
+    physics=(
+        "Coolant over a part raises its heat transfer from some 10 to some 1000 W/(m²·K) and draws it towards its "
+        "own temperature, but only while it runs. The response bends when it is switched on, the more the warmer "
+        "the part is, and comes back with the machine's own delay when it is switched off."
+    ),
+    reference=(
+        "Newton's law of cooling with a film coefficient that is switched, q = h(t)·A·(T − T_c): Incropera, DeWitt, "
+        "Fundamentals of Heat and Mass Transfer, introduction to convection"
+    ),
+    enters="heat flow",
+    acts_at="parts that coolant reaches: spindle nose, table, bed, tank",
+    parameters=(ShapeParameter("tau_s", "s", 0.0, 86400.0, "delay of the response behind the coolant"),),
+    needs="state, flow or temperature of the coolant, with times on and off in the runs",
+    confounders=("thermal.second_source", "thermal.convection"),
+    refuted_by="no bend of the response within the machine's delay of switching the coolant at constant speed",
+    experiment=(
+        "At 60 % of the highest speed until steady (4 h), switch the coolant on for 60 min and off for 60 min, "
+        "twice; then the same at standstill: what bends with the switch is the coolant."
+    ),
+    variants=_variants,
+    testable=_testable,
+    reading=_reading,
+)

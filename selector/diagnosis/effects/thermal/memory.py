@@ -1,0 +1,136 @@
+"""The displacement follows past heating: a lag or slow mode of heat that the simulation knows, but not its delay."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.heat_wording import delay_of, place_of, quantities, with_place, worth
+from selector.diagnosis.heating import lacking, simulated_rise, sources, speed_power, temperature_rise
+from selector.diagnosis.signals import excited, lagged, start_decay, time_constants
+from selector.diagnosis.spindle_heat import free_part, spindle_law, spindle_part
+
+Vector = NDArray[np.float64]
+_MOST_SENSORS = 3
+_WARM_START_K = 1.0
+
+
+def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
+    if _testable(comparison, response) is not None:
+        return
+    taus = time_constants(comparison, 10)
+    for name, words, heat in _heats(comparison, response):
+        place = place_of(comparison, name)
+        for tau_s in taus:
+            column = lagged(comparison, heat, float(tau_s))
+            shape = {"tau_s": Quantity(float(tau_s), "s")}
+            yield Variant(column[:, None], (_behind(words, tau_s),), shape, place=place, sources=(name,))
+        for quick, slow in ((1, 5), (1, 8), (3, 6), (3, 9), (5, 8)):
+            pair = [lagged(comparison, heat, float(taus[k])) for k in (quick, slow)]
+            yield Variant(
+                np.column_stack(pair),
+                (_behind(words, taus[quick]), _behind(words, taus[slow])),
+                {"tau_s": Quantity(float(taus[quick]), "s"), "slow_tau_s": Quantity(float(taus[slow]), "s")},
+                place=place,
+                sources=(name,),
+            )
+        if _warm_start(comparison, response):
+            for tau_s in taus[4::2]:
+                columns = [lagged(comparison, heat, float(tau_s)), start_decay(comparison, float(tau_s))]
+                names = _behind(words, tau_s), f"what was left of earlier heat, with {tau_s / 60:.3g} min"
+                shape = {"tau_s": Quantity(float(tau_s), "s")}
+                yield Variant(np.column_stack(columns), names, shape, place=place, sources=(name,))
+
+
+def _heats(comparison: Comparison, response: str) -> list[tuple[str, str, Vector]]:
+    """Heat that the simulation carries: its course, its law of speed; with no speed, sensors that move with it."""
+    simulated = simulated_rise(comparison, response)
+    found = []
+    if excited(simulated):
+        found.append((response, f"simulated {response}", simulated))
+    speed = sources(comparison, response).spindle
+    law = spindle_law(comparison, response)
+    if speed is not None and law is not None:
+        found.append((speed, f"{speed}^{law.exponent:.2g}", speed_power(comparison, speed, law.exponent)))
+    elif speed is None and found:
+        for name in _carried(comparison, response, simulated):
+            found.append((name, name, spindle_part(comparison, response, name)))
+    return found
+
+
+def _carried(comparison: Comparison, response: str, simulated: Vector) -> list[str]:
+    """Sensors that mostly move as the simulated course does, the nearest to it first."""
+    near = []
+    for name in sources(comparison, response).machine:
+        values = temperature_rise(comparison, name)
+        if excited(values) and free_part(comparison, response, name)[1] < 0.2:
+            near.append((abs(float(np.corrcoef(values, simulated)[0, 1])), name))
+    return [name for likeness, name in sorted(near, reverse=True) if likeness > 0.5][:_MOST_SENSORS]
+
+
+def _warm_start(comparison: Comparison, response: str) -> bool:
+    """Whether a run began with the machine's sensors apart by more than at the calmest start."""
+    names = sources(comparison, response).machine
+    if len(names) < 2 or len(comparison.runs) < 2:
+        return False
+    starts = [
+        float(np.ptp([np.nanmedian(comparison.recorded[name][rows][:5]) for name in names]))
+        for _, rows in comparison.rows_of_runs()
+        if all(np.isfinite(comparison.recorded[name][rows][:5]).any() for name in names)
+    ]
+    return len(starts) > 1 and max(starts) - min(starts) > _WARM_START_K
+
+
+def _behind(words: str, tau_s: float) -> str:
+    return f"{words} delayed by {tau_s / 60:.3g} min"
+
+
+def _testable(comparison: Comparison, response: str) -> str | None:
+    lack = lacking(comparison, response)
+    if lack is None and not excited(simulated_rise(comparison, response)):
+        return f"the simulated {response} does not move: there is no heating that it could remember"
+    return lack
+
+
+def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
+    name = fitted.variant.sources[0]
+    heat = "its simulated course" if name == fitted.response else f"the heating {with_place(comparison, name)}"
+    return Reading(
+        f"{fitted.response} follows {heat} {delay_of(fitted)} that the simulation does not carry; {worth(fitted)}.",
+        quantities(fitted, comparison),
+    )
+
+
+EFFECT = Effect(
+    id="thermal.memory",
+    title="thermal memory",
+    physics=(
+        "Heat travels from its source into parts that warm up later and for longer, so that one temperature goes "
+        "with different displacements according to what was run before. It shows as a lag of the heating, with a "
+        "time constant that the simulation does not have, most of all while the machine cools."
+    ),
+    reference=(
+        "C: thermal modes, heating and cooling as Σ A_k·(1 − e^(−t/τ_k)) + Σ B_k·e^(−t/τ_k), and the displacements "
+        "that differ by more than 50 % at one temperature"
+    ),
+    enters="state",
+    acts_at="parts that heat reaches by conduction: column, headstock, bed",
+    parameters=(
+        ShapeParameter("tau_s", "s", 60.0, 86400.0, "time constant of the missing mode"),
+        ShapeParameter("slow_tau_s", "s", 60.0, 86400.0, "time constant of a second one, if two are needed"),
+    ),
+    needs="runs that heat and cool, or heat at changing speed, for longer than the time constant",
+    confounders=("thermal.speed_heating", "thermal.convection", "thermal.ambient"),
+    refuted_by="the same displacement at the same temperatures whatever was run before",
+    experiment=(
+        "Heat at 60 % of the highest speed for 4 h, then let it cool for 6 h at standstill; then 30 min on, 15 min "
+        "off for 5 h: with memory, heating and cooling pass the same temperatures at different displacements."
+    ),
+    variants=_variants,
+    testable=_testable,
+    reading=_reading,
+)

@@ -1,0 +1,112 @@
+"""A source of heat that is not in the simulation: feed drives, hydraulics, tank, motor."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.heat_wording import delay_of, place_of, quantities, with_place, worth
+from selector.diagnosis.heating import (
+    heats,
+    lacking,
+    says_other_source,
+    sources,
+    temperature_rise,
+)
+from selector.diagnosis.signals import excited, lagged, time_constants
+from selector.diagnosis.spindle_heat import free_part
+
+Vector = NDArray[np.float64]
+_FREE_SHARE = 0.3
+_FREE_SHARE_IF_SAID = 0.1
+_OWN_SHARE = 0.7
+_MOST_CHANNELS = 12
+
+
+def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
+    if _testable(comparison, response) is not None:
+        return
+    taus = time_constants(comparison, 8)
+    for name in sources(comparison, response).other_heat[:_MOST_CHANNELS]:
+        for words, heat in heats(comparison, name):
+            for tau_s in taus:
+                yield _variant(comparison, name, words, heat, tau_s)
+    for name, words, heat in _warm_places(comparison, response):
+        for tau_s in (0.0, *taus[1::2]):
+            yield _variant(comparison, name, words, heat, tau_s)
+
+
+def _warm_places(comparison: Comparison, response: str) -> list[tuple[str, str, Vector]]:
+    """Temperatures that the spindle does not account for: whole if hardly, else what it leaves of them."""
+    found: list[tuple[float, str, str, Vector]] = []
+    for name in sources(comparison, response).machine:
+        free, share = free_part(comparison, response, name)
+        said = says_other_source(comparison.channel(name))
+        if share < (_FREE_SHARE_IF_SAID if said else _FREE_SHARE):
+            continue
+        if not excited(free, comparison.resolution.get(name, 0.0)):
+            continue
+        if share > _OWN_SHARE or said:
+            found.append((share, name, f"rise of {name}", temperature_rise(comparison, name)))
+        if share < 0.95:
+            found.append((share, name, f"what spindle and hall leave of {name}", free))
+    found.sort(key=lambda one: one[0], reverse=True)
+    return [(name, words, heat) for _, name, words, heat in found[:_MOST_CHANNELS]]
+
+
+def _variant(comparison: Comparison, name: str, words: str, heat: Vector, tau_s: float) -> Variant:
+    late = f"delayed by {tau_s / 60:.3g} min" if tau_s > 0.0 else "at once"
+    return Variant(
+        lagged(comparison, heat, float(tau_s))[:, None],
+        (f"{words} {late}",),
+        {"tau_s": Quantity(float(tau_s), "s")},
+        place=place_of(comparison, name),
+        sources=(name,),
+    )
+
+
+def _testable(comparison: Comparison, response: str) -> str | None:
+    lack = lacking(comparison, response)
+    if lack is None and not sources(comparison, response).other_heat and not _warm_places(comparison, response):
+        return "no feed, current, power, state or temperature was recorded that shows a source other than the spindle"
+    return lack
+
+
+def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
+    name = fitted.variant.sources[0]
+    return Reading(
+        f"{fitted.response} follows {with_place(comparison, name)}, a source of heat that the simulation does not "
+        f"have, {delay_of(fitted)}; {worth(fitted)}.",
+        quantities(fitted, comparison),
+    )
+
+
+EFFECT = Effect(
+    id="thermal.second_source",
+    title="a source of heat that is not in the simulation",
+    physics=(
+        "Feed drives and ball screws, hydraulics, tanks, motors and cabinets heat the machine on their own "
+        "programme. The displacement follows their work with the delay of the path between, whatever the spindle does."
+    ),
+    reference=(
+        "Internal and external heat sources of machine tools: J. Bryan, International status of thermal error "
+        "research, CIRP Annals 39 (1990) 645–656; heat of linear motion of axes: ISO 230-3"
+    ),
+    enters="heat flow",
+    acts_at="feed drives, hydraulics, tank, motors",
+    parameters=(ShapeParameter("tau_s", "s", 0.0, 86400.0, "delay of the response behind the source"),),
+    needs="a channel that shows the source's work: feed, current, state, or a temperature beside it",
+    confounders=("thermal.ambient", "thermal.coolant", "thermal.memory"),
+    refuted_by="no drift when the source works alone with the spindle at standstill",
+    experiment=(
+        "With the spindle at standstill let the suspected source work alone (axis at rapid feed to and fro, "
+        "hydraulics on) for 2 h, then rest for 2 h: what drifts then is its heat."
+    ),
+    variants=_variants,
+    testable=_testable,
+    reading=_reading,
+)

@@ -1,0 +1,151 @@
+"""Heating by the spindle that the simulation lacks, or has with another law of speed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.heat_wording import place_of, quantities, worth
+from selector.diagnosis.heating import lacking, sources, speed_power, top_speed_rpm
+from selector.diagnosis.signals import course, lagged, time_constants
+from selector.diagnosis.spindle_heat import EXPONENTS, SpindleLaw, spindle_law
+from selector.quality.wording import duration
+
+_APART = 0.2
+
+
+def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
+    name = sources(comparison, response).spindle
+    if name is None or _testable(comparison, response) is not None:
+        return
+    law = spindle_law(comparison, response)
+    yield from _lacking_heat(comparison, name) if law is None else _other_law(comparison, name, law)
+
+
+def _lacking_heat(comparison: Comparison, name: str) -> Iterator[Variant]:
+    taus = time_constants(comparison, 8)
+    place = place_of(comparison, name) or "spindle bearings"
+    for exponent in (0.5, 1.0, 1.5, 2.0, 3.0):
+        heat = speed_power(comparison, name, exponent)
+        power = Quantity(exponent, "1")
+        for tau_s in taus:
+            shape = {"speed_exponent": power, "tau_s": Quantity(float(tau_s), "s")}
+            words = (f"{name}^{exponent:g} delayed by {duration(float(tau_s))}",)
+            yield Variant(lagged(comparison, heat, float(tau_s))[:, None], words, shape, place=place, sources=(name,))
+        for quick, slow in ((1, 4), (2, 6), (4, 7)):
+            pair = [lagged(comparison, heat, float(taus[k])) for k in (quick, slow)]
+            yield Variant(
+                np.column_stack(pair),
+                tuple(f"{name}^{exponent:g} delayed by {duration(float(taus[k]))}" for k in (quick, slow)),
+                {
+                    "speed_exponent": power,
+                    "tau_s": Quantity(float(taus[quick]), "s"),
+                    "slow_tau_s": Quantity(float(taus[slow]), "s"),
+                },
+                place=place,
+                sources=(name,),
+            )
+
+
+def _other_law(comparison: Comparison, name: str, law: SpindleLaw) -> Iterator[Variant]:
+    """The simulation's own lags, fed with another power of the speed, or only above a speed."""
+    place = place_of(comparison, name) or "spindle bearings"
+    for exponent in EXPONENTS:
+        if abs(exponent - law.exponent) < _APART:
+            continue
+        column = law.course(comparison, speed_power(comparison, name, exponent))
+        words = (f"{name}^{exponent:g} with the simulation's own delays",)
+        shape = {"speed_exponent": Quantity(exponent, "1")}
+        yield Variant(column[:, None], words, shape, place=place, sources=(name,))
+    top = top_speed_rpm(comparison, name)
+    speed = np.abs(course(comparison, name))
+    for level in _thresholds(speed / top):
+        column = law.course(comparison, np.maximum(speed / top - level, 0.0))
+        yield Variant(
+            column[:, None],
+            (f"{name} above {level * top:.0f} rpm, with the simulation's own delays",),
+            {"from_speed": Quantity(level * top, "rpm")},
+            place=place,
+            sources=(name,),
+            regime=f"{name} > {level * top:.0f} rpm",
+        )
+
+
+def _thresholds(part: np.ndarray) -> list[float]:
+    """Parts of the highest speed below which, and above which, the spindle turned for a tenth of the time."""
+    turning = part[part > 0.05]
+    if not len(turning):
+        return []
+    return [
+        level for level in (0.25, 0.4, 0.55, 0.7) if np.mean(turning < level) > 0.1 and np.mean(turning > level) > 0.1
+    ]
+
+
+def _testable(comparison: Comparison, response: str) -> str | None:
+    lack = lacking(comparison, response)
+    if lack is not None:
+        return lack
+    name = sources(comparison, response).spindle
+    if name is None:
+        return "no spindle speed that changes was recorded"
+    if spindle_law(comparison, response) is not None and _speeds(comparison, name) < 2:
+        return "the spindle turned at one speed only, which shows no law of speed"
+    return None
+
+
+def _speeds(comparison: Comparison, name: str) -> int:
+    """Number of speeds, apart by a tenth of the highest, that took at least 3 % of the time it turned."""
+    part = np.abs(course(comparison, name)) / max(top_speed_rpm(comparison, name), 1e-300)
+    counts = np.histogram(part[part > 0.05], bins=np.arange(0.05, 1.16, 0.1))[0]
+    return int(np.sum(counts > 0.03 * max(counts.sum(), 1)))
+
+
+def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
+    variant = fitted.variant
+    name = variant.sources[0]
+    if "from_speed" in variant.shape:
+        law = f"grows faster above {variant.shape['from_speed'].value:.0f} rpm"
+    else:
+        law = f"goes with {name}^{variant.shape['speed_exponent'].value:.2g}"
+    known = spindle_law(comparison, fitted.response)
+    has = "has none" if known is None else f"has {name}^{known.exponent:.2g}"
+    return Reading(
+        f"{fitted.response} shows heating by the spindle that {law}, where the simulation {has}; {worth(fitted)}.",
+        quantities(fitted, comparison),
+    )
+
+
+EFFECT = Effect(
+    id="thermal.speed_heating",
+    title="heating by the spindle, or its law of speed",
+    physics=(
+        "Bearings and seals heat with friction torque times speed, which grows with a power of the speed between "
+        "about 1 and 3. A simulation without it, or with another power, is right at one speed at most: the "
+        "mismatch comes with the delays of the machine and depends on the level of the speed."
+    ),
+    reference=(
+        "Bearing friction torque M0 ∝ (ν·n)^(2/3)·d_m³ and M1 ∝ load (A. Palmgren, Ball and Roller Bearing "
+        "Engineering), so that the heat M·ω goes with n^(5/3) and n; Harris, Kotzalas, Rolling Bearing Analysis"
+    ),
+    enters="heat flow",
+    acts_at="spindle bearings, spindle motor",
+    parameters=(
+        ShapeParameter("speed_exponent", "1", 0.5, 3.0, "power of the speed that the missing heat goes with"),
+        ShapeParameter("from_speed", "rpm", 0.0, 60000.0, "speed above which it is more than the simulation has"),
+        ShapeParameter("tau_s", "s", 60.0, 86400.0, "delay, where the simulation knows no spindle heat at all"),
+        ShapeParameter("slow_tau_s", "s", 60.0, 86400.0, "delay of its slow part, if two are needed"),
+    ),
+    needs="a recorded spindle speed at two levels or more",
+    confounders=("thermal.convection", "thermal.memory", "thermal.instant_speed"),
+    refuted_by="the same ratio of recorded to simulated rise at every speed, after the same time",
+    experiment=(
+        "Run 25, 50, 75 and 100 % of the highest speed for 90 min each, with 3 h at standstill between: the steady "
+        "rise over speed shows the power."
+    ),
+    variants=_variants,
+    testable=_testable,
+    reading=_reading,
+)

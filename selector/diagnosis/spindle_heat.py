@@ -1,0 +1,197 @@
+"""How the simulation itself heats: the law of the spindle speed and the time constants that its course shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.cooling import cooled
+from selector.diagnosis.heating import (
+    heats,
+    simulated_rise,
+    sources,
+    speed_power,
+    switched_on,
+    temperature_rise,
+)
+from selector.diagnosis.signals import lagged, time_constants
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+EXPONENTS = (0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0)
+_RIDGE = 1e-6
+_MOST_ROWS = 1500
+_OWN_LAGS = 10
+_OTHER_LAGS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class SpindleLaw:
+    """A simulated course as Σ w_j · lag of (n / n_max)^p with time constant τ_j, found by ridge regression.
+
+    Attributes
+    ----------
+    channel : str
+        The channel of the speed.
+    exponent : float
+        p.
+    tau_s : ndarray of shape (n_lags,)
+        Time constants tried [s]; 0 = follows at once.
+    weights : ndarray of shape (n_lags,)
+        w_j [unit of the response].
+    share : float
+        Part of the simulated course that only the speed explains, 0 to 1.
+    """
+
+    channel: str
+    exponent: float
+    tau_s: Vector
+    weights: Vector
+    share: float
+
+    def course(self, comparison: Comparison, source: Vector) -> Vector:
+        """What the simulation would make of another source, in place of (n / n_max)^p."""
+        result = np.zeros(len(source))
+        for tau_s, weight in zip(self.tau_s, self.weights, strict=True):
+            result += weight * lagged(comparison, source, float(tau_s))
+        return result
+
+    def cooled_course(
+        self, comparison: Comparison, source: Vector, gate: Vector, extra_per_s: float | None, share: float
+    ) -> Vector:
+        """The same when every mode loses heat faster while the `gate` (0 to 1) is open.
+
+        By `extra_per_s` [1/s] in every mode alike, or if that is None by the part `share` of its own rate.
+        """
+        result = np.zeros(len(source))
+        for tau_s, weight in zip(self.tau_s, self.weights, strict=True):
+            if tau_s > 0.0:
+                extra = share / float(tau_s) if extra_per_s is None else extra_per_s
+                result += weight * cooled(comparison, source, gate, float(tau_s), extra)
+            else:
+                result += weight * source
+        return result
+
+    @property
+    def typical_s(self) -> float:
+        """The time constant about which the weights lie: their mean logarithm [s]."""
+        slow = self.tau_s > 0.0
+        size = np.abs(self.weights[slow])
+        return float(np.exp(np.sum(size * np.log(self.tau_s[slow])) / max(float(size.sum()), 1e-300)))
+
+
+@lru_cache(maxsize=32)
+def spindle_law(comparison: Comparison, response: str) -> SpindleLaw | None:
+    """The law of speed in the simulated course of this response; None without a speed, or if it knows none."""
+    name = sources(comparison, response).spindle
+    target = simulated_rise(comparison, response)
+    if name is None or float(np.std(target)) <= 0.0:
+        return None
+    others = _surroundings(comparison, response)
+    without = _misfit(others, target, _every(comparison))
+    tau_s = np.concatenate([[0.0], time_constants(comparison, _OWN_LAGS)])
+    tried = {p: _fit(comparison, name, p, tau_s, others, target) for p in EXPONENTS}
+    best = _between({p: misfit for p, (misfit, _) in tried.items()})
+    misfit, weights = _fit(comparison, name, best, tau_s, others, target)
+    if without <= 0.0 or misfit > 0.5 * without:
+        return None
+    return SpindleLaw(name, best, tau_s, weights, 1.0 - misfit / without)
+
+
+def spindle_part(comparison: Comparison, response: str, name: str) -> Vector:
+    """A recorded temperature's rise [K] without what hall, coolant and other sources explain of it.
+
+    What follows the speed, or with no speed recorded the simulated course, stays in it.
+    """
+    return _parts(comparison, response, name)[0]
+
+
+def free_part(comparison: Comparison, response: str, name: str) -> tuple[Vector, float]:
+    """What neither the spindle nor hall nor coolant explains of a temperature's rise [K], and its share of variance."""
+    return _parts(comparison, response, name)[1:]
+
+
+@lru_cache(maxsize=256)
+def _parts(comparison: Comparison, response: str, name: str) -> tuple[Vector, Vector, float]:
+    values = temperature_rise(comparison, name)
+    spindle = _spindle_columns(comparison, response)
+    others = _surroundings(comparison, response)
+    both = np.column_stack([spindle, others])
+    coefficients = _ridge(both[_every(comparison)], values[_every(comparison)])
+    free = values - both @ coefficients
+    variance = float(np.var(values))
+    rest = values - others @ coefficients[spindle.shape[1] :]
+    return rest, free, float(np.var(free)) / variance if variance > 0.0 else 0.0
+
+
+@lru_cache(maxsize=32)
+def _spindle_columns(comparison: Comparison, response: str) -> Matrix:
+    """Lags of two powers of the speed, convection with it; with no speed, lags of the simulated courses."""
+    name = sources(comparison, response).spindle
+    taus = time_constants(comparison, 6)
+    if name is None:
+        courses = [simulated_rise(comparison, other) for other in comparison.responses]
+        return np.column_stack([lagged(comparison, c, float(t)) for c in courses for t in (0.0, *taus)])
+    linear = speed_power(comparison, name, 1.0)
+    columns = [lagged(comparison, speed_power(comparison, name, p), float(t)) for p in (1.0, 2.0) for t in taus]
+    columns += [lagged(comparison, linear * lagged(comparison, linear, float(t)), float(t)) for t in taus[1::2]]
+    return np.column_stack(columns)
+
+
+@lru_cache(maxsize=32)
+def _surroundings(comparison: Comparison, response: str) -> Matrix:
+    """Lags of the hall, the coolant and other sources, and a constant: what else a course may follow."""
+    known = sources(comparison, response)
+    taus = (0.0, *time_constants(comparison, _OTHER_LAGS))
+    courses = [temperature_rise(comparison, name) for name in (*known.hall, *known.coolant_temperatures)]
+    courses += [switched_on(comparison, name) for name in known.coolant_switches]
+    courses += [heats(comparison, name)[0][1] for name in known.other_heat[:6]]
+    columns = [lagged(comparison, values, float(tau_s)) for values in courses for tau_s in taus]
+    return np.column_stack([np.ones(len(comparison.time_s)), *columns])
+
+
+def _fit(
+    comparison: Comparison, name: str, exponent: float, tau_s: Vector, others: Matrix, target: Vector
+) -> tuple[float, Vector]:
+    source = speed_power(comparison, name, exponent)
+    rows = _every(comparison)
+    own = np.column_stack([lagged(comparison, source, float(tau))[rows] for tau in tau_s])
+    design = np.column_stack([own, others[rows]])
+    coefficients = _ridge(design, target[rows])
+    misfit = float(np.mean((target[rows] - design @ coefficients) ** 2))
+    return misfit, coefficients[: len(tau_s)]
+
+
+def _misfit(design: Matrix, target: Vector, rows: slice) -> float:
+    return float(np.mean((target[rows] - design[rows] @ _ridge(design[rows], target[rows])) ** 2))
+
+
+def _ridge(design: Matrix, target: Vector) -> Vector:
+    """Coefficients drawn to 0 a little: lags of near time constants are nearly the same course."""
+    size = np.sqrt(np.mean(design**2, axis=0))
+    size[size <= 0.0] = 1.0
+    unit = design / size
+    gram = unit.T @ unit
+    gram[np.diag_indices_from(gram)] += _RIDGE * len(target)
+    return np.asarray(np.linalg.solve(gram, unit.T @ target) / size)
+
+
+def _every(comparison: Comparison) -> slice:
+    return slice(None, None, max(1, len(comparison.time_s) // _MOST_ROWS))
+
+
+def _between(misfits: dict[float, float]) -> float:
+    """The exponent of least misfit, by a parabola through the logarithms of the best and its neighbours."""
+    powers = sorted(misfits)
+    k = min(range(len(powers)), key=lambda j: misfits[powers[j]])
+    if not 0 < k < len(powers) - 1:
+        return powers[k]
+    x = np.array(powers[k - 1 : k + 2])
+    y = np.sqrt([misfits[p] for p in x])
+    a, b, _ = np.polyfit(x - x[1], y, 2)
+    return float(np.clip(x[1] - b / (2.0 * a), x[0], x[2])) if a > 0.0 else powers[k]
