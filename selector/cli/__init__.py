@@ -19,6 +19,7 @@ from selector.cli import (
     models,
     patent,
     predicting,
+    proving,
     reading,
     running,
     selecting,
@@ -84,6 +85,7 @@ _model = typer.Typer(help="Look at a model file.")
 _command("show", models.show, _model)
 _command("check", models.check, _model)
 app.add_typer(_model, name="model")
+_command("prove", proving.prove)
 _command("audit-patent", patent.audit_patent)
 
 

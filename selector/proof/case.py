@@ -109,6 +109,7 @@ class Scenario:
     """A kind of case, e.g. ``"thermal.memory/static"``, and the machine that makes one from a seed and a strength.
 
     `build` (seed, d_prime) gives a case; `d_prime` is None where there is no strength to choose (clean cases).
+    `has_strength` and `has_seeds` are false where a real recording leaves no choice: it is then built once.
     """
 
     name: str
@@ -116,3 +117,5 @@ class Scenario:
     kind: Kind
     build: Callable[[int, float | None], Case]
     note: str = ""
+    has_strength: bool = True
+    has_seeds: bool = True

@@ -1,0 +1,262 @@
+"""How is the exam held: every scenario at every strength and seed, in parallel, each case answered blind and judged."""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from threadpoolctl import threadpool_limits
+
+from selector.diagnosis.comparison import Comparison
+from selector.errors import OptionError
+from selector.proof.case import Case, HeldOut, Scenario, Truth
+from selector.proof.judging import Judged, judged
+from selector.proof.sealing import sealed_sha256_of_case
+from selector.proof.stated import FAILED, Stated, stated
+from selector.recording import Recording
+
+DEVELOPMENT_SEEDS = range(0, 1000)
+EXAM_SEEDS = range(10_000, 1_000_000)
+STRENGTHS = (3.0, 6.0, 12.0)
+TOOL = "selector"
+_WITHOUT_STRENGTH = ("clean", "miscalibrated")
+
+
+@dataclass(frozen=True)
+class Question:
+    """A case before it is built: the scenario, the strength asked for (None: there is none to choose), the seed."""
+
+    scenario: Scenario
+    d_prime: float | None
+    seed: int
+
+
+@dataclass(frozen=True)
+class Answerer:
+    """Who sits the exam: a name, and what gives the JSON form of an answer to a comparison and a seed."""
+
+    name: str
+    answer: Callable[[Comparison, int], Mapping[str, Any]]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One case, answered by one answerer and judged.
+
+    Attributes
+    ----------
+    scenario, family, kind : str
+    d_prime_asked : float or None
+    seed : int
+    answerer : str
+    truth : Truth or None
+        None where the case could not be built.
+    stated : Stated
+    judged : Judged
+    seconds : float
+        Wall time of the answer alone [s], one thread.
+    seal : str
+        SHA-256 of the case's data and truth.
+    responses : tuple of str
+    """
+
+    scenario: str
+    family: str
+    kind: str
+    d_prime_asked: float | None
+    seed: int
+    answerer: str
+    truth: Truth | None
+    stated: Stated
+    judged: Judged
+    seconds: float
+    seal: str = ""
+    responses: tuple[str, ...] = ()
+
+    @property
+    def failed(self) -> bool:
+        """Whether the case could not be built or not be answered."""
+        return self.stated.verdict == FAILED
+
+    @property
+    def held_out(self) -> Mapping[str, HeldOut]:
+        """Response → held-out errors of the truth."""
+        return {} if self.truth is None else self.truth.held_out
+
+
+@dataclass(frozen=True)
+class Exam:
+    """What is asked: questions in order, and whether the seeds are those of the exam."""
+
+    questions: tuple[Question, ...]
+    is_exam: bool = False
+    answerers: tuple[Answerer, ...] = field(default_factory=lambda: (Answerer(TOOL, answer_of_selector),))
+
+
+def questions(
+    scenarios: Sequence[Scenario], strengths: Sequence[float] = STRENGTHS, seeds: Sequence[int] = range(5)
+) -> tuple[Question, ...]:
+    """Scenarios × strengths × seeds; those without a strength to choose are asked once a seed."""
+    found = []
+    for scenario in scenarios:
+        has_strength = scenario.has_strength and scenario.kind not in _WITHOUT_STRENGTH
+        for seed in seeds if scenario.has_seeds else seeds[:1]:
+            found += [Question(scenario, d_prime, seed) for d_prime in (strengths if has_strength else (None,))]
+    return tuple(found)
+
+
+def require_seeds(seeds: Sequence[int], *, is_exam: bool) -> None:
+    """Development and exam keep apart.
+
+    Raises
+    ------
+    OptionError
+        If a seed is of the other range, or of none.
+    """
+    allowed = EXAM_SEEDS if is_exam else DEVELOPMENT_SEEDS
+    wrong = [seed for seed in seeds if seed not in allowed]
+    if wrong or not seeds:
+        raise OptionError(
+            f"seed {wrong[0]}" if wrong else "no seed",
+            expected=f"seeds from {allowed.start} to {allowed.stop - 1} for {'the exam' if is_exam else 'development'}",
+            where="--seeds",
+            advice="leave --exam out" if is_exam else "seeds from 10000 are kept for --exam",
+        )
+
+
+def answer_of_selector(comparison: Comparison, seed: int) -> Mapping[str, Any]:
+    """What this program says, in the JSON form of the contract."""
+    from selector.diagnosis.workflow import diagnosis
+
+    return diagnosis(comparison, seed=seed).as_dict()
+
+
+def outcomes(
+    exam: Exam, *, n_jobs: int = 1, progress: Callable[[int, int, Outcome], None] | None = None
+) -> tuple[Outcome, ...]:
+    """Hold the exam: one outcome for every question and answerer, in the order of the questions.
+
+    The outcomes but for their `seconds` are the same for every number of processes: a case depends on nothing but its
+    question. A case that raises is an outcome with the verdict `FAILED`. Only judged outcomes come back from the
+    processes, so that memory does not grow with their number.
+
+    Parameters
+    ----------
+    n_jobs : int
+        Processes; 1 = this one.
+    progress : callable (done, total, Outcome), optional
+        Called after every outcome, in the order in which they are ready.
+
+    Raises
+    ------
+    OptionError
+        If the system ends one of the processes.
+    """
+    results: dict[int, tuple[Outcome, ...]] = {}
+    total = len(exam.questions) * len(exam.answerers)
+    done = 0
+    for number, answered in _answered(exam, n_jobs):
+        results[number] = answered
+        for outcome in answered:
+            done += 1
+            if progress is not None:
+                progress(done, total, outcome)
+    return tuple(outcome for number in sorted(results) for outcome in results[number])
+
+
+def _answered(exam: Exam, n_jobs: int) -> Iterator[tuple[int, tuple[Outcome, ...]]]:
+    if n_jobs <= 1 or len(exam.questions) < 2:
+        for number, question in enumerate(exam.questions):
+            yield _case(number, question, exam.answerers)
+        return
+    from joblib import Parallel, delayed
+    from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+    work = Parallel(
+        n_jobs=n_jobs, backend="loky", return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs"
+    )
+    cases = work(delayed(_case)(number, question, exam.answerers) for number, question in enumerate(exam.questions))
+    try:
+        yield from cases
+    except TerminatedWorkerError as error:
+        raise OptionError(
+            "the system has ended one of the processes, most often because memory ran out",
+            expected=f"memory for {n_jobs} cases at a time",
+            where=f"--jobs {n_jobs}",
+            advice="use fewer processes",
+        ) from error
+
+
+def _case(number: int, question: Question, answerers: Sequence[Answerer]) -> tuple[int, tuple[Outcome, ...]]:
+    with threadpool_limits(1):
+        try:
+            case = question.scenario.build(question.seed, question.d_prime)
+            seal = sealed_sha256_of_case(case)
+        except Exception as error:
+            return number, tuple(_unbuilt(question, one.name, error) for one in answerers)
+        return number, tuple(_outcome(question, case, seal, one) for one in answerers)
+
+
+def _outcome(question: Question, case: Case, seal: str, answerer: Answerer) -> Outcome:
+    started = time.perf_counter()
+    try:
+        said = stated(answerer.answer(_blind(case), question.seed))
+    except Exception as error:
+        said = Stated(FAILED, error=_text(error))
+    seconds = time.perf_counter() - started
+    return Outcome(
+        scenario=case.name,
+        family=case.family,
+        kind=case.kind,
+        d_prime_asked=question.d_prime,
+        seed=question.seed,
+        answerer=answerer.name,
+        truth=case.truth,
+        stated=said,
+        judged=judged(said, case.truth, spans(case.recording)),
+        seconds=seconds,
+        seal=seal,
+        responses=case.responses,
+    )
+
+
+def _blind(case: Case) -> Comparison:
+    """What an answerer sees: the recordings and the simulation, nothing of the truth."""
+    from selector.diagnosis.alignment import comparison_of
+
+    return comparison_of(case.recording, case.simulation, responses=case.responses)
+
+
+def spans(recording: Recording) -> dict[str, tuple[float, float]]:
+    """First and last time of every run [s]."""
+    return {run: (float(recording.time_s(run)[0]), float(recording.time_s(run)[-1])) for run in recording.runs}
+
+
+def _unbuilt(question: Question, answerer: str, error: Exception) -> Outcome:
+    scenario = question.scenario
+    return Outcome(
+        scenario=scenario.name,
+        family=scenario.family,
+        kind=scenario.kind,
+        d_prime_asked=question.d_prime,
+        seed=question.seed,
+        answerer=answerer,
+        truth=None,
+        stated=Stated(FAILED, error="the case could not be built: " + _text(error)),
+        judged=Judged(verdict_right=False),
+        seconds=0.0,
+    )
+
+
+def _text(error: Exception) -> str:
+    """What was raised and where, without the paths of this machine."""
+    frames = traceback.extract_tb(error.__traceback__)
+    place = (
+        f" ({frames[-1].name}, {frames[-1].filename.replace(chr(92), '/').split('/')[-1]}:{frames[-1].lineno})"
+        if frames
+        else ""
+    )
+    return f"{type(error).__name__}: {error}{place}"

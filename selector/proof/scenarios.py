@@ -1,0 +1,64 @@
+"""Which scenarios are there: those of every family's proving ground, by family and by name."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import pkgutil
+from collections.abc import Iterator, Sequence
+from fnmatch import fnmatchcase
+from types import ModuleType
+
+import selector.proof as proof
+from selector.errors import OptionError
+from selector.proof.case import Scenario
+
+FAMILIES = ("thermal", "drive", "vibration", "gauging", "flow", "data")
+
+
+def scenarios(families: Sequence[str] = (), names: Sequence[str] = ()) -> tuple[Scenario, ...]:
+    """The scenarios of these families whose name fits one of the patterns (``thermal.*``); empty = all.
+
+    Raises
+    ------
+    OptionError
+        If a family is unknown, or no scenario fits a pattern.
+    """
+    unknown = [family for family in families if family not in FAMILIES]
+    if unknown:
+        raise OptionError(
+            f"family {unknown[0]!r}",
+            expected="one of " + ", ".join(FAMILIES),
+            where="--families",
+            advice="correct the option, or leave it out for all",
+        )
+    found = tuple(one for family in FAMILIES for one in _of_family(family) if not families or one.family in families)
+    for pattern in names:
+        if not any(fnmatchcase(one.name, pattern) for one in found):
+            raise OptionError(
+                f"{pattern!r}, which fits none of {len(found)} scenarios",
+                expected="a name, or a pattern such as 'thermal.*'",
+                where="--scenarios",
+                advice="`selector prove --list` prints their names" if found else "choose other families",
+            )
+    return tuple(one for one in found if not names or any(fnmatchcase(one.name, pattern) for pattern in names))
+
+
+def _of_family(family: str) -> list[Scenario]:
+    """`SCENARIOS` of the package if it joins them itself, else those of its modules."""
+    name = f"{proof.__name__}.{family}"
+    if importlib.util.find_spec(name) is None:
+        return []
+    package = importlib.import_module(name)
+    found = getattr(package, "SCENARIOS", None)
+    parts = [found] if found is not None else [getattr(module, "SCENARIOS", ()) for module in _modules(package)]
+    unique: dict[str, Scenario] = {}
+    for scenario in (one for part in parts for one in part):
+        if unique.setdefault(scenario.name, scenario) is not scenario:
+            raise ValueError(f"two scenarios are called {scenario.name!r}")
+    return list(unique.values())
+
+
+def _modules(package: ModuleType) -> Iterator[ModuleType]:
+    for info in sorted(pkgutil.iter_modules(package.__path__), key=lambda info: info.name):
+        yield importlib.import_module(f"{package.__name__}.{info.name}")

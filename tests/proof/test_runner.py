@@ -1,0 +1,126 @@
+"""The exam: which cases there are, the same answers for any number of processes, failures that are scored."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from selector.errors import OptionError
+from selector.proof.results import answers_sha256, cases_csv, line_of, score_object
+from selector.proof.runner import Answerer, Exam, Outcome, outcomes, questions, require_seeds
+from selector.proof.scenarios import scenarios
+from selector.proof.scoring import scores
+from selector.proof.stated import FAILED
+from tests.proof.tiny_cases import BROKEN, CLEAN, SINGLE, by_correlation, stumbling
+
+ASKED = questions((SINGLE, CLEAN), (3.0, 12.0), range(4))
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_clean_scenarios_have_no_strength():
+    assert [(q.scenario.name, q.d_prime, q.seed) for q in questions((SINGLE, CLEAN), (3.0, 12.0), (0, 7))] == [
+        ("tiny/single", 3.0, 0),
+        ("tiny/single", 12.0, 0),
+        ("tiny/single", 3.0, 7),
+        ("tiny/single", 12.0, 7),
+        ("tiny/clean", None, 0),
+        ("tiny/clean", None, 7),
+    ]
+
+
+def test_answers_are_the_same_for_any_number_of_processes():
+    exam = Exam(ASKED, answerers=(Answerer("selector", by_correlation),))
+    alone, together = outcomes(exam, n_jobs=1), outcomes(exam, n_jobs=2)
+    assert answers_sha256(alone) == answers_sha256(together)
+    assert [(one.scenario, one.d_prime_asked, one.seed) for one in together] == [
+        (q.scenario.name, q.d_prime, q.seed) for q in ASKED
+    ]
+    # they do differ between cases, so that the comparison above says something
+    assert len({one.stated.effects for one in alone}) > 2
+
+
+def test_progress_hears_of_every_outcome_once():
+    heard: list[tuple[int, int, Outcome]] = []
+    exam = Exam(ASKED[:3], answerers=(Answerer("selector", by_correlation), Answerer("other", stumbling)))
+    found = outcomes(exam, progress=lambda done, total, one: heard.append((done, total, one)))
+    assert [done for done, _, _ in heard] == list(range(1, 7))
+    assert {total for _, total, _ in heard} == {6}
+    assert len(found) == 6
+
+
+def test_a_case_that_raises_is_a_scored_failure_with_its_text():
+    exam = Exam(questions((SINGLE, BROKEN), (12.0,), range(2)), answerers=(Answerer("selector", stumbling),))
+    first, second, *broken = outcomes(exam)
+    assert not first.failed
+    assert second.stated.verdict == FAILED
+    assert second.judged.credits == ("missed",)
+    assert "ZeroDivisionError: odd" in second.stated.error
+    assert all("the machine fell over" in one.stated.error and one.truth is None for one in broken)
+    assert scores((first, second, *broken))["failed"].value == 0.75
+    assert "ZeroDivisionError" in line_of(second)
+    result = score_object((first, second, *broken), is_exam=False)
+    assert len(result["failures"]) == 3
+    assert cases_csv((first, second, *broken)).count("\n") == 5
+
+
+@pytest.mark.parametrize(("seeds", "is_exam"), [((0, 1000), False), ((10_000,), False), ((999,), True), ((), False)])
+def test_development_and_exam_seeds_keep_apart(seeds, is_exam):
+    with pytest.raises(OptionError, match="--seeds"):
+        require_seeds(seeds, is_exam=is_exam)
+
+
+def test_seeds_of_their_own_range_are_taken():
+    require_seeds((0, 999), is_exam=False)
+    require_seeds((10_000,), is_exam=True)
+
+
+def test_unknown_families_and_patterns_are_refused():
+    with pytest.raises(OptionError, match="hydraulic"):
+        scenarios(("hydraulic",))
+    with pytest.raises(OptionError, match="none of"):
+        scenarios((), ("no such thing *",))
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT for one process")
+def test_ctrl_c_ends_at_once_and_leaves_no_process():
+    """A Ctrl-C in the terminal reaches the parent and its workers alike."""
+    program = (
+        "import signal, time; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "from selector.proof.runner import *\n"
+        "from tests.proof.tiny_cases import SINGLE, answer\n"
+        "def slow(comparison, seed):\n    time.sleep(0.2)\n    return answer('nothing-missing')\n"
+        "exam = Exam(questions((SINGLE,), (3.0,), range(500)), answerers=(Answerer('selector', slow),))\n"
+        "outcomes(exam, n_jobs=2, progress=lambda done, total, one: print(done, flush=True))\n"
+    )
+    running = subprocess.Popen(
+        [sys.executable, "-c", program], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        start_new_session=True,
+    )  # fmt: skip
+    assert running.stdout is not None
+    assert running.stdout.readline().strip() == "1"
+    os.killpg(running.pid, signal.SIGINT)
+    asked = time.monotonic()
+    _, said = running.communicate(timeout=20)
+    assert running.returncode != 0
+    # 100 s of cases were left; a second or two to take the processes down
+    assert time.monotonic() - asked < 10
+    assert "KeyboardInterrupt" in said
+    assert _is_gone(running.pid, within_s=15.0)
+
+
+def _is_gone(group: int, *, within_s: float) -> bool:
+    """Whether no process of the group is left; the system takes a moment to bury them."""
+    end = time.monotonic() + within_s
+    while time.monotonic() < end:
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.05)
+    return False
