@@ -1,0 +1,186 @@
+"""What a force on the axis does to each response: through the loop that the simulation shows, and by compliance.
+
+A simulation has no noise, so its own courses tell the poles of its closed loop: they are those of the answer to
+a force as well. With the characteristic polynomial A(s) of third order (position loop, speed loop with integral part) a
+force f moves the axis by s·f/A(s), and the drive counters it with f − s³·f/A(s).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import bilinear, lfilter
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.motion import commanded, derivatives, motion
+from selector.diagnosis.signals import filled
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+FORCE_ROLES = ("current", "force", "voltage")
+MOTION_ROLES = ("displacement", "position", "velocity", "acceleration")
+ORDER = 3
+ROUNDS = 10
+SLOWEST, FASTEST = 2.0, 2000.0
+"""Bounds of the poles [1/s]."""
+PRESLIDING_M = 3e-6
+STARTS = ((60.0, 100.0, 300.0), (15.0, 30.0, 150.0))
+"""Poles to start the iteration with [1/s]; that which ends nearer to the simulation counts."""
+
+
+@dataclass(frozen=True)
+class ClosedLoop:
+    """Characteristic polynomial of a drive's closed loop.
+
+    Attributes
+    ----------
+    polynomial : tuple of float
+        Coefficients of s³, s², s, 1; the first is 1.
+    misfit : float
+        Variance of the simulated courses that it does not explain, as a share.
+    """
+
+    polynomial: tuple[float, ...]
+    misfit: float
+
+
+def force_like(comparison: Comparison, response: str) -> bool:
+    """Whether the response is a current, a force or a voltage."""
+    return comparison.channel(response).role in FORCE_ROLES
+
+
+def responds(comparison: Comparison, response: str) -> str | None:
+    """None if a force on an axis shows in this response, else what is lacking, as a clause."""
+    channel = comparison.channel(response)
+    if channel.role not in FORCE_ROLES + MOTION_ROLES:
+        return f"{response} is neither a force, current or voltage nor a motion"
+    if motion(comparison, channel.axis) is None:
+        return "no recorded position, command or speed of an axis that moves"
+    return None
+
+
+def passed(comparison: Comparison, response: str, force: Vector) -> tuple[Matrix, tuple[str, ...]]:
+    """What a force [any unit] does to a response, shape (n_rows, 1 or 2), and what the columns are.
+
+    In a force-like response what the drive puts against it; in a motion what passes through the loop and, for a
+    displacement or position, the force itself, which bends what stands between drive and table. Without a loop
+    in the simulation (a force model on a recorded motion) a force-like response has the force itself. Each column has
+    the root mean square of the force.
+    """
+    role = comparison.channel(response).role
+    loop = closed_loop(comparison, comparison.channel(response).axis)
+    if role in FORCE_ROLES:
+        if loop is None:
+            return force[:, None], ("force",)
+        return (force - _through(comparison, loop, 3, force))[:, None], ("force that the drive counters",)
+    if loop is None:
+        return force[:, None], ("compliance",)
+    power = {"displacement": 1, "position": 1, "velocity": 2, "acceleration": 3}[role]
+    moved = _as_large(_through(comparison, loop, power, force), force)
+    if power > 1:
+        return moved[:, None], ("through the loop",)
+    return np.column_stack([moved, force]), ("through the loop", "by compliance")
+
+
+def moved(comparison: Comparison, response: str, force: Vector) -> Matrix:
+    """What a force of the motor does to a motion or a force-like response: as `passed`, without compliance."""
+    return passed(comparison, response, force)[0][:, :1]
+
+
+@lru_cache(maxsize=8)
+def closed_loop(comparison: Comparison, axis: str | None = None) -> ClosedLoop | None:
+    """The loop that the simulation shows; None without a command or without a simulated error or position.
+
+    Iterated least squares with prefilters: K. Steiglitz, L. E. McBride (1965), IEEE Trans. Automatic Control 10,
+    461–464.
+    """
+    command = commanded(comparison, axis)
+    state = motion(comparison, axis)
+    if command is None or state is None:
+        return None
+    speed, _ = derivatives(comparison, command)
+    top = float(np.abs(speed).max())
+    friction = state.friction_state(PRESLIDING_M)
+    inputs = [speed / top, friction]
+    courses = [_loop_course(comparison, command, c.name, axis) for c in comparison.channels]
+    outputs = [course for course in courses if course is not None]
+    if not outputs:
+        return None
+    found = [_iterated(comparison, outputs, inputs, start) for start in STARTS]
+    best = min((loop for loop in found if loop is not None), key=lambda loop: loop.misfit, default=None)
+    return best if best is not None and best.misfit < 0.2 else None
+
+
+def _loop_course(comparison: Comparison, command: Vector, name: str, axis: str | None) -> Vector | None:
+    """A simulated error, current… that shows the loop, of unit variance; None if the channel is no such thing."""
+    channel = comparison.channel(name)
+    if name not in comparison.simulated or axis not in (None, channel.axis) and channel.axis is not None:
+        return None
+    if channel.role not in ("displacement", "position"):
+        return None
+    course = filled(comparison, comparison.simulated[name])
+    if channel.role == "position":
+        course = course - command
+    for _, rows in comparison.rows_of_runs():
+        course[rows] -= course[rows][0]
+    spread = float(np.std(course))
+    return course / spread if spread > 0.0 else None
+
+
+def _iterated(
+    comparison: Comparison, outputs: list[Vector], inputs: list[Vector], start: tuple[float, ...]
+) -> ClosedLoop | None:
+    polynomial = np.real(np.poly(-np.array(start)))
+    best: ClosedLoop | None = None
+    for _ in range(ROUNDS):
+        driven = np.stack([b for u in inputs for b in _branches(comparison, polynomial, u)])
+        size = np.sqrt(np.mean(driven**2, axis=1))
+        basis, _ = np.linalg.qr((driven[size > 0.0] / size[size > 0.0, None]).T)
+        misfit = float(np.mean([1.0 - np.sum((basis.T @ y) ** 2) / (y @ y) for y in outputs]))
+        if best is None or misfit < best.misfit:
+            best = ClosedLoop(tuple(float(c) for c in polynomial), max(misfit, 0.0))
+        left, right = [], []
+        for y in outputs:
+            own = np.stack(_branches(comparison, polynomial, y))
+            own = own - (own @ basis) @ basis.T
+            left.append(own[:ORDER].T)
+            right.append(own[ORDER])
+        matrix, target = np.vstack(left), np.hstack(right)
+        size = np.sqrt(np.mean(matrix**2, axis=0))
+        if not np.all(size > 0.0):
+            break
+        solution = np.linalg.lstsq(matrix / size, target, rcond=None)[0] / size
+        pace = polynomial[-1] ** (1.0 / ORDER)
+        # branch j is (s/pace)^j·pace^order/A, so its factor belongs to pace^(order − j)
+        poles = np.roots(np.r_[1.0, (-solution * pace ** (ORDER - np.arange(ORDER)))[::-1]])
+        poles = np.where(poles.real > 0.0, -np.conj(poles), poles)
+        poles = poles * np.clip(np.abs(poles), SLOWEST, FASTEST) / np.maximum(np.abs(poles), 1e-12)
+        polynomial = np.real(np.poly(poles))
+    return best
+
+
+def _branches(comparison: Comparison, polynomial: Vector, course: Vector) -> list[Vector]:
+    pace = float(polynomial[-1]) ** (1.0 / ORDER)
+    return [_filtered(comparison, polynomial, j, course) * pace ** (ORDER - j) for j in range(ORDER + 1)]
+
+
+def _through(comparison: Comparison, loop: ClosedLoop, power: int, course: Vector) -> Vector:
+    return _filtered(comparison, np.array(loop.polynomial), power, course)
+
+
+def _filtered(comparison: Comparison, polynomial: Vector, power: int, course: Vector) -> Vector:
+    """s^power·x/A(s), run by run, from rest at the first sample (Tustin)."""
+    b, a = bilinear([1.0] + [0.0] * power, polynomial, 1.0 / comparison.period_s)
+    result = np.empty(len(course))
+    for _, rows in comparison.rows_of_runs():
+        result[rows] = lfilter(b, a, course[rows])
+    return result
+
+
+def _as_large(course: Vector, as_this: Vector) -> Vector:
+    rms = float(np.sqrt(np.mean(course**2)))
+    return np.asarray(course * (float(np.sqrt(np.mean(as_this**2))) / rms)) if rms > 0.0 else course
