@@ -1,0 +1,150 @@
+"""A recorded channel whose time base is shifted, jumps, or runs at another rate."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.data.places import Part, duration, estimate, later_parts, where_of, whole_runs
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, Vector
+from selector.diagnosis.signals import excited, filled, rate
+
+_SIZES = (0.1, 0.2, 0.4, 0.7, 1.1, 1.6)
+"""Shifts, in times that the course takes to change, for which its derivative no longer says what a shift does."""
+_FEW_SIZES = (0.15, 0.5)
+_JUMPS, _ALL_JUMPS = 10, 30
+_MANY_RUNS = 4
+_AROUND_ONE = ((0.6, 1.6),)
+_RATE = "time × derivative"
+
+
+def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
+    course = filled(comparison, comparison.simulated[response])
+    slope = rate(comparison, course)
+    moving_s = float(np.std(course) / max(float(np.sqrt(np.mean(slope**2))), 1e-300))
+    many = len(comparison.runs) > _MANY_RUNS
+    everywhere = Part(np.ones(len(course), dtype=bool), None, "")
+    shifted = {
+        shift_s: _late(comparison, course, shift_s) - course
+        for shift_s in _tried(comparison, moving_s, _FEW_SIZES if many else _SIZES)
+    }
+    yield _variant(everywhere, -slope, "derivative, late positive")
+    for part in whole_runs(comparison, lambda rows: _lateness(comparison, response, slope, rows)):
+        yield _variant(part, -slope, "derivative, late positive")
+        for shift_s, change in shifted.items():
+            yield _variant(part, change, f"late by {duration(shift_s)}", shift_s=shift_s)
+    shifted = {
+        shift_s: _late(comparison, course, shift_s) - course
+        for shift_s in _tried(comparison, moving_s, () if many else _FEW_SIZES)
+    }
+    for part in later_parts(comparison, _JUMPS, _ALL_JUMPS):
+        yield _variant(part, -slope, "derivative, late positive")
+        for shift_s, change in shifted.items():
+            yield _variant(part, change, f"late by {duration(shift_s)}", shift_s=shift_s)
+    # a clock of another rate is right at the start of a run and off by more and more
+    rates = [shift_s / comparison.longest_s for shift_s in _tried(comparison, moving_s, _FEW_SIZES)]
+    stretched = {error: _late(comparison, course, error * comparison.time_s) - course for error in rates}
+    for part in [everywhere, *_singles(comparison)]:
+        yield _variant(part, -comparison.time_s * slope, _RATE)
+        for error, change in stretched.items():
+            yield _variant(part, change, f"late by {error:.2%} of the time", rate_error=error)
+
+
+def _tried(comparison: Comparison, moving_s: float, sizes: tuple[float, ...]) -> list[float]:
+    """Shifts to be tried [s], both ways; none within what the derivative says, or beyond three tenths of a run."""
+    amounts = [size * moving_s for size in sizes]
+    kept = [shift_s for shift_s in amounts if 2.0 * comparison.period_s < shift_s < 0.3 * comparison.longest_s]
+    return [sign * shift_s for shift_s in kept for sign in (1.0, -1.0)]
+
+
+def _singles(comparison: Comparison) -> Iterator[Part]:
+    return (part for part in whole_runs(comparison) if part.run is not None)
+
+
+def _variant(
+    part: Part, values: Vector, name: str, *, shift_s: float | None = None, rate_error: float | None = None
+) -> Variant:
+    shift = {} if shift_s is None else {"shift_s": Quantity(shift_s, "s")}
+    error = {} if rate_error is None else {"rate_error": Quantity(rate_error, "1")}
+    return Variant(
+        columns=part.over(values)[:, None],
+        names=(name,),
+        shape=part.shape | shift | error,
+        place="time base",
+        run=part.run,
+        bounds=_AROUND_ONE if shift or error else None,
+        regime=part.regime,
+    )
+
+
+def _late(comparison: Comparison, course: Vector, by_s: float | Vector) -> Vector:
+    """The course as a clock shows it that is late by so much; before its start and after its end it stands."""
+    asked = comparison.time_s - by_s
+    result = np.empty(len(course))
+    for _, rows in comparison.rows_of_runs():
+        result[rows] = np.interp(asked[rows], comparison.time_s[rows], course[rows])
+    return result
+
+
+def _lateness(comparison: Comparison, response: str, slope: Vector, rows: slice) -> float:
+    """By how much a run seems late by itself [s]."""
+    left = comparison.difference(response)[rows]
+    seen = np.isfinite(left)
+    y, x = left[seen] - np.mean(left[seen]), -slope[rows][seen] + np.mean(slope[rows][seen])
+    return float(x @ y / max(float(x @ x), 1e-300)) if len(y) else 0.0
+
+
+def _testable(comparison: Comparison, response: str) -> str | None:
+    if not excited(rate(comparison, filled(comparison, comparison.simulated[response]))):
+        return "the simulated course does not move, so that a shift of time would not show"
+    return None
+
+
+def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
+    variant, channel = fitted.variant, fitted.response
+    if variant.names == (_RATE,) or "rate_error" in variant.shape:
+        off = estimate(fitted, "1", factor=_tried_value(variant, "rate_error"))
+        gap_s = off.value * comparison.longest_s
+        return Reading(
+            f"The clock of {channel} runs {abs(off.value):.3%} too {'slow' if off.value < 0 else 'fast'}"
+            f"{where_of(fitted)}: {duration(abs(gap_s))} at the end of the longest run.",
+            {"rate_error": off},
+        )
+    late = estimate(fitted, "s", factor=_tried_value(variant, "shift_s"))
+    return Reading(
+        f"{channel} is recorded {duration(abs(late.value))} too {'late' if late.value > 0 else 'early'}"
+        f"{where_of(fitted)}.",
+        {"shift_s": late} | {name: variant.shape[name] for name in ("from_s",) if name in variant.shape},
+    )
+
+
+def _tried_value(variant: Variant, name: str) -> float:
+    """The shift that a column stands for; 1 of a derivative, whose coefficient is the shift."""
+    return variant.shape[name].value if name in variant.shape else 1.0
+
+
+EFFECT = Effect(
+    id="data.clock",
+    title="Clock of a channel",
+    physics="The time stamps of a channel are shifted, jump, or run at another rate than those of the others. What was "
+    "recorded is the true course at another time, so the difference follows the course's rate of change.",
+    reference="First-order expansion y(t − δ) = y(t) − δ·y'(t); δ constant, a step, or proportional to time",
+    enters="measurement",
+    acts_at="the time base of a channel, in all runs, in one run, or from a moment on",
+    parameters=(
+        ShapeParameter("shift_s", "s", -np.inf, np.inf, "by how much the recorded channel is late"),
+        ShapeParameter(
+            "rate_error", "1", -0.2, 0.2, "by which part the recorded clock runs too slow (positive: too fast)"
+        ),
+    ),
+    needs="a simulated course that moves",
+    confounders=("drive.delay", "gauging.lag", "thermal.memory"),
+    refuted_by="Two channels of one logger that disagree in time, or a shift that changes with speed or temperature.",
+    experiment="Record one sharp event (spindle start, emergency stop, a knock) in all channels at the start "
+    "and the end of a run, and compare its time in each.",
+    variants=_variants,
+    testable=_testable,
+    reading=_reading,
+)

@@ -1,0 +1,75 @@
+"""A sensor that slowly runs away by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.data.places import Part, estimate, fitted_runs, later_parts, where_of
+from selector.diagnosis.effects.data.words import amount, step_unit
+from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant
+
+_STARTS = 8
+
+
+def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
+    yield _ramp(comparison, Part(np.ones(len(comparison.time_s), dtype=bool), None, ""))
+    runs = fitted_runs(comparison)
+    for run, rows in comparison.rows_of_runs():
+        if run in runs and len(runs) > 1:
+            first_s, last_s = (float(comparison.time_s[row]) for row in (rows.start, rows.stop - 1))
+            here = comparison.run_index == comparison.runs.index(run)
+            yield _ramp(comparison, Part(here, run, f"run {run}", first_s, last_s))
+    for part in later_parts(comparison, _STARTS, 10 * _STARTS):
+        yield _ramp(comparison, part)
+
+
+def _ramp(comparison: Comparison, part: Part) -> Variant:
+    hours = (comparison.time_s - (part.from_s or 0.0)) / 3600.0
+    return Variant(
+        part.over(hours)[:, None], ("hours since it began",), part.shape, "sensor", (), part.run, None, part.regime
+    )
+
+
+def _testable(comparison: Comparison, response: str) -> str | None:
+    return None
+
+
+def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
+    shape = fitted.variant.shape
+    from_s = shape["from_s"].value if "from_s" in shape else 0.0
+    to_s = shape["to_s"].value if "to_s" in shape else comparison.longest_s
+    slope = estimate(fitted, f"{step_unit(fitted.unit)}/h")
+    end = slope.value * (to_s - from_s) / 3600.0
+    return Reading(
+        f"The sensor of {fitted.response} runs away by {amount(slope.value, fitted.unit)}/h"
+        f"{where_of(fitted)}: {amount(end, fitted.unit)} too {'high' if end > 0 else 'low'} at the end.",
+        {"drift": slope} | ({"from_s": shape["from_s"]} if "from_s" in shape else {}),
+    )
+
+
+EFFECT = Effect(
+    id="data.drift",
+    title="Drifting sensor",
+    physics="The reading of a sensor slowly runs away by itself: a loosening mount, an ageing bridge, moisture. The "
+    "difference grows with time, whatever the machine does.",
+    reference="ISO Guide 99:2007 (VIM) 4.21 (instrumental drift), taken as a ramp that begins at some moment",
+    enters="measurement",
+    acts_at="a recorded channel, from a moment on to the end of the run",
+    parameters=(
+        ShapeParameter(
+            "drift", "unit of the channel per hour", -np.inf, np.inf, "speed at which the reading runs away"
+        ),
+        ShapeParameter("from_s", "s", 0.0, np.inf, "when it begins, from the start of the run"),
+    ),
+    needs="a run that is long against the noise's memory",
+    confounders=("thermal.memory", "thermal.ambient", "gauging.wear"),
+    refuted_by="The drift stops, or turns back, when speed, load or coolant change: then it is physics.",
+    experiment="Let the machine stand at constant temperature for as long as the run lasted, with the sensor against a "
+    "piece that carries no heat; swap the sensor for another one and repeat.",
+    variants=_variants,
+    testable=_testable,
+    reading=_reading,
+)

@@ -1,0 +1,125 @@
+"""A sensor that freezes: its reading stands while what it measures goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.data.places import window
+from selector.diagnosis.effects.data.words import amount, step_unit
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.signals import filled
+
+_LEAST = 6
+"""Equal readings below which nothing is a stretch."""
+_SURE = 1e-9
+"""Probability, over the whole recording, of so many equal readings in a row below which they are no chance."""
+_MOST = 12
+_STEPS = 6.0
+"""Steps of the resolution that the simulation must move while the reading stands, where noise alone proves nothing."""
+_OF_SPAN = 0.05
+"""And the part of all its movement."""
+_FREE = (-np.inf, np.inf)
+
+
+def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
+    simulated = filled(comparison, comparison.simulated[response])
+    for run, first, last in frozen_stretches(comparison, response):
+        part = window(comparison, run, first, last)
+        reading = float(comparison.recorded[response][first])
+        # the simulation may have another offset: the level is free, that its course is undone is not
+        yield Variant(
+            columns=np.column_stack([part.over(-simulated), part.over(np.ones(len(simulated)))]),
+            names=("simulated course undone", "level"),
+            shape=part.shape | {"reading": Quantity(reading, comparison.channel(response).unit)},
+            place="sensor",
+            run=run,
+            bounds=((0.6, 1.6), _FREE),
+            regime=part.regime,
+        )
+
+
+def frozen_stretches(comparison: Comparison, response: str) -> list[tuple[str, int, int]]:
+    """(run, first row, last row) of equal readings that are no chance, longest first.
+
+    Either noise that is always there is gone, or the simulation goes on by more than the resolution explains. Readings
+    that come back to the same end of the range are a limit, not a frozen sensor.
+    """
+    recorded, simulated = comparison.recorded[response], comparison.simulated[response]
+    resolution = comparison.resolution.get(response, 0.0)
+    still = list(_equal(comparison, recorded))
+    if not still:
+        return []
+    steps = np.diff(recorded)[np.diff(comparison.run_index) == 0]
+    steps = steps[np.isfinite(steps)]
+    long_ones = [(first, last) for _, first, last in still if last - first + 1 >= _LEAST]
+    inside = sum(last - first for first, last in long_ones)
+    equal = float(np.sum(steps == 0.0))
+    # chance of one reading to equal the one before it, where nothing stands
+    chance = max(1.0, equal - inside) / max(len(steps) - inside, 1)
+    low, high = float(np.nanmin(recorded)), float(np.nanmax(recorded))
+    at_ends = [recorded[first] for first, last in long_ones if recorded[first] in (low, high)]
+    span = float(np.nanmax(simulated) - np.nanmin(simulated))
+    found = []
+    for run, first, last in still:
+        length = last - first + 1
+        if length < _LEAST or at_ends.count(recorded[first]) > 1:
+            continue
+        silent = len(recorded) * chance ** (length - 1) < _SURE
+        part = simulated[first : last + 1]
+        moved = float(np.nanmax(part) - np.nanmin(part)) if np.isfinite(part).any() else 0.0
+        if silent or moved > max(_STEPS * resolution, _OF_SPAN * span, 1e-12 * max(abs(low), abs(high))):
+            found.append((length, run, first, last))
+    found.sort(key=lambda stretch: (-stretch[0], stretch[2]))
+    return [stretch[1:] for stretch in found[:_MOST]]
+
+
+def _equal(comparison: Comparison, recorded: NDArray[np.float64]) -> Iterator[tuple[str, int, int]]:
+    """Stretches of equal readings within a run; missing samples do not end one."""
+    for run, rows in comparison.rows_of_runs():
+        seen = rows.start + np.flatnonzero(np.isfinite(recorded[rows]))
+        if len(seen) < _LEAST:
+            continue
+        cuts = np.flatnonzero(np.diff(recorded[seen]) != 0.0) + 1
+        for part in np.split(seen, cuts):
+            if len(part) >= _LEAST:
+                yield run, int(part[0]), int(part[-1])
+
+
+def _testable(comparison: Comparison, response: str) -> str | None:
+    return None if frozen_stretches(comparison, response) else "its reading stands nowhere longer than it should"
+
+
+def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
+    shape = fitted.variant.shape
+    return Reading(
+        f"{fitted.response} stands at {shape['reading'].value:.6g} {step_unit(fitted.unit).replace('um', 'µm')} in "
+        f"{fitted.variant.regime} while it should go on; it is off by up to {amount(fitted.largest, fitted.unit)}.",
+        {name: shape[name] for name in ("from_s", "to_s", "reading")},
+    )
+
+
+EFFECT = Effect(
+    id="data.stuck",
+    title="Frozen reading",
+    physics="A reading freezes while what it measures goes on: a lost connection that holds the last value, a jammed "
+    "probe. During the stretch the difference is the simulated course turned round.",
+    reference="Run lengths of equal readings against their chance, and against the movement of the simulation",
+    enters="measurement",
+    acts_at="a recorded channel, in a stretch of a run",
+    parameters=(
+        ShapeParameter("from_s", "s", 0.0, np.inf, "when it freezes, from the start of the run"),
+        ShapeParameter("to_s", "s", 0.0, np.inf, "when it thaws"),
+        ShapeParameter("reading", "unit of the channel", -np.inf, np.inf, "where it stands"),
+    ),
+    needs="a stretch of equal readings that neither noise nor resolution explains",
+    confounders=("drive.coulomb", "drive.saturation", "drive.backlash"),
+    refuted_by="The readings change within the stretch, or it stands at the same level whenever a limit is met.",
+    experiment="Repeat the run with a second sensor beside this one.",
+    variants=_variants,
+    testable=_testable,
+    reading=_reading,
+)

@@ -1,0 +1,77 @@
+"""Two channels that have changed places."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.data.places import estimate, where_of, whole_runs
+from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant
+from selector.diagnosis.signals import excited, filled
+
+_AROUND_ONE = ((0.7, 1.3),)
+
+
+def _others(comparison: Comparison, response: str) -> list[str]:
+    """Channels of the same quantity that were recorded and simulated, and differ from this one."""
+    own = comparison.channel(response)
+    return [
+        channel.name
+        for channel in comparison.channels
+        if channel.role == own.role
+        and channel.name != response
+        and channel.name in comparison.simulated
+        and excited(_difference(comparison, channel.name, response), comparison.resolution.get(response, 0.0))
+    ]
+
+
+def _difference(comparison: Comparison, other: str, response: str):  # type: ignore[no-untyped-def]
+    return filled(comparison, comparison.simulated[other]) - filled(comparison, comparison.simulated[response])
+
+
+def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
+    for other in _others(comparison, response):
+        change = _difference(comparison, other, response)
+        for part in whole_runs(comparison):
+            yield Variant(
+                columns=part.over(change)[:, None],
+                names=(f"simulated {other} less simulated {response}",),
+                place="wiring",
+                sources=(other,),
+                run=part.run,
+                bounds=_AROUND_ONE,
+                regime=part.regime,
+            )
+
+
+def _testable(comparison: Comparison, response: str) -> str | None:
+    if not _others(comparison, response):
+        return "no other channel of the same quantity was recorded and simulated"
+    return None
+
+
+def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
+    other = fitted.variant.sources[0]
+    return Reading(
+        f"What stands under {fitted.response} is what was simulated for {other}: the two channels have changed places"
+        f"{where_of(fitted)}.",
+        {"share": estimate(fitted, "1")},
+    )
+
+
+EFFECT = Effect(
+    id="data.swapped",
+    title="Channels that changed places",
+    physics="Two plugs or two columns were exchanged. What is recorded under one name is the course of the other.",
+    reference="Definition: recorded less simulated is the simulated course of the other less that of this one",
+    enters="measurement",
+    acts_at="two channels of the same quantity, in all runs, in one, or from one run on",
+    parameters=(ShapeParameter("share", "1", 0.7, 1.3, "how much of the other's course is found; 1 = all"),),
+    needs="a second recorded and simulated channel of the same quantity that moves otherwise",
+    confounders=("data.gain", "thermal.interaction"),
+    refuted_by="Only one of the two channels departs from its simulation.",
+    experiment="Warm, press or move one of the two sensors by hand and see which channel answers.",
+    variants=_variants,
+    testable=_testable,
+    reading=_reading,
+)

@@ -1,0 +1,57 @@
+"""A recorded channel with a constant offset, in all runs or in one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.data.places import Part, estimate, where_of, whole_runs
+from selector.diagnosis.effects.data.words import amount, step_unit
+from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant
+
+
+def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
+    ones = np.ones(len(comparison.time_s))
+    everywhere = Part(ones.astype(bool), None, "")
+    for part in [everywhere, *whole_runs(comparison, lambda rows: _level(comparison, response, rows))]:
+        yield Variant(part.over(ones)[:, None], ("constant",), place="zero", run=part.run, regime=part.regime)
+
+
+def _level(comparison: Comparison, response: str, rows: slice) -> float:
+    left = comparison.difference(response)[rows]
+    seen = left[np.isfinite(left)]
+    return float(np.median(seen)) if len(seen) else 0.0
+
+
+def _testable(comparison: Comparison, response: str) -> str | None:
+    return None
+
+
+def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
+    zero = estimate(fitted, step_unit(fitted.unit))
+    return Reading(
+        f"{fitted.response} is recorded {amount(zero.value, fitted.unit)} too {'high' if zero.value > 0 else 'low'}"
+        f"{where_of(fitted)}.",
+        {"zero": zero},
+    )
+
+
+EFFECT = Effect(
+    id="data.zero",
+    title="Zero of a channel",
+    physics="A channel has a constant offset: the gauge was not zeroed, or the sensor was mounted anew. The difference "
+    "is the same all through the runs concerned.",
+    reference="ISO Guide 99:2007 (VIM) 4.28 (zero error)",
+    enters="measurement",
+    acts_at="a recorded channel, in all runs, in one, or from one run on",
+    parameters=(ShapeParameter("zero", "unit of the channel", -np.inf, np.inf, "what is read where nothing is"),),
+    needs="at least two fitted runs; an offset of all runs is the simulation's own",
+    confounders=("data.step", "thermal.ambient", "drive.offset_force"),
+    refuted_by="A reading of the reference point that is right at the start of the run in question.",
+    experiment="Read the reference point (datum bore, gauge block, rest position) before and after every run.",
+    variants=_variants,
+    testable=_testable,
+    reading=_reading,
+)
