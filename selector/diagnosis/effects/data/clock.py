@@ -11,7 +11,7 @@ from selector.diagnosis.effects.data.places import Part, duration, estimate, lat
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, Vector
 from selector.diagnosis.signals import excited, filled, rate
 
-_SIZES = (0.1, 0.2, 0.4, 0.7, 1.1, 1.6)
+_SIZES = (0.1, 0.2, 0.4, 0.75, 1.3, 2.0, 2.8)
 """Shifts, in times that the course takes to change, for which its derivative no longer says what a shift does."""
 _FEW_SIZES = (0.15, 0.5)
 _JUMPS, _ALL_JUMPS = 10, 30
