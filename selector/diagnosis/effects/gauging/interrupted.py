@@ -1,0 +1,137 @@
+"""`gauging.interrupted`: the gauge meets an interrupted surface."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.vibration.imbalance import turns_of
+from selector.diagnosis.leftover import leftover
+from selector.diagnosis.record_kind import SLOWEST_VIBRATION_S, no_gauging, part_by_part
+from selector.diagnosis.signals import course, excited, filled, lagged
+from selector.diagnosis.spectral_lines import Line, course_of, lines
+
+Vector = NDArray[np.float64]
+
+_LAGS_S = (0.0, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
+_GROOVES = tuple(float(k) for k in range(1, 13))
+
+
+def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
+    if _testable(comparison, response) is not None:
+        return
+    parts = part_by_part(comparison, response)
+    simulated = filled(comparison, comparison.simulated[response])
+    about = simulated - float(simulated.mean())
+    ripples = list(_ripples(comparison, response))
+    for name, share in _interruptions(comparison):
+        for tau_s in (0.0,) if parts else _LAGS_S:
+            if 0.0 < tau_s < comparison.period_s:
+                continue
+            smooth = lagged(comparison, share, tau_s, settled=True)
+            shape = {"tau_s": Quantity(tau_s, "s")}
+            yield Variant(smooth[:, None], (f"offset while {name}",), shape, sources=(name,), regime=f"{name} > 0")
+            columns = np.column_stack([smooth, smooth * about])
+            names = (f"offset while {name}", f"gain while {name}")
+            yield Variant(columns, names, shape, sources=(name,), regime=f"{name} > 0")
+        for order, columns in ripples:
+            names = (f"ripple of {order:g} per turn while {name}",)
+            yield Variant(
+                (columns * share)[:, None],
+                names,
+                {"grooves": Quantity(order, "1")},
+                sources=(name,),
+                regime=f"{name} > 0",
+            )
+    for order, column in ripples:
+        yield Variant(column[:, None], (f"ripple of {order:g} per turn",), {"grooves": Quantity(order, "1")})
+    for column in _envelopes(comparison, response) if not parts else ():
+        yield Variant(column[:, None], ("offset with the strength of the ripple",))
+
+
+def _interruptions(comparison: Comparison) -> Iterator[tuple[str, Vector]]:
+    """Channels that may say that the surface is interrupted: states, 0 … 1."""
+    for name in comparison.with_role("state"):
+        state = course(comparison, name)
+        if excited(state):
+            yield name, (state - float(state.min())) / float(np.ptp(state))
+
+
+def _ripples(comparison: Comparison, response: str) -> Iterator[tuple[float, Vector]]:
+    """Lines at whole numbers of grooves per turn that stand in the reading."""
+    if part_by_part(comparison, response) or comparison.period_s > SLOWEST_VIBRATION_S:
+        return
+    left, even = leftover(comparison, response), np.ones(len(comparison.time_s))
+    for name in comparison.with_role("spindle_speed"):
+        rpm = np.abs(course(comparison, name))
+        if float(rpm.max(initial=0.0)) <= 0.0:
+            continue
+        abscissa = turns_of(comparison, rpm)
+        for line in lines(comparison, left, abscissa, even, near=_GROOVES, most=2):
+            order = float(round(line.cycles))
+            yield order, course_of(line, comparison, abscissa, even)
+            quarter = tuple(None if p is None else p + 0.5 * np.pi for p in line.phases)
+            yield order, course_of(Line(line.cycles, quarter, line.strength), comparison, abscissa, even)
+
+
+def _envelopes(comparison: Comparison, response: str) -> Iterator[Vector]:
+    """Running strength of what is quick in the reading, where it changes by more than noise does."""
+    left = leftover(comparison, response)
+    for width_s in (20.0 * comparison.period_s, 100.0 * comparison.period_s):
+        slow = lagged(comparison, left, width_s, settled=True)
+        strength = np.sqrt(lagged(comparison, (left - slow) ** 2, width_s, settled=True))
+        middle = float(np.median(strength))
+        if middle > 0.0 and float(np.quantile(strength, 0.95)) > 2.0 * middle:
+            yield strength
+
+
+def _testable(comparison: Comparison, response: str) -> str | None:
+    reason = no_gauging(comparison, response)
+    if reason is not None:
+        return reason
+    quick = comparison.period_s <= SLOWEST_VIBRATION_S and not part_by_part(comparison, response)
+    if not quick and not any(True for _ in _interruptions(comparison)):
+        return "no state of the surface is recorded (role state), and no reading in time that would show its ripple"
+    return None
+
+
+def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
+    grooves = fitted.variant.shape.get("grooves")
+    largest = {"largest": Quantity(fitted.largest, fitted.unit)}
+    if grooves is not None:
+        text = f"{fitted.response} ripples {grooves.value:g} times a turn by up to {fitted.largest:.3g} {fitted.unit}"
+        return Reading(text, largest | {"grooves": grooves})
+    value, error = float(fitted.coefficients[0]), 1.96 * float(fitted.standard_errors[0])
+    offset = Quantity(value, fitted.unit, value - error, value + error)
+    when = f"while {fitted.variant.sources[0]} is on" if fitted.variant.sources else "when its ripple is strong"
+    text = f"{fitted.response} reads {value:+.3g} {fitted.unit} {when}, as on an interrupted surface"
+    return Reading(text, largest | {"offset": offset})
+
+
+EFFECT = Effect(
+    id="gauging.interrupted",
+    title="Interrupted surface under the gauge",
+    physics=(
+        "Grooves and keyways let the probe drop, and its filter mixes their depth into the mean. While the surface is "
+        "interrupted the reading is off and ripples with the number of grooves per turn."
+    ),
+    reference="G (Trompet, Aleksandrov), interrupted surfaces; docs/explanation/finished-sizes.md",
+    enters="measurement",
+    acts_at="the gauge's probe",
+    parameters=(
+        ShapeParameter("offset", "unit of the response", -1e6, 1e6, "shift of the reading while interrupted"),
+        ShapeParameter("grooves", "1", 1.0, 12.0, "interruptions per turn"),
+        ShapeParameter("tau_s", "s", 0.0, 1.0, "filter of the gauge"),
+    ),
+    needs="a state that says when the surface is interrupted, or the reading in time with the speed of the workpiece",
+    confounders=("vibration.imbalance", "vibration.line", "data.step"),
+    refuted_by="a plain part of the same size gets the same reading",
+    experiment="Gauge a plain and a grooved part of known size at rest and turning.",
+    variants=_variants,
+    testable=_testable,
+    reading=_reading,
+)

@@ -1,0 +1,109 @@
+"""`gauging.lag`: the gauge or its filter is late."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.record_kind import no_gauging, part_by_part
+from selector.diagnosis.signals import course, excited, filled, lagged, time_constants
+
+Vector = NDArray[np.float64]
+
+_UM_PER_S = {"feed_rate": 1000.0 / 60.0, "velocity": 1e6}
+"""Canonical unit of the role in µm/s."""
+_SPAN_S = (0.005, 5.0)
+
+
+def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
+    if _testable(comparison, response) is not None:
+        return
+    feeds = infeed(comparison)
+    if part_by_part(comparison, response):
+        for name, rate_um_per_s in feeds.items():
+            yield Variant(
+                -rate_um_per_s[:, None],
+                (f"infeed {name} at the stop",),
+                {"rows": Quantity(1.0, "part")},
+                sources=(name,),
+            )
+        return
+    simulated = filled(comparison, comparison.simulated[response])
+    for tau_s in _lags_s(comparison):
+        late = lagged(comparison, simulated, tau_s, settled=True) - simulated
+        yield Variant(late[:, None], (f"reading {tau_s:.3g} s late",), {"tau_s": Quantity(tau_s, "s")})
+    for name, rate_um_per_s in feeds.items():
+        for tau_s in (0.0, *_lags_s(comparison)[2::3]):
+            column = -lagged(comparison, rate_um_per_s, tau_s)
+            words = f"infeed {name}" + (f", {tau_s:.3g} s later" if tau_s else "")
+            yield Variant(column[:, None], (words,), {"transient_s": Quantity(tau_s, "s")}, sources=(name,))
+
+
+def infeed(comparison: Comparison) -> dict[str, Vector]:
+    """Recorded infeeds that change [µm/s]."""
+    found = {}
+    for name in comparison.with_role(*_UM_PER_S):
+        values = course(comparison, name) * _UM_PER_S[comparison.channel(name).role]
+        if excited(values):
+            found[name] = values
+    return found
+
+
+def _lags_s(comparison: Comparison) -> Vector:
+    taus = time_constants(comparison, 10)
+    low = max(_SPAN_S[0], 0.5 * comparison.period_s)
+    return np.geomspace(low, max(min(_SPAN_S[1], float(taus[-1])), 2.0 * low), 10)
+
+
+def _testable(comparison: Comparison, response: str) -> str | None:
+    reason = no_gauging(comparison, response)
+    if reason is None and part_by_part(comparison, response) and not infeed(comparison):
+        return "the infeed at the stop is not recorded (role feed_rate), or is the same for all parts"
+    return reason
+
+
+def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
+    value, error = float(fitted.coefficients[0]), 1.96 * float(fitted.standard_errors[0])
+    largest = {"largest": Quantity(fitted.largest, fitted.unit)}
+    tau = fitted.variant.shape.get("tau_s")
+    if tau is not None:
+        low, high = fitted.shape_intervals.get("tau_s", (None, None))
+        text = (
+            f"{fitted.response} follows {tau.value:.3g} s late; at most that makes {fitted.largest:.3g} {fitted.unit}"
+        )
+        return Reading(text, largest | {"tau_s": Quantity(tau.value, "s", low, high), "share": Quantity(value, "1")})
+    if fitted.unit == "um":
+        lag = Quantity(value, "s", value - error, value + error)
+        text = f"the gauge stops the feed {value:.3g} s late: {fitted.response} is off by that times the infeed, up to "
+        return Reading(text + f"{fitted.largest:.3g} {fitted.unit}", largest | {"lag_s": lag})
+    text = f"{fitted.response} is off in proportion to the infeed, up to {fitted.largest:.3g} {fitted.unit}"
+    return Reading(text, largest)
+
+
+EFFECT = Effect(
+    id="gauging.lag",
+    title="The gauge is late",
+    physics=(
+        "The smoothing filter, the relay and the stopping feed let the wheel go on for a time after the wanted size was "
+        "reached. The error of the size is that time times the infeed at the stop; a reading in time trails what it measures."
+    ),
+    reference="G (Trompet, Aleksandrov) eq. 20 to 23: the mean reading is late by T_Φ",
+    enters="measurement",
+    acts_at="the gauge between probe and relay",
+    parameters=(
+        ShapeParameter("tau_s", "s", 0.001, 10.0, "time constant of the filter, from a reading in time"),
+        ShapeParameter("lag_s", "s", -10.0, 10.0, "lateness of the stop, from sizes and infeeds"),
+        ShapeParameter("largest", "unit of the response", 0.0, 1e12, "largest amount in the response"),
+    ),
+    needs="sizes at two infeeds at least, or the reading in time while it changes",
+    confounders=("data.clock", "gauging.wear", "drive.delay"),
+    refuted_by="parts finished at half the infeed have the same error of size",
+    experiment="Grind ten parts at each of three last infeeds, in random order.",
+    variants=_variants,
+    testable=_testable,
+    reading=_reading,
+)

@@ -1,0 +1,140 @@
+"""`gauging.wear`: wheel or probe wear."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.gauging.lag import infeed
+from selector.diagnosis.record_kind import no_gauging, part_by_part
+from selector.diagnosis.signals import course, excited
+
+Vector = NDArray[np.float64]
+
+_SATURATION = (0.15, 0.4)
+"""Amount after which wear that settles is two thirds done, over the whole amount."""
+
+
+def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
+    if _testable(comparison, response) is not None:
+        return
+    for words, sources, used in _amounts(comparison, response):
+        total = float(np.abs(used).max(initial=0.0))
+        if total <= 0.0:
+            continue
+        shape = {"whole": Quantity(total, "1")}
+        relative = used / total
+        yield Variant(
+            relative[:, None], (f"wear with {words}",), shape | {"power": Quantity(1.0, "1")}, sources=sources
+        )
+        yield Variant(
+            (relative**2)[:, None],
+            (f"wear with the square of {words}",),
+            shape | {"power": Quantity(2.0, "1")},
+            sources=sources,
+        )
+        for share in _SATURATION:
+            settled = 1.0 - np.exp(-relative / share)
+            names = (f"wear with {words}, settling",)
+            yield Variant(settled[:, None], names, shape | {"settles": Quantity(share * total, "1")}, sources=sources)
+
+
+def _amounts(comparison: Comparison, response: str) -> Iterator[tuple[str, tuple[str, ...], Vector]]:
+    """(words, channels, course) of what wear may go with: parts, time, contact, stock removed, since dressing."""
+    unit = "parts" if part_by_part(comparison, response) else "time"
+    since_start = np.array(comparison.time_s)
+    yield f"{unit} since the start of the run", (), since_start
+    yield f"{unit} over all runs", (), _over_all_runs(comparison, since_start)
+    steps = _steps(comparison)
+    for name in comparison.with_role("state"):
+        state = course(comparison, name)
+        if not excited(state):
+            continue
+        low, high = float(state.min()), float(state.max())
+        on = (state - low) / (high - low)
+        contact = _summed(comparison, on * steps)
+        yield f"time of {name}", (name,), contact
+        yield f"time of {name} over all runs", (name,), _over_all_runs(comparison, contact)
+        since = _since_rise(comparison, on > 0.5)
+        if since is not None:
+            yield f"{unit} since {name} last came on", (name,), since
+    for name, rate_um_per_s in infeed(comparison).items():
+        removed = _summed(comparison, np.abs(rate_um_per_s) * steps)
+        yield f"stock removed by {name}", (name,), removed
+        yield f"stock removed by {name} over all runs", (name,), _over_all_runs(comparison, removed)
+
+
+def _steps(comparison: Comparison) -> Vector:
+    steps = np.diff(comparison.time_s, prepend=comparison.time_s[:1])
+    return np.asarray(np.maximum(steps, 0.0))
+
+
+def _summed(comparison: Comparison, values: Vector) -> Vector:
+    result = np.zeros(len(values))
+    for _, rows in comparison.rows_of_runs():
+        result[rows] = np.cumsum(values[rows])
+    return result
+
+
+def _over_all_runs(comparison: Comparison, used: Vector) -> Vector:
+    """The same without starting anew in every run."""
+    result, before = np.array(used), 0.0
+    for _, rows in comparison.rows_of_runs():
+        result[rows] += before
+        before = float(result[rows][-1])
+    return result
+
+
+def _since_rise(comparison: Comparison, on: NDArray[np.bool_]) -> Vector | None:
+    """Time since the state last came on, e.g. dressing; None if it comes on only once or never, or all the time."""
+    result, rises = np.array(comparison.time_s), 0
+    for _, rows in comparison.rows_of_runs():
+        part, time = on[rows], comparison.time_s[rows]
+        begins = np.flatnonzero(part[1:] & ~part[:-1]) + 1
+        rises += len(begins)
+        for k in begins:
+            result[rows][k:] = time[k:] - time[k]
+    return result if 2 <= rises <= len(on) // 4 else None
+
+
+def _testable(comparison: Comparison, response: str) -> str | None:
+    return no_gauging(comparison, response)
+
+
+def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
+    value, error = float(fitted.coefficients[0]), 1.96 * float(fitted.standard_errors[0])
+    way = "grows" if value > 0.0 else "shrinks"
+    amount = Quantity(value, fitted.unit, value - error, value + error)
+    text = f"{fitted.response} {way} by {abs(value):.3g} {fitted.unit} over the record, as {fitted.variant.names[0]}"
+    return Reading(text, {"over_the_record": amount, "largest": Quantity(fitted.largest, fitted.unit)})
+
+
+EFFECT = Effect(
+    id="gauging.wear",
+    title="Wheel or probe wears",
+    physics=(
+        "The probe's tip loses length where it slides on the workpiece, the wheel loses radius with the stock that it takes "
+        "off. Sizes run away slowly with parts, contact time or stock, and jump back at a dressing or a new tip."
+    ),
+    reference="Archard, J. Appl. Phys. 24, 1953 (wear proportional to load and path); Malkin, Grinding Technology, 1989 (G ratio)",
+    enters="measurement",
+    acts_at="probe tip or grinding wheel",
+    parameters=(
+        ShapeParameter(
+            "over_the_record", "unit of the response", -1e6, 1e6, "change of the size over the whole record"
+        ),
+        ShapeParameter("power", "1", 1.0, 2.0, "power of parts, time or stock"),
+        ShapeParameter("settles", "parts, s or um", 0.0, 1e9, "amount after which it has settled by two thirds"),
+    ),
+    needs="sizes of many parts in order; the state of dressing or contact helps",
+    confounders=("data.drift", "gauging.lag", "thermal.memory"),
+    refuted_by="the sizes stay where they are after a new tip or a dressing, or run away while nothing is ground",
+    experiment="Measure a master part with the gauge before and after fifty parts, and dress in between once.",
+    variants=_variants,
+    testable=_testable,
+    reading=_reading,
+)

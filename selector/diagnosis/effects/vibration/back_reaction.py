@@ -1,0 +1,122 @@
+"""`vibration.back_reaction`: a member acts back on its predecessor."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.linear_response import LinearResponse, linear_responses
+from selector.diagnosis.member_chain import inertia_force, members, transfer
+from selector.diagnosis.record_kind import no_vibration, of_a_drive, swept_hz
+from selector.diagnosis.response_curve import slope
+from selector.diagnosis.signals import rate
+
+Vector = NDArray[np.float64]
+
+
+def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
+    if _testable(comparison, response) is not None:
+        return
+    swept = swept_hz(comparison, response)
+    if swept is not None:
+        columns = slope(comparison, response, swept)[:, None]
+        yield Variant(columns, ("all resonances of the simulated curve shifted",), {})
+        return
+    others = members(comparison, response)
+    for predecessor in (response, *others):
+        for successor in others if predecessor == response else (response, *others):
+            if successor == predecessor:
+                continue
+            for path in linear_responses(comparison, predecessor):
+                yield from _of_pair(comparison, response, predecessor, successor, path)
+
+
+def _of_pair(
+    comparison: Comparison, response: str, predecessor: str, successor: str, path: LinearResponse
+) -> Iterator[Variant]:
+    """The successor's inertia on its predecessor, seen by the predecessor or by who follows it."""
+    onward = None if response == predecessor else transfer(comparison, predecessor, response)
+    if response != predecessor and onward is None:
+        return
+    shape = {} if path.source is not None else {"assumed_hz": Quantity(_frequency_hz(path, comparison), "Hz")}
+    for origin in ("simulated", "recorded"):
+        force = inertia_force(comparison, successor, origin)
+        if force is None:
+            continue
+        moved = path.passed(comparison, force)
+        late = rate(comparison, moved) * comparison.period_s
+        if onward is not None:
+            moved, late = (onward.passed(comparison, part) for part in (moved, late))
+        if not np.any(moved):
+            continue
+        parts = (moved,) if path.source is not None else (moved, late)
+        words = f"inertia of {successor} ({origin}) on {predecessor}"
+        yield Variant(
+            np.column_stack(parts),
+            (words, "the same, a quarter on")[: len(parts)],
+            shape,
+            place=comparison.channel(predecessor).place,
+            sources=(successor,),
+        )
+
+
+def _frequency_hz(path: LinearResponse, comparison: Comparison) -> float:
+    s = np.log(np.roots(path.denominator).astype(complex)) / comparison.period_s
+    return float(np.abs(s).max() / (2.0 * np.pi))
+
+
+def _testable(comparison: Comparison, response: str) -> str | None:
+    if swept_hz(comparison, response) is not None:
+        return None
+    reason = no_vibration(comparison, response, roles=("displacement", "acceleration", "velocity", "position"))
+    reason = reason or of_a_drive(comparison, response)
+    if reason is None and not members(comparison, response):
+        return "no motion of a second member is recorded"
+    return reason
+
+
+def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
+    largest = {"largest": Quantity(fitted.largest, fitted.unit)}
+    if not fitted.variant.sources:
+        return Reading(
+            f"the resonances of {fitted.response} lie elsewhere than simulated, by up to {fitted.largest:.3g} {fitted.unit}, as "
+            "when the next member acts back",
+            largest | {"relative_shift": Quantity(float(-fitted.coefficients[0]), "1")},
+        )
+    successor = fitted.variant.sources[0]
+    seen = fitted.variant.names[0].rpartition(" on ")[2]
+    text = (
+        f"{successor} acts back on {seen}: its inertia moves {fitted.response} by up to {fitted.largest:.3g} {fitted.unit}, "
+        "which the simulated chain passes on in one direction only"
+    )
+    return Reading(text, largest)
+
+
+EFFECT = Effect(
+    id="vibration.back_reaction",
+    title="A member acts back on its predecessor",
+    physics=(
+        "A chain that hands the force from member to member forgets that each member pulls on the one before it with its "
+        "own inertia. The predecessor's resonances shift and split, most where the successor itself resonates."
+    ),
+    reference="Den Hartog, Mechanical Vibrations, 1956, ch. 3 (coupled masses, absorber); V eq. 3 to 7, which leave it out",
+    enters="force",
+    acts_at="every member of a chain that has a successor",
+    parameters=(
+        ShapeParameter("largest", "unit of the response", 0.0, 1e12, "largest amount in the response"),
+        ShapeParameter(
+            "relative_shift", "1", -0.5, 0.5, "shift of the resonances, where only a response curve is known"
+        ),
+    ),
+    needs="the motion of two members, recorded quickly, or a response curve over frequency",
+    confounders=("vibration.mode",),
+    refuted_by="the predecessor's response does not change when the successor is clamped or taken off",
+    experiment="Excite the predecessor by a sweep twice: with the successor free and with it clamped.",
+    variants=_variants,
+    testable=_testable,
+    reading=_reading,
+)

@@ -1,0 +1,181 @@
+"""`vibration.imbalance`: a line that follows the spindle speed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.even_clock import even_runs
+from selector.diagnosis.leftover import leftover
+from selector.diagnosis.linear_response import LinearResponse, linear_responses, resonator
+from selector.diagnosis.record_kind import no_vibration, swept_hz
+from selector.diagnosis.signals import course, excited, filled
+from selector.diagnosis.spectral_lines import Line, course_of, lines
+
+Vector = NDArray[np.float64]
+
+_ROLES = ("displacement", "acceleration", "velocity", "position", "voltage", "force", "current")
+_ORDERS = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0)
+_POWERS = {"displacement": (2.0, 0.0), "position": (2.0, 0.0), "velocity": (3.0, 1.0), "acceleration": (4.0, 2.0)}
+"""By which powers of the speed the line grows: of a force n², below the resonance; of run-out 0."""
+
+
+def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
+    if _testable(comparison, response) is not None:
+        return
+    swept = swept_hz(comparison, response)
+    speeds = [n for n in comparison.with_role("spindle_speed") if is_turning(comparison, n)]
+    if swept is not None:
+        yield from _of_a_curve(comparison, response, swept)
+        return
+    left = leftover(comparison, response)
+    for name in speeds:
+        rpm = np.abs(course(comparison, name))
+        turns = turns_of(comparison, rpm)
+        relative = rpm / float(rpm.max())
+        known: list[Line] = []
+        for power in _POWERS.get(comparison.channel(response).role, (2.0, 0.0)):
+            weight = relative**power
+            for line in lines(comparison, left, turns, weight, near=_ORDERS):
+                known.append(line)
+                yield _variant(comparison, name, line, course_of(line, comparison, turns, weight)[:, None], power)
+        if not known:
+            known = _at_a_resonance(comparison, left, turns, relative)
+        yield from _through_the_structure(comparison, response, name, known[:3], turns, relative)
+
+
+def _variant(
+    comparison: Comparison, name: str, line: Line, columns: NDArray[np.float64], power: float | None, hz: float = 0.0
+) -> Variant:
+    order = min(_ORDERS, key=lambda o: abs(o - line.cycles))
+    law = f"grows with speed^{power:g}" if power is not None else f"through the resonance at {hz:.4g} Hz"
+    if hz < 0.0:
+        law = "through the simulated structure"
+    names = tuple(
+        f"order {order:g} of {name}, {law}{', a quarter turn on' if k else ''}" for k in range(columns.shape[1])
+    )
+    shape = {"order": Quantity(order, "1")}
+    if power is not None:
+        shape["speed_power"] = Quantity(power, "1")
+    run = comparison.runs[line.runs[0]] if len(line.runs) == 1 and len(comparison.runs) > 1 else None
+    return Variant(columns, names, shape, sources=(name,), run=run)
+
+
+def _through_the_structure(
+    comparison: Comparison, response: str, name: str, found: list[Line], turns: Vector, relative: Vector
+) -> Iterator[Variant]:
+    """The force n²·cos φ behind the identified structure, or behind resonances within the speeds that were run."""
+    if not found:
+        return
+    weight = relative**2
+    paths = [path for path in linear_responses(comparison, response) if path.source is not None]
+    hz = course(comparison, name) / 60.0
+    for line in found:
+        cosine = course_of(line, comparison, turns, weight)
+        late = Line(line.cycles, tuple(None if p is None else p - 0.5 * np.pi for p in line.phases), line.strength)
+        sine = course_of(late, comparison, turns, weight)
+        for path in paths:
+            columns = np.column_stack([path.passed(comparison, part) for part in (cosine, sine)])
+            yield _variant(comparison, name, line, columns, None, -1.0)
+        passes = line.cycles * np.array([np.min(np.abs(hz)), np.max(np.abs(hz))])
+        if passes[1] < 1.1 * passes[0]:
+            continue
+        low = max(passes[0], 0.15 * passes[1])
+        for f0 in np.geomspace(low, 1.3 * passes[1], 8):
+            for damping in (0.02, 0.08):
+                path = _resonance(f0, damping, comparison.period_s)
+                columns = np.column_stack([path.passed(comparison, part) for part in (cosine, sine)])
+                yield _variant(comparison, name, line, columns, None, f0)
+
+
+def _at_a_resonance(comparison: Comparison, left: Vector, turns: Vector, relative: Vector) -> list[Line]:
+    """Order 1 without a proof of its own: a run-up through a resonance turns the phase, and no order stays coherent."""
+    if float(np.ptp(relative)) < 0.1 or not np.any(left):
+        return []
+    phases = tuple(0.0 for _ in comparison.runs)
+    return [Line(1.0, phases, 0.0)]
+
+
+def _resonance(frequency_hz: float, damping: float, period_s: float) -> LinearResponse:
+    if frequency_hz > 0.45 / period_s:
+        frequency_hz = 0.45 / period_s
+    b, a = resonator(frequency_hz, damping, period_s)
+    return LinearResponse(None, b[0], a, 1.0)
+
+
+def turns_of(comparison: Comparison, rpm: Vector) -> Vector:
+    """∫ n/60 dt from the start of every run [turns]."""
+    turns = np.zeros(len(rpm))
+    for run in even_runs(comparison):
+        per_sample = run.on(rpm) / 60.0 * comparison.period_s
+        summed = np.asarray(lfilter([0.5, 0.5], [1.0, -1.0], per_sample))
+        turns[run.rows] = run.back(summed - summed[0])
+    return turns + 1e-12 * np.arange(len(turns))
+
+
+def _of_a_curve(comparison: Comparison, response: str, swept: Vector) -> Iterator[Variant]:
+    """A force that grows with the square of the speed behind the structure that the simulated curve shows."""
+    amplitude = filled(comparison, comparison.simulated[response])
+    relative = np.abs(swept) / float(np.abs(swept).max())
+    shape = {"order": Quantity(1.0, "1"), "speed_power": Quantity(2.0, "1")}
+    yield Variant((relative**2)[:, None], ("square of the speed",), shape)
+    yield Variant((amplitude * relative**2)[:, None], ("simulated curve times the square of the speed",), shape)
+
+
+def is_turning(comparison: Comparison, name: str) -> bool:
+    """Whether the shaft turns at all, at a steady speed or not."""
+    speed = course(comparison, name)
+    return excited(speed) or float(np.abs(speed).max(initial=0.0)) > 0.0
+
+
+def _testable(comparison: Comparison, response: str) -> str | None:
+    if not any(is_turning(comparison, n) for n in comparison.with_role("spindle_speed")):
+        return "no turning spindle is recorded (role spindle_speed)"
+    if swept_hz(comparison, response) is not None:
+        return None
+    return no_vibration(comparison, response, roles=_ROLES)
+
+
+def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
+    shape = fitted.variant.shape
+    order, power = shape["order"], shape.get("speed_power")
+    text = f"{fitted.response} vibrates at {order.value:g} × spindle speed, up to {fitted.largest:.3g} {fitted.unit}"
+    if power is not None and power.value > 0.0:
+        text += f", growing with speed^{power.value:g}"
+    name = fitted.variant.sources[0] if fitted.variant.sources else None
+    if name is not None:
+        speed = course(comparison, name)
+        if float(np.ptp(speed)) <= 0.01 * float(np.abs(speed).max(initial=0.0)):
+            text += "; the speed was the same throughout, so a source at a fixed frequency would look the same"
+    parameters = {"order": order, "largest": Quantity(fitted.largest, fitted.unit)}
+    return Reading(text, parameters | ({"speed_power": power} if power is not None else {}))
+
+
+EFFECT = Effect(
+    id="vibration.imbalance",
+    title="Imbalance: a line that follows the spindle",
+    physics=(
+        "An eccentric mass on the spindle turns a force m·e·ω² with it, run-out or a coupling a motion at 1, 2, … times the "
+        "speed. The line moves with the recorded speed, its force grows with the square, and at a resonance it swings up."
+    ),
+    reference="ISO 21940-11:2016 (balance quality, U = m·e); Den Hartog, Mechanical Vibrations, 1956, ch. 2 and 6",
+    enters="force",
+    acts_at="the spindle; seen in every response that is recorded quickly or step by step over speed",
+    parameters=(
+        ShapeParameter("order", "1", 0.5, 4.0, "cycles per turn of the spindle"),
+        ShapeParameter("speed_power", "1", 0.0, 4.0, "power of the speed with which the line grows"),
+        ShapeParameter("largest", "unit of the response", 0.0, 1e12, "largest amount in the response"),
+    ),
+    needs="the spindle speed; to tell it from a fixed frequency, at least two speeds",
+    confounders=("vibration.line", "vibration.mode", "gauging.interrupted"),
+    refuted_by="the line stays at its frequency when the speed changes",
+    experiment="Run the spindle up slowly through its range, without cutting, and stay for 10 s at three speeds.",
+    variants=_variants,
+    testable=_testable,
+    reading=_reading,
+)

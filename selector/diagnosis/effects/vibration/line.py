@@ -1,0 +1,106 @@
+"""`vibration.line`: a source at a fixed frequency that has nothing to do with the spindle."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.leftover import leftover
+from selector.diagnosis.record_kind import no_vibration, swept_hz
+from selector.diagnosis.signals import filled
+from selector.diagnosis.spectral_lines import course_of, lines
+
+_ROLES = ("displacement", "acceleration", "velocity", "position", "voltage", "force", "current")
+_FEWEST_CYCLES = 8.0
+
+
+def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
+    if _testable(comparison, response) is not None:
+        return
+    swept = swept_hz(comparison, response)
+    if swept is not None:
+        yield from _of_a_curve(comparison, response)
+        return
+    time, even = comparison.time_s, np.ones(len(comparison.time_s))
+    shortest = min(float(comparison.time_s[rows][-1]) for _, rows in comparison.rows_of_runs())
+    lowest = max(_FEWEST_CYCLES / max(shortest, comparison.period_s), 0.5)
+    for line in lines(comparison, leftover(comparison, response), time, even, lowest=lowest):
+        shape = {"frequency_hz": Quantity(line.cycles, "Hz")}
+        run = comparison.runs[line.runs[0]] if len(line.runs) == 1 and len(comparison.runs) > 1 else None
+        aligned = course_of(line, comparison, time, even)
+        yield Variant(aligned[:, None], (f"line at {line.cycles:.4g} Hz, phase of each run",), shape, run=run)
+        if len(line.runs) > 1:
+            turn = 2.0 * np.pi * line.cycles * time
+            columns = np.column_stack([np.cos(turn), np.sin(turn)])
+            names = (f"cosine of {line.cycles:.4g} Hz from the start of each run", "sine of the same")
+            yield Variant(columns, names, shape)
+
+
+def _of_a_curve(comparison: Comparison, response: str) -> Iterator[Variant]:
+    """Amplitudes of unrelated motions add by squares: a constant floor shows where the curve is low."""
+    amplitude = np.abs(filled(comparison, comparison.simulated[response]))
+    for share in (0.1, 0.3, 1.0):
+        floor = share * float(np.median(amplitude))
+        if floor > 0.0:
+            added = np.sqrt(amplitude**2 + floor**2) - amplitude
+            yield Variant(added[:, None], ("floor that adds by squares",), {"floor": Quantity(floor, "um")})
+
+
+def _testable(comparison: Comparison, response: str) -> str | None:
+    if swept_hz(comparison, response) is not None:
+        return None
+    return no_vibration(comparison, response, roles=_ROLES)
+
+
+def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
+    amplitude = (
+        float(np.hypot.reduce(fitted.coefficients)) if fitted.variant.shape.get("frequency_hz") else fitted.largest
+    )
+    error = float(np.max(fitted.standard_errors))
+    size = Quantity(amplitude, fitted.unit, amplitude - 1.96 * error, amplitude + 1.96 * error)
+    line = fitted.variant.shape.get("frequency_hz")
+    if line is None:
+        return Reading(
+            f"a constant vibration of about {fitted.largest:.3g} {fitted.unit} lies under {fitted.response} at every step",
+            {"amplitude": Quantity(fitted.largest, fitted.unit)},
+        )
+    where = f" in run {fitted.variant.run}" if fitted.variant.run else ""
+    text = f"{fitted.response} vibrates by ±{amplitude:.3g} {fitted.unit} at a fixed {line.value:.5g} Hz{where}"
+    if not _speed_varies(comparison):
+        text += "; the spindle speed does not change, so a source on the spindle would look the same"
+    return Reading(text, {"frequency_hz": line, "amplitude": size})
+
+
+def _speed_varies(comparison: Comparison) -> bool:
+    for name in comparison.with_role("spindle_speed"):
+        speed = filled(comparison, comparison.recorded[name])
+        if float(np.ptp(speed)) > 0.01 * float(np.abs(speed).max(initial=0.0)):
+            return True
+    return False
+
+
+EFFECT = Effect(
+    id="vibration.line",
+    title="Vibration at a fixed frequency",
+    physics=(
+        "A source outside the simulated structure (pump, fan, mains hum, a neighbouring machine) shakes it at a frequency "
+        "of its own. A sharp line stands in the spectrum at the same frequency in every run, whatever the spindle does."
+    ),
+    reference="Den Hartog, Mechanical Vibrations, 1956, ch. 2; V (Agafonov), external sources IK3 to IK5",
+    enters="force",
+    acts_at="any response that is recorded quickly, or step by step over frequency",
+    parameters=(
+        ShapeParameter("frequency_hz", "Hz", 0.5, 1e5, "frequency of the source"),
+        ShapeParameter("amplitude", "unit of the response", 0.0, 1e12, "amplitude in the response"),
+    ),
+    needs="a sample at least every 50 ms and 8 cycles of the line in every run",
+    confounders=("vibration.imbalance", "vibration.mode", "drive.ripple"),
+    refuted_by="the frequency moves when the spindle speed does, or the line is gone in a run with the source running",
+    experiment="Record for 10 s at two spindle speeds that differ by a fifth, and once with the spindle standing.",
+    variants=_variants,
+    testable=_testable,
+    reading=_reading,
+)

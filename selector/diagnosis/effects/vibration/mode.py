@@ -1,0 +1,117 @@
+"""`vibration.mode`: a resonance that the simulation lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.even_clock import even_runs
+from selector.diagnosis.leftover import leftover
+from selector.diagnosis.linear_response import LinearResponse, inputs, resonator
+from selector.diagnosis.record_kind import no_vibration, of_a_drive, swept_hz
+from selector.diagnosis.resonance_scan import resonances
+from selector.diagnosis.response_curve import resonance
+from selector.diagnosis.signals import course, filled
+
+Vector = NDArray[np.float64]
+
+_MOST_SOURCES = 3
+_NEIGHBOURS = ((1.0, 1.0), (0.985, 1.0), (1.015, 1.0), (1.0, 0.5), (1.0, 2.0))
+
+
+def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
+    if _testable(comparison, response) is not None:
+        return
+    swept = swept_hz(comparison, response)
+    if swept is not None:
+        yield from _of_a_curve(comparison, response, swept)
+        return
+    left = np.where(comparison.held_out, 0.0, leftover(comparison, response))
+    sources = {name: course(comparison, name) for name in inputs(comparison, response)[:_MOST_SOURCES]}
+    simulated = filled(comparison, comparison.simulated[response])
+    if not sources:
+        sources = {f"simulated {response}": simulated}
+    accelerations = comparison.channel(response).role == "acceleration"
+    for name, source in sources.items():
+        for frequency_hz, damping in resonances(comparison, left, source):
+            for times_f, times_z in _NEIGHBOURS:
+                yield _variant(comparison, name, source, frequency_hz * times_f, damping * times_z, accelerations)
+
+
+def _variant(
+    comparison: Comparison, name: str, source: Vector, frequency_hz: float, damping: float, acceleration: bool
+) -> Variant:
+    b, a = resonator(frequency_hz, damping, comparison.period_s)
+    rows = (2, 1) if acceleration else (0, 1)
+    columns = np.column_stack([LinearResponse(name, b[k], a, 1.0).passed(comparison, source) for k in rows])
+    words = f"{name} through a resonance at {frequency_hz:.4g} Hz"
+    return Variant(
+        columns,
+        (words, "its speed"),
+        {"frequency_hz": Quantity(frequency_hz, "Hz"), "damping": Quantity(damping, "1")},
+        sources=(name,) if name in comparison.recorded else (),
+    )
+
+
+def _of_a_curve(comparison: Comparison, response: str, swept: Vector) -> Iterator[Variant]:
+    low, high = float(np.min(swept[swept > 0.0])), float(np.max(swept))
+    steps = max(len(np.unique(np.round(swept, 6))), 2)
+    for f0 in np.geomspace(low, high, min(steps, 20)):
+        for damping in (0.01, 0.03, 0.1):
+            columns = resonance(swept, f0, damping)
+            names = (f"resonance at {f0:.4g} Hz, in phase", "the same, a quarter behind")
+            yield Variant(columns, names, {"frequency_hz": Quantity(f0, "Hz"), "damping": Quantity(damping, "1")})
+
+
+def _testable(comparison: Comparison, response: str) -> str | None:
+    if swept_hz(comparison, response) is not None:
+        return None
+    reason = no_vibration(comparison, response) or of_a_drive(comparison, response)
+    if reason is None and not any(len(run.clock_s) > 64 for run in even_runs(comparison)):
+        return "every run is shorter than 64 samples"
+    return reason
+
+
+def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
+    f0, damping = fitted.variant.shape["frequency_hz"], fitted.variant.shape["damping"]
+    low, high = fitted.shape_intervals.get("frequency_hz", (None, None))
+    name = fitted.variant.sources[0] if fitted.variant.sources else "what drives the simulation"
+    text = (
+        f"a resonance at {f0.value:.4g} Hz (damping ratio {damping.value:.2g}) that the simulation lacks answers to {name}; "
+        f"it moves {fitted.response} by up to {fitted.largest:.3g} {fitted.unit}"
+    )
+    parameters = {
+        "frequency_hz": Quantity(f0.value, "Hz", low, high),
+        "damping": damping,
+        "largest": Quantity(fitted.largest, fitted.unit),
+    }
+    return Reading(text, parameters)
+
+
+EFFECT = Effect(
+    id="vibration.mode",
+    title="A resonance that the simulation lacks",
+    physics=(
+        "A member or a shape of motion that is not in the model swings at its own natural frequency, driven by the same "
+        "forces. The residual follows the input through a lightly damped second-order filter, in all runs the same."
+    ),
+    reference="Ewins, Modal Testing, 2nd ed. 2000, ch. 2 (receptance as a sum of modes)",
+    enters="state",
+    acts_at="any response that is recorded quickly, or step by step over frequency",
+    parameters=(
+        ShapeParameter("frequency_hz", "Hz", 0.5, 1e5, "natural frequency of the mode"),
+        ShapeParameter("damping", "1", 0.001, 0.5, "damping ratio"),
+        ShapeParameter("largest", "unit of the response", 0.0, 1e12, "largest amount in the response"),
+    ),
+    needs="what drives the structure (force, voltage, motion of its support), or a simulation that follows it",
+    confounders=("vibration.back_reaction", "vibration.imbalance", "drive.elasticity"),
+    refuted_by="the frequency response from the input to the residual has no peak there, or the peak moves with amplitude",
+    experiment="Excite with a slow sine sweep or hammer blows, at two amplitudes, over the whole range of frequencies.",
+    variants=_variants,
+    testable=_testable,
+    reading=_reading,
+)

@@ -1,0 +1,77 @@
+"""Members of a vibrating chain: which channels they are, how one follows another, with what inertia they pull."""
+
+from __future__ import annotations
+
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.even_clock import even_runs
+from selector.diagnosis.linear_response import LinearResponse, filter_between
+from selector.diagnosis.signals import excited, filled, rate
+
+Vector = NDArray[np.float64]
+
+_MOTION = {"displacement": 0, "position": 0, "velocity": 1, "acceleration": 2}
+_MOST = 3
+
+_known: WeakKeyDictionary[Comparison, dict[tuple[str, str], LinearResponse | None]] = WeakKeyDictionary()
+
+
+def members(comparison: Comparison, response: str) -> tuple[str, ...]:
+    """Other channels that are motions of members: responses first."""
+    names = [c.name for c in comparison.channels if c.role in _MOTION and c.name != response]
+    names.sort(key=lambda name: name not in comparison.responses)
+    return tuple(n for n in names if excited(filled(comparison, comparison.recorded[n])))[:_MOST]
+
+
+def transfer(comparison: Comparison, predecessor: str, follower: str) -> LinearResponse | None:
+    """How one simulated motion follows another, both simulated; None if it does not, or is not simulated."""
+    kept = _known.setdefault(comparison, {})
+    if (predecessor, follower) not in kept:
+        simulated = comparison.simulated
+        both = predecessor in simulated and follower in simulated
+        kept[predecessor, follower] = filter_between(comparison, predecessor, follower) if both else None
+    return kept[predecessor, follower]
+
+
+def inertia_force(comparison: Comparison, member: str, origin: str) -> Vector | None:
+    """Acceleration of a member [unit of its channel, per s² where it is a displacement]; None if it is not there."""
+    courses = comparison.simulated if origin == "simulated" else comparison.recorded
+    if member not in courses:
+        return None
+    motion = filled(comparison, courses[member])
+    order = _MOTION[comparison.channel(member).role]
+    if order == 2:
+        return motion
+    return rate(comparison, motion) if order == 1 else curvature(comparison, motion)
+
+
+def curvature(comparison: Comparison, values: Vector) -> Vector:
+    """Second derivative in time of a course [unit/s²], by central differences on the even clock of every run."""
+    result = np.zeros(len(values))
+    for run in even_runs(comparison):
+        part = run.on(values)
+        second = np.zeros(len(part))
+        second[1:-1] = (part[2:] - 2.0 * part[1:-1] + part[:-2]) / comparison.period_s**2
+        result[run.rows] = run.back(second)
+    return result
+
+
+def displacement_of(comparison: Comparison, name: str, values: Vector) -> Vector:
+    """A motion as a displacement: velocities and accelerations integrated, slow drift left out."""
+    order = _MOTION.get(comparison.channel(name).role, 0)
+    if order == 0:
+        return values
+    result = np.zeros(len(values))
+    for run in even_runs(comparison):
+        part = run.on(values)
+        n = len(part)
+        spectrum = np.fft.rfft(part - part.mean(), 2 * n)
+        omega = 2.0 * np.pi * np.fft.rfftfreq(2 * n, comparison.period_s)
+        slow = 2.0 * np.pi * 4.0 / (n * comparison.period_s)
+        weight = (1j * omega) ** order / (omega**2 + slow**2) ** order * (-1.0) ** order
+        result[run.rows] = run.back(np.fft.irfft(spectrum * weight, 2 * n)[:n])
+    return result

@@ -1,0 +1,96 @@
+"""At which frequencies what a simulation leaves follows an input like a resonance: scanned in the spectrum."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+from scipy.stats import chi2
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.even_clock import even_runs
+
+Vector = NDArray[np.float64]
+
+DAMPING = (0.005, 0.015, 0.04, 0.1)
+CHANCE = 0.01
+"""Chance that noise shows one resonance in a whole scan."""
+_PER_OCTAVE = 48
+_NEIGHBOURS = 31
+
+
+def resonances(comparison: Comparison, left: Vector, source: Vector, most: int = 4) -> tuple[tuple[float, float], ...]:
+    """(frequency [Hz], damping) of resonances that pass the source on into what is left, the clearest first.
+
+    `left` is 0 where it is missing and in rows that may not be fitted to. Each pair explains more of the power, in
+    two real coefficients (motion and its speed), than noise would anywhere in the scan with probability `CHANCE`.
+    """
+    spectra = [s for s in (_spectra(run, comparison, left, source) for run in even_runs(comparison)) if s is not None]
+    if not spectra:
+        return ()
+    hz, u, e = (np.concatenate([s[k] for s in spectra]) for k in range(3))
+    longest = max(1.0 / float(s[0][1] - s[0][0]) for s in spectra)
+    low, high = 8.0 / longest, 0.45 / comparison.period_s
+    if high <= low:
+        return ()
+    grid = np.geomspace(low, high, max(int(_PER_OCTAVE * np.log2(high / low)), 2))
+    order = np.argsort(hz)
+    hz, u, e = hz[order], u[order], e[order]
+    gain = np.array([[_explained(hz, u, e, f, z) for f in grid] for z in DAMPING])
+    limit = float(chi2.isf(CHANCE / len(hz), 2))
+    found: list[tuple[float, float]] = []
+    while len(found) < most and float(gain.max()) > limit:
+        z, f = np.unravel_index(int(np.argmax(gain)), gain.shape)
+        found.append(_refined(hz, u, e, float(grid[f]), DAMPING[z]))
+        gain[:, np.abs(np.log2(grid / grid[f])) < 0.15] = 0.0
+    return tuple(found)
+
+
+def _spectra(run, comparison: Comparison, left: Vector, source: Vector) -> tuple[Vector, Vector, Vector] | None:  # type: ignore[no-untyped-def]
+    free = ~comparison.held_out[run.rows]
+    e, u = run.on(left), run.on(source)
+    n = len(e)
+    if free.sum() < 64 or not np.any(e):
+        return None
+    keep = n if free.all() else int(np.searchsorted(run.clock_s, run.time_s[free][-1])) + 1
+    first = 0 if free[0] else int(np.searchsorted(run.clock_s, run.time_s[free][0]))
+    e, u = e[first:keep], u[first:keep]
+    window = np.hanning(len(e))
+    scale = np.sqrt(np.sum(window**2))
+    hz = np.fft.rfftfreq(len(e), comparison.period_s)[3:]
+    es, us = (np.fft.rfft((v - v.mean()) * window)[3:] / scale for v in (e, u))
+    floor = median_filter(np.abs(es) ** 2, 2 * _NEIGHBOURS + 1, mode="nearest") / np.log(2.0)
+    floor = np.sqrt(np.maximum(floor, 1e-12 * float(np.max(np.abs(es) ** 2))))
+    return hz, us / floor, es / floor
+
+
+def _explained(hz: Vector, u: Vector, e: Vector, frequency_hz: float, damping: float) -> float:
+    """Twice the whitened power explained near the resonance; of noise it is chi-square with two degrees of freedom."""
+    reach = max(12.0 * damping, 0.06)
+    a, b = np.searchsorted(hz, [frequency_hz * (1.0 - reach), frequency_hz * (1.0 + reach)])
+    if b - a < 6:
+        return 0.0
+    r = hz[a:b] / frequency_hz
+    h = u[a:b] / (1.0 - r * r + 2j * damping * r)
+    g = 1j * r * h
+    e = e[a:b]
+    hh, gg, hg = float(np.vdot(h, h).real), float(np.vdot(g, g).real), float(np.vdot(h, g).real)
+    he, ge = float(np.vdot(h, e).real), float(np.vdot(g, e).real)
+    det = hh * gg - hg * hg
+    if det <= 1e-12 * hh * gg:
+        return 0.0
+    # Hann windows make neighbouring bins share two thirds of their noise
+    return 2.0 * (gg * he * he - 2.0 * hg * he * ge + hh * ge * ge) / det / 1.5
+
+
+def _refined(hz: Vector, u: Vector, e: Vector, frequency_hz: float, damping: float) -> tuple[float, float]:
+    step_f, step_z = 1.0 / _PER_OCTAVE, 1.6
+    for _ in range(3):
+        tried = [
+            (frequency_hz * 2.0**df, damping * dz)
+            for df in (-step_f, -step_f / 2, 0.0, step_f / 2, step_f)
+            for dz in (1.0 / step_z, 1.0, step_z)
+        ]
+        frequency_hz, damping = max(tried, key=lambda pair: _explained(hz, u, e, *pair))
+        step_f, step_z = step_f / 3.0, step_z**0.6
+    return frequency_hz, float(min(max(damping, 0.001), 0.5))

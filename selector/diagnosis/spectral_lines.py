@@ -1,0 +1,182 @@
+"""Which sharp lines stand in what a simulation leaves: at a fixed frequency, or at an order of a turning shaft."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+from scipy.stats import gamma
+
+from selector.diagnosis.comparison import Comparison
+
+Vector = NDArray[np.float64]
+
+CHANCE = 0.01
+"""Chance that noise shows one line in a whole spectrum; what is no line is not offered to the fit."""
+_NEIGHBOURS = 31
+_COHERENT = 0.5
+_PIECES = 5
+_FIRST_PART = 0.2
+"""Of a run that nothing may be fitted to only this first part tells its phase, as it would an initial state."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line: cycles per unit of the abscissa (second or turn), and for every run its phase [rad], None = not there.
+
+    `strength` is its power over that of the noise beside it, all runs together.
+    """
+
+    cycles: float
+    phases: tuple[float | None, ...]
+    strength: float
+
+    @property
+    def runs(self) -> tuple[int, ...]:
+        """Numbers of the runs in which it is."""
+        return tuple(k for k, phase in enumerate(self.phases) if phase is not None)
+
+
+def fitted_parts(comparison: Comparison) -> list[slice]:
+    """Of every run the longest stretch of rows that may be fitted to; an empty slice where there is none."""
+    parts = []
+    for _, rows in comparison.rows_of_runs():
+        free = np.r_[False, ~comparison.held_out[rows], False]
+        begins, ends = np.flatnonzero(~free[:-1] & free[1:]), np.flatnonzero(free[:-1] & ~free[1:])
+        if len(begins) == 0:
+            parts.append(slice(rows.start, rows.start))
+            continue
+        k = int(np.argmax(ends - begins))
+        parts.append(slice(rows.start + int(begins[k]), rows.start + int(ends[k])))
+    return parts
+
+
+def lines(
+    comparison: Comparison,
+    left: Vector,
+    abscissa: Vector,
+    weight: Vector,
+    *,
+    near: tuple[float, ...] | None = None,
+    width: float = 0.004,
+    lowest: float = 0.0,
+    most: int = 4,
+) -> tuple[Line, ...]:
+    """Lines of `left` over the abscissa, the strongest first.
+
+    Parameters
+    ----------
+    left : ndarray of shape (n_rows,)
+        What is looked through; 0 where missing.
+    abscissa : ndarray of shape (n_rows,)
+        Grows within each run: time [s], or turns of the shaft.
+    weight : ndarray of shape (n_rows,)
+        How the line's size goes over the rows, e.g. the square of the speed.
+    near : tuple of float or None
+        Look only within the share `width` (or a cycle per run) of these; None = everywhere from `lowest` on.
+    most : int
+        At most so many.
+    """
+    parts = fitted_parts(comparison)
+    spectra = [_spectrum(left[p], abscissa[p], weight[p]) for p in parts]
+    usable = [k for k, s in enumerate(spectra) if s is not None]
+    if not usable:
+        return ()
+    finest = max(usable, key=lambda k: float(np.ptp(abscissa[parts[k]])))
+    grid, _ = spectra[finest]  # type: ignore[misc]
+    power = np.array([np.interp(grid, *s, left=1.0, right=1.0) for s in spectra if s is not None])
+    ends = min(float(s[0][-1]) for s in spectra if s is not None)
+    allowed = (grid >= lowest) & (grid <= ends)
+    span = float(np.ptp(abscissa[parts[finest]]))
+    if near is not None:
+        allowed &= np.any([np.abs(grid - o) <= max(width * o, 1.5 / span) for o in near], axis=0)
+    tried = max(int(allowed.sum()) // 2, 1)
+    found: list[Line] = []
+    claimed = np.zeros(len(grid), dtype=bool)
+    for together in ([*range(len(usable))], *([k] for k in range(len(usable)) if len(usable) > 1)):
+        strength = power[together].sum(axis=0)
+        limit = float(gamma.isf(CHANCE / tried, len(together)))
+        open_ = np.where(allowed & ~claimed, strength, 0.0)
+        while len(found) < 2 * most and float(open_.max()) > limit:
+            top = int(np.argmax(open_))
+            taken = np.abs(grid - grid[top]) <= 4.0 / span
+            open_[taken] = 0.0
+            runs = tuple(usable[k] for k in together)
+            line = _line(comparison, left, abscissa, weight, parts, runs, float(grid[top]), float(strength[top]))
+            if line is not None:
+                claimed |= taken
+                found.append(line)
+    return tuple(sorted(found, key=lambda line: -line.strength)[:most])
+
+
+def course_of(line: Line, comparison: Comparison, abscissa: Vector, weight: Vector) -> Vector:
+    """cos(2π·cycles·abscissa + phase of the run)·weight, 0 in runs without the line."""
+    result = np.zeros(len(abscissa))
+    for k, (_, rows) in enumerate(comparison.rows_of_runs()):
+        phase = line.phases[k]
+        if phase is not None:
+            result[rows] = np.cos(2.0 * np.pi * line.cycles * abscissa[rows] + phase) * weight[rows]
+    return result
+
+
+def _spectrum(left: Vector, abscissa: Vector, weight: Vector) -> tuple[Vector, Vector] | None:
+    """Power at rising cycles per unit over that of the neighbours (1 in the mean where there is noise only)."""
+    if len(left) < 48 or float(np.ptp(abscissa)) <= 0.0 or not np.any(left):
+        return None
+    even = np.linspace(abscissa[0], abscissa[-1], len(left))
+    part = np.interp(even, abscissa, left * weight)
+    window = np.hanning(len(part))
+    n = 2 * len(part)
+    power = np.abs(np.fft.rfft((part - part.mean()) * window, n)) ** 2
+    floor = median_filter(power, 2 * _NEIGHBOURS + 1, mode="nearest") / np.log(2.0)
+    floor = np.maximum(floor, 1e-12 * float(power.max()))
+    cycles = np.arange(len(power)) / (n * (even[1] - even[0]))
+    skip = 5
+    return cycles[skip:], (power / floor)[skip:]
+
+
+def _line(
+    comparison: Comparison,
+    left: Vector,
+    abscissa: Vector,
+    weight: Vector,
+    parts: list[slice],
+    runs: tuple[int, ...],
+    cycles: float,
+    strength: float,
+) -> Line | None:
+    """The line near `cycles`, refined; None if its phase does not last through the runs, as that of noise does not."""
+    span = max(float(np.ptp(abscissa[parts[k]])) for k in runs)
+    tried = cycles + np.linspace(-0.6, 0.6, 13) / span
+    for width in (0.1, 0.02):
+        power = [
+            sum(abs(_tone(left[p], abscissa[p], weight[p], f)) ** 2 for p in (parts[k] for k in runs)) for f in tried
+        ]
+        cycles = float(tried[int(np.argmax(power))])
+        tried = cycles + np.linspace(-width, width, 9) / span
+    pieces = [_pieces(left[p], abscissa[p], weight[p], cycles) for p in (parts[k] for k in runs)]
+    whole = sum(abs(np.sum(piece)) ** 2 for piece in pieces)
+    apart = sum(len(piece) * float(np.sum(np.abs(piece) ** 2)) for piece in pieces)
+    if apart <= 0.0 or whole / apart < _COHERENT:
+        return None
+    phases: list[float | None] = [None] * len(parts)
+    for k, (_, rows) in enumerate(comparison.rows_of_runs()):
+        if k in runs:
+            part = parts[k]
+        elif parts[k].start == parts[k].stop and len(runs) == sum(p.start < p.stop for p in parts):
+            part = slice(rows.start, rows.start + max(int(_FIRST_PART * (rows.stop - rows.start)), 1))
+        else:
+            continue
+        phases[k] = float(np.angle(_tone(left[part], abscissa[part], weight[part], cycles)))
+    return Line(cycles, tuple(phases), strength)
+
+
+def _tone(left: Vector, abscissa: Vector, weight: Vector, cycles: float) -> complex:
+    return complex(np.sum(left * weight * np.exp(-2j * np.pi * cycles * abscissa)))
+
+
+def _pieces(left: Vector, abscissa: Vector, weight: Vector, cycles: float) -> NDArray[np.complex128]:
+    turned = left * weight * np.exp(-2j * np.pi * cycles * abscissa)
+    return np.array([piece.sum() for piece in np.array_split(turned, _PIECES)])

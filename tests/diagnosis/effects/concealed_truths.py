@@ -1,0 +1,222 @@
+"""Machines with one effect in them, simulated by other code than the effects' own (solve_ivp, fine steps, noise)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from selector.diagnosis.comparison import Comparison
+from selector.recording import Channel
+
+Courses = Mapping[str, np.ndarray]
+_UNITS = {"displacement": "um", "force": "N", "spindle_speed": "rpm", "feed_rate": "mm/min", "state": "1", "size": "um"}
+_UNITS |= {"voltage": "V", "flow": "m^3/s", "acceleration": "m/s^2", "amplitude": "um", "frequency": "Hz"}
+
+
+def comparison_of(
+    runs: list[tuple[np.ndarray, Courses, Courses]], roles: Mapping[str, str], responses: tuple[str, ...]
+) -> Comparison:
+    """Runs of (time, recorded, simulated); the last one is held out."""
+    starts = np.cumsum([0, *(len(run[0]) for run in runs)])
+    held_out = np.arange(starts[-1]) >= starts[-2]
+
+    def joined(k: int) -> dict[str, np.ndarray]:
+        return {name: np.concatenate([run[k][name] for run in runs]) for name in runs[0][k]}
+
+    channels = tuple(Channel(name, role, _UNITS[role], place=f"member {name}") for name, role in roles.items())
+    time = np.concatenate([run[0] for run in runs])
+    names = tuple(f"r{k + 1}" for k in range(len(runs)))
+    return Comparison(names, tuple(int(s) for s in starts), time, channels, joined(1), joined(2), responses, held_out)
+
+
+# --- a structure of one or two masses, shaken by a recorded force -----------------------------------------------------
+
+FS = 1000.0
+M1, F1, Z1 = 20.0, 38.0, 0.04
+M2, F2, Z2 = 4.0, 61.0, 0.03
+K1, C1 = M1 * (2 * np.pi * F1) ** 2, 2 * Z1 * M1 * 2 * np.pi * F1
+K2, C2 = M2 * (2 * np.pi * F2) ** 2, 2 * Z2 * M2 * 2 * np.pi * F2
+UM = 1e6
+
+
+def structure(
+    effect: str | None, *, seed: int = 0, n: int = 1500, n_runs: int = 3, noise: float = 0.03, fitted_sim: bool = False
+) -> Comparison:
+    """Two masses; `effect` is one of the six ids without its family, or None for the clean twin."""
+    rng = np.random.default_rng(seed)
+    runs = []
+    for k in range(n_runs):
+        time = np.arange(n) / FS
+        force = _force(rng, time) * (1.0, 0.6, 0.8)[k % 3]
+        speed = _speed(rng, time, k)
+        truth = _solved(effect, time, force, speed, rng)
+        plain = _solved(None, time, force, speed, rng)
+        recorded = {"F": force, "n": np.round(speed, 1)}
+        recorded |= {x: v + noise * v.std() * rng.normal(size=n) for x, v in truth.items()}
+        runs.append((time, recorded, {x: np.round(v, 4) for x, v in plain.items()}))
+    roles = {"F": "force", "n": "spindle_speed", "x1": "displacement", "x2": "displacement"}
+    return comparison_of(runs, roles, ("x1", "x2"))
+
+
+def _force(rng: np.random.Generator, time: np.ndarray) -> np.ndarray:
+    sweep = np.sin(2 * np.pi * (8.0 * time + 0.5 * 70.0 * time**2 / time[-1]))
+    rough = np.convolve(rng.normal(size=len(time)), np.hanning(9), mode="same")
+    return 60.0 * sweep + 25.0 * rough
+
+
+def _speed(rng: np.random.Generator, time: np.ndarray, k: int) -> np.ndarray:
+    low = 900.0 + 250.0 * k
+    return low + 900.0 * time / time[-1]
+
+
+def _solved(
+    effect: str | None, time: np.ndarray, force: np.ndarray, speed: np.ndarray, rng: np.random.Generator
+) -> dict[str, np.ndarray]:
+    fine = np.linspace(time[0], time[-1], 8 * len(time))
+    force_fine = np.interp(fine, time, force)
+    angle = np.concatenate([[0.0], np.cumsum(np.interp(fine, time, speed)[:-1] / 60.0 * np.diff(fine))]) * 2 * np.pi
+    w = np.gradient(angle, fine)
+    extra = np.zeros(len(fine))
+    phase = rng.uniform(0, 6.28)
+    if effect == "line":
+        extra = 14.0 * np.sin(2 * np.pi * 27.3 * fine + phase)
+    if effect == "imbalance":
+        extra = 14.0 * (w / 200.0) ** 2 * np.sin(angle + phase)
+    back = 1.0 if effect == "back_reaction" else 0.0
+    cubic = 0.12 * K1 / (150e-6) ** 2 if effect == "hardening" else 0.0
+    slip, bouc_wen = 30e-6, 0.12 * K1 * 60e-6 if effect == "hysteresis" else 0.0
+    w3 = 2 * np.pi * 88.0
+
+    def rhs(t: float, s: np.ndarray) -> list[float]:
+        x1, v1, x2, v2, z, q, p = s
+        i = min(int((t - fine[0]) / (fine[1] - fine[0])), len(fine) - 2)
+        share = (t - fine[i]) / (fine[1] - fine[0])
+        f = force_fine[i] + share * (force_fine[i + 1] - force_fine[i])
+        e = extra[i] + share * (extra[i + 1] - extra[i])
+        joint = K2 * (x2 - x1) + C2 * (v2 - v1)
+        a1 = (f + e + back * joint - K1 * x1 - C1 * v1 - cubic * x1**3 - bouc_wen * z) / M1
+        zd = (v1 - 0.7 * abs(v1) * abs(z) * z - 0.3 * v1 * z * z) / slip
+        return [v1, a1, v2, -joint / M2, zd, p, f / 300.0 - 2 * 0.02 * w3 * p - w3**2 * q]
+
+    got = solve_ivp(
+        rhs, (time[0], time[-1]), np.zeros(7), t_eval=time, method="RK23", max_step=0.6e-3, rtol=1e-4, atol=1e-9
+    )
+    x1, x2, q = got.y[0] * UM, got.y[2] * UM, got.y[5] * UM
+    return {"x1": x1 + (q if effect == "mode" else 0.0), "x2": x2}
+
+
+# --- gauged grinding --------------------------------------------------------------------------------------------------
+
+
+def gauge_in_time(effect: str | None, *, seed: int = 0, n: int = 1500, n_runs: int = 3) -> Comparison:
+    """Reading of a gauge at 100 Hz while parts are ground down in three feeds, with plain and grooved parts."""
+    rng = np.random.default_rng(seed)
+    runs = []
+    for _ in range(n_runs):
+        time = np.arange(n) * 0.01
+        feed, contact, grooved, allowance = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+        k, left = 0, 60.0
+        rough, fine = rng.uniform(18, 30), rng.uniform(2, 6)
+        pause = 0
+        for i in range(n):
+            if pause:
+                pause -= 1
+                left = 60.0
+            else:
+                rate = rough if left > 15.0 else fine
+                feed[i], contact[i] = rate, 1.0
+                left -= rate * 0.01
+                if left <= 0.0:
+                    pause, k, rough, fine = 60, k + 1, rng.uniform(18, 30), rng.uniform(2, 6)
+            allowance[i] = left
+            grooved[i] = float(k % 3 == 1)
+        reading = allowance.copy()
+        if effect == "interrupted":
+            reading = reading + grooved * 1.5 * (1.0 + 0.2 * rng.normal(size=n))
+        if effect == "wear":
+            reading = reading - 0.2 * np.cumsum(contact) * 0.01
+        tau = 0.12 if effect == "lag" else 0.05
+        recorded, simulated = _filtered(reading, 0.01, tau), _filtered(allowance, 0.01, 0.05)
+        channels = {"feed": feed * 60.0 / 1000.0, "grooved": grooved, "contact": contact}
+        channels |= {"x": recorded + 0.3 * rng.normal(size=n)}
+        runs.append((time, channels, {"x": simulated}))
+    roles = {"feed": "feed_rate", "grooved": "state", "contact": "state", "x": "displacement"}
+    return comparison_of(runs, roles, ("x",))
+
+
+def gauged_parts(effect: str | None, *, seed: int = 0, n: int = 120, n_runs: int = 3) -> Comparison:
+    """Finished sizes part by part; infeed, grooves and dressing known."""
+    rng = np.random.default_rng(seed)
+    runs = []
+    for _ in range(n_runs):
+        part = np.arange(n, dtype=float)
+        feed = rng.choice([0.12, 0.24, 0.36], n)
+        grooved = (rng.random(n) < 0.3).astype(float)
+        dressed = (part % 40 == 39).astype(float)
+        since = part % 40
+        size = rng.normal(0, 0.3, n)
+        simulated = 0.2 * np.sin(part / 7.0)
+        size = size + simulated
+        if effect == "lag":
+            size = size - 0.08 * feed * 1000 / 60
+        if effect == "wear":
+            size = size + 0.9 * (1.0 - np.exp(-since / 30.0)) + 0.006 * part
+        if effect == "interrupted":
+            size = size + 0.5 * grooved
+        recorded = {"feed": feed, "grooved": grooved, "dressed": dressed, "size": np.round(size, 2)}
+        runs.append((part * 30.0, recorded, {"size": simulated}))
+    roles = {"feed": "feed_rate", "grooved": "state", "dressed": "state", "size": "size"}
+    return comparison_of(runs, roles, ("size",))
+
+
+def _filtered(values: np.ndarray, step_s: float, tau_s: float) -> np.ndarray:
+    y, out = values[0], np.empty(len(values))
+    for i, x in enumerate(values):
+        for _ in range(10):
+            y += step_s / 10 / tau_s * (x - y)
+        out[i] = y
+    return out
+
+
+# --- two tanks --------------------------------------------------------------------------------------------------------
+
+
+def tanks(effect: str | None, *, seed: int = 0, n: int = 700, n_runs: int = 3) -> Comparison:
+    """Cascaded tanks with outflow by the square root; either spills at 0.1 m when `effect` is ``"overflow"``."""
+    rng = np.random.default_rng(seed)
+    brim = 0.1 if effect == "overflow" else np.inf
+    runs = []
+    for _ in range(n_runs):
+        time = np.arange(n) * 4.0
+        knots = np.arange(0, time[-1] + 200, 120.0)
+        pump = np.interp(time, knots, rng.uniform(0.4, 1.45, len(knots)))
+        simulated, truth = (_levels(pump, 4.0, limit) for limit in (np.inf, brim))
+        runs.append((time, {"q": pump * 1e-6, "h": truth * 1e6 + rng.normal(0, 500, n)}, {"h": simulated * 1e6}))
+    return comparison_of(runs, {"q": "flow", "h": "displacement"}, ("h",))
+
+
+def _levels(pump: np.ndarray, step_s: float, brim: float) -> np.ndarray:
+    h1 = h2 = 0.04
+    out = np.empty(len(pump))
+    for i, u in enumerate(pump):
+        for _ in range(20):
+            q1, q2 = 0.0042 * np.sqrt(max(h1, 0)), 0.0042 * np.sqrt(max(h2, 0))
+            h1n = h1 + step_s / 20 * (0.00118 * u - q1)
+            spill = max(h1n - brim, 0.0)
+            h1 = h1n - spill
+            h2 = min(h2 + step_s / 20 * (q1 - q2) + 0.3 * spill, brim)
+        out[i] = h2
+    return out
+
+
+TRUTHS: dict[str, tuple[Callable[..., Comparison], str]] = {
+    **{
+        f"vibration.{e}": (structure, e)
+        for e in ("line", "imbalance", "mode", "back_reaction", "hardening", "hysteresis")
+    },
+    **{f"gauging.{e}": (gauge_in_time, e) for e in ("lag", "wear", "interrupted")},
+    "flow.overflow": (tanks, "overflow"),
+}
+"""Id → (what builds the comparison, the effect in it)."""
