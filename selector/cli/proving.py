@@ -188,9 +188,13 @@ def _write_cases(folder: Path, asked: Sequence[Any], console: Console, as_json: 
 def _rivals(names: list[str] | None) -> tuple[Answerer, ...]:
     if not names:
         return ()
-    from selector.proof.rivals import rivals
+    from selector.proof.rivals import absent, rivals
 
-    return rivals(_split(names))
+    found = rivals(_split(names))
+    if "all" in _split(names):
+        for rival in absent():
+            typer.echo(f"rival {rival.name} is absent: the package {rival.package} is not installed", err=True)
+    return found
 
 
 def _split(given: Iterable[str] | None) -> tuple[str, ...]:

@@ -1,0 +1,211 @@
+"""What would others say: known methods of choosing terms, on the same exam and with the same columns.
+
+Each gets the residual after recalibration and, of every effect, the shape that fits it best. What it chooses is named;
+then everything chosen is fitted together and predicts the held-out rows.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import f as f_distribution
+
+from selector.diagnosis.comparison import Comparison
+from selector.errors import OptionError
+from selector.proof.candidates import Candidates, candidates
+from selector.proof.discrepancy import discrepancy
+from selector.proof.runner import Answerer
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+_FALSE_ALARM = 0.01
+_BLOCKS = 4
+_THRESHOLDS = np.geomspace(0.02, 0.6, 8)
+_MOST_TERMS = 12
+
+
+@dataclass(frozen=True)
+class Rival:
+    """Another method: its name, what it is, the package that it needs, and which columns it chooses."""
+
+    name: str
+    title: str
+    package: str
+    choose: Callable[[Candidates, int], Sequence[int]] | None
+
+    @property
+    def is_here(self) -> bool:
+        """Whether its package is installed."""
+        return importlib.util.find_spec(self.package) is not None
+
+    def answer(self, comparison: Comparison, seed: int) -> Mapping[str, Any]:
+        """What it says, in the JSON form of the contract as far as it is scored; without a confidence."""
+        effects: list[dict[str, Any]] = []
+        fits: dict[str, Any] = {}
+        structured = False
+        for response in comparison.responses:
+            offered = candidates(comparison, response)
+            if self.choose is None:
+                found = discrepancy(comparison, offered, seed)
+                structured = structured or found.is_structured
+                fits[response] = _fit(offered, found.left)
+                continue
+            chosen = self.choose(offered, seed) if offered.owners else ()
+            named = list(dict.fromkeys(offered.owners[k] for k in chosen))
+            effects += [{"id": one, "channel": response} for one in named if one not in {e["id"] for e in effects}]
+            fits[response] = _fit(offered, offered.left(named))
+        verdict = "unexplained" if structured else "nothing-missing"
+        if effects:
+            is_data = all(one["id"].startswith("data.") for one in effects)
+            verdict = "data-fault" if is_data else "missing-physics"
+        return {"verdict": verdict, "effects": effects, "where": [], "fit": fits}
+
+
+def rivals(names: Sequence[str]) -> tuple[Answerer, ...]:
+    """Those of these names (``all``: those that are installed) that can sit the exam.
+
+    Raises
+    ------
+    OptionError
+        If there is none of that name, or its package is not installed.
+    """
+    known = {rival.name: rival for rival in RIVALS}
+    asked = [*known] if "all" in names else list(dict.fromkeys(names))
+    for name in asked:
+        if name not in known:
+            raise OptionError(
+                f"rival {name!r}", expected="all, or " + ", ".join(known), where="--rivals", advice="correct the option"
+            )
+        if "all" not in names and not known[name].is_here:
+            raise OptionError(
+                f"rival {name!r} needs the package {known[name].package}, which is not installed",
+                expected="an installation with the extra `benchmarks`",
+                where="--rivals",
+                advice=f"install {known[name].package}, or leave this rival out",
+            )
+    return tuple(Answerer(name, known[name].answer) for name in asked if known[name].is_here)
+
+
+def absent() -> tuple[Rival, ...]:
+    """Rivals whose package is not installed."""
+    return tuple(rival for rival in RIVALS if not rival.is_here)
+
+
+def _fit(offered: Candidates, left: Vector) -> dict[str, Any]:
+    def error(values: Vector) -> float:
+        return float(np.sqrt(np.mean(values[offered.held_out] ** 2))) if offered.held_out.any() else 0.0
+
+    return {"heldout": {"rmse_before": error(offered.recorded - offered.simulated), "rmse_after": error(left)}}
+
+
+def _thresholded(offered: Candidates, seed: int) -> list[int]:
+    """Sequentially thresholded least squares; the threshold with the least error on blocks left out, or nothing."""
+    from pysindy.optimizers import STLSQ
+
+    def coefficients(columns: Matrix, residual: Vector, threshold: float) -> Vector:
+        with warnings.catch_warnings():
+            # it warns where nothing is left, which is an answer here
+            warnings.simplefilter("ignore")
+            return np.ravel(STLSQ(threshold=threshold, alpha=1e-3).fit(columns, residual[:, None]).coef_)
+
+    columns, residual = offered.columns, offered.residual
+    blocks = np.array_split(np.arange(len(residual)), _BLOCKS)
+    losses = []
+    for threshold in _THRESHOLDS:
+        loss = 0.0
+        for block in blocks:
+            kept = np.setdiff1d(np.arange(len(residual)), block)
+            found = coefficients(columns[kept], residual[kept], threshold)
+            loss += float(np.sum((residual[block] - columns[block] @ found) ** 2))
+        losses.append(loss)
+    if min(losses) >= float(residual @ residual):
+        return []
+    return np.flatnonzero(coefficients(columns, residual, _THRESHOLDS[int(np.argmin(losses))])).tolist()
+
+
+def _frols(offered: Candidates, seed: int) -> list[int]:
+    """Forward regression with orthogonal least squares by error reduction ratio, number of terms by BIC."""
+    from sysidentpy.model_structure_selection import FROLS
+    from sysidentpy.parameter_estimation import LeastSquares
+
+    most = min(_MOST_TERMS, offered.columns.shape[1])
+    method = FROLS(n_info_values=most, info_criteria="bic", estimator=LeastSquares())
+    # the terms are given, and look back no further
+    method.max_lag = 0
+    residual = offered.residual[:, None]
+    criterion = method.information_criterion(offered.columns, residual)
+    # without any term: n·ln(1), the residual has unit size
+    if not float(criterion.min()) < 0.0:
+        return []
+    _, order, _ = method.error_reduction_ratio(offered.columns, residual, int(np.argmin(criterion)) + 1)
+    return [int(k) for k in order]
+
+
+def _lasso(offered: Candidates, seed: int) -> list[int]:
+    """Lasso, its penalty by cross-validation over blocks."""
+    from sklearn.exceptions import ConvergenceWarning
+    from sklearn.linear_model import LassoCV
+    from sklearn.model_selection import KFold
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        found = LassoCV(cv=KFold(_BLOCKS), max_iter=3000).fit(offered.columns, offered.residual)
+    return np.flatnonzero(found.coef_).tolist()
+
+
+def _largest_aic_drop(offered: Candidates, seed: int) -> list[int]:
+    """The one effect that lowers Akaike's criterion most, if any does."""
+    n = len(offered.residual)
+    drops = {}
+    for owner in dict.fromkeys(offered.owners):
+        columns = offered.of([owner])
+        drops[owner] = -n * np.log(max(_left_share(offered, columns), 1e-300)) - 2.0 * len(columns)
+    best = max(drops, key=lambda owner: drops[owner])
+    return offered.of([best]) if drops[best] > 0.0 else []
+
+
+def _f_test(offered: Candidates, seed: int) -> list[int]:
+    """Effects one after the other as long as the F-test of the best is significant, Bonferroni over all of them."""
+    n = len(offered.residual)
+    owners = list(dict.fromkeys(offered.owners))
+    chosen: list[str] = []
+    while len(chosen) < min(_MOST_TERMS, len(owners)):
+        before = _left_share(offered, offered.of(chosen))
+        p_values = {}
+        for owner in owners:
+            if owner in chosen:
+                continue
+            columns = offered.of([*chosen, owner])
+            new, rest = len(offered.of([owner])), n - len(columns) - offered.nuisances.shape[1]
+            after = _left_share(offered, columns)
+            p_values[owner] = float(f_distribution.sf((before - after) / new / (after / rest), new, rest))
+        best = min(p_values, key=lambda owner: p_values[owner])
+        if p_values[best] * len(owners) >= _FALSE_ALARM:
+            break
+        chosen.append(best)
+    return offered.of(chosen)
+
+
+def _left_share(offered: Candidates, columns: Sequence[int]) -> float:
+    """Share of the residual's squares that these columns leave."""
+    if not len(columns):
+        return 1.0
+    design = offered.columns[:, columns]
+    found, *_ = np.linalg.lstsq(design, offered.residual, rcond=1e-8)
+    return float(np.mean((offered.residual - design @ found) ** 2))
+
+
+RIVALS: tuple[Rival, ...] = (
+    Rival("stlsq", "sequential thresholding (PySINDy)", "pysindy", _thresholded),
+    Rival("frols", "FROLS with BIC (SysIdentPy)", "sysidentpy", _frols),
+    Rival("lasso", "lasso by cross-validation", "sklearn", _lasso),
+    Rival("aic", "largest drop of AIC", "numpy", _largest_aic_drop),
+    Rival("f-test", "F-test with Bonferroni, forward", "scipy", _f_test),
+    Rival("gp", "Gaussian-process discrepancy (names nothing)", "sklearn", None),
+)
