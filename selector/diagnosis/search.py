@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from selector.diagnosis.bench import Bench
+from selector.diagnosis.moments import solved
 from selector.diagnosis.testing import Tested, tail_probability, tests_of
 
 Vector = NDArray[np.float64]
@@ -19,6 +20,8 @@ Named = dict[str, dict[str, int]]
 _SHOWS = 0.05
 """A response shows a supported effect if noise alone would show it there as clearly in fewer than this share."""
 _MOST = 5
+_NEARLY = 0.9
+_MOST_LIBERAL = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,10 +81,8 @@ def standings(benches: Benches, named: Named, noise: Mapping[str, Vector], *, se
         name: tests_of(bench, numbers(named, name), noise[name], seed=seed + 7919 * k)
         for k, (name, bench) in enumerate(benches.items())
     }
-    ids = dict.fromkeys(id for of in tested.values() for id in of)
-    return {
-        id: _standing(id, {name: of[id] for name, of in tested.items() if id in of}) for id in ids if id not in named
-    }
+    names = [name for name in dict.fromkeys(name for of in tested.values() for name in of) if name not in named]
+    return {name: _standing(name, {key: of[name] for key, of in tested.items() if name in of}) for name in names}
 
 
 def _standing(id: str, tested: Mapping[str, Tested]) -> Standing:  # noqa: A002 - the word of the contract
@@ -92,7 +93,7 @@ def _standing(id: str, tested: Mapping[str, Tested]) -> Standing:  # noqa: A002 
     p_value = (
         min(*single.values(), together) * (2.0 if len(single) > 1 else 1.0) if len(single) > 1 else min(single.values())
     )
-    shown = tuple(name for name, p in single.items() if p <= _SHOWS and tested[name].cv_gain > 0.0)
+    shown = tuple(name for name, p in single.items() if p <= _SHOWS and is_carried(tested[name]))
     shown = shown or (min(single, key=lambda name: single[name]),)
     run_gains = [tested[name].run_gain for name in shown]
     return Standing(
@@ -107,32 +108,50 @@ def _standing(id: str, tested: Mapping[str, Tested]) -> Standing:  # noqa: A002 
     )
 
 
-def search(benches: Benches, *, false_alarm: float, seed: int, rounds: int = 3) -> Search:
-    """Effects that the residuals support with family-wise `false_alarm`, noise and effects estimated in turn.
+def is_carried(one: Tested) -> bool:
+    """Whether rows that were not fitted gain, and runs that were not, if there are several."""
+    return one.cv_gain > 0.0 and (one.run_gain is None or one.run_gain > 0.0)
 
-    The first noise model holds all that is missing, so it is too large and too slow: nothing false is named with it.
-    What is found with it sharpens the next one.
+
+def search(benches: Benches, *, false_alarm: float, seed: int) -> Search:
+    """Effects that the residuals support with family-wise `false_alarm`.
+
+    The noise is what a fit of everything that looks like an effect leaves (`with_noise_of_full_fit`): a residual that
+    still holds what is missing would make the noise too large and too slow.
     """
-    named: Named = {}
-    for turn in range(rounds):
-        loose = _selected(benches, _residual_noise(benches, named), false_alarm=max(0.1, false_alarm), seed=seed)
-        benches = {name: bench.refitted_noise(numbers(loose, name)) for name, bench in benches.items()}
-        if turn and loose == named:
-            break
-        named = loose
-    noise = _residual_noise(benches, named)
+    fitted = {name: with_noise_of_full_fit(bench) for name, bench in benches.items()}
+    benches = {name: bench for name, (bench, _) in fitted.items()}
+    noise = {name: _left(bench, chosen) for name, (bench, chosen) in fitted.items()}
     named = _selected(benches, noise, false_alarm=false_alarm, seed=seed)
     return _told(benches, named, noise, seed=seed)
 
 
-def _residual_noise(benches: Benches, named: Named) -> dict[str, Vector]:
-    """Whitened residual beside the named candidates, per response, made as large as it was before the fit."""
-    found = {}
-    for name, bench in benches.items():
-        base = bench.base(numbers(named, name))
-        left = bench.white_target - base @ np.linalg.lstsq(base, bench.white_target, rcond=None)[0]
-        found[name] = left * np.sqrt(len(left) / max(len(left) - base.shape[1], 1))
-    return found
+def with_noise_of_full_fit(bench: Bench) -> tuple[Bench, list[int]]:
+    """The bench with the noise that is left by candidates added while each gains clearly, and those candidates.
+
+    What is clear: more than the largest of that many chances of pure noise gives in a hundred cases, and the price of
+    its coefficients (Bayes' information criterion). Every addition sharpens the noise filter for the next one.
+    """
+    chosen: list[int] = []
+    clear = 2.0 * np.log(max(len(bench.candidates), 1)) + 9.0
+    for _ in range(_MOST_LIBERAL):
+        if not bench.candidates:
+            break
+        gains = solved(bench.moments(bench.base(chosen)), np.ones(len(bench.blocks), dtype=bool)).gain
+        worth = gains - np.log(len(bench.rows)) * (np.array(bench.counts) - 1.0)
+        best = int(np.argmax(worth))
+        if worth[best] < clear:
+            break
+        chosen.append(best)
+        bench = bench.refitted_noise(chosen)
+    return bench, chosen
+
+
+def _left(bench: Bench, chosen: list[int]) -> Vector:
+    """Whitened residual beside the `chosen` candidates, made as large as it was before the fit."""
+    base = bench.base(chosen)
+    left = bench.white_target - base @ np.linalg.lstsq(base, bench.white_target, rcond=None)[0]
+    return np.asarray(left * np.sqrt(len(left) / max(len(left) - base.shape[1], 1)))
 
 
 def _selected(benches: Benches, noise: Mapping[str, Vector], *, false_alarm: float, seed: int) -> Named:
@@ -179,12 +198,17 @@ def _told(benches: Benches, named: Named, noise: Mapping[str, Vector], *, seed: 
     for name in named:
         beside = standings(benches, without(named, name), noise, seed=seed)
         standing[name] = beside[name]
-        rivals[name] = _rivals(benches, beside, name)
+        rivals[name] = _rivals(benches, beside, named, name)
     return Search(benches, named, standing, rivals)
 
 
-def _rivals(benches: Benches, beside: Mapping[str, Standing], id: str) -> tuple[str, ...]:  # noqa: A002
-    """Effects whose cross-validated gain is not clearly below that of `id`, largest first."""
+def _rivals(benches: Benches, beside: Mapping[str, Standing], named: Named, id: str) -> tuple[str, ...]:  # noqa: A002
+    """Effects whose course is nearly the same and whose gain is not clearly below that of `id`, largest first.
+
+    Nearly the same: canonical correlation above 0.9 of the whitened columns, all else projected off. Not clearly below:
+    the difference of cross-validated gains stays within what its spread over the blocks allows (as in the model
+    confidence set of Hansen, Lunde, Nason 2011, with pairs of models).
+    """
     own = beside[id].block_gains(benches)
     found = []
     for other, one in beside.items():
@@ -192,6 +216,21 @@ def _rivals(benches: Benches, beside: Mapping[str, Standing], id: str) -> tuple[
             continue
         difference = own - one.block_gains(benches)
         spread = float(np.sqrt((difference**2).sum()))
-        if difference.sum() <= stats.norm.ppf(0.9) * spread and one.cv_gain > 0.8 * beside[id].cv_gain:
+        if difference.sum() <= stats.norm.ppf(0.9) * spread and _alike(benches, beside, named, id, other):
             found.append((one.cv_gain, other))
     return tuple(name for _, name in sorted(found, reverse=True))
+
+
+def _alike(benches: Benches, beside: Mapping[str, Standing], named: Named, id: str, other: str) -> bool:  # noqa: A002
+    """Whether two effects make nearly the same course in the response that shows the first one most."""
+    first, second = beside[id], beside[other]
+    response = max(first.responses, key=lambda name: first.tested[name].gain)
+    if response not in second.tested:
+        return False
+    bench = benches[response]
+    base = np.linalg.qr(bench.base(numbers(without(named, id), response)))[0]
+    spaces = []
+    for one in (first, second):
+        columns = bench.white_columns[:, bench.candidates[one.tested[response].best].columns]
+        spaces.append(np.linalg.qr(columns - base @ (base.T @ columns))[0])
+    return float(np.linalg.svd(spaces[0].T @ spaces[1], compute_uv=False).max()) > _NEARLY

@@ -32,7 +32,8 @@ class Tested:
     block_gains : ndarray of shape (n_blocks,)
         `cv_gain` block by block.
     run_gain : float or None
-        The same with whole runs left out; None of a single fitted run, or of an effect that acts in one run only.
+        The same of the best shape with whole runs left out; None of a single fitted run, or of an effect that acts in
+        one run only.
     noise : ndarray of shape (n_draws,)
         Gains by noise alone, the best of all shapes.
     """
@@ -84,11 +85,12 @@ def tests_of(bench: Bench, named: Sequence[int], noise: Vector, *, seed: int) ->
         members.setdefault(candidate.effect.id, []).append(v)
     numbers = {name: np.array(list_, dtype=np.intp) for name, list_ in members.items()}
     gains = _block_gains(sums, bench.folds, numbers)
-    by_run = _run_gains(bench, sums, numbers)
+    best_of = {name: int(list_[np.argmax(whole.gain[list_])]) for name, list_ in numbers.items()}
+    by_run = _run_gains(bench, sums, best_of)
     draws = noise_gains(bench, base, sums, noise, seed=seed)
     found = {}
     for name, list_ in numbers.items():
-        best = int(list_[np.argmax(whole.gain[list_])])
+        best = best_of[name]
         found[name] = Tested(
             best=best,
             gain=float(whole.gain[best]),
@@ -113,20 +115,18 @@ def _block_gains(sums: Moments, folds: NDArray[np.intp], numbers: dict[str, NDAr
     return result
 
 
-def _run_gains(bench: Bench, sums: Moments, numbers: dict[str, NDArray[np.intp]]) -> dict[str, float]:
-    """Per effect, what the shape fitted to the other runs gains in each run, summed; empty of a single run."""
+def _run_gains(bench: Bench, sums: Moments, best_of: dict[str, int]) -> dict[str, float]:
+    """Per effect, what its best shape, sized by the other runs, gains in each run, summed; empty of a single run."""
     runs = np.unique(bench.block_runs)
     if len(runs) < 2:
         return {}
-    result = dict.fromkeys(numbers, 0.0)
+    result = np.zeros(len(best_of))
+    chosen = np.array(list(best_of.values()), dtype=np.intp)
     for run in runs:
         here = bench.block_runs == run
-        fit = solved(sums, ~here)
-        chosen = np.array([list_[np.argmax(fit.gain[list_])] for list_ in numbers.values()], dtype=np.intp)
-        alone, with_them = losses(sums, fit, here, chosen)
-        for name, loss in zip(numbers, with_them, strict=True):
-            result[name] += alone - float(loss)
-    return result
+        alone, with_them = losses(sums, solved(sums, ~here), here, chosen)
+        result += alone - with_them
+    return dict(zip(best_of, result.tolist(), strict=True))
 
 
 def noise_gains(bench: Bench, base: Matrix, sums: Moments, noise: Vector, *, seed: int) -> Matrix:

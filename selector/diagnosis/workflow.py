@@ -14,7 +14,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Effect, Fitted, Variant
 from selector.diagnosis.moments import solved
-from selector.diagnosis.recalibration import Recalibrated, recalibrated
+from selector.diagnosis.recalibration import recalibrated
 from selector.diagnosis.search import Search, Standing, numbers, search
 from selector.diagnosis.showing import fit_of
 
@@ -78,7 +78,7 @@ def diagnosis(
         for name, bench in benches.items()
     }
     named = tuple(sorted((_named(comparison, found, id_) for id_ in found.named), key=lambda effect: -effect.share))
-    verdict = _verdict(named, again)
+    verdict = _verdict(named, any(one.matters for one in again.values()))
     fit = {
         name: fit_of(
             comparison, bench, numbers(found.named, name), _unit(comparison, name),
@@ -102,12 +102,12 @@ def diagnosis(
     )
 
 
-def _verdict(named: Sequence[NamedEffect], again: Mapping[str, Recalibrated]) -> Verdict:
+def _verdict(named: Sequence[NamedEffect], is_recalibrated: bool) -> Verdict:
     if any(not effect.id.startswith("data.") for effect in named):
         return "missing-physics"
     if named:
         return "data-fault"
-    return "miscalibrated" if any(one.matters for one in again.values()) else "nothing-missing"
+    return "miscalibrated" if is_recalibrated else "nothing-missing"
 
 
 def _noise(bench: Bench, found: Search, name: str) -> Vector:
