@@ -170,6 +170,16 @@ class Bench:
         """The target less recalibration and named candidates [unit], all rows; NaN where the target is missing."""
         return self.target - self.raw_base(named) @ self.coefficients(named)[0]
 
+    def white_residual(self, named: Sequence[int]) -> Vector:
+        """The residual behind the noise filter, all rows; NaN where there is none, or no past."""
+        left = self.residual(named)
+        seen = np.isfinite(left)
+        result = whitened(self.noise, np.where(seen, left, 0.0)[:, None], self.parts)[:, 0]
+        told = np.zeros(len(left), dtype=bool)
+        for part in self.parts:
+            told[part.start + len(self.noise.phi) : part.stop] = True
+        return np.where(told & seen, result, np.nan)
+
     def refitted_noise(self, named: Sequence[int]) -> Bench:
         """The same with the noise that is left beside the candidates `named`."""
         left = np.where(self.fitted, self.residual(named), np.nan)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -11,9 +12,12 @@ from numpy.typing import NDArray
 from selector.diagnosis.answer import Diagnosis, Evidence, NamedEffect, Place, Verdict
 from selector.diagnosis.bench import Bench, bench_of
 from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.detectability import detectability
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Effect, Fitted, Variant
+from selector.diagnosis.location import active_windows
 from selector.diagnosis.moments import solved
+from selector.diagnosis.omnibus import Structure, unexplained
 from selector.diagnosis.recalibration import recalibrated
 from selector.diagnosis.search import Search, Standing, numbers, search
 from selector.diagnosis.showing import fit_of
@@ -78,7 +82,10 @@ def diagnosis(
         for name, bench in benches.items()
     }
     named = tuple(sorted((_named(comparison, found, id_) for id_ in found.named), key=lambda effect: -effect.share))
-    verdict = _verdict(named, any(one.matters for one in again.values()))
+    say(steps - 1, steps, "what nothing explains")
+    left = _left(comparison, found)
+    structures = unexplained(comparison, *left, seed=seed, false_alarm=false_alarm)
+    verdict = _verdict(named, structures, any(one.matters for one in again.values()))
     fit = {
         name: fit_of(
             comparison, bench, numbers(found.named, name), _unit(comparison, name),
@@ -90,11 +97,11 @@ def diagnosis(
         comparison=comparison,
         verdict=verdict,
         headline="",
-        where=_where(comparison, named),
+        where=_where(comparison, named, structures, left[0]),
         effects=named,
         fit=fit,
         evidence=tuple(_evidence(found, untested)),
-        detectable=(),
+        detectable=detectability(comparison, found, false_alarm=false_alarm),
         next_runs=(),
         recalibration={name: one.quantities for name, one in again.items()},
         findings=comparison.findings,
@@ -102,11 +109,27 @@ def diagnosis(
     )
 
 
-def _verdict(named: Sequence[NamedEffect], is_recalibrated: bool) -> Verdict:
+def _left(comparison: Comparison, found: Search) -> tuple[dict[str, Vector], dict[str, Vector]]:
+    """Residuals, and the same behind the noise filter; of named effects on the fitted rows alone.
+
+    What a named effect does on another programme may differ a little from its fit, and is no other effect.
+    """
+    looked = ~comparison.held_out if found.named else np.ones(len(comparison.time_s), dtype=bool)
+    residuals, white = {}, {}
+    for name, bench in found.benches.items():
+        of = numbers(found.named, name)
+        residuals[name] = np.where(looked, bench.residual(of), np.nan)
+        white[name] = np.where(looked, bench.white_residual(of), np.nan)
+    return residuals, white
+
+
+def _verdict(named: Sequence[NamedEffect], structures: Sequence[Structure], is_recalibrated: bool) -> Verdict:
     if any(not effect.id.startswith("data.") for effect in named):
         return "missing-physics"
     if named:
         return "data-fault"
+    if structures:
+        return "unexplained"
     return "miscalibrated" if is_recalibrated else "nothing-missing"
 
 
@@ -210,12 +233,21 @@ def _confidence(found: Search, id_: str) -> float:
     )
 
 
-def _where(comparison: Comparison, named: Sequence[NamedEffect]) -> tuple[Place, ...]:
-    found = []
+def _where(
+    comparison: Comparison,
+    named: Sequence[NamedEffect],
+    structures: Sequence[Structure],
+    residuals: Mapping[str, Vector],
+) -> tuple[Place, ...]:
+    """Windows in which the named effects act, or in which what nothing explains is large."""
+    found: list[Place] = []
     for effect in named:
-        for run, rows in comparison.rows_of_runs():
-            time = comparison.time_s[rows]
-            found.append(Place(effect.channel, effect.place, run, float(time[0]), float(time[-1]), None, effect.share))
+        for channel in effect.channels:
+            windows = active_windows(comparison, channel, effect.courses[channel])
+            found += [replace(place, place=effect.place, share=place.share * effect.share) for place in windows]
+    if not named and structures:
+        channel = structures[0].channel
+        found += active_windows(comparison, channel, residuals[channel])
     return tuple(found)
 
 
