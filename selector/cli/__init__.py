@@ -16,6 +16,7 @@ from selector import __version__
 from selector.cli import (
     applying,
     demo,
+    diagnosing,
     models,
     patent,
     predicting,
@@ -85,6 +86,7 @@ _model = typer.Typer(help="Look at a model file.")
 _command("show", models.show, _model)
 _command("check", models.check, _model)
 app.add_typer(_model, name="model")
+_command("diagnose", diagnosing.diagnose)
 _command("prove", proving.prove)
 _command("audit-patent", patent.audit_patent)
 

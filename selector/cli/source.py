@@ -14,7 +14,7 @@ import typer
 from selector.errors import OptionError
 
 if TYPE_CHECKING:
-    from selector.readers import Reading
+    from selector.readers import Overrides, Reading
 
 READING_PANEL = "How the files are read (what is not said is inferred and shown)"
 
@@ -110,9 +110,21 @@ class Source:
         InputError
             A file cannot be read, the machine file does not fit, or an option cannot be used.
         """
-        from selector.readers import Overrides, read
+        from selector.readers import read
 
-        overrides = Overrides(
+        return read(self.runs, machine=self.machine, overrides=self.overrides())
+
+    def overrides(self) -> Overrides:
+        """What the user decides instead of the reader.
+
+        Raises
+        ------
+        OptionError
+            An option cannot be used.
+        """
+        from selector.readers import Overrides
+
+        return Overrides(
             encoding=self.encoding,
             separator=self.separator,
             decimal=self.decimal,
@@ -125,7 +137,6 @@ class Source:
             units=pairs(self.unit, "--unit"),
             roles=pairs(self.role, "--role"),
         )
-        return read(self.runs, machine=self.machine, overrides=overrides)
 
 
 def with_source(command: Callable[..., None]) -> Callable[..., None]:

@@ -25,7 +25,7 @@ def without_useless(comparison: Comparison, *, asked: bool) -> Comparison:
     ----------
     comparison : Comparison
     asked : bool
-        Whether the user named the responses; of those none is left out as a mere input of the simulation.
+        Whether the user named the responses: then it is a warning that one is a mere input of the simulation.
 
     Raises
     ------
@@ -36,9 +36,10 @@ def without_useless(comparison: Comparison, *, asked: bool) -> Comparison:
     copies = set(identical_responses(comparison))
     for name in comparison.responses:
         reason = _reason(comparison, name)
-        if reason is None and not asked and name in copies and len(copies) < len(comparison.responses):
+        if reason is None and name in copies and len(copies) < len(comparison.responses):
             # what the simulation was given, it hands back
-            findings.append(_told("input-of-simulation", "info", name, "is in the simulation as it was recorded"))
+            level = "warning" if asked else "info"
+            findings.append(_told("input-of-simulation", level, name, "is in the simulation as it was recorded"))
         elif reason is None:
             _require_same_unit(comparison, name)
             kept.append(name)
@@ -111,9 +112,9 @@ def _require_same_unit(comparison: Comparison, name: str) -> None:
             if abs(gain / times - 1.0) < 0.15:
                 raise InputError(
                     f"what was recorded of {name} is {gain:.4g} times what was simulated, as between {units}",
-                    expected=f"the same unit ({comparison.channel(name).unit}) in both",
+                    expected="the same unit in both",
                     where=f"channel {name!r} of the simulation",
-                    advice="write the unit into the header of the simulated column, or convert the column",
+                    advice="convert the simulated column to the unit that the machine file says, or correct that",
                 )
 
 
@@ -124,7 +125,7 @@ def _told(id: str, level: str, name: str, clause: str) -> Finding:  # noqa: A002
         f"{name} is not compared: it {clause}.",
         Where(channel=name),
         {},
-        "name it with --response if it shall be compared" if level == "info" else "check the recording and the file",
+        "" if level == "info" else "check the recording and the file",
     )
 
 

@@ -1,0 +1,196 @@
+"""`diagnose`: recordings and a simulation in; where they differ, which physics was left out, and the fit with it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from selector.cli import showing
+from selector.cli.files import folder_written_whole, require_writable_folder
+from selector.cli.selecting import progress_bar
+from selector.cli.showing import AsJson
+from selector.cli.source import Source, with_source
+from selector.errors import OptionError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from selector.diagnosis.answer import Diagnosis, Fit, Place
+    from selector.diagnosis.comparison import Comparison
+
+_SIMULATION = "What it is compared with"
+
+Simulation = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--simulation",
+        metavar="PATH",
+        help="Simulated runs, named as the recorded ones: a folder, or a file; repeat.",
+        rich_help_panel=_SIMULATION,
+    ),
+]
+SimulationTimeUnit = Annotated[
+    str | None,
+    typer.Option(
+        "--simulation-time-unit",
+        metavar="UNIT",
+        help="Unit of the time in the simulated files, if it is another one and not written there.",
+        rich_help_panel=_SIMULATION,
+    ),
+]
+Responses = Annotated[
+    list[str] | None,
+    typer.Option("--response", metavar="NAME", help="Channel to compare; repeat. Default: all that are simulated."),
+]
+HoldOut = Annotated[
+    str,
+    typer.Option(
+        "--holdout",
+        metavar="last|RUN|SHARE",
+        help="What nothing is fitted to: the last run (of a single one its last 30 %), a run, or a share of every run.",
+    ),
+]
+Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Of the draws of noise.")]
+FalseAlarm = Annotated[
+    float,
+    typer.Option("--false-alarm", metavar="P", help="Allowed probability of naming something where nothing is."),
+]
+Out = Annotated[
+    Path | None, typer.Option("--out", metavar="DIR", help="Write diagnosis.json and report.html, all or none.")
+]
+
+
+@with_source
+def diagnose(
+    source: Source,
+    simulation: Simulation = None,
+    simulation_time_unit: SimulationTimeUnit = None,
+    response: Responses = None,
+    holdout: HoldOut = "last",
+    seed: Seed = 0,
+    false_alarm: FalseAlarm = 0.01,
+    out: Out = None,
+    as_json: AsJson = False,
+) -> None:
+    """Says what a simulation left out: where it differs from the recordings, which physics or fault of the data
+    explains it, how sure that is, and how much closer the simulation comes with it.
+
+    What is named was tested against noise on rows that it was not fitted to. Where nothing of the catalogue explains
+    a difference, that is said, and nothing is named.
+    """
+    from selector.diagnosis.copied import diagnosis_of_copy
+    from selector.diagnosis.workflow import diagnosis
+
+    _require(0 <= seed < 2**53, str(seed), "a whole number from 0", "--seed", "e.g. --seed 0")
+    _require(
+        0.0 < false_alarm <= 0.2, str(false_alarm), "a probability above 0 and up to 0.2", "--false-alarm", "e.g. 0.01"
+    )
+    if out is not None:
+        require_writable_folder(out, "--out")
+    console = showing.screen(as_json)
+    with progress_bar(as_json) as progress:
+        progress("reading", 0.0)
+        comparison = compared(source, simulation, simulation_time_unit, response, holdout)
+        found = diagnosis_of_copy(comparison, seed=seed) or diagnosis(
+            comparison, seed=seed, false_alarm=false_alarm, progress=_in_steps(progress)
+        )
+        if out is not None:
+            progress("writing", 1.0)
+            with folder_written_whole(out) as folder:
+                write_results(found, folder)
+    if as_json:
+        showing.print_json(found.as_dict())
+    else:
+        show_diagnosis(console, found)
+    if out is not None:
+        console.print(f"wrote {out}: diagnosis.json", markup=False)
+
+
+def compared(
+    source: Source,
+    simulation: list[Path] | None,
+    time_unit: str | None = None,
+    responses: list[str] | None = None,
+    holdout: str = "last",
+) -> Comparison:
+    """The recordings of a command line beside their simulation.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read, or the two cannot be compared.
+    """
+    from selector.cli.simulated_runs import simulated_reading
+    from selector.diagnosis.alignment import comparison_of
+
+    if not simulation:
+        raise OptionError(
+            "nothing to compare the recordings with",
+            expected="simulated runs, named as the recorded ones",
+            where="--simulation",
+            advice="add --simulation PATH with a folder, or once for each file",
+        )
+    recorded = source.reading()
+    simulated = simulated_reading(simulation, recorded, source.overrides(), time_unit)
+    comparison = comparison_of(recorded.recording, simulated.recording, responses=responses or None, holdout=holdout)
+    told = [dataclasses.replace(f, statement=f"Simulation: {f.statement}") for f in simulated.findings]
+    said = [finding for finding in told if finding.id not in ("columns-ignored", "channels-lacking")]
+    return dataclasses.replace(comparison, findings=(*recorded.findings, *said, *comparison.findings))
+
+
+def write_results(found: Diagnosis, folder: Path) -> None:
+    """diagnosis.json, into a folder that exists."""
+    text = showing.json_text(found.as_dict()) + "\n"
+    (folder / "diagnosis.json").write_text(text, encoding="utf-8", newline="\n")
+
+
+def show_diagnosis(console: Console, found: Diagnosis) -> None:
+    """The answer for people: what was left out, where, how sure, and what it is worth."""
+    console.print(found.headline or _HEADLINES[found.verdict], style="bold", markup=False)
+    for effect in found.effects:
+        sure = f"{effect.confidence:.0%} sure" + (", not confirmed on another programme" if effect.suspected else "")
+        console.print(f"{effect.id}: {effect.statement} ({sure}; {effect.share:.0%} of the difference)", markup=False)
+        if effect.cannot_be_told_from:
+            console.print(f"    cannot be told from {', '.join(effect.cannot_be_told_from)}", markup=False)
+            console.print(f"    what would tell: {effect.experiment}", markup=False)
+    if found.where:
+        columns = ["channel", "place", "run", "from", "to", "when", "share"]
+        console.print(showing.table("Where", columns, map(_place_row, found.where), numeric=columns[-1:]))
+    if found.fit:
+        columns = ["response", "unit", "as it is", "recalibrated", "with what was found", "noise", "fitted part"]
+        rows = [_fit_row(name, fit) for name, fit in found.fit.items()]
+        console.print(showing.table("RMS error on what was held out", columns, rows, numeric=columns[2:]))
+    showing.show_findings(console, found.findings)
+
+
+_HEADLINES = {
+    "missing-physics": "The simulation left out physics.",
+    "data-fault": "The recording is at fault, not the simulation.",
+    "miscalibrated": "Offset, gain or delay of the simulation explain the difference.",
+    "nothing-missing": "Nothing is missing: what is left is noise.",
+    "unexplained": "Something is missing that nothing in the catalogue explains.",
+}
+
+
+def _place_row(place: Place) -> tuple[object, ...]:
+    times = ("" if t is None else showing.duration_text(t) for t in (place.from_s, place.to_s))
+    return place.channel, place.place or "", place.run or "all", *times, place.regime or "", f"{place.share:.0%}"
+
+
+def _fit_row(name: str, fit: Fit) -> tuple[object, ...]:
+    held = fit.heldout
+    fitted = f"{showing.cell_text(fit.train.rmse_before)} → {showing.cell_text(fit.train.rmse_after)}"
+    return name, fit.unit, held.rmse_before, fit.recalibrated_heldout, held.rmse_after, held.noise_floor, fitted
+
+
+def _in_steps(progress: Callable[[str, float], None]) -> Callable[[int, int, str], None]:
+    return lambda done, total, text: progress(text, 0.05 + 0.95 * done / max(total, 1))
+
+
+def _require(holds: bool, found: str, expected: str, where: str, advice: str) -> None:
+    if not holds:
+        raise OptionError(found, expected=expected, where=where, advice=advice)

@@ -1,0 +1,120 @@
+"""How are simulated runs read beside recorded ones: the same channels, on a clock and in a format of their own."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from selector.errors import InputError, ReadError
+from selector.findings import Finding, Where
+
+if TYPE_CHECKING:
+    from selector.readers import Machine, Overrides, Reading
+
+_UNITS_S = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
+_SAME_SPAN = 0.03
+"""Part by which a simulated run may be longer or shorter than the recorded one when its unit of time is told by it."""
+
+
+def simulated_reading(
+    paths: Sequence[Path], recorded: Reading, overrides: Overrides, time_unit: str | None = None
+) -> Reading:
+    """The simulation of recorded runs.
+
+    Channels, units and roles are those of the recordings; channels may be lacking. What is said about the format of
+    the recordings is tried first; a simulation written otherwise is read as it is. The unit of its time is, in this
+    order: `time_unit`, what its header says, that of the recordings, unless the length of the runs shows another one.
+
+    Raises
+    ------
+    InputError
+        The files cannot be read, or hold none of the recorded channels.
+    """
+    from selector.readers import machine_of
+
+    machine = recorded.machine if recorded.machine is not None else machine_of(recorded)
+    first: InputError | None = None
+    for asked, names in _ways(machine, overrides):
+        try:
+            found = _with_its_clock(paths, recorded, names, asked, time_unit)
+        except InputError as error:
+            first = first or error
+            continue
+        if set(found.recording.names) & set(recorded.recording.names):
+            return found
+    raise first or _nothing_in_common(paths, recorded)
+
+
+def _ways(machine: Machine, overrides: Overrides) -> Iterator[tuple[Overrides, Machine]]:
+    """What to read with: first all that was said about the recordings, then less and less of their format."""
+    from selector.readers import Overrides as Plain
+    from selector.readers.machine_file import TimeSection
+
+    same = dataclasses.replace(overrides, partial=True)
+    own_format = Plain(date_order=overrides.date_order, units=overrides.units, roles=overrides.roles, partial=True)
+    own_clock = machine.model_copy(update={"time": TimeSection(date_order=machine.time.date_order)})
+    yield same, machine
+    yield dataclasses.replace(same, time_column=None, time_unit=None, period_s=None), own_clock
+    yield own_format, machine
+    yield own_format, own_clock
+
+
+def _with_its_clock(
+    paths: Sequence[Path], recorded: Reading, machine: Machine, overrides: Overrides, time_unit: str | None
+) -> Reading:
+    from selector.readers import read
+
+    if time_unit is not None:
+        return read(paths, machine, dataclasses.replace(overrides, time_unit=time_unit))
+    free = machine.model_copy(update={"time": machine.time.model_copy(update={"unit": None})})
+    found = read(paths, free, dataclasses.replace(overrides, time_unit=None))
+    if not _unit_guessed(found):
+        return found
+    told = recorded.reading["time"]["unit"]
+    usual = told if told in _UNITS_S else None
+    unit = _unit_by_length(found, recorded, usual)
+    if unit is None:
+        return found
+    result = read(paths, machine, dataclasses.replace(overrides, time_unit=unit))
+    if unit == usual:
+        return result
+    said = Finding(
+        "simulated-time-unit",
+        "warning",
+        f"The time of the simulation was read in {unit}: only then its runs are as long as the recorded ones.",
+        Where(),
+        {"unit": unit, "unit_of_recording": usual},
+        "name it with --simulation-time-unit, or write it into the header of the time column",
+    )
+    return dataclasses.replace(result, findings=(said, *result.findings))
+
+
+def _unit_guessed(found: Reading) -> bool:
+    times = [found.reading["time"], *(own["time"] for own in found.reading.get("per_run", {}).values())]
+    return any("unit" in time["guessed"] for time in times)
+
+
+def _unit_by_length(found: Reading, recorded: Reading, usual: str | None) -> str | None:
+    """The unit of time in which simulated runs are as long as recorded ones; `usual` if none or that one is."""
+    length = {run.name: run.duration_s for run in recorded.runs}
+    assumed_s = _UNITS_S.get(found.reading["time"]["unit"])
+    pairs = [(run.duration_s, length[run.name]) for run in found.runs if run.name in length]
+    if assumed_s is None or not pairs:
+        return usual
+    fitting = [
+        unit
+        for unit, unit_s in _UNITS_S.items()
+        if all(abs(span_s / assumed_s * unit_s - whole_s) <= _SAME_SPAN * whole_s for span_s, whole_s in pairs)
+    ]
+    return usual if not fitting or usual in fitting else fitting[0]
+
+
+def _nothing_in_common(paths: Sequence[Path], recorded: Reading) -> ReadError:
+    return ReadError(
+        "none of the recorded channels",
+        expected=f"columns with some of {', '.join(recorded.recording.names[:12])}",
+        where=f"--simulation {', '.join(str(path) for path in paths[:3])}",
+        advice="name the simulated columns as the recorded channels, or as the columns in the machine file",
+    )
