@@ -16,7 +16,7 @@ from scipy.signal import bilinear, lfilter
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.motion import commanded, derivatives, motion
-from selector.diagnosis.signals import filled
+from selector.diagnosis.signals import filled, lagged
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -24,7 +24,7 @@ Matrix = NDArray[np.float64]
 FORCE_ROLES = ("current", "force", "voltage")
 MOTION_ROLES = ("displacement", "position", "velocity", "acceleration")
 ORDER = 3
-ROUNDS = 10
+ROUNDS = 7
 SLOWEST, FASTEST = 2.0, 2000.0
 """Bounds of the poles [1/s]."""
 PRESLIDING_M = 3e-6
@@ -46,11 +46,6 @@ class ClosedLoop:
 
     polynomial: tuple[float, ...]
     misfit: float
-
-
-def force_like(comparison: Comparison, response: str) -> bool:
-    """Whether the response is a current, a force or a voltage."""
-    return comparison.channel(response).role in FORCE_ROLES
 
 
 def responds(comparison: Comparison, response: str) -> str | None:
@@ -86,9 +81,19 @@ def passed(comparison: Comparison, response: str, force: Vector) -> tuple[Matrix
     return np.column_stack([moved, force]), ("through the loop", "by compliance")
 
 
-def moved(comparison: Comparison, response: str, force: Vector) -> Matrix:
-    """What a force of the motor does to a motion or a force-like response: as `passed`, without compliance."""
-    return passed(comparison, response, force)[0][:, :1]
+def loop_parts(comparison: Comparison, response: str, course: Vector) -> tuple[Vector, ...]:
+    """Course as its second and third derivative pass the loop: what a sudden shift of the table costs the drive."""
+    loop = closed_loop(comparison, comparison.channel(response).axis)
+    if loop is None:
+        return (derivatives(comparison, course)[0],)
+    return tuple(_through(comparison, loop, power, course) for power in (2, 3))
+
+
+def drawn_out(comparison: Comparison, response: str, speed: Vector) -> Vector:
+    """Where a lack of speed leaves the axis until the loop has made it good: its way, forgotten with the slowest pole."""
+    loop = closed_loop(comparison, comparison.channel(response).axis)
+    slowest = 20.0 if loop is None else float(np.min(np.abs(np.roots(loop.polynomial))))
+    return lagged(comparison, speed, 1.0 / slowest) / slowest
 
 
 @lru_cache(maxsize=8)

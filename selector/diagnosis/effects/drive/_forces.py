@@ -1,0 +1,143 @@
+"""How forces on an axis become the shapes of a drive effect, and how a fit of them is put into words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.effect import Fitted, Quantity, Variant
+from selector.diagnosis.force_response import FORCE_ROLES, passed, responds
+from selector.diagnosis.motion import Motion, motion
+from selector.diagnosis.signals import filled
+
+Vector = NDArray[np.float64]
+
+PLACES = ("displacement", "position")
+
+
+def motion_of(comparison: Comparison, response: str) -> Motion:
+    """The motion of the axis that the response belongs to."""
+    found = motion(comparison, comparison.channel(response).axis)
+    if found is None:
+        raise ValueError(f"asked for shapes in {response!r}, which no motion was recorded for")
+    return found
+
+
+def of_forces(
+    comparison: Comparison,
+    response: str,
+    forces: Mapping[str, Vector],
+    shape: Mapping[str, Quantity] | None = None,
+    *,
+    of_motor: bool = False,
+    regime: str | None = None,
+) -> Variant:
+    """Forces [any unit], by what they are, as one shape in the response; those of the motor bend nothing."""
+    columns, names = [], []
+    for what, force in forces.items():
+        shown, how = passed(comparison, response, force)
+        keep = 1 if of_motor else shown.shape[1]
+        columns.append(shown[:, :keep])
+        names += [what if one == "force" else f"{what}, {one}" for one in how[:keep]]
+    sources = motion_of(comparison, response).sources
+    return Variant(np.hstack(columns), tuple(names), dict(shape or {}), sources=sources, regime=regime)
+
+
+def direct(
+    comparison: Comparison, response: str, columns: Mapping[str, Vector], shape: Mapping[str, Quantity] | None = None
+) -> Variant:
+    """Courses that stand in the response as they are."""
+    sources = motion_of(comparison, response).sources
+    return Variant(np.column_stack(list(columns.values())), tuple(columns), dict(shape or {}), sources=sources)
+
+
+def any_response(comparison: Comparison, response: str) -> str | None:
+    """None if a force on an axis can be seen here."""
+    return responds(comparison, response)
+
+
+def reverses(comparison: Comparison, response: str) -> str | None:
+    """None if a force can be seen here and the axis goes both ways."""
+    lacking = responds(comparison, response)
+    if lacking is not None:
+        return lacking
+    sense = motion_of(comparison, response).sense
+    if not (np.any(sense > 0.0) and np.any(sense < 0.0)):
+        return "the axis moves one way only, where dry friction is a constant"
+    return None
+
+
+def place_only(comparison: Comparison, response: str) -> str | None:
+    """None if the response is a displacement or position of an axis that moves."""
+    lacking = responds(comparison, response)
+    if lacking is None and comparison.channel(response).role not in PLACES:
+        return f"{response} is no displacement or position, and it does not show elsewhere"
+    return lacking
+
+
+def simulated_drive_force(comparison: Comparison, response: str) -> tuple[str, Vector] | None:
+    """Simulated current, force or voltage of the axis, which has no noise; None if none is simulated."""
+    axis = comparison.channel(response).axis
+    for channel in comparison.channels:
+        if channel.role in FORCE_ROLES and channel.name in comparison.simulated:
+            if axis is None or channel.axis in (None, axis):
+                return channel.name, filled(comparison, comparison.simulated[channel.name])
+    return None
+
+
+def centred_place(moving: Motion) -> Vector:
+    """Position from the middle of the way that was travelled, −1…1 over it; 0 if there is none."""
+    low, high = float(moving.position_m.min()), float(moving.position_m.max())
+    if high <= low:
+        return np.zeros(len(moving.position_m))
+    return np.asarray((2.0 * moving.position_m - low - high) / (high - low))
+
+
+def coefficient(fitted: Fitted, column: int, unit: str | None = None, factor: float = 1.0) -> Quantity:
+    """A fitted coefficient with its 95 % interval, times a factor, in this unit (None: of the response)."""
+    value, half = (
+        factor * float(fitted.coefficients[column]),
+        1.96 * abs(factor * float(fitted.standard_errors[column])),
+    )
+    return Quantity(value, fitted.unit if unit is None else unit, value - half, value + half)
+
+
+def shape_quantity(fitted: Fitted, name: str) -> Quantity:
+    """A shape parameter with the interval of its profile."""
+    found = fitted.variant.shape[name]
+    low, high = fitted.shape_intervals.get(name, (found.low, found.high))
+    return Quantity(found.value, found.unit, low, high)
+
+
+def size_of(fitted: Fitted) -> str:
+    """How large the effect's course is, in words."""
+    return f"{_number(fitted.rms)} {fitted.unit} rms and up to {_number(fitted.largest)} {fitted.unit} in {fitted.response}"
+
+
+def with_interval(quantity: Quantity, *, amount: bool = False) -> str:
+    """Value, interval and unit in words; with `amount` without its sign."""
+    value = abs(quantity.value) if amount else quantity.value
+    unit = "" if quantity.unit == "1" else f" {quantity.unit}"
+    if quantity.low is None or quantity.high is None:
+        return f"{_number(value)}{unit}"
+    low, high = quantity.low, quantity.high
+    if amount and quantity.value < 0.0:
+        low, high = -high, -low
+    return f"{_number(value)} ({_number(low)} to {_number(high)}){unit}"
+
+
+def is_force(fitted: Fitted, comparison: Comparison) -> bool:
+    """Whether the fitted response is a force, current or voltage, so that its first coefficient is the force in its unit."""
+    return comparison.channel(fitted.response).role in FORCE_ROLES
+
+
+def key_of(fitted: Fitted) -> str:
+    """Name of a parameter that is a force in the unit of the response."""
+    return {"N": "force_n", "A": "current_a", "V": "voltage_v"}.get(fitted.unit, "amount")
+
+
+def _number(value: float) -> str:
+    return f"{value:.3g}"

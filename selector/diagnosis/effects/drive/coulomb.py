@@ -1,0 +1,80 @@
+"""Dry friction whose amount does not depend on speed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.drive._forces import (
+    coefficient,
+    is_force,
+    key_of,
+    motion_of,
+    of_forces,
+    reverses,
+    shape_quantity,
+    size_of,
+    with_interval,
+)
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+
+_PRESLIDING_UM = (1.0, 4.0, 15.0)
+
+
+def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
+    if reverses(comparison, response) is not None:
+        return
+    moving = motion_of(comparison, response)
+    for presliding_um in _PRESLIDING_UM:
+        friction = moving.friction_state(1e-6 * presliding_um)
+        shape = {"presliding_um": Quantity(presliding_um, "um")}
+        yield of_forces(comparison, response, {"friction by sign of motion": friction}, shape)
+
+
+def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
+    presliding = shape_quantity(fitted, "presliding_um")
+    if is_force(fitted, comparison):
+        force = coefficient(fitted, 0)
+        turned = " against the sense that friction has" if force.value < 0.0 else ""
+        return Reading(
+            f"Dry friction of {with_interval(force, amount=True)} by sign of motion{turned}, whatever the speed, "
+            f"acts on "
+            f"the axis and is not in the simulation ({size_of(fitted)}).",
+            {key_of(fitted): force, "presliding_um": presliding},
+        )
+    return Reading(
+        f"At each reversal a force that turns with the sense of motion, whatever the speed, pushes the axis aside: "
+        f"{size_of(fitted)}.",
+        {"largest": Quantity(fitted.largest, fitted.unit), "presliding_um": presliding},
+    )
+
+
+EFFECT = Effect(
+    id="drive.coulomb",
+    title="Coulomb friction",
+    physics="Dry friction of guide, screw and seals acts against the motion with the same force at every speed. "
+    "Current or "
+    "force jumps at each reversal by twice its amount, and the axis is pushed aside until the control has put it back.",
+    reference="B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit (1994), Automatica 30(7), 1083–1138; "
+    "turn-over within the presliding distance: P. Dahl (1968), A solid friction model",
+    enters="force",
+    acts_at="guide, screw, bearings or motor of an axis",
+    parameters=(
+        ShapeParameter(
+            "force_n", "N (A or V where a current or voltage is compared)", 0.0, 1e5, "amount of the friction"
+        ),
+        ShapeParameter("presliding_um", "um", 1.0, 15.0, "way within which the friction turns over after a reversal"),
+    ),
+    needs="current, force, voltage or position error of an axis that goes both ways, and its command, position or "
+    "speed",
+    # at one speed and both ways, v and sign v are the same course
+    confounders=("drive.viscous", "drive.stribeck", "drive.asymmetric_friction", "drive.backlash", "drive.elasticity"),
+    refuted_by="Strokes at constant speed in both directions whose forces differ by nothing, or by what grows with "
+    "speed.",
+    experiment="Move 50 mm to and fro at 5, 20, 50 and 100 % of the rapid speed, three times each with 0.5 s dwells: "
+    "half the "
+    "difference of the forces there and back is the same at all four speeds.",
+    variants=_variants,
+    testable=reverses,
+    reading=_reading,
+)

@@ -1,0 +1,79 @@
+"""A constant force on the axis."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.drive._forces import (
+    any_response,
+    coefficient,
+    direct,
+    is_force,
+    key_of,
+    size_of,
+    with_interval,
+)
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.signals import in_run
+
+_CONSTANT = "constant force"
+
+
+def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
+    if any_response(comparison, response) is not None:
+        return
+    # long at rest before the recording begins, so that it has settled: no transient at the first sample
+    ones = np.ones(len(comparison.time_s))
+    whole = direct(comparison, response, {_CONSTANT: ones})
+    yield whole
+    if len(comparison.runs) > 1:
+        for run in comparison.runs:
+            yield Variant(in_run(comparison, run, ones)[:, None], (_CONSTANT,), sources=whole.sources, run=run)
+
+
+def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
+    when = "" if fitted.variant.run is None else f" in run {fitted.variant.run}"
+    if is_force(fitted, comparison):
+        force = coefficient(fitted, 0)
+        return Reading(
+            f"A constant force of {with_interval(force)} acts on the axis{when}, at rest and in motion alike "
+            f"({size_of(fitted)}).",
+            {key_of(fitted): force},
+        )
+    shift = coefficient(fitted, 0)
+    return Reading(
+        f"A constant force holds the axis {with_interval(shift)} aside{when}, at rest and in motion alike.",
+        {"shift": Quantity(shift.value, shift.unit, shift.low, shift.high)},
+    )
+
+
+EFFECT = Effect(
+    id="drive.offset_force",
+    title="Constant force",
+    physics="Weight of a vertical axis, its counterbalance, a hose or a cable chain pull with the same force all the "
+    "time. Current "
+    "or force is shifted by a constant at rest, in motion and in both directions.",
+    reference="A. Janot, M. Gautier, M. Brunot (2019), Data set and reference models of EMPS, Workshop on Nonlinear "
+    "System "
+    "Identification Benchmarks (offset of the force)",
+    enters="force",
+    acts_at="table of an axis",
+    parameters=(
+        ShapeParameter("force_n", "N (A or V where these are compared)", -1e5, 1e5, "force in positive direction"),
+    ),
+    needs="current, force, voltage or position error of an axis; a constant of all runs may as well be the channel's "
+    "zero",
+    # a constant in one channel says nothing of its cause
+    confounders=("data.zero", "drive.asymmetric_friction", "drive.coulomb"),
+    refuted_by="A current that is zero while the axis is held by its brake or stands without the drive, and shifted "
+    "alike then.",
+    experiment="Hold the axis in position with the drive on for 5 s, then with the brake on and the drive off for 5 "
+    "s, at both ends "
+    "and in the middle: what the current loses is the constant force.",
+    variants=_variants,
+    testable=any_response,
+    reading=_reading,
+)

@@ -1,0 +1,84 @@
+"""Position error that belongs to the place on the screw or scale."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.drive._forces import (
+    centred_place,
+    direct,
+    motion_of,
+    place_only,
+    shape_quantity,
+    size_of,
+)
+from selector.diagnosis.effects.drive._leads import leads
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+
+
+def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
+    if place_only(comparison, response) is not None:
+        return
+    moving = motion_of(comparison, response)
+    place = centred_place(moving)
+    powers = {"position": place, "position²": place**2, "position³": place**3}
+    for n in (1, 2, 3):
+        columns = dict(list(powers.items())[:n])
+        yield direct(comparison, response, columns, {"power": Quantity(float(n), "1")})
+    for lead in leads(comparison, comparison.channel(response).axis):
+        turn = 2.0 * np.pi * moving.position_m / lead
+        shape = {"lead_mm": Quantity(1e3 * lead, "mm")}
+        once = {"sine of the lead": np.sin(turn), "cosine of the lead": np.cos(turn)}
+        yield direct(comparison, response, once, shape | {"harmonics": Quantity(1.0, "1")})
+        twice = {"sine of half the lead": np.sin(2.0 * turn), "cosine of half the lead": np.cos(2.0 * turn)}
+        yield direct(comparison, response, once | twice, shape | {"harmonics": Quantity(2.0, "1")})
+
+
+def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
+    if "lead_mm" in fitted.variant.shape:
+        lead = shape_quantity(fitted, "lead_mm")
+        amount = float(np.hypot(fitted.coefficients[0], fitted.coefficients[1]))
+        half = 1.96 * float(np.hypot(fitted.standard_errors[0], fitted.standard_errors[1]))
+        amplitude = Quantity(amount, fitted.unit, max(amount - half, 0.0), amount + half)
+        return Reading(
+            f"The position error repeats every {lead.value:.4g} mm with an amplitude of {amount:.3g} {fitted.unit}, "
+            f"whatever the "
+            f"speed: {size_of(fitted)}.",
+            {"lead_mm": lead, "amplitude": amplitude},
+        )
+    return Reading(
+        f"A position error grows along the way, whatever speed and direction: {size_of(fitted)}.",
+        {"largest": Quantity(fitted.largest, fitted.unit)},
+    )
+
+
+EFFECT = Effect(
+    id="drive.pitch_error",
+    title="Pitch error",
+    physics="The screw's lead, or the scale's pitch, is off by an amount that belongs to the place: cumulative, or "
+    "repeating with "
+    "each turn. The position is off by it in both directions and at every speed, and the force is not.",
+    reference="ISO 230-2:2014, positioning deviation along the axis; ISO 3408-3, travel deviation and variation of "
+    "ball screws",
+    enters="displacement",
+    acts_at="screw or scale of an axis",
+    parameters=(
+        ShapeParameter("lead_mm", "mm", 0.5, 1e3, "way after which it repeats"),
+        ShapeParameter("amplitude", "unit of the response", 0.0, 1e3, "half of its swing"),
+        ShapeParameter("power", "1", 1.0, 3.0, "of the cumulative course over position"),
+        ShapeParameter("harmonics", "1", 1.0, 2.0, "parts of a turn that it has"),
+    ),
+    needs="displacement or position of an axis, with three turns of the lead at least",
+    # at one speed a ripple that has passed the loop is the same sine
+    confounders=("drive.ripple", "drive.varying_stiffness", "thermal.second_source", "vibration.line"),
+    refuted_by="The same places passed at another speed with another error, or one that shifts between directions.",
+    experiment="Measure the position error at rest every 1/8 lead over ten turns and every 50 mm over the whole way, "
+    "both "
+    "directions, five times (ISO 230-2).",
+    variants=_variants,
+    testable=place_only,
+    reading=_reading,
+)

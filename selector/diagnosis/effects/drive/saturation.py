@@ -1,0 +1,119 @@
+"""A limit that something of the drive runs into."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.drive._forces import (
+    any_response,
+    direct,
+    motion_of,
+    of_forces,
+    shape_quantity,
+    simulated_drive_force,
+    size_of,
+)
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.force_response import FORCE_ROLES, drawn_out
+
+Vector = NDArray[np.float64]
+
+_SHARES = (0.95, 0.9, 0.85, 0.8, 0.75, 0.7, 0.6, 0.5, 0.4)
+_FEWEST_ROWS = 10
+
+
+def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
+    if _testable(comparison, response) is not None:
+        return
+    for name, course, unit, kind in _limited(comparison, response):
+        top = float(np.abs(course).max())
+        levels = sorted({*(share * top for share in _SHARES), *_plateau(comparison, name)}, reverse=True)
+        for level in levels:
+            excess = np.sign(course) * np.maximum(np.abs(course) - level, 0.0)
+            if not 0.0 < level < top or int(np.count_nonzero(excess[~comparison.held_out])) < _FEWEST_ROWS:
+                continue
+            shape = {"limit": Quantity(level, unit), "kind": Quantity(kind, "1")}
+            regime = f"|{name}| > {level:.3g} {unit}"
+            yield _variant(comparison, response, name, excess, shape, regime)
+
+
+def _variant(
+    comparison: Comparison, response: str, name: str, excess: Vector, shape: dict[str, Quantity], regime: str
+) -> Variant:
+    what = f"what {name} lacks above its limit"
+    if comparison.channel(response).role in FORCE_ROLES and shape["kind"].value == 0.0:
+        later = of_forces(comparison, response, {f"{what}, made good later": excess}, of_motor=True)
+        columns = np.column_stack([-excess, later.columns])
+        return Variant(columns, (what, *later.names), shape, sources=later.sources, regime=regime)
+    if shape["kind"].value == 0.0:
+        return of_forces(comparison, response, {what: excess}, shape, of_motor=True, regime=regime)
+    behind = drawn_out(comparison, response, excess)
+    found = direct(comparison, response, {f"{what}, until it is made good": behind}, shape)
+    return Variant(found.columns, found.names, shape, sources=found.sources, regime=regime)
+
+
+def _limited(comparison: Comparison, response: str) -> Iterator[tuple[str, Vector, str, float]]:
+    """What may have a limit: force of the drive, or acceleration if none is simulated; speed."""
+    moving = motion_of(comparison, response)
+    drive = simulated_drive_force(comparison, response)
+    if drive is not None:
+        yield drive[0], drive[1], comparison.channel(drive[0]).unit, 0.0
+    else:
+        yield "acceleration", moving.acceleration_m_per_s2, "m/s^2", 0.0
+    yield "speed", moving.velocity_m_per_s, "m/s", 1.0
+
+
+def _plateau(comparison: Comparison, name: str) -> list[float]:
+    """The level that a recorded channel stays at where it is largest, if the simulation goes beyond it."""
+    if name not in comparison.recorded:
+        return []
+    seen = np.abs(comparison.recorded[name][~comparison.held_out])
+    told = np.abs(comparison.simulated[name][~comparison.held_out])
+    both = np.isfinite(seen) & np.isfinite(told)
+    order = np.argsort(told[both])[-max(_FEWEST_ROWS, both.sum() // 200) :]
+    level = float(np.median(seen[both][order])) if both.any() else 0.0
+    return [level] if 0.2 * float(told[both].max(initial=0.0)) < level else []
+
+
+def _testable(comparison: Comparison, response: str) -> str | None:
+    return any_response(comparison, response)
+
+
+def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
+    limit = shape_quantity(fitted, "limit")
+    what = fitted.variant.regime or ""
+    return Reading(
+        f"A limit of {limit.value:.3g} {limit.unit} is run into ({what}), and what is lacking has to be made good "
+        f"later: "
+        f"{size_of(fitted)}.",
+        {"limit": limit},
+    )
+
+
+EFFECT = Effect(
+    id="drive.saturation",
+    title="Limit of force or speed",
+    physics="Current, voltage, torque or speed of the drive cannot exceed a limit. Where the simulation asks for "
+    "more, the record "
+    "is flat, the axis falls behind, and the loop makes up for it afterwards.",
+    reference="K. J. Åström, T. Hägglund (2006), Advanced PID control, chapter 3 (limits and windup)",
+    enters="limit",
+    acts_at="amplifier, motor or control of an axis",
+    parameters=(
+        ShapeParameter("limit", "A, N, V, m/s² or m/s", 0.0, 1e6, "where it is"),
+        ShapeParameter("kind", "1", 0.0, 1.0, "0 of force, 1 of speed"),
+    ),
+    needs="an axis whose simulated force or speed exceeds the limit for ten samples at least",
+    confounders=("drive.mass", "drive.delay", "data.stuck"),
+    refuted_by="A record that exceeds the limit without becoming flat.",
+    experiment="Strokes of 100 mm with 50, 70, 90 and 100 % of the largest acceleration and speed: the current stops "
+    "growing at "
+    "one of them.",
+    variants=_variants,
+    testable=_testable,
+    reading=_reading,
+)

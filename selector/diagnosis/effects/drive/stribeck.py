@@ -1,0 +1,101 @@
+"""Friction that falls with speed near standstill."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.drive._forces import (
+    coefficient,
+    is_force,
+    key_of,
+    motion_of,
+    of_forces,
+    reverses,
+    shape_quantity,
+    size_of,
+    with_interval,
+)
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+
+_PRESLIDING_M = 3e-6
+_N_SPEEDS = 7
+_SMALLEST_SHARE, _LARGEST_SHARE = 0.006, 0.35
+_EXPONENTS = (1.0, 2.0)
+
+
+def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
+    if _testable(comparison, response) is not None:
+        return
+    moving = motion_of(comparison, response)
+    speed = np.abs(moving.velocity_m_per_s)
+    friction = moving.friction_state(_PRESLIDING_M)
+    top = float(speed.max())
+    for stribeck in np.geomspace(_SMALLEST_SHARE * top, _LARGEST_SHARE * top, _N_SPEEDS):
+        for exponent in _EXPONENTS:
+            force = friction * np.exp(-((speed / stribeck) ** exponent))
+            shape = {
+                "stribeck_speed_m_per_s": Quantity(float(stribeck), "m/s"),
+                "exponent": Quantity(exponent, "1"),
+            }
+            yield of_forces(comparison, response, {"friction near standstill": force}, shape)
+
+
+def _testable(comparison: Comparison, response: str) -> str | None:
+    lacking = reverses(comparison, response)
+    if lacking is not None:
+        return lacking
+    moving = motion_of(comparison, response)
+    speed = np.abs(moving.velocity_m_per_s)
+    slow = (speed > moving.rest_speed_m_per_s) & (speed < 0.3 * float(speed.max()))
+    return None if int(slow.sum()) >= 10 else "the axis is hardly ever slow without standing"
+
+
+def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
+    speed = shape_quantity(fitted, "stribeck_speed_m_per_s")
+    below = f"below about {1e3 * speed.value:.3g} mm/s"
+    parameters = {"stribeck_speed_m_per_s": speed}
+    if is_force(fitted, comparison):
+        force = coefficient(fitted, 0)
+        more = "more" if force.value > 0.0 else "less"
+        return Reading(
+            f"Friction is {with_interval(force, amount=True)} {more} near standstill than at speed; it has changed "
+            f"{below} "
+            f"({size_of(fitted)}).",
+            {key_of(fitted): force} | parameters,
+        )
+    return Reading(
+        f"A friction that falls with speed, felt {below}, pushes the axis aside where it starts and turns: "
+        f"{size_of(fitted)}.",
+        {"largest": Quantity(fitted.largest, fitted.unit)} | parameters,
+    )
+
+
+EFFECT = Effect(
+    id="drive.stribeck",
+    title="Stribeck friction",
+    physics="While the film of oil builds up, friction falls from its breakaway value to that of sliding, as "
+    "exp(−(|v|/v_s)^δ). It shows for a short while at each start and reversal, and all the time in slow strokes.",
+    reference="B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit (1994), Automatica 30(7), 1083–1138; H. Olsson, "
+    "K. J. Åström, C. Canudas de Wit, M. Gäfvert, P. Lischinsky (1998), European Journal of Control 4(3), 176–195",
+    enters="force",
+    acts_at="guide, screw, bearings or motor of an axis",
+    parameters=(
+        ShapeParameter(
+            "force_n", "N (A or V where a current or voltage is compared)", 0.0, 1e5, "breakaway less sliding"
+        ),
+        ShapeParameter("stribeck_speed_m_per_s", "m/s", 1e-5, 1.0, "speed at which it has fallen to 1/e"),
+        ShapeParameter("exponent", "1", 1.0, 2.0, "δ of the law"),
+    ),
+    needs="current, force, voltage or position error of an axis that goes both ways, with slow motion in it",
+    confounders=("drive.coulomb", "drive.viscous", "drive.backlash"),
+    refuted_by="Slow strokes whose friction is no larger than that of fast ones, less the viscous part.",
+    experiment="Move 20 mm to and fro at 0.2, 0.5, 1, 2, 5 and 20 mm/s, then at 100 mm/s: friction against speed "
+    "falls first and "
+    "rises then.",
+    variants=_variants,
+    testable=_testable,
+    reading=_reading,
+)

@@ -1,0 +1,98 @@
+"""Wind-up that is not the same everywhere."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.drive._forces import (
+    centred_place,
+    direct,
+    motion_of,
+    place_only,
+    simulated_drive_force,
+    size_of,
+)
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.motion import Motion
+
+Vector = NDArray[np.float64]
+
+_PRESLIDING_M = 3e-6
+
+
+def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
+    if _testable(comparison, response) is not None:
+        return
+    moving = motion_of(comparison, response)
+    place = centred_place(moving)
+    speed = np.abs(moving.velocity_m_per_s) / float(np.abs(moving.velocity_m_per_s).max())
+    for number, (name, load) in enumerate(_loads(comparison, response, moving)):
+        most = max(float(np.abs(load).max()), 1e-300)
+        shape = {"load": Quantity(float(number), "1")}
+        linear, square = f"{name} × position", f"{name} × position²"
+        yield direct(comparison, response, {linear: load * place}, shape | _law(0))
+        yield direct(comparison, response, {linear: load * place, square: load * place**2}, shape | _law(1))
+        # contacts stiffen with their load: the stiffness of Hertz goes with its cube root
+        yield direct(comparison, response, {f"{name} × its amount": load * np.abs(load) / most}, shape | _law(2))
+        yield direct(comparison, response, {f"{name} × speed": load * speed}, shape | _law(3))
+
+
+def _law(number: int) -> dict[str, Quantity]:
+    return {"law": Quantity(float(number), "1")}
+
+
+def _loads(comparison: Comparison, response: str, moving: Motion) -> list[tuple[str, Vector]]:
+    loads = [("inertia", moving.acceleration_m_per_s2), ("friction", moving.friction_state(_PRESLIDING_M))]
+    drive = simulated_drive_force(comparison, response)
+    return [drive, *loads] if drive is not None else loads
+
+
+def _testable(comparison: Comparison, response: str) -> str | None:
+    lacking = place_only(comparison, response)
+    if lacking is not None:
+        return lacking
+    return None if np.ptp(motion_of(comparison, response).position_m) > 0.0 else "the axis stays in one place"
+
+
+_WITH = ("position", "position and its square", "load", "speed")
+
+
+def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
+    what = _WITH[int(fitted.variant.shape["law"].value)]
+    return Reading(
+        f"The wind-up of the axis per load changes with {what}: {size_of(fitted)}.",
+        {"largest": Quantity(fitted.largest, fitted.unit)},
+    )
+
+
+EFFECT = Effect(
+    id="drive.varying_stiffness",
+    title="Stiffness that varies",
+    physics="The part of the screw that carries the load grows with the distance of the nut from the fixed bearing, "
+    "and contacts "
+    "stiffen with their load. The same force yields more at one place than at another.",
+    reference="Yao, Zhang, time-varying characteristics of an NC feed system (equations 4 and 5: torsion by length, "
+    "Hertz contacts "
+    "by load)",
+    enters="state",
+    acts_at="screw, nut or bearings of an axis",
+    parameters=(
+        ShapeParameter(
+            "law", "1", 0.0, 3.0, "0 with position, 1 with position and its square, 2 with load, 3 with speed"
+        ),
+        ShapeParameter("load", "1", 0.0, 2.0, "which load: force of the drive if simulated, inertia, friction"),
+    ),
+    needs="displacement or position of the table of an axis that is loaded at several places",
+    confounders=("drive.elasticity", "drive.varying_damping", "drive.pitch_error", "thermal.second_source"),
+    refuted_by="The same push that yields the same at both ends of the way.",
+    experiment="Short strokes of 5 mm with the largest acceleration, ten at each end and ten in the middle: the "
+    "error while it "
+    "speeds up differs by place.",
+    variants=_variants,
+    testable=_testable,
+    reading=_reading,
+)
