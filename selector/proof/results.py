@@ -84,7 +84,7 @@ def answers_sha256(outcomes: Sequence[Outcome]) -> str:
 def line_of(outcome: Outcome) -> str:
     """One case in a line: name, strength, seed, verdict, names with confidence, right or not, seconds."""
     strength = "" if outcome.d_prime_asked is None else f" d′={outcome.d_prime_asked:g}"
-    names = ", ".join(_named(outcome)) or _NONE
+    names = ", ".join(named_texts(outcome)) or _NONE
     who = "" if outcome.answerer == TOOL else f" [{outcome.answerer}]"
     line = f"{outcome.scenario}{strength} seed {outcome.seed}{who}: {outcome.stated.verdict} | {names} | "
     line += f"{judgement(outcome)} | {outcome.seconds:.1f} s"
@@ -126,7 +126,7 @@ def cases_csv(outcomes: Sequence[Outcome]) -> str:
                 " ".join(effect.id for effect in truth.effects) if truth else "",
                 " ".join(f"{c.kind}={c.measured:.4g}" for c in truth.concealed) if truth else "",
                 one.stated.verdict,
-                " ".join(_named(one)),
+                " ".join(named_texts(one)),
                 judged.verdict_right,
                 " ".join(judged.credits),
                 " ".join(judged.false_names),
@@ -168,12 +168,12 @@ def _limit(row: Row, limit: float | None) -> str:
 def _value(value: float | None, unit: str) -> str:
     if value is None:
         return _NONE
-    if unit == "share":
-        return f"{100 * value:.1f} %"
-    return f"{value:.3g} s" if unit == "s" else f"{value:.3f}"
+    shown = {"share": f"{100 * value:.1f} %", "s": f"{value:.3g} s"}
+    return shown.get(unit, f"{value:.3f}").replace("-0.0 %", "0.0 %").replace("-", "−")
 
 
-def _named(outcome: Outcome) -> list[str]:
+def named_texts(outcome: Outcome) -> list[str]:
+    """What was named: id, confidence, ``?`` where only suspected, and after ``|`` what it is not told from."""
     texts = []
     for one in outcome.stated.effects:
         text = one.id if one.confidence is None else f"{one.id}({one.confidence:.2f})"
