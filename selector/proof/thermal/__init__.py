@@ -1,0 +1,1 @@
+"""Thermal cases of the blind proof."""

@@ -1,0 +1,123 @@
+"""What a machine is asked to do in a run, and what the hall does meanwhile: courses on a fine grid, drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+Vector = NDArray[np.float64]
+STEP_S = 5.0
+"""Step of the truth [s]."""
+STYLES = ("warm-up", "steps", "intermittent", "cooling", "staircase", "one speed")
+
+
+@dataclass(frozen=True, eq=False)
+class Duty:
+    """One run of a machine.
+
+    Attributes
+    ----------
+    run : str
+    style : str
+        One of `STYLES`.
+    time_s : ndarray of shape (n_steps,)
+        Steps of `STEP_S` from the start of the run.
+    courses : mapping of str to ndarray of shape (n_steps,)
+        ``"speed"`` [rpm], ``"feed"`` [mm/min], ``"coolant"`` (0 or 1), ``"flow"`` [L/min], ``"coolant_degc"``,
+        ``"hall"`` [°C] and what a scenario adds.
+    """
+
+    run: str
+    style: str
+    time_s: Vector
+    courses: Mapping[str, Vector]
+
+    def __getitem__(self, name: str) -> Vector:
+        return self.courses[name]
+
+
+def held(generator: np.random.Generator, n: int, low_min: float, high_min: float, levels: Vector) -> Vector:
+    """A course of n steps that keeps a drawn level for a drawn while and never the same twice in a row."""
+    result = np.empty(n)
+    at, last = 0, -1
+    while at < n:
+        span = max(1, int(60.0 * generator.uniform(low_min, high_min) / STEP_S))
+        choice = int(generator.integers(len(levels)))
+        if choice == last:
+            choice = (choice + 1) % len(levels)
+        result[at : at + span] = levels[choice]
+        at, last = at + span, choice
+    return result
+
+
+def wandering(generator: np.random.Generator, n: int, tau_s: float) -> Vector:
+    """A smooth random course of unit standard deviation with a memory of about `tau_s`, second order."""
+    e = np.exp(-STEP_S / tau_s)
+    lead = int(4.0 * tau_s / STEP_S)
+    course = lfilter([1.0], [1.0, -2.0 * e, e * e], generator.standard_normal(n + lead))[lead:]
+    # long-run variance of the filter, not that of this stretch, or a short stretch would lose its trend
+    variance = (1.0 + e * e) / ((1.0 - e * e) ** 3)
+    return np.asarray(course / np.sqrt(variance))
+
+
+def speed_programme(generator: np.random.Generator, style: str, n: int, highest_rpm: float) -> Vector:
+    """Spindle speed [rpm] of a run."""
+    speed = np.zeros(n)
+    wait = int(60.0 * generator.uniform(5.0, 12.0) / STEP_S)
+    high = highest_rpm * float(generator.uniform(0.7, 0.95))
+    if style == "warm-up":
+        speed[wait : int(n * generator.uniform(0.72, 0.82))] = high
+    elif style == "steps":
+        ladder = highest_rpm * np.array([0.0, 0.25, 0.4, 0.55, 0.7, 0.85, 1.0])
+        speed[wait:] = held(generator, n - wait, 18.0, 55.0, ladder)
+    elif style == "intermittent":
+        on = held(generator, n - wait, 8.0, 30.0, np.array([0.0, 1.0]))
+        speed[wait:] = on * held(generator, n - wait, 45.0, 90.0, highest_rpm * np.array([0.45, 0.65, 0.9]))
+    elif style == "cooling":
+        speed[wait : int(n * generator.uniform(0.30, 0.42))] = high
+    elif style == "staircase":
+        for k, share in enumerate((0.2, 0.4, 0.6, 0.8, 1.0)):
+            speed[wait + int(k * 0.17 * (n - wait)) : wait + int((k + 1) * 0.17 * (n - wait))] = share * highest_rpm
+    elif style == "one speed":
+        speed[wait:] = 0.7 * highest_rpm
+    else:
+        raise ValueError(f"style {style!r}")
+    return np.round(speed, -1)
+
+
+def hall_course(generator: np.random.Generator, n: int, level_degc: float, swing_k: float, drift_k: float) -> Vector:
+    """Hall temperature [°C]: a heater that switches, a slow drift, the day."""
+    time = STEP_S * np.arange(n)
+    period = float(generator.uniform(1100.0, 2400.0))
+    tooth = 2.0 * np.abs(((time + generator.uniform(0.0, period)) / period) % 1.0 - 0.5) - 0.5
+    day = np.sin(2 * np.pi * time / 86400.0 + generator.uniform(0, 2 * np.pi))
+    slow = wandering(generator, n, 3500.0)
+    course = swing_k * tooth + drift_k * (0.7 * slow + 0.9 * (day - day[0]))
+    return np.asarray(level_degc + course - course[0])
+
+
+def duty(
+    generator: np.random.Generator,
+    run: str,
+    style: str,
+    hours: float,
+    highest_rpm: float,
+    *,
+    hall_level_degc: float = 21.0,
+    hall_swing_k: float = 0.5,
+    hall_drift_k: float = 0.4,
+) -> Duty:
+    """A run of this style; feed, coolant and hall have programmes of their own."""
+    n = int(hours * 3600.0 / STEP_S)
+    speed = speed_programme(generator, style, n, highest_rpm)
+    feed = held(generator, n, 4.0, 28.0, np.array([0.0, 0.0, 2500.0, 5000.0, 9000.0]))
+    coolant = held(generator, n, 12.0, 45.0, np.array([0.0, 1.0]))
+    flow = coolant * held(generator, n, 15.0, 40.0, np.array([6.0, 12.0, 20.0]))
+    hall = hall_course(generator, n, hall_level_degc, hall_swing_k, hall_drift_k)
+    tank = hall[0] + generator.uniform(-3.0, 1.0) + 1.2 * wandering(generator, n, 2400.0)
+    courses = {"speed": speed, "feed": feed, "coolant": coolant, "flow": flow, "coolant_degc": tank, "hall": hall}
+    return Duty(run, style, STEP_S * np.arange(n), courses)

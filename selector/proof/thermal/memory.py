@@ -1,0 +1,120 @@
+"""Cases whose simulation follows a temperature at once where the machine follows it late: `thermal.memory`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from selector.proof.thermal import hiding
+from selector.proof.thermal.duty import Duty
+from selector.proof.thermal.gauges import of
+from selector.proof.thermal.machine import Machine
+from selector.proof.thermal.omission import BOTH, Maker, Omission
+from selector.proof.thermal.scene import GRID_S, Scene, world_of
+from selector.proof.world import Plan, scenario, twin
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+QUIET_HALL = (21.0, 0.2, 0.03)
+
+
+def member_by(
+    sensor: str, member: str = "bed", axes: Mapping[str, float] = BOTH, hours: float | None = None, tau: bool = False
+) -> Maker:
+    """A member that the simulation has as a constant times one temperature, fitted to the first run (its first hours).
+
+    With `tau` the simulation has that temperature behind the first-order lag that fits best.
+    """
+
+    def make(_generator: np.random.Generator, tool: Machine, _duties: Sequence[Duty]) -> Omission:
+        row = tool.displacement((member,))
+        felt = tool.sensors[sensor][1]
+
+        def shifted(rises: Matrix, _duty: Duty) -> dict[str, Vector]:
+            return {axis: rises @ row[axis] for axis in BOTH}
+
+        def stand_in(rises: Sequence[Matrix], _duties: Sequence[Duty]) -> list[dict[str, Vector]]:
+            stop = len(rises[0]) if hours is None else int(3600.0 * hours / GRID_S)
+            result: list[dict[str, Vector]] = [{} for _ in rises]
+            for axis in BOTH:
+                truth = (rises[0] @ row[axis])[:stop]
+                errors = []
+                for lag_s in np.geomspace(300.0, 20000.0, 40) if tau else (0.0,):
+                    source = _behind(rises[0] @ felt, lag_s)[:stop]
+                    factor = float(source @ truth) / float(source @ source)
+                    errors.append((float(np.sum((truth - factor * source) ** 2)), lag_s, factor))
+                _, lag_s, factor = min(errors)
+                for run, part in enumerate(rises):
+                    result[run][axis] = factor * _behind(part @ felt, lag_s)
+            return result
+
+        return Omission("thermal.memory", place="column", shifted=shifted, stand_in=stand_in, axes=axes)
+
+    return make
+
+
+def _behind(course: Vector, lag_s: float) -> Vector:
+    if lag_s == 0.0:
+        return course
+    e = float(np.exp(-GRID_S / lag_s))
+    return np.asarray(lfilter([1.0 - e], [1.0, -e], course))
+
+
+_STATIC = Plan(
+    "thermal.memory/static",
+    "thermal",
+    "single",
+    hidden=("absorbed",),
+    note="A part of the machine is a constant times the temperature of the front bearing, fitted to one warm-up.",
+)
+_STATIC_SCENE = Scene(
+    (member_by("T1"),), ("warm-up", "intermittent", "steps"), hall=QUIET_HALL, noise="white", periods_s=(20.0,)
+)
+_TAIL = Plan(
+    "thermal.memory/tail",
+    "thermal",
+    "single",
+    hidden=("absorbed",),
+    note="One lag, fitted to the first hours of a warm-up; the slower one shows in the long cooling.",
+)
+_TAIL_SCENE = Scene(
+    (member_by("T1", hours=2.5, tau=True),),
+    ("warm-up", "cooling", "steps"),
+    (of("n"),),
+    hall=QUIET_HALL,
+    hours=(6.0, 8.0),
+)
+_AXIS = Plan(
+    "thermal.memory/one axis", "thermal", "single", hidden=("absorbed",), note="Only Y bends late; noise is white."
+)
+_AXIS_SCENE = Scene(
+    (member_by("T6", "scale", {"Y": 1.0}),),
+    ("steps", "warm-up", "intermittent"),
+    (of("n"),),
+    noise="white",
+    hall=QUIET_HALL,
+)
+_OPPOSED = Plan(
+    "thermal.memory/opposed",
+    "thermal",
+    "single",
+    measures=(hiding.opposed,),
+    note="The late member acts against the rest in Z and with it in Y; coolant and feed are known.",
+)
+_OPPOSED_SCENE = Scene(
+    (member_by("T6", "scale", {"Z": -1.0, "Y": 0.6}),),
+    ("intermittent", "steps", "cooling"),
+    (of("n"), of("M8"), of("T8"), of("f")),
+    knows=("coolant", "feed"),
+    hall=QUIET_HALL,
+    refitted=True,
+)
+_CASES = ((_STATIC, _STATIC_SCENE), (_TAIL, _TAIL_SCENE), (_AXIS, _AXIS_SCENE), (_OPPOSED, _OPPOSED_SCENE))
+SCENARIOS = (
+    *(scenario(plan, world_of(scene)) for plan, scene in _CASES),
+    twin(_STATIC, world_of(_STATIC_SCENE)),
+    twin(_OPPOSED, world_of(_OPPOSED_SCENE)),
+)

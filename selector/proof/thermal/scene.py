@@ -1,0 +1,391 @@
+"""From machine, duties and omissions to a world: what is recorded at any size, and what the simulation says."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from selector.proof.case import TrueEffect, Window
+from selector.proof.noise import Noise
+from selector.proof.strength import d_prime, recalibration
+from selector.proof.thermal.conduction import Heat, temperatures
+from selector.proof.thermal.duty import STEP_S, Duty, duty
+from selector.proof.thermal.machine import Machine, machine
+from selector.proof.thermal.omission import BOTH, Maker, Omission, with_bath, with_power
+from selector.proof.world import World
+from selector.recording import Channel
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+STRIDE = 2
+GRID_S = STRIDE * STEP_S
+"""Grid on which temperatures and displacements are kept before they are sampled [s]."""
+
+
+@dataclass(frozen=True)
+class Gauge:
+    """A recorded channel that does not depend on the effect.
+
+    `course` (duty, generator) gives it on the steps of the duty; it is lagged, rounded to `resolution`, and held from
+    step to step where `held`.
+    """
+
+    channel: Channel
+    course: Callable[[Duty, np.random.Generator], Vector]
+    resolution: float = 0.1
+    lag_s: float = 0.0
+    held: bool = False
+    noise: float = 0.0
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What a scenario says of machine, runs and recording; the rest is drawn.
+
+    Attributes
+    ----------
+    omissions : tuple of Maker
+    styles : tuple of str
+        Programme of every run, the held-out one last.
+    gauges : tuple of Gauge
+        Channels beside temperatures, ambient and responses.
+    must : tuple of str
+        Temperatures that are recorded in any case.
+    knows : tuple of str
+        What both machine and simulation have besides the spindle's heat: ``"coolant"``, ``"feed"``; with
+        ``"constant hall"`` the simulation's hall does not change.
+    law : tuple of (float, float)
+        Between which exponents of speed the heat of the bearings lies.
+    noise : str
+        Kind of the noise: any, white, ar, walk, heavy, quantised, cycle.
+    sampling : {"even", "jitter", "uneven"}
+    own_clock : bool
+        The simulation has a time grid of its own.
+    refitted : bool
+        Offset and gain of the simulation are fitted to the machine with the effect.
+    gain, offset_um, delay_s : float
+        What is wrong with the simulation's parameters.
+    hours : tuple of (float, float)
+    periods_s : tuple of float
+        Sampling periods to choose from.
+    hall : tuple of (level [°C], swing [K], drift [K])
+    duties : callable (generator, duties) -> duties
+        What a scenario changes in the programmes.
+    """
+
+    omissions: tuple[Maker, ...] = ()
+    styles: tuple[str, ...] = ("warm-up", "steps", "intermittent")
+    gauges: tuple[Gauge, ...] = ()
+    must: tuple[str, ...] = ()
+    knows: tuple[str, ...] = ()
+    law: tuple[float, float] = (1.2, 1.7)
+    noise: str = "any"
+    sampling: str = "even"
+    own_clock: bool = False
+    refitted: bool = False
+    gain: float = 1.0
+    offset_um: float = 0.0
+    delay_s: float = 0.0
+    hours: tuple[float, float] = (5.0, 6.5)
+    periods_s: tuple[float, ...] = (20.0, 30.0, 60.0)
+    hall: tuple[float, float, float] = (21.0, 0.5, 0.4)
+    duties: Callable[[np.random.Generator, Sequence[Duty]], Sequence[Duty]] = field(
+        default_factory=lambda: lambda _generator, duties: duties
+    )
+
+
+def noise_of(generator: np.random.Generator, kind: str) -> Noise:
+    """Noise of a displacement probe, of a kind and a drawn size."""
+    sd = float(generator.uniform(0.4, 0.8))
+    if kind == "any":
+        kind = str(generator.choice(["white", "weak", "ar"]))
+    if kind == "cycle":
+        return Noise(0.6 * sd, 0.3, cycle_samples=int(generator.integers(9, 24)), cycle_sd=0.7 * sd)
+    return {
+        "white": Noise(sd, step=0.01),
+        "weak": Noise(sd, 0.5, step=0.01),
+        "ar": Noise(sd, 0.85, step=0.01),
+        "walk": Noise(1.3 * sd, 0.992, step=0.01),
+        "heavy": Noise(sd, float(generator.uniform(0.0, 0.6)), tails=3.0, step=0.01),
+        "quantised": Noise(0.5 * sd, step=0.5),
+    }[kind]
+
+
+def world_of(scene: Scene) -> Callable[[np.random.Generator], World]:
+    """Worlds of a scene, each from its generator."""
+    return lambda generator: stage_of(scene, generator).world()
+
+
+def stage_of(scene: Scene, generator: np.random.Generator) -> Stage:
+    """A machine, its duties and what is left out, drawn for a scene."""
+    tool = machine(generator)
+    hours = float(generator.uniform(*scene.hours))
+    level, swing, drift = scene.hall
+    duties: Sequence[Duty] = [
+        duty(
+            generator,
+            f"r{k + 1}",
+            style,
+            hours,
+            tool.highest_rpm,
+            hall_level_degc=level + float(generator.uniform(-1.2, 1.2)),
+            hall_swing_k=swing,
+            hall_drift_k=drift,
+        )
+        for k, style in enumerate(scene.styles)
+    ]
+    duties = scene.duties(generator, duties)
+    return Stage(scene, generator, tool, duties, [make(generator, tool, duties) for make in scene.omissions])
+
+
+class Stage:
+    """A machine in its runs; solves the heat of the simulation, and of the machine with every omission at its size."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        generator: np.random.Generator,
+        tool: Machine,
+        duties: Sequence[Duty],
+        omissions: Sequence[Omission],
+    ) -> None:
+        self.scene, self.tool, self.duties, self.omissions = scene, tool, duties, omissions
+        self.exponent = float(generator.uniform(*scene.law))
+        self.watts = {
+            "front bearing": float(generator.uniform(55.0, 85.0)),
+            "rear bearing": float(generator.uniform(25.0, 45.0)),
+            "motor": float(generator.uniform(15.0, 35.0)),
+            "nut": float(generator.uniform(30.0, 60.0)),
+        }
+        self.expansion = tool.displacement()
+        self.base = [self._heat(one) for one in duties]
+        self.fields = [self._solved(heat, one) for heat, one in zip(self.base, duties, strict=True)]
+        self._truths: dict[tuple[int, float], dict[str, Vector]] = {}
+        self.weights = [1.0] * len(omissions)
+        self._sample(generator)
+        if len(omissions) > 1:
+            self.weights = [1.0 / self._strength_alone(k) for k in range(len(omissions))]
+
+    def _heat(self, one: Duty) -> Heat:
+        share = one["speed"] / self.tool.highest_rpm
+        law = share**self.exponent
+        power = {name: self.watts[name] * law for name in ("front bearing", "rear bearing")}
+        power["motor"] = self.watts["motor"] * share
+        still = np.ones_like(share)
+        start = np.full_like(share, one["hall"][0])
+        heat = Heat(power, {"hall": one["hall"], "floor": start}, {"hall": still, "floor": still})
+        if "feed" in self.scene.knows:
+            heat = with_power(heat, "nut", self.watts["nut"] * one["feed"] / 9000.0)
+        if "coolant" in self.scene.knows:
+            heat = with_bath(heat, "coolant", one["coolant_degc"], one["coolant"])
+        if "constant hall" in self.scene.knows:
+            heat = with_bath(heat, "hall", start, still)
+        return heat
+
+    def _solved(self, heat: Heat, one: Duty) -> Matrix:
+        return temperatures(self.tool.body, heat, float(one["hall"][0]), STEP_S, STRIDE)
+
+    def _with(self, k: int, run: int, size: float) -> Matrix:
+        changed = self.omissions[k].heated(self.base[run], self.duties[run], size)
+        return self.fields[run] if changed is self.base[run] else self._solved(changed, self.duties[run])
+
+    def rises(self, run: int) -> Matrix:
+        """Rises of the simulated volumes since the start of a run [K], shape (n_times, n_volumes)."""
+        return np.asarray(self.fields[run] - self.fields[run][0])
+
+    def effect(self, k: int, run: int, size: float) -> dict[str, Vector]:
+        """Axis → what an omission of this size does [µm] on the grid of the fields."""
+        omission, now = self.omissions[k], self._with(k, run, size)
+        result = {axis: (now - self.fields[run]) @ self.expansion[axis] for axis in BOTH}
+        if omission.shifted is not None:
+            for axis, course in omission.shifted(now - now[0], self.duties[run]).items():
+                result[axis] = result[axis] + size * course
+        return {axis: omission.axes.get(axis, 0.0) * course for axis, course in result.items()}
+
+    def given(self, size: float) -> list[dict[str, Vector]]:
+        """Per run: axis → what the simulation says [µm] on the grid of the fields, before its parameters are wrong."""
+        runs = range(len(self.duties))
+        result = [{axis: self.rises(run) @ self.expansion[axis] for axis in BOTH} for run in runs]
+        for omission, weight in zip(self.omissions, self.weights, strict=True):
+            if omission.stand_in is not None and size:
+                instead = omission.stand_in([self.rises(run) for run in runs], self.duties)
+                for run, axes in enumerate(instead):
+                    for axis, course in axes.items():
+                        result[run][axis] = result[run][axis] + size * weight * omission.axes.get(axis, 0.0) * course
+        return result
+
+    def _sample(self, generator: np.random.Generator) -> None:
+        period = float(generator.choice(self.scene.periods_s))
+        self.time_s: dict[str, Vector] = {}
+        self.own_time_s: dict[str, Vector] = {}
+        for one in self.duties:
+            end = one.time_s[-1] - GRID_S
+            n = int(end / period)
+            stamps = period * np.arange(n + 1)
+            if self.scene.sampling == "jitter":
+                stamps[1:] += np.clip(0.08 * period * generator.standard_normal(n), -0.4 * period, 0.4 * period)
+            elif self.scene.sampling == "uneven":
+                stamps[1:] = np.cumsum(period * generator.uniform(0.4, 1.6, n))
+            self.time_s[one.run] = np.round(stamps[stamps <= end], 2)
+            own = period * float(generator.uniform(0.55, 1.7))
+            grid = np.append(np.arange(0.0, end, own), end)
+            self.own_time_s[one.run] = np.round(grid, 2) if self.scene.own_clock else self.time_s[one.run]
+        self.noise = {axis: noise_of(generator, self.scene.noise) for axis in BOTH}
+        others = [name for name in ("T3", "T4", "T5") if (generator.random() < 0.6) | (name in self.scene.must)]
+        self.felt = ["T1", "T2", *others, "T6"]
+        self.errors = {
+            run: 0.03 * generator.standard_normal((len(stamps), len(self.felt) + 1))
+            for run, stamps in self.time_s.items()
+        }
+        self.gauged = {
+            gauge.channel.name: [self._gauged(gauge, one, generator) for one in self.duties]
+            for gauge in self.scene.gauges
+        }
+
+    def _gauged(self, gauge: Gauge, one: Duty, generator: np.random.Generator) -> Vector:
+        course = _lagged(gauge.course(one, generator), gauge.lag_s, STEP_S)
+        stamps = self.time_s[one.run]
+        if gauge.held:
+            seen = course[np.minimum((stamps / STEP_S).astype(int), len(course) - 1)]
+        else:
+            seen = np.interp(stamps, one.time_s, course)
+        seen = seen + gauge.noise * generator.standard_normal(len(stamps))
+        return np.round(np.round(seen / gauge.resolution) * gauge.resolution, 9)
+
+    def _strength_alone(self, k: int) -> float:
+        lengths = [len(stamps) for stamps in self.time_s.values()]
+        starts = (0, *np.cumsum(lengths).tolist())
+        time = np.concatenate(list(self.time_s.values()))
+        effect, free = {}, {}
+        for axis in BOTH:
+            effect[axis] = np.concatenate(
+                [self._at(run, self.effect(k, run, 1.0)[axis]) for run in range(len(lengths))]
+            )
+            simulated = [self._at(run, self.rises(run) @ self.expansion[axis]) for run in range(len(lengths))]
+            free[axis] = recalibration(np.concatenate(simulated), time, starts)
+        return d_prime(effect, self.noise, free, starts)
+
+    def _at(self, run: int, course: Vector, *, delay_s: float = 0.0, own: bool = False) -> Vector:
+        name = self.duties[run].run
+        stamps = (self.own_time_s if own else self.time_s)[name]
+        return np.interp(stamps - delay_s, GRID_S * np.arange(len(course)), course)
+
+    def _temperatures(self, run: int, size: float) -> dict[str, Vector]:
+        changed = self.base[run]
+        for omission, weight in zip(self.omissions, self.weights, strict=True):
+            changed = omission.heated(changed, self.duties[run], size * weight)
+        now = self.fields[run] if changed is self.base[run] or not size else self._solved(changed, self.duties[run])
+        errors = self.errors[self.duties[run].run]
+        result = {}
+        for k, name in enumerate(self.felt):
+            _, weights, lag_s = self.tool.sensors[name]
+            result[name] = np.round(self._at(run, _lagged(now @ weights, lag_s, GRID_S)) + errors[:, k], 1)
+        hall = _lagged(self.duties[run]["hall"], 40.0, STEP_S)[::STRIDE]
+        result["Tamb"] = np.round(20.0 * (self._at(run, hall) + errors[:, -1])) / 20.0
+        return result
+
+    def _true(self, run: int, size: float) -> dict[str, Vector]:
+        if (run, size) not in self._truths:
+            course = {axis: self.rises(run) @ self.expansion[axis] for axis in BOTH}
+            if size:
+                for k, weight in enumerate(self.weights):
+                    effect = self.effect(k, run, size * weight)
+                    course = {axis: course[axis] + effect[axis] for axis in BOTH}
+            self._truths[run, size] = course
+        return self._truths[run, size]
+
+    def recorded(self, size: float) -> dict[str, list[Vector]]:
+        """Channel → course of every run, responses without their noise."""
+        result: dict[str, list[Vector]] = {channel.name: [] for channel in self.channels()}
+        for run in range(len(self.duties)):
+            for axis, course in self._true(run, size).items():
+                result[axis].append(self._at(run, course))
+            for name, values in self._temperatures(run, size).items():
+                result[name].append(values)
+            for name, runs in self.gauged.items():
+                result[name].append(runs[run])
+        return result
+
+    def simulated(self, size: float) -> dict[str, list[Vector]]:
+        """Axis → what the simulation says in every run, with parameters that its author fitted or got wrong."""
+        scene, given = self.scene, self.given(size)
+        runs = range(len(given))
+        result = {}
+        for axis in BOTH:
+            gain, offset = scene.gain, scene.offset_um
+            if scene.refitted and size:
+                fitted = runs[:-1] if len(runs) > 1 else runs
+                truth = np.concatenate([self._at(run, self._true(run, size)[axis]) for run in fitted])
+                says = np.concatenate([self._at(run, given[run][axis]) for run in fitted])
+                slope, level = np.polyfit(says, truth, 1)
+                gain, offset = gain * float(slope), offset + float(level)
+            result[axis] = [
+                np.round(gain * self._at(run, given[run][axis], delay_s=scene.delay_s, own=True) + offset, 3)
+                for run in runs
+            ]
+        return result
+
+    def channels(self) -> tuple[Channel, ...]:
+        """The recorded channels."""
+        felt = [Channel(name, "temperature", "degC", self.tool.sensors[name][0]) for name in self.felt]
+        ambient = Channel("Tamb", "ambient", "degC", "hall, 2 m off the machine")
+        others = [gauge.channel for gauge in self.scene.gauges]
+        return (
+            *felt,
+            *others,
+            ambient,
+            Channel("Z", "displacement", "um", axis="Z"),
+            Channel("Y", "displacement", "um", axis="Y"),
+        )
+
+    def effects(self, size: float) -> tuple[TrueEffect, ...]:
+        """What was left out, in which responses it shows, and when."""
+        found = []
+        for k, (omission, weight) in enumerate(zip(self.omissions, self.weights, strict=True)):
+            courses = [self.effect(k, run, size * weight) for run in range(len(self.duties))]
+            power = {
+                axis: sum(float(np.sum((course[axis] / self.noise[axis].sd) ** 2)) for course in courses)
+                for axis in BOTH
+            }
+            shown = tuple(axis for axis in BOTH if power[axis] >= 0.05 * max(power.values()))
+            windows = _windows(self.duties, [course[shown[0]] for course in courses]) if omission.brief else ()
+            found.append(TrueEffect(omission.id, omission.accept or (omission.id,), shown, omission.place, windows))
+        return tuple(found)
+
+    def world(self) -> World:
+        """The world of this stage."""
+        return World(
+            self.channels(),
+            tuple(BOTH),
+            self.time_s,
+            self.own_time_s,
+            self.recorded,
+            self.simulated,
+            self.noise,
+            self.effects,
+        )
+
+
+def _windows(duties: Sequence[Duty], courses: Sequence[Vector]) -> tuple[Window, ...]:
+    """When a course is above 30 % of its largest value."""
+    limit = 0.3 * max(float(np.abs(course).max()) for course in courses)
+    found = []
+    for one, course in zip(duties, courses, strict=True):
+        edges = np.flatnonzero(np.diff(np.r_[0, (np.abs(course) > limit).astype(int), 0]))
+        last = float(one.time_s[-1])
+        found += [
+            Window(one.run, GRID_S * float(a), min(GRID_S * float(b), last))
+            for a, b in zip(edges[::2], edges[1::2], strict=True)
+        ]
+    return tuple(found)
+
+
+def _lagged(course: Vector, lag_s: float, step_s: float) -> Vector:
+    if lag_s <= 0.0:
+        return course
+    e = float(np.exp(-step_s / lag_s))
+    return np.asarray(lfilter([1.0 - e], [1.0, -e], course, zi=[e * course[0]])[0])

@@ -1,0 +1,178 @@
+"""Cases in which the spindle heats, or grows, by a law of speed that the simulation lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.proof.thermal import hiding
+from selector.proof.thermal.conduction import Heat
+from selector.proof.thermal.duty import STEP_S, Duty
+from selector.proof.thermal.gauges import of
+from selector.proof.thermal.machine import Machine
+from selector.proof.thermal.omission import BOTH, Maker, Omission, with_power
+from selector.proof.thermal.scene import STRIDE, Scene, world_of
+from selector.proof.world import Plan, scenario, twin
+
+Vector = NDArray[np.float64]
+
+
+def heating(
+    watts: Mapping[str, float],
+    exponent: float,
+    *,
+    onset: float = 0.0,
+    axes: Mapping[str, float] = BOTH,
+    brief: bool = False,
+) -> Maker:
+    """Heat that the simulation lacks: watts at highest speed times (share of it above `onset`)^exponent."""
+
+    def make(_generator: np.random.Generator, tool: Machine, _duties: Sequence[Duty]) -> Omission:
+        def heated(heat: Heat, one: Duty, size: float) -> Heat:
+            share = np.maximum(one["speed"] / tool.highest_rpm - onset, 0.0) / (1.0 - onset)
+            for inlet, most in watts.items():
+                heat = with_power(heat, inlet, size * most * share**exponent)
+            return heat
+
+        return Omission("thermal.speed_heating", place="spindle bearings", heated=heated, axes=axes, brief=brief)
+
+    return make
+
+
+def growth(exponent: float, axes: Mapping[str, float], *, onset: float = 0.0, brief: bool = False) -> Maker:
+    """Shift by speed at once: micrometres at highest speed times (share of it above `onset`)^exponent."""
+
+    def make(_generator: np.random.Generator, tool: Machine, _duties: Sequence[Duty]) -> Omission:
+        def shifted(_rises: object, one: Duty) -> dict[str, Vector]:
+            share = np.maximum(one["speed"][::STRIDE] / tool.highest_rpm - onset, 0.0) / (1.0 - onset)
+            return dict.fromkeys(BOTH, share**exponent)
+
+        def cut(rises: NDArray[np.float64], one: Duty) -> dict[str, Vector]:
+            return {axis: course[: len(rises)] for axis, course in shifted(rises, one).items()}
+
+        return Omission("thermal.instant_speed", place="spindle", shifted=cut, axes=axes, brief=brief)
+
+    return make
+
+
+def sprints(generator: np.random.Generator, duties: Sequence[Duty]) -> list[Duty]:
+    """Programmes that stay below 55 % of the highest speed but for two sprints of some minutes in every run but r1."""
+    result = []
+    highest = max(float(one["speed"].max()) for one in duties)
+    for one in duties:
+        speed = 0.55 * highest * one["speed"] / max(1.0, float(one["speed"].max()))
+        if one.run != duties[0].run:
+            for start in (0.25, 0.6):
+                at = int(len(speed) * (start + generator.uniform(0.0, 0.2)))
+                speed[at : at + int(60.0 * generator.uniform(6.0, 9.0) / STEP_S)] = highest
+        result.append(replace(one, courses={**one.courses, "speed": speed}))
+    return result
+
+
+_N = (of("n"),)
+_CASES = (
+    (
+        Plan(
+            "thermal.speed_heating/law",
+            "thermal",
+            "single",
+            hidden=("absorbed",),
+            note="Heat grows with a higher power of speed than the simulation has; its gain was fitted to the machine.",
+        ),
+        Scene(
+            (heating({"front bearing": 40.0, "rear bearing": 20.0}, 2.9),),
+            ("warm-up", "steps", "staircase"),
+            _N,
+            law=(0.9, 1.1),
+            refitted=True,
+            noise="white",
+            periods_s=(20.0,),
+        ),
+    ),
+    (
+        Plan(
+            "thermal.speed_heating/onset",
+            "thermal",
+            "single",
+            measures=(hiding.seldom("n", 0.6),),
+            note="Churning above 60 % of the highest speed, which is reached in a few sprints only.",
+        ),
+        Scene(
+            (heating({"front bearing": 60.0}, 1.0, onset=0.6, brief=True),),
+            ("steps", "steps", "intermittent"),
+            _N,
+            duties=sprints,
+        ),
+    ),
+    (
+        Plan(
+            "thermal.speed_heating/one axis",
+            "thermal",
+            "single",
+            hidden=("absorbed",),
+            measures=(hiding.one_axis("Y"),),
+            note="The rear bearing heats more with speed than the simulation knows; that bends Y alone.",
+        ),
+        Scene(
+            (heating({"rear bearing": 40.0}, 2.6, axes={"Y": 1.0}),),
+            ("steps", "intermittent", "staircase"),
+            _N,
+            law=(0.9, 1.2),
+            noise="white",
+            periods_s=(15.0, 20.0),
+        ),
+    ),
+    (
+        Plan(
+            "thermal.instant_speed/absorbed",
+            "thermal",
+            "single",
+            hidden=("absorbed",),
+            note="The spindle grows with the square of speed; offset and gain of the simulation were fitted to it.",
+        ),
+        Scene(
+            (growth(2.0, {"Z": 1.0}),),
+            ("warm-up", "cooling", "steps"),
+            _N,
+            refitted=True,
+            noise="white",
+            periods_s=(20.0,),
+        ),
+    ),
+    (
+        Plan(
+            "thermal.instant_speed/opposed",
+            "thermal",
+            "single",
+            hidden=("absorbed",),
+            measures=(hiding.opposed,),
+            note="Preload moves the shaft in proportion to speed, out in Z and back in Y.",
+        ),
+        Scene(
+            (growth(1.0, {"Z": 1.0, "Y": -0.8}),),
+            ("steps", "intermittent", "cooling"),
+            _N,
+            noise="white",
+            periods_s=(15.0, 20.0),
+        ),
+    ),
+    (
+        Plan(
+            "thermal.instant_speed/sprints",
+            "thermal",
+            "single",
+            measures=(hiding.seldom("n", 0.6), hiding.one_axis("Z")),
+            note="Growth by centrifugal force, which matters in a few sprints only.",
+        ),
+        Scene(
+            (growth(2.0, {"Z": 1.0}, onset=0.6, brief=True),), ("steps", "steps", "intermittent"), _N, duties=sprints
+        ),
+    ),
+)
+SCENARIOS = (
+    *(scenario(plan, world_of(scene)) for plan, scene in _CASES),
+    *(twin(plan, world_of(scene)) for plan, scene in (_CASES[0], _CASES[3])),
+)
