@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import next_fast_len
+from scipy.signal import freqz
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.even_clock import even_runs
-from selector.diagnosis.linear_response import LinearResponse, filter_between
+from selector.diagnosis.linear_response import LinearResponse, filter_between, linear_responses
 from selector.diagnosis.signals import excited, filled, rate
 
 Vector = NDArray[np.float64]
@@ -25,6 +28,18 @@ def members(comparison: Comparison, response: str) -> tuple[str, ...]:
     names = [c.name for c in comparison.channels if c.role in _MOTION and c.name != response]
     names.sort(key=lambda name: name not in comparison.responses)
     return tuple(n for n in names if excited(filled(comparison, comparison.recorded[n])))[:_MOST]
+
+
+def joints(comparison: Comparison, response: str) -> Iterator[tuple[str, LinearResponse, LinearResponse | None]]:
+    """(member, path from a force to it, how the response follows it): the response itself, then simulated members."""
+    for path in linear_responses(comparison, response):
+        yield response, path, None
+    for member in members(comparison, response):
+        onward = transfer(comparison, member, response)
+        if onward is not None:
+            yield from (
+                (member, path, onward) for path in linear_responses(comparison, member) if path.source is not None
+            )
 
 
 def transfer(comparison: Comparison, predecessor: str, follower: str) -> LinearResponse | None:
@@ -47,6 +62,51 @@ def inertia_force(comparison: Comparison, member: str, origin: str) -> Vector | 
     if order == 2:
         return motion
     return rate(comparison, motion) if order == 1 else curvature(comparison, motion)
+
+
+def reactions(
+    comparison: Comparison, path: LinearResponse, predecessor: str, successor: str
+) -> tuple[Callable[[float], Vector], float]:
+    """What the inertia m·ẍ of a simulated successor moves its predecessor by, as a function of m; loop gain at m = 1.
+
+    The successor follows what it has moved, where the simulation shows how: δ = −m·G·s²·(x + H·δ), with G the path
+    from a force to the predecessor and H from the predecessor to the successor. δ is in the predecessor's unit.
+    """
+    force = inertia_force(comparison, successor, "simulated")
+    onward = transfer(comparison, predecessor, successor)
+    parts = []
+    largest = 0.0
+    for run in even_runs(comparison) if force is not None else ():
+        part = run.on(force)
+        size = next_fast_len(2 * len(part), real=True)
+        angle = 2.0 * np.pi * np.arange(size // 2 + 1) / size
+        g = _gain(path, angle)
+        loop = g * _derivative(comparison, successor, angle)
+        largest = max(largest, float(np.abs(loop if onward is None else loop * _gain(onward, angle)).max()))
+        loop = loop * _gain(onward, angle) if onward is not None else 0.0 * loop
+        parts.append((run, g * np.fft.rfft(part, size), loop, size))
+
+    def moved(mass: float) -> Vector:
+        result = np.zeros(len(comparison.time_s))
+        for run, driven, loop, size in parts:
+            course = np.fft.irfft(-mass * driven / (1.0 + mass * loop), size)
+            result[run.rows] = run.back(course[: len(run.clock_s)])
+        return result
+
+    return moved, largest
+
+
+def _gain(path: LinearResponse, angle: Vector) -> NDArray[np.complex128]:
+    return np.asarray(freqz(path.numerator, path.denominator, angle)[1])
+
+
+def _derivative(comparison: Comparison, member: str, angle: Vector) -> NDArray[np.complex128]:
+    """From the channel of a member to its acceleration, by the same differences as `inertia_force`."""
+    order = _MOTION[comparison.channel(member).role]
+    period = comparison.period_s
+    once = 1j * np.sin(angle) / period
+    twice = (2.0 * np.cos(angle) - 2.0) / period**2 + 0j
+    return (twice, once, np.ones(len(angle)) + 0j)[order]
 
 
 def curvature(comparison: Comparison, values: Vector) -> Vector:

@@ -1,4 +1,4 @@
-"""What kind of record a response stands in: a vibration, a step-by-step response curve, gauged parts, or none of them."""
+"""What kind of record a response stands in: a vibration, a response curve, gauged parts, stores, or none of them."""
 
 from __future__ import annotations
 
@@ -36,6 +36,8 @@ def no_vibration(comparison: Comparison, response: str, *, roles: tuple[str, ...
 def of_a_drive(comparison: Comparison, response: str) -> str | None:
     """Why the structural effects are left to those of drives, in one clause; None if this is no feed drive."""
     roles = {c.role for c in comparison.channels}
+    if "feed_rate" in roles and not roles & {"force", "acceleration"}:
+        return f"{response} belongs to a feed that is recorded with it, not to a structure that is shaken"
     if "position_command" in roles or ("current" in roles and roles & {"velocity", "position"}):
         return f"{response} belongs to a feed drive, whose flexibility and friction are effects drive.*"
     return None

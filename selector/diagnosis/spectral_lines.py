@@ -18,6 +18,7 @@ CHANCE = 0.01
 _NEIGHBOURS = 31
 _COHERENT = 0.5
 _PIECES = 5
+_LASTING = 0.35
 _FIRST_PART = 0.2
 """Of a run that nothing may be fitted to only this first part tells its phase, as it would an initial state."""
 
@@ -97,7 +98,7 @@ def lines(
     claimed = np.zeros(len(grid), dtype=bool)
     for together in ([*range(len(usable))], *([k] for k in range(len(usable)) if len(usable) > 1)):
         strength = power[together].sum(axis=0)
-        limit = float(gamma.isf(CHANCE / tried, len(together)))
+        limit = float(gamma.isf(CHANCE / (1 + len(usable)) / tried, len(together)))
         open_ = np.where(allowed & ~claimed, strength, 0.0)
         while len(found) < 2 * most and float(open_.max()) > limit:
             top = int(np.argmax(open_))
@@ -159,7 +160,7 @@ def _line(
     pieces = [_pieces(left[p], abscissa[p], weight[p], cycles) for p in (parts[k] for k in runs)]
     whole = sum(abs(np.sum(piece)) ** 2 for piece in pieces)
     apart = sum(len(piece) * float(np.sum(np.abs(piece) ** 2)) for piece in pieces)
-    if apart <= 0.0 or whole / apart < _COHERENT:
+    if apart <= 0.0 or whole / apart < _COHERENT or not all(_lasts(piece) for piece in pieces):
         return None
     phases: list[float | None] = [None] * len(parts)
     for k, (_, rows) in enumerate(comparison.rows_of_runs()):
@@ -175,6 +176,13 @@ def _line(
 
 def _tone(left: Vector, abscissa: Vector, weight: Vector, cycles: float) -> complex:
     return complex(np.sum(left * weight * np.exp(-2j * np.pi * cycles * abscissa)))
+
+
+def _lasts(piece: NDArray[np.complex128]) -> bool:
+    """Whether a line is there in all pieces of a run but one, as a burst or a passing sweep is not."""
+    whole = complex(piece.sum())
+    along = np.sort((piece * np.conj(whole)).real / max(abs(whole), 1e-300))
+    return bool(along[1] > _LASTING * float(along.mean()))
 
 
 def _pieces(left: Vector, abscissa: Vector, weight: Vector, cycles: float) -> NDArray[np.complex128]:

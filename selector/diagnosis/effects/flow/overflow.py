@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numba import njit
@@ -10,12 +10,16 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.leftover import Remainder
 from selector.diagnosis.record_kind import no_flow
 from selector.diagnosis.signals import course, excited, filled, lagged, time_constants
+from selector.diagnosis.stores import Stores, stores_of
 
 Vector = NDArray[np.float64]
 
 _FALLING = ((-1e300, 0.0),)
+_RISING = ((0.0, 1e300),)
+_MOST = 30
 _UPPER_SHARES = (0.6, 0.7, 0.8, 0.87, 0.94)
 """Quantiles of an upper store's level at which it may spill."""
 
@@ -24,35 +28,98 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     if _testable(comparison, response) is not None:
         return
     simulated = filled(comparison, comparison.simulated[response])
+    ceilings = _ceilings(comparison, response, simulated)
+    unit = comparison.channel(response).unit
+    for name in inflows(comparison, response):
+        stores = stores_of(comparison, simulated, course(comparison, name))
+        if stores is not None:
+            yield from _of_stores(comparison, response, stores, ceilings, name)
+            return
     taus = time_constants(comparison, 12)
     taus = taus[taus <= 0.35 * comparison.longest_s][-6:]
-    own: list[tuple[float, float, Vector]] = []
-    for ceiling in _ceilings(comparison, response, simulated):
+    for ceiling in ceilings:
         for tau_s in (*taus[1::2], np.inf):
             lost = spilled(comparison, simulated, ceiling, float(tau_s))
             if np.any(lost):
-                own.append((ceiling, float(tau_s), lost))
-    unit = comparison.channel(response).unit
-    for ceiling, tau_s, lost in own:
-        shape = {"ceiling": Quantity(ceiling, unit)} | _lag(tau_s)
-        yield Variant(lost[:, None], (f"spills at {ceiling:.3g} {unit}",), shape, bounds=((0.0, 1e300),))
-    uppers = list(_uppers(comparison, response, taus))
-    for name, level, lost in uppers:
+                shape = {"ceiling": Quantity(ceiling, unit)} | _lag(float(tau_s))
+                yield Variant(lost[:, None], (f"spills at {ceiling:.3g} {unit}",), shape, bounds=_RISING)
+    for name, level, lost in _uppers(comparison, response, taus):
         shape = {"upper_ceiling": Quantity(level, "1")}
-        yield Variant(
-            lost[:, None],
-            (f"inflow lost as {name} spills above",),
-            shape,
-            bounds=_FALLING,
-            sources=_recorded(comparison, name),
-        )
-    likeliest = own[:: max(len(own) // 5, 1)][:5]
-    for ceiling, tau_s, lost in likeliest:
-        for name, level, upper in uppers[:: max(len(uppers) // 10, 1)][:10]:
-            columns = np.column_stack([lost, upper])
-            names = (f"spills at {ceiling:.3g} {unit}", f"inflow lost as {name} spills above")
-            shape = {"ceiling": Quantity(ceiling, unit), "upper_ceiling": Quantity(level, "1")} | _lag(tau_s)
-            yield Variant(columns, names, shape, bounds=((0.0, 1e300), *_FALLING), sources=_recorded(comparison, name))
+        names = (f"inflow lost as {name} spills above",)
+        yield Variant(lost[:, None], names, shape, bounds=_FALLING, sources=_recorded(comparison, name))
+
+
+def inflows(comparison: Comparison, response: str) -> tuple[str, ...]:
+    """Channels that may fill the store: flows before voltages of pumps, then levels of other stores."""
+    names = comparison.with_role("flow") + comparison.with_role("voltage")
+    names += tuple(n for n in comparison.with_role("displacement", "position", "size", "state"))
+    return tuple(n for n in names if n != response and excited(course(comparison, n)))[:3]
+
+
+def _of_stores(
+    comparison: Comparison, response: str, stores: Stores, ceilings: list[float], inflow: str
+) -> Iterator[Variant]:
+    """The same stores with brims: on a grid, and where they explain most."""
+    remainder = Remainder(comparison, response)
+    whole, plain = stores.levels(comparison)
+    fitted = ~comparison.held_out
+    uppers = [np.inf, *np.quantile(whole[fitted], _UPPER_SHARES)] if stores.n == 2 else [np.inf]
+    tried: list[tuple[float, tuple[float, float, float]]] = []
+
+    def lost(brims: tuple[float, float, float]) -> Vector:
+        return stores.levels(comparison, *brims)[1] - plain
+
+    for upper in uppers:
+        for lower in (*ceilings, np.inf):
+            for caught in (0.0, 0.5) if np.isfinite(upper) else (0.0,):
+                if np.isfinite(upper) or np.isfinite(lower):
+                    brims = (float(upper), float(lower), caught)
+                    tried.append((remainder.share(lost(brims)), brims))
+    tried = sorted(tried, key=lambda pair: -pair[0])[:_MOST]
+    best = _refined(remainder, lost, tried[0][1], float(np.ptp(whole)), float(np.ptp(plain))) if tried else ()
+    for brims in (*best, *(pair[1] for pair in tried)):
+        column = lost(brims)
+        if np.any(column):
+            yield _with_brims(comparison, response, column, brims, whole, inflow)
+
+
+def _refined(
+    remainder: Remainder,
+    lost: Callable[[tuple[float, float, float]], Vector],
+    brims: tuple[float, float, float],
+    upper_size: float,
+    lower_size: float,
+) -> tuple[tuple[float, float, float], ...]:
+    """Brims moved one by one, by ever smaller steps, as long as they explain more."""
+    best, score = brims, remainder.share(lost(brims))
+    for step in (0.1, 0.05, 0.025, 0.012):
+        for k, size in ((0, upper_size), (1, lower_size), (2, 3.0)):
+            for sign in (-1.0, 1.0):
+                if not np.isfinite(best[k]):
+                    continue
+                moved = list(best)
+                moved[k] += sign * step * size
+                moved[2] = min(max(moved[2], 0.0), 1.0)
+                trial = (moved[0], moved[1], moved[2])
+                gain = remainder.share(lost(trial))
+                if gain > score:
+                    best, score = trial, gain
+    return (best,)
+
+
+def _with_brims(
+    comparison: Comparison, response: str, column: Vector, brims: tuple[float, float, float], whole: Vector, inflow: str
+) -> Variant:
+    unit, shape, words = comparison.channel(response).unit, {}, []
+    if np.isfinite(brims[1]):
+        shape["ceiling"] = Quantity(brims[1], unit)
+        words.append(f"spills at {brims[1]:.3g} {unit}")
+    if np.isfinite(brims[0]):
+        share = brims[0] / float(whole.max())
+        shape["upper_ceiling"] = Quantity(share, "1")
+        shape["caught"] = Quantity(brims[2], "1")
+        words.append(f"the store above spills at {100 * share:.3g} % of its highest level")
+    return Variant(column[:, None], (", ".join(words),), shape, sources=_recorded(comparison, inflow), bounds=_RISING)
 
 
 def spilled(comparison: Comparison, level: Vector, ceiling: float, tau_s: float) -> Vector:
@@ -140,6 +207,8 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
         low, high = fitted.shape_intervals.get("ceiling", (None, None))
         parameters["ceiling"] = Quantity(shape["ceiling"].value, fitted.unit, low, high)
         parts.append(f"spills at {shape['ceiling'].value:.3g} {fitted.unit}")
+    if "caught" in shape:
+        parameters |= {"upper_ceiling": shape["upper_ceiling"], "caught": shape["caught"]}
     if "upper_ceiling" in shape:
         parts.append("loses inflow while the store above it spills")
     text = f"{fitted.response} {' and '.join(parts)}; this takes up to {fitted.largest:.3g} {fitted.unit}"
@@ -158,6 +227,8 @@ EFFECT = Effect(
     acts_at="every store with a recorded level, and a store above it",
     parameters=(
         ShapeParameter("ceiling", "unit of the response", -1e12, 1e12, "level at which it spills"),
+        ShapeParameter("upper_ceiling", "1", 0.0, 1e12, "level at which the store above spills, over its highest"),
+        ShapeParameter("caught", "1", 0.0, 1.0, "share of what it spills that the store below gets"),
         ShapeParameter("tau_s", "s", 0.0, 1e9, "time after which the lost amount is no longer seen"),
         ShapeParameter("largest", "unit of the response", 0.0, 1e12, "largest amount in the response"),
     ),

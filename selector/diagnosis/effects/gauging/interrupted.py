@@ -9,15 +9,18 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.gauging.lag import infeed
 from selector.diagnosis.effects.vibration.imbalance import turns_of
 from selector.diagnosis.leftover import leftover
 from selector.diagnosis.record_kind import SLOWEST_VIBRATION_S, no_gauging, part_by_part
-from selector.diagnosis.signals import course, excited, filled, lagged
+from selector.diagnosis.signals import course, excited, lagged
 from selector.diagnosis.spectral_lines import Line, course_of, lines
 
 Vector = NDArray[np.float64]
 
 _LAGS_S = (0.0, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
+_OWN = 0.03
+"""A state that differs from the infeed in fewer rows, or agrees in fewer, is that of the feed."""
 _GROOVES = tuple(float(k) for k in range(1, 13))
 
 
@@ -25,8 +28,6 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     if _testable(comparison, response) is not None:
         return
     parts = part_by_part(comparison, response)
-    simulated = filled(comparison, comparison.simulated[response])
-    about = simulated - float(simulated.mean())
     ripples = list(_ripples(comparison, response))
     for name, share in _interruptions(comparison):
         for tau_s in (0.0,) if parts else _LAGS_S:
@@ -35,9 +36,6 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
             smooth = lagged(comparison, share, tau_s, settled=True)
             shape = {"tau_s": Quantity(tau_s, "s")}
             yield Variant(smooth[:, None], (f"offset while {name}",), shape, sources=(name,), regime=f"{name} > 0")
-            columns = np.column_stack([smooth, smooth * about])
-            names = (f"offset while {name}", f"gain while {name}")
-            yield Variant(columns, names, shape, sources=(name,), regime=f"{name} > 0")
         for order, columns in ripples:
             names = (f"ripple of {order:g} per turn while {name}",)
             yield Variant(
@@ -54,11 +52,16 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
 
 
 def _interruptions(comparison: Comparison) -> Iterator[tuple[str, Vector]]:
-    """Channels that may say that the surface is interrupted: states, 0 … 1."""
+    """States that may say that the surface is interrupted, 0 … 1; one that goes with the infeed says contact."""
+    feeding = [np.abs(rate_um_per_s) > 0.0 for rate_um_per_s in infeed(comparison).values()]
     for name in comparison.with_role("state"):
         state = course(comparison, name)
-        if excited(state):
-            yield name, (state - float(state.min())) / float(np.ptp(state))
+        if not excited(state):
+            continue
+        share = (state - float(state.min())) / float(np.ptp(state))
+        agrees = [float(np.mean(on == (share > 0.5))) for on in feeding]
+        if all(_OWN < agreement < 1.0 - _OWN for agreement in agrees):
+            yield name, share
 
 
 def _ripples(comparison: Comparison, response: str) -> Iterator[tuple[float, Vector]]:

@@ -16,7 +16,7 @@ Vector = NDArray[np.float64]
 
 _UM_PER_S = {"feed_rate": 1000.0 / 60.0, "velocity": 1e6}
 """Canonical unit of the role in µm/s."""
-_SPAN_S = (0.005, 5.0)
+_SPAN_S = (0.005, 1.0)
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
@@ -53,10 +53,10 @@ def infeed(comparison: Comparison) -> dict[str, Vector]:
     return found
 
 
-def _lags_s(comparison: Comparison) -> Vector:
+def _lags_s(comparison: Comparison) -> list[float]:
     taus = time_constants(comparison, 10)
     low = max(_SPAN_S[0], 0.5 * comparison.period_s)
-    return np.geomspace(low, max(min(_SPAN_S[1], float(taus[-1])), 2.0 * low), 10)
+    return [float(tau_s) for tau_s in np.geomspace(low, max(min(_SPAN_S[1], float(taus[-1])), 2.0 * low), 10)]
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:

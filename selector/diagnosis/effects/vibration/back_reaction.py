@@ -9,13 +9,18 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.leftover import Remainder
 from selector.diagnosis.linear_response import LinearResponse, linear_responses
-from selector.diagnosis.member_chain import inertia_force, members, transfer
+from selector.diagnosis.member_chain import inertia_force, members, reactions, transfer
 from selector.diagnosis.record_kind import no_vibration, of_a_drive, swept_hz
 from selector.diagnosis.response_curve import slope
 from selector.diagnosis.signals import rate
 
 Vector = NDArray[np.float64]
+
+_WEAK, _HEAVY = 0.01, 30.0
+"""Gains of the loop through the successor's inertia that are tried."""
+_FREE = ((0.0, 1e300),)
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
@@ -29,7 +34,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     others = members(comparison, response)
     for predecessor in (response, *others):
         for successor in others if predecessor == response else (response, *others):
-            if successor == predecessor:
+            if successor == predecessor or predecessor not in comparison.simulated:
                 continue
             for path in linear_responses(comparison, predecessor):
                 yield from _of_pair(comparison, response, predecessor, successor, path)
@@ -42,26 +47,37 @@ def _of_pair(
     onward = None if response == predecessor else transfer(comparison, predecessor, response)
     if response != predecessor and onward is None:
         return
-    shape = {} if path.source is not None else {"assumed_hz": Quantity(_frequency_hz(path, comparison), "Hz")}
-    for origin in ("simulated", "recorded"):
-        force = inertia_force(comparison, successor, origin)
-        if force is None:
-            continue
-        moved = path.passed(comparison, force)
-        late = rate(comparison, moved) * comparison.period_s
-        if onward is not None:
-            moved, late = (onward.passed(comparison, part) for part in (moved, late))
-        if not np.any(moved):
-            continue
-        parts = (moved,) if path.source is not None else (moved, late)
-        words = f"inertia of {successor} ({origin}) on {predecessor}"
-        yield Variant(
-            np.column_stack(parts),
-            (words, "the same, a quarter on")[: len(parts)],
-            shape,
-            place=comparison.channel(predecessor).place,
-            sources=(successor,),
-        )
+    place = comparison.channel(predecessor).place
+    words = f"inertia of {successor} on {predecessor}"
+    if path.source is not None and successor in comparison.simulated:
+        reaction, unit = reactions(comparison, path, predecessor, successor)
+        if unit <= 0.0:
+            return
+
+        def moved(mass: float) -> Vector:
+            first = reaction(mass)
+            return (first if onward is None else onward.passed(comparison, first)) / mass
+
+        masses = np.geomspace(_WEAK, _HEAVY, 8) / unit
+        best = Remainder(comparison, response).best(moved, masses)
+        for mass in (masses[0], masses[3]) if best is None else (masses[0], 0.7 * best, best, 1.4 * best):
+            shape = {"loop_gain": Quantity(float(mass * unit), "1")}
+            column = moved(float(mass))
+            if np.any(column):
+                yield Variant(column[:, None], (words,), shape, place=place, sources=(successor,), bounds=_FREE)
+        return
+    force = inertia_force(comparison, successor, "simulated" if successor in comparison.simulated else "recorded")
+    if force is None:
+        return
+    parts = [path.passed(comparison, force)]
+    if path.source is None:
+        parts.append(rate(comparison, parts[0]) * comparison.period_s)
+    if onward is not None:
+        parts = [onward.passed(comparison, part) for part in parts]
+    if np.any(parts[0]):
+        names = (words, "the same, a quarter on")[: len(parts)]
+        shape = {"resonance_hz": Quantity(_frequency_hz(path, comparison), "Hz")}
+        yield Variant(np.column_stack(parts), names, shape, place=place, sources=(successor,))
 
 
 def _frequency_hz(path: LinearResponse, comparison: Comparison) -> float:

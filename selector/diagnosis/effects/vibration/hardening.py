@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.leftover import Remainder
 from selector.diagnosis.linear_response import LinearResponse, linear_responses
-from selector.diagnosis.member_chain import displacement_of, members
+from selector.diagnosis.member_chain import displacement_of, joints
 from selector.diagnosis.record_kind import no_vibration, of_a_drive, swept_hz
 from selector.diagnosis.response_curve import slope
 from selector.diagnosis.restoring_force import fed_back, linear_part, restoring
@@ -19,73 +20,74 @@ from selector.diagnosis.signals import filled, rate
 Vector = NDArray[np.float64]
 
 _ROLES = ("displacement", "acceleration", "velocity", "position", "voltage")
-_STRENGTHS = (0.01, 0.1, 0.3, 1.0)
-"""Stiffness that the cube adds, over the linear one, at the swing of the simulation."""
+_STRENGTHS = np.geomspace(0.01, 30.0, 8)
+"""Stiffness that the cube adds at the swing of the simulation, over the linear one."""
 _FREE = (0.0, 1e300)
+_ANY = (-1e300, 1e300)
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     if _testable(comparison, response) is not None:
         return
     swept = swept_hz(comparison, response)
-    simulated = filled(comparison, comparison.simulated[response])
     if swept is not None:
+        simulated = filled(comparison, comparison.simulated[response])
         shift = -slope(comparison, response, swept) * (simulated / float(np.abs(simulated).max())) ** 2
         yield Variant(shift[:, None], ("resonances raised by the square of the amplitude",), bounds=(_FREE,))
         return
-    y = displacement_of(comparison, response, simulated)
-    direct = y is simulated
-    for path in linear_responses(comparison, response):
-        yield from _of_own_motion(comparison, path, y, direct)
-        for other in members(comparison, response) if path.source is not None else ():
-            if other in comparison.simulated and comparison.channel(other).role == comparison.channel(response).role:
-                stretch = y - displacement_of(comparison, other, filled(comparison, comparison.simulated[other]))
-                yield from _of_a_joint(comparison, path, stretch, other)
+    remainder = Remainder(comparison, response)
+    for member, path, onward in joints(comparison, response):
+        yield from _at_joint(comparison, remainder, member, path, onward)
 
 
-def _of_own_motion(comparison: Comparison, path: LinearResponse, y: Vector, direct: bool) -> Iterator[Variant]:
-    cube = restoring(comparison, y, "cubic")
-    seen = linear_part(comparison, path, y, cube)
+def _at_joint(
+    comparison: Comparison, remainder: Remainder, member: str, path: LinearResponse, onward: LinearResponse | None
+) -> Iterator[Variant]:
+    """The cube of a member's motion, as it reaches the response; k₃ weak, and as strong as explains most."""
+    simulated = filled(comparison, comparison.simulated[member])
+    y = displacement_of(comparison, member, simulated)
     fitted = ~comparison.held_out
-    swing = float(np.mean(y[fitted] ** 4) / max(np.mean(y[fitted] ** 2), 1e-300))
+    swing = float(np.mean(y[fitted] ** 4) / max(float(np.mean(y[fitted] ** 2)), 1e-300))
     if swing <= 0.0:
         return
-    square = path.passed(comparison, -(y**2))
-    for linear, words in (((0.0, 0.0), "small-signal simulation"), (seen, "simulation fitted at this swing")):
+    cube = restoring(comparison, y, "cubic")
+
+    def seen_by_response(course: Vector) -> Vector:
+        return course if onward is None else onward.passed(comparison, course)
+
+    square = seen_by_response(path.passed(comparison, -(y**2)))
+    for linear in ((0.0, 0.0), linear_part(comparison, path, y, cube)):
         part = cube - linear[0] * y - linear[1] * rate(comparison, y)
-        weak = -path.passed(comparison, part)
-        yield _variant(path, weak, None, 0.0, words)
-        yield _variant(path, weak, square, 0.0, words)
-        if not direct or path.static_gain <= 0.0:
+        weak = seen_by_response(-path.passed(comparison, part))
+        yield _variant(member, path, weak, None, 0.0, fitted_there=linear[0] != 0.0)
+        if y is not simulated or path.static_gain <= 0.0 or path.source is None:
+            yield _variant(member, path, weak, square, 0.0, fitted_there=linear[0] != 0.0)
             continue
-        for strength in _STRENGTHS[1:]:
+
+        def strong(strength: float, linear: tuple[float, float] = linear) -> Vector | None:
             k = strength / (swing * path.static_gain)
             moved = fed_back(comparison, path, y, "cubic", k, linear=linear)
-            if moved is not None:
-                yield _variant(path, moved / k, None, strength, words)
-                if strength == _STRENGTHS[2]:
-                    yield _variant(path, moved / k, square, strength, words)
+            return None if moved is None else seen_by_response(moved) / k
+
+        best = remainder.best(strong, _STRENGTHS)
+        for strength in () if best is None else (0.7 * best, best, 1.4 * best):
+            column = strong(strength)
+            if column is not None:
+                yield _variant(member, path, column, None, strength, fitted_there=linear[0] != 0.0)
+                if strength == best:
+                    yield _variant(member, path, column, square, strength, fitted_there=linear[0] != 0.0)
 
 
-def _of_a_joint(comparison: Comparison, path: LinearResponse, stretch: Vector, other: str) -> Iterator[Variant]:
-    cube = restoring(comparison, stretch, "cubic")
-    alpha, beta = linear_part(comparison, path, stretch, cube)
-    for linear in ((0.0, 0.0), (alpha, beta)):
-        part = cube - linear[0] * stretch - linear[1] * rate(comparison, stretch)
-        column = -path.passed(comparison, part)
-        shape = {"relative_to": Quantity(1.0, "1")}
-        yield Variant(
-            column[:, None], (f"cube of the stretch towards {other}",), shape, sources=(other,), bounds=(_FREE,)
-        )
-
-
-def _variant(path: LinearResponse, column: Vector, square: Vector | None, strength: float, words: str) -> Variant:
-    """Coefficient of the first column: k₃, force per cube of the response; divided by the static gain where unknown."""
+def _variant(
+    member: str, path: LinearResponse, column: Vector, square: Vector | None, strength: float, *, fitted_there: bool
+) -> Variant:
+    """The coefficient of the first column is k₃ [force per cube of the member's motion]."""
     columns = column[:, None] if square is None else np.column_stack([column, square])
-    names = (f"cubic restoring force ({words})", "quadratic restoring force")[: columns.shape[1]]
+    words = ", stiffness fitted at this swing" if fitted_there else ""
+    names = (f"cubic restoring force on {member}{words}", f"quadratic restoring force on {member}")[: columns.shape[1]]
     shape = {"static_gain": Quantity(path.static_gain, "1"), "strength": Quantity(strength, "1")}
-    source = () if path.source is None else (path.source,)
-    return Variant(columns, names, shape, sources=source, bounds=(_FREE, (-1e300, 1e300))[: columns.shape[1]])
+    sources = (member,) if path.source is None else (member, path.source)
+    return Variant(columns, names, shape, sources=sources, bounds=(_FREE, _ANY)[: columns.shape[1]])
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
@@ -99,24 +101,22 @@ def _testable(comparison: Comparison, response: str) -> str | None:
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     largest = {"largest": Quantity(fitted.largest, fitted.unit)}
-    gain = fitted.variant.shape.get("static_gain")
-    if gain is None:
-        text = f"stiffness grows with amplitude; it moves {fitted.response} by up to {fitted.largest:.3g} {fitted.unit}"
-        return Reading(text, largest)
-    recorded = filled(comparison, comparison.recorded[fitted.response])
-    top = float(np.abs(displacement_of(comparison, fitted.response, recorded - np.median(recorded))).max())
+    gain, sources = fitted.variant.shape.get("static_gain"), fitted.variant.sources
+    moves = f"moves {fitted.response} by up to {fitted.largest:.3g} {fitted.unit}"
+    if gain is None or not sources or sources[0] not in comparison.recorded:
+        return Reading(f"stiffness grows with amplitude, which {moves}", largest)
+    member = sources[0]
+    recorded = filled(comparison, comparison.recorded[member])
+    top = float(np.abs(displacement_of(comparison, member, recorded - np.median(recorded))).max())
     rise = 300.0 * top**2 * gain.value
     value, error = float(fitted.coefficients[0]), 1.96 * float(fitted.standard_errors[0])
     stiffening = Quantity(rise * value, "percent", rise * (value - error), rise * (value + error))
-    text = (
-        f"stiffness grows with amplitude: at the largest swing it is {stiffening.value:.3g} % above that at rest; this moves "
-        f"{fitted.response} by up to {fitted.largest:.3g} {fitted.unit}"
-    )
     parameters = largest | {"stiffening": stiffening}
-    if fitted.variant.sources:
-        unit = f"{comparison.channel(fitted.variant.sources[0]).unit}/{fitted.unit}^3"
+    if len(sources) > 1 and sources[1] in comparison.recorded:
+        unit = f"{comparison.channel(sources[1]).unit}/{comparison.channel(member).unit}^3"
         parameters["cubic_stiffness"] = Quantity(value, unit, value - error, value + error)
-    return Reading(text, parameters)
+    text = f"stiffness at {member} grows with amplitude, at the largest swing {stiffening.value:.3g} % above that at rest; this "
+    return Reading(text + moves, parameters)
 
 
 EFFECT = Effect(

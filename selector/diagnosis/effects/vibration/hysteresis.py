@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.leftover import Remainder
 from selector.diagnosis.linear_response import LinearResponse, linear_responses
-from selector.diagnosis.member_chain import displacement_of
+from selector.diagnosis.member_chain import displacement_of, joints
 from selector.diagnosis.record_kind import no_vibration, of_a_drive, swept_hz
 from selector.diagnosis.restoring_force import Law, fed_back, linear_part, restoring
 from selector.diagnosis.signals import filled, rate
@@ -18,56 +19,84 @@ from selector.diagnosis.signals import filled, rate
 Vector = NDArray[np.float64]
 
 _ROLES = ("displacement", "acceleration", "velocity", "position", "voltage")
-_WIDTHS = (0.03, 0.1, 0.3, 1.0)
+_WIDTHS = (0.03, 0.1, 0.25, 0.5, 1.0)
 """Displacement until the element slips, over the root mean square of the motion."""
 _LAWS: tuple[Law, ...] = ("stop", "dahl")
-_STRENGTHS = (0.1, 0.4)
+_STRENGTHS = np.geomspace(0.03, 3.0, 5)
 """Largest force of the element over the elastic force at the root mean square of the motion."""
+_MODERATE = 0.1
+_REFINED = 2
 _FREE = ((0.0, 1e300),)
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     if _testable(comparison, response) is not None:
         return
-    simulated = filled(comparison, comparison.simulated[response])
-    y = displacement_of(comparison, response, simulated)
+    remainder = Remainder(comparison, response)
+    for member, path, onward in joints(comparison, response):
+        yield from _at_joint(comparison, remainder, member, path, onward)
+
+
+def _at_joint(
+    comparison: Comparison, remainder: Remainder, member: str, path: LinearResponse, onward: LinearResponse | None
+) -> Iterator[Variant]:
+    """Elements at a member, as they reach the response; the likeliest also as strong as explains most."""
+    simulated = filled(comparison, comparison.simulated[member])
+    y = displacement_of(comparison, member, simulated)
     fitted = ~comparison.held_out
-    swing = float(np.sqrt(np.mean((y[fitted] - y[fitted].mean()) ** 2)))
+    swing = float(np.std(y[fitted]))
     if swing <= 0.0:
         return
-    paths = linear_responses(comparison, response)
-    for path in paths:
-        for law in _LAWS:
-            for share in _WIDTHS:
-                yield from _of_width(comparison, path, y, law, share * swing, swing, y is simulated)
+    feeds_back = y is simulated and path.static_gain > 0.0 and path.source is not None
 
-
-def _of_width(
-    comparison: Comparison, path: LinearResponse, y: Vector, law: Law, width: float, swing: float, direct: bool
-) -> Iterator[Variant]:
-    force = restoring(comparison, y, law, width)
-    if float(np.std(force)) < 1e-9:
-        return
-    seen = linear_part(comparison, path, y, force)
-    for linear, words in (((0.0, 0.0), "beside the simulated stiffness"), (seen, "simulation fitted at this swing")):
-        weak = -path.passed(comparison, force - linear[0] * y - linear[1] * rate(comparison, y))
-        yield _variant(path, weak, law, width, words)
-        if not direct or path.static_gain <= 0.0 or path.source is None:
-            continue
-        for strength in _STRENGTHS:
+    def column(law: Law, width: float, linear: tuple[float, float], strength: float) -> Vector | None:
+        if feeds_back:
             k = strength * swing / path.static_gain
             moved = fed_back(comparison, path, y, law, k, width=width, linear=linear)
-            if moved is not None:
-                yield _variant(path, moved / k, law, width, words)
+            moved = None if moved is None else moved / k
+        else:
+            force = restoring(comparison, y, law, width)
+            moved = -path.passed(comparison, force - linear[0] * y - linear[1] * rate(comparison, y))
+        return moved if moved is None or onward is None else onward.passed(comparison, moved)
+
+    tried: list[tuple[float, Law, float, tuple[float, float]]] = []
+    for law in _LAWS:
+        for share in _WIDTHS if path.source is not None else _WIDTHS[1:4]:
+            force = restoring(comparison, y, law, share * swing)
+            for linear in ((0.0, 0.0), linear_part(comparison, path, y, force)):
+                found = column(law, share * swing, linear, _MODERATE)
+                if found is not None:
+                    tried.append((remainder.share(found), law, share * swing, linear))
+                    yield _variant(member, path, found, law, share * swing, linear)
+    for _, law, width, linear in sorted(tried, key=lambda t: -t[0])[:_REFINED] if feeds_back else ():
+
+        def strong(strength: float, law: Law = law, width: float = width, linear=linear) -> Vector | None:  # type: ignore[no-untyped-def]
+            return column(law, width, linear, strength)
+
+        best = remainder.best(strong, _STRENGTHS, rounds=2)
+        if best is None:
+            continue
+
+        def slipping(width: float, law: Law = law, linear=linear, best: float = best) -> Vector | None:  # type: ignore[no-untyped-def]
+            return column(law, width, linear, best)
+
+        width = remainder.best(slipping, width * np.array([0.7, 1.0, 1.4]), rounds=1) or width
+        found = slipping(width)
+        if found is not None:
+            yield _variant(member, path, found, law, width, linear)
 
 
-def _variant(path: LinearResponse, column: Vector, law: Law, width: float, words: str) -> Variant:
+def _variant(
+    member: str, path: LinearResponse, column: Vector, law: Law, width: float, linear: tuple[float, float]
+) -> Variant:
+    """The coefficient is the largest force of the element."""
     name = "elastic element that slips" if law == "stop" else "Bouc–Wen element"
+    words = ", stiffness fitted at this swing" if linear[0] != 0.0 else ""
     return Variant(
         column[:, None],
-        (f"{name}, {words}",),
+        (f"{name} at {member}{words}",),
         {"slip": Quantity(width, "unit of the motion"), "static_gain": Quantity(path.static_gain, "1")},
-        sources=() if path.source is None else (path.source,),
+        sources=(member,) if path.source is None else (member, path.source),
         bounds=_FREE,
     )
 
@@ -83,22 +112,19 @@ def _testable(comparison: Comparison, response: str) -> str | None:
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     low, high = fitted.shape_intervals.get("slip", (None, None))
-    slip = fitted.variant.shape["slip"]
-    unit = {"acceleration": "m", "velocity": "m"}.get(comparison.channel(fitted.response).role, fitted.unit)
+    member, *force = fitted.variant.sources
+    slip, role = fitted.variant.shape["slip"], comparison.channel(member).role
+    unit = {"acceleration": "m", "velocity": "m"}.get(role, comparison.channel(member).unit)
     parameters = {"slip": Quantity(slip.value, unit, low, high), "largest": Quantity(fitted.largest, fitted.unit)}
     text = (
-        f"a restoring force with memory: it slips {slip.value:.3g} {unit} after each reversal and moves {fitted.response} by up "
-        f"to {fitted.largest:.3g} {fitted.unit}"
+        f"a restoring force with memory acts on {member}: it slips {slip.value:.3g} {unit} after each reversal and moves "
+        f"{fitted.response} by up to {fitted.largest:.3g} {fitted.unit}"
     )
-    if fitted.variant.sources:
+    if force and force[0] in comparison.recorded:
         value, error = float(fitted.coefficients[0]), 1.96 * float(fitted.standard_errors[0])
-        of_force = (
-            comparison.channel(fitted.variant.sources[0]).unit
-            if fitted.variant.sources[0] in comparison.recorded
-            else ""
-        )
+        of_force = comparison.channel(force[0]).unit
         parameters["force"] = Quantity(value, of_force, value - error, value + error)
-        text += f"; at most {value:.3g} {of_force}".rstrip()
+        text += f"; its force is at most {value:.3g} {of_force}"
     return Reading(text, parameters)
 
 
