@@ -1,0 +1,173 @@
+"""How does the true axis move: motor, flexible screw with play, table on rubbing guides, sampled cascade."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+
+STEP_S = 1e-4
+"""Step of the true axis [s]."""
+SPEED_LOOP_S = 5e-4
+"""Sampling of the speed loop [s]."""
+COMMAND_S = 1e-3
+"""Sampling of the command and of the position loop [s]."""
+
+
+class TrueAxis(NamedTuple):
+    """Parameters of the true axis, in SI units; all are numbers, so that compiled code takes them as they are.
+
+    Masses are those of the motor (seen along the axis) and of the table. The screw has a stiffness whose compliance
+    grows with the position (`compliance_per_m`, share per metre from `middle_m`), a damping, a play, and errors of its
+    lead: a wave and a bow over the travel. Friction is of bristles (LuGre, `slips` 0) or of several springs that slip
+    one after the other (`slips` 1): Coulomb level, its share by direction, peak at rest with the speed at which it has
+    gone, viscous by direction and by position. The loop: position gain, feed-forward of speed, speed gain and integral
+    time, lag, dead time and limit of the current, force per current; `on_scale` 1 closes it on the table, 0 on the
+    motor.
+    """
+
+    motor_kg: float = 60.0
+    table_kg: float = 150.0
+    stiffness_n_per_m: float = 1.5e8
+    screw_damping_ns_per_m: float = 2.0e4
+    compliance_per_m: float = 0.0
+    middle_m: float = 0.2
+    play_m: float = 0.0
+    lead_m: float = 0.0
+    lead_pitch_m: float = 0.01
+    lead_phase: float = 0.0
+    lead_bow_per_m: float = 0.0
+    slips: float = 0.0
+    coulomb_n: float = 0.0
+    coulomb_by_direction: float = 0.0
+    break_away_n: float = 0.0
+    stribeck_m_per_s: float = 0.005
+    presliding_m: float = 3e-6
+    viscous_ns_per_m: float = 300.0
+    viscous_by_direction: float = 0.0
+    viscous_by_position_per_m: float = 0.0
+    ripple_n: float = 0.0
+    ripple_m: float = 0.0025
+    ripple_phase: float = 0.0
+    offset_n: float = 0.0
+    position_gain_per_s: float = 50.0
+    feed_forward: float = 0.97
+    speed_gain_ns_per_m: float = 6.0e4
+    integral_time_s: float = 0.02
+    current_lag_s: float = 6e-4
+    dead_time_s: float = 0.0
+    limit_a: float = 1e3
+    force_per_a: float = 80.0
+    on_scale: float = 1.0
+    encoder_m: float = 5e-9
+
+
+def true_motion(axis: TrueAxis, command_m: Vector, force_n: Vector, delay_s: float = 0.0) -> tuple[Vector, ...]:
+    """(motor position, motor speed, table position, current) [m, m/s, m, A] every `STEP_S`.
+
+    `command_m` is given every `COMMAND_S`, `force_n` every `STEP_S` (on the table, besides friction); the drive sees
+    the command later by `delay_s`.
+    """
+    grid = np.arange(len(command_m)) * COMMAND_S
+    seen = np.interp(grid - delay_s, grid, command_m) if delay_s else command_m
+    return tuple(_motion(axis, seen, np.gradient(seen, COMMAND_S), force_n))
+
+
+@njit(cache=True, nogil=True)
+def _motion(axis, command, speed, force):  # type: ignore[no-untyped-def]
+    h = STEP_S
+    per_command = round(COMMAND_S / h)
+    per_loop = round(SPEED_LOOP_S / h)
+    n = len(command) * per_command
+    x_motor, v_motor, x_table, amps = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    xm = xt = command[0]
+    vm = vt = 0.0
+    bristle = 0.0
+    springs = np.zeros(6)
+    shares = np.array([0.30, 0.22, 0.18, 0.13, 0.10, 0.07])
+    reach = np.array([0.25, 0.5, 0.9, 1.4, 2.0, 3.0])
+    integral = axis.offset_n / axis.force_per_a
+    current = integral
+    wanted = integral
+    dead = round(axis.dead_time_s / h)
+    queue = np.full(dead + 1, integral)
+    head = 0
+    v_wanted = pull_motor = pull_table = 0.0
+    # at rest: what the constant force stretches, and play on the side to which it pushes
+    xm += axis.offset_n / axis.stiffness_n_per_m + (0.5 * axis.play_m if axis.offset_n >= 0.0 else -0.5 * axis.play_m)
+    origin = xm - command[0]
+    bow = axis.lead_bow_per_m * (xm - axis.middle_m) ** 2
+    lead = axis.lead_m * np.sin(2.0 * np.pi * xm / axis.lead_pitch_m + axis.lead_phase) + bow
+    rest = lead
+    for k in range(n):
+        x_motor[k], v_motor[k], x_table[k], amps[k] = xm - origin, vm, xt, current
+        if k % per_command == 0:
+            j = k // per_command
+            seen = xt if axis.on_scale > 0.5 else xm - origin
+            seen = axis.encoder_m * np.floor(seen / axis.encoder_m + 0.5)
+            v_wanted = axis.position_gain_per_s * (command[j] - seen) + axis.feed_forward * speed[j]
+        if k % per_loop == 0:
+            error = (v_wanted - vm) * axis.speed_gain_ns_per_m / axis.force_per_a
+            total = error + integral
+            wanted = min(max(total, -axis.limit_a), axis.limit_a)
+            # beyond the limit the integral follows what the limit lets through
+            integral += (error + (wanted - total)) * SPEED_LOOP_S / axis.integral_time_s
+        queue[head] = wanted
+        head = (head + 1) % (dead + 1)
+        # positions and current in the middle of the step, then speeds, then the rest: second order in the step
+        half_lag = 1.0 - np.exp(-0.5 * h / axis.current_lag_s)
+        current += half_lag * (queue[head] - current)
+        xm += 0.5 * h * vm
+        xt += 0.5 * h * vt
+        vm_mid, vt_mid = vm + 0.5 * h * pull_motor, vt + 0.5 * h * pull_table
+
+        bow = axis.lead_bow_per_m * (xm - axis.middle_m) ** 2
+        lead = axis.lead_m * np.sin(2.0 * np.pi * xm / axis.lead_pitch_m + axis.lead_phase) + bow
+        slack = xm + lead - rest - xt
+        half = 0.5 * axis.play_m
+        if slack > half:
+            slack -= half
+        elif slack < -half:
+            slack += half
+        else:
+            slack = 0.0
+        joint = 0.0
+        if slack != 0.0 or axis.play_m == 0.0:
+            soft = 1.0 + axis.compliance_per_m * (xt - axis.middle_m)
+            joint = axis.stiffness_n_per_m * slack / soft + axis.screw_damping_ns_per_m * (vm_mid - vt_mid)
+
+        side = 1.0 if vt_mid > 0.0 else -1.0
+        level = axis.coulomb_n * (1.0 + side * axis.coulomb_by_direction)
+        peak = level + axis.break_away_n * np.exp(-((vt_mid / axis.stribeck_m_per_s) ** 2))
+        friction = 0.0
+        if peak > 0.0:
+            if axis.slips > 0.5:
+                for i in range(6):
+                    limit = reach[i] * axis.presliding_m
+                    before = springs[i]
+                    springs[i] = min(max(springs[i] + vt_mid * h, -limit), limit)
+                    friction += 0.5 * peak * shares[i] * (before + springs[i]) / limit
+            else:
+                # deflection of the bristles as a share of its limit: exact over a step of constant speed
+                stiffness = max(axis.coulomb_n, axis.break_away_n) / axis.presliding_m
+                end = side * peak / stiffness
+                before = bristle
+                bristle = end + (bristle - end) * np.exp(-stiffness * abs(vt_mid) * h / peak)
+                friction = 0.5 * stiffness * (before + bristle)
+        viscous = axis.viscous_ns_per_m * (1.0 + side * axis.viscous_by_direction)
+        friction += viscous * (1.0 + axis.viscous_by_position_per_m * (xt - axis.middle_m)) * vt_mid
+
+        ripple = axis.ripple_n * np.sin(2.0 * np.pi * xm / axis.ripple_m + axis.ripple_phase)
+        drive = axis.force_per_a * current - ripple
+        pull_motor = (drive - joint) / axis.motor_kg
+        pull_table = (joint - friction - axis.offset_n - force[k]) / axis.table_kg
+        vm += h * pull_motor
+        vt += h * pull_table
+        xm += 0.5 * h * vm
+        xt += 0.5 * h * vt
+        current += half_lag * (queue[head] - current)
+    return x_motor, v_motor, x_table, amps

@@ -1,0 +1,281 @@
+"""How does a world with a concealed effect become a case of wanted strength: noise, size, tables, truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from selector.proof import concealment
+from selector.proof.case import Case, Concealment, Kind, Scenario, TrueEffect, Truth
+from selector.proof.concealment import split, stacked
+from selector.proof.noise import Noise
+from selector.proof.strength import fitted_starts, held_out_errors, recalibration, scale_for
+from selector.recording import Channel, Recording
+
+Vector = NDArray[np.float64]
+Courses = Mapping[str, Vector]
+Runs = Mapping[str, Sequence[Vector]]
+Measure = Callable[[Courses, Courses, Courses, Mapping[str, Noise], Sequence[int]], Concealment]
+
+HIDDEN_FACTOR = 4.0
+"""What no catalogue knows is made stronger than what it knows, since nothing can be matched to it."""
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """A machine with an effect of any size, what is recorded of it, and what a simulation says of it.
+
+    Attributes
+    ----------
+    channels : tuple of Channel
+        Of the recording, responses included.
+    responses : tuple of str
+    time_s : mapping of str to ndarray
+        Run → stamps of the recorded rows [s].
+    simulation_time_s : mapping of str to ndarray
+        Run → stamps of the simulation [s].
+    recorded : callable (size) -> mapping of str to sequence of ndarray
+        Channel → course in every run [its unit], responses without their noise. Size 0 = the effect is off.
+    simulated : callable (size) -> mapping of str to sequence of ndarray
+        The same of the simulation, with parameters fitted to a machine with the effect if that is how it is hidden.
+    noise : mapping of str to Noise
+        Of the responses.
+    effects : callable (size) -> tuple of TrueEffect
+    first : float
+        A size to begin the search with.
+    distorted : callable (recorded, size) -> mapping, or None
+        What becomes of readings with their noise (a sensor that freezes reads no noise).
+    """
+
+    channels: tuple[Channel, ...]
+    responses: tuple[str, ...]
+    time_s: Mapping[str, Vector]
+    simulation_time_s: Mapping[str, Vector]
+    recorded: Callable[[float], Runs]
+    simulated: Callable[[float], Runs]
+    noise: Mapping[str, Noise]
+    effects: Callable[[float], tuple[TrueEffect, ...]]
+    first: float = 1.0
+    distorted: Callable[[Runs, float], Runs] | None = None
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a scenario says of its cases: name, family, kind, right verdicts, how it is hidden.
+
+    `hidden` names the numbers that are to hold: ``"small"``, ``"absorbed"``, ``"rare"``, ``"ruled out in E"``,
+    ``"like E"`` (the effect in that response against the simulation and the recorded channels). `factor` multiplies
+    the wanted d′; `size` is that of an effect whose strength is not chosen, since recalibration takes in all of it.
+    `lost` is the share of rows that were never written. `measures` are further ways to be hidden, as functions of the
+    effect, the recorded and the simulated courses without noise (all runs one after the other), the noise and `starts`.
+    """
+
+    name: str
+    family: str
+    kind: Kind
+    verdicts: tuple[str, ...] = ("missing-physics",)
+    hidden: tuple[str, ...] = ()
+    tolerated: tuple[str, ...] = ()
+    factor: float = 1.0
+    size: float = 0.0
+    lost: float = 0.0
+    note: str = ""
+    measures: tuple[Measure, ...] = ()
+
+
+def scenario(plan: Plan, world: Callable[[np.random.Generator], World], *, has_strength: bool = True) -> Scenario:
+    """A scenario of worlds that are made from a seed; every name draws other worlds from the same seed."""
+
+    def build(seed: int, wanted: float | None) -> Case:
+        generator = np.random.default_rng([seed, *plan.name.encode()])
+        return case_of(world(generator), plan, generator, wanted)
+
+    return Scenario(plan.name, plan.family, plan.kind, build, plan.note, has_strength=has_strength)
+
+
+def twin(plan: Plan, world: Callable[[np.random.Generator], World]) -> Scenario:
+    """The clean twin of a scenario: the same machines, programmes and noise, the effect off."""
+
+    def build(seed: int, wanted: float | None) -> Case:
+        generator = np.random.default_rng([seed, *plan.name.encode()])
+        case = case_of(world(generator), plan, generator, 0.0)
+        return replace(case, name=name, kind="clean")
+
+    name = f"clean.{plan.family}/off {plan.name.partition('.')[2]}"
+    note = f"Twin of {plan.name} with the effect off."
+    return Scenario(name, plan.family, "clean", build, note, has_strength=False)
+
+
+class _Seen:
+    """A world at one size; its courses at the recorded rows, all runs one after the other."""
+
+    def __init__(self, world: World, size: float) -> None:
+        self.runs, self.simulation = world.recorded(size), world.simulated(size)
+        self.recorded = {name: np.concatenate(list(parts)) for name, parts in self.runs.items()}
+        clocks = list(zip(world.time_s.values(), world.simulation_time_s.values(), strict=True))
+        self.simulated = {
+            name: np.concatenate([np.interp(time, own, part) for (time, own), part in zip(clocks, parts, strict=True)])
+            for name, parts in self.simulation.items()
+        }
+        self.missing = {name: self.recorded[name] - self.simulated[name] for name in world.responses}
+
+
+class _Strength:
+    """Effects of a world by size: their courses, and how well an oracle could detect them."""
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self.time_s, self.starts = stacked(list(world.time_s.values()))
+        self.off = _Seen(world, 0.0)
+        self._seen = {0.0: self.off}
+        self._rows = fitted_starts(self.starts)
+        self._absorbed = {name: self._basis(name) for name in world.responses}
+
+    def seen(self, size: float) -> _Seen:
+        if size not in self._seen:
+            self._seen[size] = _Seen(self.world, size)
+        return self._seen[size]
+
+    def effect(self, size: float) -> dict[str, Vector]:
+        missing = self.seen(size).missing
+        return {name: missing[name] - self.off.missing[name] for name in self.world.responses}
+
+    def detected(self, courses: Courses) -> float:
+        """`selector.proof.strength.d_prime`, with what recalibration absorbs worked out once."""
+        total = 0.0
+        for name, course in courses.items():
+            white = self.world.noise[name].whitened(course[: self._rows[-1], None], self._rows)[:, 0]
+            absorbed = self._absorbed[name].T @ white
+            total += float(white @ white - absorbed @ absorbed)
+        return float(np.sqrt(max(total, 0.0)))
+
+    def _basis(self, name: str) -> Vector:
+        noise = self.world.noise[name]
+        stop = self._rows[-1]
+        free = recalibration(self.off.simulated[name], self.time_s, self.starts)[:stop]
+        free = np.column_stack([free, noise.repeated(self._rows)])
+        lengths = np.linalg.norm(free, axis=0)
+        free = noise.whitened(free / np.where(lengths > 0.0, lengths, 1.0), self._rows)
+        basis, values, _ = np.linalg.svd(free, full_matrices=False)
+        return np.asarray(basis[:, values > 1e-10 * values.max(initial=0.0)])
+
+
+def case_of(world: World, plan: Plan, generator: np.random.Generator, wanted: float | None) -> Case:
+    """A case whose effect an oracle could detect with d′ `wanted` (times the plan's factor).
+
+    With 0 the effect is off; without one it has the `size` of the plan.
+
+    Raises
+    ------
+    ValueError
+        If no size of the effect has this strength.
+    """
+    strength = _Strength(world)
+    starts = strength.starts
+    noise = {name: world.noise[name].drawn(generator, starts) for name in world.responses}
+    lost = generator.random(starts[-1]) < plan.lost
+    size = plan.size if wanted is None else 0.0
+    if wanted:
+        size = _size_for(wanted * plan.factor, strength, world.first)
+    now = strength.seen(size)
+    readings: dict[str, list[Vector]] = {name: list(parts) for name, parts in now.runs.items()}
+    for name, errors in noise.items():
+        readings[name] = split(now.recorded[name] + errors, starts)
+    if world.distorted is not None:
+        readings = {name: list(parts) for name, parts in world.distorted(readings, size).items()}
+    for name in world.responses:
+        readings[name] = [world.noise[name].rounded(part) for part in readings[name]]
+    courses = strength.effect(size)
+    held_out = {
+        name: held_out_errors(
+            np.concatenate(readings[name]),
+            now.simulated[name],
+            courses[name],
+            noise[name],
+            world.noise[name],
+            strength.time_s,
+            starts,
+        )
+        for name in world.responses
+    }
+    whole = replace(plan, kind="clean", verdicts=("nothing-missing",), tolerated=()) if wanted == 0.0 else plan
+    concealed: tuple[Concealment, ...] = (concealment.faithful(strength.detected(strength.off.missing)),)
+    truth = Truth(whole.verdicts, (), whole.tolerated, None, concealed, held_out)
+    if size:
+        alone = {name: strength.detected({name: course}) for name, course in courses.items()}
+        concealed += tuple(_hidden(kind, strength, now, courses, alone) for kind in plan.hidden)
+        seen = (courses, now.recorded, now.simulated, world.noise, starts)
+        concealed += tuple(measure(*seen) for measure in plan.measures)
+        found = float(np.sqrt(sum(value**2 for value in alone.values())))
+        truth = replace(truth, effects=world.effects(size), d_prime=found, concealed=concealed)
+    return Case(
+        whole.name,
+        whole.family,
+        whole.kind,
+        _recording(world, readings, [~part for part in split(lost, starts)]),
+        _simulation(world, now.simulation),
+        world.responses,
+        truth,
+    )
+
+
+def _size_for(target: float, strength: _Strength, first: float) -> float:
+    """The size with this d′: by secants, and where the effect sets in all at once (a limit, a play) by halving."""
+
+    def found(size: float) -> float:
+        return strength.detected(strength.effect(size))
+
+    try:
+        return scale_for(target, found, first=first)
+    except ValueError:
+        low, high = 0.0, first
+        for _ in range(12):
+            if found(high) > target:
+                break
+            low, high = high, 2.0 * high
+        for _ in range(30):
+            middle = 0.5 * (low + high)
+            value = found(middle)
+            if abs(value / target - 1.0) < 0.03:
+                return middle
+            low, high = (middle, high) if value < target else (low, middle)
+        raise
+
+
+def _hidden(kind: str, strength: _Strength, now: _Seen, courses: Courses, alone: Mapping[str, float]) -> Concealment:
+    world = strength.world
+    word, _, response = kind.rpartition(" ")
+    if kind == "small":
+        return concealment.below_noise(courses, world.noise, strength.starts)
+    if kind == "absorbed":
+        return concealment.absorbed(courses, strength.off.simulated, world.noise, strength.time_s, strength.starts)
+    if kind == "rare":
+        return concealment.rare(courses, strength.starts)
+    if word == "ruled out in":
+        return concealment.ruled_out(alone, response)
+    if word == "like":
+        known = {f"simulated {name}": course for name, course in strength.off.simulated.items()}
+        known |= {name: course for name, course in now.recorded.items() if name not in world.responses}
+        return concealment.like_known(courses, known, response, strength.starts)
+    raise ValueError(f"concealment {kind!r}")
+
+
+def _recording(world: World, readings: Runs, kept: Sequence[NDArray[np.bool_]]) -> Recording:
+    frames = {}
+    for k, (run, time) in enumerate(world.time_s.items()):
+        table = {channel.name: readings[channel.name][k][kept[k]] for channel in world.channels}
+        frames[run] = pd.DataFrame(table, index=pd.Index(time[kept[k]], name="time_s"))
+    return Recording.from_runs(frames, world.channels)
+
+
+def _simulation(world: World, courses: Runs) -> Recording:
+    channels = [channel for channel in world.channels if channel.name in courses]
+    frames = {}
+    for k, (run, time) in enumerate(world.simulation_time_s.items()):
+        table = {channel.name: courses[channel.name][k] for channel in channels}
+        frames[run] = pd.DataFrame(table, index=pd.Index(time, name="time_s"))
+    return Recording.from_runs(frames, channels)
