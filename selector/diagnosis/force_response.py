@@ -90,7 +90,7 @@ def loop_parts(comparison: Comparison, response: str, course: Vector) -> tuple[V
 
 
 def drawn_out(comparison: Comparison, response: str, speed: Vector) -> Vector:
-    """Where a lack of speed leaves the axis until the loop has made it good: its way, forgotten with the slowest pole."""
+    """Where a lack of speed leaves the axis until the loop has made it good, at the pace of its slowest pole."""
     loop = closed_loop(comparison, comparison.channel(response).axis)
     slowest = 20.0 if loop is None else float(np.min(np.abs(np.roots(loop.polynomial))))
     return lagged(comparison, speed, 1.0 / slowest) / slowest
@@ -123,7 +123,7 @@ def closed_loop(comparison: Comparison, axis: str | None = None) -> ClosedLoop |
 def _loop_course(comparison: Comparison, command: Vector, name: str, axis: str | None) -> Vector | None:
     """A simulated error, current… that shows the loop, of unit variance; None if the channel is no such thing."""
     channel = comparison.channel(name)
-    if name not in comparison.simulated or axis not in (None, channel.axis) and channel.axis is not None:
+    if name not in comparison.simulated or (axis is not None and channel.axis not in (None, axis)):
         return None
     if channel.role not in ("displacement", "position"):
         return None

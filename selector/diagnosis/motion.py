@@ -1,4 +1,4 @@
-"""What an axis does: position, speed, acceleration, sense of motion, way since the last reversal, from what was recorded."""
+"""What an axis does: position, speed, acceleration, sense of motion and way since the last reversal."""
 
 from __future__ import annotations
 

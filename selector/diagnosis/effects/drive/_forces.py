@@ -82,9 +82,9 @@ def simulated_drive_force(comparison: Comparison, response: str) -> tuple[str, V
     """Simulated current, force or voltage of the axis, which has no noise; None if none is simulated."""
     axis = comparison.channel(response).axis
     for channel in comparison.channels:
-        if channel.role in FORCE_ROLES and channel.name in comparison.simulated:
-            if axis is None or channel.axis in (None, axis):
-                return channel.name, filled(comparison, comparison.simulated[channel.name])
+        of_axis = axis is None or channel.axis in (None, axis)
+        if channel.role in FORCE_ROLES and channel.name in comparison.simulated and of_axis:
+            return channel.name, filled(comparison, comparison.simulated[channel.name])
     return None
 
 
@@ -114,7 +114,8 @@ def shape_quantity(fitted: Fitted, name: str) -> Quantity:
 
 def size_of(fitted: Fitted) -> str:
     """How large the effect's course is, in words."""
-    return f"{_number(fitted.rms)} {fitted.unit} rms and up to {_number(fitted.largest)} {fitted.unit} in {fitted.response}"
+    rms, largest = _number(fitted.rms), _number(fitted.largest)
+    return f"{rms} {fitted.unit} rms and up to {largest} {fitted.unit} in {fitted.response}"
 
 
 def with_interval(quantity: Quantity, *, amount: bool = False) -> str:
@@ -130,7 +131,7 @@ def with_interval(quantity: Quantity, *, amount: bool = False) -> str:
 
 
 def is_force(fitted: Fitted, comparison: Comparison) -> bool:
-    """Whether the fitted response is a force, current or voltage, so that its first coefficient is the force in its unit."""
+    """Whether the fitted response is a force, current or voltage: its first coefficient then is a force in its unit."""
     return comparison.channel(fitted.response).role in FORCE_ROLES
 
 

@@ -15,18 +15,24 @@ from selector.diagnosis.effects.drive._forces import (
     direct,
     motion_of,
     reverses,
-    shape_quantity,
+    simulated_drive_force,
     size_of,
     with_interval,
 )
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.force_response import FORCE_ROLES, loop_parts
+from selector.diagnosis.motion import Motion
 from selector.diagnosis.signals import scaled
 
 Vector = NDArray[np.float64]
 
 _CROSSED_UM = (1.0, 3.0, 10.0, 30.0, 100.0)
 """Way on which the lost motion is crossed; the finest stands for all that the sampling shows as a step."""
+_INERTIA_SHARES = (1.0, 0.6, 0.3)
+"""Of the moving mass, behind the play: where inertia exceeds friction, flanks change while the axis slows down."""
+_LOADED = 0.01
+"""Share of the largest load below which the flanks stay as they are."""
+_PRESLIDING_M = 3e-6
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
@@ -40,13 +46,33 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
         if seen and float(np.max(np.abs(side - seen[-1]))) < 0.05:
             continue
         seen.append(side)
-        shape = {"crossed_um": Quantity(crossed_um, "um")}
-        if comparison.channel(response).role in PLACES:
-            yield direct(comparison, response, {"side that the flanks touch on": -side}, shape)
-        else:
-            impulses = loop_parts(comparison, response, side)
-            columns = {f"impulse at reversal, {k + 1}": scaled(part) for k, part in enumerate(impulses)}
-            yield direct(comparison, response, columns, shape)
+        yield _of_side(comparison, response, side, {"crossed_um": Quantity(crossed_um, "um")})
+    for share in _INERTIA_SHARES:
+        load = _load(comparison, response, moving, share)
+        if load is not None:
+            side = _loaded_side(load, np.asarray(moving.starts), _LOADED * float(np.abs(load).max()))
+            yield _of_side(comparison, response, side, {"inertia_share": Quantity(share, "1")})
+
+
+def _of_side(comparison: Comparison, response: str, side: Vector, shape: dict[str, Quantity]) -> Variant:
+    """Position: half of the play on either side; force: what crossing it costs the drive."""
+    if comparison.channel(response).role in PLACES:
+        return direct(comparison, response, {"side that the flanks touch on": -side}, shape)
+    impulses = loop_parts(comparison, response, side)
+    columns = {f"impulse at reversal, {k + 1}": scaled(part) for k, part in enumerate(impulses)}
+    return direct(comparison, response, columns, shape)
+
+
+def _load(comparison: Comparison, response: str, moving: Motion, share: float) -> Vector | None:
+    """Simulated force that passes the play, with this share of the moving mass behind it; None without one."""
+    drive = simulated_drive_force(comparison, response)
+    if drive is None:
+        return None
+    parts = np.column_stack([
+        moving.acceleration_m_per_s2, moving.velocity_m_per_s, moving.friction_state(_PRESLIDING_M)
+    ])  # fmt: skip
+    fit = np.linalg.lstsq(parts, drive[1], rcond=None)[0]
+    return np.asarray(drive[1] - (1.0 - share) * fit[0] * parts[:, 0])
 
 
 @njit(cache=True, nogil=True)
@@ -55,6 +81,15 @@ def _side(place, starts, crossed):  # type: ignore[no-untyped-def]
     for run in range(len(starts) - 1):
         for k in range(starts[run] + 1, starts[run + 1]):
             side[k] = min(max(side[k - 1] + 2.0 * (place[k] - place[k - 1]) / crossed, -1.0), 1.0)
+    return side
+
+
+@njit(cache=True, nogil=True)
+def _loaded_side(load, starts, least):  # type: ignore[no-untyped-def]
+    side = np.zeros(len(load))
+    for run in range(len(starts) - 1):
+        for k in range(starts[run] + 1, starts[run + 1]):
+            side[k] = side[k - 1] if abs(load[k]) < least else (1.0 if load[k] > 0.0 else -1.0)
     return side
 
 
@@ -76,7 +111,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
         )
     return Reading(
         f"At each reversal the drive crosses a play: impulses of {size_of(fitted)}.",
-        {"largest": Quantity(fitted.largest, fitted.unit), "crossed_um": shape_quantity(fitted, "crossed_um")},
+        {"largest": Quantity(fitted.largest, fitted.unit)},
     )
 
 

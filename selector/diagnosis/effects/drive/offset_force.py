@@ -13,6 +13,7 @@ from selector.diagnosis.effects.drive._forces import (
     direct,
     is_force,
     key_of,
+    of_forces,
     size_of,
     with_interval,
 )
@@ -25,13 +26,15 @@ _CONSTANT = "constant force"
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     if any_response(comparison, response) is not None:
         return
-    # long at rest before the recording begins, so that it has settled: no transient at the first sample
     ones = np.ones(len(comparison.time_s))
-    whole = direct(comparison, response, {_CONSTANT: ones})
-    yield whole
-    if len(comparison.runs) > 1:
-        for run in comparison.runs:
-            yield Variant(in_run(comparison, run, ones)[:, None], (_CONSTANT,), sources=whole.sources, run=run)
+    runs = (None, *comparison.runs) if len(comparison.runs) > 1 else (None,)
+    for run in runs:
+        force = ones if run is None else in_run(comparison, run, ones)
+        # long at rest before the recording begins, so that it has settled; or put on with the first sample
+        settled = direct(comparison, response, {_CONSTANT: force})
+        sudden = of_forces(comparison, response, {_CONSTANT: force})
+        for variant in (settled, sudden):
+            yield Variant(variant.columns, variant.names, sources=variant.sources, run=run)
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:

@@ -9,51 +9,73 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import (
+    PLACES,
     any_response,
-    direct,
     motion_of,
-    of_forces,
     shape_quantity,
     simulated_drive_force,
     size_of,
 )
+from selector.diagnosis.effects.drive._limit import held_back
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.force_response import FORCE_ROLES, drawn_out
+from selector.diagnosis.force_response import FORCE_ROLES, ClosedLoop, closed_loop, drawn_out
+from selector.diagnosis.motion import derivatives
+from selector.diagnosis.signals import scaled
 
 Vector = NDArray[np.float64]
 
 _SHARES = (0.95, 0.9, 0.85, 0.8, 0.75, 0.7, 0.6, 0.5, 0.4)
 _FEWEST_ROWS = 10
+_FURTHEST_S = 10.0
+"""Way behind, as the time in which the whole force would go it from rest."""
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     if _testable(comparison, response) is not None:
         return
+    loop = closed_loop(comparison, comparison.channel(response).axis)
     for name, course, unit, kind in _limited(comparison, response):
         top = float(np.abs(course).max())
         levels = sorted({*(share * top for share in _SHARES), *_plateau(comparison, name)}, reverse=True)
         for level in levels:
-            excess = np.sign(course) * np.maximum(np.abs(course) - level, 0.0)
-            if not 0.0 < level < top or int(np.count_nonzero(excess[~comparison.held_out])) < _FEWEST_ROWS:
+            above = np.abs(course) > level
+            if not 0.0 < level < top or int(np.count_nonzero(above[~comparison.held_out])) < _FEWEST_ROWS:
                 continue
             shape = {"limit": Quantity(level, unit), "kind": Quantity(kind, "1")}
-            regime = f"|{name}| > {level:.3g} {unit}"
-            yield _variant(comparison, response, name, excess, shape, regime)
+            for columns, words in _shapes(comparison, response, loop, course, level, kind):
+                yield Variant(
+                    np.column_stack(columns),
+                    tuple(f"{what} at the limit of {name}" for what in words),
+                    shape,
+                    sources=motion_of(comparison, response).sources,
+                    regime=f"|{name}| > {level:.3g} {unit}",
+                )
 
 
-def _variant(
-    comparison: Comparison, response: str, name: str, excess: Vector, shape: dict[str, Quantity], regime: str
-) -> Variant:
-    what = f"what {name} lacks above its limit"
-    if comparison.channel(response).role in FORCE_ROLES and shape["kind"].value == 0.0:
-        later = of_forces(comparison, response, {f"{what}, made good later": excess}, of_motor=True)
-        columns = np.column_stack([-excess, later.columns])
-        return Variant(columns, (what, *later.names), shape, sources=later.sources, regime=regime)
-    if shape["kind"].value == 0.0:
-        return of_forces(comparison, response, {what: excess}, shape, of_motor=True, regime=regime)
-    behind = drawn_out(comparison, response, excess)
-    found = direct(comparison, response, {f"{what}, until it is made good": behind}, shape)
-    return Variant(found.columns, found.names, shape, sources=found.sources, regime=regime)
+def _shapes(
+    comparison: Comparison, response: str, loop: ClosedLoop | None, course: Vector, level: float, kind: float
+) -> Iterator[tuple[list[Vector], list[str]]]:
+    """What a course that cannot exceed a level does to the response; with a control that winds up, and without."""
+    role = comparison.channel(response).role
+    if kind == 1.0:
+        excess = np.sign(course) * np.maximum(np.abs(course) - level, 0.0)
+        yield [drawn_out(comparison, response, excess)], ["way that lacks"]
+    elif loop is None:
+        if role in FORCE_ROLES:
+            yield [np.clip(course, -level, level) - course], ["force that lacks"]
+    else:
+        for winds_up in (True, False):
+            lacking, behind = held_back(comparison, loop, course, level, winds_up=winds_up)
+            # an integral part that winds up may take the axis anywhere
+            if not np.abs(behind).max() < _FURTHEST_S**2 * np.abs(course).max():
+                continue
+            if role in FORCE_ROLES:
+                yield [lacking], ["force that lacks"]
+            elif role in PLACES:
+                yield [scaled(behind)], ["way behind"]
+            else:
+                speed, acceleration = derivatives(comparison, scaled(behind))
+                yield [speed if role == "velocity" else acceleration], ["motion that lacks"]
 
 
 def _limited(comparison: Comparison, response: str) -> Iterator[tuple[str, Vector, str, float]]:

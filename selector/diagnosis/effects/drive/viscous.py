@@ -71,4 +71,5 @@ EFFECT = Effect(
     variants=_variants,
     testable=any_response,
     reading=_reading,
+    absorbs=True,
 )
