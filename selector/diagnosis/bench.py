@@ -48,7 +48,10 @@ class Bench:
     fitted : ndarray of bool of shape (n_rows,)
         Rows that are fitted to: seen, not held out.
     nuisance : ndarray of shape (n_rows, p)
-        What recalibration may change; `nuisance_names` says what each is.
+        What recalibration may change; `nuisance_names` says what each is. First offset, gain and delay, as far as they
+        are excited, then the parameters in `own`.
+    own : mapping of str to slice
+        Effect → its columns in `nuisance`: parameters that every such simulation has.
     columns : ndarray of shape (n_rows, m)
         Candidate columns, each of root mean square 1 over the fitted rows; `scales` (m,) is what they were divided by.
     candidates : tuple of Candidate
@@ -68,10 +71,30 @@ class Bench:
     noise: NoiseModel
     parts: list[slice]
     runs: NDArray[np.intp]
+    own: Mapping[str, slice]
+
+    def without_own(self, id: str) -> Bench:  # noqa: A002 - the word of the contract
+        """The same with an own parameter as a candidate instead."""
+        if id not in self.own:
+            return self
+        kept = np.ones(self.nuisance.shape[1], dtype=bool)
+        kept[self.own[id]] = False
+        gone = self.own[id].stop - self.own[id].start
+        own = {
+            name: slice(part.start - gone, part.stop - gone) if part.start > self.own[id].start else part
+            for name, part in self.own.items()
+            if name != id
+        }
+        names = tuple(name for name, keep in zip(self.nuisance_names, kept, strict=True) if keep)
+        return replace(self, nuisance=self.nuisance[:, kept], nuisance_names=names, own=own)
 
     def with_noise(self, noise: NoiseModel) -> Bench:
         """The same with another noise filter."""
         return replace(self, noise=noise)
+
+    def first_candidate(self, id: str) -> int:  # noqa: A002 - the word of the contract
+        """Number of the first shape of an effect."""
+        return next(k for k, candidate in enumerate(self.candidates) if candidate.effect.id == id)
 
     @cached_property
     def white_columns(self) -> Matrix:
@@ -215,6 +238,8 @@ def bench_of(
     columns: list[Matrix] = []
     scales: list[Vector] = []
     untested: dict[str, str] = {}
+    nuisance, names = recalibration_columns(comparison, response, fitted)
+    own: dict[str, slice] = {}
     first = 0
     for effect in effects:
         given = (extra or {}).get(effect.id)
@@ -233,7 +258,12 @@ def bench_of(
             first += len(variant.names)
         if first == before:
             untested[effect.id] = "nothing in the fitted runs excites it"
-    nuisance, names = recalibration_columns(comparison, response, fitted)
+        elif effect.absorbs:
+            number, added = next((k, c) for k, c in enumerate(candidates) if c.effect is effect)
+            start = nuisance.shape[1]
+            nuisance = np.column_stack([nuisance, columns[number]])
+            own[effect.id] = slice(start, nuisance.shape[1])
+            names = (*names, *(f"{effect.id}: {name}" for name in added.variant.names))
     parts = stretches(comparison, seen)
     bench = Bench(
         response=response,
@@ -247,6 +277,7 @@ def bench_of(
         noise=NoiseModel(np.zeros(0), float(np.nanstd(target[fitted])) or 1.0),
         parts=parts,
         runs=comparison.run_index,
+        own=own,
     )
     return bench.refitted_noise([]), untested
 

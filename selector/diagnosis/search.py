@@ -81,7 +81,10 @@ def standings(benches: Benches, named: Named, noise: Mapping[str, Vector], *, se
         name: tests_of(bench, numbers(named, name), noise[name], seed=seed + 7919 * k)
         for k, (name, bench) in enumerate(benches.items())
     }
-    names = [name for name in dict.fromkeys(name for of in tested.values() for name in of) if name not in named]
+    own = {name for bench in benches.values() for name in bench.own}
+    names = [
+        name for name in dict.fromkeys(name for of in tested.values() for name in of) if name not in {*named, *own}
+    ]
     return {name: _standing(name, {key: of[name] for key, of in tested.items() if name in of}) for name in names}
 
 
@@ -123,7 +126,30 @@ def search(benches: Benches, *, false_alarm: float, seed: int) -> Search:
     benches = {name: bench for name, (bench, _) in fitted.items()}
     noise = {name: _left(bench, chosen) for name, (bench, chosen) in fitted.items()}
     named = _selected(benches, noise, false_alarm=false_alarm, seed=seed)
+    benches, named = _with_own(benches, named, noise, false_alarm=false_alarm, seed=seed)
     return _told(benches, named, noise, seed=seed)
+
+
+def _with_own(
+    benches: Benches, named: Named, noise: Mapping[str, Vector], *, false_alarm: float, seed: int
+) -> tuple[Benches, Named]:
+    """Own parameters of the simulation that are missing themselves, and do not only make room for what is named.
+
+    Beside other effects that is where the simulation has too little of them: too much is what they had absorbed.
+    """
+    for id_ in dict.fromkeys(id_ for bench in benches.values() for id_ in bench.own):
+        freed = {name: bench.without_own(id_) for name, bench in benches.items()}
+        standing = standings(freed, named, noise, seed=seed)
+        one = standing[id_]
+        if not is_supported(one, false_alarm / (len(standing) + len(named))):
+            continue
+        chosen = {name: freed[name].first_candidate(id_) for name in one.responses}
+        main = max(one.responses, key=lambda name: one.tested[name].gain)
+        beta = freed[main].coefficients([*numbers(named, main), chosen[main]])[0]
+        if named and beta[-freed[main].counts[chosen[main]]] <= 0.0:
+            continue
+        benches, named = freed, named | {id_: chosen}
+    return benches, named
 
 
 def with_noise_of_full_fit(bench: Bench) -> tuple[Bench, list[int]]:

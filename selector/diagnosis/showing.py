@@ -25,7 +25,7 @@ def fit_of(
     With `recalibrate` off and nothing named the improved model is the simulation as it was.
     """
     simulated, target = comparison.simulated[bench.response], bench.target
-    recalibrated = bench.raw_base([]) @ bench.coefficients([])[0]
+    recalibrated = _recalibration(bench)
     explained = bench.raw_base(named) @ bench.coefficients(named)[0] if named or recalibrate else np.zeros(len(target))
     seen = np.isfinite(target)
     held = seen & comparison.held_out
@@ -42,6 +42,12 @@ def fit_of(
         recalibrated=np.asarray(simulated + recalibrated),
         after=np.asarray(simulated + explained),
     )
+
+
+def _recalibration(bench: Bench) -> Vector:
+    """What offset, gain and delay alone explain, by plain least squares [unit], all rows."""
+    plain = bench.nuisance[:, : min((part.start for part in bench.own.values()), default=bench.nuisance.shape[1])]
+    return np.asarray(plain @ np.linalg.lstsq(plain[bench.fitted], bench.target[bench.fitted], rcond=None)[0])
 
 
 def _noise_floor(bench: Bench, named: Sequence[int]) -> float:

@@ -148,6 +148,9 @@ class Effect:
         None if it can be tested here, else one clause that says what is lacking.
     reading : callable (Fitted, Comparison) -> Reading
         The fit in words.
+    absorbs : bool
+        Whether it is a parameter that every such simulation has, and whose wrong value hides other effects (a viscous
+        coefficient fitted without dry friction): its first variant is then fitted beside all others.
     """
 
     id: str
@@ -164,6 +167,7 @@ class Effect:
     variants: Callable[[Comparison, str], Iterable[Variant]]
     testable: Callable[[Comparison, str], str | None]
     reading: Callable[[Fitted, Comparison], Reading]
+    absorbs: bool = False
 
     @property
     def family(self) -> str:
