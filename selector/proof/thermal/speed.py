@@ -26,6 +26,7 @@ def heating(
     *,
     onset: float = 0.0,
     axes: Mapping[str, float] = BOTH,
+    accept: tuple[str, ...] = (),
     brief: bool = False,
 ) -> Maker:
     """Heat that the simulation lacks: watts at highest speed times (share of it above `onset`)^exponent."""
@@ -37,7 +38,9 @@ def heating(
                 heat = with_power(heat, inlet, size * most * share**exponent)
             return heat
 
-        return Omission("thermal.speed_heating", place="spindle bearings", heated=heated, axes=axes, brief=brief)
+        return Omission(
+            "thermal.speed_heating", accept, place="spindle bearings", heated=heated, axes=axes, brief=brief
+        )
 
     return make
 

@@ -21,7 +21,7 @@ Vector = NDArray[np.float64]
 Change = Callable[[np.random.Generator, Sequence[Duty]], Sequence[Duty]]
 
 
-def hall(axes: Mapping[str, float] = BOTH, *, brief: bool = False) -> Maker:
+def hall(axes: Mapping[str, float] = BOTH, *, accept: tuple[str, ...] = (), brief: bool = False) -> Maker:
     """The hall acts on the machine; the simulation has it constant."""
 
     def make(_generator: np.random.Generator, _tool: Machine, _duties: Sequence[Duty]) -> Omission:
@@ -29,13 +29,17 @@ def hall(axes: Mapping[str, float] = BOTH, *, brief: bool = False) -> Maker:
             start = one["hall"][0]
             return with_bath(heat, "hall", start + size * (one["hall"] - start), np.ones(len(one.time_s)))
 
-        return Omission("thermal.ambient", place="structure", heated=heated, axes=axes, brief=brief)
+        return Omission("thermal.ambient", accept, place="structure", heated=heated, axes=axes, brief=brief)
 
     return make
 
 
 def jets(
-    by: Callable[[Duty], Vector] = lambda one: one["coolant"], axes: Mapping[str, float] = BOTH, *, brief: bool = False
+    by: Callable[[Duty], Vector] = lambda one: one["coolant"],
+    axes: Mapping[str, float] = BOTH,
+    *,
+    accept: tuple[str, ...] = (),
+    brief: bool = False,
 ) -> Maker:
     """Coolant on nose, headstock and column foot while it runs."""
 
@@ -43,7 +47,7 @@ def jets(
         def heated(heat: Heat, one: Duty, size: float) -> Heat:
             return with_bath(heat, "coolant", one["coolant_degc"], size * by(one))
 
-        return Omission("thermal.coolant", place="headstock nose", heated=heated, axes=axes, brief=brief)
+        return Omission("thermal.coolant", accept, place="headstock nose", heated=heated, axes=axes, brief=brief)
 
     return make
 
@@ -92,7 +96,8 @@ def _with_spindle(generator: np.random.Generator, one: Duty) -> Vector:
     return gated(generator, len(one.time_s), (200.0, 500.0), (150.0, 500.0))
 
 
-def _chilled(generator: np.random.Generator, one: Duty) -> Vector:
+def chilled(generator: np.random.Generator, one: Duty) -> Vector:
+    """Coolant that a chiller keeps some kelvins below the hall."""
     return np.full(len(one.time_s), one["hall"][0] - float(generator.uniform(3.0, 6.0)))
 
 
@@ -185,7 +190,7 @@ _CASES = (
             (of("n"), of("M8")),
             noise="white",
             periods_s=(15.0, 20.0),
-            duties=changed(coolant_degc=_chilled),
+            duties=changed(coolant_degc=chilled),
         ),
     ),
     (
@@ -217,7 +222,7 @@ _CASES = (
             (jets(brief=True),),
             ("steps", "intermittent", "steps"),
             (of("n"), of("M8"), of("T8")),
-            duties=changed(coolant=_seldom_on, coolant_degc=_chilled),
+            duties=changed(coolant=_seldom_on, coolant_degc=chilled),
         ),
     ),
     (
@@ -232,7 +237,7 @@ _CASES = (
             (jets(),),
             ("intermittent", "steps", "steps"),
             (of("n"), of("M8")),
-            duties=changed(coolant=_with_spindle, coolant_degc=_chilled),
+            duties=changed(coolant=_with_spindle, coolant_degc=chilled),
         ),
     ),
 )

@@ -1,0 +1,161 @@
+"""Cases whose simulation cools always alike, or in which temperatures work on each other: convection, interaction."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.proof.thermal import hiding
+from selector.proof.thermal.conduction import Heat
+from selector.proof.thermal.duty import Duty
+from selector.proof.thermal.gauges import of
+from selector.proof.thermal.machine import Machine
+from selector.proof.thermal.omission import BOTH, Maker, Omission, with_bath
+from selector.proof.thermal.scene import Scene, world_of
+from selector.proof.world import Plan, scenario, twin
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+
+def windage(axes: Mapping[str, float] = BOTH, exponent: float = 0.8) -> Maker:
+    """Air that the spindle stirs cools spindle and headstock, by its speed to the power of `exponent`."""
+
+    def make(_generator: np.random.Generator, tool: Machine, _duties: Sequence[Duty]) -> Omission:
+        def heated(heat: Heat, one: Duty, size: float) -> Heat:
+            stirred = (one["speed"] / tool.highest_rpm) ** exponent
+            return with_bath(heat, "windage", heat.bath_degc["hall"], size * stirred)
+
+        return Omission("thermal.convection", place="headstock", heated=heated, axes=axes)
+
+    return make
+
+
+def rising_film(axes: Mapping[str, float] = BOTH) -> Maker:
+    """Film coefficients that grow with the rise above the hall (natural convection, radiation): `size` per 10 K."""
+
+    def make(_generator: np.random.Generator, _tool: Machine, _duties: Sequence[Duty]) -> Omission:
+        def heated(heat: Heat, _duty: Duty, size: float) -> Heat:
+            return replace(heat, natural={**heat.natural, "hall": size})
+
+        return Omission("thermal.convection", place="headstock", heated=heated, axes=axes)
+
+    return make
+
+
+def product(first: str, second: str, axes: Mapping[str, float] = BOTH) -> Maker:
+    """A lever that lengthens with one temperature while another tilts it: their product, 1 µm for 10 K × 10 K."""
+
+    def make(_generator: np.random.Generator, tool: Machine, _duties: Sequence[Duty]) -> Omission:
+        a, b = tool.sensors[first][1], tool.sensors[second][1]
+
+        def shifted(rises: Matrix, _duty: Duty) -> dict[str, Vector]:
+            return dict.fromkeys(BOTH, (rises @ a) * (rises @ b) / 100.0)
+
+        return Omission("thermal.interaction", place=tool.sensors[first][0], shifted=shifted, axes=axes)
+
+    return make
+
+
+_N = (of("n"),)
+_CASES = (
+    (
+        Plan(
+            "thermal.convection/windage",
+            "thermal",
+            "single",
+            hidden=("absorbed",),
+            note="The turning spindle stirs the air: it cools faster while it runs. Offset and gain are fitted.",
+        ),
+        Scene((windage(),), ("warm-up", "intermittent", "steps"), _N, refitted=True, noise="white", periods_s=(20.0,)),
+    ),
+    (
+        Plan(
+            "thermal.convection/natural",
+            "thermal",
+            "single",
+            hidden=("absorbed",),
+            note="Film coefficients grow with the rise above the hall; coolant is there and known.",
+        ),
+        Scene(
+            (rising_film(),),
+            ("cooling", "warm-up", "steps"),
+            (of("n"), of("M8"), of("T8")),
+            knows=("coolant",),
+            noise="white",
+            periods_s=(20.0,),
+            hours=(6.0, 8.0),
+        ),
+    ),
+    (
+        Plan(
+            "thermal.convection/one axis",
+            "thermal",
+            "single",
+            hidden=("absorbed",),
+            measures=(hiding.one_axis("Z"),),
+            note="Windage that shows in Z alone.",
+        ),
+        Scene(
+            (windage({"Z": 1.0}, 1.0),),
+            ("steps", "cooling", "intermittent"),
+            _N,
+            noise="heavy",
+            periods_s=(20.0,),
+        ),
+    ),
+    (
+        Plan(
+            "thermal.interaction/product",
+            "thermal",
+            "single",
+            hidden=("absorbed",),
+            note="Z follows the product of two temperatures; offset and gain of the simulation were fitted to it.",
+        ),
+        Scene(
+            (product("T1", "T4"),),
+            ("steps", "warm-up", "cooling"),
+            _N,
+            must=("T4",),
+            refitted=True,
+            noise="white",
+            periods_s=(20.0,),
+        ),
+    ),
+    (
+        Plan(
+            "thermal.interaction/opposed",
+            "thermal",
+            "single",
+            measures=(hiding.opposed,),
+            note="The product of nose and motor temperatures tilts the head: up in Z, back in Y.",
+        ),
+        Scene((product("T6", "T3", {"Z": 1.0, "Y": -0.7}),), ("intermittent", "steps", "warm-up"), _N, must=("T3",)),
+    ),
+    (
+        Plan(
+            "thermal.interaction/one axis",
+            "thermal",
+            "single",
+            hidden=("absorbed",),
+            measures=(hiding.one_axis("Y"),),
+            note="Product of column and headstock temperatures, Y alone; feed is there and known.",
+        ),
+        Scene(
+            (product("T4", "T2", {"Y": 1.0}),),
+            ("steps", "cooling", "intermittent"),
+            (of("n"), of("f")),
+            must=("T4",),
+            knows=("feed",),
+            noise="white",
+            periods_s=(15.0, 20.0),
+        ),
+    ),
+)
+SCENARIOS = (
+    *(scenario(plan, world_of(scene)) for plan, scene in _CASES),
+    *(twin(plan, world_of(scene)) for plan, scene in (_CASES[0], _CASES[3])),
+)

@@ -1,0 +1,205 @@
+"""Cases whose cause is in no catalogue and in no channel: draughts, wandering thermostats, slips, loads, neighbours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.proof.thermal import hiding
+from selector.proof.thermal.conduction import Heat
+from selector.proof.thermal.duty import STEP_S, Duty, held, wandering
+from selector.proof.thermal.gauges import of
+from selector.proof.thermal.machine import Machine
+from selector.proof.thermal.omission import BOTH, Maker, Omission, gated, with_bath, with_power
+from selector.proof.thermal.scene import STRIDE, Scene, world_of
+from selector.proof.world import HIDDEN_FACTOR, Plan, scenario, twin
+
+Vector = NDArray[np.float64]
+Draw = Callable[[np.random.Generator, int], Vector]
+"""Generator, number of steps → a course that nobody records."""
+
+
+def _drawn(draw: Draw, generator: np.random.Generator, duties: Sequence[Duty]) -> dict[str, Vector]:
+    return {one.run: draw(generator, len(one.time_s)) for one in duties}
+
+
+def heat_of(name: str, inlet: str, draw: Draw, axes: Mapping[str, float] = BOTH, *, brief: bool = False) -> Maker:
+    """Heat [W] at an inlet by a course that nobody records."""
+
+    def make(generator: np.random.Generator, _tool: Machine, duties: Sequence[Duty]) -> Omission:
+        courses = _drawn(draw, generator, duties)
+
+        def heated(heat: Heat, one: Duty, size: float) -> Heat:
+            return with_power(heat, inlet, size * courses[one.run])
+
+        return Omission(f"hidden.{name}", place=inlet, heated=heated, axes=axes, brief=brief)
+
+    return make
+
+
+def air_of(name: str, bath: str, draw: Draw, *, brief: bool = True) -> Maker:
+    """Air along a bath's surfaces while a course that nobody records is not 0; its value is by how much it is warmer."""
+
+    def make(generator: np.random.Generator, _tool: Machine, duties: Sequence[Duty]) -> Omission:
+        courses = _drawn(draw, generator, duties)
+
+        def heated(heat: Heat, one: Duty, size: float) -> Heat:
+            excess = courses[one.run]
+            return with_bath(heat, bath, one["hall"] + excess, size * (excess != 0.0))
+
+        return Omission(f"hidden.{name}", place=bath, heated=heated, brief=brief)
+
+    return make
+
+
+def shift_of(name: str, draw: Draw, axes: Mapping[str, float] = BOTH, *, brief: bool = False) -> Maker:
+    """A displacement [µm] by a course that nobody records."""
+
+    def make(generator: np.random.Generator, _tool: Machine, duties: Sequence[Duty]) -> Omission:
+        courses = _drawn(draw, generator, duties)
+
+        def shifted(rises: NDArray[np.float64], one: Duty) -> dict[str, Vector]:
+            return dict.fromkeys(BOTH, courses[one.run][::STRIDE][: len(rises)])
+
+        return Omission(f"hidden.{name}", shifted=shifted, axes=axes, brief=brief)
+
+    return make
+
+
+def _minutes(low: float, high: float) -> tuple[float, float]:
+    return 60.0 * low / STEP_S, 60.0 * high / STEP_S
+
+
+def _door(generator: np.random.Generator, n: int) -> Vector:
+    """Cold while the door is open, then the warm air of its curtain for as long."""
+    result = np.zeros(n)
+    at = int(generator.uniform(*_minutes(15.0, 80.0)))
+    while at < n:
+        span = int(generator.uniform(*_minutes(4.0, 25.0)))
+        result[at : at + span], result[at + span : at + 2 * span] = -7.0, 7.0
+        at += 2 * span + int(generator.uniform(*_minutes(25.0, 100.0)))
+    return result
+
+
+def _thermostat(generator: np.random.Generator, n: int) -> Vector:
+    """Heating and cooling by turns with a period that wanders between 10 and 35 minutes."""
+    period_s = 60.0 * (21.0 + 6.0 * np.tanh(wandering(generator, n, 1500.0)) * 2.0)
+    phase = np.cumsum(STEP_S / period_s) + generator.uniform()
+    return np.asarray(60.0 * np.sign(np.sin(2.0 * np.pi * phase)))
+
+
+def _crosstalk(generator: np.random.Generator, n: int) -> Vector:
+    return np.asarray(wandering(generator, n, 500.0) ** 2)
+
+
+def _slips(generator: np.random.Generator, n: int) -> Vector:
+    result = np.zeros(n)
+    for at in generator.integers(n // 20, n, size=int(generator.integers(5, 9))):
+        result[at:] += generator.choice([-1.0, 1.0]) * generator.uniform(0.5, 1.5)
+    return result
+
+
+def _neighbour(generator: np.random.Generator, n: int) -> Vector:
+    return 80.0 * gated(generator, n, _minutes(15.0, 90.0), _minutes(15.0, 70.0))
+
+
+def _chips(generator: np.random.Generator, n: int) -> Vector:
+    """Hot chips heap up at a drawn rate and are taken away at once, at any time."""
+    result = np.zeros(n)
+    at = 0
+    while at < n:
+        span = int(generator.uniform(*_minutes(25.0, 100.0)))
+        part = result[at : at + span]
+        part[:] = 100.0 * generator.uniform(0.2, 1.0) * np.arange(len(part)) / span
+        at += span
+    return result
+
+
+def _loads(generator: np.random.Generator, n: int) -> Vector:
+    return held(generator, n, 6.0, 40.0, generator.uniform(-1.0, 1.0, 7))
+
+
+def _blasts(generator: np.random.Generator, n: int) -> Vector:
+    return -9.0 * gated(generator, n, _minutes(12.0, 70.0), _minutes(2.0, 7.0))
+
+
+def _lorries(generator: np.random.Generator, n: int) -> Vector:
+    on = gated(generator, n, _minutes(15.0, 80.0), _minutes(3.0, 9.0))
+    return np.asarray(on * held(generator, n, 5.0, 20.0, np.array([-1.0, 0.7, 1.3, -0.5])))
+
+
+def _sun(generator: np.random.Generator, n: int) -> Vector:
+    """Sun through a window on the column, clouds before it."""
+    time = STEP_S * np.arange(n)
+    middle, width = generator.uniform(0.2, 0.8) * n * STEP_S, generator.uniform(3000.0, 5500.0)
+    clouds = np.clip(0.5 + wandering(generator, n, 400.0), 0.0, 1.0)
+    return np.asarray(150.0 * np.exp(-0.5 * ((time - middle) / width) ** 2) * clouds)
+
+
+_N = (of("n"),)
+_MORE = (of("n"), of("f"), of("T10"), of("T11"))
+_MIXED = ("steps", "intermittent", "steps")
+_SOURCE = ("thermal.second_source",)
+
+
+def _plan(name: str, note: str, *tolerated: str) -> Plan:
+    return Plan(
+        f"hidden.thermal/{name}",
+        "thermal",
+        "out-of-catalogue",
+        ("unexplained",),
+        tolerated=tolerated,
+        factor=HIDDEN_FACTOR,
+        note=note,
+        measures=(hiding.unrelated,),
+    )
+
+
+_CASES = (
+    (
+        _plan("door", "A door opens at random times: draught at the column's foot, then warm air.", *_SOURCE),
+        Scene((air_of("door", "draught", _door),), _MIXED, _N),
+    ),
+    (
+        _plan("thermostat", "An oil cooler switches with a wandering period; nothing recorded follows it.", *_SOURCE),
+        Scene((heat_of("thermostat", "motor", _thermostat),), _MIXED, _N),
+    ),
+    (
+        _plan("crosstalk", "The square of a signal that nobody records leaks into both probes."),
+        Scene((shift_of("crosstalk", _crosstalk, {"Z": 1.0, "Y": -0.6}),), _MIXED, _N),
+    ),
+    (
+        _plan("slips", "A loose foot slips suddenly, in both axes and both directions.", "data.step"),
+        Scene((shift_of("slips", _slips, {"Z": 0.7, "Y": 1.0}),), _MIXED, _N),
+    ),
+    (
+        _plan("neighbour", "A second machine warms the foot of the column whenever it works.", *_SOURCE),
+        Scene((heat_of("neighbour", "foot", _neighbour),), _MIXED, _MORE),
+    ),
+    (
+        _plan("chips", "Hot chips heap up and are taken away at random times.", *_SOURCE),
+        Scene((heat_of("chips", "hydraulics", _chips),), _MIXED, _MORE),
+    ),
+    (
+        _plan("loads", "Workpieces of unknown weight stand on the table for a while and tilt the machine."),
+        Scene((shift_of("loads", _loads, {"Z": 0.5, "Y": 1.0}),), ("intermittent", "steps", "warm-up"), _N),
+    ),
+    (
+        _plan("blasts", "Compressed air cools the nose for some minutes, at random.", *_SOURCE),
+        Scene((air_of("blasts", "coolant", _blasts),), _MIXED, _N),
+    ),
+    (
+        _plan("lorries", "Lorries beside the hall tilt its floor for some minutes."),
+        Scene((shift_of("lorries", _lorries, {"Z": 0.4, "Y": 1.0}, brief=True),), _MIXED, _N),
+    ),
+    (
+        _plan("sun", "Sun shines on the column through a window, with clouds.", *_SOURCE),
+        Scene((heat_of("sun", "rear wall", _sun, brief=True),), ("intermittent", "steps", "steps"), _MORE),
+    ),
+)
+SCENARIOS = (
+    *(scenario(plan, world_of(scene)) for plan, scene in _CASES),
+    twin(_CASES[0][0], world_of(_CASES[0][1])),
+)

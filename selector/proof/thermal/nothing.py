@@ -1,0 +1,131 @@
+"""Cases in which nothing is missing: noise of every kind, distractors, odd recordings; or only parameters are wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from selector.proof.thermal.duty import Duty, held
+from selector.proof.thermal.gauges import CABINETS, decoy, of
+from selector.proof.thermal.scene import Gauge, Scene, world_of
+from selector.proof.world import Plan, scenario
+from selector.recording import Channel
+
+_MIXED = ("steps", "warm-up", "intermittent")
+_N = (of("n"),)
+
+
+def _clean(name: str, note: str, *verdicts: str, lost: float = 0.0) -> Plan:
+    return Plan(f"clean.thermal/{name}", "thermal", "clean", ("nothing-missing", *verdicts), lost=lost, note=note)
+
+
+def _wrong(name: str, note: str) -> Plan:
+    return Plan(f"miscalibrated.thermal/{name}", "thermal", "miscalibrated", ("miscalibrated",), note=note)
+
+
+def _shut(generator: np.random.Generator, duties: Sequence[Duty]) -> list[Duty]:
+    """The pump's bit follows the programme of the spindle half of the time; no jet is open."""
+    return [
+        replace(
+            one,
+            courses={
+                **one.courses,
+                "coolant": np.maximum(
+                    (one["speed"] > 0.0) * held(generator, len(one.time_s), 20.0, 60.0, np.array([0.0, 1.0])),
+                    held(generator, len(one.time_s), 15.0, 90.0, np.array([0.0, 0.0, 1.0])),
+                ),
+            },
+        )
+        for one in duties
+    ]
+
+
+_WANDERERS = tuple(
+    Gauge(
+        Channel(f"T{20 + k}", "temperature", "degC", place),
+        lambda one, generator: 24.0 + 2.0 * np.cumsum(generator.standard_normal(len(one.time_s))) / np.sqrt(2000.0),
+        lag_s=120.0,
+    )
+    for k, place in enumerate(("window frame", "tool magazine", "lamp", "pallet changer", "chip bin", "operator panel"))
+)
+_CASES = (
+    (_clean("white", "White noise."), Scene(styles=_MIXED, gauges=_N, noise="white")),
+    (_clean("ar", "AR(1) noise, 0.85 from sample to sample."), Scene(styles=_MIXED, gauges=_N, noise="ar")),
+    (
+        _clean("walk", "Noise that is almost a random walk.", "unexplained"),
+        Scene(styles=_MIXED, gauges=_N, noise="walk"),
+    ),
+    (
+        _clean("cycle", "A part of the noise is repeated with every machine cycle.", "unexplained"),
+        Scene(styles=_MIXED, gauges=_N, noise="cycle"),
+    ),
+    (
+        _clean("heavy", "Noise with the tails of Student's t, 3 degrees."),
+        Scene(styles=_MIXED, gauges=_N, noise="heavy"),
+    ),
+    (
+        _clean("quantised", "A probe that reads in steps of 0.5 µm."),
+        Scene(styles=("warm-up", "steps", "cooling"), gauges=_N, noise="quantised"),
+    ),
+    (
+        _clean("distractors", "Four cabinets and a feed that wander with the duty."),
+        Scene(styles=_MIXED, gauges=(*_N, of("f"), *CABINETS)),
+    ),
+    (
+        _clean("decoy", "Two cabinets that warmed up like the machine in the first run, six random walks."),
+        Scene(
+            styles=("warm-up", "steps", "intermittent"),
+            gauges=(*_N, decoy("T10", "control cabinet", 3000.0), decoy("T11", "drive cabinet", 7000.0), *_WANDERERS),
+            noise="ar",
+        ),
+    ),
+    (
+        _clean("dry coolant", "The coolant pump's bit toggles, the jets are shut."),
+        Scene(styles=_MIXED, gauges=(*_N, of("M8"), of("T8")), duties=_shut),
+    ),
+    (
+        _clean("all known", "Coolant and feed act, and the simulation has them."),
+        Scene(styles=_MIXED, gauges=(*_N, of("M8"), of("T8"), of("f")), knows=("coolant", "feed")),
+    ),
+    (
+        _clean("uneven", "Uneven sampling, lost rows, the simulation on a clock of its own.", lost=0.06),
+        Scene(styles=_MIXED, gauges=_N, sampling="uneven", own_clock=True),
+    ),
+    (
+        _clean("jitter", "Stamps that jitter; speed is not recorded."),
+        Scene(styles=_MIXED, sampling="jitter", own_clock=True),
+    ),
+    (_clean("one run", "A single run of 1.5 to 2 h."), Scene(styles=("intermittent",), gauges=_N, hours=(1.5, 2.0))),
+    (
+        _clean("hot hall", "30 °C, a hall that drifts by kelvins, a quick programme; five runs."),
+        Scene(
+            styles=("intermittent", "steps", "intermittent", "warm-up", "steps"),
+            gauges=(*_N, *CABINETS[:2]),
+            hall=(30.0, 1.4, 1.5),
+            hours=(3.0, 4.5),
+        ),
+    ),
+    (
+        _clean("one speed", "All runs at one speed: hardly any excitation."),
+        Scene(styles=("one speed", "one speed", "warm-up"), gauges=_N),
+    ),
+    (_wrong("strong", "20 % too much heat."), Scene(styles=_MIXED, gauges=_N, gain=1.2)),
+    (
+        _wrong("weak", "20 % too little heat; zero was set elsewhere."),
+        Scene(styles=_MIXED, gauges=_N, gain=0.8, offset_um=3.0),
+    ),
+    (_wrong("late", "The simulation comes 45 s late."), Scene(styles=_MIXED, gauges=_N, delay_s=45.0)),
+    (
+        _wrong("strong beside distractors", "15 % too much heat; coolant, feed, cabinets are there."),
+        Scene(
+            styles=_MIXED,
+            gauges=(*_N, of("f"), of("M8"), of("T8"), *CABINETS),
+            knows=("coolant", "feed"),
+            gain=1.15,
+            noise="ar",
+        ),
+    ),
+)
+SCENARIOS = tuple(scenario(plan, world_of(scene)) for plan, scene in _CASES)

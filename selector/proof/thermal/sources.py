@@ -1,0 +1,193 @@
+"""Cases with a source of heat that the simulation does not have: feed drives, hydraulics, a cabinet."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.proof.thermal import hiding
+from selector.proof.thermal.conduction import Heat
+from selector.proof.thermal.duty import STEP_S, Duty, held, wandering
+from selector.proof.thermal.gauges import of, warmed
+from selector.proof.thermal.machine import Machine
+from selector.proof.thermal.omission import BOTH, Maker, Omission, gated, with_power
+from selector.proof.thermal.scene import Gauge, Scene, world_of
+from selector.proof.world import Plan, scenario, twin
+from selector.recording import Channel
+
+Vector = NDArray[np.float64]
+
+
+def source(
+    inlet: str,
+    watts: Callable[[Duty], Vector],
+    axes: Mapping[str, float] = BOTH,
+    *,
+    id: str = "thermal.second_source",  # noqa: A002 - the word of the contract
+    accept: tuple[str, ...] = (),
+    brief: bool = False,
+) -> Maker:
+    """Heat at an inlet that the simulation does not have."""
+
+    def make(_generator: np.random.Generator, _tool: Machine, _duties: Sequence[Duty]) -> Omission:
+        def heated(heat: Heat, one: Duty, size: float) -> Heat:
+            return with_power(heat, inlet, size * watts(one))
+
+        return Omission(id, accept, place=inlet, heated=heated, axes=axes, brief=brief)
+
+    return make
+
+
+def feed_watts(one: Duty) -> Vector:
+    """Heat of a ball-screw nut at 50 W for 9 m/min."""
+    return 50.0 * one["feed"] / 9000.0
+
+
+def _with_hydraulics(
+    gate: Callable[[np.random.Generator, Duty], Vector],
+) -> Callable[[np.random.Generator, Sequence[Duty]], list[Duty]]:
+    def change(generator: np.random.Generator, duties: Sequence[Duty]) -> list[Duty]:
+        result = []
+        for one in duties:
+            on = gate(generator, one)
+            oil = one["hall"][0] + 2.0 + warmed(14.0 * on, 1500.0) + 0.2 * wandering(generator, len(on), 3000.0)
+            result.append(replace(one, courses={**one.courses, "hydraulics": on, "oil_degc": oil}))
+        return result
+
+    return change
+
+
+def by_turns(generator: np.random.Generator, one: Duty) -> Vector:
+    """A pump that runs for a quarter to a whole hour and rests as long."""
+    return gated(generator, len(one.time_s), (180.0, 700.0), (180.0, 700.0))
+
+
+with_hydraulics = _with_hydraulics(by_turns)
+"""Duties with a hydraulic pump that runs by turns, and the temperature of its tank."""
+
+
+def _once(generator: np.random.Generator, one: Duty) -> Vector:
+    course = np.zeros(len(one.time_s))
+    if one.run != "r1":
+        at = int(len(course) * generator.uniform(0.2, 0.6))
+        course[at : at + int(60.0 * generator.uniform(18.0, 26.0) / STEP_S)] = 1.0
+    return course
+
+
+def _follows_spindle(generator: np.random.Generator, duties: Sequence[Duty]) -> list[Duty]:
+    result = []
+    for one in duties:
+        if one.run == "r1":
+            feed = 9000.0 * one["speed"] / max(1.0, float(one["speed"].max()))
+        else:
+            feed = held(generator, len(one.time_s), 10.0, 50.0, np.array([0.0, 3000.0, 6000.0, 9000.0]))
+        result.append(replace(one, courses={**one.courses, "feed": feed}))
+    return result
+
+
+def _with_cabinet(generator: np.random.Generator, duties: Sequence[Duty]) -> list[Duty]:
+    result = []
+    for one in duties:
+        load = held(generator, len(one.time_s), 20.0, 70.0, np.array([0.0, 0.5, 1.0]))
+        air = 26.0 + 11.0 * warmed(load, 1200.0)
+        result.append(replace(one, courses={**one.courses, "cabinet_degc": air}))
+    return result
+
+
+def _from_cabinet(one: Duty) -> Vector:
+    return 8.0 * (one["cabinet_degc"] - one["cabinet_degc"][0])
+
+
+_CABINET = Gauge(
+    Channel("T10", "temperature", "degC", "control cabinet"), lambda one, _: one["cabinet_degc"], lag_s=60.0
+)
+_CASES = (
+    (
+        Plan(
+            "thermal.second_source/feed",
+            "thermal",
+            "single",
+            hidden=("absorbed",),
+            note="The nut of the Z axis heats the column; offset and gain of the simulation were fitted to that.",
+        ),
+        Scene(
+            (source("nut", feed_watts),),
+            ("warm-up", "steps", "intermittent"),
+            (of("n"), of("f")),
+            refitted=True,
+            noise="white",
+            periods_s=(20.0,),
+        ),
+    ),
+    (
+        Plan(
+            "thermal.second_source/cabinet",
+            "thermal",
+            "single",
+            measures=(hiding.opposed,),
+            note="A cabinet at the rear wall bends the column; its temperature is recorded.",
+        ),
+        Scene(
+            (source("rear wall", _from_cabinet, {"Z": 1.0, "Y": -1.0}),),
+            ("steps", "intermittent", "warm-up"),
+            (of("n"), _CABINET, of("T11")),
+            duties=_with_cabinet,
+        ),
+    ),
+    (
+        Plan(
+            "thermal.second_source/seldom",
+            "thermal",
+            "single",
+            measures=(hiding.seldom("M20"),),
+            note="A hydraulic unit at the column's foot runs for some twenty minutes once in a run.",
+        ),
+        Scene(
+            (source("hydraulics", lambda one: 120.0 * one["hydraulics"], brief=True),),
+            ("warm-up", "steps", "intermittent"),
+            (of("n"), of("M20"), of("T9")),
+            duties=_with_hydraulics(_once),
+        ),
+    ),
+    (
+        Plan(
+            "thermal.second_source/with the spindle",
+            "thermal",
+            "single",
+            measures=(hiding.like_in_first_run(),),
+            note="In the first run feed goes with spindle speed; in the others it has its own programme.",
+        ),
+        Scene(
+            (source("motor", feed_watts),),
+            ("intermittent", "steps", "cooling"),
+            (of("n"), of("f")),
+            duties=_follows_spindle,
+        ),
+    ),
+    (
+        Plan(
+            "thermal.second_source/hydraulics",
+            "thermal",
+            "single",
+            hidden=("absorbed",),
+            measures=(hiding.one_axis("Y"),),
+            note="Hydraulics by turns, Y alone; only the temperature of the tank tells; coolant is known.",
+        ),
+        Scene(
+            (source("hydraulics", lambda one: 90.0 * one["hydraulics"], {"Y": 1.0}),),
+            ("steps", "intermittent", "steps"),
+            (of("n"), of("M8"), of("T8"), of("T9")),
+            knows=("coolant",),
+            duties=with_hydraulics,
+            noise="white",
+            periods_s=(20.0,),
+        ),
+    ),
+)
+SCENARIOS = (
+    *(scenario(plan, world_of(scene)) for plan, scene in _CASES),
+    *(twin(plan, world_of(scene)) for plan, scene in (_CASES[0], _CASES[4])),
+)
