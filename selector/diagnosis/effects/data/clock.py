@@ -9,6 +9,7 @@ import numpy as np
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data.places import Part, duration, estimate, later_parts, where_of, whole_runs
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, Vector
+from selector.diagnosis.input_faults import input_faults
 from selector.diagnosis.signals import excited, filled, rate
 
 _SIZES = (0.1, 0.2, 0.4, 0.75, 1.3, 2.0, 2.8)
@@ -43,6 +44,12 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
         yield _variant(part, -slope, "derivative, late positive")
         for shift_s, change in shifted.items():
             yield _variant(part, change, f"late by {duration(shift_s)}", shift_s=shift_s)
+    for fault in input_faults(comparison):
+        if fault.id == "data.clock":
+            # where the stamps themselves leap
+            part = Part(fault.course != 0.0, fault.run, f"run {fault.run}", fault.from_s, fault.to_s)
+            leap_s = float(np.abs(fault.course).max())
+            yield _variant(part, _late(comparison, course, leap_s) - course, "leap of the stamps", shift_s=leap_s)
     # a clock of another rate is right at the start of a run and off by more and more
     rates = [shift_s / comparison.longest_s for shift_s in _tried(comparison, moving_s, _FEW_SIZES)]
     stretched = {error: _late(comparison, course, error * comparison.time_s) - course for error in rates}

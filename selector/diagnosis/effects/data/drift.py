@@ -10,6 +10,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data.places import Part, estimate, fitted_runs, later_parts, where_of
 from selector.diagnosis.effects.data.words import amount, step_unit
 from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant
+from selector.diagnosis.input_faults import fault_reading, fault_variants
 
 _STARTS = 8
 
@@ -24,6 +25,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
             yield _ramp(comparison, Part(here, run, f"run {run}", first_s, last_s))
     for part in later_parts(comparison, _STARTS, 10 * _STARTS):
         yield _ramp(comparison, part)
+    yield from fault_variants(comparison, response, "data.drift")
 
 
 def _ramp(comparison: Comparison, part: Part) -> Variant:
@@ -38,6 +40,9 @@ def _testable(comparison: Comparison, response: str) -> str | None:
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
+    of_input = fault_reading(fitted, comparison)
+    if of_input is not None:
+        return of_input
     shape = fitted.variant.shape
     from_s = shape["from_s"].value if "from_s" in shape else 0.0
     to_s = shape["to_s"].value if "to_s" in shape else comparison.longest_s

@@ -10,6 +10,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data.places import estimate, later_parts
 from selector.diagnosis.effects.data.words import amount, step_unit
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.input_faults import fault_reading, fault_variants
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
@@ -17,15 +18,19 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
         yield Variant(
             part.rows.astype(float)[:, None], ("jump",), part.shape, "sensor", (), part.run, None, part.regime
         )
+    yield from fault_variants(comparison, response, "data.step")
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
-    if next(later_parts(comparison), None) is None:
+    if not any(True for _ in later_parts(comparison)):
         return "no fitted run is long enough to have a before and an after"
     return None
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
+    of_input = fault_reading(fitted, comparison)
+    if of_input is not None:
+        return of_input
     step = estimate(fitted, step_unit(fitted.unit))
     from_s = fitted.variant.shape["from_s"].value
     low, high = fitted.shape_intervals.get("from_s", (from_s, from_s))

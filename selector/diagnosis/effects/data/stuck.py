@@ -11,6 +11,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data.places import window
 from selector.diagnosis.effects.data.words import amount, step_unit
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.input_faults import fault_reading, fault_variants
 from selector.diagnosis.signals import filled
 
 _LEAST = 6
@@ -40,6 +41,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
             bounds=((0.6, 1.6), _FREE),
             regime=part.regime,
         )
+    yield from fault_variants(comparison, response, "data.stuck")
 
 
 def frozen_stretches(comparison: Comparison, response: str) -> list[tuple[str, int, int]]:
@@ -90,10 +92,15 @@ def _equal(comparison: Comparison, recorded: NDArray[np.float64]) -> Iterator[tu
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
-    return None if frozen_stretches(comparison, response) else "its reading stands nowhere longer than it should"
+    if frozen_stretches(comparison, response) or any(fault_variants(comparison, response, "data.stuck")):
+        return None
+    return "its reading stands nowhere longer than it should"
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
+    of_input = fault_reading(fitted, comparison)
+    if of_input is not None:
+        return of_input
     shape = fitted.variant.shape
     return Reading(
         f"{fitted.response} stands at {shape['reading'].value:.6g} {step_unit(fitted.unit).replace('um', 'µm')} in "

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data.places import estimate, where_of, whole_runs
-from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant, Vector
+from selector.diagnosis.input_faults import fault_reading, fault_variants
 from selector.diagnosis.signals import excited, filled
 
 _AROUND_ONE = ((0.7, 1.3),)
@@ -25,7 +26,7 @@ def _others(comparison: Comparison, response: str) -> list[str]:
     ]
 
 
-def _difference(comparison: Comparison, other: str, response: str):  # type: ignore[no-untyped-def]
+def _difference(comparison: Comparison, other: str, response: str) -> Vector:
     return filled(comparison, comparison.simulated[other]) - filled(comparison, comparison.simulated[response])
 
 
@@ -42,15 +43,19 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
                 bounds=_AROUND_ONE,
                 regime=part.regime,
             )
+    yield from fault_variants(comparison, response, "data.swapped")
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
-    if not _others(comparison, response):
+    if not _others(comparison, response) and not any(fault_variants(comparison, response, "data.swapped")):
         return "no other channel of the same quantity was recorded and simulated"
     return None
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
+    of_input = fault_reading(fitted, comparison)
+    if of_input is not None:
+        return of_input
     other = fitted.variant.sources[0]
     return Reading(
         f"What stands under {fitted.response} is what was simulated for {other}: the two channels have changed places"
