@@ -63,12 +63,20 @@ def like_in_first_run(*channels: str) -> Measure:
 
 
 def unrelated(
-    effect: Courses, recorded: Courses, _simulated: Courses, _noise: Mapping[str, Noise], starts: Sequence[int]
+    effect: Courses, recorded: Courses, simulated: Courses, _noise: Mapping[str, Noise], starts: Sequence[int]
 ) -> Concealment:
-    """Largest correlation of the effect with any recorded channel in the fitted rows."""
+    """Largest correlation of the effect with any recorded channel in the fitted rows, offset and gain off both."""
     stop = fitted_starts(starts)[-1]
-    others = [course[:stop] for name, course in recorded.items() if name not in effect]
-    found = max(abs(_correlation(course[:stop], other)) for course in effect.values() for other in others)
+    others = np.column_stack([course[:stop] for name, course in recorded.items() if name not in effect])
+    found = 0.0
+    for name, course in effect.items():
+        if np.any(course[:stop]):
+            free = np.column_stack([np.ones(stop), simulated[name][:stop]])
+            both = np.column_stack([course[:stop], others])
+            left = both - free @ np.linalg.lstsq(free, both, rcond=None)[0]
+            sizes = np.linalg.norm(left, axis=0)
+            seen = sizes[1:] > 1e-9 * np.linalg.norm(others, axis=0)
+            found = max(found, float(np.max(np.abs(left[:, 0] @ left[:, 1:])[seen] / (sizes[0] * sizes[1:][seen]))))
     return Concealment(
         "unrelated to channels: correlation", found, UNRELATED_CORRELATION, found <= UNRELATED_CORRELATION
     )
