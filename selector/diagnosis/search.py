@@ -30,8 +30,9 @@ class Standing:
 
     id: str
     p_value: float
+    score: float
     cv_gain: float
-    run_gain: float | None
+    is_the_same_in_all_runs: bool
     responses: tuple[str, ...]
     tested: Mapping[str, Tested]
 
@@ -96,24 +97,17 @@ def _standing(id: str, tested: Mapping[str, Tested]) -> Standing:  # noqa: A002 
     p_value = (
         min(*single.values(), together) * (2.0 if len(single) > 1 else 1.0) if len(single) > 1 else min(single.values())
     )
-    shown = tuple(name for name, p in single.items() if p <= _SHOWS and is_carried(tested[name]))
+    shown = tuple(name for name, p in single.items() if p <= _SHOWS)
     shown = shown or (min(single, key=lambda name: single[name]),)
-    run_gains = [tested[name].run_gain for name in shown]
     return Standing(
         id=id,
         p_value=min(1.0, p_value),
+        score=sum(tested[name].score for name in shown),
         cv_gain=sum(tested[name].cv_gain for name in shown),
-        run_gain=None
-        if any(gain is None for gain in run_gains)
-        else sum(gain for gain in run_gains if gain is not None),
+        is_the_same_in_all_runs=all(tested[name].is_the_same_in_all_runs for name in shown),
         responses=shown,
         tested=tested,
     )
-
-
-def is_carried(one: Tested) -> bool:
-    """Whether rows that were not fitted gain, and runs that were not, if there are several."""
-    return one.cv_gain > 0.0 and (one.run_gain is None or one.run_gain > 0.0)
 
 
 def search(benches: Benches, *, false_alarm: float, seed: int) -> Search:
@@ -188,7 +182,7 @@ def _selected(benches: Benches, noise: Mapping[str, Vector], *, false_alarm: flo
         supported = [one for one in standing.values() if is_supported(one, false_alarm / max(live, 1))]
         if not supported:
             break
-        best = max(supported, key=lambda one: one.cv_gain)
+        best = max(supported, key=merit)
         named[best.id] = {name: best.tested[name].best for name in best.responses}
         named = _retested(benches, named, noise, false_alarm=false_alarm / max(live, 1), seed=seed)
         if best.id not in named:
@@ -197,8 +191,13 @@ def _selected(benches: Benches, noise: Mapping[str, Vector], *, false_alarm: flo
 
 
 def is_supported(one: Standing, level: float) -> bool:
-    """Beyond what noise does, on rows that were not fitted, and in runs that were not."""
-    return one.p_value <= level and one.cv_gain > 4.0 and (one.run_gain is None or one.run_gain > 0.0)
+    """Beyond what noise does, on rows that were not fitted, and alike in all runs."""
+    return one.p_value <= level and one.cv_gain > 0.0 and one.is_the_same_in_all_runs
+
+
+def merit(one: Standing) -> float:
+    """By what effects are ranked: the score; faults of the data have to explain clearly more than physics."""
+    return 0.85 * one.score - 4.0 if one.id.startswith("data.") else one.score
 
 
 def _retested(benches: Benches, named: Named, noise: Mapping[str, Vector], *, false_alarm: float, seed: int) -> Named:
@@ -208,12 +207,12 @@ def _retested(benches: Benches, named: Named, noise: Mapping[str, Vector], *, fa
             break
         others = without(named, name)
         standing = standings(benches, others, noise, seed=seed)
-        best = max(standing.values(), key=lambda one: one.cv_gain if is_supported(one, false_alarm) else -np.inf)
+        best = max(standing.values(), key=lambda one: merit(one) if is_supported(one, false_alarm) else -np.inf)
         if not is_supported(best, false_alarm):
             named = others
             continue
         own = standing[name]
-        chosen = own if is_supported(own, false_alarm) and own.cv_gain > best.cv_gain - 2.0 else best
+        chosen = own if is_supported(own, false_alarm) and merit(own) > merit(best) - 1.0 else best
         named = others | {chosen.id: {key: chosen.tested[key].best for key in chosen.responses}}
     return named
 
@@ -232,8 +231,8 @@ def _rivals(benches: Benches, beside: Mapping[str, Standing], named: Named, id: 
     """Effects whose course is nearly the same and whose gain is not clearly below that of `id`, largest first.
 
     Nearly the same: canonical correlation above 0.9 of the whitened columns, all else projected off. Not clearly below:
-    the difference of cross-validated gains stays within what its spread over the blocks allows (as in the model
-    confidence set of Hansen, Lunde, Nason 2011, with pairs of models).
+    the difference of scores stays within what the spread of cross-validated gains over the blocks allows (as in the
+    model confidence set of Hansen, Lunde, Nason 2011, with pairs of models).
     """
     own = beside[id].block_gains(benches)
     found = []
@@ -242,8 +241,9 @@ def _rivals(benches: Benches, beside: Mapping[str, Standing], named: Named, id: 
             continue
         difference = own - one.block_gains(benches)
         spread = float(np.sqrt((difference**2).sum()))
-        if difference.sum() <= stats.norm.ppf(0.9) * spread and _alike(benches, beside, named, id, other):
-            found.append((one.cv_gain, other))
+        behind = merit(beside[id]) - merit(one)
+        if behind <= stats.norm.ppf(0.9) * spread and _alike(benches, beside, named, id, other):
+            found.append((merit(one), other))
     return tuple(name for _, name in sorted(found, reverse=True))
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import linalg, stats
 
 from selector.diagnosis.bench import Bench
 from selector.diagnosis.moments import Moments, losses, scores_of_noise, solved
@@ -15,6 +15,10 @@ from selector.diagnosis.moments import Moments, losses, scores_of_noise, solved
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 _DRAWS = 400
+_SHORT = 10
+_SIGNED = 150
+"""At most this many blocks with a sign each, none shorter than `_SHORT` rows: white noise needs no longer ones."""
+_CONTRAST = 0.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,9 +35,10 @@ class Tested:
         The same on blocks that were not fitted, the shape chosen anew for every fold.
     block_gains : ndarray of shape (n_blocks,)
         `cv_gain` block by block.
-    run_gain : float or None
-        The same of the best shape with whole runs left out; None of a single fitted run, or of an effect that acts in
-        one run only.
+    contrast : float
+        What the best shape gains more if its size may differ from run to run; 0 of an effect that acts in one run only.
+    freedoms : int
+        Coefficients that `contrast` has more.
     noise : ndarray of shape (n_draws,)
         Gains by noise alone, the best of all shapes.
     """
@@ -42,8 +47,19 @@ class Tested:
     gain: float
     cv_gain: float
     block_gains: Vector
-    run_gain: float | None
+    contrast: float
+    freedoms: int
     noise: Vector
+
+    @property
+    def score(self) -> float:
+        """Gain less what noise gains on average with as many shapes."""
+        return self.gain - float(np.mean(self.noise))
+
+    @property
+    def is_the_same_in_all_runs(self) -> bool:
+        """Whether one size fits all runs: the contrast is noise (1 in 1000), or small beside the gain itself."""
+        return self.contrast <= max(float(stats.chi2.isf(1e-3, max(self.freedoms, 1))), _CONTRAST * self.gain)
 
     @property
     def p_value(self) -> float:
@@ -86,17 +102,18 @@ def tests_of(bench: Bench, named: Sequence[int], noise: Vector, *, seed: int) ->
     numbers = {name: np.array(list_, dtype=np.intp) for name, list_ in members.items()}
     gains = _block_gains(sums, bench.folds, numbers)
     best_of = {name: int(list_[np.argmax(whole.gain[list_])]) for name, list_ in numbers.items()}
-    by_run = _run_gains(bench, sums, best_of)
     draws = noise_gains(bench, base, sums, noise, seed=seed)
     found = {}
     for name, list_ in numbers.items():
         best = best_of[name]
+        contrast, freedoms = _contrast(bench, sums, best, whole.gain[best])
         found[name] = Tested(
             best=best,
             gain=float(whole.gain[best]),
             cv_gain=float(gains[name].sum()),
             block_gains=gains[name],
-            run_gain=None if bench.candidates[best].variant.run is not None else by_run.get(name),
+            contrast=contrast,
+            freedoms=freedoms,
             noise=draws[:, list_].max(axis=1),
         )
     return found
@@ -115,32 +132,38 @@ def _block_gains(sums: Moments, folds: NDArray[np.intp], numbers: dict[str, NDAr
     return result
 
 
-def _run_gains(bench: Bench, sums: Moments, best_of: dict[str, int]) -> dict[str, float]:
-    """Per effect, what its best shape, sized by the other runs, gains in each run, summed; empty of a single run."""
-    runs = np.unique(bench.block_runs)
-    if len(runs) < 2:
-        return {}
-    result = np.zeros(len(best_of))
-    chosen = np.array(list(best_of.values()), dtype=np.intp)
-    for run in runs:
-        here = bench.block_runs == run
-        alone, with_them = losses(sums, solved(sums, ~here), here, chosen)
-        result += alone - with_them
-    return dict(zip(best_of, result.tolist(), strict=True))
+def _contrast(bench: Bench, sums: Moments, v: int, gain: float) -> tuple[float, int]:
+    """What candidate `v` gains more with a size of its own in every run, and the coefficients that takes."""
+    place = next((q, int(np.flatnonzero(members == v)[0])) for q, members in enumerate(sums.members) if v in members)
+    group, within = sums.groups[place[0]][place[1]], sums.within[place[0]][:, place[1]]
+    parts = [bench.block_runs == run for run in np.unique(bench.block_runs)]
+    parts = [here for here in parts if np.trace(within[here].sum(axis=0)) > 1e-6 * np.trace(within.sum(axis=0))]
+    if len(parts) < 2:
+        return 0.0, 0
+    a, g = sums.base.sum(axis=0), sums.base_target.sum(axis=0)
+    cross = np.hstack([sums.cross[here][:, :, group].sum(axis=0) for here in parts])
+    target = np.concatenate([sums.target[here][:, group].sum(axis=0) for here in parts])
+    own = linalg.block_diag(*[within[here].sum(axis=0) for here in parts])
+    inverse = np.linalg.pinv(a, rcond=1e-10, hermitian=True)
+    left = own - cross.T @ inverse @ cross
+    score = target - cross.T @ inverse @ g
+    split = float(score @ np.linalg.pinv(left, rcond=1e-6, hermitian=True) @ score)
+    return max(0.0, split - gain), (len(parts) - 1) * len(group)
 
 
 def noise_gains(bench: Bench, base: Matrix, sums: Moments, noise: Vector, *, seed: int) -> Matrix:
     """What every candidate gains by noise alone, shape (n_draws, n_variants).
 
-    The noise is `noise`, a whitened residual of the fitted rows, each block of it with a random sign: what is left of
-    correlation within a block stays, what depends on a course of the machine does not.
+    The noise is `noise`, a whitened residual of the fitted rows, short blocks of it with random signs: how large it is
+    where, and what is left of its correlation stay, what depends on a course of the machine does not.
     """
-    n = len(bench.blocks)
-    noise_base = np.array([base[rows].T @ noise[rows] for rows in bench.blocks])
-    noise_target = np.array([bench.white_columns[rows].T @ noise[rows] for rows in bench.blocks])
-    signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=(_DRAWS, n))
+    n = len(noise)
+    starts = np.linspace(0, n, int(np.clip(n // _SHORT, 1, _SIGNED)), endpoint=False).astype(int)
+    noise_base = np.add.reduceat(base * noise[:, None], starts)
+    noise_target = np.add.reduceat(bench.white_columns * noise[:, None], starts)
+    signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=(_DRAWS, len(starts)))
     result = np.empty((_DRAWS, sums.n_variants))
     for (score, root), members in zip(scores_of_noise(sums, noise_base, noise_target), sums.members, strict=True):
-        drawn = np.einsum("db,bvi->dvi", signs, score)
+        drawn = (signs @ score.reshape(len(starts), -1)).reshape(_DRAWS, *score.shape[1:])
         result[:, members] = (np.einsum("vji,dvi->dvj", root, drawn) ** 2).sum(axis=2)
     return result

@@ -253,11 +253,9 @@ def _where(
 
 def _evidence(found: Search, untested: Mapping[str, Mapping[str, str]]) -> list[Evidence]:
     rows = []
-    for id_, standing in sorted(found.standing.items(), key=lambda item: -item[1].cv_gain):
+    for id_, standing in sorted(found.standing.items(), key=lambda item: -item[1].score):
         rows.append(
-            Evidence(
-                id_, standing.responses[0], standing.cv_gain, standing.p_value, id_ in found.named, _note(standing)
-            )
+            Evidence(id_, standing.responses[0], standing.score, standing.p_value, id_ in found.named, _note(standing))
         )
     tested = set(found.standing)
     for response, reasons in untested.items():
@@ -270,6 +268,6 @@ def _evidence(found: Search, untested: Mapping[str, Mapping[str, str]]) -> list[
 
 
 def _note(standing: Standing) -> str:
-    if standing.run_gain is not None and standing.run_gain <= 0.0:
-        return "does not carry over from one run to another"
+    if not standing.is_the_same_in_all_runs:
+        return "differs from run to run"
     return "no gain on rows that were not fitted" if standing.cv_gain <= 0.0 else ""
