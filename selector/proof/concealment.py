@@ -104,6 +104,11 @@ def ruled_out(strength: Mapping[str, float], response: str) -> Concealment:
     return Concealment(kind, share, RULED_OUT_SHARE, share <= RULED_OUT_SHARE)
 
 
+def like_rival(cosine: float) -> Concealment:
+    """Cosine of the effect with another effect of the same strength, whitened, without what recalibration absorbs."""
+    return Concealment("like another effect: cosine", cosine, LIKE_COSINE, cosine >= LIKE_COSINE)
+
+
 def faithful(d_prime: float) -> Concealment:
     """How well an oracle could detect what the simulation lacks besides the effect."""
     return Concealment("simulation true but for the effect: d′", d_prime, FAITHFUL_D_PRIME, d_prime <= FAITHFUL_D_PRIME)

@@ -49,6 +49,8 @@ class World:
         A size to begin the search with.
     distorted : callable (recorded, size) -> mapping, or None
         What becomes of readings with their noise (a sensor that freezes reads no noise).
+    rival : World or None
+        The same machine with another effect in the place of this one, which this record does not tell from it.
     """
 
     channels: tuple[Channel, ...]
@@ -61,6 +63,7 @@ class World:
     effects: Callable[[float], tuple[TrueEffect, ...]]
     first: float = 1.0
     distorted: Callable[[Runs, float], Runs] | None = None
+    rival: World | None = None
 
 
 @dataclass(frozen=True)
@@ -148,10 +151,13 @@ class _Strength:
         """`selector.proof.strength.d_prime`, with what recalibration absorbs worked out once."""
         total = 0.0
         for name, course in courses.items():
-            white = self.world.noise[name].whitened(course[: self._rows[-1], None], self._rows)[:, 0]
-            absorbed = self._absorbed[name].T @ white
-            total += float(white @ white - absorbed @ absorbed)
-        return float(np.sqrt(max(total, 0.0)))
+            total += float(np.sum(self.unabsorbed(name, course) ** 2))
+        return float(np.sqrt(total))
+
+    def unabsorbed(self, name: str, course: Vector) -> Vector:
+        white = self.world.noise[name].whitened(course[: self._rows[-1], None], self._rows)[:, 0]
+        basis = self._absorbed[name]
+        return np.asarray(white - basis @ (basis.T @ white))
 
     def _basis(self, name: str) -> Vector:
         noise = self.world.noise[name]
@@ -209,6 +215,8 @@ def case_of(world: World, plan: Plan, generator: np.random.Generator, wanted: fl
         alone = {name: strength.detected({name: course}) for name, course in courses.items()}
         concealed += tuple(_hidden(kind, strength, now, courses, alone) for kind in plan.hidden)
         seen = (courses, now.recorded, now.simulated, world.noise, starts)
+        if world.rival is not None:
+            concealed += (_like_rival(strength, courses, world.rival, strength.detected(courses)),)
         concealed += tuple(measure(*seen) for measure in plan.measures)
         found = float(np.sqrt(sum(value**2 for value in alone.values())))
         truth = replace(truth, effects=world.effects(size), d_prime=found, concealed=concealed)
@@ -221,6 +229,16 @@ def case_of(world: World, plan: Plan, generator: np.random.Generator, wanted: fl
         world.responses,
         truth,
     )
+
+
+def _like_rival(strength: _Strength, courses: Courses, rival: World, wanted: float) -> Concealment:
+    other = _Strength(rival)
+    theirs = other.effect(_size_for(wanted, other, rival.first))
+    one, two = (
+        np.concatenate([strength.unabsorbed(name, side[name]) for name in strength.world.responses])
+        for side in (courses, theirs)
+    )
+    return concealment.like_rival(float(one @ two / np.linalg.norm(one) / np.linalg.norm(two)))
 
 
 def _size_for(target: float, strength: _Strength, first: float) -> float:
@@ -244,6 +262,11 @@ def _size_for(target: float, strength: _Strength, first: float) -> float:
                 return middle
             low, high = (middle, high) if value < target else (low, middle)
         raise
+
+
+def size_with(world: World, wanted: float) -> float:
+    """The size of the effect at which an oracle could detect it with d′ `wanted`."""
+    return _size_for(wanted, _Strength(world), world.first)
 
 
 def _hidden(kind: str, strength: _Strength, now: _Seen, courses: Courses, alone: Mapping[str, float]) -> Concealment:

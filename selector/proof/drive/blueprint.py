@@ -38,6 +38,8 @@ class Drive:
         Arguments of `selector.proof.drive.recorded.axis_world`.
     accept, channels, place
         Of the true effect; the id alone is right unless told.
+    rival : (change, first size) or None
+        Another effect that this record does not tell from it.
     prepared : callable (bench, generator) -> mapping, or None
         Further arguments of `axis_world` that depend on the machine; `true` among them replaces `change`.
     """
@@ -51,6 +53,7 @@ class Drive:
     accept: tuple[str, ...] = ()
     channels: tuple[str, ...] = ("E", "I")
     place: str | None = None
+    rival: tuple[Change, float] | None = None
     prepared: Callable[[Bench, np.random.Generator], Mapping[str, Any]] | None = None
 
     def made(self, generator: np.random.Generator) -> World:
@@ -65,6 +68,10 @@ class Drive:
         arguments |= self.world
         if self.prepared is not None:
             arguments |= self.prepared(Bench(**{**vars(drawn), "axis": start}), generator)
+        if self.rival is not None:
+            other, first = self.rival
+            theirs = {"true": lambda size: other(start, size) if size else start, "first": first}
+            arguments["rival"] = axis_world(drawn, **(arguments | theirs))
         return axis_world(drawn, **arguments)
 
     def shown(self, size: float) -> tuple[TrueEffect, ...]:

@@ -57,6 +57,7 @@ def bench(
     fastest: float | None = None,
     coarse_scale: bool = False,
     slips: bool = False,
+    rounded_s: float = 0.045,
 ) -> Bench:
     """An axis of a machining centre with its loop, three runs, and noise of a colour.
 
@@ -85,7 +86,7 @@ def bench(
     )
     top = draw(0.08, 0.2) if fastest is None else fastest
     pull = draw(1.0, 2.5)
-    commands = tuple(programme(style, generator, top, pull) for style in styles)
+    commands = tuple(programme(style, generator, top, pull, rounded_s) for style in styles)
     n = int(LENGTH_S / PERIOD_S) - 25
     middle = float(np.mean(np.concatenate(commands)))
     return Bench(

@@ -19,10 +19,13 @@ LENGTH_S = 7.0
 _REST_S = 0.25
 
 
-def command(moves: Sequence[Move], generator: np.random.Generator, acceleration: float) -> Vector:
-    """Positions [m] every `COMMAND_S` over `LENGTH_S` of moves with ramps of `acceleration` [m/s²] and rounded jerk.
+def command(
+    moves: Sequence[Move], generator: np.random.Generator, acceleration: float, rounded_s: float = 0.045
+) -> Vector:
+    """Positions [m] every `COMMAND_S` over `LENGTH_S` of moves with ramps of `acceleration` [m/s²].
 
-    The axis stays within 0.05 to 0.55 m: a move that would leave this is driven the other way.
+    Jerk is rounded over about `rounded_s`. The axis stays within 0.05 to 0.55 m: a move that would leave this is
+    driven the other way.
     """
     n = round(LENGTH_S / COMMAND_S)
     speed = np.zeros(n)
@@ -42,7 +45,7 @@ def command(moves: Sequence[Move], generator: np.random.Generator, acceleration:
         k, now = k + len(part), float(part[-1])
     ramp = min(max(int(abs(now) / acceleration / COMMAND_S), 1), n - k)
     speed[k : k + ramp] = np.linspace(now, 0.0, ramp)
-    window = np.hanning(2 * int(0.5 * generator.uniform(0.03, 0.06) / COMMAND_S) + 3)
+    window = np.hanning(2 * int(0.5 * rounded_s * generator.uniform(0.67, 1.33) / COMMAND_S) + 3)
     smooth = np.convolve(speed, window / window.sum(), mode="same")
     return np.asarray(begin + np.cumsum(smooth) * COMMAND_S)
 
@@ -56,7 +59,9 @@ def sine(amplitude_m: float, rises_s: float, turns_per_s: float, generator: np.r
     return np.asarray(middle + amplitude_m * envelope * np.sin(2.0 * np.pi * turns_per_s * (time - _REST_S)))
 
 
-def programme(style: Style, generator: np.random.Generator, fastest: float, acceleration: float) -> Vector:
+def programme(
+    style: Style, generator: np.random.Generator, fastest: float, acceleration: float, rounded_s: float = 0.045
+) -> Vector:
     """The command of one run in a style, with speeds up to `fastest` [m/s], different for every draw."""
     speeds = fastest * np.array([1.0, 0.55, 0.3, 0.15, 0.06])
     moves: list[Move] = []
@@ -86,4 +91,4 @@ def programme(style: Style, generator: np.random.Generator, fastest: float, acce
         for speed in generator.permutation(np.tile(fastest * np.array([0.8, 0.4, 0.2, 0.1, 0.03]), 2)):
             back = speed * generator.uniform(0.5, 1.5)
             moves += [(speed, generator.uniform(0.2, 0.6)), (-min(back, fastest), generator.uniform(0.2, 0.5))]
-    return command(moves, generator, acceleration)
+    return command(moves, generator, acceleration, rounded_s)

@@ -44,6 +44,7 @@ def axis_world(
     responses: Sequence[str] = ("E", "I"),
     refitted: Sequence[str] = (),
     first: float = 1.0,
+    rival: World | None = None,
     recorded_as: Callable[[Runs, float], Runs] | None = None,
     simulated_as: Callable[[Runs, Sequence[Vector]], Runs] | None = None,
     distorted: Callable[[Runs, float], Runs] | None = None,
@@ -136,6 +137,7 @@ def axis_world(
         effects,
         first,
         distorted,
+        rival,
     )
 
 

@@ -1,0 +1,192 @@
+"""Axes with nothing missing, with wrong values only, and with what no expert could tell apart on this record."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.proof.drive import friction, joints, servo
+from selector.proof.drive.blueprint import Change, Drive, plan, plus
+from selector.proof.drive.given_axis import GivenAxis, given_from
+from selector.proof.drive.joints import softer
+from selector.proof.drive.machine import Bench
+
+Vector = NDArray[np.float64]
+Runs = Mapping[str, Sequence[Vector]]
+
+_VALUES = ("drive.mass", "drive.viscous", "drive.coulomb", "drive.elasticity", "drive.delay", "data.gain")
+
+
+def _clean(name: str, bench: Mapping[str, Any], note: str = "", lost: float = 0.0, **world: Any) -> Drive:
+    made = plan(f"clean.drive/{name}", (), kind="clean", verdicts=("nothing-missing",), lost=lost, note=note)
+    return Drive(made, "", None, bench, world=world)
+
+
+def _scaled_current(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
+    """The force per ampere of the simulation is up to 20 % off."""
+    share = 1.0 + float(generator.choice([-1.0, 1.0]) * generator.uniform(0.1, 0.2))
+    plain = given_from(bench.axis)
+    other = plain._replace(force_per_a=plain.force_per_a * share)
+    return {"given": lambda size: other if size else plain}
+
+
+def _shifted(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
+    """Both responses of the simulation come from zeros that are off."""
+    error, amps = float(generator.uniform(1.0, 4.0)), float(generator.uniform(0.1, 0.4))
+
+    def shifted(courses: Runs, size: float) -> Runs:
+        away = {"E": size * error, "I": -size * amps}
+        return {name: [part + away.get(name, 0.0) for part in parts] for name, parts in courses.items()}
+
+    return {"recorded_as": shifted}
+
+
+def _late(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
+    """The simulation is read out late, all of it."""
+    late = float(generator.uniform(3e-4, 8e-4))
+
+    def delayed(courses: Runs, size: float) -> Runs:
+        return {
+            name: [
+                np.interp(time - size * late, time, part) if name in ("E", "I") else part
+                for time, part in zip(bench.stamps, parts, strict=True)
+            ]
+            for name, parts in courses.items()
+        }
+
+    return {"recorded_as": delayed}
+
+
+def _guessed(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
+    """Mass, friction and stiffness of the simulation are nominal values, each up to 20 % off."""
+    plain = given_from(bench.axis)
+    shares = 1.0 + generator.choice([-1.0, 1.0], 3) * generator.uniform(0.1, 0.2, 3)
+
+    def given(size: float) -> GivenAxis:
+        if not size:
+            return plain
+        return plain._replace(
+            table_kg=plain.table_kg * shares[0],
+            viscous_ns_per_m=plain.viscous_ns_per_m * shares[1],
+            coulomb_n=plain.coulomb_n * shares[2],
+        )
+
+    return {"given": given}
+
+
+def _miscalibrated(name: str, prepared: Any, tolerated: tuple[str, ...], verdicts: tuple[str, ...], note: str) -> Drive:
+    made = plan(
+        f"miscalibrated.drive/{name}",
+        (),
+        kind="miscalibrated",
+        verdicts=("miscalibrated", *verdicts),
+        tolerated=tolerated,
+        size=1.0,
+        note=note,
+    )
+    return Drive(made, "", None, prepared=prepared)
+
+
+CLEAN = (
+    _clean("white", {}),
+    _clean("ar", {"colour": "ar"}),
+    _clean("heavy-tailed", {"colour": "heavy-tailed"}),
+    _clean("quantised", {"colour": "quantised"}),
+    _clean("cycle-locked", {"colour": "cycle-locked", "styles": ("strokes", "strokes", "sines")}),
+    _clean("jitter", {"jitter_s": 5e-6, "coarse_scale": True}, "The clock of the recorder jitters."),
+    _clean(
+        "lost-rows",
+        {"friction": False},
+        "Rows were lost; the simulation has its own grid.",
+        0.05,
+        simulation_period_s=1e-3,
+    ),
+    _clean("one-run", {"styles": ("strokes",)}, "A single run; its last 30 % are held out."),
+    _clean("force", {"jitter_s": 0.0}, "Position and force only.", names=("x", "F"), responses=("x", "F")),
+)
+MISCALIBRATED = (
+    _miscalibrated("current", _scaled_current, ("data.gain",), ("data-fault",), "Force per ampere is off."),
+    _miscalibrated("zeros", _shifted, ("data.zero", "drive.offset_force"), ("data-fault",), "Zeros are off."),
+    _miscalibrated("clock", _late, ("data.clock", "drive.delay"), ("data-fault",), "Recorded late, in every run."),
+    _miscalibrated("values", _guessed, _VALUES, ("missing-physics",), "Mass and friction are nominal values."),
+)
+_NO_SCALE: Mapping[str, Any] = {"names": ("r", "v", "I"), "responses": ("I",)}
+"""Nothing tells where the table is."""
+_LAG = (plus("current_lag_s", 1e-5), 3.0)
+_SOFT = (softer(1e-10), 8.0)
+
+
+def _undecidable(
+    name: str,
+    id: str,  # noqa: A002 - the word of the contract
+    accept: tuple[str, ...],
+    changes: tuple[tuple[Change, float], tuple[Change, float]],
+    bench: Mapping[str, Any],
+    note: str,
+    axis: Mapping[str, float] | None = None,
+    world: Mapping[str, Any] = _NO_SCALE,
+) -> Drive:
+    (change, first), rival = changes
+    made = plan(f"undecidable.drive/{name}", (), kind="undecidable", note=note)
+    channels = tuple(world.get("responses", ("E", "I")))
+    return Drive(
+        made, id, change, bench, axis or {}, {**world, "first": first}, accept=accept, channels=channels, rival=rival
+    )
+
+
+_LAG_OR_SOFT = ("drive.delay", "drive.elasticity")
+_JERKY: Mapping[str, Any] = {"friction": False, "styles": ("strokes", "strokes", "gentle"), "rounded_s": 0.015}
+_AT_ONE_SPEED: Mapping[str, Any] = {"friction": False, "styles": ("one speed",) * 3, "fastest": 0.05}
+_SIGN = (plus("coulomb_n"), 0.3)
+_SPEED = (plus("viscous_ns_per_m"), 4.0)
+UNDECIDABLE = (
+    _undecidable(
+        "lag", "drive.delay", _LAG_OR_SOFT, (_LAG, _SOFT), _JERKY, "The current follows later than simulated."
+    ),
+    _undecidable(
+        "soft", "drive.elasticity", _LAG_OR_SOFT, (_SOFT, _LAG), _JERKY, "A softer screw; only the current is compared."
+    ),
+    _undecidable(
+        "one-speed",
+        "drive.coulomb",
+        ("drive.coulomb", "drive.viscous"),
+        (_SIGN, _SPEED),
+        _AT_ONE_SPEED,
+        "All runs, the held-out one too, know one speed: friction by sign or by speed.",
+    ),
+    _undecidable(
+        "one-speed-oil",
+        "drive.viscous",
+        ("drive.coulomb", "drive.viscous"),
+        (_SPEED, _SIGN),
+        _AT_ONE_SPEED,
+        "The same with the other friction.",
+    ),
+    _undecidable(
+        "lost-motion",
+        "drive.elasticity",
+        ("drive.elasticity", "drive.backlash"),
+        (_SOFT, (plus("play_m", 1e-6), 0.05)),
+        {"on_scale": False, "styles": ("gentle",) * 3, "fastest": 0.02, "coarse_scale": True},
+        "Slow moves against constant friction: wind-up and play look alike.",
+        {"coulomb_n": 200.0},
+        {"names": ("r", "v", "E"), "responses": ("E",)},
+    ),
+)
+TWINS = tuple(
+    drive.twin
+    for drive in (*friction.DRIVES, *joints.DRIVES, *servo.DRIVES)
+    if drive.plan.name
+    in (
+        "drive.coulomb/absorbed",
+        "drive.stribeck/creeping",
+        "drive.backlash/small",
+        "drive.elasticity/friction",
+        "drive.pitch_error/half-lead",
+        "drive.offset_force/brake",
+    )
+)
+SCENARIOS = (*(drive.scenario for drive in (*CLEAN, *MISCALIBRATED, *UNDECIDABLE)), *TWINS)
