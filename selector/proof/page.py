@@ -84,7 +84,7 @@ def _confusion(outcomes: Sequence[Outcome]) -> ConfusionOnPage:
     for outcome in outcomes:
         for effect in () if outcome.truth is None else outcome.truth.effects:
             accepted.setdefault(effect.id, set()).update(effect.accept)
-    right = []
+    right: list[tuple[str, ...]] = []
     for name in matrix.true:
         if name.startswith("hidden."):
             right.append((UNEXPLAINED,))
