@@ -102,13 +102,12 @@ _OPPOSED = Plan(
     "thermal",
     "single",
     measures=(hiding.opposed,),
-    note="The late member acts against the rest in Z and with it in Y; coolant and feed are known.",
+    note="The late member acts against the rest in Z and with it in Y; coolant, feed and a cabinet do nothing.",
 )
 _OPPOSED_SCENE = Scene(
     (member_by("T6", "scale", {"Z": -1.0, "Y": 0.6}),),
     ("intermittent", "steps", "cooling"),
-    (of("n"), of("M8"), of("T8"), of("f")),
-    knows=("coolant", "feed"),
+    (of("n"), of("M8"), of("f"), of("T10")),
     hall=QUIET_HALL,
     refitted=True,
 )

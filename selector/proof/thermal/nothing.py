@@ -116,7 +116,7 @@ _CASES = (
         _wrong("weak", "20 % too little heat; zero was set elsewhere."),
         Scene(styles=_MIXED, gauges=_N, gain=0.8, offset_um=3.0),
     ),
-    (_wrong("late", "The simulation comes 45 s late."), Scene(styles=_MIXED, gauges=_N, delay_s=45.0)),
+    (_wrong("late", "The simulation comes half a minute late."), Scene(styles=_MIXED, gauges=_N, delay_s=30.0)),
     (
         _wrong("strong beside distractors", "15 % too much heat; coolant, feed, cabinets are there."),
         Scene(

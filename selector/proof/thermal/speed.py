@@ -17,6 +17,7 @@ from selector.proof.thermal.omission import BOTH, Maker, Omission, with_power
 from selector.proof.thermal.scene import STRIDE, Scene, world_of
 from selector.proof.world import Plan, scenario, twin
 
+Matrix = NDArray[np.float64]
 Vector = NDArray[np.float64]
 
 
@@ -45,18 +46,15 @@ def heating(
     return make
 
 
-def growth(exponent: float, axes: Mapping[str, float], *, onset: float = 0.0, brief: bool = False) -> Maker:
-    """Shift by speed at once: micrometres at highest speed times (share of it above `onset`)^exponent."""
+def growth(exponent: float, axes: Mapping[str, float], *, brief: bool = False) -> Maker:
+    """Shift by speed at once: micrometres at highest speed times (share of it)^exponent."""
 
     def make(_generator: np.random.Generator, tool: Machine, _duties: Sequence[Duty]) -> Omission:
-        def shifted(_rises: object, one: Duty) -> dict[str, Vector]:
-            share = np.maximum(one["speed"][::STRIDE] / tool.highest_rpm - onset, 0.0) / (1.0 - onset)
-            return dict.fromkeys(BOTH, share**exponent)
+        def shifted(rises: Matrix, one: Duty) -> dict[str, Vector]:
+            share = one["speed"][::STRIDE] / tool.highest_rpm
+            return dict.fromkeys(BOTH, (share**exponent)[: len(rises)])
 
-        def cut(rises: NDArray[np.float64], one: Duty) -> dict[str, Vector]:
-            return {axis: course[: len(rises)] for axis, course in shifted(rises, one).items()}
-
-        return Omission("thermal.instant_speed", place="spindle", shifted=cut, axes=axes, brief=brief)
+        return Omission("thermal.instant_speed", place="spindle", shifted=shifted, axes=axes, brief=brief)
 
     return make
 
@@ -168,11 +166,9 @@ _CASES = (
             "thermal",
             "single",
             measures=(hiding.seldom("n", 0.6), hiding.one_axis("Z")),
-            note="Growth by centrifugal force, which matters in a few sprints only.",
+            note="Growth by the third power of speed, which matters in a few sprints only.",
         ),
-        Scene(
-            (growth(2.0, {"Z": 1.0}, onset=0.6, brief=True),), ("steps", "steps", "intermittent"), _N, duties=sprints
-        ),
+        Scene((growth(3.0, {"Z": 1.0}, brief=True),), ("steps", "steps", "intermittent"), _N, duties=sprints),
     ),
 )
 SCENARIOS = (
