@@ -7,7 +7,15 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.data.places import Part, duration, estimate, later_parts, where_of, whole_runs
+from selector.diagnosis.effects.data.places import (
+    Part,
+    duration,
+    estimate,
+    fitted_runs,
+    later_parts,
+    where_of,
+    whole_runs,
+)
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, Vector
 from selector.diagnosis.input_faults import input_faults
 from selector.diagnosis.signals import excited, filled, rate
@@ -15,6 +23,7 @@ from selector.diagnosis.signals import excited, filled, rate
 _SIZES = (0.1, 0.2, 0.4, 0.75, 1.3, 2.0, 2.8)
 """Shifts, in times that the course takes to change, for which its derivative no longer says what a shift does."""
 _FEW_SIZES = (0.15, 0.5)
+_FINE_SIZES = (0.1, 0.15, 0.22, 0.33, 0.5, 0.75, 1.1, 1.6)
 _JUMPS, _ALL_JUMPS = 10, 30
 _MANY_RUNS = 4
 _AROUND_ONE = ((0.6, 1.6),)
@@ -51,11 +60,11 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
             leap_s = float(np.abs(fault.course).max())
             yield _variant(part, _late(comparison, course, leap_s) - course, "leap of the stamps", shift_s=leap_s)
     # a clock of another rate is right at the start of a run and off by more and more
-    rates = [shift_s / comparison.longest_s for shift_s in _tried(comparison, moving_s, _FEW_SIZES)]
-    stretched = {error: _late(comparison, course, error * comparison.time_s) - course for error in rates}
     for part in [everywhere, *_singles(comparison)]:
         yield _variant(part, -comparison.time_s * slope, _RATE)
-        for error, change in stretched.items():
+        for shift_s in _tried(comparison, moving_s, _FEW_SIZES if part.run is not None else _FINE_SIZES):
+            error = shift_s / comparison.longest_s
+            change = _late(comparison, course, error * comparison.time_s) - course
             yield _variant(part, change, f"late by {error:.2%} of the time", rate_error=error)
 
 
@@ -67,7 +76,9 @@ def _tried(comparison: Comparison, moving_s: float, sizes: tuple[float, ...]) ->
 
 
 def _singles(comparison: Comparison) -> Iterator[Part]:
-    return (part for part in whole_runs(comparison) if part.run is not None)
+    runs = fitted_runs(comparison)
+    for run in runs if len(runs) > 1 else ():
+        yield Part(comparison.run_index == comparison.runs.index(run), run, f"run {run}")
 
 
 def _variant(

@@ -63,21 +63,26 @@ def whole_runs(comparison: Comparison, oddness: Callable[[slice], float] | None 
         every run counts, and all of them together.
     """
     runs = fitted_runs(comparison)
+    singles: tuple[str, ...] = runs
+    onwards: tuple[str, ...] = ()
     if oddness is None:
         yield Part(np.ones(len(comparison.time_s), dtype=bool), None, "")
-        singles = runs if len(runs) > 1 else ()
+        # what begins in the last fitted run goes on in the runs that are held out
+        lasting = runs[-1:] != comparison.runs[-1:]
+        onwards = runs[1:] if lasting else runs[1:-1]
+        singles = () if len(runs) < 2 else runs[:-1] if lasting else runs
     elif len(runs) < 2:
         return
     elif len(runs) == 2:
         far = {run: abs(oddness(rows)) for run, rows in comparison.rows_of_runs() if run in runs}
         singles = (max(runs, key=lambda run: far[run]),)
     else:
-        singles = runs
+        # from the second on is all but the first, from the last on is the last alone
+        onwards = runs[2:-1]
     index = comparison.run_index
     for run in singles:
         yield Part(index == comparison.runs.index(run), run, f"run {run}")
-    # from the second on is all but the first, from the last on is the last alone
-    for run in runs[(2 if oddness is not None else 1) : -1]:
+    for run in onwards:
         yield Part(index >= comparison.runs.index(run), None, f"from run {run} on")
 
 

@@ -23,7 +23,9 @@ _STEPS = 6.0
 """Steps of the resolution that the simulation must move while the reading stands, where noise alone proves nothing."""
 _OF_SPAN = 0.05
 """And the part of all its movement."""
-_FREE = (-np.inf, np.inf)
+_BESIDE = 20
+"""Samples on each side of a stretch from which its level is taken."""
+_AROUND_ONE = ((0.7, 1.4),)
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
@@ -31,17 +33,26 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     for run, first, last in frozen_stretches(comparison, response):
         part = window(comparison, run, first, last)
         reading = float(comparison.recorded[response][first])
-        # the simulation may have another offset: the level is free, that its course is undone is not
+        expected = simulated + _level_beside(comparison, response, first, last)
         yield Variant(
-            columns=np.column_stack([part.over(-simulated), part.over(np.ones(len(simulated)))]),
-            names=("simulated course undone", "level"),
+            columns=part.over(reading - expected)[:, None],
+            names=("reading less what it should be",),
             shape=part.shape | {"reading": Quantity(reading, comparison.channel(response).unit)},
             place="sensor",
             run=run,
-            bounds=((0.6, 1.6), _FREE),
+            bounds=_AROUND_ONE,
             regime=part.regime,
         )
     yield from fault_variants(comparison, response, "data.stuck")
+
+
+def _level_beside(comparison: Comparison, response: str, first: int, last: int) -> float:
+    """By how much the simulation is too low just before and after a stretch."""
+    rows = dict(comparison.rows_of_runs())[comparison.runs[int(comparison.run_index[first])]]
+    beside = np.r_[max(rows.start, first - _BESIDE) : first, last + 1 : min(rows.stop, last + 1 + _BESIDE)]
+    left = comparison.difference(response)[beside]
+    left = left[np.isfinite(left)]
+    return float(np.mean(left)) if len(left) else 0.0
 
 
 def frozen_stretches(comparison: Comparison, response: str) -> list[tuple[str, int, int]]:
