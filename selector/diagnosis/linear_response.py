@@ -111,9 +111,10 @@ def resonator(frequency_hz: float, damping: float, period_s: float) -> tuple[Mat
     out = np.array([[1.0, 0.0], [0.0, 1.0 / w], [-1.0, -2.0 * damping / w]])
     system = (a, np.array([[0.0], [w * w]]), out, np.array([[0.0], [0.0], [1.0]]))
     ad, bd, cd, dd, _ = cont2discrete(system, period_s, method="foh")
-    denominator = np.poly(ad).real
+    denominator = np.asarray(np.poly(ad).real, dtype=np.float64)
     # numerator of c(zI − A)⁻¹b + d is poly(A − b·c) + (d − 1)·poly(A)
-    numerators = [np.poly(ad - np.outer(bd[:, 0], c)).real + (d[0] - 1.0) * denominator for c, d in zip(cd, dd)]
+    through = zip(cd, dd, strict=True)
+    numerators = [np.poly(ad - np.outer(bd[:, 0], c)).real + (d[0] - 1.0) * denominator for c, d in through]
     return np.array(numerators), denominator
 
 

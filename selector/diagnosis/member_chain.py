@@ -74,9 +74,11 @@ def reactions(
     """
     force = inertia_force(comparison, successor, "simulated")
     onward = transfer(comparison, predecessor, successor)
+    if force is None:
+        return lambda mass: np.zeros(len(comparison.time_s)), 0.0
     parts = []
     largest = 0.0
-    for run in even_runs(comparison) if force is not None else ():
+    for run in even_runs(comparison):
         part = run.on(force)
         size = next_fast_len(2 * len(part), real=True)
         angle = 2.0 * np.pi * np.arange(size // 2 + 1) / size
@@ -97,7 +99,7 @@ def reactions(
 
 
 def _gain(path: LinearResponse, angle: Vector) -> NDArray[np.complex128]:
-    return np.asarray(freqz(path.numerator, path.denominator, angle)[1])
+    return np.asarray(freqz(path.numerator, path.denominator, angle)[1], dtype=np.complex128)
 
 
 def _derivative(comparison: Comparison, member: str, angle: Vector) -> NDArray[np.complex128]:
@@ -106,7 +108,7 @@ def _derivative(comparison: Comparison, member: str, angle: Vector) -> NDArray[n
     period = comparison.period_s
     once = 1j * np.sin(angle) / period
     twice = (2.0 * np.cos(angle) - 2.0) / period**2 + 0j
-    return (twice, once, np.ones(len(angle)) + 0j)[order]
+    return np.asarray((twice, once, np.ones(len(angle)))[order], dtype=np.complex128)
 
 
 def curvature(comparison: Comparison, values: Vector) -> Vector:

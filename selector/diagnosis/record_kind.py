@@ -84,6 +84,8 @@ def no_flow(comparison: Comparison, response: str) -> str | None:
     if role not in ("voltage", "displacement", "position", "flow", "state", "size", "amplitude"):
         return f"{response} is of role {role!r}, not a level or a flow"
     roles = {c.role for c in comparison.channels}
+    if comparison.period_s < SLOWEST_VIBRATION_S:
+        return f"a sample every {comparison.period_s:.3g} s is too quick for a store that fills"
     if "flow" not in roles and role != "voltage":
         return "no flow is recorded"
     if roles & {*_ROOM_ROLES, *_DRIVE_ROLES, "spindle_speed", "feed_rate", "force", "acceleration"}:

@@ -8,14 +8,14 @@ from scipy.ndimage import median_filter
 from scipy.stats import chi2
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.even_clock import even_runs
+from selector.diagnosis.even_clock import EvenRun, even_runs
 
 Vector = NDArray[np.float64]
 
 DAMPING = (0.005, 0.015, 0.04, 0.1)
 CHANCE = 0.01
 """Chance that noise shows one resonance in a whole scan."""
-_PER_OCTAVE = 48
+_PER_HALF_WIDTH = 1.2
 _NEIGHBOURS = 31
 
 
@@ -33,20 +33,30 @@ def resonances(comparison: Comparison, left: Vector, source: Vector, most: int =
     low, high = 8.0 / longest, 0.45 / comparison.period_s
     if high <= low:
         return ()
-    grid = np.geomspace(low, high, max(int(_PER_OCTAVE * np.log2(high / low)), 2))
     order = np.argsort(hz)
     hz, u, e = hz[order], u[order], e[order]
-    gain = np.array([[_explained(hz, u, e, f, z) for f in grid] for z in DAMPING])
+    grids = [np.exp(np.arange(np.log(low), np.log(high), damping / _PER_HALF_WIDTH)) for damping in DAMPING]
+    gains = [
+        np.array([_explained(hz, u, e, float(f), z) for f in grid]) for grid, z in zip(grids, DAMPING, strict=True)
+    ]
     limit = float(chi2.isf(CHANCE / len(hz), 2))
     found: list[tuple[float, float]] = []
-    while len(found) < most and float(gain.max()) > limit:
-        z, f = np.unravel_index(int(np.argmax(gain)), gain.shape)
-        found.append(_refined(hz, u, e, float(grid[f]), DAMPING[z]))
-        gain[:, np.abs(np.log2(grid / grid[f])) < 0.15] = 0.0
+    while len(found) < most:
+        k = int(np.argmax([gain.max() for gain in gains]))
+        top = int(np.argmax(gains[k]))
+        if gains[k][top] <= limit:
+            break
+        f0 = float(grids[k][top])
+        found.append(_refined(hz, u, e, f0, DAMPING[k]))
+        for grid, gain in zip(grids, gains, strict=True):
+            gain[np.abs(np.log(grid / f0)) < 0.1] = 0.0
     return tuple(found)
 
 
-def _spectra(run, comparison: Comparison, left: Vector, source: Vector) -> tuple[Vector, Vector, Vector] | None:  # type: ignore[no-untyped-def]
+def _spectra(
+    run: EvenRun, comparison: Comparison, left: Vector, source: Vector
+) -> tuple[Vector, Vector, Vector] | None:
+    """Frequencies [Hz], source and what is left, both over the strength of the noise there."""
     free = ~comparison.held_out[run.rows]
     e, u = run.on(left), run.on(source)
     n = len(e)
@@ -61,12 +71,12 @@ def _spectra(run, comparison: Comparison, left: Vector, source: Vector) -> tuple
     es, us = (np.fft.rfft((v - v.mean()) * window)[3:] / scale for v in (e, u))
     floor = median_filter(np.abs(es) ** 2, 2 * _NEIGHBOURS + 1, mode="nearest") / np.log(2.0)
     floor = np.sqrt(np.maximum(floor, 1e-12 * float(np.max(np.abs(es) ** 2))))
-    return hz, us / floor, es / floor
+    return np.asarray(hz, dtype=np.float64), np.asarray(us / floor), np.asarray(es / floor)
 
 
 def _explained(hz: Vector, u: Vector, e: Vector, frequency_hz: float, damping: float) -> float:
     """Twice the whitened power explained near the resonance; of noise it is chi-square with two degrees of freedom."""
-    reach = max(12.0 * damping, 0.06)
+    reach = min(max(12.0 * damping, 0.06), 0.8)
     a, b = np.searchsorted(hz, [frequency_hz * (1.0 - reach), frequency_hz * (1.0 + reach)])
     if b - a < 6:
         return 0.0
@@ -84,10 +94,10 @@ def _explained(hz: Vector, u: Vector, e: Vector, frequency_hz: float, damping: f
 
 
 def _refined(hz: Vector, u: Vector, e: Vector, frequency_hz: float, damping: float) -> tuple[float, float]:
-    step_f, step_z = 1.0 / _PER_OCTAVE, 1.6
+    step_f, step_z = damping / _PER_HALF_WIDTH, 1.6
     for _ in range(3):
         tried = [
-            (frequency_hz * 2.0**df, damping * dz)
+            (frequency_hz * float(np.exp(df)), damping * dz)
             for df in (-step_f, -step_f / 2, 0.0, step_f / 2, step_f)
             for dz in (1.0 / step_z, 1.0, step_z)
         ]

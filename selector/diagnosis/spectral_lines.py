@@ -19,6 +19,7 @@ _NEIGHBOURS = 31
 _COHERENT = 0.5
 _PIECES = 5
 _LASTING = 0.35
+_BESIDE = 0.2
 _FIRST_PART = 0.2
 """Of a run that nothing may be fitted to only this first part tells its phase, as it would an initial state."""
 
@@ -106,7 +107,7 @@ def lines(
             open_[taken] = 0.0
             runs = tuple(usable[k] for k in together)
             line = _line(comparison, left, abscissa, weight, parts, runs, float(grid[top]), float(strength[top]))
-            if line is not None:
+            if line is not None and _sharp(grid, strength, top, span):
                 claimed |= taken
                 found.append(line)
     return tuple(sorted(found, key=lambda line: -line.strength)[:most])
@@ -176,6 +177,13 @@ def _line(
 
 def _tone(left: Vector, abscissa: Vector, weight: Vector, cycles: float) -> complex:
     return complex(np.sum(left * weight * np.exp(-2j * np.pi * cycles * abscissa)))
+
+
+def _sharp(grid: Vector, strength: Vector, top: int, span: float) -> bool:
+    """Whether the power beside the window's own width is low, as it is not beside a resonance or a passing sweep."""
+    apart = np.abs(grid - grid[top]) * span
+    beside = strength[(apart > 2.5) & (apart < 6.0)]
+    return len(beside) == 0 or float(np.mean(beside)) < _BESIDE * float(strength[top])
 
 
 def _lasts(piece: NDArray[np.complex128]) -> bool:

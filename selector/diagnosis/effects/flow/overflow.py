@@ -13,13 +13,15 @@ from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading,
 from selector.diagnosis.leftover import Remainder
 from selector.diagnosis.record_kind import no_flow
 from selector.diagnosis.signals import course, excited, filled, lagged, time_constants
-from selector.diagnosis.stores import Stores, stores_of
+from selector.diagnosis.stores import Brims, Stores, refitted, stores_of
 
 Vector = NDArray[np.float64]
 
 _FALLING = ((-1e300, 0.0),)
 _RISING = ((0.0, 1e300),)
 _MOST = 30
+_BETTER = 0.8
+"""With brims the refitted stores have to err by less than this, over the error of those refitted without."""
 _UPPER_SHARES = (0.6, 0.7, 0.8, 0.87, 0.94)
 """Quantiles of an upper store's level at which it may spill."""
 
@@ -64,9 +66,9 @@ def _of_stores(
     whole, plain = stores.levels(comparison)
     fitted = ~comparison.held_out
     uppers = [np.inf, *np.quantile(whole[fitted], _UPPER_SHARES)] if stores.n == 2 else [np.inf]
-    tried: list[tuple[float, tuple[float, float, float]]] = []
+    tried: list[tuple[float, Brims]] = []
 
-    def lost(brims: tuple[float, float, float]) -> Vector:
+    def lost(brims: Brims) -> Vector:
         return stores.levels(comparison, *brims)[1] - plain
 
     for upper in uppers:
@@ -81,15 +83,22 @@ def _of_stores(
         column = lost(brims)
         if np.any(column):
             yield _with_brims(comparison, response, column, brims, whole, inflow)
+    recorded = comparison.recorded[response]
+    without, _, _ = refitted(comparison, stores, recorded, None)
+    for brims in best:
+        error, anew, moved = refitted(comparison, stores, recorded, brims)
+        if moved is not None and error < _BETTER * without:
+            whole, course_ = anew.levels(comparison)[0], anew.levels(comparison, *moved)[1]
+            yield _with_brims(comparison, response, course_ - plain, moved, whole, inflow)
 
 
 def _refined(
     remainder: Remainder,
-    lost: Callable[[tuple[float, float, float]], Vector],
-    brims: tuple[float, float, float],
+    lost: Callable[[Brims], Vector],
+    brims: Brims,
     upper_size: float,
     lower_size: float,
-) -> tuple[tuple[float, float, float], ...]:
+) -> tuple[Brims, ...]:
     """Brims moved one by one, by ever smaller steps, as long as they explain more."""
     best, score = brims, remainder.share(lost(brims))
     for step in (0.1, 0.05, 0.025, 0.012):
@@ -108,16 +117,16 @@ def _refined(
 
 
 def _with_brims(
-    comparison: Comparison, response: str, column: Vector, brims: tuple[float, float, float], whole: Vector, inflow: str
+    comparison: Comparison, response: str, column: Vector, brims: Brims, whole: Vector, inflow: str
 ) -> Variant:
     unit, shape, words = comparison.channel(response).unit, {}, []
     if np.isfinite(brims[1]):
-        shape["ceiling"] = Quantity(brims[1], unit)
+        shape["ceiling"] = Quantity(float(brims[1]), unit)
         words.append(f"spills at {brims[1]:.3g} {unit}")
     if np.isfinite(brims[0]):
-        share = brims[0] / float(whole.max())
+        share = float(brims[0]) / float(whole.max())
         shape["upper_ceiling"] = Quantity(share, "1")
-        shape["caught"] = Quantity(brims[2], "1")
+        shape["caught"] = Quantity(float(brims[2]), "1")
         words.append(f"the store above spills at {100 * share:.3g} % of its highest level")
     return Variant(column[:, None], (", ".join(words),), shape, sources=_recorded(comparison, inflow), bounds=_RISING)
 
@@ -219,10 +228,13 @@ EFFECT = Effect(
     id="flow.overflow",
     title="A store spills at a level",
     physics=(
-        "A tank is full at a level; what flows in beyond is lost or falls past the next store. The level stays at its ceiling "
+        "A tank is full at a level; what flows in beyond is lost or falls past the next store. The "
+        "level stays at its ceiling "
         "while inflow goes on, and is lower than simulated for a time afterwards, in the store below too."
     ),
-    reference="Schoukens, Mattsson, Wigren, Noël: Cascaded tanks benchmark combining soft and hard nonlinearities, 2016",
+    reference=(
+        "Schoukens, Mattsson, Wigren, Noël: Cascaded tanks benchmark combining soft and hard nonlinearities, 2016"
+    ),
     enters="limit",
     acts_at="every store with a recorded level, and a store above it",
     parameters=(
@@ -235,7 +247,9 @@ EFFECT = Effect(
     needs="an inflow that fills the store to the brim",
     confounders=("drive.saturation", "data.stuck", "data.gain"),
     refuted_by="the recorded level exceeds the ceiling at any time, or no liquid leaves over the brim",
-    experiment="Hold the inflow at its highest until the level stands, then at its lowest until the store is empty; twice.",
+    experiment=(
+        "Hold the inflow at its highest until the level stands, then at its lowest until the store is empty; twice."
+    ),
     variants=_variants,
     testable=_testable,
     reading=_reading,

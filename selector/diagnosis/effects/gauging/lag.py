@@ -88,8 +88,10 @@ EFFECT = Effect(
     id="gauging.lag",
     title="The gauge is late",
     physics=(
-        "The smoothing filter, the relay and the stopping feed let the wheel go on for a time after the wanted size was "
-        "reached. The error of the size is that time times the infeed at the stop; a reading in time trails what it measures."
+        "The smoothing filter, the relay and the stopping feed let the wheel go on for a time after "
+        "the wanted size was "
+        "reached. The error of the size is that time times the infeed at the stop; a reading in time "
+        "trails what it measures."
     ),
     reference="G (Trompet, Aleksandrov) eq. 20 to 23: the mean reading is late by T_Φ",
     enters="measurement",

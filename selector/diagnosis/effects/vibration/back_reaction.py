@@ -99,14 +99,16 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     largest = {"largest": Quantity(fitted.largest, fitted.unit)}
     if not fitted.variant.sources:
         return Reading(
-            f"the resonances of {fitted.response} lie elsewhere than simulated, by up to {fitted.largest:.3g} {fitted.unit}, as "
+            f"the resonances of {fitted.response} lie elsewhere than simulated, by up to "
+            f"{fitted.largest:.3g} {fitted.unit}, as "
             "when the next member acts back",
             largest | {"relative_shift": Quantity(float(-fitted.coefficients[0]), "1")},
         )
     successor = fitted.variant.sources[0]
     seen = fitted.variant.names[0].rpartition(" on ")[2]
     text = (
-        f"{successor} acts back on {seen}: its inertia moves {fitted.response} by up to {fitted.largest:.3g} {fitted.unit}, "
+        f"{successor} acts back on {seen}: its inertia moves {fitted.response} by up to "
+        f"{fitted.largest:.3g} {fitted.unit}, "
         "which the simulated chain passes on in one direction only"
     )
     return Reading(text, largest)
@@ -116,10 +118,13 @@ EFFECT = Effect(
     id="vibration.back_reaction",
     title="A member acts back on its predecessor",
     physics=(
-        "A chain that hands the force from member to member forgets that each member pulls on the one before it with its "
+        "A chain that hands the force from member to member forgets that each member pulls on the "
+        "one before it with its "
         "own inertia. The predecessor's resonances shift and split, most where the successor itself resonates."
     ),
-    reference="Den Hartog, Mechanical Vibrations, 1956, ch. 3 (coupled masses, absorber); V eq. 3 to 7, which leave it out",
+    reference=(
+        "Den Hartog, Mechanical Vibrations, 1956, ch. 3 (coupled masses, absorber); V eq. 3 to 7, which leave it out"
+    ),
     enters="force",
     acts_at="every member of a chain that has a successor",
     parameters=(

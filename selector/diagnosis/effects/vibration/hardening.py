@@ -115,7 +115,10 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     if len(sources) > 1 and sources[1] in comparison.recorded:
         unit = f"{comparison.channel(sources[1]).unit}/{comparison.channel(member).unit}^3"
         parameters["cubic_stiffness"] = Quantity(value, unit, value - error, value + error)
-    text = f"stiffness at {member} grows with amplitude, at the largest swing {stiffening.value:.3g} % above that at rest; this "
+    text = (
+        f"stiffness at {member} grows with amplitude, at the largest swing {stiffening.value:.3g} % above "
+        "that at rest; this "
+    )
     return Reading(text + moves, parameters)
 
 
@@ -123,7 +126,8 @@ EFFECT = Effect(
     id="vibration.hardening",
     title="Stiffness that grows with amplitude",
     physics=(
-        "Contact, preload or large deflection add a restoring force that grows with the cube of the displacement. Resonances "
+        "Contact, preload or large deflection add a restoring force that grows with the cube of the "
+        "displacement. Resonances "
         "move up with amplitude, tops are flattened, and odd harmonics of the excitation appear."
     ),
     reference="Nayfeh & Mook, Nonlinear Oscillations, 1979, ch. 4 (Duffing); Wigren & Schoukens, ECC 2013 (Silverbox)",

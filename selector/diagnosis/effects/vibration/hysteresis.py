@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from selector.diagnosis.restoring_force import Law, fed_back, linear_part, resto
 from selector.diagnosis.signals import filled, rate
 
 Vector = NDArray[np.float64]
+Column = Callable[[Law, float, tuple[float, float], float], Vector | None]
 
 _ROLES = ("displacement", "acceleration", "velocity", "position", "voltage")
 _WIDTHS = (0.03, 0.1, 0.25, 0.5, 1.0)
@@ -69,21 +71,18 @@ def _at_joint(
                     tried.append((remainder.share(found), law, share * swing, linear))
                     yield _variant(member, path, found, law, share * swing, linear)
     for _, law, width, linear in sorted(tried, key=lambda t: -t[0])[:_REFINED] if feeds_back else ():
-
-        def strong(strength: float, law: Law = law, width: float = width, linear=linear) -> Vector | None:  # type: ignore[no-untyped-def]
-            return column(law, width, linear, strength)
-
-        best = remainder.best(strong, _STRENGTHS, rounds=2)
+        best = remainder.best(partial(column, law, width, linear), _STRENGTHS, rounds=2)
         if best is None:
             continue
-
-        def slipping(width: float, law: Law = law, linear=linear, best: float = best) -> Vector | None:  # type: ignore[no-untyped-def]
-            return column(law, width, linear, best)
-
+        slipping = partial(_slipping, column, law, linear, best)
         width = remainder.best(slipping, width * np.array([0.7, 1.0, 1.4]), rounds=1) or width
         found = slipping(width)
         if found is not None:
             yield _variant(member, path, found, law, width, linear)
+
+
+def _slipping(column: Column, law: Law, linear: tuple[float, float], strength: float, width: float) -> Vector | None:
+    return column(law, width, linear, strength)
 
 
 def _variant(
@@ -117,7 +116,8 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     unit = {"acceleration": "m", "velocity": "m"}.get(role, comparison.channel(member).unit)
     parameters = {"slip": Quantity(slip.value, unit, low, high), "largest": Quantity(fitted.largest, fitted.unit)}
     text = (
-        f"a restoring force with memory acts on {member}: it slips {slip.value:.3g} {unit} after each reversal and moves "
+        f"a restoring force with memory acts on {member}: it slips {slip.value:.3g} {unit} after each "
+        "reversal and moves "
         f"{fitted.response} by up to {fitted.largest:.3g} {fitted.unit}"
     )
     if force and force[0] in comparison.recorded:
@@ -132,10 +132,15 @@ EFFECT = Effect(
     id="vibration.hysteresis",
     title="Restoring force with memory",
     physics=(
-        "Joints that stick and slip hold a force that depends on the motion since the last reversal, not on the position "
-        "alone. Loops of force over displacement open, damping depends on amplitude, and the stiffness falls as joints slip."
+        "Joints that stick and slip hold a force that depends on the motion since the last reversal, "
+        "not on the position "
+        "alone. Loops of force over displacement open, damping depends on amplitude, and the "
+        "stiffness falls as joints slip."
     ),
-    reference="Bouc 1967; Wen, J. Eng. Mech. Div. ASCE 102, 1976; Worden & Tomlinson, Nonlinearity in Structural Dynamics, 2001",
+    reference=(
+        "Bouc 1967; Wen, J. Eng. Mech. Div. ASCE 102, 1976; Worden & Tomlinson, Nonlinearity in "
+        "Structural Dynamics, 2001"
+    ),
     enters="force",
     acts_at="the joint of the member whose motion is recorded",
     parameters=(

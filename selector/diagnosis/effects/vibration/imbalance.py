@@ -160,8 +160,10 @@ EFFECT = Effect(
     id="vibration.imbalance",
     title="Imbalance: a line that follows the spindle",
     physics=(
-        "An eccentric mass on the spindle turns a force m·e·ω² with it, run-out or a coupling a motion at 1, 2, … times the "
-        "speed. The line moves with the recorded speed, its force grows with the square, and at a resonance it swings up."
+        "An eccentric mass on the spindle turns a force m·e·ω² with it, run-out or a coupling a "
+        "motion at 1, 2, … times the "
+        "speed. The line moves with the recorded speed, its force grows with the square, and at a "
+        "resonance it swings up."
     ),
     reference="ISO 21940-11:2016 (balance quality, U = m·e); Den Hartog, Mechanical Vibrations, 1956, ch. 2 and 6",
     enters="force",

@@ -64,7 +64,8 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     line = fitted.variant.shape.get("frequency_hz")
     if line is None:
         return Reading(
-            f"a constant vibration of about {fitted.largest:.3g} {fitted.unit} lies under {fitted.response} at every step",
+            f"a constant vibration of about {fitted.largest:.3g} {fitted.unit} lies under "
+            f"{fitted.response} at every step",
             {"amplitude": Quantity(fitted.largest, fitted.unit)},
         )
     where = f" in run {fitted.variant.run}" if fitted.variant.run else ""
@@ -86,7 +87,8 @@ EFFECT = Effect(
     id="vibration.line",
     title="Vibration at a fixed frequency",
     physics=(
-        "A source outside the simulated structure (pump, fan, mains hum, a neighbouring machine) shakes it at a frequency "
+        "A source outside the simulated structure (pump, fan, mains hum, a neighbouring machine) "
+        "shakes it at a frequency "
         "of its own. A sharp line stands in the spectrum at the same frequency in every run, whatever the spindle does."
     ),
     reference="Den Hartog, Mechanical Vibrations, 1956, ch. 2; V (Agafonov), external sources IK3 to IK5",

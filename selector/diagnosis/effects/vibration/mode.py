@@ -81,7 +81,8 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     low, high = fitted.shape_intervals.get("frequency_hz", (None, None))
     name = fitted.variant.sources[0] if fitted.variant.sources else "what drives the simulation"
     text = (
-        f"a resonance at {f0.value:.4g} Hz (damping ratio {damping.value:.2g}) that the simulation lacks answers to {name}; "
+        f"a resonance at {f0.value:.4g} Hz (damping ratio {damping.value:.2g}) that the simulation "
+        f"lacks answers to {name}; "
         f"it moves {fitted.response} by up to {fitted.largest:.3g} {fitted.unit}"
     )
     parameters = {
@@ -96,7 +97,8 @@ EFFECT = Effect(
     id="vibration.mode",
     title="A resonance that the simulation lacks",
     physics=(
-        "A member or a shape of motion that is not in the model swings at its own natural frequency, driven by the same "
+        "A member or a shape of motion that is not in the model swings at its own natural frequency, "
+        "driven by the same "
         "forces. The residual follows the input through a lightly damped second-order filter, in all runs the same."
     ),
     reference="Ewins, Modal Testing, 2nd ed. 2000, ch. 2 (receptance as a sum of modes)",
@@ -109,7 +111,9 @@ EFFECT = Effect(
     ),
     needs="what drives the structure (force, voltage, motion of its support), or a simulation that follows it",
     confounders=("vibration.back_reaction", "vibration.imbalance", "drive.elasticity"),
-    refuted_by="the frequency response from the input to the residual has no peak there, or the peak moves with amplitude",
+    refuted_by=(
+        "the frequency response from the input to the residual has no peak there, or the peak moves with amplitude"
+    ),
     experiment="Excite with a slow sine sweep or hammer blows, at two amplitudes, over the whole range of frequencies.",
     variants=_variants,
     testable=_testable,
