@@ -146,9 +146,10 @@ def _followed(
         # a command is followed, not led: that tells which sign the error has
         sign = -1.0 if float(error @ speed) > 0.0 else 1.0
         return command + sign * error, (errors[0].name,)
-    if position is not None and position in comparison.simulated:
-        return _values(comparison, position), (position,)
     if position is not None:
+        place = _values(comparison, position)
+        if position in comparison.simulated or _window(comparison, place) < _longest_window(comparison, place):
+            return place, (position,)
         behind, course, by = command - _values(comparison, position), speed, position
     elif velocity is not None:
         behind, course, by = speed - _values(comparison, velocity), acceleration, velocity
@@ -165,8 +166,7 @@ def _window(comparison: Comparison, place: Vector) -> int:
     """Odd number of samples of the shortest cubic whose second derivative is quiet enough."""
     step = comparison.period_s
     third = np.diff(place, 3)[comparison.run_index[3:] == comparison.run_index[:-3]]
-    longest = max(7, round(LONGEST_SMOOTHING_S / step) | 1)
-    longest = min(longest, (len(place) - 2) | 1)
+    longest = _longest_window(comparison, place)
     if longest <= 7:
         return 7
     # third differences of white noise have √20 times its spread; a smooth course hardly shows in their median
@@ -178,6 +178,11 @@ def _window(comparison: Comparison, place: Vector) -> int:
         if left < NOISE_SHARE * float(np.sqrt(np.median(curve**2) + np.mean(curve**2))):
             return window
     return longest
+
+
+def _longest_window(comparison: Comparison, place: Vector) -> int:
+    longest = max(7, round(LONGEST_SMOOTHING_S / comparison.period_s) | 1)
+    return min(longest, (len(place) - 2) | 1)
 
 
 def _described(

@@ -18,7 +18,7 @@ from selector.diagnosis.effects.drive._forces import (
 )
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 
-_PRESLIDING_UM = (1.0, 4.0, 15.0)
+_PRESLIDING_UM = (1.0, 4.0, 15.0, 50.0)
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
@@ -63,7 +63,7 @@ EFFECT = Effect(
         ShapeParameter(
             "force_n", "N (A or V where a current or voltage is compared)", 0.0, 1e5, "amount of the friction"
         ),
-        ShapeParameter("presliding_um", "um", 1.0, 15.0, "way within which the friction turns over after a reversal"),
+        ShapeParameter("presliding_um", "um", 1.0, 50.0, "way within which the friction turns over after a reversal"),
     ),
     needs="current, force, voltage or position error of an axis that goes both ways, and its command, position or "
     "speed",
