@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.cooling import cooled
@@ -28,6 +29,9 @@ _RIDGE = 1e-6
 _MOST_ROWS = 1500
 _OWN_LAGS = 10
 _OTHER_LAGS = 4
+_CALM_S = 1800.0
+_MOST_SENSORS = 8
+_LEFT_BY_SENSORS = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,30 +107,81 @@ def spindle_law(comparison: Comparison, response: str) -> SpindleLaw | None:
     return SpindleLaw(name, best, tau_s, weights, 1.0 - misfit / without)
 
 
+@lru_cache(maxsize=32)
+def follows_sensors(comparison: Comparison, response: str) -> bool:
+    """Whether the simulated course is a function of recorded temperatures at the same instant: a regression on them.
+
+    Its steps from sample to sample then follow the sensors' noise and resolution, which no physical course does.
+    """
+    known = sources(comparison, response)
+    names = [*known.machine, *known.hall, *known.coolant_temperatures][:_MOST_SENSORS]
+    if not names:
+        return False
+    rises = [temperature_rise(comparison, name) for name in names]
+    products = [a * b for k, a in enumerate(rises) for b in rises[k:]]
+    within = np.diff(comparison.run_index) == 0
+    steps = np.diff(np.column_stack([*rises, *products]), axis=0)[within]
+    target = np.diff(simulated_rise(comparison, response))[within]
+    if len(target) < 4 * steps.shape[1]:
+        return False
+    left = target - steps @ np.linalg.lstsq(steps, target, rcond=None)[0]
+    return bool(np.sum(left**2) < _LEFT_BY_SENSORS * np.sum(target**2))
+
+
 def spindle_part(comparison: Comparison, response: str, name: str) -> Vector:
-    """A recorded temperature's rise [K] without what hall, coolant and other sources explain of it.
+    """A recorded temperature's rise [K] without what hall, coolant and other sources explain of it, and calm.
 
     What follows the speed, or with no speed recorded the simulated course, stays in it.
     """
-    return _parts(comparison, response, name)[0]
+    return _parts(comparison, response, name).spindle
+
+
+def calm_rise(comparison: Comparison, response: str, name: str) -> Vector:
+    """A recorded temperature's rise [K] without the steps of its resolution.
+
+    What the recorded sources explain of it is kept as it is, the rest as its mean over half an hour.
+    """
+    parts = _parts(comparison, response, name)
+    return parts.spindle + parts.others
 
 
 def free_part(comparison: Comparison, response: str, name: str) -> tuple[Vector, float]:
-    """What neither the spindle nor hall nor coolant explains of a temperature's rise [K], and its share of variance."""
-    return _parts(comparison, response, name)[1:]
+    """What neither the spindle nor hall nor coolant explains of a rise [K], calm, and its share of variance."""
+    parts = _parts(comparison, response, name)
+    return parts.free, parts.free_share
 
 
-@lru_cache(maxsize=256)
-def _parts(comparison: Comparison, response: str, name: str) -> tuple[Vector, Vector, float]:
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    spindle: Vector
+    others: Vector
+    free: Vector
+    free_share: float
+
+
+@lru_cache(maxsize=64)
+def _parts(comparison: Comparison, response: str, name: str) -> _Parts:
     values = temperature_rise(comparison, name)
     spindle = _spindle_columns(comparison, response)
-    others = _surroundings(comparison, response)
-    both = np.column_stack([spindle, others])
-    coefficients = _ridge(both[_every(comparison)], values[_every(comparison)])
-    free = values - both @ coefficients
+    others = np.column_stack([_surroundings(comparison, response), *_cooled_by_coolant(comparison, response)])
+    rows = _every(comparison)
+    coefficients = _ridge(np.column_stack([spindle, others])[rows], values[rows])
+    by_spindle = spindle @ coefficients[: spindle.shape[1]]
+    by_others = others @ coefficients[spindle.shape[1] :]
+    free = values - by_spindle - by_others
+    calm = _smoothed(comparison, free)
     variance = float(np.var(values))
-    rest = values - others @ coefficients[spindle.shape[1] :]
-    return rest, free, float(np.var(free)) / variance if variance > 0.0 else 0.0
+    share = float(np.var(calm)) / variance if variance > 0.0 else 0.0
+    return _Parts(by_spindle + calm, by_others, calm, share)
+
+
+def _smoothed(comparison: Comparison, values: Vector) -> Vector:
+    """Mean over half an hour about every sample, run by run."""
+    result = np.empty(len(values))
+    samples = max(3, round(_CALM_S / comparison.period_s) | 1)
+    for _, rows in comparison.rows_of_runs():
+        result[rows] = uniform_filter1d(values[rows], samples, mode="nearest")
+    return result
 
 
 @lru_cache(maxsize=32)
@@ -141,6 +196,19 @@ def _spindle_columns(comparison: Comparison, response: str) -> Matrix:
     columns = [lagged(comparison, speed_power(comparison, name, p), float(t)) for p in (1.0, 2.0) for t in taus]
     columns += [lagged(comparison, linear * lagged(comparison, linear, float(t)), float(t)) for t in taus[1::2]]
     return np.column_stack(columns)
+
+
+def _cooled_by_coolant(comparison: Comparison, response: str) -> list[Vector]:
+    """What coolant takes of the warmth that the spindle brings: lags of its product with lags of the speed."""
+    known = sources(comparison, response)
+    warm = (
+        simulated_rise(comparison, response) if known.spindle is None else speed_power(comparison, known.spindle, 1.0)
+    )
+    return [
+        lagged(comparison, switched_on(comparison, name) * lagged(comparison, warm, float(tau_s)), float(tau_s))
+        for name in known.coolant_switches
+        for tau_s in time_constants(comparison, 6)[1::2]
+    ]
 
 
 @lru_cache(maxsize=32)

@@ -12,7 +12,7 @@ from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading,
 from selector.diagnosis.heat_wording import delay_of, place_of, quantities, worth
 from selector.diagnosis.heating import lacking, simulated_rise, sources, speed_power
 from selector.diagnosis.signals import excited, lagged, scaled, time_constants
-from selector.diagnosis.spindle_heat import SpindleLaw, spindle_law
+from selector.diagnosis.spindle_heat import SpindleLaw, follows_sensors, spindle_law
 from selector.quality.wording import duration
 
 Vector = NDArray[np.float64]
@@ -60,6 +60,8 @@ def _testable(comparison: Comparison, response: str) -> str | None:
     lack = lacking(comparison, response)
     if lack is None and not excited(simulated_rise(comparison, response)):
         return f"the simulated {response} does not move: nothing in it cools"
+    if lack is None and follows_sensors(comparison, response):
+        return f"the simulated {response} is a function of recorded temperatures, which has no cooling of its own"
     return lack
 
 

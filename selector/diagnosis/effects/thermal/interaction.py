@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.heat_wording import place_of, quantities, with_place, worth
-from selector.diagnosis.heating import lacking, shown_unit, simulated_rise, sources, temperature_rise
+from selector.diagnosis.heating import lacking, shown_unit, simulated_rise, sources
 from selector.diagnosis.signals import excited
+from selector.diagnosis.spindle_heat import calm_rise
 
 Vector = NDArray[np.float64]
 _MOST_SENSORS = 8
@@ -21,8 +22,8 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     if _testable(comparison, response) is not None:
         return
     known = sources(comparison, response)
-    rises = {name: temperature_rise(comparison, name) for name in (*known.machine, *known.hall)[:_MOST_SENSORS]}
-    names = list(rises)
+    names = (*known.machine, *known.hall)[:_MOST_SENSORS]
+    rises = {name: calm_rise(comparison, response, name) for name in names}
     for k, first in enumerate(names):
         for second in names[k:]:
             yield _variant(comparison, (first, second), rises[first] * rises[second], "K²")

@@ -29,15 +29,18 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
             column = lagged(comparison, heat, float(tau_s))
             shape = {"tau_s": Quantity(float(tau_s), "s")}
             yield Variant(column[:, None], (_behind(words, tau_s),), shape, place=place, sources=(name,))
-        for quick, slow in ((1, 5), (1, 8), (3, 6), (3, 9), (5, 8)):
-            pair = [lagged(comparison, heat, float(taus[k])) for k in (quick, slow)]
-            yield Variant(
-                np.column_stack(pair),
-                (_behind(words, taus[quick]), _behind(words, taus[slow])),
-                {"tau_s": Quantity(float(taus[quick]), "s"), "slow_tau_s": Quantity(float(taus[slow]), "s")},
-                place=place,
-                sources=(name,),
-            )
+        for some in ((1, 5), (1, 8), (3, 6), (3, 9), (5, 8), (1, 4, 8), (3, 6, 9)):
+            columns = [lagged(comparison, heat, float(taus[k])) for k in some]
+            ends = {"tau_s": Quantity(float(taus[some[0]]), "s"), "slow_tau_s": Quantity(float(taus[some[-1]]), "s")}
+            names = tuple(_behind(words, taus[k]) for k in some)
+            yield Variant(np.column_stack(columns), names, ends, place=place, sources=(name,))
+        if comparison.channel(name).role == "temperature" and name != response:
+            for tau_s in taus[3::2]:
+                columns = [heat, lagged(comparison, heat, float(tau_s))]
+                shape = {"tau_s": Quantity(float(tau_s), "s")}
+                yield Variant(
+                    np.column_stack(columns), (words, _behind(words, tau_s)), shape, place=place, sources=(name,)
+                )
         if _warm_start(comparison, response):
             for tau_s in taus[4::2]:
                 columns = [lagged(comparison, heat, float(tau_s)), start_decay(comparison, float(tau_s))]
@@ -67,7 +70,7 @@ def _carried(comparison: Comparison, response: str, simulated: Vector) -> list[s
     near = []
     for name in sources(comparison, response).machine:
         values = temperature_rise(comparison, name)
-        if excited(values) and free_part(comparison, response, name)[1] < 0.2:
+        if excited(values) and free_part(comparison, response, name)[1] < 0.1:
             near.append((abs(float(np.corrcoef(values, simulated)[0, 1])), name))
     return [name for likeness, name in sorted(near, reverse=True) if likeness > 0.5][:_MOST_SENSORS]
 

@@ -15,15 +15,14 @@ from selector.diagnosis.heating import (
     lacking,
     says_other_source,
     sources,
-    temperature_rise,
 )
 from selector.diagnosis.signals import excited, lagged, time_constants
-from selector.diagnosis.spindle_heat import free_part
+from selector.diagnosis.spindle_heat import calm_rise, free_part
 
 Vector = NDArray[np.float64]
-_FREE_SHARE = 0.3
-_FREE_SHARE_IF_SAID = 0.1
-_OWN_SHARE = 0.7
+_FREE_SHARE = 0.03
+_FREE_SHARE_IF_SAID = 0.015
+_OWN_SHARE = 0.5
 _MOST_CHANNELS = 12
 
 
@@ -34,10 +33,14 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     for name in sources(comparison, response).other_heat[:_MOST_CHANNELS]:
         for words, heat in heats(comparison, name):
             for tau_s in taus:
-                yield _variant(comparison, name, words, heat, tau_s)
+                yield _variant(comparison, name, words, heat, (tau_s,))
+            for quick, slow in ((1, 4), (2, 6), (4, 7)):
+                yield _variant(comparison, name, words, heat, (taus[quick], taus[slow]))
     for name, words, heat in _warm_places(comparison, response):
         for tau_s in (0.0, *taus[1::2]):
-            yield _variant(comparison, name, words, heat, tau_s)
+            yield _variant(comparison, name, words, heat, (tau_s,))
+        for slow in taus[2::2]:
+            yield _variant(comparison, name, words, heat, (0.0, slow))
 
 
 def _warm_places(comparison: Comparison, response: str) -> list[tuple[str, str, Vector]]:
@@ -51,19 +54,20 @@ def _warm_places(comparison: Comparison, response: str) -> list[tuple[str, str, 
         if not excited(free, comparison.resolution.get(name, 0.0)):
             continue
         if share > _OWN_SHARE or said:
-            found.append((share, name, f"rise of {name}", temperature_rise(comparison, name)))
+            found.append((share, name, f"rise of {name}", calm_rise(comparison, response, name)))
         if share < 0.95:
             found.append((share, name, f"what spindle and hall leave of {name}", free))
     found.sort(key=lambda one: one[0], reverse=True)
     return [(name, words, heat) for _, name, words, heat in found[:_MOST_CHANNELS]]
 
 
-def _variant(comparison: Comparison, name: str, words: str, heat: Vector, tau_s: float) -> Variant:
-    late = f"delayed by {tau_s / 60:.3g} min" if tau_s > 0.0 else "at once"
+def _variant(comparison: Comparison, name: str, words: str, heat: Vector, taus_s: tuple[float, ...]) -> Variant:
+    late = [f"delayed by {tau_s / 60:.3g} min" if tau_s > 0.0 else "at once" for tau_s in taus_s]
+    keys = ("tau_s", "slow_tau_s")
     return Variant(
-        lagged(comparison, heat, float(tau_s))[:, None],
-        (f"{words} {late}",),
-        {"tau_s": Quantity(float(tau_s), "s")},
+        np.column_stack([lagged(comparison, heat, float(tau_s)) for tau_s in taus_s]),
+        tuple(f"{words} {text}" for text in late),
+        {key: Quantity(float(tau_s), "s") for key, tau_s in zip(keys, taus_s, strict=False)},
         place=place_of(comparison, name),
         sources=(name,),
     )
@@ -98,7 +102,10 @@ EFFECT = Effect(
     ),
     enters="heat flow",
     acts_at="feed drives, hydraulics, tank, motors",
-    parameters=(ShapeParameter("tau_s", "s", 0.0, 86400.0, "delay of the response behind the source"),),
+    parameters=(
+        ShapeParameter("tau_s", "s", 0.0, 86400.0, "delay of the response behind the source"),
+        ShapeParameter("slow_tau_s", "s", 0.0, 86400.0, "delay of its slow part, if two are needed"),
+    ),
     needs="a channel that shows the source's work: feed, current, state, or a temperature beside it",
     confounders=("thermal.ambient", "thermal.coolant", "thermal.memory"),
     refuted_by="no drift when the source works alone with the spindle at standstill",
