@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,18 @@ Vector = NDArray[np.float64]
 Course = Callable[[Vector], Vector]
 Drawn = tuple[list[Course], tuple[Window, ...]]
 """A course of time [s] for every run, and when it acts."""
+
+
+def _held(moments: Vector, places: Vector, time_s: Vector) -> Vector:
+    return np.asarray(places[np.searchsorted(moments, time_s)])
+
+
+def _joined(turns: Vector, heights: Vector, time_s: Vector) -> Vector:
+    return np.interp(time_s, turns, heights)
+
+
+def _squared(knots: Vector, heights: Vector, time_s: Vector) -> Vector:
+    return np.interp(time_s, knots, heights) ** 2
 
 
 def _moments(generator: np.random.Generator, least: int, most: int) -> Vector:
@@ -51,7 +64,7 @@ def slips(generator: np.random.Generator) -> Drawn:
     for _ in RUNS:
         moments = _moments(generator, 9, 15)
         places = generator.standard_normal(len(moments))
-        courses.append(lambda time_s, m=moments, p=np.r_[0.0, places]: p[np.searchsorted(m, time_s)])  # type: ignore[misc]
+        courses.append(partial(_held, moments, np.r_[0.0, places]))
     return courses, ()
 
 
@@ -82,7 +95,7 @@ def thermostat(generator: np.random.Generator) -> Drawn:
     for _ in RUNS:
         turns = np.cumsum(generator.uniform(0.25, 0.9, 40)) - generator.uniform(0.0, 1.0)
         heights = np.where(np.arange(40) % 2 == 0, -1.0, 1.0) * generator.uniform(0.7, 1.3, 40)
-        courses.append(lambda time_s, t=turns, h=heights: np.interp(time_s, t, h))  # type: ignore[misc]
+        courses.append(partial(_joined, turns, heights))
     return courses, ()
 
 
@@ -113,7 +126,7 @@ def crosstalk(generator: np.random.Generator) -> Drawn:
     for _ in RUNS:
         knots = np.arange(0.0, LENGTH_S + 1.0, 0.12)
         heights = generator.standard_normal(len(knots))
-        courses.append(lambda time_s, k=knots, h=heights: np.interp(time_s, k, h) ** 2)  # type: ignore[misc]
+        courses.append(partial(_squared, knots, heights))
     return courses, ()
 
 

@@ -1,0 +1,1 @@
+"""The proving ground of faulty readings: responses and inputs of heated machines and of axes, in one run or in all."""

@@ -1,0 +1,132 @@
+"""Readings of an axis that are wrong: current, error of position, their clocks; alone or beside missing physics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.proof.case import TrueEffect, Window
+from selector.proof.data import faults
+from selector.proof.data.faults import Fault
+from selector.proof.data.on_heat import plan
+from selector.proof.drive.blueprint import Change, Drive, plus
+from selector.proof.drive.machine import RUNS, Bench
+from selector.proof.drive.programme import LENGTH_S
+from selector.proof.drive.recorded import axis_world
+from selector.proof.world import Plan, size_with
+
+Vector = NDArray[np.float64]
+Runs = Mapping[str, Sequence[Vector]]
+Drawing = Callable[[np.random.Generator], Fault]
+_UNIT_D_PRIME = 8.0
+
+
+def _read(bench: Bench, fault: Fault, channel: str, run: int) -> Callable[[Runs, float], Runs]:
+    def read(courses: Runs, size: float) -> Runs:
+        if not size:
+            return courses
+        result = {name: list(parts) for name, parts in courses.items()}
+        result[channel][run] = fault.reading(bench.stamps[run], result[channel][run], size)
+        return result
+
+    return read
+
+
+def misread(drawing: Drawing, channel: str, accept: tuple[str, ...] = ()) -> Any:
+    """What `Drive.prepared` needs: a fault of one channel in one of the fitted runs."""
+
+    def prepared(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
+        run, fault = int(generator.integers(0, 2)), drawing(generator)
+        read = _read(bench, fault, channel, run)
+
+        def effects(size: float) -> tuple[TrueEffect, ...]:
+            window = Window(RUNS[run], fault.from_s, fault.to_s(size))
+            return (TrueEffect(fault.id, accept or (fault.id,), (channel,), None, (window,)),)
+
+        found: dict[str, Any] = {"recorded_as": read, "effects": effects}
+        return found | ({"distorted": read} if fault.id == "data.stuck" else {})
+
+    return prepared
+
+
+def beside(
+    drawing: Drawing,
+    channel: str,
+    id: str,  # noqa: A002 - the word of the contract
+    change: Change,
+    first: float,
+    channels: tuple[str, ...] = ("E", "I"),
+) -> Any:
+    """The same beside missing physics, each as strong as the other."""
+
+    def prepared(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
+        run, fault, start = int(generator.integers(0, 2)), drawing(generator), bench.axis
+        read = _read(bench, fault, channel, run)
+
+        def changed(size: float) -> Any:
+            return change(start, size) if size else start
+
+        physics = size_with(axis_world(bench, lambda size: (), true=changed, first=first), _UNIT_D_PRIME)
+        alone = axis_world(bench, lambda size: (), true=lambda size: start, recorded_as=read, first=0.3)
+        reading = size_with(alone, _UNIT_D_PRIME)
+
+        def effects(size: float) -> tuple[TrueEffect, ...]:
+            window = Window(RUNS[run], fault.from_s, fault.to_s(size * reading))
+            return (
+                TrueEffect(id, (id,), channels, None),
+                TrueEffect(fault.id, (fault.id,), (channel,), None, (window,)),
+            )
+
+        return {
+            "true": lambda size: changed(size * physics),
+            "recorded_as": lambda courses, size: read(courses, size * reading),
+            "effects": effects,
+        }
+
+    return prepared
+
+
+def _moment(generator: np.random.Generator) -> float:
+    return float(generator.uniform(0.2, 0.6) * LENGTH_S)
+
+
+def _entry(plan: Plan, prepared: Any, bench: Mapping[str, Any] | None = None, first: float = 1.0) -> Drive:
+    return Drive(plan, "data", None, bench or {}, world={"first": first}, prepared=prepared)
+
+
+_END_S = LENGTH_S - 0.05
+DRIVES = (
+    _entry(plan("data.clock/current"), misread(lambda g: faults.late(_END_S, 1e-4), "I")),
+    _entry(plan("data.clock/error-jumps"), misread(lambda g: faults.late(_END_S, 1e-4, _moment(g)), "E")),
+    _entry(plan("data.gain/current-run"), misread(lambda g: faults.stretched(_END_S, 0.01), "I"), {"colour": "ar"}),
+    _entry(plan("data.gain/error-run"), misread(lambda g: faults.stretched(_END_S, 0.01), "E")),
+    _entry(
+        plan("data.zero/current-run", verdicts=("data-fault", "missing-physics"), kind="undecidable"),
+        misread(lambda g: faults.moved(_END_S, 0.01), "I", ("data.zero", "drive.offset_force")),
+    ),
+    _entry(plan("data.zero/error-run"), misread(lambda g: faults.moved(_END_S, 0.05), "E"), {"colour": "heavy-tailed"}),
+    _entry(plan("data.drift/error"), misread(lambda g: faults.running_away(_END_S, 0.3, _moment(g)), "E")),
+    _entry(
+        plan("data.step/error"), misread(lambda g: faults.jumped(_END_S, 0.1, _moment(g)), "E"), {"on_scale": False}
+    ),
+    _entry(
+        plan("data.stuck/error", (), size=1.0, note="A third of a second; the axis starts or stops within it."),
+        misread(lambda g: faults.frozen(_END_S, 0.3, _moment(g)), "E"),
+    ),
+    _entry(
+        plan("data.several/coulomb+step", (), kind="several", verdicts=("missing-physics",), factor=float(np.sqrt(2))),
+        beside(lambda g: faults.jumped(_END_S, 0.1, _moment(g)), "E", "drive.coulomb", plus("coulomb_n"), 1.0),
+        {"friction": False},
+        0.3,
+    ),
+    _entry(
+        plan("data.several/ripple+gain", (), kind="several", verdicts=("missing-physics",), factor=float(np.sqrt(2))),
+        beside(lambda g: faults.stretched(_END_S, 0.01), "I", "drive.ripple", plus("ripple_n"), 4.0),
+        {},
+        0.3,
+    ),
+)
+SCENARIOS = tuple(drive.scenario for drive in DRIVES)
