@@ -59,9 +59,7 @@ FalseAlarm = Annotated[
     float,
     typer.Option("--false-alarm", metavar="P", help="Allowed probability of naming something where nothing is."),
 ]
-Out = Annotated[
-    Path | None, typer.Option("--out", metavar="DIR", help="Write diagnosis.json and report.html, all or none.")
-]
+Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write diagnosis.json, whole or not at all.")]
 
 
 @with_source
