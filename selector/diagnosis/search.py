@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from selector.diagnosis.bench import Bench
 from selector.diagnosis.moments import solved
@@ -21,6 +20,11 @@ _SHOWS = 0.05
 """A response shows a supported effect if noise alone would show it there as clearly in fewer than this share."""
 _MOST = 5
 _NEARLY = 0.9
+_RIVAL = 0.3
+"""An effect of at least this share of the weight of the named one cannot be told from it."""
+_TEMPER = 2.0
+_TRIFLE = 0.04
+"""What gains less than this share of all that is named may be what their shapes do not fit exactly."""
 _MOST_LIBERAL = 8
 
 
@@ -58,12 +62,15 @@ class Search:
         Of a named effect, how it stood beside the other named ones; of the others, beside all named ones.
     rivals : mapping of str to tuple of str
         Named effect → effects that explain what it explains about as well.
+    weights : mapping of str to float
+        Named effect → its weight against all others in its place, 0 to 1.
     """
 
     benches: Benches
     named: Named
     standing: Mapping[str, Standing]
     rivals: Mapping[str, tuple[str, ...]]
+    weights: Mapping[str, float]
 
 
 def numbers(named: Named, response: str) -> list[int]:
@@ -176,13 +183,18 @@ def _left(bench: Bench, chosen: list[int]) -> Vector:
 
 def _selected(benches: Benches, noise: Mapping[str, Vector], *, false_alarm: float, seed: int) -> Named:
     named: Named = {}
+    total = 0.0
     for _ in range(_MOST):
         standing = standings(benches, named, noise, seed=seed)
         live = len(standing) + len(named)
-        supported = [one for one in standing.values() if is_supported(one, false_alarm / max(live, 1))]
+        floor = _TRIFLE * total
+        supported = [
+            one for one in standing.values() if is_supported(one, false_alarm / max(live, 1)) and one.score > floor
+        ]
         if not supported:
             break
         best = max(supported, key=merit)
+        total += best.score
         named[best.id] = {name: best.tested[name].best for name in best.responses}
         named = _retested(benches, named, noise, false_alarm=false_alarm / max(live, 1), seed=seed)
         if best.id not in named:
@@ -220,31 +232,36 @@ def _retested(benches: Benches, named: Named, noise: Mapping[str, Vector], *, fa
 def _told(benches: Benches, named: Named, noise: Mapping[str, Vector], *, seed: int) -> Search:
     standing = standings(benches, named, noise, seed=seed)
     rivals: dict[str, tuple[str, ...]] = {}
+    weights: dict[str, float] = {}
     for name in named:
         beside = standings(benches, without(named, name), noise, seed=seed)
         standing[name] = beside[name]
-        rivals[name] = _rivals(benches, beside, named, name)
-    return Search(benches, named, standing, rivals)
+        weighed = _weights(beside, name)
+        weights[name] = weighed[name]
+        alike = [
+            other
+            for other, weight in weighed.items()
+            if other != name and weight > _RIVAL * weighed[name] and _alike(benches, beside, named, name, other)
+        ]
+        rivals[name] = tuple(sorted(alike, key=lambda other: -weighed[other]))
+    return Search(benches, named, standing, rivals, weights)
 
 
-def _rivals(benches: Benches, beside: Mapping[str, Standing], named: Named, id: str) -> tuple[str, ...]:  # noqa: A002
-    """Effects whose course is nearly the same and whose gain is not clearly below that of `id`, largest first.
+def _weights(beside: Mapping[str, Standing], id: str) -> dict[str, float]:  # noqa: A002 - the word of the contract
+    """Weights of the effects that may stand in the place of `id`, summing to 1: exp(merit / 2) as likelihoods have it.
 
-    Nearly the same: canonical correlation above 0.9 of the whitened columns, all else projected off. Not clearly below:
-    the difference of scores stays within what the spread of cross-validated gains over the blocks allows (as in the
-    model confidence set of Hansen, Lunde, Nason 2011, with pairs of models).
+    Tempered, for no shape of the catalogue is the truth to the last bit; the temper is what makes the confidence come
+    true on the proving ground (docs/explanation/blind-proof.md).
     """
-    own = beside[id].block_gains(benches)
-    found = []
-    for other, one in beside.items():
-        if other == id or one.p_value > 1e-3 or one.cv_gain <= 0.0:
-            continue
-        difference = own - one.block_gains(benches)
-        spread = float(np.sqrt((difference**2).sum()))
-        behind = merit(beside[id]) - merit(one)
-        if behind <= stats.norm.ppf(0.9) * spread and _alike(benches, beside, named, id, other):
-            found.append((merit(one), other))
-    return tuple(name for _, name in sorted(found, reverse=True))
+    merits = {
+        name: merit(one)
+        for name, one in beside.items()
+        if name == id or (one.p_value < 1e-2 and one.is_the_same_in_all_runs)
+    }
+    best = max(merits.values())
+    raw = {name: float(np.exp((value - best) / (2.0 * _TEMPER))) for name, value in merits.items()}
+    total = sum(raw.values())
+    return {name: value / total for name, value in raw.items()}
 
 
 def _alike(benches: Benches, beside: Mapping[str, Standing], named: Named, id: str, other: str) -> bool:  # noqa: A002

@@ -161,7 +161,7 @@ def _named(comparison: Comparison, found: Search, id_: str) -> NamedEffect:
         place=fitted.variant.place,
         statement=reading.statement,
         parameters=reading.parameters,
-        confidence=_confidence(found, id_),
+        confidence=float(np.clip(found.weights[id_] * (1.0 - standing.p_value), 0.01, 0.99)),
         p_value=float(min(1.0, standing.p_value)),
         share=float(np.clip(max(shares), 0.0, 1.0)),
         cannot_be_told_from=found.rivals[id_],
@@ -224,13 +224,6 @@ def _shape_intervals(bench: Bench, named: Sequence[int], v: int) -> dict[str, tu
         key: (min(shape[key].value for shape in alike), max(shape[key].value for shape in alike))
         for key in own.variant.shape
     }
-
-
-def _confidence(found: Search, id_: str) -> float:
-    own = found.standing[id_]
-    return float(np.clip(1.0 - own.p_value, 0.0, 1.0)) * (
-        0.95 if not found.rivals[id_] else 1.0 / (1.0 + len(found.rivals[id_]))
-    )
 
 
 def _where(
