@@ -19,9 +19,10 @@ Named = dict[str, dict[str, int]]
 _SHOWS = 0.05
 """A response shows a supported effect if noise alone would show it there as clearly in fewer than this share."""
 _MOST = 5
-_NEARLY = 0.9
-_RIVAL = 0.3
-"""An effect of at least this share of the weight of the named one cannot be told from it."""
+_NEARLY = 0.6
+_SURE = 0.9
+_RIVAL = 0.1
+"""An effect of less than this share of the weight of the named one is told from it."""
 _TEMPER = 2.0
 _TRIFLE = 0.04
 """What gains less than this share of all that is named may be what their shapes do not fit exactly."""
@@ -238,13 +239,27 @@ def _told(benches: Benches, named: Named, noise: Mapping[str, Vector], *, seed: 
         standing[name] = beside[name]
         weighed = _weights(beside, name)
         weights[name] = weighed[name]
-        alike = [
-            other
-            for other, weight in weighed.items()
-            if other != name and weight > _RIVAL * weighed[name] and _alike(benches, beside, named, name, other)
-        ]
-        rivals[name] = tuple(sorted(alike, key=lambda other: -weighed[other]))
+        rivals[name] = _rivals(benches, beside, named, name, weighed)
     return Search(benches, named, standing, rivals, weights)
+
+
+def _rivals(
+    benches: Benches,
+    beside: Mapping[str, Standing],
+    named: Named,
+    id: str,
+    weights: Mapping[str, float],  # noqa: A002
+) -> tuple[str, ...]:
+    """Effects with a like course that are needed until the set has nine tenths of the weight, largest first."""
+    found: list[str] = []
+    sure = weights[id]
+    for other in sorted(weights, key=lambda name: -weights[name]):
+        if sure >= _SURE or weights[other] < _RIVAL * weights[id]:
+            break
+        if other != id and _alike(benches, beside, named, id, other):
+            found.append(other)
+            sure += weights[other]
+    return tuple(found)
 
 
 def _weights(beside: Mapping[str, Standing], id: str) -> dict[str, float]:  # noqa: A002 - the word of the contract

@@ -14,13 +14,14 @@ from selector.diagnosis.bench import Bench, bench_of
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.detectability import detectability
 from selector.diagnosis.effects.catalogue import catalogue
-from selector.diagnosis.effects.effect import Effect, Fitted, Variant
+from selector.diagnosis.effects.effect import Effect, Variant
 from selector.diagnosis.location import active_windows
-from selector.diagnosis.moments import solved
+from selector.diagnosis.naming import named_effect, unit_of, whole_record_effect
 from selector.diagnosis.omnibus import Structure, unexplained
 from selector.diagnosis.recalibration import recalibrated
 from selector.diagnosis.search import Search, Standing, numbers, search
 from selector.diagnosis.showing import fit_of
+from selector.diagnosis.whole_record import whole_record_names
 
 Vector = NDArray[np.float64]
 
@@ -77,18 +78,22 @@ def diagnosis(
     say(steps - 2, steps, "errors on held-out rows")
     again = {
         name: recalibrated(
-            bench, numbers(found.named, name), _noise(bench, found, name), _unit(comparison, name), seed=seed
+            bench, numbers(found.named, name), _noise(bench, found, name), unit_of(comparison, name), seed=seed
         )
         for name, bench in benches.items()
     }
-    named = tuple(sorted((_named(comparison, found, id_) for id_ in found.named), key=lambda effect: -effect.share))
     say(steps - 1, steps, "what nothing explains")
     left = _left(comparison, found)
     structures = unexplained(comparison, *left, seed=seed, false_alarm=false_alarm)
+    effects_found = [named_effect(comparison, found, id_) for id_ in found.named]
+    if not found.named and not structures:
+        whole = whole_record_names(comparison, again)
+        effects_found = [whole_record_effect(comparison, benches, again, id_, shown) for id_, shown in whole.items()]
+    named = tuple(sorted(effects_found, key=lambda effect: -effect.share))
     verdict = _verdict(named, structures, any(one.matters for one in again.values()))
     fit = {
         name: fit_of(
-            comparison, bench, numbers(found.named, name), _unit(comparison, name),
+            comparison, bench, numbers(found.named, name), unit_of(comparison, name),
             recalibrate=verdict in ("missing-physics", "data-fault", "miscalibrated"), seed=seed,
         )
         for name, bench in benches.items()
@@ -136,94 +141,6 @@ def _verdict(named: Sequence[NamedEffect], structures: Sequence[Structure], is_r
 def _noise(bench: Bench, found: Search, name: str) -> Vector:
     base = bench.base(numbers(found.named, name))
     return np.asarray(bench.white_target - base @ np.linalg.lstsq(base, bench.white_target, rcond=None)[0])
-
-
-def _unit(comparison: Comparison, name: str) -> str:
-    return comparison.channel(name).unit
-
-
-def _named(comparison: Comparison, found: Search, id_: str) -> NamedEffect:
-    standing, by_response = found.standing[id_], found.named[id_]
-    gains = {name: found.standing[id_].tested[name].gain for name in by_response}
-    main = max(gains, key=lambda name: gains[name])
-    courses, shares = {}, []
-    for name, v in by_response.items():
-        bench = found.benches[name]
-        course, share = _course(bench, numbers(found.named, name), v)
-        courses[name] = course
-        shares.append(share)
-    fitted = _fitted(comparison, found, id_, main, courses[main])
-    effect = found.benches[main].candidates[by_response[main]].effect
-    reading = effect.reading(fitted, comparison)
-    return NamedEffect(
-        id=id_,
-        channel=main,
-        place=fitted.variant.place,
-        statement=reading.statement,
-        parameters=reading.parameters,
-        confidence=float(np.clip(found.weights[id_] * (1.0 - standing.p_value), 0.01, 0.99)),
-        p_value=float(min(1.0, standing.p_value)),
-        share=float(np.clip(max(shares), 0.0, 1.0)),
-        cannot_be_told_from=found.rivals[id_],
-        experiment=effect.experiment,
-        channels=tuple(sorted(gains, key=lambda name: -gains[name])),
-        courses=courses,
-    )
-
-
-def _course(bench: Bench, named: Sequence[int], v: int) -> tuple[Vector, float]:
-    """The fitted course of candidate `v` [unit] and the share of the mismatch that goes with it."""
-    beta = bench.coefficients(named)[0]
-    first = bench.nuisance.shape[1]
-    for other in named:
-        width = bench.counts[other]
-        if other == v:
-            course = bench.columns[:, bench.candidates[v].columns] @ beta[first : first + width]
-        first += width
-    rows = bench.fitted
-    alone = float(np.mean(bench.residual([])[rows] ** 2))
-    without = float(np.mean(bench.residual([other for other in named if other != v])[rows] ** 2))
-    with_it = float(np.mean(bench.residual(named)[rows] ** 2))
-    return course, (without - with_it) / alone if alone > 0.0 else 0.0
-
-
-def _fitted(comparison: Comparison, found: Search, id_: str, response: str, course: Vector) -> Fitted:
-    bench, v = found.benches[response], found.named[id_][response]
-    named = numbers(found.named, response)
-    beta, covariance = bench.coefficients(named)
-    first = bench.nuisance.shape[1] + sum(bench.counts[other] for other in named[: named.index(v)])
-    here = slice(first, first + bench.counts[v])
-    candidate = bench.candidates[v]
-    scale = bench.scales[candidate.columns]
-    return Fitted(
-        response=response,
-        unit=_unit(comparison, response),
-        variant=candidate.variant,
-        coefficients=beta[here] / scale,
-        standard_errors=np.sqrt(np.diag(covariance)[here]) / scale,
-        shape_intervals=_shape_intervals(bench, named, v),
-        rms=float(np.sqrt(np.mean(course[bench.fitted] ** 2))),
-        largest=float(np.abs(course[bench.fitted] - np.median(course[bench.fitted])).max()),
-    )
-
-
-def _shape_intervals(bench: Bench, named: Sequence[int], v: int) -> dict[str, tuple[float, float]]:
-    """Range of every shape parameter over the shapes that fit within χ² = 3.84 as well."""
-    others = [other for other in named if other != v]
-    gains = solved(bench.moments(bench.base(others)), np.ones(len(bench.blocks), dtype=bool)).gain
-    own = bench.candidates[v]
-    alike = [
-        candidate.variant.shape
-        for k, candidate in enumerate(bench.candidates)
-        if candidate.effect.id == own.effect.id
-        and candidate.variant.sources == own.variant.sources
-        and candidate.variant.shape.keys() == own.variant.shape.keys()
-        and gains[k] >= gains[v] - 3.84
-    ]
-    return {
-        key: (min(shape[key].value for shape in alike), max(shape[key].value for shape in alike))
-        for key in own.variant.shape
-    }
 
 
 def _where(

@@ -8,7 +8,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data.places import Part, estimate, where_of, whole_runs
-from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant, Vector
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, Vector
 from selector.diagnosis.signals import excited, filled
 
 _FACTORS = {
@@ -65,16 +65,20 @@ def _testable(comparison: Comparison, response: str) -> str | None:
     return None
 
 
+def known_factor(gain: Quantity) -> str | None:
+    """What a factor that separates units or habits means; None of any other."""
+    half = 0.0 if gain.high is None else gain.high - gain.value
+    for factor, words in _FACTORS.items():
+        for times in (factor, 1.0 / factor):
+            if abs(gain.value - times) <= max(_NEAR * abs(times), min(half, 2.0 * _NEAR * abs(times))):
+                return words
+    return None
+
+
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     gain = estimate(fitted, "1", offset=1.0)
-    half = 0.0 if gain.high is None else gain.high - gain.value
-    known = [
-        words
-        for factor, words in _FACTORS.items()
-        for times in ({factor, 1.0 / factor})
-        if abs(gain.value - times) <= max(_NEAR * abs(times), min(half, 2.0 * _NEAR * abs(times)))
-    ]
-    means = f" Such a factor is known: {known[0]}." if known else ""
+    meaning = known_factor(gain)
+    means = f" Such a factor is known: {meaning}." if meaning else ""
     return Reading(
         f"{fitted.response} is recorded {gain.value:.4g} times as large as it was{where_of(fitted)}.{means}",
         {"gain": gain},
