@@ -247,8 +247,8 @@ def _rivals(
     benches: Benches,
     beside: Mapping[str, Standing],
     named: Named,
-    id: str,
-    weights: Mapping[str, float],  # noqa: A002
+    id: str,  # noqa: A002 - the word of the contract
+    weights: Mapping[str, float],
 ) -> tuple[str, ...]:
     """Effects with a like course that are needed until the set has nine tenths of the weight, largest first."""
     found: list[str] = []

@@ -15,6 +15,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.detectability import detectability
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Effect, Variant
+from selector.diagnosis.held_out_faults import held_out_faults
 from selector.diagnosis.location import active_windows
 from selector.diagnosis.naming import named_effect, unit_of, whole_record_effect
 from selector.diagnosis.omnibus import Structure, unexplained
@@ -83,10 +84,11 @@ def diagnosis(
         for name, bench in benches.items()
     }
     say(steps - 1, steps, "what nothing explains")
-    left = _left(comparison, found)
+    late = held_out_faults(comparison, found, known, false_alarm=false_alarm, seed=seed)
+    left = _left(comparison, found, only_fitted=bool(found.named) or bool(late))
     structures = unexplained(comparison, *left, seed=seed, false_alarm=false_alarm)
-    effects_found = [named_effect(comparison, found, id_) for id_ in found.named]
-    if not found.named and not structures:
+    effects_found = [*(named_effect(comparison, found, id_) for id_ in found.named), *late]
+    if not effects_found and not structures:
         whole = whole_record_names(comparison, again)
         effects_found = [whole_record_effect(comparison, benches, again, id_, shown) for id_, shown in whole.items()]
     named = tuple(sorted(effects_found, key=lambda effect: -effect.share))
@@ -114,12 +116,12 @@ def diagnosis(
     )
 
 
-def _left(comparison: Comparison, found: Search) -> tuple[dict[str, Vector], dict[str, Vector]]:
+def _left(comparison: Comparison, found: Search, *, only_fitted: bool) -> tuple[dict[str, Vector], dict[str, Vector]]:
     """Residuals, and the same behind the noise filter; of named effects on the fitted rows alone.
 
     What a named effect does on another programme may differ a little from its fit, and is no other effect.
     """
-    looked = ~comparison.held_out if found.named else np.ones(len(comparison.time_s), dtype=bool)
+    looked = ~comparison.held_out if only_fitted else np.ones(len(comparison.time_s), dtype=bool)
     residuals, white = {}, {}
     for name, bench in found.benches.items():
         of = numbers(found.named, name)
