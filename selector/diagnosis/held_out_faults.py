@@ -25,9 +25,11 @@ def held_out_faults(
 ) -> tuple[NamedEffect, ...]:
     """Faults of the data in one held-out run that explain why it is off, and the rest of it as quiet as elsewhere.
 
-    Held-out rows may be off because the model does not carry that far. A fault is named only where the model without
-    it is clearly off, and with it as good as on the fitted rows, so that nothing else needs to be wrong.
+    Held-out rows may be off because the model does not carry that far. A fault is named only where nothing is missing in
+    the fitted rows, the simulation is clearly off in the held-out ones, and with the fault as good as elsewhere.
     """
+    if found.named:
+        return ()
     local = [effect for effect in effects if effect.family == "data"]
     named: list[NamedEffect] = []
     for response, bench in found.benches.items():
@@ -42,8 +44,12 @@ def held_out_faults(
         result = search({response: there}, false_alarm=0.1 * false_alarm, seed=seed)
         chosen = numbers(result.named, response)
         if chosen and _rms(result.benches[response].residual(chosen)[held]) < _AS_QUIET * quiet:
-            named += [named_effect(rest, result, id_) for id_ in result.named]
+            named += [named_effect(rest, result, id_) for id_ in result.named if _in_one_run(result, id_, response)]
     return tuple(named)
+
+
+def _in_one_run(result: Search, id_: str, response: str) -> bool:
+    return result.benches[response].candidates[result.named[id_][response]].variant.run is not None
 
 
 def _rest(comparison: Comparison, response: str, left: Vector) -> Comparison:
