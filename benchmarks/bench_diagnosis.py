@@ -102,7 +102,7 @@ def main() -> None:
             runs = []
             for _ in range(options.repeat):
                 command = [sys.executable, __file__, "--one", json.dumps(setting)]
-                done = subprocess.run(command, capture_output=True, text=True, env=environment, check=True)
+                done = subprocess.run(command, stdout=subprocess.PIPE, text=True, env=environment, check=True)
                 runs.append(json.loads(done.stdout))
             best = min(runs, key=lambda run: run["seconds"])
             (number,) = setting.values()
