@@ -118,6 +118,13 @@ def duty(
     coolant = held(generator, n, 12.0, 45.0, np.array([0.0, 1.0]))
     flow = coolant * held(generator, n, 15.0, 40.0, np.array([6.0, 12.0, 20.0]))
     hall = hall_course(generator, n, hall_level_degc, hall_swing_k, hall_drift_k)
-    tank = hall[0] + generator.uniform(-3.0, 1.0) + 1.2 * wandering(generator, n, 2400.0)
-    courses = {"speed": speed, "feed": feed, "coolant": coolant, "flow": flow, "coolant_degc": tank, "hall": hall}
-    return Duty(run, style, STEP_S * np.arange(n), courses)
+    tank = np.asarray(hall[0] + generator.uniform(-3.0, 1.0) + 1.2 * wandering(generator, n, 2400.0), dtype=np.float64)
+    courses: dict[str, Vector] = {
+        "speed": speed,
+        "feed": feed,
+        "coolant": coolant,
+        "flow": flow,
+        "coolant_degc": tank,
+        "hall": hall,
+    }
+    return Duty(run, style, np.asarray(STEP_S * np.arange(n), dtype=np.float64), courses)

@@ -22,11 +22,11 @@ QUIET_HALL = (21.0, 0.2, 0.03)
 
 
 def member_by(
-    sensor: str, member: str = "bed", axes: Mapping[str, float] = BOTH, hours: float | None = None, tau: bool = False
+    sensor: str, member: str = "bed", axes: Mapping[str, float] = BOTH, hours: float | None = None, behind: bool = False
 ) -> Maker:
     """A member that the simulation has as a constant times one temperature, fitted to the first run (its first hours).
 
-    With `tau` the simulation has that temperature behind the first-order lag that fits best.
+    With `behind` the simulation has that temperature behind the first-order lag that fits best.
     """
 
     def make(_generator: np.random.Generator, tool: Machine, _duties: Sequence[Duty]) -> Omission:
@@ -42,7 +42,7 @@ def member_by(
             for axis in BOTH:
                 truth = (rises[0] @ row[axis])[:stop]
                 errors = []
-                for lag_s in np.geomspace(300.0, 20000.0, 40) if tau else (0.0,):
+                for lag_s in np.geomspace(300.0, 20000.0, 40) if behind else (0.0,):
                     source = _behind(rises[0] @ felt, lag_s)[:stop]
                     factor = float(source @ truth) / float(source @ source)
                     errors.append((float(np.sum((truth - factor * source) ** 2)), lag_s, factor))
@@ -81,7 +81,7 @@ _TAIL = Plan(
     note="One lag, fitted to the first hours of a warm-up; the slower one shows in the long cooling.",
 )
 _TAIL_SCENE = Scene(
-    (member_by("T1", hours=2.5, tau=True),),
+    (member_by("T1", hours=2.5, behind=True),),
     ("warm-up", "cooling", "steps"),
     (of("n"),),
     hall=QUIET_HALL,

@@ -116,7 +116,10 @@ _CASES = (
         _wrong("weak", "20 % too little heat; zero was set elsewhere."),
         Scene(styles=_MIXED, gauges=_N, gain=0.8, offset_um=3.0),
     ),
-    (_wrong("late", "The simulation comes half a minute late."), Scene(styles=_MIXED, gauges=_N, delay_s=30.0)),
+    (
+        _wrong("late", "The simulation comes 18 s late, with 7 % too little heat."),
+        Scene(styles=_MIXED, gauges=_N, noise="white", delay_s=18.0, gain=0.93),
+    ),
     (
         _wrong("strong beside distractors", "15 % too much heat; coolant, feed, cabinets are there."),
         Scene(

@@ -197,9 +197,9 @@ class Stage:
         """Rises of the simulated volumes since the start of a run [K], shape (n_times, n_volumes)."""
         return np.asarray(self.fields[run] - self.fields[run][0])
 
-    def effect(self, k: int, run: int, size: float) -> dict[str, Vector]:
+    def effect(self, number: int, run: int, size: float) -> dict[str, Vector]:
         """Axis → what an omission of this size does [µm] on the grid of the fields."""
-        omission, now = self.omissions[k], self._with(k, run, size)
+        omission, now = self.omissions[number], self._with(number, run, size)
         result = {axis: (now - self.fields[run]) @ self.expansion[axis] for axis in BOTH}
         if omission.shifted is not None:
             for axis, course in omission.shifted(now - now[0], self.duties[run]).items():

@@ -60,12 +60,12 @@ def _with_hydraulics(
     return change
 
 
-def by_turns(generator: np.random.Generator, one: Duty) -> Vector:
+def _by_turns(generator: np.random.Generator, one: Duty) -> Vector:
     """A pump that runs for a quarter to a whole hour and rests as long."""
     return gated(generator, len(one.time_s), (180.0, 700.0), (180.0, 700.0))
 
 
-with_hydraulics = _with_hydraulics(by_turns)
+with_hydraulics = _with_hydraulics(_by_turns)
 """Duties with a hydraulic pump that runs by turns, and the temperature of its tank."""
 
 
