@@ -62,8 +62,7 @@ def sources(comparison: Comparison, response: str) -> Sources:
     moving = [
         channel
         for channel in comparison.channels
-        if channel.name != response
-        and excited(course(comparison, channel.name), comparison.resolution.get(channel.name, 0.0))
+        if channel.name != response and excited(course(comparison, channel.name), _grain(comparison, channel))
     ]
     warm = [channel for channel in moving if channel.role == "temperature"]
     switched = [channel for channel in moving if channel.role in _SWITCHED and channel.name not in comparison.responses]
@@ -150,6 +149,11 @@ def simulated_rise(comparison: Comparison, response: str) -> Vector:
 def shown_unit(unit: str) -> str:
     """The unit of a response as people write it; differences of temperatures are in K."""
     return {"um": "µm", "degC": "K"}.get(unit, unit)
+
+
+def _grain(comparison: Comparison, channel: Channel) -> float:
+    """Resolution of a sensor; the steps of what is switched or set are no resolution."""
+    return comparison.resolution.get(channel.name, 0.0) if channel.role in ("temperature", "ambient") else 0.0
 
 
 def _says(channel: Channel, words: str) -> bool:

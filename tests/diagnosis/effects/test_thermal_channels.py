@@ -71,6 +71,16 @@ def test_a_switch_without_words_is_taken_for_the_coolant_only_if_no_other_is():
     assert (both.coolant_switches, both.other_heat) == (("K",), ("S",))
 
 
+def test_switches_and_speeds_of_two_levels_move_though_they_have_but_one_step():
+    on = (np.arange(400) // 40 % 2).astype(float)
+    comparison = replace(
+        made({"n": ("spindle_speed", None), "K": ("state", "coolant pump")}, n=3000.0 * on, K=on),
+        resolution={"n": 3000.0, "K": 1.0},
+    )
+    assert sources(comparison, "Z").spindle == "n"
+    assert sources(comparison, "Z").coolant_switches == ("K",)
+
+
 def test_channels_that_stand_still_or_are_lost_are_no_sources():
     still = made(
         {"n": ("spindle_speed", None), "Ta": ("ambient", None), "K": ("state", "coolant")},
