@@ -30,6 +30,8 @@ _FREE = (0.03, 0.045)
 _MEMORY = (0.0, 0.3, 0.5, 0.6, 0.7, 0.75, 0.8, 0.83, 0.86, 0.88)
 _WHITE = (0.0, 0.01, 0.03, 0.1, 0.2, 0.4, 0.8, 1.5, 3.0)
 _OCTAVE_PART = 1.15
+_MARGIN = 1.0
+"""Logarithm of the likelihood that a shape may be short of the best."""
 _ORDER = 12
 _SHORTEST_RUN = 48
 
@@ -116,7 +118,9 @@ def background(of: Spectrum) -> Background:
     shapes = _shapes(frequency[fitted])
     level = clipped[:, fitted] @ (1.0 / shapes).T / max(int(fitted.sum()), 1)
     likely = fitted.sum() * np.log(np.maximum(level, 1e-300)) + np.log(shapes).sum(axis=1)
-    best = np.argmin(likely, axis=1)
+    # Of the shapes that are about as likely the one with most power at long scales: what it leaves over is structure.
+    plateau = level * _shapes(np.zeros(1))[:, 0]
+    best = np.argmax(np.where(likely <= likely.min(axis=1, keepdims=True) + _MARGIN, plateau, 0.0), axis=1)
     remembered = _shapes(grid)[best] * np.take_along_axis(level, best[:, None], axis=1)
     free = np.clip((grid - _FREE[0]) / (_FREE[1] - _FREE[0]), 0.0, 1.0)
     measured = _smooth(frequency, np.minimum(power, 4.0 * smooth), grid)

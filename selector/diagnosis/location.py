@@ -22,6 +22,8 @@ _SCALES = (1, 4, 16, 64)
 _SHORTEST = 16
 _BINS = 6
 _MOST_WINDOWS = 6
+_TRIFLE = 0.002
+"""Windows with a smaller share of a course are not worth a word."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +108,8 @@ def active_windows(comparison: Comparison, response: str, course: Vector) -> tup
         for first, end in zip(edges[::2], edges[1::2], strict=True):
             window = slice(rows.start + first, rows.start + end)
             share = float(np.sum(clean[window] ** 2)) / total
+            if share < _TRIFLE:
+                continue
             start, stop = float(comparison.time_s[window][0]), float(comparison.time_s[window][-1])
             places.append(Place(response, _place(comparison, response), run, start, stop, regime, share))
     return tuple(places)

@@ -1,0 +1,318 @@
+"""A diagnosis in sentences: what was left out, where, how sure that is, what it is worth, and what to do now."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from selector.diagnosis.answer import Diagnosis, NamedEffect, Place
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.catalogue import catalogue
+from selector.diagnosis.effects.effect import Quantity
+
+_UNITS = {"um": "µm", "degC": "°C", "1": "", "m/s^2": "m/s²", "um/s": "µm/s"}
+_NOUNS = {
+    "data.clock": "the clock of a channel",
+    "data.gain": "the scale of a channel",
+    "data.zero": "the zero of a channel",
+    "data.drift": "a sensor that drifts by itself",
+    "data.stuck": "a frozen reading",
+    "data.step": "a sensor that jumped",
+    "data.swapped": "channels that changed places",
+    "thermal.memory": "memory of past heating",
+    "thermal.ambient": "the hall temperature",
+    "thermal.coolant": "the coolant",
+    "thermal.speed_heating": "heating by the spindle, or its law of speed",
+    "thermal.second_source": "a second source of heat",
+    "thermal.convection": "cooling that changes with speed or temperature",
+    "thermal.interaction": "a response to one temperature that depends on another",
+    "thermal.instant_speed": "a shift at once with the spindle speed",
+    "drive.asymmetric_friction": "friction that differs by direction",
+    "drive.backlash": "backlash",
+    "drive.coulomb": "Coulomb friction",
+    "drive.delay": "dead time",
+    "drive.elasticity": "wind-up",
+    "drive.mass": "inertia",
+    "drive.offset_force": "a constant force",
+    "drive.pitch_error": "pitch error",
+    "drive.ripple": "torque ripple",
+    "drive.saturation": "a limit of force or speed",
+    "drive.stribeck": "Stribeck friction",
+    "drive.varying_damping": "damping that varies",
+    "drive.varying_stiffness": "stiffness that varies",
+    "drive.viscous": "viscous friction",
+    "vibration.back_reaction": "a member that acts back on its predecessor",
+    "vibration.hardening": "stiffness that grows with amplitude",
+    "vibration.hysteresis": "a restoring force with memory",
+    "vibration.imbalance": "imbalance",
+    "vibration.line": "a vibration at a fixed frequency",
+    "vibration.mode": "a resonance",
+    "gauging.interrupted": "the interrupted surface under the gauge",
+    "gauging.lag": "the lag of the gauge",
+    "gauging.wear": "wear of wheel or probe",
+    "flow.overflow": "a store that spills at a level",
+}
+_LEAST_FALL = 0.02
+
+
+def headline(found: Diagnosis) -> str:
+    """The answer in one or two sentences: verdict, what, where, how sure, and what it is worth."""
+    if found.verdict == "miscalibrated":
+        return _miscalibrated(found)
+    if found.verdict == "nothing-missing":
+        return _nothing(found)
+    if found.verdict == "unexplained" or not found.effects:
+        return _unexplained(found)
+    first = main_effect(found)
+    others = [effect for effect in found.effects if effect is not first]
+    sentences = [_named(found, first)]
+    physics = [effect for effect in others if not is_data(effect.id)]
+    faults = [effect for effect in others if is_data(effect.id)]
+    if physics:
+        sentences.append(f"Also left out: {listed([_short(effect) for effect in physics])}.")
+    if faults:
+        also = "The recording is at fault too" if not is_data(first.id) else "Also at fault"
+        sentences.append(f"{also}: {listed([_short(effect) for effect in faults])}.")
+    return " ".join(sentences)
+
+
+def what_to_do(found: Diagnosis) -> tuple[str, ...]:
+    """What the user should do now, the most urgent first; a sentence each."""
+    steps = [
+        f"Correct the recording before anything else: {_sentence(effect.statement)}"
+        for effect in found.effects
+        if is_data(effect.id)
+    ]
+    for effect in found.effects:
+        if effect.cannot_be_told_from:
+            names = listed([name_of(id_) for id_ in (effect.id, *effect.cannot_be_told_from)], "or")
+            steps.append(f"To tell whether it is {names}: {_sentence(effect.experiment)}")
+        elif effect.suspected:
+            steps.append(f"To confirm {name_of(effect.id)}: {_sentence(effect.experiment)}")
+    put = [effect for effect in found.effects if not is_data(effect.id) and not effect.cannot_be_told_from]
+    if put:
+        steps.append(
+            f"Put {listed([name_of(effect.id) for effect in put])} into the simulation, with the numbers below."
+        )
+    if found.verdict == "miscalibrated":
+        steps.append("Give the simulation the offset, gain and delay below; no new physics is needed.")
+    if found.verdict == "nothing-missing":
+        steps.append(
+            "Use the simulation as it is. What this record would not have shown is listed under Detectability."
+        )
+    if found.verdict == "unexplained":
+        steps.append(
+            "Look at the windows below: what was switched on, opened or touched then? A channel that records it would "
+            "let it be named."
+        )
+    steps += [f"Next run: {_sentence(run.description)}" for run in found.next_runs]
+    return tuple(steps)
+
+
+def main_effect(found: Diagnosis) -> NamedEffect:
+    """The effect that the answer is about: the largest of physics, else the largest fault of the data."""
+    return next((effect for effect in found.effects if not is_data(effect.id)), found.effects[0])
+
+
+def is_data(id: str) -> bool:  # noqa: A002 - the word of the contract
+    """Whether an effect is a fault of the recording."""
+    return id.startswith("data.")
+
+
+def name_of(id: str) -> str:  # noqa: A002 - the word of the contract
+    """An effect as it stands inside of a sentence."""
+    if id in _NOUNS:
+        return _NOUNS[id]
+    title = next((effect.title for effect in catalogue() if effect.id == id), id)
+    return _inside(title)
+
+
+def held_out_words(comparison: Comparison) -> str:
+    """What was held out, in words."""
+    held = comparison.held_out
+    whole = [run for run, rows in comparison.rows_of_runs() if held[rows].all()]
+    if whole and sum(held[rows].sum() for run, rows in comparison.rows_of_runs() if run in whole) == held.sum():
+        return f"the unseen run{'s' if len(whole) > 1 else ''} {listed(whole)}"
+    parts = [run for run, rows in comparison.rows_of_runs() if held[rows].any()]
+    return f"the unseen end of {listed(parts)}" if len(parts) <= 3 else "the unseen end of every run"
+
+
+def sure_words(confidence: float) -> str:
+    """A probability of being right."""
+    return "more than 99 % sure" if confidence >= 0.995 else f"{100 * confidence:.0f} % sure"
+
+
+def quantity_words(quantity: Quantity) -> str:
+    """A number with its unit and interval."""
+    text = amount(quantity.value, quantity.unit)
+    if quantity.low is None or quantity.high is None:
+        return text
+    return f"{text} ({_digits(quantity.low)} to {_digits(quantity.high)})"
+
+
+def amount(value: float, unit: str) -> str:
+    """A number of three digits with its unit as people write it."""
+    return f"{_digits(value)} {unit_words(unit)}".strip()
+
+
+def unit_words(unit: str) -> str:
+    """A unit as people write it."""
+    return _UNITS.get(unit, unit)
+
+
+def duration_words(seconds: float) -> str:
+    """A time from the start of a run."""
+    if abs(seconds) < 120.0:
+        return f"{_digits(seconds)} s"
+    minutes = round(seconds / 60.0)
+    if minutes < 60:
+        return f"{minutes} min"
+    return f"{minutes // 60} h {minutes % 60} min" if minutes % 60 else f"{minutes // 60} h"
+
+
+def place_words(place: Place) -> str:
+    """A box of the mismatch in words."""
+    parts = [place.channel]
+    if place.run is not None:
+        window = place.run
+        if place.from_s is not None and place.to_s is not None:
+            window += f" from {duration_words(place.from_s)} to {duration_words(place.to_s)}"
+        parts.append(window)
+    if place.regime:
+        parts.append(f"while {place.regime}")
+    return ", ".join(parts)
+
+
+def listed(names: Sequence[str], word: str = "and") -> str:
+    """Names in a sentence."""
+    return "".join(names) if len(names) < 2 else ", ".join(names[:-1]) + f" {word} " + names[-1]
+
+
+def _named(found: Diagnosis, effect: NamedEffect) -> str:
+    statement = _inside(effect.statement.rstrip(" ."), found.comparison)
+    sure = sure_words(effect.confidence)
+    if is_data(effect.id):
+        return (
+            f"The recording is at fault, not the simulation: {statement} ({sure}); corrected, {_gain(found, effect)}."
+        )
+    verb = "may leave out" if effect.suspected else "leaves out"
+    names = listed([name_of(id_) for id_ in (effect.id, *effect.cannot_be_told_from)], "or")
+    where = f" ({effect.place})" if effect.place else ""
+    what = f"The simulation {verb} {names}{where}: {statement} ({sure}"
+    if effect.cannot_be_told_from:
+        what += " that it is one of them; this record cannot tell them apart"
+    elif effect.suspected:
+        what += ", not confirmed on another programme"
+    text = f"{what}); with it {_gain(found, effect)}."
+    if effect.cannot_be_told_from:
+        text += f" To tell them apart: {_sentence(effect.experiment)}"
+    return text
+
+
+def _gain(found: Diagnosis, effect: NamedEffect) -> str:
+    fit = found.fit.get(effect.channel)
+    if fit is None:
+        return "the rest is noise"
+    unseen = held_out_words(found.comparison)
+    before, after = fit.heldout.rmse_before, fit.heldout.rmse_after
+    unit = unit_words(fit.unit)
+    if after < (1.0 - _LEAST_FALL) * before:
+        return f"the error of {effect.channel} on {unseen} falls from {_digits(before)} to {_digits(after)} {unit}"
+    return f"the error of {effect.channel} on {unseen} does not fall ({_digits(before)} and {_digits(after)} {unit})"
+
+
+def _short(effect: NamedEffect) -> str:
+    where = f" ({effect.place})" if effect.place and not is_data(effect.id) else ""
+    channel = f" in {effect.channel}" if is_data(effect.id) else ""
+    if effect.cannot_be_told_from:
+        names = listed([name_of(id_) for id_ in (effect.id, *effect.cannot_be_told_from)], "or")
+        return f"{names}{channel}{where}, which this record cannot tell apart ({sure_words(effect.confidence)})"
+    return f"{name_of(effect.id)}{channel}{where} ({sure_words(effect.confidence)})"
+
+
+def _miscalibrated(found: Diagnosis) -> str:
+    parts = []
+    for response, quantities in found.recalibration.items():
+        said = [
+            f"{name} {quantity_words(quantity)}"
+            for name, quantity in quantities.items()
+            if _matters(quantity, 1.0 if name == "gain" else 0.0)
+        ]
+        fit = found.fit.get(response)
+        if said and fit is not None and fit.recalibrated_heldout < (1.0 - _LEAST_FALL) * fit.heldout.rmse_before:
+            fall = f"{_digits(fit.heldout.rmse_before)} to {_digits(fit.recalibrated_heldout)} {unit_words(fit.unit)}"
+            parts.append(f"{response} needs {listed(said)}, and its error falls from {fall}")
+    unseen = held_out_words(found.comparison)
+    if not parts:
+        return "No physics is missing: the simulation's own offset, gain or delay explain the difference."
+    return f"No physics is missing; the simulation is out of calibration: {'; '.join(parts)} on {unseen}."
+
+
+def _nothing(found: Diagnosis) -> str:
+    parts = []
+    for response in found.comparison.responses:
+        fit = found.fit.get(response)
+        if fit is not None:
+            parts.append(f"{response} ({amount(fit.heldout.rmse_after, fit.unit)} rms)")
+    left = f"what is left in {listed(parts)} is noise" if parts else "what is left is noise"
+    return f"Nothing is missing: {left}."
+
+
+def _unexplained(found: Diagnosis) -> str:
+    text = "Something is missing that no effect of the catalogue explains"
+    if not found.where:
+        return f"{text}."
+    first = max(found.where, key=lambda place: place.share)
+    same = [place for place in found.where if place.channel == first.channel and place.run is not None]
+    text += f": {place_words(first)}"
+    if len(same) > 1:
+        text += f" and {len(same) - 1} other window{'s' if len(same) > 2 else ''}"
+    size = _size_in(found.comparison, first.channel, same)
+    if size > 0.0:
+        unit = found.comparison.channel(first.channel).unit
+        text += f", where recording and simulation differ by {amount(size, unit)} rms"
+    return f"{text}."
+
+
+def _size_in(comparison: Comparison, channel: str, places: Sequence[Place]) -> float:
+    """Root mean square of the difference in these windows, its usual offset taken off."""
+    difference = comparison.difference(channel)
+    inside = np.zeros(len(difference), dtype=np.bool_)
+    for place in places:
+        rows = comparison.run_index == comparison.runs.index(place.run or "")
+        start = -np.inf if place.from_s is None else place.from_s
+        stop = np.inf if place.to_s is None else place.to_s
+        inside |= rows & (comparison.time_s >= start) & (comparison.time_s <= stop)
+    inside &= np.isfinite(difference)
+    if not inside.any():
+        return 0.0
+    return float(np.sqrt(np.mean((difference[inside] - np.nanmedian(difference)) ** 2)))
+
+
+def _matters(quantity: Quantity, neutral: float) -> bool:
+    return quantity.low is None or quantity.high is None or not quantity.low <= neutral <= quantity.high
+
+
+def _inside(text: str, comparison: Comparison | None = None) -> str:
+    """A sentence or title as it stands behind a colon: its first letter small unless it begins a name."""
+    word = text.split(" ")[0].rstrip(",:;'s")
+    names = {channel.name for channel in comparison.channels} if comparison else set()
+    is_name = word in names or word in ("Coulomb", "Stribeck") or not word[1:].islower()
+    return text if is_name else text[:1].lower() + text[1:]
+
+
+def _sentence(text: str) -> str:
+    text = text.strip()
+    return text if text.endswith((".", "!", "?")) else text + "."
+
+
+def _digits(value: float) -> str:
+    """Three digits, a true minus sign, no exponent for what a machine has."""
+    if value == 0.0:
+        return "0"
+    if not 1e-4 <= abs(value) < 1e7:
+        return f"{value:.2e}".replace("-", "−")
+    rounded = float(f"{value:.2e}")
+    decimals = max(0, 2 - int(np.floor(np.log10(abs(rounded)))))
+    return f"{rounded:.{decimals}f}".replace("-", "−")

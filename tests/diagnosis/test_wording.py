@@ -1,0 +1,126 @@
+"""The answer in sentences: what, where, how sure, worth what."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from selector.diagnosis.answer import Errors
+from selector.diagnosis.effects.catalogue import catalogue
+from selector.diagnosis.wording import amount, duration_words, headline, held_out_words, name_of, what_to_do
+from tests.diagnosis.answers import answer, memory_effect, zero_effect
+
+ZERO = np.zeros(900)
+
+
+def test_missing_physics_says_what_where_how_sure_and_worth_what():
+    found = answer()
+    text = headline(found)
+    assert text.startswith(
+        "The simulation leaves out memory of past heating (column): Z follows T1 41 min late, worth 12 µm (97 % sure); "
+        "with it the error of Z on the unseen run r3 falls from "
+    )
+    before, after = found.fit["Z"].heldout.rmse_before, found.fit["Z"].heldout.rmse_after
+    assert f"{before:.2f} to " in text
+    assert text.endswith(" µm.")
+    assert before > after
+
+
+def test_a_set_is_said_to_be_a_set_with_the_run_that_tells():
+    found = answer(effects=(memory_effect(ZERO, cannot_be_told_from=("thermal.ambient",)),))
+    text = headline(found)
+    assert "memory of past heating or the hall temperature" in text
+    assert "this record cannot tell them apart" in text
+    assert text.endswith("To tell them apart: Heat for 4 h, then let it cool for 6 h.")
+
+
+def test_what_is_not_confirmed_is_not_asserted():
+    text = headline(answer(effects=(memory_effect(ZERO, suspected=True),)))
+    assert "may leave out" in text
+    assert "not confirmed on another programme" in text
+
+
+def test_an_error_that_does_not_fall_is_said_so():
+    found = answer()
+    fit = dict(found.fit)
+    fit["Z"] = replace(fit["Z"], heldout=Errors(1.0, 1.01))
+    assert "does not fall (1.00 and 1.01 µm)" in headline(replace(found, fit=fit))
+
+
+def test_physics_comes_before_faults_of_the_recording():
+    found = answer(effects=(zero_effect(ZERO), memory_effect(ZERO)))
+    text = headline(found)
+    assert text.startswith("The simulation leaves out memory of past heating")
+    assert "The recording is at fault too: the zero of a channel in Z (97 % sure)." in text
+    assert what_to_do(found)[0].startswith("Correct the recording before anything else")
+
+
+def test_a_fault_of_the_recording_is_no_missing_physics():
+    text = headline(answer("data-fault"))
+    assert text.startswith("The recording is at fault, not the simulation: Z is recorded 3.65 µm too low in run r3 (")
+    assert "corrected, the error of Z" in text
+
+
+def test_miscalibration_gives_the_numbers_that_matter():
+    text = headline(answer("miscalibrated"))
+    assert "Z needs offset 3.10 µm (2.90 to 3.30)" in text
+    assert "gain" not in text  # its interval holds 1
+
+
+def test_nothing_missing_says_how_large_the_noise_is():
+    found = answer("nothing-missing")
+    assert headline(found) == (
+        f"Nothing is missing: what is left in Z ({amount(found.fit['Z'].heldout.rmse_after, 'um')} rms) and "
+        f"Y ({amount(found.fit['Y'].heldout.rmse_after, 'um')} rms) is noise."
+    )
+
+
+def test_the_unexplained_has_place_time_and_size_but_no_name():
+    text = headline(answer("unexplained"))
+    assert "Z, r1 from 30 min to 1 h 57 min, while spindle_speed > 1500 rpm and 2 other windows" in text
+    assert "differ by" in text
+    assert not any(name_of(effect.id) in text for effect in catalogue())
+
+
+@pytest.mark.parametrize(
+    "verdict", ["missing-physics", "data-fault", "miscalibrated", "nothing-missing", "unexplained"]
+)
+def test_every_verdict_says_what_to_do(verdict):
+    steps = what_to_do(answer(verdict))
+    assert steps
+    assert all(step.endswith(".") and ".." not in step for step in steps)
+
+
+def test_every_shipped_effect_has_a_name_for_sentences():
+    assert not [effect.id for effect in catalogue() if name_of(effect.id) == effect.id]
+
+
+def test_held_out_rows_in_words():
+    of = answer().comparison
+    assert held_out_words(of) == "the unseen run r3"
+    ends = (np.arange(900) % 300) >= 210
+    assert held_out_words(replace(of, held_out=ends)) == "the unseen end of r1, r2 and r3"
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [(6.95, "6.95 s"), (90.0, "90.0 s"), (1800.0, "30 min"), (7000.0, "1 h 57 min"), (7200.0, "2 h")],
+)
+def test_durations(seconds, text):
+    assert duration_words(seconds) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [
+        (-83.64, "um", "−83.6 µm"),
+        (0.0, "s", "0 s"),
+        (9.996, "N", "10.0 N"),
+        (1234.5, "rpm", "1230 rpm"),
+        (0.05, "1", "0.0500"),
+    ],
+)
+def test_amounts(value, unit, text):
+    assert amount(value, unit) == text
