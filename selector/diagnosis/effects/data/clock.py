@@ -49,7 +49,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
         shift_s: _late(comparison, course, shift_s) - course
         for shift_s in _tried(comparison, moving_s, () if many else _FEW_SIZES)
     }
-    for part in later_parts(comparison, _JUMPS, _ALL_JUMPS):
+    for part in later_parts(comparison, _JUMPS, _ALL_JUMPS, (0.06, 0.9)):
         yield _variant(part, -slope, "derivative, late positive")
         for shift_s, change in shifted.items():
             yield _variant(part, change, f"late by {duration(shift_s)}", shift_s=shift_s)
@@ -62,7 +62,8 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     # a clock of another rate is right at the start of a run and off by more and more
     for part in [everywhere, *_singles(comparison)]:
         yield _variant(part, -comparison.time_s * slope, _RATE)
-        for shift_s in _tried(comparison, moving_s, _FEW_SIZES if part.run is not None else _FINE_SIZES):
+        sizes = _FINE_SIZES if part.run is None else _FEW_SIZES if many else _SIZES
+        for shift_s in _tried(comparison, moving_s, sizes):
             error = shift_s / comparison.longest_s
             change = _late(comparison, course, error * comparison.time_s) - course
             yield _variant(part, change, f"late by {error:.2%} of the time", rate_error=error)

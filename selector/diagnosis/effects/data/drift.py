@@ -9,10 +9,11 @@ import numpy as np
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data.places import Part, estimate, fitted_runs, later_parts, where_of
 from selector.diagnosis.effects.data.words import amount, step_unit
-from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.input_faults import fault_reading, fault_variants
 
-_STARTS = 8
+_STARTS = 12
+_BENDS = (1.0, 0.5, 2.0)
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
@@ -23,15 +24,23 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
             first_s, last_s = (float(comparison.time_s[row]) for row in (rows.start, rows.stop - 1))
             here = comparison.run_index == comparison.runs.index(run)
             yield _ramp(comparison, Part(here, run, f"run {run}", first_s, last_s))
-    for part in later_parts(comparison, _STARTS, 10 * _STARTS):
-        yield _ramp(comparison, part)
+    for part in later_parts(comparison, _STARTS, 5 * _STARTS, (0.04, 0.8)):
+        for bend in _BENDS:
+            yield _ramp(comparison, part, bend)
     yield from fault_variants(comparison, response, "data.drift")
 
 
-def _ramp(comparison: Comparison, part: Part) -> Variant:
-    hours = (comparison.time_s - (part.from_s or 0.0)) / 3600.0
+def _ramp(comparison: Comparison, part: Part, bend: float = 1.0) -> Variant:
+    """Hours since the drift began; bent, so that it is fast at first (below 1) or at last, and the same at the end."""
+    hours = np.maximum(comparison.time_s - (part.from_s or 0.0), 0.0) / 3600.0
+    end = max(float(part.over(hours).max()), 1e-12)
     return Variant(
-        part.over(hours)[:, None], ("hours since it began",), part.shape, "sensor", (), part.run, None, part.regime
+        columns=part.over(end * (hours / end) ** bend)[:, None],
+        names=("hours since it began",),
+        shape=part.shape | ({} if bend == 1.0 else {"bend": Quantity(bend, "1")}),
+        place="sensor",
+        run=part.run,
+        regime=part.regime,
     )
 
 
@@ -49,7 +58,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     slope = estimate(fitted, f"{step_unit(fitted.unit)}/h")
     end = slope.value * (to_s - from_s) / 3600.0
     return Reading(
-        f"The sensor of {fitted.response} runs away by {amount(slope.value, fitted.unit)}/h"
+        f"The sensor of {fitted.response} runs away by {amount(slope.value, fitted.unit)}/h on average"
         f"{where_of(fitted)}: {amount(end, fitted.unit)} too {'high' if end > 0 else 'low'} at the end.",
         {"drift": slope} | ({"from_s": shape["from_s"]} if "from_s" in shape else {}),
     )
@@ -68,6 +77,7 @@ EFFECT = Effect(
             "drift", "unit of the channel per hour", -np.inf, np.inf, "speed at which the reading runs away"
         ),
         ShapeParameter("from_s", "s", 0.0, np.inf, "when it begins, from the start of the run"),
+        ShapeParameter("bend", "1", 0.5, 2.0, "power of time: below 1 fast at first, above 1 faster and faster"),
     ),
     needs="a run that is long against the noise's memory",
     confounders=("thermal.memory", "thermal.ambient", "gauging.wear"),

@@ -86,10 +86,17 @@ def whole_runs(comparison: Comparison, oddness: Callable[[slice], float] | None 
         yield Part(index >= comparison.runs.index(run), None, f"from run {run} on")
 
 
-def later_parts(comparison: Comparison, most: int = _MOST_MOMENTS, total: int = _ALL_MOMENTS) -> Iterator[Part]:
+def later_parts(
+    comparison: Comparison,
+    most: int = _MOST_MOMENTS,
+    total: int = _ALL_MOMENTS,
+    between: tuple[float, float] = (0.04, 0.96),
+) -> Iterator[Part]:
     """Every run from each of some moments on to its end; the moments stand at fixed shares of the run.
 
-    Fixed, because moments chosen from the residual would fit noise better than noise drawn anew does.
+    Fixed, because moments chosen from the residual would fit noise better than noise drawn anew does. `between` are
+    the first and the last of them as shares of a run: nearer to its start it is the whole run, nearer to its end a few
+    stray readings.
     """
     runs = fitted_runs(comparison)
     per_run = int(np.clip(total // max(len(runs), 1), 3, most))
@@ -98,7 +105,8 @@ def later_parts(comparison: Comparison, most: int = _MOST_MOMENTS, total: int = 
         n = rows.stop - rows.start
         if run not in runs or n < 3 * _LEAST_ROWS:
             continue
-        firsts = np.unique(np.linspace(_LEAST_ROWS, n - _LEAST_ROWS, min(per_run, n // _LEAST_ROWS)).astype(int))
+        low, high = max(_LEAST_ROWS, int(between[0] * n)), min(n - _LEAST_ROWS, int(between[1] * n))
+        firsts = np.unique(np.linspace(low, high, min(per_run, n // _LEAST_ROWS)).astype(int))
         end_s = float(comparison.time_s[rows.stop - 1])
         for first in firsts + rows.start:
             from_s = float(comparison.time_s[first])

@@ -22,7 +22,7 @@ def _others(comparison: Comparison, response: str) -> list[str]:
         if channel.role == own.role
         and channel.name != response
         and channel.name in comparison.simulated
-        and excited(_difference(comparison, channel.name, response), comparison.resolution.get(response, 0.0))
+        and excited(_difference(comparison, channel.name, response))
     ]
 
 
