@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 from scipy.stats import chi2
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.even_clock import EvenRun, even_runs
+from selector.diagnosis.line_noise import filtered, floor, tapered, white_filter
 
 Vector = NDArray[np.float64]
 
 DAMPING = (0.005, 0.015, 0.04, 0.1)
-CHANCE = 0.01
+CHANCE = 0.02
 """Chance that noise shows one resonance in a whole scan."""
 _PER_HALF_WIDTH = 1.2
-_NEIGHBOURS = 31
+_SHARED = 1.12
+"""By the ends of the window neighbouring frequencies share so much of their noise."""
 
 
 def resonances(comparison: Comparison, left: Vector, source: Vector, most: int = 4) -> tuple[tuple[float, float], ...]:
@@ -25,7 +26,9 @@ def resonances(comparison: Comparison, left: Vector, source: Vector, most: int =
     `left` is 0 where it is missing and in rows that may not be fitted to. Each pair explains more of the power, in
     two real coefficients (motion and its speed), than noise would anywhere in the scan with probability `CHANCE`.
     """
-    spectra = [s for s in (_spectra(run, comparison, left, source) for run in even_runs(comparison)) if s is not None]
+    runs = even_runs(comparison)
+    noise = white_filter([part for run in runs for part in _stretch(run, comparison, left)[:1]])
+    spectra = [s for s in (_spectra(run, comparison, left, source, noise) for run in runs) if s is not None]
     if not spectra:
         return ()
     hz, u, e = (np.concatenate([s[k] for s in spectra]) for k in range(3))
@@ -53,25 +56,28 @@ def resonances(comparison: Comparison, left: Vector, source: Vector, most: int =
     return tuple(found)
 
 
-def _spectra(
-    run: EvenRun, comparison: Comparison, left: Vector, source: Vector
-) -> tuple[Vector, Vector, Vector] | None:
-    """Frequencies [Hz], source and what is left, both over the strength of the noise there."""
+def _stretch(run: EvenRun, comparison: Comparison, *courses: Vector) -> list[Vector]:
+    """The courses between the first and the last row of a run that may be fitted to."""
     free = ~comparison.held_out[run.rows]
-    e, u = run.on(left), run.on(source)
-    n = len(e)
-    if free.sum() < 64 or not np.any(e):
-        return None
-    keep = n if free.all() else int(np.searchsorted(run.clock_s, run.time_s[free][-1])) + 1
+    if free.sum() < 64:
+        return [np.zeros(0) for _ in courses]
     first = 0 if free[0] else int(np.searchsorted(run.clock_s, run.time_s[free][0]))
-    e, u = e[first:keep], u[first:keep]
-    window = np.hanning(len(e))
-    scale = np.sqrt(np.sum(window**2))
+    last = len(run.clock_s) if free[-1] else int(np.searchsorted(run.clock_s, run.time_s[free][-1])) + 1
+    return [run.on(course)[first:last] for course in courses]
+
+
+def _spectra(
+    run: EvenRun, comparison: Comparison, left: Vector, source: Vector, noise: Vector
+) -> tuple[Vector, Vector, Vector] | None:
+    """Frequencies [Hz], source and what is left, both behind the filter and over the strength of the noise there."""
+    e, u = _stretch(run, comparison, left, source)
+    if len(e) < 64 or not np.any(e):
+        return None
+    window = tapered(len(e))
     hz = np.fft.rfftfreq(len(e), comparison.period_s)[3:]
-    es, us = (np.fft.rfft((v - v.mean()) * window)[3:] / scale for v in (e, u))
-    floor = median_filter(np.abs(es) ** 2, 2 * _NEIGHBOURS + 1, mode="nearest") / np.log(2.0)
-    floor = np.sqrt(np.maximum(floor, 1e-12 * float(np.max(np.abs(es) ** 2))))
-    return np.asarray(hz, dtype=np.float64), np.asarray(us / floor), np.asarray(es / floor)
+    es, us = (np.fft.rfft(filtered(v - v.mean(), noise) * window)[3:] for v in (e, u))
+    strength = np.sqrt(floor(np.abs(es) ** 2))
+    return np.asarray(hz, dtype=np.float64), np.asarray(us / strength), np.asarray(es / strength)
 
 
 def _explained(hz: Vector, u: Vector, e: Vector, frequency_hz: float, damping: float) -> float:
@@ -89,8 +95,7 @@ def _explained(hz: Vector, u: Vector, e: Vector, frequency_hz: float, damping: f
     det = hh * gg - hg * hg
     if det <= 1e-12 * hh * gg:
         return 0.0
-    # Hann windows make neighbouring bins share two thirds of their noise
-    return 2.0 * (gg * he * he - 2.0 * hg * he * ge + hh * ge * ge) / det / 1.5
+    return 2.0 * (gg * he * he - 2.0 * hg * he * ge + hh * ge * ge) / det / _SHARED
 
 
 def _refined(hz: Vector, u: Vector, e: Vector, frequency_hz: float, damping: float) -> tuple[float, float]:

@@ -6,16 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
-from scipy.stats import gamma
+from scipy.stats import chi2, gamma
 
 from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.leftover import least_squares
+from selector.diagnosis.line_noise import filtered, floor, tapered, white_filter
 
 Vector = NDArray[np.float64]
 
-CHANCE = 0.01
+CHANCE = 0.02
 """Chance that noise shows one line in a whole spectrum; what is no line is not offered to the fit."""
-_NEIGHBOURS = 31
 _COHERENT = 0.5
 _PIECES = 5
 _LASTING = 0.35
@@ -82,7 +82,11 @@ def lines(
         At most so many.
     """
     parts = fitted_parts(comparison)
-    spectra = [_spectrum(left[p], abscissa[p], weight[p]) for p in parts]
+    noise = white_filter([left[p] for p in parts])
+    white = np.zeros(len(left))
+    for _, rows in comparison.rows_of_runs():
+        white[rows] = filtered(left[rows], noise)
+    spectra = [_spectrum(white[p], abscissa[p], weight[p]) for p in parts]
     usable = [k for k, s in enumerate(spectra) if s is not None]
     if not usable:
         return ()
@@ -94,23 +98,53 @@ def lines(
     span = float(np.ptp(abscissa[parts[finest]]))
     if near is not None:
         allowed &= np.any([np.abs(grid - o) <= max(width * o, 1.5 / span) for o in near], axis=0)
-    tried = max(int(allowed.sum()) // 2, 1)
+    tried = max(int(allowed.sum()), 1)
     found: list[Line] = []
     claimed = np.zeros(len(grid), dtype=bool)
     for together in ([*range(len(usable))], *([k] for k in range(len(usable)) if len(usable) > 1)):
         strength = power[together].sum(axis=0)
-        limit = float(gamma.isf(CHANCE / (1 + len(usable)) / tried, len(together)))
+        chance = CHANCE if len(together) == len(usable) else CHANCE / 3.0 / len(usable)
+        limit = float(gamma.isf(chance / tried, len(together)))
         open_ = np.where(allowed & ~claimed, strength, 0.0)
         while len(found) < 2 * most and float(open_.max()) > limit:
             top = int(np.argmax(open_))
             taken = np.abs(grid - grid[top]) <= 4.0 / span
             open_[taken] = 0.0
             runs = tuple(usable[k] for k in together)
-            line = _line(comparison, left, abscissa, weight, parts, runs, float(grid[top]), float(strength[top]))
+            line = _line(
+                comparison, white, noise, abscissa, weight, parts, runs, float(grid[top]), float(strength[top])
+            )
             if line is not None and _sharp(grid, strength, top, span):
                 claimed |= taken
                 found.append(line)
     return tuple(sorted(found, key=lambda line: -line.strength)[:most])
+
+
+def aligned(comparison: Comparison, left: Vector, cosine: Vector, sine: Vector, line: Line) -> tuple[Vector, float]:
+    """A line that passed through a structure, turned in every run by the angle at which that run shows it.
+
+    `cosine` and `sine` are what the line's two quadratures became; phases come from the same rows as those of lines.
+    The second value is the chance that noise shows as much.
+    """
+    parts = fitted_parts(comparison)
+    noise = white_filter([left[part] for part in parts])
+    result, explained, freedoms = np.zeros(len(left)), 0.0, 0
+    for k, (_, rows) in enumerate(comparison.rows_of_runs()):
+        if line.phases[k] is None:
+            continue
+        is_fitted = parts[k].start < parts[k].stop
+        part = parts[k] if is_fitted else _first_part(rows)
+        columns = np.column_stack([filtered(course[part], noise) for course in (cosine, sine)])
+        white = filtered(left[part], noise)
+        a, b = least_squares(columns, white)
+        if is_fitted:
+            rest = float(np.mean((white - columns @ np.array([a, b])) ** 2))
+            explained += (float(np.mean(white**2)) / max(rest, 1e-300) - 1.0) * len(white)
+            freedoms += 2
+        size = float(np.hypot(a, b))
+        if size > 0.0:
+            result[rows] = (a * cosine[rows] + b * sine[rows]) / size
+    return result, float(chi2.sf(explained, freedoms)) if freedoms else 1.0
 
 
 def course_of(line: Line, comparison: Comparison, abscissa: Vector, weight: Vector) -> Vector:
@@ -129,19 +163,17 @@ def _spectrum(left: Vector, abscissa: Vector, weight: Vector) -> tuple[Vector, V
         return None
     even = np.linspace(abscissa[0], abscissa[-1], len(left))
     part = np.interp(even, abscissa, left * weight)
-    window = np.hanning(len(part))
     n = 2 * len(part)
-    power = np.abs(np.fft.rfft((part - part.mean()) * window, n)) ** 2
-    floor = median_filter(power, 2 * _NEIGHBOURS + 1, mode="nearest") / np.log(2.0)
-    floor = np.maximum(floor, 1e-12 * float(power.max()))
+    power = np.abs(np.fft.rfft((part - part.mean()) * tapered(len(part)), n)) ** 2
     cycles = np.arange(len(power)) / (n * (even[1] - even[0]))
     skip = 5
-    return cycles[skip:], (power / floor)[skip:]
+    return cycles[skip:], power[skip:] / floor(power[skip:])
 
 
 def _line(
     comparison: Comparison,
     left: Vector,
+    noise: Vector,
     abscissa: Vector,
     weight: Vector,
     parts: list[slice],
@@ -168,15 +200,27 @@ def _line(
         if k in runs:
             part = parts[k]
         elif parts[k].start == parts[k].stop and len(runs) == sum(p.start < p.stop for p in parts):
-            part = slice(rows.start, rows.start + max(int(_FIRST_PART * (rows.stop - rows.start)), 1))
+            part = _first_part(rows)
         else:
             continue
-        phases[k] = float(np.angle(_tone(left[part], abscissa[part], weight[part], cycles)))
+        phases[k] = _phase(left[part], noise, abscissa[part], weight[part], cycles)
     return Line(cycles, tuple(phases), strength)
+
+
+def _phase(white: Vector, noise: Vector, abscissa: Vector, weight: Vector, cycles: float) -> float:
+    """φ of cos(2π·cycles·abscissa + φ)·weight in a stretch that went through the filter, as the line did."""
+    turn = 2.0 * np.pi * cycles * abscissa
+    columns = np.column_stack([filtered(part * weight, noise) for part in (np.cos(turn), -np.sin(turn))])
+    cosine, sine = least_squares(columns, white)
+    return float(np.arctan2(sine, cosine))
 
 
 def _tone(left: Vector, abscissa: Vector, weight: Vector, cycles: float) -> complex:
     return complex(np.sum(left * weight * np.exp(-2j * np.pi * cycles * abscissa)))
+
+
+def _first_part(rows: slice) -> slice:
+    return slice(rows.start, rows.start + max(int(_FIRST_PART * (rows.stop - rows.start)), 1))
 
 
 def _sharp(grid: Vector, strength: Vector, top: int, span: float) -> bool:

@@ -130,7 +130,7 @@ def _fitted(
 
 
 Brims = tuple[float, float, float]
-"""Of the first store [its unit], of the last [unit of the course]; share of the first one's spill that the last gets."""
+"""Of the first store [its unit], of the last [unit of the course]; share of the first spill that the last gets."""
 
 
 def refitted(

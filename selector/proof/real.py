@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from numba import njit
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
@@ -25,6 +26,7 @@ TANK_STEP_S = 4.0
 _FIRST_REALISATION, _REALISATION, _REALISATIONS = 40_650, 8_700, 4
 _ARROW = (24_000, 40_000)
 _LEAST_LEVEL = 1e-6
+_SUBSTEPS = 4
 
 
 def silverbox(folder: Path) -> Pair:
@@ -122,20 +124,20 @@ def _oscillation(model: Vector, u: Vector) -> Vector:
     return np.asarray(lfilter(model[2:5], np.r_[1.0, model[:2]], u) + model[5])
 
 
-def _tank_level(rates: Vector, start: Vector, u: Vector, substeps: int = 4) -> Vector:
+def _tank_level(rates: Vector, start: Vector, u: Vector) -> Vector:
     """Level of the lower tank [V] by Heun's method, the pump's voltage held over a sample."""
-    h = np.array(start, dtype=np.float64)
+    return np.asarray(_heun(rates, float(start[0]), float(start[1]), u, TANK_STEP_S / _SUBSTEPS))
+
+
+@njit(cache=True, nogil=True)
+def _heun(rates, upper, lower, u, step):  # type: ignore[no-untyped-def]
     level = np.empty(len(u))
-    step = TANK_STEP_S / substeps
-
-    def rate(h: Vector, pump: float) -> Vector:
-        root = np.sqrt(np.maximum(h, _LEAST_LEVEL))
-        return np.array([rates[3] * pump - rates[0] * root[0], rates[1] * root[0] - rates[2] * root[1]])
-
     for i in range(len(u)):
-        level[i] = h[1]
-        for _ in range(substeps):
-            first = rate(h, u[i])
-            second = rate(np.maximum(h + step * first, 0.0), u[i])
-            h = np.maximum(h + 0.5 * step * (first + second), 0.0)
+        level[i] = lower
+        for _ in range(_SUBSTEPS):
+            a, b = np.sqrt(max(upper, _LEAST_LEVEL)), np.sqrt(max(lower, _LEAST_LEVEL))
+            du, dl = rates[3] * u[i] - rates[0] * a, rates[1] * a - rates[2] * b
+            a, b = np.sqrt(max(upper + step * du, _LEAST_LEVEL)), np.sqrt(max(lower + step * dl, _LEAST_LEVEL))
+            upper = max(upper + 0.5 * step * (du + rates[3] * u[i] - rates[0] * a), 0.0)
+            lower = max(lower + 0.5 * step * (dl + rates[1] * a - rates[2] * b), 0.0)
     return level

@@ -17,8 +17,8 @@ from selector.diagnosis.stores import Brims, Stores, refitted, stores_of
 
 Vector = NDArray[np.float64]
 
-_FALLING = ((-1e300, 0.0),)
-_RISING = ((0.0, 1e300),)
+_FALLING = ((-np.inf, 0.0),)
+_RISING = ((0.0, np.inf),)
 _MOST = 30
 _BETTER = 0.8
 """With brims the refitted stores have to err by less than this, over the error of those refitted without."""

@@ -22,7 +22,9 @@ _SATURATION = (0.15, 0.4)
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     if _testable(comparison, response) is not None:
         return
-    for words, sources, used in _amounts(comparison, response):
+    every = list(_amounts(comparison, response))
+    yield from _wheel_and_probe(every)
+    for words, sources, used in every:
         total = float(np.abs(used).max(initial=0.0))
         if total <= 0.0:
             continue
@@ -41,6 +43,22 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
             settled = 1.0 - np.exp(-relative / share)
             names = (f"wear with {words}, settling",)
             yield Variant(settled[:, None], names, shape | {"settles": Quantity(share * total, "1")}, sources=sources)
+
+
+def _wheel_and_probe(every: list[tuple[str, tuple[str, ...], Vector]]) -> Iterator[Variant]:
+    """A wheel that is dressed, and a probe that is not: wear since dressing and wear over all runs, together."""
+    lasting = next(used for words, _, used in every if words.endswith("over all runs"))
+    for words, sources, used in every:
+        if "last came on" not in words:
+            continue
+        relative = used / max(float(used.max()), 1e-300)
+        for share in (np.inf, *_SATURATION):
+            wheel = relative if np.isinf(share) else 1.0 - np.exp(-relative / share)
+            columns = np.column_stack([wheel, lasting / max(float(lasting.max()), 1e-300)])
+            shape = {"whole": Quantity(float(used.max()), "1")}
+            if np.isfinite(share):
+                shape["settles"] = Quantity(float(share * used.max()), "1")
+            yield Variant(columns, (f"wear with {words}", "wear over all runs"), shape, sources=sources)
 
 
 def _amounts(comparison: Comparison, response: str) -> Iterator[tuple[str, tuple[str, ...], Vector]]:

@@ -20,7 +20,7 @@ Vector = NDArray[np.float64]
 
 _WEAK, _HEAVY = 0.01, 30.0
 """Gains of the loop through the successor's inertia that are tried."""
-_FREE = ((0.0, 1e300),)
+_FREE = ((0.0, np.inf),)
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:

@@ -22,8 +22,8 @@ Vector = NDArray[np.float64]
 _ROLES = ("displacement", "acceleration", "velocity", "position", "voltage")
 _STRENGTHS = np.geomspace(0.01, 30.0, 8)
 """Stiffness that the cube adds at the swing of the simulation, over the linear one."""
-_FREE = (0.0, 1e300)
-_ANY = (-1e300, 1e300)
+_FREE = (0.0, np.inf)
+_ANY = (-np.inf, np.inf)
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:

@@ -28,7 +28,7 @@ _STRENGTHS = np.geomspace(0.03, 3.0, 5)
 """Largest force of the element over the elastic force at the root mean square of the motion."""
 _MODERATE = 0.1
 _REFINED = 2
-_FREE = ((0.0, 1e300),)
+_FREE = ((0.0, np.inf),)
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:

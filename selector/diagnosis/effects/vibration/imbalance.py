@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from selector.diagnosis.leftover import leftover
 from selector.diagnosis.linear_response import LinearResponse, linear_responses, resonator
 from selector.diagnosis.record_kind import no_vibration, swept_hz
 from selector.diagnosis.signals import course, excited, filled
-from selector.diagnosis.spectral_lines import Line, course_of, lines
+from selector.diagnosis.spectral_lines import CHANCE, Line, aligned, course_of, lines
 
 Vector = NDArray[np.float64]
 
@@ -46,7 +47,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
                 yield _variant(comparison, name, line, course_of(line, comparison, turns, weight)[:, None], power)
         if not known:
             known = _at_a_resonance(comparison, left, turns, relative)
-        yield from _through_the_structure(comparison, response, name, known[:3], turns, relative)
+        yield from _through_the_structure(comparison, response, name, known[:3], left, turns, relative)
 
 
 def _variant(
@@ -67,30 +68,26 @@ def _variant(
 
 
 def _through_the_structure(
-    comparison: Comparison, response: str, name: str, found: list[Line], turns: Vector, relative: Vector
+    comparison: Comparison, response: str, name: str, found: list[Line], left: Vector, turns: Vector, relative: Vector
 ) -> Iterator[Variant]:
     """The force n²·cos φ behind the identified structure, or behind resonances within the speeds that were run."""
     if not found:
         return
     weight = relative**2
-    paths = [path for path in linear_responses(comparison, response) if path.source is not None]
+    paths = [(path, -1.0) for path in linear_responses(comparison, response) if path.source is not None]
     hz = course(comparison, name) / 60.0
     for line in found:
-        cosine = course_of(line, comparison, turns, weight)
-        late = Line(line.cycles, tuple(None if p is None else p - 0.5 * np.pi for p in line.phases), line.strength)
-        sine = course_of(late, comparison, turns, weight)
-        for path in paths:
-            columns = np.column_stack([path.passed(comparison, part) for part in (cosine, sine)])
-            yield _variant(comparison, name, line, columns, None, -1.0)
-        passes = line.cycles * np.array([np.min(np.abs(hz)), np.max(np.abs(hz))])
-        if passes[1] < 1.1 * passes[0]:
-            continue
-        low = max(passes[0], 0.15 * passes[1])
-        for f0 in np.geomspace(low, 1.3 * passes[1], 8):
-            for damping in (0.02, 0.08):
-                path = _resonance(f0, damping, comparison.period_s)
-                columns = np.column_stack([path.passed(comparison, part) for part in (cosine, sine)])
-                yield _variant(comparison, name, line, columns, None, f0)
+        at_rest = replace(line, phases=tuple(None if p is None else 0.0 for p in line.phases))
+        late = replace(line, phases=tuple(None if p is None else -0.5 * np.pi for p in line.phases))
+        quadratures = [course_of(part, comparison, turns, weight) for part in (at_rest, late)]
+        low, high = (line.cycles * float(f(np.abs(hz))) for f in (np.min, np.max))
+        resonances = np.geomspace(max(low, 0.15 * high), 1.3 * high, 8) if high > 1.1 * low else ()
+        ways = paths + [(_resonance(f0, z, comparison.period_s), float(f0)) for f0 in resonances for z in (0.02, 0.08)]
+        for path, f0 in ways:
+            cosine, sine = (path.passed(comparison, part) for part in quadratures)
+            column, chance = aligned(comparison, left, cosine, sine, line)
+            if np.any(column) and (line.strength > 0.0 or chance < CHANCE / len(ways)):
+                yield _variant(comparison, name, line, column[:, None], None, f0)
 
 
 def _at_a_resonance(comparison: Comparison, left: Vector, turns: Vector, relative: Vector) -> list[Line]:
