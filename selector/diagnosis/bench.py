@@ -20,6 +20,8 @@ Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 _BLOCKS = 24
 _FOLDS = 6
+OF_MODEL = "model: "
+"""Begins the name of a column that is a parameter of a simulation that can be run again."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,4 +298,9 @@ def recalibration_columns(
         if spread > 1e-9 * max(float(np.abs(column[fitted]).max()), 1e-300):
             found.append(column)
             names.append(name)
+    for name, column in comparison.tangents.get(response, {}).items():
+        size = float(np.sqrt(np.mean(column[fitted] ** 2)))
+        if size > 0.0:
+            found.append(column / size)
+            names.append(f"{OF_MODEL}{name}")
     return np.column_stack(found), tuple(names)

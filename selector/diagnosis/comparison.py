@@ -44,6 +44,9 @@ class Comparison:
         Smallest step that a channel's readings make [unit of the channel]; 0 = none was seen.
     findings : tuple of Finding
         What was noticed while the files were brought together.
+    tangents : mapping of str to mapping of str to ndarray of shape (n_rows,)
+        Response → parameter, or direction of parameters, that the simulation has → change of the simulated response
+        with it; empty where the simulation cannot be run again.
     """
 
     runs: tuple[str, ...]
@@ -56,6 +59,7 @@ class Comparison:
     held_out: Mask
     resolution: Mapping[str, float] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
+    tangents: Mapping[str, Mapping[str, Vector]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         n = len(self.time_s)

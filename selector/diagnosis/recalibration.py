@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.diagnosis.bench import Bench
+from selector.diagnosis.bench import OF_MODEL, Bench
 from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.testing import tail_probability
 
@@ -70,6 +70,7 @@ def recalibrated(bench: Bench, named: list[int], noise: Vector, unit: str, *, se
         quantities={
             name: _quantity(name, beta[k], float(np.sqrt(covariance[k, k])), unit)
             for k, name in enumerate(bench.nuisance_names)
+            if not name.startswith(OF_MODEL)
         },
     )
 

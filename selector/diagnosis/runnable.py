@@ -1,0 +1,353 @@
+"""What can be run again with other parameters: own model files, and Python functions; both at the recordings' times."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, Literal, Protocol
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from selector.errors import InputError
+from selector.findings import Finding
+from selector.physics.model_parameters import Parameter
+from selector.physics.model_text import Key, plain_values
+from selector.physics.model_writing import model_file_text
+from selector.recording import Recording
+
+Vector = NDArray[np.float64]
+Columns = Mapping[str, tuple[Vector, Vector]]
+Kind = Literal["thermal", "drive", "vibration", "gauging"]
+Mode = Literal["B", "C"]
+
+_KNOWN = ("servo", "sensing", "thresholds", "relay")
+"""Sections with numbers that a control was set to, which nobody has to fit."""
+_INSEPARABLE = "area_m2"
+"""A film on an area cannot be told from a better one on a smaller area."""
+
+
+class Runnable(Protocol):
+    """A simulation that can be run again with other values of its parameters."""
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+
+    @property
+    def mode(self) -> Mode:
+        """B: a black box; C: one of our own models, with open equations."""
+
+    @property
+    def parameters(self) -> Mapping[str, Parameter]:
+        """Every number that may be set: value, bounds and unit."""
+
+    @property
+    def refitted(self) -> tuple[str, ...]:
+        """Names of those that recalibration may change."""
+
+    @property
+    def bounded(self) -> frozenset[str]:
+        """Names of those whose bounds somebody has thought about."""
+
+    def simulated(self, values: Mapping[str, float]) -> Recording:
+        """The runs of the recordings at their times, under the names of their channels, with these values."""
+
+
+@dataclass(frozen=True, eq=False)
+class OwnModel:
+    """A model file of ours, driven by recorded runs (mode C).
+
+    Attributes
+    ----------
+    kind : {"thermal", "drive", "vibration", "gauging"}
+    file : Entry
+        Its content, as the `model_file` module of its physics has read it.
+    recording : Recording
+        The runs that drive it.
+    columns : mapping
+        Values of the columns of files beside it that it refers to.
+    """
+
+    kind: Kind
+    file: Any
+    recording: Recording
+    columns: Columns = field(default_factory=dict)
+
+    @property
+    def mode(self) -> Mode:
+        """C."""
+        return "C"
+
+    @property
+    def name(self) -> str:
+        """What the file calls it."""
+        return str(self.file.model.name)
+
+    @cached_property
+    def parameters(self) -> Mapping[str, Parameter]:
+        """The numbers of the file, those that are switched off included, see `parameters` of its physics."""
+        return dict(self._model(self.file).parameters)
+
+    @cached_property
+    def refitted(self) -> tuple[str, ...]:
+        """Numbers that the file says and that are not 0, but what a control was set to; and those with bounds."""
+        said = _said(plain_values(self.file))
+        return tuple(
+            name
+            for name, one in self.parameters.items()
+            # of heat nothing is a parameter that the file does not say
+            if name in self.bounded
+            or (
+                one.value != 0.0
+                and (self.kind == "thermal" or name in said or ".parts." in name)
+                and not _is_known(name)
+            )
+        )
+
+    @property
+    def bounded(self) -> frozenset[str]:
+        """Those that ``[bounds]`` names."""
+        return frozenset(self.file.bounds)
+
+    def simulated(self, values: Mapping[str, float]) -> Recording:
+        """The recorded runs as the model has them with these values, without noise and rounding.
+
+        Raises
+        ------
+        InputError
+            The recordings cannot drive this model, or it runs away with these values.
+        """
+        return self.driven(values)[0]
+
+    def driven(self, values: Mapping[str, float]) -> tuple[Recording, tuple[Finding, ...]]:
+        """As `simulated`, with what is to be said of it."""
+        model = self._model(_without_noise(self.kind, self.file))
+        if values:
+            model = model.with_parameters({name: float(value) for name, value in values.items()})
+        return _driven(self.kind, model, self.recording, self.columns)
+
+    def with_values(self, values: Mapping[str, float]) -> OwnModel:
+        """The same with these numbers in its file."""
+        return dataclasses.replace(self, file=self._model(self.file).with_parameters(dict(values)).file)
+
+    def with_changes(self, changes: Sequence[tuple[Key, Any]]) -> OwnModel:
+        """The same with these values at these places of the file, sections that lack made.
+
+        Raises
+        ------
+        ModelFileError
+            The file cannot have them.
+        """
+        plain = copy.deepcopy(plain_values(self.file))
+        for path, value in changes:
+            _put(plain, path, value)
+        return dataclasses.replace(self, file=_checked(self.kind, plain, self.name))
+
+    def text(self, head: str = "") -> str:
+        """The model file; `head` becomes a comment at its beginning."""
+        return model_file_text(plain_values(self.file), head=head)
+
+    def _model(self, file: Any) -> Any:
+        return _built(self.kind, file, self.columns)
+
+
+@dataclass(frozen=True, eq=False)
+class FunctionModel:
+    """A Python function that simulates the recorded runs (mode B).
+
+    Attributes
+    ----------
+    name : str
+    function : callable
+        Values by name → run → table of simulated channels, indexed by the time from the start of the run [s].
+    parameters : mapping of str to Parameter
+        Value, bounds and unit of everything that may be set; every one is refitted.
+    recording : Recording
+        The runs that are simulated; says the roles and units of the channels.
+    """
+
+    name: str
+    function: Callable[[Mapping[str, float]], Mapping[str, pd.DataFrame]]
+    parameters: Mapping[str, Parameter]
+    recording: Recording
+
+    @property
+    def mode(self) -> Mode:
+        """B."""
+        return "B"
+
+    @property
+    def refitted(self) -> tuple[str, ...]:
+        """All parameters."""
+        return tuple(self.parameters)
+
+    @property
+    def bounded(self) -> frozenset[str]:
+        """All parameters: who wrote them has thought about their bounds."""
+        return frozenset(self.parameters)
+
+    def simulated(self, values: Mapping[str, float]) -> Recording:
+        """What the function makes of these values, at the times of the recordings.
+
+        Raises
+        ------
+        InputError
+            It gives no table for a run, no recorded channel, or numbers that are not finite.
+        """
+        whole = {name: one.value for name, one in self.parameters.items()} | dict(values)
+        return simulation_at_recorded_times(self.function(whole), self.recording, where=self.name)
+
+
+def simulation_at_recorded_times(tables: Mapping[str, pd.DataFrame], recording: Recording, *, where: str) -> Recording:
+    """Simulated tables, indexed by time [s], as a recording with the clock and the channels of another one.
+
+    Raises
+    ------
+    InputError
+        A run lacks, no column is called like a recorded channel, or a number is not finite.
+    """
+    lacking = [run for run in recording.runs if run not in tables]
+    if lacking:
+        raise InputError(
+            f"no table for run {lacking[0]!r}",
+            expected=f"one for every recorded run: {', '.join(recording.runs[:8])}",
+            where=where,
+            advice="simulate all runs that are given",
+        )
+    names = [name for name in recording.names if all(name in tables[run].columns for run in recording.runs)]
+    if not names:
+        found = ", ".join(map(str, tables[recording.runs[0]].columns[:8])) or "none"
+        raise InputError(
+            f"simulated columns: {found}",
+            expected=f"one or more of the recorded channels: {', '.join(recording.names[:12])}",
+            where=where,
+            advice="name what is simulated as the recorded channels are named",
+        )
+    result = {}
+    for run in recording.runs:
+        time, at = tables[run].index.to_numpy(dtype=np.float64), recording.time_s(run)
+        values = tables[run][names].to_numpy(dtype=np.float64)
+        if len(time) == 0 or not np.isfinite(values).all() or (np.diff(time) < 0.0).any():
+            raise InputError(
+                f"a simulation of run {run!r} with numbers that are not finite, or times that run backwards",
+                expected="finite numbers at increasing times",
+                where=where,
+                advice="look for what makes it diverge, or narrow the bounds of its parameters",
+            )
+        read = {name: np.interp(at, time, values[:, k], np.nan, np.nan) for k, name in enumerate(names)}
+        result[run] = pd.DataFrame(read, index=pd.Index(at, name="time_s"))
+    return Recording.from_runs(result, tuple(recording.channel(name) for name in names), {})
+
+
+def _built(kind: Kind, file: Any, columns: Columns) -> Any:
+    """The model of a file; the physics comes in with it."""
+    if kind == "thermal":
+        from selector.physics.thermal.thermal_model import thermal_model
+
+        return thermal_model(file)
+    if kind == "drive":
+        from selector.physics.drive.drive_model import drive_model
+
+        return drive_model(file, columns)
+    if kind == "vibration":
+        from selector.physics.vibration.vibration_model import vibration_model
+
+        return vibration_model(file)
+    from selector.physics.gauging.gauging_model import gauging_model
+
+    return gauging_model(file)
+
+
+def _driven(kind: Kind, model: Any, recording: Recording, columns: Columns) -> tuple[Recording, tuple[Finding, ...]]:
+    if kind == "thermal":
+        from selector.physics.thermal.driving import driven_runs as driven_by_heat
+        from selector.physics.thermal.schedule import scheduled
+
+        file = model.file
+        longest_s = max(float(recording.time_s(run)[-1]) for run in recording.runs)
+        otherwise = scheduled(
+            file.conditions,
+            columns,
+            duration_s=max(file.run.duration_min * 60.0, longest_s),
+            period_s=file.run.period_s,
+        )
+        return driven_by_heat(model, recording, inputs=file.inputs, otherwise=otherwise)
+    if kind == "drive":
+        from selector.physics.drive.driving import driven_runs as driven_axes
+
+        axes = driven_axes(model, recording)
+        return axes.simulation.recording, axes.findings
+    if kind == "vibration":
+        from selector.physics.vibration.vibration_driving import driven_runs as driven_structure
+
+        shaken = driven_structure(model, recording)
+        return shaken.simulation.recording, shaken.findings
+    from selector.physics.gauging.gauging_driving import driven_runs as driven_gauge
+
+    gauged = driven_gauge(model, recording)
+    return gauged.simulation.recording, gauged.findings
+
+
+def _checked(kind: Kind, plain: Mapping[str, Any], name: str) -> Any:
+    where = f"model {name!r}"
+    if kind == "thermal":
+        from selector.physics.thermal.model_file import checked_model_file as heat_file
+
+        return heat_file(plain, where=where)
+    if kind == "drive":
+        from selector.physics.drive.model_file import checked_model_file as drive_file
+
+        return drive_file(plain, where=where)
+    if kind == "vibration":
+        from selector.physics.vibration.model_file import checked_model_file as vibration_file
+
+        return vibration_file(plain, where=where)
+    from selector.physics.gauging.model_file import checked_model_file as gauging_file
+
+    return gauging_file(plain, where=where)
+
+
+def _without_noise(kind: Kind, file: Any) -> Any:
+    """The file of a drive with sensors that neither round nor rustle; the other kinds are driven without noise."""
+    if kind != "drive":
+        return file
+    plain = copy.deepcopy(plain_values(file))
+    for axis in plain["axes"].values():
+        sensing = axis.get("sensing", {})
+        for key in ("motor_resolution", "scale_resolution_m", "current_noise"):
+            if key in sensing:
+                sensing[key] = 0.0
+    return _checked(kind, plain, file.model.name)
+
+
+def _said(values: Any, path: tuple[str, ...] = ()) -> set[str]:
+    """Names of the numbers that plain values hold, arrays counted from 1."""
+    if isinstance(values, Mapping):
+        return {name for key, inner in values.items() for name in _said(inner, (*path, str(key)))}
+    if isinstance(values, list | tuple):
+        return {name for number, inner in enumerate(values, 1) for name in _said(inner, (*path, str(number)))}
+    return {".".join(path)} if isinstance(values, int | float) and not isinstance(values, bool) else set()
+
+
+def _is_known(name: str) -> bool:
+    parts = name.split(".")
+    return any(part in _KNOWN for part in parts[:-1]) or _INSEPARABLE in parts
+
+
+def _put(values: Any, path: Key, value: Any) -> None:
+    """Sets what stands at a place; sections that lack are made, arrays become lists and grow by one."""
+    for part, following in pairwise(path):
+        if isinstance(values, dict) and part not in values:
+            values[part] = [] if isinstance(following, int) else {}
+        if isinstance(values[part], tuple):
+            values[part] = list(values[part])
+        if isinstance(values[part], list) and following == len(values[part]):
+            values[part].append({})
+        values = values[part]
+    values[path[-1]] = value
