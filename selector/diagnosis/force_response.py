@@ -19,10 +19,12 @@ from selector.diagnosis.motion import commanded, derivatives, motion
 from selector.diagnosis.signals import filled, lagged
 
 Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
 
 FORCE_ROLES = ("current", "force", "voltage")
+PLACE_ROLES = ("displacement", "position")
 MOTION_ROLES = ("displacement", "position", "velocity", "acceleration")
+NATURAL_HZ = (70.0, 130.0, 40.0)
+"""Natural frequencies of the whole moving mass on what stands between drive and table; softer ones are no guess."""
 ORDER = 3
 ROUNDS = 7
 SLOWEST, FASTEST = 2.0, 2000.0
@@ -58,27 +60,37 @@ def responds(comparison: Comparison, response: str) -> str | None:
     return None
 
 
-def passed(comparison: Comparison, response: str, force: Vector) -> tuple[Matrix, tuple[str, ...]]:
-    """What a force [any unit] does to a response, shape (n_rows, 1 or 2), and what the columns are.
+def yields_s2(comparison: Comparison, response: str) -> tuple[float, ...]:
+    """Compliances worth trying in a response, times the moving mass [s²]; a stiff axis first.
 
-    In a force-like response what the drive puts against it; in a motion what passes through the loop and, for a
-    displacement or position, the force itself, which bends what stands between drive and table. Without a loop
-    in the simulation (a force model on a recorded motion) a force-like response has the force itself. Each column has
-    the root mean square of the force.
+    Only a displacement or position shows them, and only beside a loop; elsewhere 0.
+    """
+    channel = comparison.channel(response)
+    if channel.role not in PLACE_ROLES or closed_loop(comparison, channel.axis) is None:
+        return (0.0,)
+    return (0.0, *(1.0 / (2.0 * np.pi * natural_hz) ** 2 for natural_hz in NATURAL_HZ))
+
+
+def passed(comparison: Comparison, response: str, force: Vector, *, yield_s2: float = 0.0) -> tuple[Vector, str]:
+    """What a force [any unit] does to a response, shape (n_rows,), and what that is in words.
+
+    In a force-like response what the drive puts against it; in a motion what passes through the loop and, times
+    `yield_s2` (compliance between drive and table times the moving mass), the force itself. Without a loop in the
+    simulation (a force model on a recorded motion) the force itself. As large as the force, in the root mean square.
     """
     role = comparison.channel(response).role
     loop = closed_loop(comparison, comparison.channel(response).axis)
     if role in FORCE_ROLES:
         if loop is None:
-            return force[:, None], ("force",)
-        return (force - _through(comparison, loop, 3, force))[:, None], ("force that the drive counters",)
+            return force, "in the drive"
+        return force - _through(comparison, loop, 3, force), "as the drive counters it"
     if loop is None:
-        return force[:, None], ("compliance",)
+        return force, "by compliance"
     power = {"displacement": 1, "position": 1, "velocity": 2, "acceleration": 3}[role]
-    moved = _as_large(_through(comparison, loop, power, force), force)
-    if power > 1:
-        return moved[:, None], ("through the loop",)
-    return np.column_stack([moved, force]), ("through the loop", "by compliance")
+    moved = _through(comparison, loop, power, force)
+    if role not in PLACE_ROLES or yield_s2 == 0.0:
+        return _as_large(moved, force), "through the loop"
+    return _as_large(moved + yield_s2 * force, force), "through the loop and by compliance"
 
 
 def loop_parts(comparison: Comparison, response: str, course: Vector) -> tuple[Vector, ...]:

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Fitted, Quantity, Variant
-from selector.diagnosis.force_response import FORCE_ROLES, passed, responds
+from selector.diagnosis.effects.effect import Fitted, Quantity, ShapeParameter, Variant
+from selector.diagnosis.force_response import FORCE_ROLES, PLACE_ROLES, passed, responds, yields_s2
 from selector.diagnosis.motion import Motion, motion
 from selector.diagnosis.signals import filled
 
 Vector = NDArray[np.float64]
 
-PLACES = ("displacement", "position")
+PLACES = PLACE_ROLES
+YIELD = ShapeParameter("yield_s2", "s^2", 0.0, 1e-4, "compliance between drive and table times the moving mass")
 
 
 def motion_of(comparison: Comparison, response: str) -> Motion:
@@ -33,17 +34,20 @@ def of_forces(
     shape: Mapping[str, Quantity] | None = None,
     *,
     of_motor: bool = False,
-    regime: str | None = None,
-) -> Variant:
-    """Forces [any unit], by what they are, as one shape in the response; those of the motor bend nothing."""
-    columns, names = [], []
-    for what, force in forces.items():
-        shown, how = passed(comparison, response, force)
-        keep = 1 if of_motor else shown.shape[1]
-        columns.append(shown[:, :keep])
-        names += [what if one == "force" else f"{what}, {one}" for one in how[:keep]]
+    most: int | None = None,
+) -> Iterator[Variant]:
+    """Forces [any unit], by what they are, as shapes in the response, one for each compliance that it may have.
+
+    The compliance is not free beside the loop: a course that only bends and moves nothing is no force. Those of the
+    motor bend nothing. `most` limits how many compliances are tried.
+    """
     sources = motion_of(comparison, response).sources
-    return Variant(np.hstack(columns), tuple(names), dict(shape or {}), sources=sources, regime=regime)
+    for yield_s2 in (0.0,) if of_motor else yields_s2(comparison, response)[:most]:
+        parts = {what: passed(comparison, response, force, yield_s2=yield_s2) for what, force in forces.items()}
+        columns = np.column_stack([course for course, _ in parts.values()])
+        names = tuple(f"{what}, {how}" for what, (_, how) in parts.items())
+        own = {"yield_s2": Quantity(yield_s2, "s^2")} if yield_s2 > 0.0 else {}
+        yield Variant(columns, names, dict(shape or {}) | own, sources=sources)
 
 
 def direct(

@@ -8,6 +8,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import (
+    YIELD,
     coefficient,
     is_force,
     key_of,
@@ -32,13 +33,13 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     moved = np.abs(moving.friction_state(_PRESLIDING_M))
     fast = np.abs(moving.velocity_m_per_s) / float(np.abs(moving.velocity_m_per_s).max())
     share = moving.velocity_m_per_s / float(np.abs(moving.velocity_m_per_s).max())
-    yield of_forces(comparison, response, {_ALL: moved}, {"growth": Quantity(0.0, "1")})
-    yield of_forces(comparison, response, {_GROWING: fast}, {"growth": Quantity(1.0, "1")})
-    yield of_forces(comparison, response, {_ALL: moved, _GROWING: fast}, {"growth": Quantity(0.5, "1")})
+    yield from of_forces(comparison, response, {_ALL: moved}, {"growth": Quantity(0.0, "1")})
+    yield from of_forces(comparison, response, {_GROWING: fast}, {"growth": Quantity(1.0, "1")})
+    yield from of_forces(comparison, response, {_ALL: moved, _GROWING: fast}, {"growth": Quantity(0.5, "1")})
     for sense, words in ((1.0, "forwards"), (-1.0, "backwards")):
         one_way = np.maximum(sense * share, 0.0) * sense
         shape = {"growth": Quantity(1.0, "1"), "direction": Quantity(sense, "1")}
-        yield of_forces(comparison, response, {f"friction growing with speed, {words} only": one_way}, shape)
+        yield from of_forces(comparison, response, {f"friction growing with speed, {words} only": one_way}, shape)
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
@@ -82,6 +83,7 @@ EFFECT = Effect(
         ),
         ShapeParameter("growth", "1", 0.0, 1.0, "0 constant, 1 in proportion to speed, 0.5 both"),
         ShapeParameter("direction", "1", -1.0, 1.0, "the one direction in which the friction is another"),
+        YIELD,
     ),
     needs="current, force, voltage or position error of an axis that goes both ways and stands in between, at "
     "several speeds",

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import (
+    YIELD,
     coefficient,
     is_force,
     key_of,
@@ -28,7 +29,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     for presliding_um in _PRESLIDING_UM:
         friction = moving.friction_state(1e-6 * presliding_um)
         shape = {"presliding_um": Quantity(presliding_um, "um")}
-        yield of_forces(comparison, response, {"friction by sign of motion": friction}, shape)
+        yield from of_forces(comparison, response, {"friction by sign of motion": friction}, shape)
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
@@ -64,6 +65,7 @@ EFFECT = Effect(
             "force_n", "N (A or V where a current or voltage is compared)", 0.0, 1e5, "amount of the friction"
         ),
         ShapeParameter("presliding_um", "um", 1.0, 50.0, "way within which the friction turns over after a reversal"),
+        YIELD,
     ),
     needs="current, force, voltage or position error of an axis that goes both ways, and its command, position or "
     "speed",

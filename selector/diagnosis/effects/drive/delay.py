@@ -40,10 +40,10 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
         # a force that comes late acts as a push of the delay times its rate
         name, force = drive
         pushed = {f"rate of {name}": 1e-3 * rate(comparison, force)}
-        yield of_forces(comparison, response, pushed, {"in": Quantity(1.0, "1")}, of_motor=True)
+        yield from of_forces(comparison, response, pushed, {"in": Quantity(1.0, "1")}, of_motor=True)
     else:
         jerk = {"jerk": 1e-3 * rate(comparison, moving.acceleration_m_per_s2, over_samples=5)}
-        yield of_forces(comparison, response, jerk, {"in": Quantity(1.0, "1")}, of_motor=True)
+        yield from of_forces(comparison, response, jerk, {"in": Quantity(1.0, "1")}, of_motor=True)
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:

@@ -59,7 +59,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
             if comparison.channel(response).role in PLACES:
                 yield direct(comparison, response, forces | {"wind-up by inertia": acceleration}, shape)
             else:
-                yield of_forces(comparison, response, forces, shape, of_motor=True)
+                yield from of_forces(comparison, response, forces, shape, of_motor=True)
 
 
 def _at(frequency_hz: float) -> dict[str, Quantity]:

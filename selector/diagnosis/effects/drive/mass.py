@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import (
+    YIELD,
     any_response,
     coefficient,
     is_force,
@@ -20,7 +21,9 @@ from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading,
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     if any_response(comparison, response) is not None:
         return
-    yield of_forces(comparison, response, {"force of inertia": motion_of(comparison, response).acceleration_m_per_s2})
+    yield from of_forces(
+        comparison, response, {"force of inertia": motion_of(comparison, response).acceleration_m_per_s2}
+    )
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
@@ -53,6 +56,7 @@ EFFECT = Effect(
     acts_at="table or motor of an axis",
     parameters=(
         ShapeParameter("mass_kg", "kg (A or V per m/s² where these are compared)", -1e5, 1e5, "what is missing"),
+        YIELD,
     ),
     needs="current, force, voltage or position error of an axis that speeds up and slows down",
     # in a displacement the wind-up by inertia is the same course

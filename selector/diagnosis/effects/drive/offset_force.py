@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import (
+    YIELD,
     any_response,
     coefficient,
     direct,
@@ -18,7 +20,9 @@ from selector.diagnosis.effects.drive._forces import (
     with_interval,
 )
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.signals import in_run
+from selector.diagnosis.signals import course, in_run
+
+Vector = NDArray[np.float64]
 
 _CONSTANT = "constant force"
 
@@ -31,14 +35,32 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     for run in runs:
         force = ones if run is None else in_run(comparison, run, ones)
         # long at rest before the recording begins, so that it has settled; or put on with the first sample
-        settled = direct(comparison, response, {_CONSTANT: force})
-        sudden = of_forces(comparison, response, {_CONSTANT: force})
-        for variant in (settled, sudden):
-            yield Variant(variant.columns, variant.names, sources=variant.sources, run=run)
+        yield from _shown(comparison, response, force, run=run)
+    for name in comparison.with_role("state"):
+        state = course(comparison, name)
+        values = np.unique(state)
+        # a brake, a clamp or the drive itself, on and off
+        if len(values) == 2:
+            on = (state > values.mean()).astype(np.float64)
+            yield from _shown(comparison, response, on, regime=f"{name} = {values[1]:g}")
+
+
+def _shown(
+    comparison: Comparison,
+    response: str,
+    force: Vector,
+    *,
+    run: str | None = None,
+    regime: str | None = None,
+) -> Iterator[Variant]:
+    settled = direct(comparison, response, {_CONSTANT: force})
+    for variant in (settled, *of_forces(comparison, response, {_CONSTANT: force}, most=2)):
+        yield Variant(variant.columns, variant.names, variant.shape, sources=variant.sources, run=run, regime=regime)
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
-    when = "" if fitted.variant.run is None else f" in run {fitted.variant.run}"
+    run, regime = fitted.variant.run, fitted.variant.regime
+    when = ("" if run is None else f" in run {run}") + ("" if regime is None else f" while {regime}")
     if is_force(fitted, comparison):
         force = coefficient(fitted, 0)
         return Reading(
@@ -66,6 +88,7 @@ EFFECT = Effect(
     acts_at="table of an axis",
     parameters=(
         ShapeParameter("force_n", "N (A or V where these are compared)", -1e5, 1e5, "force in positive direction"),
+        YIELD,
     ),
     needs="current, force, voltage or position error of an axis; a constant of all runs may as well be the channel's "
     "zero",

@@ -28,10 +28,10 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
         turn = 2.0 * np.pi * moving.position_m / lead
         once = {"sine of the angle": np.sin(turn), "cosine of the angle": np.cos(turn)}
         shape = {"lead_mm": Quantity(1e3 * lead, "mm"), "harmonics": Quantity(1.0, "1")}
-        yield of_forces(comparison, response, once, shape, of_motor=True)
+        yield from of_forces(comparison, response, once, shape, of_motor=True)
         twice = {"sine of twice the angle": np.sin(2.0 * turn), "cosine of twice the angle": np.cos(2.0 * turn)}
         shape = {"lead_mm": Quantity(1e3 * lead, "mm"), "harmonics": Quantity(2.0, "1")}
-        yield of_forces(comparison, response, once | twice, shape, of_motor=True)
+        yield from of_forces(comparison, response, once | twice, shape, of_motor=True)
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:

@@ -25,6 +25,8 @@ from selector.diagnosis.signals import scaled
 Vector = NDArray[np.float64]
 
 _SHARES = (0.95, 0.9, 0.85, 0.8, 0.75, 0.7, 0.6, 0.5, 0.4)
+_SHARES_OF_SPEED = (0.97, 0.94, 0.9, 0.85, 0.8, 0.7)
+"""Less would be a lack in proportion to speed, which a delay is."""
 _FEWEST_ROWS = 10
 _FURTHEST_S = 10.0
 """Way behind, as the time in which the whole force would go it from rest."""
@@ -36,7 +38,8 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     loop = closed_loop(comparison, comparison.channel(response).axis)
     for name, course, unit, kind in _limited(comparison, response):
         top = float(np.abs(course).max())
-        levels = sorted({*(share * top for share in _SHARES), *_plateau(comparison, name)}, reverse=True)
+        shares = _SHARES if kind == 0.0 else _SHARES_OF_SPEED
+        levels = sorted({*(share * top for share in shares), *_plateau(comparison, name)}, reverse=True)
         for level in levels:
             above = np.abs(course) > level
             if not 0.0 < level < top or int(np.count_nonzero(above[~comparison.held_out])) < _FEWEST_ROWS:

@@ -8,6 +8,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import (
+    YIELD,
     coefficient,
     is_force,
     key_of,
@@ -40,7 +41,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
                 "stribeck_speed_m_per_s": Quantity(float(stribeck), "m/s"),
                 "exponent": Quantity(exponent, "1"),
             }
-            yield of_forces(comparison, response, {"friction near standstill": force}, shape)
+            yield from of_forces(comparison, response, {"friction near standstill": force}, shape)
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
@@ -88,6 +89,7 @@ EFFECT = Effect(
         ),
         ShapeParameter("stribeck_speed_m_per_s", "m/s", 1e-5, 1.0, "speed at which it has fallen to 1/e"),
         ShapeParameter("exponent", "1", 1.0, 2.0, "δ of the law"),
+        YIELD,
     ),
     needs="current, force, voltage or position error of an axis that goes both ways, with slow motion in it",
     confounders=("drive.coulomb", "drive.viscous", "drive.backlash"),

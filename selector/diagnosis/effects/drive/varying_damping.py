@@ -8,6 +8,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import (
+    YIELD,
     any_response,
     centred_place,
     coefficient,
@@ -39,7 +40,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
         )
     ):
         shape = {"law": Quantity(float(number), "1")}
-        yield of_forces(comparison, response, forces, shape)
+        yield from of_forces(comparison, response, forces, shape)
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
@@ -78,6 +79,7 @@ EFFECT = Effect(
     parameters=(
         ShapeParameter("change", "N*s/m (A or V for N)", -1e6, 1e6, "change of the coefficient over half the way"),
         ShapeParameter("law", "1", 0.0, 2.0, "0 with position, 1 with position and its square, 2 with acceleration"),
+        YIELD,
     ),
     needs="current, force, voltage or position error of an axis on long strokes",
     confounders=("drive.viscous", "drive.varying_stiffness", "drive.pitch_error", "drive.mass"),

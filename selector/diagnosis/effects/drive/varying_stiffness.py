@@ -22,6 +22,7 @@ from selector.diagnosis.motion import Motion
 Vector = NDArray[np.float64]
 
 _PRESLIDING_M = 3e-6
+_INERTIA, _FRICTION = "inertia", "friction"
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
@@ -31,14 +32,18 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     place = centred_place(moving)
     speed = np.abs(moving.velocity_m_per_s) / float(np.abs(moving.velocity_m_per_s).max())
     for number, (name, load) in enumerate(_loads(comparison, response, moving)):
-        most = max(float(np.abs(load).max()), 1e-300)
         shape = {"load": Quantity(float(number), "1")}
         linear, square = f"{name} × position", f"{name} × position²"
         yield direct(comparison, response, {linear: load * place}, shape | _law(0))
         yield direct(comparison, response, {linear: load * place, square: load * place**2}, shape | _law(1))
+        if name == _FRICTION:
+            # friction times its amount is friction, and times speed a lag: nothing that varies
+            continue
         # contacts stiffen with their load: the stiffness of Hertz goes with its cube root
+        most = max(float(np.abs(load).max()), 1e-300)
         yield direct(comparison, response, {f"{name} × its amount": load * np.abs(load) / most}, shape | _law(2))
-        yield direct(comparison, response, {f"{name} × speed": load * speed}, shape | _law(3))
+        if name == _INERTIA:
+            yield direct(comparison, response, {f"{name} × speed": load * speed}, shape | _law(3))
 
 
 def _law(number: int) -> dict[str, Quantity]:
@@ -46,7 +51,7 @@ def _law(number: int) -> dict[str, Quantity]:
 
 
 def _loads(comparison: Comparison, response: str, moving: Motion) -> list[tuple[str, Vector]]:
-    loads = [("inertia", moving.acceleration_m_per_s2), ("friction", moving.friction_state(_PRESLIDING_M))]
+    loads = [(_INERTIA, moving.acceleration_m_per_s2), (_FRICTION, moving.friction_state(_PRESLIDING_M))]
     drive = simulated_drive_force(comparison, response)
     return [drive, *loads] if drive is not None else loads
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import (
+    YIELD,
     any_response,
     coefficient,
     is_force,
@@ -29,7 +30,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     for exponent in _EXPONENTS:
         force = np.sign(speed) * top * (np.abs(speed) / top) ** exponent
         shape = {"exponent": Quantity(exponent, "1")}
-        yield of_forces(comparison, response, {"friction that grows with speed": force}, shape)
+        yield from of_forces(comparison, response, {"friction that grows with speed": force}, shape)
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
@@ -61,6 +62,7 @@ EFFECT = Effect(
     parameters=(
         ShapeParameter("coefficient", "N*s/m (A or V for N)", -1e6, 1e6, "what is missing, per speed"),
         ShapeParameter("exponent", "1", 0.67, 2.0, "power of the speed"),
+        YIELD,
     ),
     needs="current, force, voltage or position error of an axis at two speeds at least",
     # fitted at one speed, each of these is the other

@@ -1,0 +1,179 @@
+"""What an axis does is told from its command, position or speed; what a force does, from the loop of its simulation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.drive._limit import held_back
+from selector.diagnosis.force_response import ClosedLoop, closed_loop, passed, responds, yields_s2
+from selector.diagnosis.motion import motion
+from selector.recording import Channel
+from tests.diagnosis.effects.drive_axis import PAIRS, VISCOUS_ONLY, Noise, compared, moves, replace
+
+PERIOD_S = 2e-3
+
+
+def comparison_with(
+    channels: tuple[Channel, ...], recorded: dict[str, np.ndarray], **simulated: np.ndarray
+) -> Comparison:
+    n = len(next(iter(recorded.values())))
+    return Comparison(
+        runs=("r1",),
+        starts=(0, n),
+        time_s=np.arange(n) * PERIOD_S,
+        channels=channels,
+        recorded=recorded,
+        simulated=simulated,
+        responses=tuple(name for name in simulated if name in recorded),
+        held_out=np.zeros(n, dtype=bool),
+    )
+
+
+COMMAND = moves(3, duration_s=7.0)[::20]
+SPEED = np.gradient(COMMAND, PERIOD_S)
+
+
+@pytest.mark.parametrize("role", ["position_command", "position", "velocity"])
+def test_any_of_three_channels_tells_the_motion(role):
+    random = np.random.default_rng(0)
+    noise = {"position_command": 0.0, "position": 2e-7, "velocity": 2e-4}[role]
+    clean = SPEED if role == "velocity" else COMMAND
+    unit = "m/s" if role == "velocity" else "m"
+    recorded = {"q": clean + noise * random.standard_normal(len(clean))}
+    found = motion(comparison_with((Channel("q", role, unit),), recorded))
+    top = np.abs(SPEED).max()
+    # half a percent of the top speed: what smoothing rounds off the ramps; a noisy position is smoothed over 60 ms
+    allowed = 0.03 if role == "position" else 0.01
+    assert np.sqrt(np.mean((found.velocity_m_per_s - SPEED) ** 2)) < allowed * top
+    moving = np.abs(SPEED) > 0.05 * top
+    assert np.mean(found.sense[moving] == np.sign(SPEED[moving])) > 0.99
+    # sin² ramps leave standstill gently, and noise must not be taken for motion
+    still = np.convolve(np.abs(SPEED), np.ones(51), "same") == 0.0
+    assert still.sum() > 50
+    assert np.mean(found.sense[still] == 0.0) > 0.95
+
+
+def test_the_sense_is_held_at_standstill_and_the_way_counts_from_the_reversal():
+    found = motion(comparison_with((Channel("r", "position_command", "m"),), {"r": COMMAND}))
+    first = np.flatnonzero(found.sense)[0]
+    assert np.all(found.held_sense[:first] == 0.0)
+    assert np.all(found.held_sense[first:] != 0.0)
+    assert np.any(found.sense[first:] == 0.0)
+    turns = np.flatnonzero(np.diff(found.held_sense[first:])) + first + 1
+    assert len(turns) >= 2
+    assert np.all(found.since_reversal_m[turns] == 0.0)
+    way = np.abs(np.diff(COMMAND[turns[0] : turns[1]])).sum()
+    # the last sample before the turn has gone the whole way
+    assert found.since_reversal_m[turns[1] - 1] == pytest.approx(way, rel=1e-9)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_simulated_error_says_where_the_table_is_whichever_sign_it_has(sign):
+    behind = 0.02 * SPEED
+    channels = (Channel("r", "position_command", "m"), Channel("E", "displacement", "um"))
+    error = -1e6 * behind * sign
+    found = motion(comparison_with(channels, {"r": COMMAND, "E": error}, E=error))
+    assert found.position_m == pytest.approx(COMMAND - behind, abs=1e-12)
+
+
+def test_a_noisy_position_says_how_far_the_axis_is_behind_its_command():
+    table = np.interp(np.arange(len(COMMAND)) * PERIOD_S - 0.01, np.arange(len(COMMAND)) * PERIOD_S, COMMAND)
+    noisy = table + 5e-5 * np.random.default_rng(1).standard_normal(len(table))
+    channels = (Channel("r", "position_command", "m"), Channel("q", "position", "m"))
+    found = motion(comparison_with(channels, {"r": COMMAND, "q": noisy}))
+    assert found.sources == ("r", "q")
+    # a lag instead of a dead time: a tenth of the way that it is behind
+    assert np.abs(found.position_m - table).max() < 0.3 * np.abs(COMMAND - table).max()
+
+
+def test_the_channel_of_the_own_axis_is_taken():
+    channels = (Channel("rx", "position_command", "m", axis="X"), Channel("ry", "position_command", "m", axis="Y"))
+    comparison = comparison_with(channels, {"rx": COMMAND, "ry": 0.0 * COMMAND})
+    assert motion(comparison, "X").sources == ("rx",)
+    assert motion(comparison, "Y") is None
+
+
+def test_without_motion_there_is_none():
+    channel = (Channel("T", "temperature", "degC"), Channel("I", "current", "A"))
+    comparison = comparison_with(channel, {"T": COMMAND, "I": SPEED}, I=SPEED)
+    assert motion(comparison) is None
+    assert "no recorded position" in responds(comparison, "I")
+    assert "neither" in responds(comparison_with(channel, {"T": COMMAND}, T=COMMAND), "T")
+
+
+@given(
+    steps=st.lists(st.floats(-1e-3, 1e-3, allow_nan=False), min_size=9, max_size=60),
+    presliding_um=st.floats(0.5, 100.0),
+)
+@settings(max_examples=50, deadline=None)
+def test_friction_is_within_its_bounds_and_depends_on_the_way_only(steps, presliding_um):
+    place = 0.1 * np.sin(np.arange(80) / 6.0)
+    place[: len(steps)] += np.cumsum(steps)
+    found = motion(comparison_with((Channel("r", "position_command", "m"),), {"r": place}))
+    state = found.friction_state(1e-6 * presliding_um)
+    assert np.all(np.abs(state) <= 1.0)
+    # the same way in finer steps ends in the same state
+    fine = np.interp(np.arange(0, 79.01, 0.25), np.arange(80), place)
+    finer = motion(comparison_with((Channel("r", "position_command", "m"),), {"r": fine}))
+    # exact between samples: rounding only
+    assert finer.friction_state(1e-6 * presliding_um)[::4] == pytest.approx(state, abs=1e-9)
+
+
+@pytest.mark.parametrize("control", [{}, {"proportional": 30.0, "reset_s": 0.05}, {"feed_forward": 0.0}])
+def test_the_simulation_tells_the_poles_of_its_loop(control):
+    axis = replace(VISCOUS_ONLY, **control)
+    loop = closed_loop(compared(axis, axis, seed=1), "X")
+    mass = axis.motor_kg + axis.table_kg
+    gain = axis.speed_gain
+    slowest = min(
+        abs(
+            np.roots(
+                [mass, gain, gain * (axis.proportional + 1.0 / axis.reset_s), gain * axis.proportional / axis.reset_s]
+            )
+        )
+    )
+    assert loop.misfit < 1e-4
+    # the screw, the current loop and the sampled control are not in that polynomial; the slow pole hardly feels them
+    assert min(abs(np.roots(loop.polynomial))) == pytest.approx(slowest, rel=0.1)
+
+
+def test_a_simulation_that_is_no_loop_shows_none():
+    channels = (Channel("r", "position_command", "m"), Channel("F", "force", "N"))
+    comparison = comparison_with(channels, {"r": COMMAND, "F": SPEED}, F=SPEED)
+    assert closed_loop(comparison) is None
+    assert passed(comparison, "F", SPEED)[0] == pytest.approx(SPEED, abs=0.0)
+    assert yields_s2(comparison, "F") == (0.0,)
+
+
+def test_a_force_that_stays_is_countered_in_full_and_moves_nothing():
+    comparison = compared(*PAIRS["drive.coulomb"], seed=1, noise=Noise(0.0, 0.0, 0.0))
+    step = np.where(comparison.time_s > 0.5, 1.0, 0.0)
+    late = comparison.time_s > 2.0
+    drive, _ = passed(comparison, "I", step)
+    moved, _ = passed(comparison, "E", step)
+    bent, _ = passed(comparison, "E", step, yield_s2=5e-6)
+    # the slowest pole is near 40 1/s: nothing is left after 1.5 s
+    assert drive[late] == pytest.approx(1.0, abs=1e-6)
+    assert np.abs(moved[late]).max() < 1e-6 * np.abs(moved).max()
+    # what yields stays bent
+    assert np.ptp(bent[late]) < 1e-6 * np.abs(bent).max()
+    assert bent[late].min() > 0.0
+
+
+@pytest.mark.parametrize("winds_up", [True, False])
+def test_a_limit_beyond_the_force_does_nothing_and_one_below_is_made_good(winds_up):
+    comparison = compared(*PAIRS["drive.saturation"], seed=1)
+    loop = ClosedLoop((1.0, 300.0, 3e4, 6e5), 0.0)
+    force = np.exp(-(((comparison.time_s - 1.0) / 0.05) ** 2))
+    lacking, behind = held_back(comparison, loop, force, 1.5, winds_up=winds_up)
+    assert not lacking.any()
+    assert not behind.any()
+    lacking, behind = held_back(comparison, loop, force, 0.8, winds_up=winds_up)
+    assert (force + lacking).max() == pytest.approx(0.8, abs=1e-12)
+    assert behind.min() < 0.0
+    # forgotten with the slowest pole, near 30 1/s, after one second
+    assert np.abs(behind[comparison.time_s > 2.0]).max() < 1e-6 * np.abs(behind).max()
