@@ -1,0 +1,358 @@
+"""How far do its own parameters bring a simulation that can be run again; which of them were pulled, and how surely."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from selector.diagnosis.alignment import comparison_of
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.effect import Quantity
+from selector.diagnosis.noise import NoiseModel, noise_model, stretches, whitened
+from selector.diagnosis.runnable import Runnable
+from selector.errors import InputError
+from selector.findings import Finding
+from selector.physics.model_parameters import Parameter
+from selector.recording import Recording
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+Say = Callable[[int, int, str], None]
+
+NAMEPLATE = 0.2
+"""Standard deviation of a parameter about what the file says, as a share of it: what name plates are worth."""
+_FARTHEST = 3.0
+_STEP = 0.1
+"""Step of a finite difference, in standard deviations of the nameplate."""
+_UNDETERMINED = 0.8
+"""A parameter of which the record leaves more than this share of the nameplate's uncertainty is left alone."""
+_PULLED = 0.1
+_PULLED_SD = 3.0
+_ROUNDS = 2
+_STEPS = 6
+_MOST_DIRECTIONS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Refitted:
+    """A simulation whose parameters were fitted to the recordings.
+
+    Attributes
+    ----------
+    nominal : Comparison
+        With the simulation as it was given.
+    comparison : Comparison
+        With the refitted one; its `tangents` say what the parameters could still change.
+    values : mapping of str to float
+        Every parameter that was fitted.
+    quantities : mapping of str to Quantity
+        The same with units and 95 % intervals.
+    left_alone : tuple of str
+        Parameters that the record does not determine.
+    runs : int
+        How often the simulation was run.
+    findings : tuple of Finding
+    """
+
+    nominal: Comparison
+    comparison: Comparison
+    values: Mapping[str, float]
+    quantities: Mapping[str, Quantity]
+    left_alone: tuple[str, ...]
+    runs: int
+    findings: tuple[Finding, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """What a fit works on: whitened residuals of the fitted rows as a function of parameters in nameplate units."""
+
+    runnable: Runnable
+    comparison: Comparison
+    names: tuple[str, ...]
+    centre: Vector
+    spread: Vector
+    free: NDArray[np.bool_]
+    noise: Mapping[str, NoiseModel]
+    parts: Mapping[str, list[slice]]
+    counted: Callable[[], None]
+
+    def courses(self, z: Vector) -> dict[str, Vector]:
+        """Simulated responses; z is in standard deviations of the nameplate."""
+        self.counted()
+        values = dict(zip(self.names, (self.centre + self.spread * z).tolist(), strict=True))
+        return simulated_rows(self.comparison, self.runnable.simulated(values))
+
+    def white(self, courses: Mapping[str, Vector]) -> Vector:
+        """Recorded less simulated behind the noise filters, fitted rows, responses behind each other."""
+        parts = []
+        for name in self.comparison.responses:
+            left = self.comparison.recorded[name] - courses[name]
+            rows = _filled_rows(left, self.parts[name])
+            parts.append(whitened(self.noise[name], rows[:, None], self.parts[name])[:, 0])
+        kept = ~self.comparison.held_out
+        return np.concatenate([part[kept] for part in parts])
+
+    def tangents(self, z: Vector, at: Mapping[str, Vector]) -> dict[str, Matrix]:
+        """Response → change of its course with every parameter, by finite differences, shape (n_rows, n_parameters)."""
+        found = {name: np.zeros((len(self.comparison.time_s), len(self.names))) for name in self.comparison.responses}
+        for k in range(len(self.names)):
+            for step in (_STEP, -_STEP):
+                moved = np.array(z)
+                moved[k] += step
+                if abs(moved[k]) > self.limits[1][k] + 1e-12 and step > 0.0:
+                    continue
+                try:
+                    courses = self.courses(moved)
+                except InputError:
+                    continue
+                for name, columns in found.items():
+                    columns[:, k] = (courses[name] - at[name]) / step
+                break
+        return found
+
+    def white_tangents(self, tangents: Mapping[str, Matrix]) -> Matrix:
+        """The same behind the noise filters, fitted rows."""
+        kept = ~self.comparison.held_out
+        return np.concatenate([
+            whitened(self.noise[name], np.column_stack([_filled_rows(c, self.parts[name]) for c in tangents[name].T])
+                     if tangents[name].shape[1] else tangents[name], self.parts[name])[kept]
+            for name in self.comparison.responses
+        ])  # fmt: skip
+
+    @property
+    def limits(self) -> tuple[Vector, Vector]:
+        """Between what z may lie: three standard deviations of the nameplate, or the bounds that were said."""
+        parameters = self.runnable.parameters
+        low, high = (
+            np.array([getattr(parameters[name], end) for name in self.names]) for end in ("low", "high")
+        )  # fmt: skip
+        bounds = (low - self.centre) / self.spread, (high - self.centre) / self.spread
+        far = np.where(self.free, np.inf, _FARTHEST)
+        return np.maximum(bounds[0], -far), np.minimum(bounds[1], far)
+
+
+def refitted(
+    runnable: Runnable,
+    recording: Recording,
+    *,
+    responses: Sequence[str] | None = None,
+    holdout: str = "last",
+    start: Mapping[str, float] | None = None,
+    progress: Say | None = None,
+) -> Refitted:
+    """The simulation with its own parameters fitted to the recordings, by Levenberg–Marquardt on whitened residuals.
+
+    Every parameter is held by its nameplate: what the file says ± 20 %, or anywhere within the bounds that somebody has
+    thought about. Noise is estimated from what is left, and the fit repeated with it. Parameters that the record does
+    not determine are left as they were.
+
+    Parameters
+    ----------
+    runnable
+        What is fitted.
+    recording, responses, holdout
+        As of `alignment.comparison_of`.
+    start : mapping of str to float, optional
+        Parameters to be fitted beyond those that recalibration changes, nothing known about them but their bounds, and
+        where to begin.
+    progress : callable, optional
+        Told how often the simulation was run, how often it may have to be, and what is done.
+
+    Raises
+    ------
+    InputError
+        Recordings and simulation cannot be compared.
+    """
+    done = 0
+    extra = dict(start or {})
+    names = tuple(dict.fromkeys([*runnable.refitted, *extra]))
+    most = 1 + _ROUNDS * (_STEPS // 2 + 1) * (len(names) + 1)
+
+    def counted() -> None:
+        nonlocal done
+        done += 1
+        if progress is not None:
+            progress(min(done, most), most, f"run {done} of the simulation, {len(names)} parameters")
+
+    counted()
+    nominal = comparison_of(recording, runnable.simulated({}), responses=responses, holdout=holdout)
+    fit = _fit(runnable, nominal, names, extra, counted)
+    z = np.array([(extra.get(name, fit.centre[k]) - fit.centre[k]) / fit.spread[k] for k, name in enumerate(names)])
+    z = np.clip(z, *fit.limits)
+    left_alone: tuple[str, ...] = ()
+    for turn in range(_ROUNDS):
+        courses = fit.courses(z) if names else simulated_rows(nominal, runnable.simulated({}))
+        fit = replace(fit, noise=_noise(fit, courses))
+        if turn == 0 and not extra:
+            lost = 1.0 / np.sqrt(1.0 + (fit.white_tangents(fit.tangents(z, courses)) ** 2).sum(axis=0))
+            kept = np.flatnonzero(lost < _UNDETERMINED)
+            left_alone = tuple(name for k, name in enumerate(names) if k not in kept)
+            fit, z = _with(fit, kept), z[kept]
+        z = _fitted(fit, z, courses)
+    courses = fit.courses(z)
+    fit = replace(fit, noise=_noise(fit, courses))
+    tangents = fit.tangents(z, courses)
+    white = fit.white_tangents(tangents)
+    inner = white.T @ white + np.diag(np.where(fit.free, 1e-12, 1.0))
+    covariance = np.linalg.pinv(inner, hermitian=True)
+    sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    values = dict(zip(fit.names, (fit.centre + fit.spread * z).tolist(), strict=True))
+    quantities = {
+        name: _quantity(values[name], float(fit.spread[k] * sd[k]), runnable.parameters[name])
+        for k, name in enumerate(fit.names)
+    }
+    comparison = replace(
+        nominal,
+        simulated={**nominal.simulated, **courses},
+        tangents=_directions(fit, tangents, white),
+    )
+    findings = [*_pulled(fit, z, sd, extra), *_told(left_alone, runnable)]
+    return Refitted(nominal, comparison, values, quantities, left_alone, done, tuple(findings))
+
+
+def simulated_rows(comparison: Comparison, simulation: Recording) -> dict[str, Vector]:
+    """Responses of a simulation that has the recordings' times, at the rows of a comparison."""
+    names = list(comparison.responses)
+    rows = np.concatenate([simulation.values(run, names) for run in comparison.runs])
+    return {name: np.ascontiguousarray(rows[:, k], dtype=np.float64) for k, name in enumerate(names)}
+
+
+def _fit(
+    runnable: Runnable,
+    comparison: Comparison,
+    names: tuple[str, ...],
+    extra: Mapping[str, float],
+    counted: Callable[[], None],
+) -> _Fit:
+    parameters = runnable.parameters
+    centre = np.array([parameters[name].value for name in names])
+    spread = np.array([_spread(parameters[name], name, runnable, extra) for name in names])
+    seen = {name: np.isfinite(comparison.difference(name)) for name in comparison.responses}
+    return _Fit(
+        runnable=runnable,
+        comparison=comparison,
+        names=names,
+        centre=centre,
+        spread=spread,
+        free=np.array([name in extra or name in runnable.bounded for name in names], dtype=bool),
+        noise={},
+        parts={name: stretches(comparison, rows & ~comparison.held_out) for name, rows in seen.items()},
+        counted=counted,
+    )
+
+
+def _spread(one: Parameter, name: str, runnable: Runnable, extra: Mapping[str, float]) -> float:
+    """Standard deviation before anything was recorded [unit of the parameter]."""
+    if name in extra:
+        return max(abs(extra[name] - one.value), 1e-3 * (one.high - one.low))
+    if name in runnable.bounded:
+        return (one.high - one.low) / np.sqrt(12.0)
+    return NAMEPLATE * abs(one.value)
+
+
+def _with(fit: _Fit, kept: NDArray[np.intp]) -> _Fit:
+    return replace(
+        fit,
+        names=tuple(fit.names[k] for k in kept),
+        centre=fit.centre[kept],
+        spread=fit.spread[kept],
+        free=fit.free[kept],
+    )
+
+
+def _noise(fit: _Fit, courses: Mapping[str, Vector]) -> dict[str, NoiseModel]:
+    """Noise of every response as what is left of it."""
+    found = {}
+    for name in fit.comparison.responses:
+        left = np.where(fit.comparison.held_out, np.nan, fit.comparison.recorded[name] - courses[name])
+        found[name] = noise_model(left, [part for part in fit.parts[name] if part.stop - part.start > 8])
+    return found
+
+
+def _fitted(fit: _Fit, z: Vector, courses: Mapping[str, Vector]) -> Vector:
+    """Parameters with the smallest whitened residual, in standard deviations of the nameplate."""
+    if not fit.names:
+        return z
+    held = np.where(fit.free, 0.0, 1.0)
+    large = 1e3 * float(np.sqrt(np.mean(fit.white(courses) ** 2)) + 1.0)
+    n = len(fit.white(courses))
+
+    def left(x: Vector) -> Vector:
+        try:
+            return np.r_[fit.white(fit.courses(x)), held * x]
+        except InputError:
+            # it runs away there
+            return np.full(n + len(x), large)
+
+    def slopes(x: Vector) -> Matrix:
+        white = fit.white_tangents(fit.tangents(x, fit.courses(x)))
+        return np.vstack([-white, np.diag(held)])
+
+    low, high = fit.limits
+    inside = np.clip(z, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
+    return np.asarray(
+        least_squares(left, inside, slopes, bounds=(low, high), max_nfev=_STEPS, xtol=1e-4, ftol=1e-6, gtol=1e-9).x
+    )
+
+
+def _directions(fit: _Fit, tangents: Mapping[str, Matrix], white: Matrix) -> dict[str, dict[str, Vector]]:
+    """Response → what the parameters can still change; of many, the directions that change most."""
+    if len(fit.names) <= _MOST_DIRECTIONS:
+        return {name: {of: columns[:, k] for k, of in enumerate(fit.names)} for name, columns in tangents.items()}
+    turned = np.linalg.svd(white, full_matrices=False)[2][:_MOST_DIRECTIONS]
+    words = [f"direction {k + 1}, most of all {fit.names[int(np.argmax(np.abs(v)))]}" for k, v in enumerate(turned)]
+    return {name: dict(zip(words, (columns @ turned.T).T, strict=True)) for name, columns in tangents.items()}
+
+
+def _quantity(value: float, sd: float, one: Parameter) -> Quantity:
+    return Quantity(value, one.unit, max(value - 1.96 * sd, one.low), min(value + 1.96 * sd, one.high))
+
+
+def _pulled(fit: _Fit, z: Vector, sd: Vector, extra: Mapping[str, float]) -> list[Finding]:
+    """Parameters that had to go far from what the file says: evidence that they stand in for something else."""
+    found = []
+    for k, name in enumerate(fit.names):
+        was, now = float(fit.centre[k]), float(fit.centre[k] + fit.spread[k] * z[k])
+        if name in extra or was == 0.0 or abs(now / was - 1.0) < _PULLED or abs(z[k]) < _PULLED_SD * sd[k]:
+            continue
+        unit = fit.runnable.parameters[name].unit
+        found.append(
+            Finding(
+                "parameter-pulled",
+                "warning",
+                f"{name} was pulled from {was:.4g} to {now:.4g} {unit} ({now / was - 1.0:+.0%}) to fit the recordings: "
+                "it may stand in for something that the model does not have.",
+                evidence={"parameter": name, "from": was, "to": now, "unit": unit},
+                suggestion="check it against the name plate; the effects below are tested beside it",
+            )
+        )
+    return found
+
+
+def _told(left_alone: Sequence[str], runnable: Runnable) -> list[Finding]:
+    if not left_alone:
+        return []
+    shown = ", ".join(left_alone[:8]) + (f" and {len(left_alone) - 8} more" if len(left_alone) > 8 else "")
+    return [
+        Finding(
+            "parameters-left-alone",
+            "info",
+            f"The recordings do not determine {shown}; what {runnable.name!r} says was kept.",
+            evidence={"parameters": list(left_alone)},
+        )
+    ]
+
+
+def _filled_rows(values: Vector, parts: Sequence[slice]) -> Vector:
+    """The course without holes inside its stretches, 0 outside."""
+    result = np.zeros(len(values))
+    for part in parts:
+        seen = np.isfinite(values[part])
+        at = np.arange(part.stop - part.start)
+        result[part] = values[part] if seen.all() else np.interp(at, at[seen], values[part][seen])
+    return result
