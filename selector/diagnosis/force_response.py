@@ -30,6 +30,8 @@ ROUNDS = 7
 SLOWEST, FASTEST = 2.0, 2000.0
 """Bounds of the poles [1/s]."""
 PRESLIDING_M = 3e-6
+_NO_LOOP = 0.4
+"""A simulated error of which more than this is left (rms) follows its command by no such loop."""
 STARTS = ((60.0, 100.0, 300.0), (15.0, 30.0, 150.0))
 """Poles to start the iteration with [1/s]; that which ends nearer to the simulation counts."""
 
@@ -43,7 +45,7 @@ class ClosedLoop:
     polynomial : tuple of float
         Coefficients of s³, s², s, 1; the first is 1.
     misfit : float
-        Variance of the simulated courses that it does not explain, as a share.
+        What it leaves of the simulated courses, over these (rms).
     """
 
     polynomial: tuple[float, ...]
@@ -101,11 +103,11 @@ def loop_parts(comparison: Comparison, response: str, course: Vector) -> tuple[V
     return tuple(_through(comparison, loop, power, course) for power in (2, 3))
 
 
-def drawn_out(comparison: Comparison, response: str, speed: Vector) -> Vector:
-    """Where a lack of speed leaves the axis until the loop has made it good, at the pace of its slowest pole."""
+def drawn_out(comparison: Comparison, response: str, course: Vector) -> Vector:
+    """Where a lack of speed (`course`) leaves the axis until its slowest pole has made it good."""
     loop = closed_loop(comparison, comparison.channel(response).axis)
     slowest = 20.0 if loop is None else float(np.min(np.abs(np.roots(loop.polynomial))))
-    return lagged(comparison, speed, 1.0 / slowest) / slowest
+    return lagged(comparison, course, 1.0 / slowest) / slowest
 
 
 @lru_cache(maxsize=8)
@@ -129,7 +131,7 @@ def closed_loop(comparison: Comparison, axis: str | None = None) -> ClosedLoop |
         return None
     found = [_iterated(comparison, outputs, inputs, start) for start in STARTS]
     best = min((loop for loop in found if loop is not None), key=lambda loop: loop.misfit, default=None)
-    return best if best is not None and best.misfit < 0.2 else None
+    return best if best is not None and best.misfit < _NO_LOOP else None
 
 
 def _loop_course(comparison: Comparison, command: Vector, name: str, axis: str | None) -> Vector | None:
@@ -157,9 +159,10 @@ def _iterated(
         driven = np.stack([b for u in inputs for b in _branches(comparison, polynomial, u)])
         size = np.sqrt(np.mean(driven**2, axis=1))
         basis, _ = np.linalg.qr((driven[size > 0.0] / size[size > 0.0, None]).T)
-        misfit = float(np.mean([1.0 - np.sum((basis.T @ y) ** 2) / (y @ y) for y in outputs]))
+        left_over = np.mean([1.0 - np.sum((basis.T @ y) ** 2) / (y @ y) for y in outputs])
+        misfit = float(np.sqrt(max(left_over, 0.0)))
         if best is None or misfit < best.misfit:
-            best = ClosedLoop(tuple(float(c) for c in polynomial), max(misfit, 0.0))
+            best = ClosedLoop(tuple(float(c) for c in polynomial), misfit)
         left, right = [], []
         for y in outputs:
             own = np.stack(_branches(comparison, polynomial, y))
