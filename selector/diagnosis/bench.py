@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Variant
-from selector.diagnosis.moments import Moments, beside, moments
+from selector.diagnosis.moments import Moments, beside, inverse_of, moments
 from selector.diagnosis.noise import NoiseModel, noise_model, stretches, whitened
 from selector.diagnosis.signals import filled, rate
 
@@ -54,8 +54,8 @@ class Bench:
         are excited, then the parameters in `own`.
     own : mapping of str to slice
         Effect → its columns in `nuisance`: parameters that every such simulation has.
-    columns : ndarray of shape (n_rows, m)
-        Candidate columns, each of root mean square 1 over the fitted rows; `scales` (m,) is what they were divided by.
+    scales : ndarray of shape (m,)
+        Root mean square of every candidate column over the fitted rows; columns are used divided by it.
     candidates : tuple of Candidate
     noise : NoiseModel
     parts : list of slice
@@ -67,7 +67,6 @@ class Bench:
     fitted: NDArray[np.bool_]
     nuisance: Matrix
     nuisance_names: tuple[str, ...]
-    columns: Matrix
     scales: Vector
     candidates: tuple[Candidate, ...]
     noise: NoiseModel
@@ -92,7 +91,11 @@ class Bench:
 
     def with_noise(self, noise: NoiseModel) -> Bench:
         """The same with another noise filter."""
-        return replace(self, noise=noise)
+        other = replace(self, noise=noise)
+        if len(noise.phi) == 0 == len(self.noise.phi) and "white_columns" in vars(self):
+            # white before and after: only the size differs
+            vars(other)["white_columns"] = self.white_columns * (self.noise.sd / noise.sd)
+        return other
 
     def first_candidate(self, id: str) -> int:  # noqa: A002 - the word of the contract
         """Number of the first shape of an effect."""
@@ -100,8 +103,15 @@ class Bench:
 
     @cached_property
     def white_columns(self) -> Matrix:
-        """Candidate columns behind the noise filter, fitted rows only."""
-        return whitened(self.noise, self.columns, self.parts)[self.rows]
+        """Candidate columns behind the noise filter, fitted rows only, shape (len(rows), m)."""
+        result = np.empty((len(self.rows), len(self.scales)))
+        for v, candidate in enumerate(self.candidates):
+            result[:, candidate.columns] = whitened(self.noise, self.raw(v), self.parts)[self.rows]
+        return result
+
+    def raw(self, v: int) -> Matrix:
+        """Columns of candidate `v`, all rows, each of root mean square 1 over the fitted ones."""
+        return self.candidates[v].variant.columns / self.scales[self.candidates[v].columns]
 
     @cached_property
     def white_nuisance(self) -> Matrix:
@@ -161,7 +171,7 @@ class Bench:
     @cached_property
     def bounds(self) -> Matrix:
         """Between what the coefficient of every (scaled) column may lie, shape (m, 2)."""
-        limits = np.tile([-np.inf, np.inf], (self.columns.shape[1], 1))
+        limits = np.tile([-np.inf, np.inf], (len(self.scales), 1))
         for candidate in self.candidates:
             if candidate.variant.bounds is not None:
                 limits[candidate.columns] = np.array(candidate.variant.bounds)
@@ -182,13 +192,13 @@ class Bench:
 
     def raw_base(self, named: Sequence[int]) -> Matrix:
         """Columns of the recalibration and of the candidates `named`, all rows, not whitened."""
-        return np.column_stack([self.nuisance, *(self.columns[:, self.candidates[v].columns] for v in named)])
+        return np.column_stack([self.nuisance, *(self.raw(v) for v in named)])
 
     def coefficients(self, named: Sequence[int]) -> tuple[Vector, Matrix]:
         """Generalised least squares on the fitted rows: coefficients and their covariance, shapes (p,), (p, p)."""
         base = self.base(named)
         gram = base.T @ base
-        inverse = np.linalg.pinv(gram, rcond=1e-10, hermitian=True)
+        inverse = inverse_of(gram)
         return inverse @ (base.T @ self.white_target), inverse
 
     def residual(self, named: Sequence[int]) -> Vector:
@@ -237,7 +247,6 @@ def bench_of(
     seen = np.isfinite(target)
     fitted = seen & ~comparison.held_out
     candidates: list[Candidate] = []
-    columns: list[Matrix] = []
     scales: list[Vector] = []
     untested: dict[str, str] = {}
     nuisance, names = recalibration_columns(comparison, response, fitted)
@@ -255,7 +264,6 @@ def bench_of(
             if not np.isfinite(variant.columns).all() or not (scale > 0.0).all():
                 continue
             candidates.append(Candidate(effect, variant, first))
-            columns.append(variant.columns / scale)
             scales.append(scale)
             first += len(variant.names)
         if first == before:
@@ -263,7 +271,7 @@ def bench_of(
         elif effect.absorbs:
             number, added = next((k, c) for k, c in enumerate(candidates) if c.effect is effect)
             start = nuisance.shape[1]
-            nuisance = np.column_stack([nuisance, columns[number]])
+            nuisance = np.column_stack([nuisance, added.variant.columns / scales[number]])
             own[effect.id] = slice(start, nuisance.shape[1])
             names = (*names, *(f"{effect.id}: {name}" for name in added.variant.names))
     parts = stretches(comparison, seen)
@@ -273,7 +281,6 @@ def bench_of(
         fitted=fitted,
         nuisance=nuisance,
         nuisance_names=names,
-        columns=np.column_stack(columns) if columns else np.empty((len(target), 0)),
         scales=np.concatenate(scales) if scales else np.empty(0),
         candidates=tuple(candidates),
         noise=NoiseModel(np.zeros(0), float(np.nanstd(target[fitted])) or 1.0),

@@ -11,6 +11,7 @@ from selector.diagnosis.answer import Detectable
 from selector.diagnosis.bench import Bench
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Fitted, Quantity
+from selector.diagnosis.moments import inverse_of
 from selector.diagnosis.search import Search, numbers
 from selector.diagnosis.testing import tail_threshold
 
@@ -48,7 +49,7 @@ def _in_response(
 ) -> Iterator[Detectable]:
     sums = bench.moments(bench.base(named))
     a, cross = sums.base.sum(axis=0), sums.cross.sum(axis=0)
-    carried = np.linalg.pinv(a, rcond=1e-10, hermitian=True) @ cross
+    carried = inverse_of(a) @ cross
     left = np.concatenate([part.sum(axis=0).diagonal(axis1=1, axis2=2).ravel() for part in sums.within])
     order = np.concatenate([group.ravel() for group in sums.groups])
     norm = np.empty(len(order))

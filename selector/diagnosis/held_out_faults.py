@@ -25,8 +25,8 @@ def held_out_faults(
 ) -> tuple[NamedEffect, ...]:
     """Faults of the data in one held-out run that explain why it is off, and the rest of it as quiet as elsewhere.
 
-    Held-out rows may be off because the model does not carry that far. A fault is named only where nothing is missing in
-    the fitted rows, the simulation is clearly off in the held-out ones, and with the fault as good as elsewhere.
+    Held-out rows may be off because the model does not carry that far. A fault is named only where nothing is missing
+    in the fitted rows, the simulation is clearly off in the held-out ones, and with the fault as good as elsewhere.
     """
     if found.named:
         return ()

@@ -104,6 +104,13 @@ def beside(sums: Moments, base: Matrix, columns: Matrix, target: Vector, blocks:
     )
 
 
+def inverse_of(gram: Matrix) -> Matrix:
+    """Pseudo-inverse of products of columns, whose sizes may differ by many powers of ten."""
+    size = 1.0 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    scaled = gram * size[:, None] * size[None, :]
+    return np.asarray(np.linalg.pinv(scaled, rcond=1e-10, hermitian=True) * size[:, None] * size[None, :])
+
+
 @dataclass(frozen=True, eq=False)
 class Solved:
     """Every variant fitted together with the base on some blocks.
@@ -128,7 +135,7 @@ def solved(sums: Moments, use: NDArray[np.bool_]) -> Solved:
     """Fit of every variant beside the base on the blocks in `use`."""
     a, g = sums.base[use].sum(axis=0), sums.base_target[use].sum(axis=0)
     cross, target = sums.cross[use].sum(axis=0), sums.target[use].sum(axis=0)
-    inverse = np.linalg.pinv(a, rcond=1e-10, hermitian=True)
+    inverse = inverse_of(a)
     alone, carried = inverse @ g, inverse @ cross
     gain = np.zeros(sums.n_variants)
     coefficients, beside = [], []
@@ -189,7 +196,7 @@ def scores_of_noise(sums: Moments, noise_base: Matrix, noise_target: Matrix) -> 
     alone makes is ‖root·Σ ε_b·score_b‖².
     """
     a, cross = sums.base.sum(axis=0), sums.cross.sum(axis=0)
-    inverse = np.linalg.pinv(a, rcond=1e-10, hermitian=True)
+    inverse = inverse_of(a)
     carried = inverse @ cross
     found = []
     for part, group in zip(sums.within, sums.groups, strict=True):

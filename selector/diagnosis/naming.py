@@ -61,7 +61,7 @@ def _course(bench: Bench, named: Sequence[int], v: int) -> tuple[Vector, float]:
     for other in named:
         width = bench.counts[other]
         if other == v:
-            course = bench.columns[:, bench.candidates[v].columns] @ beta[first : first + width]
+            course = bench.raw(v) @ beta[first : first + width]
         first += width
     rows = bench.fitted
     alone = float(np.mean(bench.residual([])[rows] ** 2))

@@ -52,7 +52,8 @@ def recalibrated(bench: Bench, named: list[int], noise: Vector, unit: str, *, se
     effects = columns[:, own:]
     kept = np.eye(len(target), 0) if effects.shape[1] == 0 else np.linalg.qr(effects)[0]
     nuisance = columns[:, :own] - kept @ (kept.T @ columns[:, :own])
-    left, singular, _ = np.linalg.svd(nuisance, full_matrices=False)
+    size = np.maximum(np.linalg.norm(nuisance, axis=0), 1e-300)
+    left, singular, _ = np.linalg.svd(nuisance / size, full_matrices=False)
     left = left[:, singular > 1e-6 * singular.max(initial=0.0)]
     gain = float(((left.T @ target) ** 2).sum())
     scores = np.array([left[rows].T @ noise[rows] for rows in bench.blocks])

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.diagnosis.bench import Bench
+from selector.diagnosis.leftover import least_squares
 from selector.diagnosis.moments import solved
 from selector.diagnosis.testing import Tested, tail_probability, tests_of
 
@@ -24,7 +25,9 @@ _SURE = 0.9
 _RIVAL = 0.1
 """An effect of less than this share of the weight of the named one is told from it."""
 _TEMPER = 2.0
-_TRIFLE = 0.04
+_RARE = {"data.": (0.85, 4.0), "vibration.line": (0.9, 4.0), "thermal.interaction": (1.0, 1.5)}
+"""Share of the score that counts, and what is taken off: shapes so free that they follow much that they are not."""
+_TRIFLE = 0.1
 """What gains less than this share of all that is named may be what their shapes do not fit exactly."""
 _MOST_LIBERAL = 8
 
@@ -145,6 +148,11 @@ def _with_own(
         one = standing[id_]
         if not is_supported(one, false_alarm / (len(standing) + len(named))):
             continue
+        if not named:
+            chosen_freely = _selected(freed, noise, false_alarm=false_alarm, seed=seed)
+            if chosen_freely:
+                benches, named = freed, chosen_freely
+            continue
         chosen = {name: freed[name].first_candidate(id_) for name in one.responses}
         main = max(one.responses, key=lambda name: one.tested[name].gain)
         beta = freed[main].coefficients([*numbers(named, main), chosen[main]])[0]
@@ -178,7 +186,7 @@ def with_noise_of_full_fit(bench: Bench) -> tuple[Bench, list[int]]:
 def _left(bench: Bench, chosen: list[int]) -> Vector:
     """Whitened residual beside the `chosen` candidates, made as large as it was before the fit."""
     base = bench.base(chosen)
-    left = bench.white_target - base @ np.linalg.lstsq(base, bench.white_target, rcond=None)[0]
+    left = bench.white_target - base @ least_squares(base, bench.white_target)
     return np.asarray(left * np.sqrt(len(left) / max(len(left) - base.shape[1], 1)))
 
 
@@ -209,8 +217,9 @@ def is_supported(one: Standing, level: float) -> bool:
 
 
 def merit(one: Standing) -> float:
-    """By what effects are ranked: the score; faults of the data have to explain clearly more than physics."""
-    return 0.85 * one.score - 4.0 if one.id.startswith("data.") else one.score
+    """By what effects are ranked: the score, less for what is rarer than the rest (`_RARE`)."""
+    share, less = next((price for start, price in _RARE.items() if one.id.startswith(start)), (1.0, 0.0))
+    return share * one.score - less
 
 
 def _retested(benches: Benches, named: Named, noise: Mapping[str, Vector], *, false_alarm: float, seed: int) -> Named:

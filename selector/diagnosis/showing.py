@@ -11,6 +11,7 @@ from selector.diagnosis.answer import Errors, Fit
 from selector.diagnosis.bench import Bench
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Quantity
+from selector.diagnosis.leftover import least_squares
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -47,7 +48,7 @@ def fit_of(
 def _recalibration(bench: Bench) -> Vector:
     """What offset, gain and delay alone explain, by plain least squares [unit], all rows."""
     plain = bench.nuisance[:, : min((part.start for part in bench.own.values()), default=bench.nuisance.shape[1])]
-    return np.asarray(plain @ np.linalg.lstsq(plain[bench.fitted], bench.target[bench.fitted], rcond=None)[0])
+    return np.asarray(plain @ least_squares(plain[bench.fitted], bench.target[bench.fitted]))
 
 
 def _noise_floor(bench: Bench, named: Sequence[int]) -> float:
@@ -100,8 +101,7 @@ def _placebo(
                 base[rows, own:], int(generator.integers(n // 4, max(3 * n // 4, n // 4 + 1))), axis=0
             )
         fitted = np.flatnonzero(bench.fitted)
-        half = fitted[: len(fitted)]
-        beta = np.linalg.lstsq(base[half], bench.target[half], rcond=None)[0]
+        beta = least_squares(base[fitted], bench.target[fitted])
         gains.append((_rms(middle[held]) - _rms((bench.target - base @ beta)[held])) / gap)
     spread = float(np.std(gains, ddof=1))
     mean = float(np.mean(gains))

@@ -99,5 +99,9 @@ def scaled(values: Vector) -> Vector:
 
 
 def excited(values: Vector, resolution: float = 0.0) -> bool:
-    """Whether a course moves at all: its spread is above rounding and above half its resolution."""
-    return float(np.std(values)) > max(1e-9 * float(np.abs(values).max(initial=0.0)), 0.5 * resolution, 1e-300)
+    """Whether a course moves at all: its spread is above rounding and above half its resolution.
+
+    What takes few values far apart (a switch, steps of speed) has a resolution as large as its range, and moves.
+    """
+    step = resolution if resolution < 0.5 * float(np.ptp(values)) else 0.0
+    return float(np.std(values)) > max(1e-9 * float(np.abs(values).max(initial=0.0)), 0.5 * step, 1e-300)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, stats
 
 from selector.diagnosis.bench import Bench
-from selector.diagnosis.moments import Moments, losses, scores_of_noise, solved
+from selector.diagnosis.moments import Moments, inverse_of, losses, scores_of_noise, solved
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -30,7 +31,7 @@ class Tested:
     best : int
         Number of the candidate that fits best.
     gain : float
-        Fall of the whitened sum of squares by it, all fitted rows.
+        Fall of the whitened sum of squares by it, all fitted rows, less the price of a shape chosen from the residual.
     cv_gain : float
         The same on blocks that were not fitted, the shape chosen anew for every fold.
     block_gains : ndarray of shape (n_blocks,)
@@ -101,7 +102,8 @@ def tests_of(bench: Bench, named: Sequence[int], noise: Vector, *, seed: int) ->
         members.setdefault(candidate.effect.id, []).append(v)
     numbers = {name: np.array(list_, dtype=np.intp) for name, list_ in members.items()}
     gains = _block_gains(sums, bench.folds, numbers)
-    best_of = {name: int(list_[np.argmax(whole.gain[list_])]) for name, list_ in numbers.items()}
+    gains_of = whole.gain - 2.0 * np.log([candidate.variant.looked_at for candidate in bench.candidates])
+    best_of = {name: int(list_[np.argmax(gains_of[list_])]) for name, list_ in numbers.items()}
     draws = noise_gains(bench, base, sums, noise, seed=seed)
     found = {}
     for name, list_ in numbers.items():
@@ -109,7 +111,7 @@ def tests_of(bench: Bench, named: Sequence[int], noise: Vector, *, seed: int) ->
         contrast, freedoms = _contrast(bench, sums, best, whole.gain[best])
         found[name] = Tested(
             best=best,
-            gain=float(whole.gain[best]),
+            gain=max(0.0, float(gains_of[best])),
             cv_gain=float(gains[name].sum()),
             block_gains=gains[name],
             contrast=contrast,
@@ -144,7 +146,7 @@ def _contrast(bench: Bench, sums: Moments, v: int, gain: float) -> tuple[float, 
     cross = np.hstack([sums.cross[here][:, :, group].sum(axis=0) for here in parts])
     target = np.concatenate([sums.target[here][:, group].sum(axis=0) for here in parts])
     own = linalg.block_diag(*[within[here].sum(axis=0) for here in parts])
-    inverse = np.linalg.pinv(a, rcond=1e-10, hermitian=True)
+    inverse = inverse_of(a)
     left = own - cross.T @ inverse @ cross
     score = target - cross.T @ inverse @ g
     split = float(score @ np.linalg.pinv(left, rcond=1e-6, hermitian=True) @ score)
@@ -159,8 +161,9 @@ def noise_gains(bench: Bench, base: Matrix, sums: Moments, noise: Vector, *, see
     """
     n = len(noise)
     starts = np.linspace(0, n, int(np.clip(n // _SHORT, 1, _SIGNED)), endpoint=False).astype(int)
-    noise_base = np.add.reduceat(base * noise[:, None], starts)
-    noise_target = np.add.reduceat(bench.white_columns * noise[:, None], starts)
+    parts = [slice(first, last) for first, last in pairwise([*starts, n])]
+    noise_base = np.array([noise[part] @ base[part] for part in parts])
+    noise_target = np.array([noise[part] @ bench.white_columns[part] for part in parts])
     signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=(_DRAWS, len(starts)))
     result = np.empty((_DRAWS, sums.n_variants))
     for (score, root), members in zip(scores_of_noise(sums, noise_base, noise_target), sums.members, strict=True):

@@ -16,6 +16,7 @@ from selector.diagnosis.detectability import detectability
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Effect, Variant
 from selector.diagnosis.held_out_faults import held_out_faults
+from selector.diagnosis.leftover import least_squares
 from selector.diagnosis.location import active_windows
 from selector.diagnosis.naming import named_effect, unit_of, whole_record_effect
 from selector.diagnosis.omnibus import Structure, unexplained
@@ -142,7 +143,7 @@ def _verdict(named: Sequence[NamedEffect], structures: Sequence[Structure], is_r
 
 def _noise(bench: Bench, found: Search, name: str) -> Vector:
     base = bench.base(numbers(found.named, name))
-    return np.asarray(bench.white_target - base @ np.linalg.lstsq(base, bench.white_target, rcond=None)[0])
+    return np.asarray(bench.white_target - base @ least_squares(base, bench.white_target))
 
 
 def _where(

@@ -60,6 +60,8 @@ class Variant:
         Allowed interval of every coefficient where physics knows it; None = any.
     regime : str or None
         When it acts, in words of recorded channels, e.g. ``"spindle_speed > 1500 rpm"``; None = always.
+    looked_at : float
+        Among how many shapes this one was chosen by looking at the residual; 1 = it was not.
     """
 
     columns: Matrix
@@ -70,6 +72,7 @@ class Variant:
     run: str | None = None
     bounds: tuple[tuple[float, float], ...] | None = None
     regime: str | None = None
+    looked_at: float = 1.0
 
     def __post_init__(self) -> None:
         if self.columns.ndim != 2 or self.columns.shape[1] != len(self.names):

@@ -22,7 +22,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     if _testable(comparison, response) is not None:
         return
     known = sources(comparison, response)
-    names = (*known.machine, *known.hall)[:_MOST_SENSORS]
+    names = known.machine[:_MOST_SENSORS]
     rises = {name: calm_rise(comparison, response, name) for name in names}
     for k, first in enumerate(names):
         for second in names[k:]:

@@ -27,16 +27,20 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     time, even = comparison.time_s, np.ones(len(comparison.time_s))
     shortest = min(float(comparison.time_s[rows][-1]) for _, rows in comparison.rows_of_runs())
     lowest = max(_FEWEST_CYCLES / max(shortest, comparison.period_s), 0.5)
+    looked = 0.5 * shortest / comparison.period_s
     for line in lines(comparison, leftover(comparison, response), time, even, lowest=lowest):
         shape = {"frequency_hz": Quantity(line.cycles, "Hz")}
         run = comparison.runs[line.runs[0]] if len(line.runs) == 1 and len(comparison.runs) > 1 else None
         aligned = course_of(line, comparison, time, even)
-        yield Variant(aligned[:, None], (f"line at {line.cycles:.4g} Hz, phase of each run",), shape, run=run)
+        words = (f"line at {line.cycles:.4g} Hz, phase of each run",)
+        # a frequency of many, and in every run a phase and a size: each is worth e^½ choices
+        looked_at = looked * float(np.exp(len(line.runs)))
+        yield Variant(aligned[:, None], words, shape, run=run, looked_at=looked_at)
         if len(line.runs) > 1:
             turn = 2.0 * np.pi * line.cycles * time
             columns = np.column_stack([np.cos(turn), np.sin(turn)])
             names = (f"cosine of {line.cycles:.4g} Hz from the start of each run", "sine of the same")
-            yield Variant(columns, names, shape)
+            yield Variant(columns, names, shape, looked_at=looked)
 
 
 def _of_a_curve(comparison: Comparison, response: str) -> Iterator[Variant]:
