@@ -17,6 +17,7 @@ from selector.cli import (
     applying,
     demo,
     diagnosing,
+    effects,
     models,
     patent,
     predicting,
@@ -87,6 +88,7 @@ _command("show", models.show, _model)
 _command("check", models.check, _model)
 app.add_typer(_model, name="model")
 _command("diagnose", diagnosing.diagnose)
+_command("effects", effects.effects)
 _command("prove", proving.prove)
 _command("audit-patent", patent.audit_patent)
 

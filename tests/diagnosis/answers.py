@@ -25,10 +25,10 @@ N = 300
 END_S = (N - 1) * 30.0
 
 
-def memory_effect(course, **changes) -> NamedEffect:
+def memory_effect(course, names=("Z", "Y"), **changes) -> NamedEffect:
     made = NamedEffect(
         id="thermal.memory",
-        channel="Z",
+        channel=names[0],
         place="column",
         statement="Z follows T1 41 min late, worth 12 µm.",
         parameters={"tau_s": Quantity(2460.0, "s", 2100.0, 2900.0), "size_um": Quantity(12.0, "um")},
@@ -37,8 +37,8 @@ def memory_effect(course, **changes) -> NamedEffect:
         share=0.8,
         cannot_be_told_from=(),
         experiment="Heat for 4 h, then let it cool for 6 h.",
-        channels=("Z", "Y"),
-        courses={"Z": course, "Y": 0.3 * course},
+        channels=names,
+        courses={names[0]: course, names[1]: 0.3 * course},
     )
     return replace(made, **changes)
 
@@ -56,16 +56,17 @@ def zero_effect(course) -> NamedEffect:
     )
 
 
-def answer(verdict: Verdict = "missing-physics", **changes) -> Diagnosis:
-    """A diagnosis of this verdict, with every part that it can have."""
+def answer(verdict: Verdict = "missing-physics", names=("Z", "Y"), **changes) -> Diagnosis:
+    """A diagnosis of this verdict with these two responses, with every part that it can have."""
+    first, second = names
     rng = np.random.default_rng(4)
     course = 6.0 * np.concatenate(
         [door(N, ((60, 200),), 0.97), door(N, ((100, 240),), 0.97), door(N, ((30, 170),), 0.97)]
     )
-    of = comparison({"Z": course + coloured("ar", 3 * N, rng), "Y": 0.3 * course + coloured("white", 3 * N, rng)})
+    of = comparison({first: course + coloured("ar", 3 * N, rng), second: 0.3 * course + coloured("white", 3 * N, rng)})
     is_found = verdict in ("missing-physics", "data-fault")
     fit = {}
-    for name, part in (("Z", 1.0), ("Y", 0.3)):
+    for name, part in ((first, 1.0), (second, 0.3)):
         before = of.simulated[name]
         after = before + (part * course if is_found else 0.0)
         rmse = [float(np.sqrt(np.mean((of.recorded[name] - x)[of.held_out] ** 2))) for x in (before, after)]
@@ -80,9 +81,11 @@ def answer(verdict: Verdict = "missing-physics", **changes) -> Diagnosis:
             recalibrated=before + 0.1,
             after=after,
         )
-    effects = {"missing-physics": (memory_effect(course),), "data-fault": (zero_effect(course),)}.get(verdict, ())
+    effects = {"missing-physics": (memory_effect(course, names),), "data-fault": (zero_effect(course),)}.get(
+        verdict, ()
+    )
     windows = (("r1", 1800.0, 7000.0, 0.4), ("r2", 3000.0, 8000.0, 0.35), ("r3", 900.0, 6000.0, 0.25))
-    places = tuple(Place("Z", None, run, a, b, "spindle_speed > 1500 rpm", share) for run, a, b, share in windows)
+    places = tuple(Place(first, None, run, a, b, "spindle_speed > 1500 rpm", share) for run, a, b, share in windows)
     made = Diagnosis(
         comparison=of,
         verdict=verdict,
@@ -91,17 +94,20 @@ def answer(verdict: Verdict = "missing-physics", **changes) -> Diagnosis:
         effects=effects,
         fit=fit,
         evidence=(
-            Evidence("thermal.memory", "Z", 212.0, 1e-6, is_found, ""),
-            Evidence("thermal.ambient", "Z", 31.0, 0.2, False, "no gain on rows that were not fitted"),
-            Evidence("thermal.convection", "Y", 4.0, 0.7, False, ""),
-            Evidence("drive.coulomb", "Z", 0.0, 1.0, False, "not testable here: no velocity is recorded"),
+            Evidence("thermal.memory", first, 212.0, 1e-6, is_found, ""),
+            Evidence("thermal.ambient", first, 31.0, 0.2, False, "no gain on rows that were not fitted"),
+            Evidence("thermal.convection", second, 4.0, 0.7, False, ""),
+            Evidence("drive.coulomb", first, 0.0, 1.0, False, "not testable here: no velocity is recorded"),
         ),
-        detectable=(Detectable("thermal.ambient", "Z", 0.8, "um", 0.9), Detectable("data.clock", "Y", 0.3, "um", 0.9)),
+        detectable=(
+            Detectable("thermal.ambient", first, 0.8, "um", 0.9),
+            Detectable("data.clock", second, 0.3, "um", 0.9),
+        ),
         next_runs=(NextRun("Heat for 4 h, then cool for 6 h", ("thermal.memory", "thermal.ambient"), 0.9, 36000.0),)
         if is_found
         else (),
         recalibration={
-            "Z": {"offset": Quantity(3.1, "um", 2.9, 3.3), "gain": Quantity(1.01, "1", 0.98, 1.04)},
+            first: {"offset": Quantity(3.1, "um", 2.9, 3.3), "gain": Quantity(1.01, "1", 0.98, 1.04)},
         },
         findings=(Finding("slow-clock", "warning", "The clock is slow.", Where(run="r1")),),
         seed=0,

@@ -1,0 +1,72 @@
+"""The page of a diagnosis says first what was left out and what to do, is complete without a network, and is safe."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+
+import pytest
+
+from selector.diagnosis.wording import headline, what_to_do
+from selector.errors import OptionError
+from selector.report.diagnosis_report import diagnosis_html, write_diagnosis_report
+from tests.diagnosis.answers import answer, memory_effect
+from tests.report.studies import HOSTILE
+from tests.report.test_selection_report import MEGABYTE, Page
+
+VERDICTS = ("missing-physics", "data-fault", "miscalibrated", "nothing-missing", "unexplained")
+PROVENANCE = {"machine": "VMC <850>", "runs": {"<i>r1</i>": {"file": "a&b.csv", "sha256": "ab" * 32}}}
+
+
+def text_of(page: Page) -> str:
+    return " ".join(" ".join(page.text).split())
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_the_answer_comes_first_and_then_what_to_do(verdict):
+    found = answer(verdict)
+    text = text_of(Page(diagnosis_html(found)))
+    places = [text.index(sentence) for sentence in (headline(found), *what_to_do(found))]
+    assert places == sorted(places)
+    assert places[0] < text.index("Contents" if "Contents" in text else "Findings")
+
+
+def test_the_page_holds_where_what_how_much_why_and_what_is_missed():
+    page = Page(diagnosis_html(answer(), provenance=PROVENANCE))
+    text = text_of(page)
+    for heading in ("Where", "What was left out", "How much better it gets", "Why: the evidence", "would have missed"):
+        assert heading in text
+    for cell in ("2460 s (2100 to 2900)", "30 min", "91 % (80 to 97)", "1 % (−2 to 3)", "0.800 µm"):
+        assert cell in page.cells
+    assert "not testable here: no velocity is recorded" in page.cells
+    figures = [one for tag, name, one in page.attributes if tag == "div" and name == "id" and one.startswith("figure-")]
+    assert len(figures) == 6  # map, two responses, evidence, next run, detectability
+
+
+def test_a_set_is_shown_with_the_run_that_tells():
+    found = answer()
+    effect = memory_effect(found.effects[0].courses["Z"], cannot_be_told_from=("thermal.ambient",))
+    text = text_of(Page(diagnosis_html(replace(found, effects=(effect,)))))
+    assert "This record cannot tell it from the hall temperature." in text
+    assert "What would tell: Heat for 4 h, then let it cool for 6 h." in text
+
+
+def test_nothing_runs_that_was_not_written_here_and_nothing_is_loaded():
+    page = Page(diagnosis_html(answer(names=HOSTILE), title=HOSTILE[0], provenance=PROVENANCE))
+    assert "default-src 'none'" in page.policy
+    assert not [tag for tag in page.tags if tag in ("link", "iframe", "img", "object")]
+    assert not [one for one in page.attributes if one[1] in ("src", "href") and not one[2].startswith("#")]
+    assert not [text for kind, text in page.scripts if kind is None and "alert(1)" in text]
+    assert HOSTILE[0] in text_of(page)
+
+
+def test_equal_answers_give_equal_bytes_and_the_page_is_light(tmp_path):
+    first = write_diagnosis_report(answer(), tmp_path / "one.html").read_bytes()
+    second = write_diagnosis_report(answer(), tmp_path / "two.html").read_bytes()
+    assert hashlib.sha256(first).digest() == hashlib.sha256(second).digest()
+    assert len(first) < 7 * MEGABYTE  # the drawing program alone is 4.7
+
+
+def test_a_folder_that_is_not_there_is_told(tmp_path):
+    with pytest.raises(OptionError):
+        write_diagnosis_report(answer(), tmp_path / "no" / "page.html")
