@@ -25,6 +25,8 @@ LIKE_COSINE = 0.9
 """An effect is confounded if its cosine with a known course is at least this."""
 RULED_OUT_SHARE = 0.2
 """An effect is ruled out by the loop in a response if that has at most this share of its d′²."""
+RIVAL_COSINE = 0.85
+"""Two effects are not told apart if their cosine is at least this, whitened and without what recalibration absorbs."""
 FAITHFUL_D_PRIME = 2.0
 """A simulation is faithful if what it lacks besides the effect could be detected at most this well."""
 
@@ -106,7 +108,7 @@ def ruled_out(strength: Mapping[str, float], response: str) -> Concealment:
 
 def like_rival(cosine: float) -> Concealment:
     """Cosine of the effect with another effect of the same strength, whitened, without what recalibration absorbs."""
-    return Concealment("like another effect: cosine", cosine, LIKE_COSINE, cosine >= LIKE_COSINE)
+    return Concealment("like another effect: cosine", cosine, RIVAL_COSINE, cosine >= RIVAL_COSINE)
 
 
 def faithful(d_prime: float) -> Concealment:

@@ -25,6 +25,9 @@ HIDDEN_FACTOR = 4.0
 """What no catalogue knows is made stronger than what it knows, since nothing can be matched to it."""
 
 
+_DRAWS = 4
+
+
 @dataclass(frozen=True, eq=False)
 class World:
     """A machine with an effect of any size, what is recorded of it, and what a simulation says of it.
@@ -91,20 +94,31 @@ class Plan:
 
 
 def scenario(plan: Plan, world: Callable[[np.random.Generator], World], *, has_strength: bool = True) -> Scenario:
-    """A scenario of worlds that are made from a seed; every name draws other worlds from the same seed."""
+    """A scenario of worlds that are made from a seed; every name draws other worlds from the same seed.
+
+    A world in which the effect is not hidden as the plan says is drawn anew, a few times.
+    """
 
     def build(seed: int, wanted: float | None) -> Case:
-        generator = np.random.default_rng([seed, *plan.name.encode()])
-        return case_of(world(generator), plan, generator, wanted)
+        for draw in range(_DRAWS):
+            generator = _generator(plan, seed, draw)
+            case = case_of(world(generator), plan, generator, wanted)
+            if all(hidden.holds for hidden in case.truth.concealed):
+                break
+        return case
 
     return Scenario(plan.name, plan.family, plan.kind, build, plan.note, has_strength=has_strength)
+
+
+def _generator(plan: Plan, seed: int, draw: int) -> np.random.Generator:
+    return np.random.default_rng([seed, draw, *plan.name.encode()])
 
 
 def twin(plan: Plan, world: Callable[[np.random.Generator], World]) -> Scenario:
     """The clean twin of a scenario: the same machines, programmes and noise, the effect off."""
 
     def build(seed: int, wanted: float | None) -> Case:
-        generator = np.random.default_rng([seed, *plan.name.encode()])
+        generator = _generator(plan, seed, 0)
         case = case_of(world(generator), plan, generator, 0.0)
         return replace(case, name=name, kind="clean")
 
@@ -201,7 +215,7 @@ def case_of(world: World, plan: Plan, generator: np.random.Generator, wanted: fl
             np.concatenate(readings[name]),
             now.simulated[name],
             courses[name],
-            noise[name],
+            np.concatenate(readings[name]) - now.recorded[name],
             world.noise[name],
             strength.time_s,
             starts,

@@ -1,0 +1,1 @@
+"""The proving ground of flow: two stores in a row, in fine steps."""

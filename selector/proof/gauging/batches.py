@@ -1,0 +1,296 @@
+"""Batches of ground parts whose simulation lacks the gauge's lag, wear, or what a groove does to the reading."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.proof.case import TrueEffect
+from selector.proof.gauging.ground_parts import ground_sizes, read_course
+from selector.proof.noise import Noise
+from selector.proof.world import HIDDEN_FACTOR, Plan, World, scenario, twin
+from selector.recording import Channel
+
+Vector = NDArray[np.float64]
+Runs = Mapping[str, Sequence[Vector]]
+Change = Callable[["Batches", float], list[Vector]]
+"""(batches, size of the effect) → sizes of the parts of every run [µm]."""
+
+RUNS = ("r1", "r2", "r3")
+PARTS = 800
+CYCLE_S = 40.0
+CHANNELS = (
+    Channel("feed", "feed_rate", "mm/min", place="wheel head, at the stop"),
+    Channel("T", "temperature", "degC", place="coolant"),
+    Channel("dressed", "state", "1", place="wheel, 1 = dressed before this part"),
+    Channel("grooved", "state", "1", place="part with keyways, 1 = yes"),
+    Channel("d", "size", "um", place="finished diameter over target"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Batches:
+    """What is ground: per run the fine feed [µm/s], allowance [µm], coolant [°C], dressings, grooved parts."""
+
+    feeds: tuple[Vector, ...]
+    allowances: tuple[Vector, ...]
+    temperatures: tuple[Vector, ...]
+    dressed: tuple[Vector, ...]
+    grooved: tuple[Vector, ...]
+    growth_um_per_k: float
+
+    def sizes(self, lag_s: float = 0.0, groove_um: float = 0.0, groove_share: float = 0.12) -> list[Vector]:
+        """Sizes of the parts of every run [µm]: what the gauge lets through, and growth with the coolant."""
+        return [
+            ground_sizes(
+                self.allowances[run],
+                self.feeds[run],
+                lag_s,
+                groove_um * self.grooved[run],
+                np.full(PARTS, groove_share),
+            )
+            + self.growth(run)
+            for run in range(len(RUNS))
+        ]
+
+    def growth(self, run: int) -> Vector:
+        """Growth of the parts with the coolant [µm]."""
+        return np.asarray(self.growth_um_per_k * (self.temperatures[run] - 20.0))
+
+
+def batches(
+    generator: np.random.Generator, *, feeds: str = "varied", grooves: float = 0.4, dressing: int = 60
+) -> Batches:
+    """Three runs of parts; `feeds` varied or even (in the runs that are fitted); every so many parts a dressing."""
+    fine = generator.uniform(4.0, 9.0)
+    per_run: dict[str, list[Vector]] = {name: [] for name in ("feed", "allowance", "T", "dressed", "grooved")}
+    for run in range(len(RUNS)):
+        spread = 0.02 if feeds == "even" and run < 2 else 0.3
+        levels = fine * (1.0 + spread * generator.uniform(-1.0, 1.0, PARTS // 20))
+        per_run["feed"].append(np.round(np.repeat(levels, 20) * 0.06, 4) / 0.06)
+        per_run["allowance"].append(generator.uniform(60.0, 110.0, PARTS))
+        part = np.arange(PARTS)
+        wave = np.sin(2 * np.pi * (part / generator.uniform(300.0, 700.0) + generator.random()))
+        per_run["T"].append(np.round(21.5 + generator.uniform(0.5, 1.2) * wave + 0.4 * part / PARTS, 3))
+        gaps = generator.integers(dressing // 2, dressing + dressing // 2, 60)
+        dressed = np.zeros(PARTS)
+        dressed[[k for k in np.r_[0, np.cumsum(gaps)] if k < PARTS]] = 1.0
+        per_run["dressed"].append(dressed)
+        kinds = (generator.random(PARTS // 16) < grooves).astype(float)
+        if grooves > 0.0 and not kinds.any():
+            kinds[len(kinds) // 2] = 1.0
+        per_run["grooved"].append(np.repeat(kinds, 16))
+    return Batches(
+        tuple(per_run["feed"]),
+        tuple(per_run["allowance"]),
+        tuple(per_run["T"]),
+        tuple(per_run["dressed"]),
+        tuple(per_run["grooved"]),
+        float(generator.uniform(0.6, 1.5)),
+    )
+
+
+def lagging(made: Batches, size: float) -> list[Vector]:
+    """The filter of the gauge delays the stop by size × 10 ms."""
+    return made.sizes(lag_s=0.01 * size)
+
+
+def worn(made: Batches, size: float) -> list[Vector]:
+    """The wheel wears after every dressing: fast at first, then evenly."""
+    sizes = made.sizes()
+    for run in range(len(RUNS)):
+        since = np.zeros(PARTS)
+        for k in range(1, PARTS):
+            since[k] = 0.0 if made.dressed[run][k] else since[k - 1] + made.allowances[run][k] / 85.0
+        sizes[run] = sizes[run] + size * (0.4 * (1.0 - np.exp(-since / 8.0)) + 0.6 * since / 60.0)
+    return sizes
+
+
+def worn_probe(made: Batches, size: float) -> list[Vector]:
+    """The probe wears from the first part to the last of all runs, the less the more it has."""
+    sizes = made.sizes()
+    for run in range(len(RUNS)):
+        count = (run * PARTS + np.arange(PARTS)) / (len(RUNS) * PARTS)
+        sizes[run] = sizes[run] + size * (1.0 - (1.0 - count) ** 1.4)
+    return sizes
+
+
+def falling_in(made: Batches, size: float) -> list[Vector]:
+    """Keyways let the finger fall in, so that the gauge stops early."""
+    return made.sizes(groove_um=0.5 * size)
+
+
+def lagging_and_worn(made: Batches, size: float) -> list[Vector]:
+    """Both, the wear as strong as the lag."""
+    base, late, less = made.sizes(), lagging(made, 10.0), worn(made, 1.0)
+    spreads = [float(np.std(np.concatenate(one[:2]) - np.concatenate(base[:2]))) for one in (late, less)]
+    share = 0.1 * size * spreads[0] / spreads[1]
+    now = lagging(made, size)
+    return [part + share * (two - one) for part, one, two in zip(now, base, less, strict=True)]
+
+
+def _touched(generator: np.random.Generator) -> Change:
+    """Somebody turns the zero of the gauge at random and back again; nobody wrote it down."""
+    changes = []
+    for _ in RUNS:
+        moments = np.sort(generator.uniform(20.0, PARTS - 20.0, int(generator.integers(12, 20))))
+        changes.append(np.r_[0.0, generator.standard_normal(len(moments))][np.searchsorted(moments, np.arange(PARTS))])
+    return lambda made, size: [part + size * change for part, change in zip(made.sizes(), changes, strict=True)]
+
+
+def _cycling(generator: np.random.Generator) -> Change:
+    """The cooler of the gauge's amplifier switches with a period that wanders."""
+    changes = []
+    for _ in RUNS:
+        turns = np.cumsum(generator.uniform(12.0, 40.0, 60)) - 20.0
+        heights = np.where(np.arange(60) % 2 == 0, -1.0, 1.0) * generator.uniform(0.7, 1.3, 60)
+        changes.append(np.interp(np.arange(PARTS), turns, heights))
+    return lambda made, size: [part + size * change for part, change in zip(made.sizes(), changes, strict=True)]
+
+
+def plan(name: str, hidden: tuple[str, ...] = ("absorbed",), **rest: Any) -> Plan:
+    """A plan of the gauging family."""
+    settings: dict[str, Any] = {"family": "gauging", "kind": "single", "hidden": hidden}
+    return Plan(name, **(settings | rest))
+
+
+def _noise(colour: str, sd: float) -> Noise:
+    if colour == "ar":
+        return Noise(sd, phi=0.4, step=0.02)
+    if colour == "heavy-tailed":
+        return Noise(sd, tails=3.0, step=0.02)
+    return Noise(sd, step=0.02) if colour == "white" else Noise(0.3 * sd, step=2.0 * sd)
+
+
+def _case(
+    id: str,  # noqa: A002 - the word of the contract
+    change: Change | None = None,
+    *,
+    accept: tuple[str, ...] = (),
+    colour: str = "white",
+    place: str | None = "gauge",
+    first: float = 1.0,
+    drawing: Callable[[np.random.Generator], Change] | None = None,
+    beside: tuple[str, str] | None = None,
+    **settings: Any,
+) -> Callable[[np.random.Generator], World]:
+    def world(generator: np.random.Generator) -> World:
+        made = batches(generator, **settings)
+        changed = drawing(generator) if drawing is not None else change
+        time = CYCLE_S * np.arange(PARTS, dtype=np.float64)
+
+        def recorded(size: float) -> Runs:
+            return {
+                "feed": [0.06 * part for part in made.feeds],
+                "T": made.temperatures,
+                "dressed": made.dressed,
+                "grooved": made.grooved,
+                "d": changed(made, size) if changed is not None and size else made.sizes(),
+            }
+
+        effects: tuple[TrueEffect, ...] = (TrueEffect(id, accept or (id,), ("d",), place),) if id else ()
+        if beside is not None:
+            effects += (TrueEffect(beside[0], (beside[0],), ("d",), beside[1]),)
+        return World(
+            CHANNELS,
+            ("d",),
+            dict.fromkeys(RUNS, time),
+            dict.fromkeys(RUNS, time),
+            recorded,
+            lambda size: {"d": [made.growth(run) for run in range(len(RUNS))]},
+            {"d": _noise(colour, float(generator.uniform(0.25, 0.5)))},
+            lambda size: effects,
+            first,
+        )
+
+    return world
+
+
+def _reading(generator: np.random.Generator) -> World:
+    """The gauge's reading in time, part after part; the simulation reads without the filter."""
+    period, rows, parts = 0.02, 500, 5
+    fine = generator.uniform(4.0, 9.0)
+    feeds = [fine * generator.uniform(0.6, 1.4, parts) for _ in RUNS]
+    allowances = [generator.uniform(60.0, 110.0, parts) for _ in RUNS]
+    time = period * np.arange(rows * parts, dtype=np.float64)
+
+    def read(lag_s: float) -> list[Vector]:
+        return [
+            np.concatenate(
+                [read_course(a, f, lag_s, rows, period) for a, f in zip(allowances[k], feeds[k], strict=True)]
+            )
+            for k in range(len(RUNS))
+        ]
+
+    channels = (
+        Channel("feed", "feed_rate", "mm/min", place="wheel head"),
+        Channel("d", "size", "um", place="reading of the gauge over target"),
+    )
+    effect = TrueEffect("gauging.lag", ("gauging.lag", "data.clock"), ("d",), "gauge")
+    return World(
+        channels,
+        ("d",),
+        dict.fromkeys(RUNS, time),
+        dict.fromkeys(RUNS, time),
+        lambda size: {"feed": [np.repeat(0.06 * part, rows) for part in feeds], "d": read(0.01 * size)},
+        lambda size: {"d": read(0.0)},
+        {"d": Noise(0.15, step=0.01)},
+        lambda size: (effect,),
+        5.0,
+    )
+
+
+_OUTSIDE: Mapping[str, Any] = {"kind": "out-of-catalogue", "verdicts": ("unexplained",), "factor": HIDDEN_FACTOR}
+_CLEAN: Mapping[str, Any] = {"kind": "clean", "verdicts": ("nothing-missing",)}
+_PLANS: tuple[tuple[Plan, Callable[[np.random.Generator], World]], ...] = (
+    (plan("gauging.lag/parts"), _case("gauging.lag", lagging)),
+    (
+        plan("gauging.lag/even-feed", note="Feeds are nearly even in the fitted runs: the offset takes most of it."),
+        _case("gauging.lag", lagging, feeds="even", colour="heavy-tailed", first=3.0),
+    ),
+    (
+        plan(
+            "gauging.lag/reading",
+            verdicts=("missing-physics", "miscalibrated", "data-fault"),
+            tolerated=("data.clock",),
+            note="Most of a lag is a delay, which recalibration takes in; the knees of the feed tell the rest.",
+        ),
+        _reading,
+    ),
+    (plan("gauging.wear/wheel"), _case("gauging.wear", worn, place="wheel", dressing=60)),
+    (plan("gauging.wear/seldom-dressed", ()), _case("gauging.wear", worn, place="wheel", dressing=160, colour="ar")),
+    (
+        plan(
+            "gauging.wear/probe",
+            kind="undecidable",
+            verdicts=("missing-physics", "data-fault"),
+            note="From the first part to the last: a probe that wears, or an amplifier that runs away.",
+        ),
+        _case("gauging.wear", worn_probe, accept=("gauging.wear", "data.drift", "data.zero"), place="probe"),
+    ),
+    (plan("gauging.interrupted/keyways"), _case("gauging.interrupted", falling_in, first=0.5)),
+    (
+        plan("gauging.interrupted/rare", ("rare",), note="One lot in thirty has keyways."),
+        _case("gauging.interrupted", falling_in, first=0.5, grooves=0.03, colour="quantised"),
+    ),
+    (
+        plan("gauging.several/lag+wear", (), kind="several", factor=float(np.sqrt(2))),
+        _case("gauging.lag", lagging_and_worn, beside=("gauging.wear", "wheel")),
+    ),
+    (
+        plan("hidden.gauging/zero-touched", (), tolerated=("data.step",), **_OUTSIDE),
+        _case("hidden.zero-touched", drawing=_touched, place=None),
+    ),
+    (plan("hidden.gauging/cooler", (), **_OUTSIDE), _case("hidden.cooler", drawing=_cycling, place=None)),
+    (plan("clean.gauging/white", (), **_CLEAN), _case("")),
+    (plan("clean.gauging/ar", (), **_CLEAN), _case("", colour="ar")),
+    (plan("clean.gauging/quantised", (), **_CLEAN), _case("", colour="quantised")),
+)
+SCENARIOS = (
+    *(scenario(plan, made, has_strength=plan.kind != "clean") for plan, made in _PLANS),
+    *(twin(*entry) for entry in _PLANS if entry[0].name == "gauging.wear/seldom-dressed"),
+)

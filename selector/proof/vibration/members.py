@@ -1,0 +1,320 @@
+"""Structures whose simulation lacks a source, a resonance, a member's answer, or a spring that is not linear."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.proof.case import TrueEffect, Window
+from selector.proof.vibration.bench import LENGTH_S, RUNS, Bench, bench, swinging
+from selector.proof.vibration.structure import Structure
+from selector.proof.world import HIDDEN_FACTOR, Plan, World, scenario, twin
+
+Vector = NDArray[np.float64]
+Change = Callable[[Structure, float], Structure]
+Force = Callable[[int, Vector, float], Vector]
+Drawing = Callable[[Bench, np.random.Generator], tuple[Force, tuple[Window, ...]]]
+
+
+@dataclass(frozen=True)
+class Swing:
+    """A scenario of vibration: what is right, and either a change of the structure by size or a force unknown to all.
+
+    Attributes
+    ----------
+    plan : Plan
+    id : str
+    change : callable (structure, size) -> structure, or None
+    drawing : callable (bench, generator) -> (force, windows), or None
+    bench, world : mapping
+        Arguments of `selector.proof.vibration.bench.bench` and of `swinging`.
+    accept, channels, place
+        Of the true effect.
+    start : mapping
+        Parameters of the structure that are set whatever was drawn.
+    rival : drawing of another force, with a first size, or None
+        Which this record does not tell from the true one.
+    """
+
+    plan: Plan
+    id: str
+    change: Change | None = None
+    drawing: Drawing | None = None
+    bench: Mapping[str, Any] = field(default_factory=dict)
+    world: Mapping[str, Any] = field(default_factory=dict)
+    accept: tuple[str, ...] = ()
+    channels: tuple[str, ...] = ("y",)
+    place: str | None = "spindle nose"
+    start: Mapping[str, float] = field(default_factory=dict)
+    rival: tuple[Drawing, float] | None = None
+
+    def made(self, generator: np.random.Generator) -> World:
+        """The world of this scenario with what the generator draws."""
+        drawn = bench(generator, **self.bench)
+        plain = drawn.structure._replace(**self.start)
+        change = self.change
+        windows: tuple[Window, ...] = ()
+        arguments: dict[str, Any] = {
+            "true": lambda size: change(plain, size) if change is not None and size else plain,
+        }
+        if self.drawing is not None:
+            arguments["force"], windows = self.drawing(drawn, generator)
+        effect = TrueEffect(self.id, self.accept or (self.id,), self.channels, self.place, windows)
+        effects = (effect,) if self.id else ()
+        arguments |= self.world
+        if self.rival is not None:
+            other = arguments | {"force": self.rival[0](drawn, generator)[0], "first": self.rival[1]}
+            arguments["rival"] = swinging(drawn, lambda size: (), **other)
+        return swinging(drawn, lambda size: effects, **arguments)
+
+    @property
+    def scenario(self) -> Any:
+        """Cases of any strength."""
+        return scenario(self.plan, self.made, has_strength=bool(self.id) and not self.plan.size)
+
+
+def plan(name: str, hidden: tuple[str, ...] = ("small",), **rest: Any) -> Plan:
+    """A plan of the vibration family."""
+    settings: dict[str, Any] = {"family": "vibration", "kind": "single", "hidden": hidden}
+    return Plan(name, **(settings | rest))
+
+
+def line(low_hz: float, high_hz: float) -> Drawing:
+    """A pump or a fan at a fixed frequency, in every run from another phase on."""
+
+    def drawing(bench: Bench, generator: np.random.Generator) -> tuple[Force, tuple[Window, ...]]:
+        tone, phases = generator.uniform(low_hz, high_hz), generator.uniform(0.0, 2 * np.pi, len(RUNS))
+        return lambda run, time_s, size: size * np.sin(2 * np.pi * tone * time_s + phases[run]), ()
+
+    return drawing
+
+
+def imbalance(bench: Bench, generator: np.random.Generator) -> tuple[Force, tuple[Window, ...]]:
+    """A mass on the spindle that nobody balanced."""
+
+    def force(run: int, time_s: Vector, size: float) -> Vector:
+        turning = bench.speeds[run] * 2 * np.pi / 60.0
+        return np.asarray(size * 1e-5 * turning**2 * np.cos(bench.angles[run] + bench.angle))
+
+    return force, ()
+
+
+def at_the_speed(bench: Bench, generator: np.random.Generator) -> tuple[Force, tuple[Window, ...]]:
+    """A line that happens to lie at the one speed of all runs."""
+    tone = bench.speeds[0][0] / 60.0
+    return lambda run, time_s, size: size * np.cos(2 * np.pi * tone * time_s + bench.angle), ()
+
+
+def tuned(key: str, unit: float) -> Change:
+    """The change that adds size × `unit` to a parameter."""
+    return lambda structure, size: structure._replace(**{key: getattr(structure, key) + size * unit})
+
+
+def with_mode(structure: Structure, size: float) -> Structure:
+    """A mode that the force excites too; its share grows with size."""
+    return structure._replace(mode_kg=structure.mass_kg * 100.0 / size)
+
+
+def rubbing(structure: Structure, size: float) -> Structure:
+    """Joints that slip: springs in parallel with the first, size per cent of its stiffness."""
+    return structure._replace(sliders_n_per_m=0.01 * size * structure.stiffness_n_per_m)
+
+
+def _impacts(bench: Bench, generator: np.random.Generator) -> tuple[Force, tuple[Window, ...]]:
+    """A loose part knocks at random."""
+    moments = [np.sort(generator.uniform(0.1, LENGTH_S - 0.15, int(generator.integers(5, 10)))) for _ in RUNS]
+    sizes = [generator.uniform(0.4, 1.6, len(part)) * generator.choice([-1.0, 1.0], len(part)) for part in moments]
+
+    def force(run: int, time_s: Vector, size: float) -> Vector:
+        total = np.zeros_like(time_s)
+        for moment, height in zip(moments[run], sizes[run], strict=True):
+            total += height * np.exp(-0.5 * ((time_s - moment) / 8e-4) ** 2)
+        return size * total
+
+    return force, tuple(
+        Window(run, float(m), float(m) + 0.12) for run, part in zip(RUNS, moments, strict=True) for m in part
+    )
+
+
+def _whine(bench: Bench, generator: np.random.Generator) -> tuple[Force, tuple[Window, ...]]:
+    """A source whose pitch wanders by itself over a third of an octave and more."""
+    pitches = [generator.uniform(60.0, 130.0, 8) for _ in RUNS]
+
+    def force(run: int, time_s: Vector, size: float) -> Vector:
+        pitch = np.interp(time_s, np.linspace(0.0, LENGTH_S, 8), pitches[run])
+        return np.asarray(size * np.sin(2 * np.pi * np.cumsum(pitch) * (time_s[1] - time_s[0])))
+
+    return force, ()
+
+
+def _chatter(bench: Bench, generator: np.random.Generator) -> tuple[Force, tuple[Window, ...]]:
+    """A cut that begins to sing for a while, each time at another pitch."""
+    starts = [np.sort(generator.uniform(0.1, LENGTH_S - 0.3, 4)) for _ in RUNS]
+    lengths = [generator.uniform(0.06, 0.16, 4) for _ in RUNS]
+    tones = [generator.uniform(55.0, 140.0, 4) for _ in RUNS]
+
+    def force(run: int, time_s: Vector, size: float) -> Vector:
+        total = np.zeros_like(time_s)
+        for start, length, tone in zip(starts[run], lengths[run], tones[run], strict=True):
+            inside = np.clip((time_s - start) / length, 0.0, 1.0)
+            total += inside * np.sin(np.pi * inside) * np.sin(2 * np.pi * tone * time_s)
+        return size * total
+
+    return force, tuple(
+        Window(RUNS[run], float(a), float(a + b) + 0.05)
+        for run in range(len(RUNS))
+        for a, b in zip(starts[run], lengths[run], strict=True)
+    )
+
+
+def _outside(name: str, drawing: Drawing, first: float, note: str) -> Swing:
+    made = plan(
+        f"hidden.vibration/{name}",
+        (),
+        kind="out-of-catalogue",
+        verdicts=("unexplained",),
+        factor=HIDDEN_FACTOR,
+        note=note,
+    )
+    return Swing(made, f"hidden.{name}", None, drawing, world={"first": first})
+
+
+def _clean(name: str, note: str = "", world: Mapping[str, Any] | None = None, **bench: Any) -> Swing:
+    made = plan(f"clean.vibration/{name}", (), kind="clean", verdicts=("nothing-missing",), note=note)
+    return Swing(made, "", bench=bench, world=world or {})
+
+
+_TWO: Mapping[str, Any] = {"names": ("F", "n", "y", "z"), "responses": ("y", "z")}
+SWINGS: Sequence[Swing] = (
+    Swing(plan("vibration.line/pump"), "vibration.line", None, line(85.0, 110.0), world={"first": 1.0}),
+    Swing(
+        plan("vibration.line/off-resonance"),
+        "vibration.line",
+        None,
+        line(20.0, 40.0),
+        {"colour": "ar", "speeds": ("run-up", "steps", "run-up")},
+        {"first": 2.0},
+    ),
+    Swing(
+        plan("vibration.line/acceleration"),
+        "vibration.line",
+        None,
+        line(120.0, 190.0),
+        {"colour": "heavy-tailed"},
+        {"first": 1.0, "names": ("F", "n", "a"), "responses": ("a",)},
+        channels=("a",),
+    ),
+    Swing(plan("vibration.imbalance/steps"), "vibration.imbalance", None, imbalance, {"imbalance": False}),
+    Swing(
+        plan("vibration.imbalance/run-up", ("absorbed",), note="Only while the speed passes the resonance it is seen."),
+        "vibration.imbalance",
+        None,
+        imbalance,
+        {"imbalance": False, "speeds": ("run-up", "run-up", "steps")},
+    ),
+    Swing(
+        plan("vibration.imbalance/quiet", note="The shaker hardly shakes."),
+        "vibration.imbalance",
+        None,
+        imbalance,
+        {"imbalance": False, "level": 0.2, "colour": "ar"},
+    ),
+    Swing(plan("vibration.mode/above"), "vibration.mode", with_mode, start={"mode_hz": 142.0}),
+    Swing(
+        plan("vibration.mode/between"),
+        "vibration.mode",
+        with_mode,
+        None,
+        {"colour": "ar"},
+        start={"mode_hz": 100.0},
+    ),
+    Swing(
+        plan("vibration.mode/acceleration"),
+        "vibration.mode",
+        with_mode,
+        None,
+        {"colour": "quantised"},
+        {"names": ("F", "n", "a"), "responses": ("a",)},
+        channels=("a",),
+        start={"mode_hz": 130.0},
+    ),
+    Swing(
+        plan("vibration.back_reaction/two", ("absorbed",), tolerated=("vibration.mode",)),
+        "vibration.back_reaction",
+        tuned("back", 0.01),
+        world=_TWO,
+        channels=("y", "z"),
+        place="between spindle nose and workpiece",
+    ),
+    Swing(
+        plan("vibration.back_reaction/refitted", ("absorbed",), tolerated=("vibration.mode",)),
+        "vibration.back_reaction",
+        tuned("back", 0.01),
+        None,
+        {"colour": "heavy-tailed"},
+        {**_TWO, "refitted": True},
+        channels=("y", "z"),
+        place="between spindle nose and workpiece",
+    ),
+    Swing(
+        plan("vibration.hardening/small"),
+        "vibration.hardening",
+        tuned("hardening_per_m2", 1e8),
+        world={"first": 3.0},
+    ),
+    Swing(
+        plan("vibration.hardening/absorbed", ("small", "absorbed"), note="Stiffness and damping were fitted to it."),
+        "vibration.hardening",
+        tuned("hardening_per_m2", 1e8),
+        None,
+        {"level": 1.5, "colour": "ar"},
+        {"first": 3.0, "refitted": True},
+    ),
+    Swing(
+        plan("vibration.hysteresis/absorbed", ("small", "absorbed"), note="Stiffness and damping were fitted to it."),
+        "vibration.hysteresis",
+        rubbing,
+        None,
+        {"level": 1.5},
+        {"refitted": True},
+        start={"slip_m": 2e-6},
+    ),
+    Swing(
+        plan("vibration.hysteresis/refitted", ("small",)),
+        "vibration.hysteresis",
+        rubbing,
+        None,
+        {"colour": "heavy-tailed", "shaken": True, "imbalance": False},
+        {"refitted": True},
+        start={"slip_m": 1e-6},
+    ),
+    Swing(
+        plan(
+            "undecidable.vibration/one-speed", (), kind="undecidable", note="All runs at one speed: line or imbalance."
+        ),
+        "vibration.imbalance",
+        None,
+        imbalance,
+        {"speeds": ("one", "one", "one"), "imbalance": False},
+        accept=("vibration.imbalance", "vibration.line"),
+        rival=(at_the_speed, 1.0),
+    ),
+    _outside("impacts", _impacts, 20.0, "A loose part knocks at random."),
+    _outside("whine", _whine, 3.0, "A source whose pitch wanders; no speed is recorded that it follows."),
+    _outside("singing", _chatter, 4.0, "A cut begins to sing for a while, each time at another pitch."),
+    _clean("white"),
+    _clean("ar", colour="ar"),
+    _clean("heavy-tailed", colour="heavy-tailed"),
+    _clean("quantised", colour="quantised"),
+    _clean("two-members", world=_TWO),
+    _clean("unshaken", shaken=False),
+)
+_TWINS = ("vibration.hardening/small", "vibration.imbalance/run-up")
+SCENARIOS = (
+    *(swing.scenario for swing in SWINGS),
+    *(twin(swing.plan, swing.made) for swing in SWINGS if swing.plan.name in _TWINS),
+)
