@@ -11,12 +11,15 @@ from selector.diagnosis.answer import NamedEffect
 from selector.diagnosis.bench import Bench
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import effect_of
-from selector.diagnosis.effects.effect import Fitted
+from selector.diagnosis.effects.effect import Fitted, Quantity
+from selector.diagnosis.input_faults import InputFault
 from selector.diagnosis.moments import solved
 from selector.diagnosis.recalibration import Recalibrated
 from selector.diagnosis.search import Search, numbers
 
 Vector = NDArray[np.float64]
+_INPUT_FAULT = 0.9
+"""Confidence of a fault that a channel's own course shows and nothing else explains."""
 
 
 def unit_of(comparison: Comparison, name: str) -> str:
@@ -153,4 +156,24 @@ def whole_record_effect(
         experiment=effect.experiment,
         channels=tuple(sorted(shown, key=lambda name: -again[name].gain)),
         courses=courses,
+    )
+
+
+def input_fault_effect(comparison: Comparison, fault: InputFault) -> NamedEffect:
+    """A fault of a recorded channel that is no response, told by its own course and its siblings."""
+    effect = effect_of(fault.id)
+    channel = fault.channel or comparison.responses[0]
+    return NamedEffect(
+        id=fault.id,
+        channel=channel,
+        place=comparison.channel(channel).place,
+        statement=fault.statement,
+        parameters={"from_s": Quantity(fault.from_s, "s"), "to_s": Quantity(fault.to_s, "s")},
+        confidence=_INPUT_FAULT,
+        p_value=1.0 - _INPUT_FAULT,
+        share=0.0,
+        cannot_be_told_from=(),
+        experiment=effect.experiment,
+        channels=(channel,),
+        courses={channel: fault.course},
     )

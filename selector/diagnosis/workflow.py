@@ -16,9 +16,10 @@ from selector.diagnosis.detectability import detectability
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Effect, Variant
 from selector.diagnosis.held_out_faults import held_out_faults
+from selector.diagnosis.input_faults import input_faults
 from selector.diagnosis.leftover import least_squares
 from selector.diagnosis.location import active_windows
-from selector.diagnosis.naming import named_effect, unit_of, whole_record_effect
+from selector.diagnosis.naming import input_fault_effect, named_effect, unit_of, whole_record_effect
 from selector.diagnosis.omnibus import Structure, unexplained
 from selector.diagnosis.recalibration import recalibrated
 from selector.diagnosis.search import Search, Standing, numbers, search
@@ -92,6 +93,7 @@ def diagnosis(
     if not effects_found and not structures:
         whole = whole_record_names(comparison, again)
         effects_found = [whole_record_effect(comparison, benches, again, id_, shown) for id_, shown in whole.items()]
+        effects_found += [input_fault_effect(comparison, fault) for fault in input_faults(comparison) if fault.sure]
     named = tuple(sorted(effects_found, key=lambda effect: -effect.share))
     verdict = _verdict(named, structures, any(one.matters for one in again.values()))
     fit = {
