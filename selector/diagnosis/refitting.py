@@ -32,7 +32,9 @@ _UNDETERMINED = 0.8
 """A parameter of which the record leaves more than this share of the nameplate's uncertainty is left alone."""
 _PULLED = 0.1
 _PULLED_SD = 3.0
-_ROUNDS = 2
+_ROUNDS = 4
+_SETTLED = 0.02
+"""Change of a parameter in nameplate units that a new estimate of the noise may make without being followed."""
 _STEPS = 6
 _MOST_DIRECTIONS = 8
 
@@ -142,6 +144,7 @@ def refitted(
     *,
     responses: Sequence[str] | None = None,
     holdout: str = "last",
+    added: Mapping[str, float] | None = None,
     start: Mapping[str, float] | None = None,
     progress: Say | None = None,
 ) -> Refitted:
@@ -157,9 +160,11 @@ def refitted(
         What is fitted.
     recording, responses, holdout
         As of `alignment.comparison_of`.
+    added : mapping of str to float, optional
+        Parameters to be fitted beyond those that recalibration changes, of which nothing is known but their bounds,
+        and where to begin.
     start : mapping of str to float, optional
-        Parameters to be fitted beyond those that recalibration changes, nothing known about them but their bounds, and
-        where to begin.
+        Where to begin with the others; default: where they are.
     progress : callable, optional
         Told how often the simulation was run, how often it may have to be, and what is done.
 
@@ -169,9 +174,10 @@ def refitted(
         Recordings and simulation cannot be compared.
     """
     done = 0
-    extra = dict(start or {})
+    extra = dict(added or {})
+    begin = {**(start or {}), **extra}
     names = tuple(dict.fromkeys([*runnable.refitted, *extra]))
-    most = 1 + _ROUNDS * (_STEPS // 2 + 1) * (len(names) + 1)
+    most = 1 + 2 * (_STEPS // 2 + 1) * (len(names) + 1)
 
     def counted() -> None:
         nonlocal done
@@ -182,7 +188,7 @@ def refitted(
     counted()
     nominal = comparison_of(recording, runnable.simulated({}), responses=responses, holdout=holdout)
     fit = _fit(runnable, nominal, names, extra, counted)
-    z = np.array([(extra.get(name, fit.centre[k]) - fit.centre[k]) / fit.spread[k] for k, name in enumerate(names)])
+    z = np.array([(begin.get(name, fit.centre[k]) - fit.centre[k]) / fit.spread[k] for k, name in enumerate(names)])
     z = np.clip(z, *fit.limits)
     left_alone: tuple[str, ...] = ()
     for turn in range(_ROUNDS):
@@ -193,7 +199,9 @@ def refitted(
             kept = np.flatnonzero(lost < _UNDETERMINED)
             left_alone = tuple(name for k, name in enumerate(names) if k not in kept)
             fit, z = _with(fit, kept), z[kept]
-        z = _fitted(fit, z, courses)
+        before, z = z, _fitted(fit, z, courses)
+        if turn > 0 and np.all(np.abs(z - before) < _SETTLED):
+            break
     courses = fit.courses(z)
     fit = replace(fit, noise=_noise(fit, courses))
     tangents = fit.tangents(z, courses)
