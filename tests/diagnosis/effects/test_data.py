@@ -13,6 +13,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import effect_of
 from selector.diagnosis.effects.data.stuck import frozen_stretches
 from selector.diagnosis.effects.effect import Fitted
+from selector.diagnosis.frozen_responses import frozen_responses
 from selector.recording import Channel
 
 IDS = ("data.clock", "data.drift", "data.gain", "data.step", "data.stuck", "data.swapped", "data.zero")
@@ -209,6 +210,10 @@ def test_a_frozen_stretch():
     held[np.isnan(held)] = held[N + 149]
     comparison.recorded["Z"] = held
     assert [(run, first - N, last - N) for run, first, last in frozen_stretches(comparison, "Z")] == [("r2", 149, 219)]
+    sure = frozen_responses(comparison)
+    assert [(one.id, one.channel, one.run, one.from_s, one.to_s) for one in sure] == [
+        ("data.stuck", "Z", "r2", 149 * STEP_S, 219 * STEP_S)
+    ]
     mean_square, variant, reading = best_fit("data.stuck", comparison, "Z")
     assert mean_square < LEFT
     assert variant.run == "r2"
@@ -230,6 +235,7 @@ def test_nothing_is_frozen_in_normal_readings(resolution):
         comparison.recorded["Z"] = resolution * np.round(comparison.recorded["Z"] / resolution)
         comparison = Comparison(**{**vars(comparison), "resolution": {"Z": resolution, "Y": 0.01}})
         assert frozen_stretches(comparison, "Z") == []
+        assert frozen_responses(comparison) == ()
 
 
 def test_channels_that_changed_places():

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import erf
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data.places import window
@@ -13,11 +14,14 @@ from selector.diagnosis.effects.data.words import amount, step_unit
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.input_faults import fault_reading, fault_variants
 from selector.diagnosis.signals import filled
+from selector.quality.survey import block_noise
 
 _LEAST = 6
 """Equal readings below which nothing is a stretch."""
 _SURE = 1e-9
 """Probability, over the whole recording, of so many equal readings in a row below which they are no chance."""
+_ABOVE_ROUNDING = 0.75
+"""Noise over resolution, above which it is noise; a trend that is rounded looks like at most 0.62."""
 _MOST = 12
 _STEPS = 6.0
 """Steps of the resolution that the simulation must move while the reading stands, where noise alone proves nothing."""
@@ -55,8 +59,10 @@ def _level_beside(comparison: Comparison, response: str, first: int, last: int) 
     return float(np.mean(left)) if len(left) else 0.0
 
 
-def frozen_stretches(comparison: Comparison, response: str) -> list[tuple[str, int, int]]:
+def frozen_stretches(comparison: Comparison, response: str, *, surely: bool = False) -> list[tuple[str, int, int]]:
     """(run, first row, last row) of equal readings that are no chance, longest first.
+
+    `surely`: only where noise that is always there is gone, whatever the simulation says.
 
     Either noise that is always there is gone, or the simulation goes on by more than the resolution explains. Readings
     that come back to the same end of the range are a limit, not a frozen sensor.
@@ -66,28 +72,42 @@ def frozen_stretches(comparison: Comparison, response: str) -> list[tuple[str, i
     still = list(_equal(comparison, recorded))
     if not still:
         return []
-    steps = np.diff(recorded)[np.diff(comparison.run_index) == 0]
-    steps = steps[np.isfinite(steps)]
-    long_ones = [(first, last) for _, first, last in still if last - first + 1 >= _LEAST]
-    inside = sum(last - first for first, last in long_ones)
-    equal = float(np.sum(steps == 0.0))
-    # chance of one reading to equal the one before it, where nothing stands
-    chance = max(1.0, equal - inside) / max(len(steps) - inside, 1)
+    chance = _chance_of_equal(comparison, recorded, resolution, max(still, key=lambda one: one[2] - one[1]))
+    long_ones = [(first, last) for _, first, last in still]
     low, high = float(np.nanmin(recorded)), float(np.nanmax(recorded))
     at_ends = [recorded[first] for first, last in long_ones if recorded[first] in (low, high)]
     span = float(np.nanmax(simulated) - np.nanmin(simulated))
     found = []
     for run, first, last in still:
         length = last - first + 1
-        if length < _LEAST or at_ends.count(recorded[first]) > 1:
+        if at_ends.count(recorded[first]) > 1:
             continue
         silent = len(recorded) * chance ** (length - 1) < _SURE
+        if surely and not silent:
+            continue
         part = simulated[first : last + 1]
         moved = float(np.nanmax(part) - np.nanmin(part)) if np.isfinite(part).any() else 0.0
         if silent or moved > max(_STEPS * resolution, _OF_SPAN * span, 1e-12 * max(abs(low), abs(high))):
             found.append((length, run, first, last))
     found.sort(key=lambda stretch: (-stretch[0], stretch[2]))
     return [stretch[1:] for stretch in found[:_MOST]]
+
+
+def _chance_of_equal(
+    comparison: Comparison, recorded: NDArray[np.float64], resolution: float, longest: tuple[str, int, int]
+) -> float:
+    """Largest probability of a reading to equal the one before it; 1 where the channel is quiet now and then.
+
+    From the noise of the quietest fifth of all blocks of samples, the longest stretch aside.
+    """
+    index = np.arange(len(recorded))
+    aside = (index >= longest[1]) & (index <= longest[2])
+    parts = [recorded[rows][np.isfinite(recorded[rows]) & ~aside[rows]] for _, rows in comparison.rows_of_runs()]
+    blocks = np.concatenate([block_noise(part) for part in parts])
+    quiet = float(np.quantile(blocks, 0.2)) if len(blocks) else 0.0
+    if quiet <= max(_ABOVE_ROUNDING * resolution, 1e-9 * float(np.nanmax(np.abs(recorded)))):
+        return 1.0
+    return max(1e-3, float(erf(resolution / (2.0 * np.sqrt(2.0) * quiet))))
 
 
 def _equal(comparison: Comparison, recorded: NDArray[np.float64]) -> Iterator[tuple[str, int, int]]:
