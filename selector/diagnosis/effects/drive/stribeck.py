@@ -22,8 +22,8 @@ from selector.diagnosis.effects.drive._forces import (
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 
 _PRESLIDING_M = 3e-6
-_N_SPEEDS = 7
-_SMALLEST_SHARE, _LARGEST_SHARE = 0.006, 0.35
+_N_SPEEDS = 6
+_SMALLEST_SHARE, _LARGEST_SHARE = 0.006, 0.12
 _EXPONENTS = (1.0, 2.0)
 
 
