@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from selector.diagnosis.answer import Diagnosis, Fit, Place
     from selector.diagnosis.comparison import Comparison
+    from selector.diagnosis.modelled import Improved
 
 _SIMULATION = "What it is compared with"
 
@@ -30,6 +31,15 @@ Simulation = Annotated[
         "--simulation",
         metavar="PATH",
         help="Simulated runs, named as the recorded ones: a folder, or a file; repeat.",
+        rich_help_panel=_SIMULATION,
+    ),
+]
+Model = Annotated[
+    Path | None,
+    typer.Option(
+        "--model",
+        metavar="MODEL.toml|UNIT.fmu",
+        help="Instead: a model file of `selector simulate`, or an FMU; the recordings drive it, and it is refitted.",
         rich_help_panel=_SIMULATION,
     ),
 ]
@@ -59,13 +69,16 @@ FalseAlarm = Annotated[
     float,
     typer.Option("--false-alarm", metavar="P", help="Allowed probability of naming something where nothing is."),
 ]
-Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write diagnosis.json, whole or not at all.")]
+Out = Annotated[
+    Path | None, typer.Option("--out", metavar="DIR", help="Write diagnosis.json, and with --model improved.toml.")
+]
 
 
 @with_source
 def diagnose(
     source: Source,
     simulation: Simulation = None,
+    model: Model = None,
     simulation_time_unit: SimulationTimeUnit = None,
     response: Responses = None,
     holdout: HoldOut = "last",
@@ -80,9 +93,7 @@ def diagnose(
     What is named was tested against noise on rows that it was not fitted to. Where nothing of the catalogue explains
     a difference, that is said, and nothing is named.
     """
-    from selector.diagnosis.copied import diagnosis_of_copy
-    from selector.diagnosis.workflow import diagnosis
-
+    _require(not (simulation and model), "--simulation and --model", "one of them", "command line", "leave one out")
     _require(0 <= seed < 2**53, str(seed), "a whole number from 0", "--seed", "e.g. --seed 0")
     _require(
         0.0 < false_alarm <= 0.2, str(false_alarm), "a probability above 0 and up to 0.2", "--false-alarm", "e.g. 0.01"
@@ -92,20 +103,28 @@ def diagnose(
     console = showing.screen(as_json)
     with progress_bar(as_json) as progress:
         progress("reading", 0.0)
-        comparison = compared(source, simulation, simulation_time_unit, response, holdout)
-        found = diagnosis_of_copy(comparison, seed=seed) or diagnosis(
-            comparison, seed=seed, false_alarm=false_alarm, progress=_in_steps(progress)
-        )
+        say = _in_steps(progress)
+        improved = None
+        if model is not None:
+            found, improved = _of_model(source, model, response, holdout, seed, false_alarm, say)
+        else:
+            from selector.diagnosis.copied import diagnosis_of_copy
+            from selector.diagnosis.workflow import diagnosis
+
+            comparison = compared(source, simulation, simulation_time_unit, response, holdout)
+            found = diagnosis_of_copy(comparison, seed=seed) or diagnosis(
+                comparison, seed=seed, false_alarm=false_alarm, progress=say
+            )
         if out is not None:
             progress("writing", 1.0)
             with folder_written_whole(out) as folder:
-                write_results(found, folder)
+                written = write_results(found, folder, improved)
     if as_json:
         showing.print_json(found.as_dict())
     else:
         show_diagnosis(console, found)
     if out is not None:
-        console.print(f"wrote {out}: diagnosis.json", markup=False)
+        console.print(f"wrote {out}: {', '.join(written)}", markup=False)
 
 
 def compared(
@@ -130,7 +149,7 @@ def compared(
             "nothing to compare the recordings with",
             expected="simulated runs, named as the recorded ones",
             where="--simulation",
-            advice="add --simulation PATH with a folder, or once for each file",
+            advice="add --simulation PATH with a folder, or once for each file; or --model MODEL.toml",
         )
     recorded = source.reading()
     simulated = simulated_reading(simulation, recorded, source.overrides(), time_unit)
@@ -140,10 +159,33 @@ def compared(
     return dataclasses.replace(comparison, findings=(*recorded.findings, *said, *comparison.findings))
 
 
-def write_results(found: Diagnosis, folder: Path) -> None:
-    """diagnosis.json, into a folder that exists."""
+def write_results(found: Diagnosis, folder: Path, improved: Improved | None = None) -> list[str]:
+    """diagnosis.json and the improved model, into a folder that exists; the names of what was written."""
     text = showing.json_text(found.as_dict()) + "\n"
     (folder / "diagnosis.json").write_text(text, encoding="utf-8", newline="\n")
+    if improved is None:
+        return ["diagnosis.json"]
+    from selector.cli.diagnosed_model import write_improved
+
+    return ["diagnosis.json", write_improved(improved, folder).name]
+
+
+def _of_model(
+    source: Source,
+    model: Path,
+    responses: list[str] | None,
+    holdout: str,
+    seed: int,
+    false_alarm: float,
+    say: Callable[[int, int, str], None],
+) -> tuple[Diagnosis, Improved | None]:
+    """The diagnosis of a model that can be run again, and the improved one."""
+    from selector.cli.diagnosed_model import diagnosed_model
+
+    reading = source.reading()
+    done = diagnosed_model(model, reading.recording, responses, holdout, seed, false_alarm, say)
+    answer = dataclasses.replace(done.answer, findings=(*reading.findings, *done.answer.findings))
+    return answer, done.improved
 
 
 def show_diagnosis(console: Console, found: Diagnosis) -> None:

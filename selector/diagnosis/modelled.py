@@ -26,6 +26,8 @@ _FLOOR = 0.02
 """Share of the mean square that something has to take away to be worth a word."""
 _MOST = 4
 _DRAWS = 400
+_SIZES = (1.0, 2.0, 4.0, 8.0)
+"""Where the fit of an effect may begin, in parts of its linear estimate, which what stands in for it makes small."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,13 +120,13 @@ def diagnosis_of_model(
         The recordings cannot drive the model, or nothing can be compared.
     """
     say = progress or (lambda done, total, text: None)
-    model, found, added = runnable, list[_Found](), dict[str, float]()
+    model, found, starts = runnable, list[_Found](), list[dict[str, float]]()
     start: Mapping[str, float] = {}
     turns: list[_Turn] = []
     for number in range(_MOST):
         part = _part(say, number / _MOST, (number + 1) / _MOST)
         again = refitted(
-            model, recording, responses=responses, holdout=holdout, added=added, start=start, progress=part(0.0, 0.5)
+            model, recording, responses=responses, holdout=holdout, added=starts, start=start, progress=part(0.0, 0.5)
         )
         through = through_model(model, again, progress=part(0.5, 0.7)) if isinstance(model, OwnModel) else None
         known = catalogue()
@@ -143,11 +145,11 @@ def diagnosis_of_model(
             break
         effect, switch, amounts = switched
         found.append(_Found(effect, switch, _squares(again.comparison)))
-        model = model.with_changes(switch.changes(amounts))
+        earlier = {name: again.values[name] for name in (starts[0] if starts else {})}
+        made = [model.with_changes(switch.changes([factor * a for a in amounts])) for factor in _SIZES]
+        model = made[0]
         names = [name for name in switch.parameters if name in model.parameters]
-        # the changed model begins with the amounts; its other numbers stay what the file said
-        added = {name: again.values.get(name, model.parameters[name].value) for name in added}
-        added |= {name: model.parameters[name].value for name in names}
+        starts = [earlier | {name: one.parameters[name].value for name in names} for one in made]
         start = again.values
     return _answer(runnable, turns, found, seed)
 

@@ -32,10 +32,10 @@ _UNDETERMINED = 0.8
 """A parameter of which the record leaves more than this share of the nameplate's uncertainty is left alone."""
 _PULLED = 0.1
 _PULLED_SD = 3.0
-_ROUNDS = 4
+_ROUNDS = 10
 _SETTLED = 0.02
 """Change of a parameter in nameplate units that a new estimate of the noise may make without being followed."""
-_STEPS = 6
+_STEPS = 12
 _MOST_DIRECTIONS = 8
 
 
@@ -71,7 +71,7 @@ class Refitted:
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """What a fit works on: whitened residuals of the fitted rows as a function of parameters in nameplate units."""
+    """What a fit works on: weighted residuals of the fitted rows as a function of parameters in nameplate units."""
 
     runnable: Runnable
     comparison: Comparison
@@ -90,7 +90,7 @@ class _Fit:
         return simulated_rows(self.comparison, self.runnable.simulated(values))
 
     def white(self, courses: Mapping[str, Vector]) -> Vector:
-        """Recorded less simulated behind the noise filters, fitted rows, responses behind each other."""
+        """Recorded less simulated in standard deviations, fitted rows, responses behind each other."""
         parts = []
         for name in self.comparison.responses:
             left = self.comparison.recorded[name] - courses[name]
@@ -118,7 +118,7 @@ class _Fit:
         return found
 
     def white_tangents(self, tangents: Mapping[str, Matrix]) -> Matrix:
-        """The same behind the noise filters, fitted rows."""
+        """The same in standard deviations of the responses, fitted rows."""
         kept = ~self.comparison.held_out
         return np.concatenate([
             whitened(self.noise[name], np.column_stack([_filled_rows(c, self.parts[name]) for c in tangents[name].T])
@@ -144,11 +144,11 @@ def refitted(
     *,
     responses: Sequence[str] | None = None,
     holdout: str = "last",
-    added: Mapping[str, float] | None = None,
+    added: Sequence[Mapping[str, float]] = (),
     start: Mapping[str, float] | None = None,
     progress: Say | None = None,
 ) -> Refitted:
-    """The simulation with its own parameters fitted to the recordings, by Levenberg–Marquardt on whitened residuals.
+    """The simulation with its own parameters fitted to the recordings, by Levenberg–Marquardt on weighted residuals.
 
     Every parameter is held by its nameplate: what the file says ± 20 %, or anywhere within the bounds that somebody has
     thought about. Noise is estimated from what is left, and the fit repeated with it. Parameters that the record does
@@ -160,9 +160,9 @@ def refitted(
         What is fitted.
     recording, responses, holdout
         As of `alignment.comparison_of`.
-    added : mapping of str to float, optional
-        Parameters to be fitted beyond those that recalibration changes, of which nothing is known but their bounds,
-        and where to begin.
+    added : sequence of mapping of str to float
+        Parameters to be fitted beyond those that recalibration changes, of which nothing is known but their bounds:
+        where the search may begin. The best one is taken, for the way from one to another may lead uphill.
     start : mapping of str to float, optional
         Where to begin with the others; default: where they are.
     progress : callable, optional
@@ -174,8 +174,8 @@ def refitted(
         Recordings and simulation cannot be compared.
     """
     done = 0
-    extra = dict(added or {})
-    begin = {**(start or {}), **extra}
+    starts = [dict(one) for one in added] or [{}]
+    extra = starts[0]
     names = tuple(dict.fromkeys([*runnable.refitted, *extra]))
     most = 1 + 2 * (_STEPS // 2 + 1) * (len(names) + 1)
 
@@ -188,8 +188,7 @@ def refitted(
     counted()
     nominal = comparison_of(recording, runnable.simulated({}), responses=responses, holdout=holdout)
     fit = _fit(runnable, nominal, names, extra, counted)
-    z = np.array([(begin.get(name, fit.centre[k]) - fit.centre[k]) / fit.spread[k] for k, name in enumerate(names)])
-    z = np.clip(z, *fit.limits)
+    z = _best_start(fit, [{**(start or {}), **one} for one in starts])
     left_alone: tuple[str, ...] = ()
     for turn in range(_ROUNDS):
         courses = fit.courses(z) if names else simulated_rows(nominal, runnable.simulated({}))
@@ -257,7 +256,7 @@ def _fit(
 def _spread(one: Parameter, name: str, runnable: Runnable, extra: Mapping[str, float]) -> float:
     """Standard deviation before anything was recorded [unit of the parameter]."""
     if name in extra:
-        return max(abs(extra[name] - one.value), 1e-3 * (one.high - one.low))
+        return max(abs(extra[name]), 0.1 * (one.high - one.low))
     if name in runnable.bounded:
         return (one.high - one.low) / np.sqrt(12.0)
     return NAMEPLATE * abs(one.value)
@@ -274,37 +273,90 @@ def _with(fit: _Fit, kept: NDArray[np.intp]) -> _Fit:
 
 
 def _noise(fit: _Fit, courses: Mapping[str, Vector]) -> dict[str, NoiseModel]:
-    """Noise of every response as what is left of it."""
+    """What counts as one standard deviation of every response: the size of what is left of it, by how long it lasts.
+
+    What is left holds what the model lacks. A filter that made it white would weigh its fast part most, where the model
+    is wrong most often; an even weight, which counts readings that repeat each other once, finds the parameters that
+    make the error small.
+    """
     found = {}
     for name in fit.comparison.responses:
         left = np.where(fit.comparison.held_out, np.nan, fit.comparison.recorded[name] - courses[name])
-        found[name] = noise_model(left, [part for part in fit.parts[name] if part.stop - part.start > 8])
+        model = noise_model(left, [part for part in fit.parts[name] if part.stop - part.start > 8])
+        size = float(np.sqrt(np.nanmean(left**2)) * np.sqrt(model.correlation_samples))
+        found[name] = NoiseModel(np.zeros(0), max(size, 1e-300))
     return found
 
 
+def _best_start(fit: _Fit, starts: Sequence[Mapping[str, float]]) -> Vector:
+    """The start from which one step of all parameters that are not `free` leads lowest."""
+    found = [
+        np.clip([(one.get(name, c) - c) / s for name, c, s in zip(fit.names, fit.centre, fit.spread, strict=True)],
+                *fit.limits)
+        for one in starts
+    ]  # fmt: skip
+    if len(found) == 1:
+        return np.asarray(found[0])
+    weighed = replace(fit, noise=_noise(fit, fit.courses(found[0])))
+    best, least = found[0], np.inf
+    for z in found:
+        try:
+            courses = weighed.courses(z)
+            columns = weighed.white_tangents(weighed.tangents(z, courses))[:, ~fit.free]
+            held = z[~fit.free]
+            inner = columns.T @ columns + np.eye(len(held))
+            z[~fit.free] += np.linalg.solve(inner, columns.T @ weighed.white(courses) - held)
+            z = np.clip(z, *fit.limits)
+            cost = float((weighed.white(weighed.courses(z)) ** 2).sum() + (z[~fit.free] ** 2).sum())
+        except InputError:
+            continue
+        if cost < least:
+            best, least = z, cost
+    return np.asarray(best)
+
+
 def _fitted(fit: _Fit, z: Vector, courses: Mapping[str, Vector]) -> Vector:
-    """Parameters with the smallest whitened residual, in standard deviations of the nameplate."""
+    """Parameters with the smallest weighted residual, in standard deviations of the nameplate."""
     if not fit.names:
         return z
     held = np.where(fit.free, 0.0, 1.0)
     large = 1e3 * float(np.sqrt(np.mean(fit.white(courses) ** 2)) + 1.0)
     n = len(fit.white(courses))
 
+    latest: dict[bytes, dict[str, Vector]] = {}
+
+    def at(x: Vector) -> dict[str, Vector]:
+        if x.tobytes() not in latest:
+            courses = fit.courses(x)
+            latest.clear()
+            latest[x.tobytes()] = courses
+        return latest[x.tobytes()]
+
     def left(x: Vector) -> Vector:
         try:
-            return np.r_[fit.white(fit.courses(x)), held * x]
+            return np.r_[fit.white(at(x)), held * x]
         except InputError:
             # it runs away there
             return np.full(n + len(x), large)
 
     def slopes(x: Vector) -> Matrix:
-        white = fit.white_tangents(fit.tangents(x, fit.courses(x)))
+        white = fit.white_tangents(fit.tangents(x, at(x)))
         return np.vstack([-white, np.diag(held)])
 
     low, high = fit.limits
     inside = np.clip(z, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
     return np.asarray(
-        least_squares(left, inside, slopes, bounds=(low, high), max_nfev=_STEPS, xtol=1e-4, ftol=1e-6, gtol=1e-9).x
+        least_squares(
+            left,
+            inside,
+            slopes,
+            bounds=(low, high),
+            x_scale="jac",
+            max_nfev=_STEPS,
+            xtol=1e-4,
+            ftol=1e-6,
+            gtol=1e-12,
+        ).x
     )
 
 

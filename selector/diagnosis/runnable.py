@@ -127,7 +127,7 @@ class OwnModel:
 
     def driven(self, values: Mapping[str, float]) -> tuple[Recording, tuple[Finding, ...]]:
         """As `simulated`, with what is to be said of it."""
-        model = self._model(_without_noise(self.kind, self.file))
+        model = self._quiet
         if values:
             model = model.with_parameters({name: float(value) for name, value in values.items()})
         return _driven(self.kind, model, self.recording, self.columns)
@@ -152,6 +152,10 @@ class OwnModel:
     def text(self, head: str = "") -> str:
         """The model file; `head` becomes a comment at its beginning."""
         return model_file_text(plain_values(self.file), head=head)
+
+    @cached_property
+    def _quiet(self) -> Any:
+        return self._model(_without_noise(self.kind, self.file))
 
     def _model(self, file: Any) -> Any:
         return _built(self.kind, file, self.columns)

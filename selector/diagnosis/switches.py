@@ -75,7 +75,7 @@ def switches(model: OwnModel) -> tuple[Switch, ...]:
 
 def own_effects(model: OwnModel) -> dict[str, str]:
     """Effects that are parameters which recalibration fits → the name of the parameter."""
-    found = {}
+    found: dict[str, str] = {}
     for name in model.refitted:
         for end, id_ in _OWN.items():
             if name.endswith(end):
