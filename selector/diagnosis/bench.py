@@ -60,6 +60,10 @@ class Bench:
     noise : NoiseModel
     parts : list of slice
         Stretches without gaps.
+    runs : ndarray of shape (n_rows,)
+        Number of the run of every row.
+    resolution : float
+        Step of the readings [unit]; 0 = none was seen.
     """
 
     response: str
@@ -72,6 +76,7 @@ class Bench:
     noise: NoiseModel
     parts: list[slice]
     runs: NDArray[np.intp]
+    resolution: float
     own: Mapping[str, slice]
 
     def without_own(self, id: str) -> Bench:  # noqa: A002 - the word of the contract
@@ -286,6 +291,7 @@ def bench_of(
         noise=NoiseModel(np.zeros(0), float(np.nanstd(target[fitted])) or 1.0),
         parts=parts,
         runs=comparison.run_index,
+        resolution=comparison.resolution.get(response, 0.0),
         own=own,
     )
     return bench.refitted_noise([]), untested

@@ -20,6 +20,8 @@ Named = dict[str, dict[str, int]]
 _SHOWS = 0.05
 """A response shows a supported effect if noise alone would show it there as clearly in fewer than this share."""
 _MOST = 5
+_FINEST = 0.3
+"""Steps of the reading: what never moves it as far cannot be read from it, but by the rounding itself."""
 _NEARLY = 0.6
 _SURE = 0.9
 _RIVAL = 0.1
@@ -212,8 +214,9 @@ def _selected(benches: Benches, noise: Mapping[str, Vector], *, false_alarm: flo
 
 
 def is_supported(one: Standing, level: float) -> bool:
-    """Beyond what noise does, on rows that were not fitted, and alike in all runs."""
-    return one.p_value <= level and one.cv_gain > 0.0 and one.is_the_same_in_all_runs
+    """Beyond what noise does and the gauge reads, on rows that were not fitted, and alike in all runs."""
+    seen = max(one.tested[name].largest for name in one.responses)
+    return one.p_value <= level and one.cv_gain > 0.0 and one.is_the_same_in_all_runs and seen > _FINEST
 
 
 def merit(one: Standing) -> float:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import linalg, stats
 
 from selector.diagnosis.bench import Bench
-from selector.diagnosis.moments import Moments, inverse_of, losses, scores_of_noise, solved
+from selector.diagnosis.moments import Moments, Solved, inverse_of, losses, scores_of_noise, solved
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -42,6 +42,9 @@ class Tested:
         Coefficients that `contrast` has more.
     noise : ndarray of shape (n_draws,)
         Gains by noise alone, the best of all shapes.
+    largest : float
+        Largest amount of the fitted course in the response, over its fitted rows [steps of the reading]; infinite if
+        no step was seen.
     """
 
     best: int
@@ -51,6 +54,7 @@ class Tested:
     contrast: float
     freedoms: int
     noise: Vector
+    largest: float
 
     @property
     def score(self) -> float:
@@ -117,6 +121,7 @@ def tests_of(bench: Bench, named: Sequence[int], noise: Vector, *, seed: int) ->
             contrast=contrast,
             freedoms=freedoms,
             noise=draws[:, list_].max(axis=1),
+            largest=_largest(bench, whole, sums, best),
         )
     return found
 
@@ -132,6 +137,14 @@ def _block_gains(sums: Moments, folds: NDArray[np.intp], numbers: dict[str, NDAr
             for name, loss in zip(numbers, with_them, strict=True):
                 result[name][block] = alone - loss
     return result
+
+
+def _largest(bench: Bench, fit: Solved, sums: Moments, v: int) -> float:
+    if bench.resolution <= 0.0:
+        return np.inf
+    q, i = next((q, int(np.flatnonzero(members == v)[0])) for q, members in enumerate(sums.members) if v in members)
+    course = (bench.raw(v) @ fit.coefficients[q][i])[bench.fitted]
+    return float(np.abs(course - np.median(course)).max()) / bench.resolution
 
 
 def _contrast(bench: Bench, sums: Moments, v: int, gain: float) -> tuple[float, int]:

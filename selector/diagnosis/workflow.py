@@ -12,9 +12,13 @@ from numpy.typing import NDArray
 from selector.diagnosis.answer import Diagnosis, Evidence, NamedEffect, Place, Verdict
 from selector.diagnosis.bench import Bench, bench_of
 from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.confirmation import confirmation
+from selector.diagnosis.copied import diagnosis_of_copy
 from selector.diagnosis.detectability import detectability
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Effect, Variant
+from selector.diagnosis.experiments import next_runs
+from selector.diagnosis.frozen_responses import frozen_responses
 from selector.diagnosis.held_out_faults import held_out_faults
 from selector.diagnosis.input_faults import input_faults
 from selector.diagnosis.leftover import least_squares
@@ -25,8 +29,11 @@ from selector.diagnosis.recalibration import recalibrated
 from selector.diagnosis.search import Search, Standing, numbers, search
 from selector.diagnosis.showing import fit_of
 from selector.diagnosis.whole_record import whole_record_names
+from selector.diagnosis.wording import headline
 
 Vector = NDArray[np.float64]
+_DOUBTFUL = 0.5
+"""Confidence below which an effect is no name where structure is left that nothing explains."""
 
 
 class Progress(Protocol):
@@ -67,6 +74,9 @@ def diagnosis(
     InputError
         If the comparison is no basis for an answer.
     """
+    copied = diagnosis_of_copy(comparison, seed=seed)
+    if copied is not None:
+        return copied
     say = progress or (lambda done, total, text: None)
     known = tuple(effects if effects is not None else catalogue())
     benches: dict[str, Bench] = {}
@@ -89,7 +99,12 @@ def diagnosis(
     late = held_out_faults(comparison, found, known, false_alarm=false_alarm, seed=seed)
     left = _left(comparison, found, only_fitted=bool(found.named) or bool(late))
     structures = unexplained(comparison, *left, seed=seed, false_alarm=false_alarm)
-    effects_found = [*(named_effect(comparison, found, id_) for id_ in found.named), *late]
+    effects_found = [*(_confirmed(comparison, found, id_) for id_ in found.named), *late]
+    frozen = [fault for fault in frozen_responses(comparison) if "data.stuck" not in found.named]
+    effects_found += [input_fault_effect(comparison, fault) for fault in frozen]
+    if structures and not any(_is_physics(effect) and effect.confidence > _DOUBTFUL for effect in effects_found):
+        # a fault of the data explains all that it concerns, or it is a proxy of what nothing explains
+        effects_found = [effect for effect in effects_found if effect.id == "data.stuck"]
     if not effects_found and not structures:
         whole = whole_record_names(comparison, again)
         effects_found = [whole_record_effect(comparison, benches, again, id_, shown) for id_, shown in whole.items()]
@@ -103,7 +118,7 @@ def diagnosis(
         )
         for name, bench in benches.items()
     }  # fmt: skip
-    return Diagnosis(
+    answer = Diagnosis(
         comparison=comparison,
         verdict=verdict,
         headline="",
@@ -112,11 +127,12 @@ def diagnosis(
         fit=fit,
         evidence=tuple(_evidence(found, untested)),
         detectable=detectability(comparison, found, false_alarm=false_alarm),
-        next_runs=(),
+        next_runs=next_runs(comparison, found, named),
         recalibration={name: one.quantities for name, one in again.items()},
         findings=comparison.findings,
         seed=seed,
     )
+    return replace(answer, headline=headline(answer))
 
 
 def _left(comparison: Comparison, found: Search, *, only_fitted: bool) -> tuple[dict[str, Vector], dict[str, Vector]]:
@@ -133,8 +149,18 @@ def _left(comparison: Comparison, found: Search, *, only_fitted: bool) -> tuple[
     return residuals, white
 
 
+def _is_physics(effect: NamedEffect) -> bool:
+    return not effect.id.startswith("data.")
+
+
+def _confirmed(comparison: Comparison, found: Search, id_: str) -> NamedEffect:
+    """The named effect; suspected only, where it shows on held-out rows and gains nothing there."""
+    held = confirmation(comparison, found, id_)
+    return replace(named_effect(comparison, found, id_), suspected=held.shows and held.gain <= 0.0)
+
+
 def _verdict(named: Sequence[NamedEffect], structures: Sequence[Structure], is_recalibrated: bool) -> Verdict:
-    if any(not effect.id.startswith("data.") for effect in named):
+    if any(_is_physics(effect) for effect in named):
         return "missing-physics"
     if named:
         return "data-fault"

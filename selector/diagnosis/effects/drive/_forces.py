@@ -19,6 +19,10 @@ PLACES = PLACE_ROLES
 YIELD = ShapeParameter("yield_s2", "s^2", 0.0, 1e-4, "compliance between drive and table times the moving mass")
 
 
+LEADS_LOOKED_AT = 30.0
+"""Of some hundreds of leads that can be told apart, what is left to chance when the highest few are offered."""
+
+
 def motion_of(comparison: Comparison, response: str) -> Motion:
     """The motion of the axis that the response belongs to."""
     found = motion(comparison, comparison.channel(response).axis)
@@ -47,7 +51,7 @@ def of_forces(
         columns = np.column_stack([course for course, _ in parts.values()])
         names = tuple(f"{what}, {how}" for what, (_, how) in parts.items())
         own = {"yield_s2": Quantity(yield_s2, "s^2")} if yield_s2 > 0.0 else {}
-        yield Variant(columns, names, dict(shape or {}) | own, sources=sources)
+        yield Variant(columns, names, dict(shape or {}) | own, sources=sources, looked_at=_looked_at(shape))
 
 
 def direct(
@@ -55,7 +59,12 @@ def direct(
 ) -> Variant:
     """Courses that stand in the response as they are."""
     sources = motion_of(comparison, response).sources
-    return Variant(np.column_stack(list(columns.values())), tuple(columns), dict(shape or {}), sources=sources)
+    stacked = np.column_stack(list(columns.values()))
+    return Variant(stacked, tuple(columns), dict(shape or {}), sources=sources, looked_at=_looked_at(shape))
+
+
+def _looked_at(shape: Mapping[str, Quantity] | None) -> float:
+    return LEADS_LOOKED_AT if shape and "lead_mm" in shape else 1.0
 
 
 def any_response(comparison: Comparison, response: str) -> str | None:

@@ -9,7 +9,7 @@ import numpy as np
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.leftover import leftover
-from selector.diagnosis.record_kind import no_vibration, swept_hz
+from selector.diagnosis.record_kind import no_vibration, of_a_drive, swept_hz
 from selector.diagnosis.signals import filled
 from selector.diagnosis.spectral_lines import course_of, lines
 
@@ -56,7 +56,8 @@ def _of_a_curve(comparison: Comparison, response: str) -> Iterator[Variant]:
 def _testable(comparison: Comparison, response: str) -> str | None:
     if swept_hz(comparison, response) is not None:
         return None
-    return no_vibration(comparison, response, roles=_ROLES)
+    # what repeats in the residual of a feed repeats with its programme more often than by a source of its own
+    return no_vibration(comparison, response, roles=_ROLES) or of_a_drive(comparison, response)
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
