@@ -160,14 +160,18 @@ def compared(
 
 
 def write_results(found: Diagnosis, folder: Path, improved: Improved | None = None) -> list[str]:
-    """diagnosis.json and the improved model, into a folder that exists; the names of what was written."""
+    """diagnosis.json, report.html and the improved model, into a folder that exists; the names of what was written."""
+    from selector.report.diagnosis_report import write_diagnosis_report
+
     text = showing.json_text(found.as_dict()) + "\n"
     (folder / "diagnosis.json").write_text(text, encoding="utf-8", newline="\n")
-    if improved is None:
-        return ["diagnosis.json"]
-    from selector.cli.diagnosed_model import write_improved
+    write_diagnosis_report(found, folder / "report.html")
+    written = ["diagnosis.json", "report.html"]
+    if improved is not None:
+        from selector.cli.diagnosed_model import write_improved
 
-    return ["diagnosis.json", write_improved(improved, folder).name]
+        written.append(write_improved(improved, folder).name)
+    return written
 
 
 def _of_model(
