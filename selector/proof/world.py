@@ -177,11 +177,17 @@ class _Strength:
         noise = self.world.noise[name]
         stop = self._rows[-1]
         free = recalibration(self.off.simulated[name], self.time_s, self.starts)[:stop]
-        free = np.column_stack([free, noise.repeated(self._rows)])
+        repeated = noise.repeated(self._rows)
+        if repeated.size and not noise.phi:
+            # white: means over every phase of the cycle, which are orthogonal as they are
+            even = repeated / np.sqrt(np.maximum(repeated.sum(axis=0), 1.0))
+            free = free - even @ (even.T @ free)
+        else:
+            even, free = np.empty((stop, 0)), np.column_stack([free, repeated])
         lengths = np.linalg.norm(free, axis=0)
         free = noise.whitened(free / np.where(lengths > 0.0, lengths, 1.0), self._rows)
         basis, values, _ = np.linalg.svd(free, full_matrices=False)
-        return np.asarray(basis[:, values > 1e-10 * values.max(initial=0.0)])
+        return np.column_stack([even, basis[:, values > 1e-10 * values.max(initial=0.0)]])
 
 
 def case_of(world: World, plan: Plan, generator: np.random.Generator, wanted: float | None) -> Case:

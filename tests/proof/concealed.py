@@ -67,9 +67,11 @@ def assert_strong(scenario, case, wanted=6.0):
 
 def assert_oracle_near_noise(case):
     """Whoever knows the effect leaves the noise, and little more."""
+    # offset, gain and delay are fitted on other runs: up to a tenth of the noise where they have to be extrapolated;
+    # noise that repeats with the cycle looks like them, since they repeat with it too
+    most = 1.5 if case.name.endswith(("cycle-locked", "half-lead")) else 1.1
     for name, errors in case.truth.held_out.items():
-        # offset, gain and delay are fitted on other runs: up to a tenth of the noise where they have to be extrapolated
-        assert errors.oracle <= 1.1 * errors.noise_floor, name
+        assert errors.oracle <= most * errors.noise_floor, name
 
 
 def assert_same(one, other):

@@ -17,11 +17,19 @@ from selector.proof.drive.machine import Bench
 Vector = NDArray[np.float64]
 Runs = Mapping[str, Sequence[Vector]]
 
+_ANY = ("data-fault", "missing-physics")
 _VALUES = ("drive.mass", "drive.viscous", "drive.coulomb", "drive.elasticity", "drive.delay", "data.gain")
 
 
-def _clean(name: str, bench: Mapping[str, Any], note: str = "", lost: float = 0.0, **world: Any) -> Drive:
-    made = plan(f"clean.drive/{name}", (), kind="clean", verdicts=("nothing-missing",), lost=lost, note=note)
+def _clean(
+    name: str,
+    bench: Mapping[str, Any],
+    note: str = "",
+    lost: float = 0.0,
+    verdicts: tuple[str, ...] = ("nothing-missing",),
+    **world: Any,
+) -> Drive:
+    made = plan(f"clean.drive/{name}", (), kind="clean", verdicts=verdicts, lost=lost, note=note)
     return Drive(made, "", None, bench, world=world)
 
 
@@ -95,7 +103,13 @@ CLEAN = (
     _clean("ar", {"colour": "ar"}),
     _clean("heavy-tailed", {"colour": "heavy-tailed"}),
     _clean("quantised", {"colour": "quantised"}),
-    _clean("cycle-locked", {"colour": "cycle-locked", "styles": ("strokes", "strokes", "sines")}),
+    _clean("coarse", {"colour": "coarse"}, "Steps of the readings are far above their noise."),
+    _clean(
+        "cycle-locked",
+        {"colour": "cycle-locked", "styles": ("cycles", "cycles", "cycles")},
+        "The machine repeats a cycle, and so does half of the noise.",
+        verdicts=("nothing-missing", "unexplained"),
+    ),
     _clean("jitter", {"jitter_s": 5e-6, "coarse_scale": True}, "The clock of the recorder jitters."),
     _clean(
         "lost-rows",
@@ -109,8 +123,20 @@ CLEAN = (
 )
 MISCALIBRATED = (
     _miscalibrated("current", _scaled_current, ("data.gain",), ("data-fault",), "Force per ampere is off."),
-    _miscalibrated("zeros", _shifted, ("data.zero", "drive.offset_force"), ("data-fault",), "Zeros are off."),
-    _miscalibrated("clock", _late, ("data.clock", "drive.delay"), ("data-fault",), "Recorded late, in every run."),
+    _miscalibrated(
+        "zeros",
+        _shifted,
+        ("data.zero", "drive.offset_force"),
+        _ANY,
+        "Zeros are off: nothing tells a force from a zero.",
+    ),
+    _miscalibrated(
+        "clock",
+        _late,
+        ("data.clock", "drive.delay"),
+        _ANY,
+        "Recorded late, in every run: nothing tells a clock from a delay.",
+    ),
     _miscalibrated("values", _guessed, _VALUES, ("missing-physics",), "Mass and friction are nominal values."),
 )
 _NO_SCALE: Mapping[str, Any] = {"names": ("r", "v", "I"), "responses": ("I",)}
@@ -152,7 +178,7 @@ UNDECIDABLE = (
     _undecidable(
         "one-speed",
         "drive.coulomb",
-        ("drive.coulomb", "drive.viscous"),
+        ("drive.coulomb", "drive.viscous", "drive.mass"),
         (_SIGN, _SPEED),
         _AT_ONE_SPEED,
         "All runs, the held-out one too, know one speed: friction by sign or by speed.",
@@ -160,7 +186,7 @@ UNDECIDABLE = (
     _undecidable(
         "one-speed-oil",
         "drive.viscous",
-        ("drive.coulomb", "drive.viscous"),
+        ("drive.coulomb", "drive.viscous", "drive.mass"),
         (_SPEED, _SIGN),
         _AT_ONE_SPEED,
         "The same with the other friction.",

@@ -116,7 +116,7 @@ DRIVES = (
         plan("drive.viscous/ruled-out", ("small", "ruled out in E"), verdicts=_OWN_VALUE),
         "drive.viscous",
         plus("viscous_ns_per_m"),
-        {"friction": False, "styles": ("sines", "strokes", "gentle"), "colour": "quantised", "coarse_scale": True},
+        {"styles": ("sines", "strokes", "gentle"), "colour": "quantised", "coarse_scale": True},
         {"feed_forward": 1.0},
         world={"first": 30.0},
         place="guide",

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.proof.drive.programme import LENGTH_S, Style, programme
+from selector.proof.drive.programme import CYCLE_S, LENGTH_S, Style, programme
 from selector.proof.drive.true_axis import COMMAND_S, TrueAxis
 from selector.proof.noise import Noise
 
@@ -63,7 +63,7 @@ def bench(
 
     `friction` False makes the guide hydrostatic: viscous only. With `slips` bristles give way to springs that slip one
     after the other; `coarse_scale` has thrice the noise in the displacement. `colour`: white, ar, heavy-tailed,
-    quantised, cycle-locked.
+    quantised, coarse (readings repeat), cycle-locked.
     """
     draw = generator.uniform
     table, motor = draw(80.0, 300.0), draw(40.0, 100.0)
@@ -112,9 +112,11 @@ def noise_of(colour: str, sd: float, generator: np.random.Generator) -> Noise:
     if colour == "heavy-tailed":
         return Noise(sd, tails=3.0, step=sd / 20.0)
     if colour == "quantised":
+        return Noise(0.5 * sd, step=1.5 * sd)
+    if colour == "coarse":
         return Noise(0.3 * sd, step=2.0 * sd)
     if colour == "cycle-locked":
-        return Noise(sd, cycle_samples=int(generator.integers(60, 100)), cycle_sd=sd, step=sd / 20.0)
+        return Noise(sd, cycle_samples=round(CYCLE_S / PERIOD_S), cycle_sd=sd, step=sd / 20.0)
     return Noise(sd, step=sd / 20.0)
 
 

@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 from selector.proof.drive.true_axis import COMMAND_S
 
 Vector = NDArray[np.float64]
-Style = Literal["strokes", "one way", "one speed", "creeping", "sines", "other", "gentle"]
+Style = Literal["strokes", "one way", "one speed", "creeping", "sines", "other", "gentle", "cycles"]
 Move = tuple[float, float]
 """Speed [m/s] and time at that speed [s]."""
 
 LENGTH_S = 7.0
+CYCLE_S = 0.9
+"""Time after which a programme of cycles repeats."""
 _REST_S = 0.25
 
 
@@ -59,6 +61,17 @@ def sine(amplitude_m: float, rises_s: float, turns_per_s: float, generator: np.r
     return np.asarray(middle + amplitude_m * envelope * np.sin(2.0 * np.pi * turns_per_s * (time - _REST_S)))
 
 
+def cycles(fastest: float, generator: np.random.Generator) -> Vector:
+    """A smooth course that repeats every `CYCLE_S`, of another shape and size in every run [m]."""
+    time = np.arange(round(LENGTH_S / COMMAND_S)) * COMMAND_S
+    speed = np.zeros_like(time)
+    for k, height in enumerate((1.0, 0.5 * generator.random(), 0.3 * generator.random()), start=1):
+        speed += height * np.cos(2.0 * np.pi * k * time / CYCLE_S + generator.uniform(0.0, 2.0 * np.pi))
+    rise = np.clip(time / CYCLE_S, 0.0, 1.0)
+    course = generator.uniform(0.5, 1.0) * fastest * speed / np.abs(speed).max() * rise**2 * (3.0 - 2.0 * rise)
+    return np.asarray(0.25 + np.cumsum(course) * COMMAND_S)
+
+
 def programme(
     style: Style, generator: np.random.Generator, fastest: float, acceleration: float, rounded_s: float = 0.045
 ) -> Vector:
@@ -68,6 +81,8 @@ def programme(
     if style == "sines":
         turns = generator.uniform(0.4, 0.9)
         return sine(fastest / (2.0 * np.pi * turns), generator.uniform(0.6, 1.2), turns, generator)
+    if style == "cycles":
+        return cycles(fastest, generator)
     if style == "strokes":
         for speed in generator.permutation(np.tile(speeds[:4], 2)):
             time_s = generator.uniform(0.25, 0.45)
@@ -80,7 +95,7 @@ def programme(
             moves += [(0.6 * speed, generator.uniform(0.3, 0.6)), (0.0, generator.uniform(0.05, 0.2))]
         moves = [move if k < 18 else (-move[0], move[1]) for k, move in enumerate(moves)]
     elif style == "creeping":
-        slow = fastest * np.array([0.01, 0.02, 0.04, 0.08, 0.3])
+        slow = fastest * np.array([0.01, 0.02, 0.04, 0.25, 0.6])
         for speed in generator.permutation(np.tile(slow, 2)):
             time_s = generator.uniform(0.2, 0.35)
             moves += [(speed, time_s), (-speed, time_s)]

@@ -137,7 +137,7 @@ DRIVES = (
         plan("drive.mass/ruled-out", ("small", "ruled out in E"), verdicts=_OWN_VALUE),
         "drive.mass",
         _heavier,
-        {"coarse_scale": True, "styles": ("sines", "sines", "strokes"), "colour": "heavy-tailed"},
+        {"coarse_scale": True, "styles": ("strokes", "sines", "strokes"), "colour": "heavy-tailed"},
         world={"first": 1.0},
         place="table",
     ),

@@ -170,7 +170,7 @@ def _world(
 def _noise(colour: str, generator: np.random.Generator) -> dict[str, Noise]:
     sd = float(generator.uniform(0.02, 0.05))
     noise = Noise(sd, phi=0.5, step=0.001) if colour == "ar" else Noise(sd, step=0.001)
-    return {"h1": Noise(0.3 * sd, step=2.0 * sd) if colour == "quantised" else noise, "h2": noise}
+    return {"h1": Noise(0.5 * sd, step=1.5 * sd) if colour == "quantised" else noise, "h2": noise}
 
 
 def _blocked(generator: np.random.Generator) -> World:

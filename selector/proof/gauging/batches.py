@@ -163,7 +163,7 @@ def _noise(colour: str, sd: float) -> Noise:
         return Noise(sd, phi=0.4, step=0.02)
     if colour == "heavy-tailed":
         return Noise(sd, tails=3.0, step=0.02)
-    return Noise(sd, step=0.02) if colour == "white" else Noise(0.3 * sd, step=2.0 * sd)
+    return Noise(sd, step=0.02) if colour == "white" else Noise(0.5 * sd, step=1.5 * sd)
 
 
 def _case(

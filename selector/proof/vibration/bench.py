@@ -217,5 +217,5 @@ def _noise(colour: str, sd: float) -> Noise:
     if colour == "heavy-tailed":
         return Noise(sd, tails=3.0, step=sd / 20.0)
     if colour == "quantised":
-        return Noise(0.3 * sd, step=2.0 * sd)
+        return Noise(0.5 * sd, step=1.5 * sd)
     return Noise(sd, step=sd / 20.0)
