@@ -1,0 +1,119 @@
+"""The search names what is there and nothing else: noise of several kinds, proxies, two at once, any seed the same."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from selector.diagnosis.bench import bench_of
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.effect import Effect, Quantity, Reading, Variant
+from selector.diagnosis.search import search
+from selector.recording import Channel
+
+N = 600
+TIME = np.tile(np.arange(N, dtype=float) * 10.0, 3)
+PHASE = 2 * np.pi * TIME / 3000.0
+COURSES = {
+    "x.sine": np.sin(2.3 * PHASE + np.repeat([0.0, 1.0, 2.0], N)),
+    "x.square": np.sign(np.sin(5.1 * PHASE + np.repeat([0.3, 0.8, 2.5], N))),
+    "x.ramp": np.abs(((TIME / 1300.0 + np.repeat([0.1, 0.5, 0.9], N)) % 1.0) - 0.5),
+}
+COURSES["x.like-sine"] = COURSES["x.sine"] + 0.5 * np.cos(2.3 * PHASE)
+
+
+def effect(name, course):
+    def variants(comparison, response):
+        for power in (1.0, 2.0):
+            shaped = np.sign(course) * np.abs(course) ** power
+            yield Variant(shaped[:, None], ("course",), {"power": Quantity(power, "1")})
+
+    return Effect(
+        id=name, title="", physics="", reference="", enters="displacement", acts_at="", parameters=(), needs="",
+        confounders=(), refuted_by="", experiment="", variants=variants, testable=lambda comparison, response: None,
+        reading=lambda fitted, comparison: Reading(""),
+    )  # fmt: skip
+
+
+EFFECTS = [effect(name, course) for name, course in COURSES.items()]
+
+
+def compared(residual):
+    simulated = 10.0 * np.sin(0.7 * PHASE)
+    return Comparison(
+        runs=("r1", "r2", "r3"),
+        starts=(0, N, 2 * N, 3 * N),
+        time_s=TIME,
+        channels=(Channel("Z", "displacement", "um", axis="Z"),),
+        recorded={"Z": simulated + residual},
+        simulated={"Z": simulated},
+        responses=("Z",),
+        held_out=TIME.astype(bool) & (np.arange(3 * N) >= 2 * N),
+    )
+
+
+def noise(kind, seed):
+    generator = np.random.default_rng(seed)
+    if kind == "white":
+        return generator.standard_normal(3 * N)
+    if kind == "slow":
+        return lfilter([np.sqrt(1 - 0.9**2)], [1, -0.9], generator.standard_normal((3, N))).ravel()
+    if kind == "heavy":
+        return generator.standard_t(3, 3 * N) / np.sqrt(3.0)
+    return np.round(generator.standard_normal(3 * N) / 1.5) * 1.5
+
+
+def found(residual, seed=0):
+    bench, _ = bench_of(compared(residual), "Z", EFFECTS)
+    return search({"Z": bench}, false_alarm=0.01, seed=seed)
+
+
+@pytest.mark.parametrize("kind", ["white", "slow", "heavy", "rounded"])
+def test_noise_alone_is_no_effect(kind):
+    named = sum(bool(found(noise(kind, seed)).named) for seed in range(25))
+    assert named <= 1  # 1 % each; two or more of 25 happen in 2.6 % of honest tests
+
+
+@pytest.mark.parametrize("kind", ["white", "slow", "heavy", "rounded"])
+def test_what_is_there_is_named(kind):
+    right = 0
+    for seed in range(10):
+        result = found(0.45 * COURSES["x.square"] + noise(kind, seed), seed)
+        right += list(result.named) == ["x.square"]
+    assert right >= 9  # the weakest, in slow noise, has a gain of about 40 against a threshold of about 14
+
+
+def test_below_the_noise_of_one_sample_it_is_found_too():
+    assert list(found(0.3 * COURSES["x.ramp"] / COURSES["x.ramp"].std() + noise("white", 1)).named) == ["x.ramp"]
+
+
+def test_two_at_once_are_both_named_and_their_proxy_is_not():
+    residual = 0.8 * COURSES["x.sine"] + 0.8 * COURSES["x.square"] + noise("white", 2)
+    assert set(found(residual).named) == {"x.sine", "x.square"}
+
+
+def test_likes_that_the_record_cannot_tell_apart_are_a_set():
+    course = COURSES["x.sine"] + 0.25 * np.cos(2.3 * PHASE)  # half way between two effects
+    result = found(0.25 * course + noise("white", 3))
+    (name,) = result.named
+    assert {name, *result.rivals[name]} >= {"x.sine", "x.like-sine"}
+
+
+def test_strong_effects_are_sure_and_stand_alone():
+    result = found(3.0 * COURSES["x.sine"] + noise("white", 4))
+    assert list(result.named) == ["x.sine"]
+    assert result.rivals["x.sine"] == ()
+    assert result.weights["x.sine"] > 0.99
+
+
+def test_what_differs_from_run_to_run_is_not_named():
+    sign = np.repeat([1.0, -1.0, 1.0], N)
+    assert "x.sine" not in found(0.8 * sign * COURSES["x.sine"] + noise("white", 5)).named
+
+
+def test_the_same_seed_gives_the_same_answer():
+    residual = 0.5 * COURSES["x.square"] + noise("slow", 6)
+    first, second = found(residual, 7), found(residual, 7)
+    assert first.named == second.named
+    assert first.standing["x.square"].p_value == second.standing["x.square"].p_value
