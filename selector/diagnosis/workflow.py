@@ -32,7 +32,7 @@ from selector.diagnosis.whole_record import whole_record_names
 from selector.diagnosis.wording import headline
 
 Vector = NDArray[np.float64]
-_DOUBTFUL = 0.5
+_DOUBTFUL, _DOUBTFUL_IF_SUSPECTED = 0.45, 0.65
 """Confidence below which an effect is no name where structure is left that nothing explains."""
 
 
@@ -102,7 +102,7 @@ def diagnosis(
     effects_found = [*(_confirmed(comparison, found, id_) for id_ in found.named), *late]
     frozen = [fault for fault in frozen_responses(comparison) if "data.stuck" not in found.named]
     effects_found += [input_fault_effect(comparison, fault) for fault in frozen]
-    if structures and not any(_is_physics(effect) and effect.confidence > _DOUBTFUL for effect in effects_found):
+    if structures and not any(_is_physics(effect) and not _is_doubtful(effect) for effect in effects_found):
         # a fault of the data explains all that it concerns, or it is a proxy of what nothing explains
         effects_found = [effect for effect in effects_found if effect.id == "data.stuck"]
     if not effects_found and not structures:
@@ -151,6 +151,10 @@ def _left(comparison: Comparison, found: Search, *, only_fitted: bool) -> tuple[
 
 def _is_physics(effect: NamedEffect) -> bool:
     return not effect.id.startswith("data.")
+
+
+def _is_doubtful(effect: NamedEffect) -> bool:
+    return effect.confidence < (_DOUBTFUL_IF_SUSPECTED if effect.suspected else _DOUBTFUL)
 
 
 def _confirmed(comparison: Comparison, found: Search, id_: str) -> NamedEffect:
