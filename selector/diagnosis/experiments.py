@@ -32,6 +32,8 @@ _INEXACT = 0.05
 _MOST_ROWS = 4_500
 _SETUP_S = 600.0
 """What preparing a run takes, however short it is."""
+_LIKE_TIME = 1.2
+"""Times within this factor are alike: what separates more comes first."""
 _MOST_SHOWN = 3
 _MOST_RIVALS = 3
 
@@ -90,7 +92,8 @@ def _for_effect(
     weighed = [one for one in weighed if one[1].power > 0.05]
     if not weighed:
         return [NextRun(effect.experiment, (effect.id, *rivals), None, None)]
-    weighed.sort(key=lambda one: (_needed_s(*one), one[0].description))
+    shortest = min(_needed_s(*one) for one in weighed)
+    weighed.sort(key=lambda one: (round(np.log(_needed_s(*one) / shortest) / np.log(_LIKE_TIME)), -one[1].d))
     return [
         NextRun(planned.description, (worst.true, worst.other), min(worst.power, 0.99), planned.duration_s)
         for planned, worst in weighed[:_MOST_SHOWN]

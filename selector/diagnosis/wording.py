@@ -106,7 +106,12 @@ def what_to_do(found: Diagnosis) -> tuple[str, ...]:
             "Look at the windows below: what was switched on, opened or touched then? A channel that records it would "
             "let it be named."
         )
-    steps += [f"Next run: {_sentence(run.description)}" for run in found.next_runs]
+    weighed = [run for run in found.next_runs if run.power is not None]
+    for run in weighed[:1]:
+        pair = listed([name_of(id_) for id_ in run.separates], "from")
+        steps.append(
+            f"Next run, {100.0 * (run.power or 0.0):.0f} % likely to tell {pair}: {_sentence(run.description)}"
+        )
     return tuple(steps)
 
 
