@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Any
 from selector.errors import ModelFileError, OptionError
 
 if TYPE_CHECKING:
+    from selector.diagnosis.answer import Diagnosis
     from selector.diagnosis.modelled import Improved, Modelled
     from selector.diagnosis.runnable import Kind, Runnable
+    from selector.findings import Finding
     from selector.recording import Recording
 
 _THERMAL_ROLES = {"spindle_speed_rpm": "spindle_speed", "ambient_degc": "ambient", "coolant_degc": "temperature"}
@@ -131,3 +133,41 @@ def _physics(model: Path) -> Kind:
             advice='begin the file with [model], kind = "drive" and name = "…"',
         )
     return FAMILY_OF_KIND[found]  # type: ignore[return-value]
+
+
+def write_correction(found: Diagnosis, folder: Path) -> tuple[list[str], tuple[Finding, ...]]:
+    """correction.json, what the effects add to the simulation run by run, and model.json if a control can compute it.
+
+    Returns
+    -------
+    tuple
+        Names of what was written, and what is to be said of it.
+    """
+    from selector.cli.showing import json_text
+    from selector.controllers import write_model
+    from selector.controllers.from_diagnosis import correction_of
+
+    physics = [effect for effect in found.effects if not effect.id.startswith("data.")]
+    if not physics:
+        return [], ()
+    comparison = found.comparison
+    courses = {name: sum(effect.courses[name] for effect in physics if name in effect.courses) for name in found.fit}
+    runs = {
+        run: {
+            "time_s": comparison.time_s[rows].tolist(),
+            "add": {name: course[rows].tolist() for name, course in courses.items() if not isinstance(course, int)},
+        }
+        for run, rows in comparison.rows_of_runs()
+    }
+    text = json_text({
+        "schema": "selector.correction/1",
+        "effects": [effect.id for effect in physics],
+        "units": {name: comparison.channel(name).unit for name in courses},
+        "runs": runs,
+    })  # fmt: skip
+    (folder / "correction.json").write_text(text + "\n", encoding="utf-8", newline="\n")
+    model, findings = correction_of(found)
+    if model is None:
+        return ["correction.json"], findings
+    write_model(model, folder / "model.json")
+    return ["correction.json", "model.json"], findings

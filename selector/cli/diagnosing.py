@@ -19,7 +19,7 @@ from selector.errors import OptionError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from selector.diagnosis.answer import Diagnosis, Fit, Place
+    from selector.diagnosis.answer import Diagnosis, Fit, NamedEffect, Place
     from selector.diagnosis.comparison import Comparison
     from selector.diagnosis.modelled import Improved
 
@@ -160,17 +160,20 @@ def compared(
 
 
 def write_results(found: Diagnosis, folder: Path, improved: Improved | None = None) -> list[str]:
-    """diagnosis.json, report.html and the improved model, into a folder that exists; the names of what was written."""
+    """diagnosis.json, report.html, and the improved model or a correction, into a folder; the names of what was written."""
+    from selector.cli.diagnosed_model import write_correction, write_improved
     from selector.report.diagnosis_report import write_diagnosis_report
 
+    written = ["diagnosis.json", "report.html"]
+    if improved is not None:
+        written.append(write_improved(improved, folder).name)
+    if improved is None or improved.not_in_it:
+        files, told = write_correction(found, folder)
+        written += files
+        found = dataclasses.replace(found, findings=(*found.findings, *told))
     text = showing.json_text(found.as_dict()) + "\n"
     (folder / "diagnosis.json").write_text(text, encoding="utf-8", newline="\n")
     write_diagnosis_report(found, folder / "report.html")
-    written = ["diagnosis.json", "report.html"]
-    if improved is not None:
-        from selector.cli.diagnosed_model import write_improved
-
-        written.append(write_improved(improved, folder).name)
     return written
 
 
@@ -200,7 +203,7 @@ def show_diagnosis(console: Console, found: Diagnosis) -> None:
         console.print(f"{effect.id}: {effect.statement} ({sure}; {effect.share:.0%} of the difference)", markup=False)
         if effect.cannot_be_told_from:
             console.print(f"    cannot be told from {', '.join(effect.cannot_be_told_from)}", markup=False)
-            console.print(f"    what would tell: {effect.experiment}", markup=False)
+            console.print(f"    what would tell: {_telling_run(found, effect)}", markup=False)
     if found.where:
         columns = ["channel", "place", "run", "from", "to", "when", "share"]
         console.print(showing.table("Where", columns, map(_place_row, found.where), numeric=columns[-1:]))
@@ -209,6 +212,15 @@ def show_diagnosis(console: Console, found: Diagnosis) -> None:
         rows = [_fit_row(name, fit) for name, fit in found.fit.items()]
         console.print(showing.table("RMS error on what was held out", columns, rows, numeric=columns[2:]))
     showing.show_findings(console, found.findings)
+
+
+def _telling_run(found: Diagnosis, effect: NamedEffect) -> str:
+    """The first weighed run that tells the effect, with its chance; else the one that shows it best."""
+    ids = {effect.id, *effect.cannot_be_told_from}
+    for run in found.next_runs:
+        if run.power is not None and set(run.separates) <= ids:
+            return f"{run.description} ({run.power:.0%} likely to tell)"
+    return effect.experiment
 
 
 _HEADLINES = {

@@ -26,6 +26,8 @@ _FLOOR = 0.02
 """Share of the mean square that something has to take away to be worth a word."""
 _MOST = 4
 _DRAWS = 400
+_SUSPECTED = 0.5
+"""Confidence in a name whose correction makes no error smaller."""
 _SIZES = (1.0, 2.0, 4.0, 8.0)
 """Where the fit of an effect may begin, in parts of its linear estimate, which what stands in for it makes small."""
 
@@ -213,7 +215,11 @@ def _answer(runnable: Runnable, turns: Sequence[_Turn], found: Sequence[_Found],
     put = [replace(one.effect, share=_share(one.effect, one.mismatch, mismatch)) for one in found]
     left = _squares(last.refit.comparison)
     beside = [replace(e, share=_share(e, left, mismatch)) for e in last.answer.effects if e.share >= _FLOOR]
-    beside = [e for e in beside if e.share >= _FLOOR and e.id not in {one.id for one in put}]
+    beside = [
+        e if _helps(e, last) else replace(e, suspected=True, confidence=min(e.confidence, _SUSPECTED))
+        for e in beside
+        if e.share >= _FLOOR and e.id not in {one.id for one in put}
+    ]
     effects = tuple(sorted([*_with_fitted(put, found, last), *beside], key=lambda effect: -effect.share))
     verdict: Verdict = "missing-physics" if any(not e.id.startswith("data.") for e in effects) else "data-fault"
     if not effects:
@@ -247,7 +253,7 @@ def _answer(runnable: Runnable, turns: Sequence[_Turn], found: Sequence[_Found],
         verdict=verdict,
         where=tuple(where) if effects else last.answer.where,
         effects=effects,
-        fit={name: _fit(name, turns, seed, bool(beside)) for name in last.answer.fit},
+        fit={name: _fit(name, turns, seed, any(name in e.channels for e in beside)) for name in last.answer.fit},
         evidence=tuple(evidence),
         recalibration={**last.answer.recalibration, "model": dict(last.refit.quantities)},
         findings=tuple(findings),
@@ -284,7 +290,7 @@ def _fit(name: str, turns: Sequence[_Turn], seed: int, has_more: bool) -> Fit:
     comparison, one = last.refit.comparison, last.answer.fit[name]
     recorded, held = comparison.recorded[name], comparison.held_out
     before, middle = first.refit.nominal.simulated[name], first.refit.comparison.simulated[name]
-    after = one.after if has_more else comparison.simulated[name]
+    after = one.after if has_more and _corrected(last, name) else comparison.simulated[name]
     floor = one.heldout.noise_floor or 0.0
     return replace(
         one,
@@ -298,6 +304,18 @@ def _fit(name: str, turns: Sequence[_Turn], seed: int, has_more: bool) -> Fit:
         recalibrated=middle,
         after=after,
     )  # fmt: skip
+
+
+def _helps(effect: NamedEffect, last: _Turn) -> bool:
+    """Whether the correction beside the model makes an error smaller in which the effect shows."""
+    return any(_corrected(last, name) for name in effect.channels)
+
+
+def _corrected(last: _Turn, name: str) -> bool:
+    """Whether the correction beside the model makes the error of the fitted rows smaller."""
+    comparison, rows = last.refit.comparison, ~last.refit.comparison.held_out
+    after = comparison.recorded[name] - last.answer.fit[name].after
+    return _rms(after[rows]) < (1.0 - _FLOOR) * _rms(comparison.difference(name)[rows])
 
 
 def _closed(middle: Vector, after: Vector, floor: float, seed: int) -> Quantity | None:

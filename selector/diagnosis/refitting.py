@@ -29,7 +29,7 @@ _FARTHEST = 3.0
 _STEP = 0.1
 """Step of a finite difference, in standard deviations of the nameplate."""
 _UNDETERMINED = 0.8
-"""A parameter of which the record leaves more than this share of the nameplate's uncertainty is left alone."""
+"""A parameter of which the record leaves more than this share of the nameplate's uncertainty is not determined."""
 _PULLED = 0.1
 _PULLED_SD = 3.0
 _ROUNDS = 10
@@ -54,7 +54,7 @@ class Refitted:
     quantities : mapping of str to Quantity
         The same with units and 95 % intervals.
     left_alone : tuple of str
-        Parameters that the record does not determine.
+        Those that the record says little about, so that the nameplate holds them.
     runs : int
         How often the simulation was run.
     findings : tuple of Finding
@@ -152,7 +152,7 @@ def refitted(
 
     Every parameter is held by its nameplate: what the file says ± 20 %, or anywhere within the bounds that somebody has
     thought about. Noise is estimated from what is left, and the fit repeated with it. Parameters that the record does
-    not determine are left as they were.
+    not determine stay near what the file says, and are told.
 
     Parameters
     ----------
@@ -189,15 +189,9 @@ def refitted(
     nominal = comparison_of(recording, runnable.simulated({}), responses=responses, holdout=holdout)
     fit = _fit(runnable, nominal, names, extra, counted)
     z = _best_start(fit, [{**(start or {}), **one} for one in starts])
-    left_alone: tuple[str, ...] = ()
     for turn in range(_ROUNDS):
         courses = fit.courses(z) if names else simulated_rows(nominal, runnable.simulated({}))
         fit = replace(fit, noise=_noise(fit, courses))
-        if turn == 0 and not extra:
-            lost = 1.0 / np.sqrt(1.0 + (fit.white_tangents(fit.tangents(z, courses)) ** 2).sum(axis=0))
-            kept = np.flatnonzero(lost < _UNDETERMINED)
-            left_alone = tuple(name for k, name in enumerate(names) if k not in kept)
-            fit, z = _with(fit, kept), z[kept]
         before, z = z, _fitted(fit, z, courses)
         if turn > 0 and np.all(np.abs(z - before) < _SETTLED):
             break
@@ -208,6 +202,7 @@ def refitted(
     inner = white.T @ white + np.diag(np.where(fit.free, 1e-12, 1.0))
     covariance = np.linalg.pinv(inner, hermitian=True)
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    left_alone = tuple(name for k, name in enumerate(names) if sd[k] > _UNDETERMINED and not fit.free[k])
     values = dict(zip(fit.names, (fit.centre + fit.spread * z).tolist(), strict=True))
     quantities = {
         name: _quantity(values[name], float(fit.spread[k] * sd[k]), runnable.parameters[name])
@@ -216,7 +211,7 @@ def refitted(
     comparison = replace(
         nominal,
         simulated={**nominal.simulated, **courses},
-        tangents=_directions(fit, tangents, white),
+        tangents=_directions(fit, tangents, white, sd < _UNDETERMINED),
     )
     findings = [*_pulled(fit, z, sd, extra), *_told(left_alone, runnable)]
     return Refitted(nominal, comparison, values, quantities, left_alone, done, tuple(findings))
@@ -260,16 +255,6 @@ def _spread(one: Parameter, name: str, runnable: Runnable, extra: Mapping[str, f
     if name in runnable.bounded:
         return (one.high - one.low) / np.sqrt(12.0)
     return NAMEPLATE * abs(one.value)
-
-
-def _with(fit: _Fit, kept: NDArray[np.intp]) -> _Fit:
-    return replace(
-        fit,
-        names=tuple(fit.names[k] for k in kept),
-        centre=fit.centre[kept],
-        spread=fit.spread[kept],
-        free=fit.free[kept],
-    )
 
 
 def _noise(fit: _Fit, courses: Mapping[str, Vector]) -> dict[str, NoiseModel]:
@@ -360,13 +345,26 @@ def _fitted(fit: _Fit, z: Vector, courses: Mapping[str, Vector]) -> Vector:
     )
 
 
-def _directions(fit: _Fit, tangents: Mapping[str, Matrix], white: Matrix) -> dict[str, dict[str, Vector]]:
-    """Response → what the parameters can still change; of many, the directions that change most."""
-    if len(fit.names) <= _MOST_DIRECTIONS:
-        return {name: {of: columns[:, k] for k, of in enumerate(fit.names)} for name, columns in tangents.items()}
-    turned = np.linalg.svd(white, full_matrices=False)[2][:_MOST_DIRECTIONS]
-    words = [f"direction {k + 1}, most of all {fit.names[int(np.argmax(np.abs(v)))]}" for k, v in enumerate(turned)]
-    return {name: dict(zip(words, (columns @ turned.T).T, strict=True)) for name, columns in tangents.items()}
+def _directions(
+    fit: _Fit, tangents: Mapping[str, Matrix], white: Matrix, told: NDArray[np.bool_]
+) -> dict[str, dict[str, Vector]]:
+    """Response → what the parameters that the record tells can still change; of many, what changes most.
+
+    The others are held by their nameplates: free in every response by itself they would explain nearly everything.
+    """
+    kept = np.flatnonzero(told | fit.free)
+    names = [fit.names[k] for k in kept]
+    if len(names) <= _MOST_DIRECTIONS:
+        return {
+            response: {name: columns[:, k] for name, k in zip(names, kept, strict=True)}
+            for response, columns in tangents.items()
+        }
+    turned = np.linalg.svd(white[:, kept], full_matrices=False)[2][:_MOST_DIRECTIONS]
+    words = [f"direction {k + 1}, most of all {names[int(np.argmax(np.abs(v)))]}" for k, v in enumerate(turned)]
+    return {
+        response: dict(zip(words, (columns[:, kept] @ turned.T).T, strict=True))
+        for response, columns in tangents.items()
+    }
 
 
 def _quantity(value: float, sd: float, one: Parameter) -> Quantity:
@@ -402,7 +400,7 @@ def _told(left_alone: Sequence[str], runnable: Runnable) -> list[Finding]:
         Finding(
             "parameters-left-alone",
             "info",
-            f"The recordings do not determine {shown}; what {runnable.name!r} says was kept.",
+            f"The recordings say little of {shown}: they stay near what {runnable.name!r} says.",
             evidence={"parameters": list(left_alone)},
         )
     ]

@@ -17,6 +17,8 @@ _HARMONICS = (1.0, 2.0, 4.0, 6.0, 12.0)
 _STRIBECK_M_PER_S = (0.001, 0.005, 0.02)
 _HEAT_EXPONENTS = (1.0, 1.5, 2.0)
 _AREA_M2 = 0.1
+_OF_LARGEST = (1.0 / 60.0, 1.0 / 15.0)
+"""Sizes of dry friction that are tried, in parts of the largest that a machine may have."""
 NEW = "missing"
 """Name of a source or film that a diagnosis has added."""
 
@@ -125,13 +127,16 @@ def _of_friction(model: OwnModel, axis: str, known: Mapping[str, Any]) -> Iterat
     coulomb = float(known["friction.coulomb_n"].value)
     guide, start = f"{axis}.guide", f"axes.{axis}.friction."
     if coulomb == 0.0 and not said.get("coulomb_negative_n"):
-        yield _number(axis, "friction.coulomb_n", "drive.coulomb", 2.0, "N", True, guide)
-        yield Switch(
-            "drive.asymmetric_friction", ("friction while moving up", "friction while moving down"), ("N", "N"),
-            (2.0, 2.0),
-            lambda a: (((*path, "coulomb_n"), a[0]), ((*path, "coulomb_negative_n"), a[1])),
-            (f"{start}coulomb_n", f"{start}coulomb_negative_n"), guide,
-        )  # fmt: skip
+        # friction that cannot hold what pushes the axis at rest does something else than friction that can
+        for share in _OF_LARGEST:
+            size = share * known["friction.coulomb_n"].high
+            yield _number(axis, "friction.coulomb_n", "drive.coulomb", size, "N", True, guide)
+            yield Switch(
+                "drive.asymmetric_friction", ("friction while moving up", "friction while moving down"), ("N", "N"),
+                (size, size),
+                lambda a: (((*path, "coulomb_n"), a[0]), ((*path, "coulomb_negative_n"), a[1])),
+                (f"{start}coulomb_n", f"{start}coulomb_negative_n"), guide,
+            )  # fmt: skip
     elif "coulomb_negative_n" not in said:
         yield Switch(
             "drive.asymmetric_friction", ("friction while moving down beyond that while moving up",), ("N",),

@@ -1,0 +1,193 @@
+"""From a diagnosis to a model file: a correction of the simulation by readings and their lags, for the control."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from selector import __version__
+from selector.controllers.model_file import Guard, Input, ModelFile, Output, OutputLimits, Provenance, State, Term
+from selector.controllers.self_check import check_vectors
+from selector.diagnosis.answer import Diagnosis
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.signals import filled
+from selector.findings import Finding
+from selector.models.memory import Lag, lagged
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+_ROLES = ("temperature", "ambient", "spindle_speed")
+_ABSOLUTE = ("spindle_speed",)
+_MOST_LAGS = 4
+_GRID = 14
+WORST = 0.05
+"""Share of the size of a correction by which its terms may miss it."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """Terms of one response: sources as they are, lags of sources, coefficients with the intercept first."""
+
+    plain: tuple[str, ...]
+    lags: tuple[Lag, ...]
+    coefficients: Vector
+    missed: float
+
+
+def correction_of(found: Diagnosis) -> tuple[ModelFile | None, tuple[Finding, ...]]:
+    """The model file whose outputs, added to the simulation, hold the thermal effects that were named.
+
+    Its terms are temperatures, hall and spindle speed, at once and behind first-order lags, as a control computes them.
+    They are fitted to the courses of the effects, not to the recordings again.
+
+    Returns
+    -------
+    tuple
+        The file, or None if nothing thermal was named or no such terms follow it; and what is to be said of it.
+    """
+    comparison = found.comparison
+    effects = [effect for effect in found.effects if effect.id.startswith("thermal.")]
+    names = [
+        name for name in comparison.responses
+        if comparison.channel(name).role == "displacement" and any(name in effect.courses for effect in effects)
+    ]  # fmt: skip
+    if not names:
+        return None, ()
+    sources = [
+        channel.name for channel in comparison.channels
+        if channel.role in _ROLES and channel.name not in names and np.ptp(_x(comparison, channel.name)) > 0.0
+    ]  # fmt: skip
+    findings, fits = [], {}
+    for name in names:
+        course = np.sum([effect.courses[name] for effect in effects if name in effect.courses], axis=0)
+        fit = _fitted(comparison, sources, np.asarray(course, dtype=np.float64)) if sources else None
+        if fit is None or fit.missed > WORST:
+            findings.append(_not_expressible(name, [effect.id for effect in effects], fit))
+        else:
+            fits[name] = fit
+    if not fits:
+        return None, tuple(findings)
+    return _file(comparison, fits, found), tuple(findings)
+
+
+def _x(comparison: Comparison, name: str) -> Vector:
+    """A source as the model file has it: rise since the first sample of the run, or as it was read."""
+    values = np.array(filled(comparison, comparison.recorded[name]))
+    if comparison.channel(name).role not in _ABSOLUTE:
+        for _, rows in comparison.rows_of_runs():
+            values[rows] -= values[rows.start]
+    return values
+
+
+def _behind(comparison: Comparison, name: str, tau_s: float) -> Vector:
+    """A source behind a lag, by the arithmetic of the control."""
+    x, result = _x(comparison, name), np.empty(len(comparison.time_s))
+    for _, rows in comparison.rows_of_runs():
+        time_s = comparison.time_s[rows]
+        start, stamps = np.array([np.nan]), np.array([np.nan])
+        result[rows] = lagged(x[rows][:, None], time_s, np.array([tau_s]), start, stamps)[0][:, 0]
+    return result
+
+
+def _fitted(comparison: Comparison, sources: Sequence[str], course: Vector) -> _Fit:
+    """Sources, and the lags of sources that follow a course best, added one by one while each is worth it."""
+    low = 2.0 * comparison.period_s
+    grid = np.geomspace(low, max(2.0 * comparison.longest_s, 4.0 * low), _GRID)
+    candidates = {(name, tau): _behind(comparison, name, tau) for name in sources for tau in grid.tolist()}
+    base = [np.ones(len(course)), *(_x(comparison, name) for name in sources)]
+    lags: list[Lag] = []
+    missed = _missed(base, course)
+    while len(lags) < _MOST_LAGS and missed > 0.1 * WORST:
+        best = min(candidates, key=lambda key: _missed([*base, candidates[key]], course))
+        bracket = dict(pairwise([grid[0] / 2.0, *grid.tolist(), grid[-1] * 2.0]))
+        lower = next(a for a, b in bracket.items() if b == best[1])
+        refined = minimize_scalar(
+            lambda log_tau, name=best[0], base=tuple(base): _missed(
+                [*base, _behind(comparison, name, float(np.exp(log_tau)))], course
+            ),
+            bounds=(np.log(lower), np.log(bracket[best[1]])),
+            method="bounded",
+        )
+        lag = Lag(best[0], float(f"{np.exp(refined.x):.6g}"))
+        column = _behind(comparison, lag.source, lag.tau_s)
+        after = _missed([*base, column], course)
+        if after > 0.9 * missed or any(one.name == lag.name for one in lags):
+            break
+        base.append(column)
+        lags.append(lag)
+        missed = after
+    coefficients = np.linalg.lstsq(np.column_stack(base), course, rcond=None)[0]
+    return _Fit(tuple(sources), tuple(lags), coefficients, missed)
+
+
+def _missed(columns: Sequence[Vector], course: Vector) -> float:
+    matrix = np.column_stack(columns)
+    size = np.maximum(np.sqrt(np.mean(matrix**2, axis=0)), 1e-300)
+    left = course - (matrix / size) @ np.linalg.lstsq(matrix / size, course, rcond=1e-10)[0]
+    return float(np.sqrt(np.mean(left**2)) / max(float(np.sqrt(np.mean(course**2))), 1e-300))
+
+
+def _file(comparison: Comparison, fits: dict[str, _Fit], found: Diagnosis) -> ModelFile:
+    sources = list(dict.fromkeys(name for fit in fits.values() for name in fit.plain))
+    lags = {lag.name: lag for fit in fits.values() for lag in fit.lags}
+    inputs = []
+    for name in sources:
+        channel, x = comparison.channel(name), _x(comparison, name)
+        inputs.append(
+            Input(
+                name=name,
+                role=cast(Any, channel.role),
+                unit=channel.unit,
+                reference="absolute" if channel.role in _ABSOLUTE else "rise",
+                valid_min=float(x.min()),
+                valid_max=float(x.max()),
+                place=channel.place,
+            )
+        )
+    outputs, limits = [], []
+    for name, fit in fits.items():
+        keys = [*fit.plain, *(lag.name for lag in fit.lags)]
+        outputs.append(
+            Output(
+                name=name,
+                axis=comparison.channel(name).axis,
+                intercept=float(fit.coefficients[0]),
+                terms=tuple(
+                    Term(powers={key: 1}, coefficient=float(value))
+                    for key, value in zip(keys, fit.coefficients[1:], strict=True)
+                ),
+            )
+        )
+        largest = max(float(np.abs(e.courses[name]).max()) for e in found.effects if name in e.courses)
+        limits.append(OutputLimits(output=name, clamp_um=float(np.ceil(largest)) or None))
+    model = ModelFile(
+        name=f"correction of {' and '.join(fits)}",
+        inputs=tuple(inputs),
+        states=tuple(State(name=lag.name, source=lag.source, tau_s=lag.tau_s) for lag in lags.values()),
+        outputs=tuple(outputs),
+        guard=Guard(limits=tuple(limits)),
+        provenance=Provenance(
+            version=__version__,
+            seed=found.seed,
+            method=", ".join(effect.id for effect in found.effects if effect.id.startswith("thermal.")),
+            note="To be added to what the simulation says: it holds what the simulation left out.",
+        ),
+    )
+    return model.model_copy(update={"test_vectors": check_vectors(model)})
+
+
+def _not_expressible(name: str, effects: Sequence[str], fit: _Fit | None) -> Finding:
+    why = "no temperature or speed was recorded" if fit is None else f"its best terms miss {fit.missed:.0%} of it"
+    return Finding(
+        "correction-not-in-model-file",
+        "warning",
+        f"The correction of {name} ({', '.join(effects)}) cannot be written as readings and lags: {why}.",
+        evidence={"channel": name, "missed": None if fit is None else fit.missed},
+        suggestion="use the course in correction.json, or put the effect into the simulation",
+    )

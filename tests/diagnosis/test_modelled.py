@@ -1,0 +1,136 @@
+"""Mode C: a term deleted from a model of ours is named through the model, put in, and the model is whole again."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from selector.diagnosis.modelled import Improved, diagnosis_of_model, improved_errors
+from selector.diagnosis.refitting import refitted
+from selector.diagnosis.runnable import FunctionModel, OwnModel
+from selector.errors import InputError
+from selector.physics.drive.model_file import parsed_model_file
+from selector.physics.model_parameters import Parameter
+from selector.recording import Recording
+from tests.diagnosis.ablated import (
+    AXIS,
+    axis_model,
+    axis_recording,
+    axis_without,
+    heat_model,
+    heat_recording,
+    heat_without,
+)
+
+
+@pytest.fixture(scope="module")
+def axis() -> Recording:
+    return axis_recording()
+
+
+@pytest.fixture(scope="module")
+def without_coulomb(axis):
+    return diagnosis_of_model(axis_model(axis_without("coulomb_n"), axis), axis)
+
+
+def test_deleted_friction_is_named_and_its_size_is_found(without_coulomb):
+    answer = without_coulomb.answer
+    assert [effect.id for effect in answer.effects] == ["drive.coulomb"]
+    assert answer.effects[0].place == "X.guide"
+    # 20 N; voltage noise of 0.02 V over some thousand samples leaves 0.1 N
+    assert answer.effects[0].parameters["coulomb_n"].value == pytest.approx(20.0, abs=0.3)
+    assert answer.verdict == "missing-physics"
+    # the whole gap, but for a tenth: everything that was deleted can be put back
+    assert all(fit.gap_closed is not None and fit.gap_closed.value > 0.9 for fit in answer.fit.values())
+
+
+def test_the_improved_file_keeps_the_errors_that_the_answer_says(without_coulomb, axis):
+    improved = without_coulomb.improved
+    assert isinstance(improved, Improved)
+    again = dataclasses.replace(improved.model, file=parsed_model_file(improved.model.text("improved")))
+    found = improved_errors(dataclasses.replace(improved, model=again))
+    for name, fit in without_coulomb.answer.fit.items():
+        # what a user gets who simulates the file; 5 % is what is promised
+        assert found[name] == pytest.approx(fit.heldout.rmse_after, rel=0.05)
+        assert fit.heldout.rmse_after < 0.2 * fit.recalibrated_heldout
+
+
+def test_the_answer_says_mode_and_what_was_refitted(without_coulomb):
+    told = {finding.id: finding for finding in without_coulomb.answer.findings}
+    assert told["mode"].statement.startswith("Mode C: own model, 'axis'; 3 parameters refitted")
+    assert "axes.X.mechanics.mass_kg" in told["mode"].evidence["refitted"]
+
+
+def test_a_wrong_mass_is_a_wrong_mass_and_nothing_else(axis):
+    found = diagnosis_of_model(axis_model(axis_without(mass_kg=75.0), axis), axis)
+    assert found.answer.verdict == "miscalibrated"
+    assert not found.answer.effects
+    assert found.improved is None
+    # 95 kg, known to some hundred grams by some thousand samples
+    assert found.refit.values["axes.X.mechanics.mass_kg"] == pytest.approx(95.0, abs=0.5)
+    pulled = [finding for finding in found.answer.findings if finding.id == "parameter-pulled"]
+    assert [finding.evidence["parameter"] for finding in pulled] == ["axes.X.mechanics.mass_kg"]
+
+
+def test_a_deleted_source_of_heat_is_named_with_its_place_and_power():
+    recording = heat_recording()
+    found = diagnosis_of_model(heat_model(heat_without("pump"), recording), recording)
+    (effect,) = found.answer.effects
+    assert effect.id == "thermal.second_source"
+    assert effect.place == "column"
+    # 60 W; nameplates of ±20 % beside it leave 9 W, and the estimate is half of that off at most
+    assert effect.parameters["on_w"].value == pytest.approx(60.0, abs=5.0)
+    for name, fit in found.answer.fit.items():
+        # the noise of the instruments, but for a tenth
+        assert fit.heldout.rmse_after < 1.1 * (fit.heldout.noise_floor or 0.0), name
+
+
+def test_parameters_that_the_record_says_nothing_of_stay_where_they_were(axis):
+    still = AXIS | {"model": {"kind": "drive", "name": "axis", "note": "whole"}}
+    found = refitted(axis_model(still, axis), axis)
+    for name, one in found.quantities.items():
+        assert one.low is not None
+        assert one.high is not None
+        # whole model: every parameter is where it was, within four standard errors (two half-widths)
+        half = 0.5 * (one.high - one.low)
+        assert abs(one.value - axis_model(still, axis).parameters[name].value) < 2.0 * half
+    assert not [finding for finding in found.findings if finding.id == "parameter-pulled"]
+
+
+def test_a_python_function_is_refitted(axis):
+    """Mode B: the model as a function that nothing is known of."""
+    whole = axis_model(AXIS, axis)
+
+    def function(values):
+        done = whole.simulated({"axes.X.mechanics.mass_kg": values["mass"]})
+        names = ["X_position", "X_voltage"]
+        return {run: done.frame.loc[run][names] for run in done.runs}
+
+    model = FunctionModel("axis", function, {"mass": Parameter(80.0, 50.0, 150.0, "kg")}, axis)
+    found = refitted(model, axis)
+    assert found.values["mass"] == pytest.approx(95.0, abs=0.5)
+    assert set(found.comparison.tangents) == {"X_position", "X_voltage"}
+    assert np.isfinite(found.comparison.tangents["X_voltage"]["mass"]).all()
+
+
+def test_a_function_that_diverges_is_refused(axis):
+    whole = axis_model(AXIS, axis)
+
+    def function(values):
+        done = whole.simulated({})
+        return {run: done.frame.loc[run][["X_voltage"]] * np.inf for run in done.runs}
+
+    model = FunctionModel("axis", function, {"mass": Parameter(80.0, 50.0, 150.0, "kg")}, axis)
+    with pytest.raises(InputError, match="not finite"):
+        refitted(model, axis)
+
+
+def test_a_recording_without_a_command_drives_no_axis(axis):
+    names = [name for name in axis.names if name != "X_command"]
+    bare = Recording.from_runs(
+        {run: axis.frame.loc[run][names] for run in axis.runs}, tuple(axis.channel(name) for name in names), {}
+    )
+    with pytest.raises(InputError, match="commanded position"):
+        diagnosis_of_model(OwnModel("drive", axis_model(AXIS, axis).file, bare), bare)
