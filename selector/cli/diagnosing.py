@@ -160,7 +160,7 @@ def compared(
 
 
 def write_results(found: Diagnosis, folder: Path, improved: Improved | None = None) -> list[str]:
-    """diagnosis.json, report.html, and the improved model or a correction, into a folder; the names of what was written."""
+    """diagnosis.json, report.html, and the improved model or a correction, into a folder; their names."""
     from selector.cli.diagnosed_model import write_correction, write_improved
     from selector.report.diagnosis_report import write_diagnosis_report
 

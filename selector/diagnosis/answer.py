@@ -156,6 +156,7 @@ class Diagnosis:
             "where": [_place(place) for place in self.where],
             "effects": [_effect(effect) for effect in self.effects],
             "fit": {name: _fit(fit) for name, fit in self.fit.items()},
+            "next_runs": [{**vars(run), "separates": list(run.separates)} for run in self.next_runs],
             "findings": [finding.as_dict() for finding in self.findings],
         }
 
