@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any, cast
 
 import numpy as np
@@ -24,20 +23,25 @@ Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 _ROLES = ("temperature", "ambient", "spindle_speed")
 _ABSOLUTE = ("spindle_speed",)
-_MOST_LAGS = 4
+_MOST_TERMS = 6
 _GRID = 14
+_EXACT = 0.002
 WORST = 0.05
 """Share of the size of a correction by which its terms may miss it."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """Terms of one response: sources as they are, lags of sources, coefficients with the intercept first."""
+    """Terms of one response: sources with their lags [s], 0 = at once; coefficients with the intercept first."""
 
-    plain: tuple[str, ...]
-    lags: tuple[Lag, ...]
+    terms: tuple[tuple[str, float], ...]
     coefficients: Vector
     missed: float
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Inputs and states that the terms are made of."""
+        return tuple(Lag(name, tau_s).name if tau_s > 0.0 else name for name, tau_s in self.terms)
 
 
 def correction_of(found: Diagnosis) -> tuple[ModelFile | None, tuple[Finding, ...]]:
@@ -86,8 +90,10 @@ def _x(comparison: Comparison, name: str) -> Vector:
 
 
 def _behind(comparison: Comparison, name: str, tau_s: float) -> Vector:
-    """A source behind a lag, by the arithmetic of the control."""
+    """A source behind a lag, by the arithmetic of the control; without one where it is 0."""
     x, result = _x(comparison, name), np.empty(len(comparison.time_s))
+    if tau_s <= 0.0:
+        return x
     for _, rows in comparison.rows_of_runs():
         time_s = comparison.time_s[rows]
         start, stamps = np.array([np.nan]), np.array([np.nan])
@@ -96,34 +102,40 @@ def _behind(comparison: Comparison, name: str, tau_s: float) -> Vector:
 
 
 def _fitted(comparison: Comparison, sources: Sequence[str], course: Vector) -> _Fit:
-    """Sources, and the lags of sources that follow a course best, added one by one while each is worth it."""
+    """Sources, at once or lagged, that follow a course best, added one by one while each is worth it."""
     low = 2.0 * comparison.period_s
-    grid = np.geomspace(low, max(2.0 * comparison.longest_s, 4.0 * low), _GRID)
-    candidates = {(name, tau): _behind(comparison, name, tau) for name in sources for tau in grid.tolist()}
-    base = [np.ones(len(course)), *(_x(comparison, name) for name in sources)]
-    lags: list[Lag] = []
-    missed = _missed(base, course)
-    while len(lags) < _MOST_LAGS and missed > 0.1 * WORST:
-        best = min(candidates, key=lambda key: _missed([*base, candidates[key]], course))
-        bracket = dict(pairwise([grid[0] / 2.0, *grid.tolist(), grid[-1] * 2.0]))
-        lower = next(a for a, b in bracket.items() if b == best[1])
-        refined = minimize_scalar(
-            lambda log_tau, name=best[0], base=tuple(base): _missed(
-                [*base, _behind(comparison, name, float(np.exp(log_tau)))], course
-            ),
-            bounds=(np.log(lower), np.log(bracket[best[1]])),
-            method="bounded",
-        )
-        lag = Lag(best[0], float(f"{np.exp(refined.x):.6g}"))
-        column = _behind(comparison, lag.source, lag.tau_s)
+    grid = [0.0, *np.geomspace(low, max(2.0 * comparison.longest_s, 4.0 * low), _GRID).tolist()]
+    candidates = {(name, tau): _behind(comparison, name, tau) for name in sources for tau in grid}
+    chosen: list[tuple[str, float]] = []
+    base = [np.ones(len(course))]
+    missed = 1.0
+    while len(chosen) < _MOST_TERMS and missed > _EXACT:
+        name, tau_s = min(candidates, key=lambda key: _missed([*base, candidates[key]], course))
+        if tau_s > 0.0:
+            tau_s = _refined(comparison, name, tau_s, grid, base, course)
+        column = _behind(comparison, name, tau_s)
         after = _missed([*base, column], course)
-        if after > 0.9 * missed or any(one.name == lag.name for one in lags):
+        if after > 0.9 * missed or (name, tau_s) in chosen:
             break
         base.append(column)
-        lags.append(lag)
+        chosen.append((name, tau_s))
         missed = after
     coefficients = np.linalg.lstsq(np.column_stack(base), course, rcond=None)[0]
-    return _Fit(tuple(sources), tuple(lags), coefficients, missed)
+    return _Fit(tuple(chosen), np.asarray(coefficients, dtype=np.float64), missed)
+
+
+def _refined(
+    comparison: Comparison, name: str, tau_s: float, grid: Sequence[float], base: Sequence[Vector], course: Vector
+) -> float:
+    """The time constant between the neighbours on the grid that follows the course best."""
+    number = grid.index(tau_s)
+    low, high = grid[number - 1] or 0.5 * tau_s, grid[min(number + 1, len(grid) - 1)]
+    found = minimize_scalar(
+        lambda log_tau: _missed([*base, _behind(comparison, name, float(np.exp(log_tau)))], course),
+        bounds=(float(np.log(low)), float(np.log(max(high, 1.01 * tau_s)))),
+        method="bounded",
+    )
+    return float(f"{np.exp(found.x):.6g}")
 
 
 def _missed(columns: Sequence[Vector], course: Vector) -> float:
@@ -134,8 +146,9 @@ def _missed(columns: Sequence[Vector], course: Vector) -> float:
 
 
 def _file(comparison: Comparison, fits: dict[str, _Fit], found: Diagnosis) -> ModelFile:
-    sources = list(dict.fromkeys(name for fit in fits.values() for name in fit.plain))
-    lags = {lag.name: lag for fit in fits.values() for lag in fit.lags}
+    terms = list(dict.fromkeys(term for fit in fits.values() for term in fit.terms))
+    sources = list(dict.fromkeys(name for name, _ in terms))
+    lags = [Lag(name, tau_s) for name, tau_s in terms if tau_s > 0.0]
     inputs = []
     for name in sources:
         channel, x = comparison.channel(name), _x(comparison, name)
@@ -152,7 +165,6 @@ def _file(comparison: Comparison, fits: dict[str, _Fit], found: Diagnosis) -> Mo
         )
     outputs, limits = [], []
     for name, fit in fits.items():
-        keys = [*fit.plain, *(lag.name for lag in fit.lags)]
         outputs.append(
             Output(
                 name=name,
@@ -160,7 +172,7 @@ def _file(comparison: Comparison, fits: dict[str, _Fit], found: Diagnosis) -> Mo
                 intercept=float(fit.coefficients[0]),
                 terms=tuple(
                     Term(powers={key: 1}, coefficient=float(value))
-                    for key, value in zip(keys, fit.coefficients[1:], strict=True)
+                    for key, value in zip(fit.names, fit.coefficients[1:], strict=True)
                 ),
             )
         )
@@ -169,7 +181,7 @@ def _file(comparison: Comparison, fits: dict[str, _Fit], found: Diagnosis) -> Mo
     model = ModelFile(
         name=f"correction of {' and '.join(fits)}",
         inputs=tuple(inputs),
-        states=tuple(State(name=lag.name, source=lag.source, tau_s=lag.tau_s) for lag in lags.values()),
+        states=tuple(State(name=lag.name, source=lag.source, tau_s=lag.tau_s) for lag in lags),
         outputs=tuple(outputs),
         guard=Guard(limits=tuple(limits)),
         provenance=Provenance(
