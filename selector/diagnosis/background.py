@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.signal.windows import tukey
+from scipy.stats import norm, rankdata
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.signals import filled, rate
@@ -212,12 +213,16 @@ def noise_alone(
         bringing = innovations(model.phi, own, rows)[0]
         unseen = np.setdiff1d(np.arange(len(residual)), seen)
         bringing[unseen] = rng.choice(bringing[seen], len(unseen))
+        step = comparison.resolution.get(response, 0.0)
+        if step > 0.7 * spread:
+            # Readings of a few steps say little of the noise before it was rounded: normal values in the same order.
+            ranks = rankdata(bringing + 1e-6 * spread * rng.standard_normal(len(bringing)))
+            bringing = float(np.std(bringing)) * norm.ppf((ranks - 0.5) / len(ranks))
         shaped = np.empty((n_sets, len(residual)))
         for part in (np.arange(rows.start, rows.stop) for _, rows in comparison.rows_of_runs()):
             drawn = bringing[mixed[:, part]]
             course = np.concatenate([drawn[:, -200:], drawn], axis=1)
             shaped[:, part] = lfilter([1.0], np.concatenate([[1.0], -model.phi[0]]), course, axis=1)[:, -len(part) :]
-        step = comparison.resolution.get(response, 0.0)
         if step > 0.0:
             shaped *= np.sqrt(max(1.0 - step**2 / 12.0 / spread**2, 0.05))
             course = filled(comparison, comparison.recorded[response] - residual)

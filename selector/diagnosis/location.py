@@ -12,7 +12,7 @@ from selector.diagnosis.answer import Place
 from selector.diagnosis.background import background, innovations, noise_alone, seen_rows, spectrum
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.regimes import Variable, in_words, variables
-from selector.diagnosis.segments import active_rows, envelope, without_noise
+from selector.diagnosis.segments import large_rows, noisy_rows
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -88,18 +88,19 @@ def located(
 
 
 def active_windows(comparison: Comparison, response: str, course: Vector) -> tuple[Place, ...]:
-    """Windows in which something acts: where its course is at least a quarter of its largest amount.
+    """Windows in which something acts.
 
-    `course` is an effect's fitted course, or a residual: noise is taken off it if there is any. What acts in most of a
-    run acts in all of it. The state of the machine stands beside the windows if one of them tells when it acts. `share`
-    is of the course's sum of squares.
+    `course` is an effect's fitted course, which acts where it is at least a quarter of its largest amount, or a
+    residual, in which it acts where that is more than quiet noise. What acts in most of a run acts in all of it. A
+    state of the machine stands beside the windows if it tells when they are. `share` is of the course's sum of squares.
     """
-    clean = course if _is_clean(comparison, course) else without_noise(comparison, response, course)
-    if not np.any(clean):
-        clean = envelope(comparison, course)
-    if not np.any(clean):
-        clean = np.isfinite(course).astype(np.float64)
-    active = active_rows(comparison, clean)
+    clean = np.nan_to_num(course)
+    if _is_clean(comparison, course):
+        active = large_rows(comparison, clean)
+    else:
+        active = noisy_rows(comparison, course)
+        if not active.any():
+            active = np.isfinite(course)
     regime = in_words(comparison, active)
     total = float(np.sum(clean[active] ** 2)) or 1.0
     places = []

@@ -25,7 +25,7 @@ from selector.diagnosis.structure_tests import (
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
-_DRAWS = 299
+_DRAWS = 199
 
 
 @dataclass(frozen=True)
@@ -86,21 +86,20 @@ def unexplained(
     residuals : mapping of str to ndarray of shape (n_rows,)
         Response → what is left [its unit]; NaN where missing.
     whitened : mapping of str to ndarray of shape (n_rows,)
-        The same after the noise filter; NaN where missing.
+        The same after the noise filter; rows that are missing in it are not looked at.
     seed : int
     false_alarm : float
         Probability of any structure where all is noise.
     """
     rng = np.random.default_rng(seed)
-    stacks = noise_alone(comparison, residuals, _DRAWS, rng)
+    seen = {name: np.where(np.isfinite(whitened[name]), values, np.nan) for name, values in residuals.items()}
+    stacks = noise_alone(comparison, seen, _DRAWS, rng)
     states = variables(comparison)
     found: list[tuple[str, Tested]] = []
     spectra: dict[str, Spectrum] = {}
     spread: dict[str, float] = {}
     for response, stack in stacks.items():
-        tests, spectra[response], spread[response] = _tests(
-            whitened[response], stack, seen_rows(comparison, residuals[response]), states
-        )
+        tests, spectra[response], spread[response] = _tests(stack, seen_rows(comparison, seen[response]), states)
         found += [(response, test) for test in tests]
     for one, other in combinations(spectra, 2):
         if spectra[one].frequency.shape == spectra[other].frequency.shape:
@@ -120,7 +119,6 @@ def unexplained(
 
 
 def _tests(
-    whitened: Vector,
     stack: Matrix,
     rows: Sequence[NDArray[np.intp]],
     states: tuple[Variable, ...],
@@ -135,7 +133,7 @@ def _tests(
     white /= 1.4826 * np.median(np.abs(white[:, seen]), axis=1, keepdims=True) + 1e-300
     tests.append(jump(white, noise.phi, rows))
     tests.append(by_state(np.clip(white, -4.0, 4.0), noise.phi[0], rows, states))
-    tests.append(burst(np.nan_to_num(whitened), white, rows, states))
+    tests.append(burst(white, rows, states))
     spread = float(np.sqrt(noise.density(np.linspace(0.001, 0.5, 500))[0].mean()))
     return tests, Spectrum(of.frequency, of.run, of.amplitudes / np.sqrt(density)), spread
 

@@ -23,6 +23,8 @@ Amplitudes = NDArray[np.complex128]
 Rows = Sequence[NDArray[np.intp]]
 Kind = Literal["slow", "line", "cycle", "jump", "state", "burst", "common"]
 _BINS = 8
+_TELLING = 30.0
+"""Sum of squares between bins, in variances, from which noise is taken to differ by state (7 are expected)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,15 +159,11 @@ def by_state(white: Matrix, phi: Vector, rows: Rows, states: Sequence[Variable])
     return largest(found) if found else Tested("state", np.zeros(len(white)))
 
 
-def burst(whitened: Vector, noise: Matrix, rows: Rows, states: Sequence[Variable]) -> Tested:
-    """More noise in one window than elsewhere, by ranks; noise that differs by state of the machine is allowed for.
-
-    `whitened` is what is asked about; the sets 1 and on of `noise` (whitened too) are what it is compared with.
-    """
+def burst(white: Matrix, rows: Rows, states: Sequence[Variable]) -> Tested:
+    """More noise in one window than elsewhere, by ranks; noise that differs by state of the machine is allowed for."""
     seen = np.concatenate(rows)
-    size = np.abs(noise[:, seen])
-    size[0] = np.abs(whitened[seen])
-    size[0] /= _size_by_state(size[0], seen, states)
+    size = np.abs(white[:, seen])
+    size /= _size_by_state(size, seen, states)
     stack = norm.ppf(0.5 + 0.5 * (rankdata(size, axis=1) - 0.5) / len(seen)) ** 2 - 1.0
     found, start = [], 0
     for k, here in enumerate(rows):
@@ -183,17 +181,19 @@ def burst(whitened: Vector, noise: Matrix, rows: Rows, states: Sequence[Variable
     return largest(found) if found else Tested("burst", np.zeros(len(stack)))
 
 
-def _size_by_state(size: Vector, seen: NDArray[np.intp], states: Sequence[Variable]) -> Vector:
-    """Mean size in each bin of the one variable that tells most about it; 1 where none tells anything."""
-    best, scale = 30.0, np.ones(len(size))
-    level = float(np.mean(size)) or 1.0
+def _size_by_state(size: Matrix, seen: NDArray[np.intp], states: Sequence[Variable]) -> Matrix:
+    """Mean size in each bin of the one variable that tells most about it, set by set; 1 where none tells anything."""
+    level, spread = size.mean(axis=1, keepdims=True), np.maximum(size.var(axis=1), 1e-300)
+    best, scale = np.full(len(size), _TELLING), np.ones_like(size)
     for variable in states:
         bins = variable.bins(_BINS)[seen]
-        count = np.bincount(bins).astype(np.float64)
-        mean = np.bincount(bins, weights=size) / np.maximum(count, 1.0)
-        between = float(np.sum(count * (mean - level) ** 2)) / max(float(np.var(size)), 1e-300)
-        if between > best:
-            best, scale = between, np.maximum(mean[bins] / level, 0.05)
+        table = (bins[:, None] == np.unique(bins)[None, :]).astype(np.float64)
+        count = table.sum(axis=0)
+        mean = size @ table / count
+        between = ((mean - level) ** 2 @ count) / spread
+        better = between > best
+        best[better] = between[better]
+        scale[better] = np.maximum((mean / np.maximum(level, 1e-300))[better] @ table.T, 0.05)
     return scale
 
 

@@ -43,9 +43,10 @@ def test_boxes_lie_on_the_mismatch_in_its_channel():
     assert overlap(windows, np.abs(COURSE) > 0.25) > 0.3  # dyadic windows cannot follow the edges
 
 
-@pytest.mark.parametrize(("strength", "least"), [(np.inf, 0.95), (6.0, 0.8), (3.0, 0.6)])
+@pytest.mark.parametrize(("strength", "least"), [(np.inf, 0.95), (6.0, 0.6), (3.0, 0.5)])
 def test_windows_of_what_goes_on_and_off(strength, least):
-    # Without noise only the edges' rows can differ. The noise moves edges by some ten rows of the 80 that a window has.
+    # Without noise only the edges' rows can differ. Recalibration has taken an offset and a part of the simulation for
+    # the effect, so that the rest stands off zero between the windows; noise moves edges by some ten rows of 80.
     if np.isfinite(strength):
         of = with_noise(strength * COURSE)
         course = residuals(of)[0]["Z"]
