@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import bilinear, lfilter
+from scipy.signal import lfilter
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.motion import commanded, derivatives, motion
@@ -159,7 +159,7 @@ def _iterated(
         driven = np.stack([b for u in inputs for b in _branches(comparison, polynomial, u)])
         size = np.sqrt(np.mean(driven**2, axis=1))
         basis, _ = np.linalg.qr((driven[size > 0.0] / size[size > 0.0, None]).T)
-        left_over = np.mean([1.0 - np.sum((basis.T @ y) ** 2) / (y @ y) for y in outputs])
+        left_over = float(np.mean([1.0 - np.sum((basis.T @ y) ** 2) / (y @ y) for y in outputs]))
         misfit = float(np.sqrt(max(left_over, 0.0)))
         if best is None or misfit < best.misfit:
             best = ClosedLoop(tuple(float(c) for c in polynomial), misfit)
@@ -194,11 +194,25 @@ def _through(comparison: Comparison, loop: ClosedLoop, power: int, course: Vecto
 
 def _filtered(comparison: Comparison, polynomial: Vector, power: int, course: Vector) -> Vector:
     """s^power·x/A(s), run by run, from rest at the first sample (Tustin)."""
-    b, a = bilinear([1.0] + [0.0] * power, polynomial, 1.0 / comparison.period_s)
+    b, a = _tustin(power, tuple(float(c) for c in polynomial), comparison.period_s)
     result = np.empty(len(course))
     for _, rows in comparison.rows_of_runs():
         result[rows] = lfilter(b, a, course[rows])
     return result
+
+
+@lru_cache(maxsize=4096)
+def _tustin(power: int, polynomial: tuple[float, ...], step_s: float) -> tuple[Vector, Vector]:
+    """Numerator and denominator in z of s^power/A(s): s^k (of degree n) is (2/Δ)^k·(z − 1)^k·(z + 1)^(n − k).
+
+    `scipy.signal.bilinear` gives the same in 8 ms; hundreds of filters are asked for.
+    """
+    order = len(polynomial) - 1
+    terms = [
+        (2.0 / step_s) ** k * np.real(np.poly([1.0] * k + [-1.0] * (order - k))) for k in range(order + 1)
+    ]  # fmt: skip
+    denominator = sum((c * terms[order - i] for i, c in enumerate(polynomial)), np.zeros(order + 1))
+    return terms[power] / denominator[0], denominator / denominator[0]
 
 
 def _as_large(course: Vector, as_this: Vector) -> Vector:
