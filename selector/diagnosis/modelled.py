@@ -13,7 +13,8 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue, effect_of
 from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.location import active_windows
-from selector.diagnosis.refitting import Refitted, Say, refitted, simulated_rows
+from selector.diagnosis.refit_problem import simulated_rows
+from selector.diagnosis.refitting import Refitted, Say, refitted
 from selector.diagnosis.runnable import OwnModel, Runnable
 from selector.diagnosis.switches import Switch
 from selector.diagnosis.through_model import ThroughModel, through_model

@@ -12,7 +12,8 @@ from scipy.optimize import least_squares
 from selector.diagnosis.alignment import comparison_of
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Quantity
-from selector.diagnosis.noise import NoiseModel, noise_model, stretches, whitened
+from selector.diagnosis.noise import stretches
+from selector.diagnosis.refit_problem import RefitProblem, noise_of, simulated_rows
 from selector.diagnosis.runnable import Runnable
 from selector.errors import InputError
 from selector.findings import Finding
@@ -25,9 +26,6 @@ Say = Callable[[int, int, str], None]
 
 NAMEPLATE = 0.2
 """Standard deviation of a parameter about what the file says, as a share of it: what name plates are worth."""
-_FARTHEST = 3.0
-_STEP = 0.1
-"""Step of a finite difference, in standard deviations of the nameplate."""
 _UNDETERMINED = 0.8
 """A parameter of which the record leaves more than this share of the nameplate's uncertainty is not determined."""
 _PULLED = 0.1
@@ -67,75 +65,6 @@ class Refitted:
     left_alone: tuple[str, ...]
     runs: int
     findings: tuple[Finding, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class _Fit:
-    """What a fit works on: weighted residuals of the fitted rows as a function of parameters in nameplate units."""
-
-    runnable: Runnable
-    comparison: Comparison
-    names: tuple[str, ...]
-    centre: Vector
-    spread: Vector
-    free: NDArray[np.bool_]
-    noise: Mapping[str, NoiseModel]
-    parts: Mapping[str, list[slice]]
-    counted: Callable[[], None]
-
-    def courses(self, z: Vector) -> dict[str, Vector]:
-        """Simulated responses; z is in standard deviations of the nameplate."""
-        self.counted()
-        values = dict(zip(self.names, (self.centre + self.spread * z).tolist(), strict=True))
-        return simulated_rows(self.comparison, self.runnable.simulated(values))
-
-    def white(self, courses: Mapping[str, Vector]) -> Vector:
-        """Recorded less simulated in standard deviations, fitted rows, responses behind each other."""
-        parts = []
-        for name in self.comparison.responses:
-            left = self.comparison.recorded[name] - courses[name]
-            rows = _filled_rows(left, self.parts[name])
-            parts.append(whitened(self.noise[name], rows[:, None], self.parts[name])[:, 0])
-        kept = ~self.comparison.held_out
-        return np.concatenate([part[kept] for part in parts])
-
-    def tangents(self, z: Vector, at: Mapping[str, Vector]) -> dict[str, Matrix]:
-        """Response → change of its course with every parameter, by finite differences, shape (n_rows, n_parameters)."""
-        found = {name: np.zeros((len(self.comparison.time_s), len(self.names))) for name in self.comparison.responses}
-        for k in range(len(self.names)):
-            for step in (_STEP, -_STEP):
-                moved = np.array(z)
-                moved[k] += step
-                if abs(moved[k]) > self.limits[1][k] + 1e-12 and step > 0.0:
-                    continue
-                try:
-                    courses = self.courses(moved)
-                except InputError:
-                    continue
-                for name, columns in found.items():
-                    columns[:, k] = (courses[name] - at[name]) / step
-                break
-        return found
-
-    def white_tangents(self, tangents: Mapping[str, Matrix]) -> Matrix:
-        """The same in standard deviations of the responses, fitted rows."""
-        kept = ~self.comparison.held_out
-        return np.concatenate([
-            whitened(self.noise[name], np.column_stack([_filled_rows(c, self.parts[name]) for c in tangents[name].T])
-                     if tangents[name].shape[1] else tangents[name], self.parts[name])[kept]
-            for name in self.comparison.responses
-        ])  # fmt: skip
-
-    @property
-    def limits(self) -> tuple[Vector, Vector]:
-        """Between what z may lie: three standard deviations of the nameplate, or the bounds that were said."""
-        parameters = self.runnable.parameters
-        low, high = (
-            np.array([getattr(parameters[name], end) for name in self.names]) for end in ("low", "high")
-        )  # fmt: skip
-        bounds = (low - self.centre) / self.spread, (high - self.centre) / self.spread
-        far = np.where(self.free, np.inf, _FARTHEST)
-        return np.maximum(bounds[0], -far), np.minimum(bounds[1], far)
 
 
 def refitted(
@@ -191,12 +120,12 @@ def refitted(
     z = _best_start(fit, [{**(start or {}), **one} for one in starts])
     for turn in range(_ROUNDS):
         courses = fit.courses(z) if names else simulated_rows(nominal, runnable.simulated({}))
-        fit = replace(fit, noise=_noise(fit, courses))
+        fit = replace(fit, noise=noise_of(fit, courses))
         before, z = z, _fitted(fit, z, courses)
         if turn > 0 and np.all(np.abs(z - before) < _SETTLED):
             break
     courses = fit.courses(z)
-    fit = replace(fit, noise=_noise(fit, courses))
+    fit = replace(fit, noise=noise_of(fit, courses))
     tangents = fit.tangents(z, courses)
     white = fit.white_tangents(tangents)
     inner = white.T @ white + np.diag(np.where(fit.free, 1e-12, 1.0))
@@ -217,25 +146,18 @@ def refitted(
     return Refitted(nominal, comparison, values, quantities, left_alone, done, tuple(findings))
 
 
-def simulated_rows(comparison: Comparison, simulation: Recording) -> dict[str, Vector]:
-    """Responses of a simulation that has the recordings' times, at the rows of a comparison."""
-    names = list(comparison.responses)
-    rows = np.concatenate([simulation.values(run, names) for run in comparison.runs])
-    return {name: np.ascontiguousarray(rows[:, k], dtype=np.float64) for k, name in enumerate(names)}
-
-
 def _fit(
     runnable: Runnable,
     comparison: Comparison,
     names: tuple[str, ...],
     extra: Mapping[str, float],
     counted: Callable[[], None],
-) -> _Fit:
+) -> RefitProblem:
     parameters = runnable.parameters
     centre = np.array([parameters[name].value for name in names])
     spread = np.array([_spread(parameters[name], name, runnable, extra) for name in names])
     seen = {name: np.isfinite(comparison.difference(name)) for name in comparison.responses}
-    return _Fit(
+    return RefitProblem(
         runnable=runnable,
         comparison=comparison,
         names=names,
@@ -257,23 +179,7 @@ def _spread(one: Parameter, name: str, runnable: Runnable, extra: Mapping[str, f
     return NAMEPLATE * abs(one.value)
 
 
-def _noise(fit: _Fit, courses: Mapping[str, Vector]) -> dict[str, NoiseModel]:
-    """What counts as one standard deviation of every response: the size of what is left of it, by how long it lasts.
-
-    What is left holds what the model lacks. A filter that made it white would weigh its fast part most, where the model
-    is wrong most often; an even weight, which counts readings that repeat each other once, finds the parameters that
-    make the error small.
-    """
-    found = {}
-    for name in fit.comparison.responses:
-        left = np.where(fit.comparison.held_out, np.nan, fit.comparison.recorded[name] - courses[name])
-        model = noise_model(left, [part for part in fit.parts[name] if part.stop - part.start > 8])
-        size = float(np.sqrt(np.nanmean(left**2)) * np.sqrt(model.correlation_samples))
-        found[name] = NoiseModel(np.zeros(0), max(size, 1e-300))
-    return found
-
-
-def _best_start(fit: _Fit, starts: Sequence[Mapping[str, float]]) -> Vector:
+def _best_start(fit: RefitProblem, starts: Sequence[Mapping[str, float]]) -> Vector:
     """The start from which one step of all parameters that are not `free` leads lowest."""
     found = [
         np.clip([(one.get(name, c) - c) / s for name, c, s in zip(fit.names, fit.centre, fit.spread, strict=True)],
@@ -282,7 +188,7 @@ def _best_start(fit: _Fit, starts: Sequence[Mapping[str, float]]) -> Vector:
     ]  # fmt: skip
     if len(found) == 1:
         return np.asarray(found[0])
-    weighed = replace(fit, noise=_noise(fit, fit.courses(found[0])))
+    weighed = replace(fit, noise=noise_of(fit, fit.courses(found[0])))
     best, least = found[0], np.inf
     for z in found:
         try:
@@ -300,7 +206,7 @@ def _best_start(fit: _Fit, starts: Sequence[Mapping[str, float]]) -> Vector:
     return np.asarray(best)
 
 
-def _fitted(fit: _Fit, z: Vector, courses: Mapping[str, Vector]) -> Vector:
+def _fitted(fit: RefitProblem, z: Vector, courses: Mapping[str, Vector]) -> Vector:
     """Parameters with the smallest weighted residual, in standard deviations of the nameplate."""
     if not fit.names:
         return z
@@ -346,7 +252,7 @@ def _fitted(fit: _Fit, z: Vector, courses: Mapping[str, Vector]) -> Vector:
 
 
 def _directions(
-    fit: _Fit, tangents: Mapping[str, Matrix], white: Matrix, told: NDArray[np.bool_]
+    fit: RefitProblem, tangents: Mapping[str, Matrix], white: Matrix, told: NDArray[np.bool_]
 ) -> dict[str, dict[str, Vector]]:
     """Response → what the parameters that the record tells can still change; of many, what changes most.
 
@@ -371,7 +277,7 @@ def _quantity(value: float, sd: float, one: Parameter) -> Quantity:
     return Quantity(value, one.unit, max(value - 1.96 * sd, one.low), min(value + 1.96 * sd, one.high))
 
 
-def _pulled(fit: _Fit, z: Vector, sd: Vector, extra: Mapping[str, float]) -> list[Finding]:
+def _pulled(fit: RefitProblem, z: Vector, sd: Vector, extra: Mapping[str, float]) -> list[Finding]:
     """Parameters that had to go far from what the file says: evidence that they stand in for something else."""
     found = []
     for k, name in enumerate(fit.names):
@@ -404,13 +310,3 @@ def _told(left_alone: Sequence[str], runnable: Runnable) -> list[Finding]:
             evidence={"parameters": list(left_alone)},
         )
     ]
-
-
-def _filled_rows(values: Vector, parts: Sequence[slice]) -> Vector:
-    """The course without holes inside its stretches, 0 outside."""
-    result = np.zeros(len(values))
-    for part in parts:
-        seen = np.isfinite(values[part])
-        at = np.arange(part.stop - part.start)
-        result[part] = values[part] if seen.all() else np.interp(at, at[seen], values[part][seen])
-    return result

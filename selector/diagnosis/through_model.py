@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant
-from selector.diagnosis.refitting import Refitted, Say, simulated_rows
+from selector.diagnosis.refit_problem import simulated_rows
+from selector.diagnosis.refitting import Refitted, Say
 from selector.diagnosis.runnable import OwnModel
 from selector.diagnosis.switches import Switch, own_effects, switches
 from selector.errors import InputError
