@@ -19,9 +19,11 @@ from selector.diagnosis.spindle_heat import follows_sensors
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
+Blocks = list[Matrix]
 
 NEW_RUN = "planned run"
 _WEIGHTS = (1e-8, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
+_AS_WELL = 1.02
 _MOST_ROWS = 4000
 _LAGS_S = (0.0, 0.004, 0.012, 0.035, 0.1)
 _LEAST_KNOWN = 0.8
@@ -61,7 +63,7 @@ def extended(comparison: Comparison, planned: PlannedRun, response: str) -> Comp
             simulated[name] = np.r_[comparison.simulated[name], _shaken(comparison, planned.inputs, of, n)]
             continue
         is_static = is_slow and name in comparison.responses and follows_sensors(comparison, name)
-        part, known = _foretold(comparison, _sensor_columns(stage, name) if is_static else table, of, as_rise=is_slow)
+        part, known = _foretold(comparison, [_sensor_columns(stage, name)] if is_static else table, of, as_rise=is_slow)
         if name == response and known < _LEAST_KNOWN:
             return None
         simulated[name] = np.r_[comparison.simulated[name], part]
@@ -91,24 +93,24 @@ def _padded(comparison: Comparison, inputs: Mapping[str, Vector], n: int) -> Com
     )
 
 
-def _columns(comparison: Comparison, stage: Comparison, inputs: tuple[str, ...], response: str) -> Matrix:
-    """What a course of this kind of machine is made of, over all rows of the stage."""
+def _columns(comparison: Comparison, stage: Comparison, inputs: tuple[str, ...], response: str) -> Blocks:
+    """What a course of this kind of machine is made of, input by input, over all rows of the stage."""
     if comparison.longest_s >= SHORTEST_S:
         return _heat_columns(stage, inputs, response)
     moved = _moved(comparison, inputs)
     if moved:
-        return _drive_columns(stage, moved[0])
-    return _lag_columns(stage, inputs)
+        return [_drive_columns(stage, moved[0])]
+    return [_lag_columns(stage, inputs)]
 
 
 def _moved(comparison: Comparison, inputs: tuple[str, ...]) -> list[str]:
     return [name for name in inputs if comparison.channel(name).role in ("position_command", "position", "velocity")]
 
 
-def _heat_columns(stage: Comparison, inputs: tuple[str, ...], response: str) -> Matrix:
+def _heat_columns(stage: Comparison, inputs: tuple[str, ...], response: str) -> Blocks:
     taus = (0.0, *time_constants(stage, 6))
     known = sources(stage, response)
-    columns = []
+    blocks = []
     for name in inputs:
         role = stage.channel(name).role
         if role in ("ambient", "temperature"):
@@ -118,8 +120,8 @@ def _heat_columns(stage: Comparison, inputs: tuple[str, ...], response: str) -> 
             drivers = [(speed / max(float(speed.max()), 1e-300)) ** power for power in (1.0, 2.0)]
         else:
             drivers = [heat for _, heat in heats(stage, name)]
-        columns += [lagged(stage, driver, float(tau)) for driver in drivers for tau in taus]
-    return np.column_stack(columns)
+        blocks.append(np.column_stack([lagged(stage, driver, float(tau)) for driver in drivers for tau in taus]))
+    return blocks
 
 
 def _drive_columns(stage: Comparison, name: str) -> Matrix:
@@ -168,35 +170,53 @@ def _shaken(comparison: Comparison, inputs: Mapping[str, Vector], values: Vector
     return np.asarray(result + np.resize(rest[longest], n))
 
 
-def _foretold(comparison: Comparison, table: Matrix, values: Vector, *, as_rise: bool) -> tuple[Vector, float]:
+def _foretold(comparison: Comparison, blocks: Blocks, values: Vector, *, as_rise: bool) -> tuple[Vector, float]:
     """The course in the new run, and the share of its variance in the recorded ones that was learnt."""
     old = len(comparison.time_s)
     target = rise(comparison, values) if as_rise else values
     start = float(np.median([values[first] for first in comparison.starts[:-1]])) if as_rise else 0.0
+    table = np.column_stack(blocks)
     scale = np.sqrt(np.mean(table[:old] ** 2, axis=0))
     table = table / np.where(scale > 0.0, scale, np.inf)
-    beta = _ridge(comparison, table[:old], target)
+    block_of = np.repeat(np.arange(len(blocks)), [block.shape[1] for block in blocks])
+    beta = _ridge(comparison, table[:old], target, block_of)
     variance = float(np.var(target))
     left = float(np.var(target - table[:old] @ beta))
     known = 1.0 if variance <= 0.0 else 1.0 - left / variance
     return start + table[old:] @ beta, known
 
 
-def _ridge(comparison: Comparison, table: Matrix, target: Vector) -> Vector:
-    """Ridge regression whose weight foretells one run from the others best; of a single run a weight of 1e-4."""
+def _ridge(comparison: Comparison, table: Matrix, target: Vector, block_of: NDArray[np.intp]) -> Vector:
+    """Ridge regression whose weight foretells one run from the others best; of a single run a weight of 1e-4.
+
+    Inputs without which the other runs are foretold as well are left out: the new run may take them further than any.
+    """
     stride = max(1, len(target) // _MOST_ROWS)
     parts = [(table[rows][::stride], target[rows][::stride]) for _, rows in comparison.rows_of_runs()]
     grams = np.array([x.T @ x for x, _ in parts])
     scores = np.array([x.T @ y for x, y in parts])
     size = max(float(np.trace(grams.sum(axis=0))) / max(table.shape[1], 1), 1e-300)
 
-    def solution(without: int | None, weight: float) -> Vector:
+    def solution(without: int | None, weight: float, use: NDArray[np.bool_]) -> Vector:
         gram, score = grams.sum(axis=0), scores.sum(axis=0)
         if without is not None:
             gram, score = gram - grams[without], score - scores[without]
-        return np.asarray(np.linalg.solve(gram + weight * size * np.eye(len(gram)), score))
+        beta = np.zeros(len(score))
+        beta[use] = np.linalg.solve(gram[np.ix_(use, use)] + weight * size * np.eye(int(use.sum())), score[use])
+        return beta
 
-    def missed(weight: float) -> float:
-        return float(sum(np.sum((y - x @ solution(k, weight)) ** 2) for k, (x, y) in enumerate(parts)))
+    def missed(weight: float, use: NDArray[np.bool_]) -> float:
+        return float(sum(np.sum((y - x @ solution(k, weight, use)) ** 2) for k, (x, y) in enumerate(parts)))
 
-    return solution(None, min(_WEIGHTS, key=missed) if len(parts) > 1 else 1e-4)
+    def best(use: NDArray[np.bool_]) -> tuple[float, float]:
+        return min((missed(weight, use), weight) for weight in _WEIGHTS)
+
+    use = np.ones(len(block_of), dtype=bool)
+    if len(parts) < 2:
+        return solution(None, 1e-4, use)
+    error, weight = best(use)
+    for block in np.unique(block_of):
+        fewer = use & (block_of != block)
+        if fewer.any() and (found := best(fewer))[0] <= _AS_WELL * error:
+            (error, weight), use = found, fewer
+    return solution(None, weight, use)
