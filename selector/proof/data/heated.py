@@ -88,7 +88,8 @@ def heated(generator: np.random.Generator, *, colour: str = "white", resolution:
     true: dict[str, list[Vector]] = {name: [] for name in SENSORS}
     for run in range(len(RUNS)):
         speed = _duty(generator, time, monotonous=run == 0)
-        hall = 20.0 + draw(-1.0, 3.0) + draw(0.2, 0.8) * np.sin(2 * np.pi * (time / 86400.0 + draw(0.0, 1.0)))
+        # every morning alike, then another course: a run that is off as a whole is not the hall's doing
+        hall = 20.5 + draw(-0.1, 0.1) + draw(0.6, 1.3) * np.sin(2 * np.pi * time / draw(14e3, 36e3)) * draw(-1.0, 1.0)
         rise = np.zeros(4)
         rises = np.empty((len(time), 4))
         for k in range(len(time)):

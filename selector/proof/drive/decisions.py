@@ -103,7 +103,12 @@ CLEAN = (
     _clean("ar", {"colour": "ar"}),
     _clean("heavy-tailed", {"colour": "heavy-tailed"}),
     _clean("quantised", {"colour": "quantised"}),
-    _clean("coarse", {"colour": "coarse"}, "Steps of the readings are far above their noise."),
+    _clean(
+        "coarse",
+        {"colour": "coarse"},
+        "Steps of the readings are far above their noise.",
+        verdicts=("nothing-missing", "unexplained"),
+    ),
     _clean(
         "cycle-locked",
         {"colour": "cycle-locked", "styles": ("cycles", "cycles", "cycles")},

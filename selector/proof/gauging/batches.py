@@ -43,7 +43,7 @@ class Batches:
     grooved: tuple[Vector, ...]
     growth_um_per_k: float
 
-    def sizes(self, lag_s: float = 0.0, groove_um: float = 0.0, groove_share: float = 0.12) -> list[Vector]:
+    def sizes(self, lag_s: float = 0.0, groove_um: float = 0.0, groove_share: float = 0.3) -> list[Vector]:
         """Sizes of the parts of every run [µm]: what the gauge lets through, and growth with the coolant."""
         return [
             ground_sizes(

@@ -19,8 +19,8 @@ def ground_sizes(
 
     The wheel comes in with four times the fine feed until the reading is 25 µm over the target, then with the fine
     feed `feed_um_per_s`; machine and part give way with a time constant of 0.3 s. The gauge reads through two lags in
-    a row that delay it by `lag_s` altogether. Over a groove, `groove_um` deep in `groove_share` of every turn, the
-    finger falls in and comes out again slowly, so that the reading is too low.
+    a row that delay it by `lag_s` altogether. Grooves pass 23 times a second: in `groove_share` of the time the finger
+    falls in, by up to `groove_um`, and comes out again slowly, so that the reading is too low.
     """
     result: Vector = _ground(allowance_um, feed_um_per_s, lag_s, groove_um, groove_share)
     return result
@@ -55,7 +55,7 @@ def _ground(allowance, feed, lag_s, depth, share):  # type: ignore[no-untyped-de
             rate += give * (wanted - rate)
             last_size = size
             size -= h * rate
-            turn = (k * h * 4.0 + 0.37 * part) % 1.0
+            turn = (k * h * 23.0 + 0.37 * part) % 1.0
             drop = depth[part] if turn < share[part] else 0.0
             finger += 0.85 * (drop - finger) if drop > finger else 0.2 * (drop - finger)
             seen = size - finger
