@@ -70,14 +70,15 @@ def _gap(
     squares = np.array([[np.sum(middle[block] ** 2), np.sum(after[block] ** 2), len(block)] for block in blocks])
     picks = np.random.default_rng(seed).integers(len(blocks), size=(_DRAWS, len(blocks)))
     drawn = squares[picks].sum(axis=1)
-    shares = [share for share in (_closed(*sums, floor) for sums in drawn) if share is not None]
-    value = _closed(*squares.sum(axis=0), floor)
+    shares = [share for share in (_closed(sums, floor) for sums in drawn) if share is not None]
+    value = _closed(squares.sum(axis=0), floor)
     if value is None or not shares:
         return None
     return Quantity(value, "1", float(np.quantile(shares, 0.025)), float(np.quantile(shares, 0.975)))
 
 
-def _closed(middle: float, after: float, n: float, floor: float) -> float | None:
+def _closed(sums: Vector, floor: float) -> float | None:
+    middle, after, n = (float(value) for value in sums)
     gap = float(np.sqrt(middle / n)) - floor
     return (float(np.sqrt(middle / n)) - float(np.sqrt(after / n))) / gap if gap > 0.02 * floor else None
 
