@@ -32,7 +32,7 @@ from selector.diagnosis.whole_record import whole_record_names
 from selector.diagnosis.wording import headline
 
 Vector = NDArray[np.float64]
-_DOUBTFUL, _DOUBTFUL_IF_SUSPECTED = 0.45, 0.65
+_DOUBTFUL = 0.45
 """Confidence below which an effect is no name where structure is left that nothing explains."""
 
 
@@ -154,7 +154,8 @@ def _is_physics(effect: NamedEffect) -> bool:
 
 
 def _is_doubtful(effect: NamedEffect) -> bool:
-    return effect.confidence < (_DOUBTFUL_IF_SUSPECTED if effect.suspected else _DOUBTFUL)
+    """Whether an effect is no name where structure is left: not sure, or of no use on the held-out programme."""
+    return effect.suspected or effect.confidence < _DOUBTFUL
 
 
 def _confirmed(comparison: Comparison, found: Search, id_: str) -> NamedEffect:
