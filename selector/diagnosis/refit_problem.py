@@ -18,6 +18,7 @@ Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
 FARTHEST = 3.0
+"""Standard deviations of the nameplate that a parameter may go."""
 STEP = 0.1
 """Step of a finite difference, in standard deviations of the nameplate."""
 

@@ -34,7 +34,7 @@ WAYS = (([80.0, 20.0, 0.0], 9000.0), ([60.0, 0.0], 4000.0), ([70.0, 10.0, 40.0, 
 
 HEATED = {
     "model": {"kind": "network", "name": "headstock on a column"},
-    "run": {"duration_min": 300, "period_s": 120, "step_s": 120, "start_degc": 20.0},
+    "run": {"duration_min": 300, "period_s": 60, "step_s": 60, "start_degc": 20.0},
     "conditions": {"spindle_speed_rpm": [[0, 1500], [120, 3000], [220, 0]], "ambient_degc": 20.0},
     "nodes": {
         "spindle": {"heat_capacity_j_per_k": 2.0e4, "expansion_um_per_k": {"Z": 2.0}},
@@ -82,7 +82,7 @@ def heat_recording(plain=HEATED, duties=DUTIES) -> Recording:
         changed = copy.deepcopy(plain)
         changed["conditions"]["spindle_speed_rpm"] = duty
         file = heat_file(changed)
-        conditions = scheduled(file.conditions, {}, duration_s=18_000.0, period_s=120.0)
+        conditions = scheduled(file.conditions, {}, duration_s=18_000.0, period_s=60.0)
         done = thermal_model(file).simulate(conditions, run="r", seed=number)
         index = pd.Index(np.asarray(done.time_s("r")), name="time_s")
         runs[f"r{number}"] = pd.DataFrame(done.values("r", done.names), index, list(done.names))
