@@ -143,8 +143,12 @@ def separations(
         shape = _nearest(scene, base, id_, meant)
         if shape is not None:
             truths[id_] = _like(scene, base, shape, meant)
+    # what nothing of is seen in the record may be fitted, but is not taken for true
+    seen = {id_ for id_, truth in truths.items() if id_ == effect.id or _seen(scene, base, truth) > 1.0}
     return tuple(
-        Separation(true, other, _distance(scene, base, truths[true], other)) for true, other in permutations(truths, 2)
+        Separation(true, other, _distance(scene, base, truths[true], other))
+        for true, other in permutations(truths, 2)
+        if true in seen
     )
 
 
@@ -222,6 +226,12 @@ def _like(scene: _Scene, base: Matrix, shape: Variant, course: Vector) -> Vector
     target, columns = _target(scene, course), white[scene.old]
     target, columns = target - q @ (q.T @ target), columns - q @ (q.T @ columns)
     return np.asarray(white @ np.linalg.lstsq(columns, target, rcond=1e-8)[0])
+
+
+def _seen(scene: _Scene, base: Matrix, truth: Vector) -> float:
+    """Norm of a course on the recorded rows, without what recalibration and the other named effects take of it."""
+    q, target = _basis(base[scene.old]), truth[scene.old]
+    return float(np.linalg.norm(target - q @ (q.T @ target)))
 
 
 def _distance(scene: _Scene, base: Matrix, truth: Vector, other: str) -> float:

@@ -23,6 +23,8 @@ Given = dict[str, NDArray[Any]]
 
 _HALL_SWING_K = 4.0
 _DAY_S = 8.0 * 3600.0
+_ROUND_S = 96.0 * 60.0
+"""Halves, sixths and sixteenths of it are whole minutes."""
 _LONGEST_DRIVE_S = 12.0
 _MOST_SAMPLES = 4_000
 _JERK_S = 0.04
@@ -69,7 +71,7 @@ def _is_warm(comparison: Comparison, response: str) -> bool:
 
 def _of_heat(comparison: Comparison, response: str) -> Iterator[PlannedRun]:
     known = sources(comparison, response)
-    span = float(np.clip(comparison.longest_s, 2.0 * 3600.0, _DAY_S))
+    span = _ROUND_S * round(float(np.clip(comparison.longest_s, 2.0 * 3600.0, _DAY_S)) / _ROUND_S)
     n = int(np.clip(round(span / comparison.period_s), 60, _MOST_SAMPLES))
     part = np.arange(n) / n
     planned = [*_heat_menu(comparison, known, part, span)]
