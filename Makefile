@@ -48,6 +48,7 @@ pytest: $(STAMP)
 # Pages and lists that are written by the program and checked by the tests.
 reference: $(STAMP)
 	@$(BIN)/python -m docs.make_command_line
+	@$(BIN)/python -m docs.make_effects
 	@$(BIN)/python -m tests.architecture.public_names
 
 setup: $(STAMP)
