@@ -96,15 +96,23 @@ class Plan:
 def scenario(plan: Plan, world: Callable[[np.random.Generator], World], *, has_strength: bool = True) -> Scenario:
     """A scenario of worlds that are made from a seed; every name draws other worlds from the same seed.
 
-    A world in which the effect is not hidden as the plan says is drawn anew, a few times.
+    A world in which the effect is not hidden as the plan says, or cannot be of the wanted strength, is drawn anew, a
+    few times.
     """
 
     def build(seed: int, wanted: float | None) -> Case:
+        case: Case | None = None
         for draw in range(_DRAWS):
             generator = _generator(plan, seed, draw)
-            case = case_of(world(generator), plan, generator, wanted)
+            try:
+                case = case_of(world(generator), plan, generator, wanted)
+            except ValueError:
+                if case is None and draw == _DRAWS - 1:
+                    raise
+                continue
             if all(hidden.holds for hidden in case.truth.concealed):
                 break
+        assert case is not None
         return case
 
     return Scenario(plan.name, plan.family, plan.kind, build, plan.note, has_strength=has_strength)
@@ -270,7 +278,7 @@ def _size_for(target: float, strength: _Strength, first: float) -> float:
     try:
         return scale_for(target, found, first=first)
     except ValueError:
-        low, high = 0.0, first
+        low, high, nearest = 0.0, first, (0.0, 0.0)
         for _ in range(12):
             if found(high) > target:
                 break
@@ -278,9 +286,13 @@ def _size_for(target: float, strength: _Strength, first: float) -> float:
         for _ in range(30):
             middle = 0.5 * (low + high)
             value = found(middle)
-            if abs(value / target - 1.0) < 0.03:
-                return middle
+            if abs(value / target - 1.0) < abs(nearest[0] / target - 1.0):
+                nearest = value, middle
+            if abs(value / target - 1.0) < 0.02:
+                break
             low, high = (middle, high) if value < target else (low, middle)
+        if abs(nearest[0] / target - 1.0) < 0.045:
+            return nearest[1]
         raise
 
 
