@@ -20,7 +20,7 @@ Named = dict[str, dict[str, int]]
 _SHOWS = 0.05
 """A response shows a supported effect if noise alone would show it there as clearly in fewer than this share."""
 _MOST = 5
-_FINEST = 0.3
+_FINEST = 0.02
 """Steps of the reading: what never moves it as far cannot be read from it, but by the rounding itself."""
 _NEARLY = 0.6
 _SURE = 0.9
@@ -146,21 +146,21 @@ def _with_own(
     """
     for id_ in dict.fromkeys(id_ for bench in benches.values() for id_ in bench.own):
         freed = {name: bench.without_own(id_) for name, bench in benches.items()}
+        if not named:
+            # beside a parameter that is free to vary what resembles it may have gone unseen
+            alone = _selected(freed, noise, false_alarm=0.5 * false_alarm, seed=seed)
+            if alone:
+                benches, named = freed, alone
+            continue
         standing = standings(freed, named, noise, seed=seed)
         one = standing[id_]
         if not is_supported(one, false_alarm / (len(standing) + len(named))):
             continue
-        if not named:
-            chosen_freely = _selected(freed, noise, false_alarm=false_alarm, seed=seed)
-            if chosen_freely:
-                benches, named = freed, chosen_freely
-            continue
         chosen = {name: freed[name].first_candidate(id_) for name in one.responses}
         main = max(one.responses, key=lambda name: one.tested[name].gain)
         beta = freed[main].coefficients([*numbers(named, main), chosen[main]])[0]
-        if named and beta[-freed[main].counts[chosen[main]]] <= 0.0:
-            continue
-        benches, named = freed, named | {id_: chosen}
+        if beta[-freed[main].counts[chosen[main]]] > 0.0:
+            benches, named = freed, named | {id_: chosen}
     return benches, named
 
 
