@@ -33,16 +33,16 @@ def filled(page: str, score: dict[str, Any]) -> str:
 
 def _tables(score: dict[str, Any]) -> Iterator[str]:
     seeds = score["seeds"]
-    said = f"{min(seeds)} to {max(seeds)}" if len(seeds) > 1 else str(seeds[0])
+    said = f"seeds {min(seeds)} to {max(seeds)}" if len(seeds) > 1 else f"seed {seeds[0]}"
     kind = "exam" if score["exam"] else "development"
     seals = f"seal of the cases `{score['seal'][:16]}…`, of the answers `{score['answers_sha256'][:16]}…`"
-    yield f"{score['cases']} cases of {score['scenarios']} scenarios, {kind} seeds {said}, version {score['version']};"
+    yield f"{score['cases']} cases of {score['scenarios']} scenarios, {kind} {said}, version {score['version']};"
     yield f"{seals}. {len(score['failures'])} failed."
     yield ""
     rivals = score["rivals"]
     yield from _row("score", "this tool", "95 % interval", "cases", "first bar", "goal", "met", *rivals)
     yield from _row("---", "---:", "---", "---:", "---:", "---:", "---", *("---:" for _ in rivals))
-    for row in score["scores"]:
+    for row in (row for row in score["scores"] if row["n"]):
         other = [_of(table, row["score"]) for table in rivals.values()]
         yield from _row(
             row["score"],

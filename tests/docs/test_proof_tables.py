@@ -55,7 +55,8 @@ def test_scores_and_confusion_stand_between_the_marks(tables: ModuleType) -> Non
     assert "| any false name on clean cases | 10.0 % | 0.0 % … 40.0 % | 10 | 5.0 % | 1.0 % | **no** | 10.0 % |" in lines
     assert "| `thermal.memory` | 8 | 5 | 1 |  |  | thermal.ambient 2 |" in lines
     assert "| `(nothing missing)` | 10 |  |  |  | 9 | thermal.ambient |" in lines
-    assert next(line for line in lines if line.startswith("| windows")).split(" | ")[1] == "–"
+    # no case speaks of windows
+    assert not any(line.startswith("| windows") for line in lines)
     # made twice is made once
     assert tables.filled(made, score()) == made
 
