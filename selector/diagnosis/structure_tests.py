@@ -23,6 +23,8 @@ Amplitudes = NDArray[np.complex128]
 Rows = Sequence[NDArray[np.intp]]
 Kind = Literal["slow", "line", "cycle", "jump", "state", "burst", "common"]
 _BINS = 8
+_WIDEST = 3.0
+"""Ends of a band, as a ratio: the noise is fitted to what is wider."""
 _TELLING = 30.0
 """Sum of squares between bins, in variances, from which noise is taken to differ by state (7 are expected)."""
 
@@ -65,8 +67,9 @@ def spectral(of: Spectrum, ratio: Matrix) -> list[Tested]:
             first = np.arange(0, len(bins) - width + 1, step)
             unusual = _normal_of_sum(sums[:, first + width] - sums[:, first], width)
             slow = frequency[first + width - 1] < slow_limit
+            narrow_enough = frequency[first + width - 1] <= _WIDEST * frequency[first]
             other: Kind = "line" if width <= 2 * narrow else "cycle"
-            kinds: tuple[tuple[Kind, NDArray[np.bool_]], ...] = (("slow", slow), (other, ~slow))
+            kinds: tuple[tuple[Kind, NDArray[np.bool_]], ...] = (("slow", slow), (other, ~slow & narrow_enough))
             for kind, part in kinds:
                 if part.any():
                     here = first[part][int(np.argmax(unusual[0, part]))]

@@ -223,7 +223,10 @@ def _gain(found: Diagnosis, effect: NamedEffect) -> str:
     before, after = fit.heldout.rmse_before, fit.heldout.rmse_after
     unit = unit_words(fit.unit)
     if after < (1.0 - _LEAST_FALL) * before:
-        return f"the error of {effect.channel} on {unseen} falls from {_digits(before)} to {_digits(after)} {unit}"
+        alone = fit.recalibrated_heldout
+        also = f"; recalibration alone gives {_digits(alone)}" if alone < (1.0 - _LEAST_FALL) * before else ""
+        fall = f"falls from {_digits(before)} to {_digits(after)} {unit}{also}"
+        return f"the error of {effect.channel} on {unseen} {fall}"
     return f"the error of {effect.channel} on {unseen} does not fall ({_digits(before)} and {_digits(after)} {unit})"
 
 

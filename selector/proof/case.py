@@ -56,7 +56,7 @@ class Concealment:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Held-out root mean square errors of one response [its unit]: as given, recalibrated, by the oracle, noise alone."""
+    """Held-out RMS errors of one response [its unit]: as given, recalibrated, by the oracle, noise alone."""
 
     before: float
     recalibrated: float

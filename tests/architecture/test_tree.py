@@ -99,6 +99,7 @@ def test_every_imported_package_is_declared():
         "scikit-learn": "sklearn",
         "scikit-fem": "skfem",
         "npTDMS": "nptdms",
+        "FMPy": "fmpy",
         "python-calamine": "python_calamine",
     }
     required = [*project["dependencies"], *(r for rs in project["optional-dependencies"].values() for r in rs)]
