@@ -38,7 +38,7 @@ def effects(id: Id = None, as_json: AsJson = False) -> None:  # noqa: A002 - the
         return
     for family, members in groupby(chosen, key=lambda effect: effect.family):
         rows = [(effect.id, effect.title[:1].upper() + effect.title[1:], effect.acts_at) for effect in members]
-        console.print(showing.table(family, ["effect", "what it is", "where it acts"], rows))
+        console.print(showing.table(family, ["effect", "what it is", "where it acts"], rows, whole=["effect"]))
     console.print("`selector effects ID` explains one of them.", markup=False)
 
 

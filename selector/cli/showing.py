@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -79,16 +79,23 @@ def screen(as_json: bool = False) -> Console:
     return Console(file=stream, width=wide, soft_wrap=False, highlight=False, emoji=False)
 
 
-def table(title: str, columns: Iterable[str], rows: Iterable[Iterable[object]], numeric: Iterable[str] = ()) -> Table:
-    """A table of plain text; columns named in `numeric` are aligned to the right and keep their numbers whole."""
+def table(
+    title: str,
+    columns: Iterable[str],
+    rows: Iterable[Iterable[object]],
+    numeric: Iterable[str] = (),
+    whole: Iterable[str] = (),
+) -> Table:
+    """A table of plain text; columns in `numeric` are aligned to the right, those and `whole` ones are never broken."""
     from rich.text import Text
 
     from selector.cli.fitted_table import FittedTable
 
-    right = set(numeric)
+    right, unbroken = set(numeric), set(whole)
     shown = FittedTable(title)
     for column in columns:
-        shown.add_column(column, justify="right" if column in right else "left", overflow="fold")
+        justify: Literal["left", "right"] = "right" if column in right else "left"
+        shown.add_column(column, justify=justify, overflow="fold", no_wrap=column in unbroken)
     for row in rows:
         shown.add_row(*(Text(cell_text(cell)) for cell in row))
     return shown

@@ -38,8 +38,9 @@ def test_the_score_is_json_and_lines_go_to_stderr(capsys):
 def test_a_person_reads_a_table(capsys):
     assert exit_status(FEW) == 0
     out = capsys.readouterr().out
-    assert "any false name on clean cases" in out
-    assert "the machine fell over" in out
+    first_column = " ".join(line.split("  ")[0].strip() for line in out.splitlines())
+    assert "any false name on clean cases" in " ".join(first_column.split())  # broken into lines on narrow screens
+    assert "the machine fell over" in " ".join(out.split())
 
 
 @pytest.mark.usefixtures("_tiny")

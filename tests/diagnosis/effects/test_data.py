@@ -194,7 +194,8 @@ def test_a_jump_at_any_moment(moment, size, run):
     assert found[1].run == RUNS[run]
     # a moment every 10 samples
     assert abs(found[1].shape["from_s"].value - moment * STEP_S) <= 10.5 * STEP_S
-    assert found[2].parameters["step"].value == pytest.approx(size, rel=0.15)
+    # of the rows after a jump, those between it and the next moment of the grid are not in the fitted step
+    assert found[2].parameters["step"].value == pytest.approx(size, rel=0.1 + 10.0 / (N - moment))
     quantity = found[2].parameters["from_s"]
     assert quantity.low <= quantity.value <= quantity.high
 
