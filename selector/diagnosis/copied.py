@@ -20,7 +20,7 @@ def diagnosis_of_copy(comparison: Comparison, *, seed: int = 0) -> Diagnosis | N
         headline="The simulation is the recording to within its rounding: there is no difference to explain.",
         where=(),
         effects=(),
-        fit={name: _fit(comparison, name) for name in comparison.responses},
+        fit={name: fit_of_copy(comparison, name) for name in comparison.responses},
         evidence=(),
         detectable=(),
         next_runs=(),
@@ -30,7 +30,8 @@ def diagnosis_of_copy(comparison: Comparison, *, seed: int = 0) -> Diagnosis | N
     )
 
 
-def _fit(comparison: Comparison, response: str) -> Fit:
+def fit_of_copy(comparison: Comparison, response: str) -> Fit:
+    """Errors of a response that was simulated as it was recorded: nothing to gain."""
     course = comparison.simulated[response]
     difference = comparison.difference(response)
     train, held = (_rmse(difference[rows]) for rows in (~comparison.held_out, comparison.held_out))

@@ -13,7 +13,7 @@ from selector.diagnosis.answer import Diagnosis, Evidence, NamedEffect, Place, V
 from selector.diagnosis.bench import Bench, bench_of
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.confirmation import confirmation
-from selector.diagnosis.copied import diagnosis_of_copy
+from selector.diagnosis.copied import diagnosis_of_copy, fit_of_copy
 from selector.diagnosis.detectability import detectability
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Effect, Variant
@@ -28,6 +28,7 @@ from selector.diagnosis.omnibus import Structure, unexplained
 from selector.diagnosis.recalibration import recalibrated
 from selector.diagnosis.search import Search, Standing, numbers, search
 from selector.diagnosis.showing import fit_of
+from selector.diagnosis.unusable import identical_responses
 from selector.diagnosis.whole_record import whole_record_names
 from selector.diagnosis.wording import headline
 
@@ -77,6 +78,16 @@ def diagnosis(
     copied = diagnosis_of_copy(comparison, seed=seed)
     if copied is not None:
         return copied
+    copies = identical_responses(comparison)
+    if copies:
+        # without a difference there is no noise that a gain could be measured by
+        rest = replace(comparison, responses=tuple(name for name in comparison.responses if name not in copies))
+        found_in_rest = diagnosis(
+            rest, seed=seed, false_alarm=false_alarm, effects=effects, through_model=through_model, progress=progress
+        )
+        return replace(
+            found_in_rest, fit={**found_in_rest.fit, **{name: fit_of_copy(comparison, name) for name in copies}}
+        )
     say = progress or (lambda done, total, text: None)
     known = tuple(effects if effects is not None else catalogue())
     benches: dict[str, Bench] = {}

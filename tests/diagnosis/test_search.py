@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -10,6 +12,7 @@ from selector.diagnosis.bench import bench_of
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Quantity, Reading, Variant
 from selector.diagnosis.search import search
+from selector.diagnosis.workflow import diagnosis
 from selector.recording import Channel
 
 N = 600
@@ -117,3 +120,17 @@ def test_the_same_seed_gives_the_same_answer():
     first, second = found(residual, 7), found(residual, 7)
     assert first.named == second.named
     assert first.standing["x.square"].p_value == second.standing["x.square"].p_value
+
+
+def test_a_response_that_is_the_recording_itself_does_not_stop_the_others():
+    alone = compared(1.5 * COURSES["x.square"] + noise("white", 8))
+    both = replace(
+        alone,
+        channels=(*alone.channels, Channel("Y", "displacement", "um", axis="Y")),
+        recorded={**alone.recorded, "Y": alone.simulated["Z"]},
+        simulated={**alone.simulated, "Y": alone.simulated["Z"]},
+        responses=("Z", "Y"),
+    )
+    answer = diagnosis(both, effects=[effect("thermal.memory", COURSES["x.square"])])
+    assert [(one.id, one.channels) for one in answer.effects] == [("thermal.memory", ("Z",))]
+    assert answer.fit["Y"].heldout.rmse_before == 0.0
