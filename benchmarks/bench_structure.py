@@ -17,9 +17,9 @@ from scipy.signal import lfilter
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from selector.diagnosis.alignment import comparison_of
-from selector.diagnosis.location import active_windows
-from selector.diagnosis.omnibus import unexplained
+from selector.diagnosis.entrance.alignment import comparison_of
+from selector.diagnosis.mismatch.location import active_windows
+from selector.diagnosis.mismatch.omnibus import unexplained
 from selector.proof.scenarios import scenarios
 from tests.diagnosis.made import coloured, comparison, door, residuals
 

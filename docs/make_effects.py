@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.diagnosis.alignment import comparison_of
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Effect
-from selector.diagnosis.signals import filled
+from selector.diagnosis.entrance.alignment import comparison_of
+from selector.diagnosis.shapes.signals import filled
 from selector.diagnosis.wording import unit_words
 from selector.figures.panels import shown_samples
 from selector.figures.style import number, time_unit

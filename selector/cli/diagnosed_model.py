@@ -12,8 +12,8 @@ from selector.errors import ModelFileError, OptionError
 
 if TYPE_CHECKING:
     from selector.diagnosis.answer import Diagnosis
-    from selector.diagnosis.modelled import Improved, Modelled
-    from selector.diagnosis.runnable import Kind, Runnable
+    from selector.diagnosis.open_model.modelled import Improved, Modelled
+    from selector.diagnosis.open_model.runnable import Kind, Runnable
     from selector.findings import Finding
     from selector.recording import Recording
 
@@ -37,7 +37,7 @@ def diagnosed_model(
         It cannot be read, or the recordings cannot drive it.
     """
     from selector.cli.simulating import named
-    from selector.diagnosis.modelled import diagnosis_of_model
+    from selector.diagnosis.open_model.modelled import diagnosis_of_model
 
     with named(model), _runnable(model, recording) as runnable:
         return diagnosis_of_model(
@@ -68,12 +68,12 @@ def write_improved(improved: Improved, folder: Path) -> Path:
 @contextmanager
 def _runnable(model: Path, recording: Recording) -> Iterator[Runnable]:
     if model.suffix.lower() == ".fmu":
-        from selector.diagnosis.fmu import fmu_model
+        from selector.diagnosis.open_model.fmu import fmu_model
 
         with fmu_model(model, recording) as unit:
             yield unit
         return
-    from selector.diagnosis.runnable import OwnModel
+    from selector.diagnosis.open_model.runnable import OwnModel
 
     kind, file, columns = _read(model)
     yield OwnModel(kind, file, recording, columns)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from selector.diagnosis.answer import Diagnosis, Fit, NamedEffect, Place
     from selector.diagnosis.comparison import Comparison
-    from selector.diagnosis.modelled import Improved
+    from selector.diagnosis.open_model.modelled import Improved
 
 _SIMULATION = "What it is compared with"
 
@@ -108,7 +108,7 @@ def diagnose(
         if model is not None:
             found, improved = _of_model(source, model, response, holdout, seed, false_alarm, say)
         else:
-            from selector.diagnosis.copied import diagnosis_of_copy
+            from selector.diagnosis.entrance.copied import diagnosis_of_copy
             from selector.diagnosis.workflow import diagnosis
 
             comparison = compared(source, simulation, simulation_time_unit, response, holdout)
@@ -142,7 +142,7 @@ def compared(
         A file cannot be read, or the two cannot be compared.
     """
     from selector.cli.simulated_runs import simulated_reading
-    from selector.diagnosis.alignment import comparison_of
+    from selector.diagnosis.entrance.alignment import comparison_of
 
     if not simulation:
         raise OptionError(

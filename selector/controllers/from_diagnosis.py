@@ -15,7 +15,7 @@ from selector.controllers.model_file import Guard, Input, ModelFile, Output, Out
 from selector.controllers.self_check import check_vectors
 from selector.diagnosis.answer import Diagnosis
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.signals import filled
+from selector.diagnosis.shapes.signals import filled
 from selector.findings import Finding
 from selector.models.memory import Lag, lagged
 

@@ -10,26 +10,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.diagnosis.answer import Diagnosis, Evidence, NamedEffect, Place, Verdict
-from selector.diagnosis.bench import Bench, bench_of
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.confirmation import confirmation
-from selector.diagnosis.copied import diagnosis_of_copy, fit_of_copy
-from selector.diagnosis.detectability import detectability
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Effect, Variant
-from selector.diagnosis.experiments import next_runs
-from selector.diagnosis.frozen_responses import frozen_responses
-from selector.diagnosis.held_out_faults import held_out_faults
-from selector.diagnosis.input_faults import input_faults
-from selector.diagnosis.leftover import least_squares
-from selector.diagnosis.location import active_windows
-from selector.diagnosis.naming import input_fault_effect, named_effect, unit_of, whole_record_effect
-from selector.diagnosis.omnibus import Structure, unexplained
-from selector.diagnosis.recalibration import recalibrated
-from selector.diagnosis.search import Search, Standing, numbers, search
-from selector.diagnosis.showing import fit_of
-from selector.diagnosis.unusable import identical_responses
-from selector.diagnosis.whole_record import whole_record_names
+from selector.diagnosis.entrance.copied import diagnosis_of_copy, fit_of_copy
+from selector.diagnosis.entrance.unusable import identical_responses
+from selector.diagnosis.evidence.bench import Bench, bench_of
+from selector.diagnosis.evidence.confirmation import confirmation
+from selector.diagnosis.evidence.detectability import detectability
+from selector.diagnosis.evidence.frozen_responses import frozen_responses
+from selector.diagnosis.evidence.held_out_faults import held_out_faults
+from selector.diagnosis.evidence.naming import input_fault_effect, named_effect, unit_of, whole_record_effect
+from selector.diagnosis.evidence.recalibration import recalibrated
+from selector.diagnosis.evidence.search import Search, Standing, numbers, search
+from selector.diagnosis.evidence.showing import fit_of
+from selector.diagnosis.evidence.whole_record import whole_record_names
+from selector.diagnosis.mismatch.location import active_windows
+from selector.diagnosis.mismatch.omnibus import Structure, unexplained
+from selector.diagnosis.next_run.experiments import next_runs
+from selector.diagnosis.shapes.input_faults import input_faults
+from selector.diagnosis.shapes.leftover import least_squares
 from selector.diagnosis.wording import headline
 
 Vector = NDArray[np.float64]

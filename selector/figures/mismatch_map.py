@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.answer import Diagnosis
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.signals import course
+from selector.diagnosis.shapes.signals import course
 from selector.figures import style
 from selector.figures.run_axis import RunAxis
 

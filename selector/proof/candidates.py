@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison, Mask
 from selector.diagnosis.effects.catalogue import catalogue
-from selector.diagnosis.signals import filled, rate
+from selector.diagnosis.shapes.signals import filled, rate
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]

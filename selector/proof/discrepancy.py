@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.signals import course
+from selector.diagnosis.shapes.signals import course
 from selector.proof.candidates import Candidates
 
 Vector = NDArray[np.float64]

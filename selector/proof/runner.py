@@ -225,7 +225,7 @@ def _outcome(question: Question, case: Case, seal: str, answerer: Answerer) -> O
 
 def _blind(case: Case) -> Comparison:
     """What an answerer sees: the recordings and the simulation, nothing of the truth."""
-    from selector.diagnosis.alignment import comparison_of
+    from selector.diagnosis.entrance.alignment import comparison_of
 
     return comparison_of(case.recording, case.simulation, responses=case.responses)
 

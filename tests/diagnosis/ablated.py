@@ -7,7 +7,7 @@ import copy
 import numpy as np
 import pandas as pd
 
-from selector.diagnosis.runnable import OwnModel
+from selector.diagnosis.open_model.runnable import OwnModel
 from selector.physics.drive.drive_model import drive_model
 from selector.physics.drive.model_file import checked_model_file as drive_file
 from selector.physics.thermal.model_file import checked_model_file as heat_file

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.noise import noise_model, stretches, whitened
+from selector.diagnosis.evidence.noise import noise_model, stretches, whitened
 from selector.recording import Channel
 
 Vector = NDArray[np.float64]

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selector.diagnosis.alignment import comparison_of, resolution
-from selector.diagnosis.unusable import identical_responses
+from selector.diagnosis.entrance.alignment import comparison_of, resolution
+from selector.diagnosis.entrance.unusable import identical_responses
 from selector.errors import InputError, OptionError
 from selector.recording import Channel, Recording
 

@@ -11,9 +11,9 @@ import pytest
 from selector.controllers import evaluate, parsed_model
 from selector.controllers.from_diagnosis import WORST, correction_of
 from selector.controllers.model_io import model_text
-from selector.diagnosis.alignment import comparison_of
 from selector.diagnosis.answer import Diagnosis, NamedEffect
-from selector.diagnosis.signals import course, lagged, rise
+from selector.diagnosis.entrance.alignment import comparison_of
+from selector.diagnosis.shapes.signals import course, lagged, rise
 from selector.recording import Channel, Recording
 
 CHANNELS = (

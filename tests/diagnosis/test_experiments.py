@@ -10,14 +10,14 @@ import pytest
 from numpy.typing import NDArray
 
 from selector.diagnosis.answer import NamedEffect
-from selector.diagnosis.bench import bench_of
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import effect_of
-from selector.diagnosis.emulation import extended
-from selector.diagnosis.experiments import Separation, next_runs, separations, shortened
-from selector.diagnosis.naming import named_effect
-from selector.diagnosis.planned_runs import PlannedRun, planned_runs
-from selector.diagnosis.search import Search, search, standings
+from selector.diagnosis.evidence.bench import bench_of
+from selector.diagnosis.evidence.naming import named_effect
+from selector.diagnosis.evidence.search import Search, search, standings
+from selector.diagnosis.next_run.emulation import extended
+from selector.diagnosis.next_run.experiments import Separation, next_runs, separations, shortened
+from selector.diagnosis.next_run.planned_runs import PlannedRun, planned_runs
 from selector.recording import Channel
 
 Vector = NDArray[np.float64]

@@ -10,7 +10,7 @@ import pytest
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import effect_of
 from selector.diagnosis.effects.effect import Fitted
-from selector.diagnosis.input_faults import input_faults
+from selector.diagnosis.shapes.input_faults import input_faults
 from selector.readers import read
 from selector.recording import Channel
 

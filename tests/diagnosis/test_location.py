@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selector.diagnosis.location import active_windows, located
+from selector.diagnosis.mismatch.location import active_windows, located
 from tests.diagnosis.made import STEP_S, coloured, comparison, door, residuals
 
 N = 400

@@ -7,9 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from selector.diagnosis.modelled import Improved, diagnosis_of_model, improved_errors
-from selector.diagnosis.refitting import refitted
-from selector.diagnosis.runnable import FunctionModel, OwnModel
+from selector.diagnosis.open_model.modelled import Improved, diagnosis_of_model, improved_errors
+from selector.diagnosis.open_model.refitting import refitted
+from selector.diagnosis.open_model.runnable import FunctionModel, OwnModel
 from selector.errors import InputError
 from selector.physics.drive.model_file import parsed_model_file
 from selector.physics.model_parameters import Parameter

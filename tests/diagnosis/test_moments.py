@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selector.diagnosis.moments import beside, losses, moments, solved
+from selector.diagnosis.evidence.moments import beside, losses, moments, solved
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.noise import noise_model, stretches, whitened
+from selector.diagnosis.evidence.noise import noise_model, stretches, whitened
 
 
 def coloured(phi, sd, n, seed):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selector.diagnosis.omnibus import unexplained
+from selector.diagnosis.mismatch.omnibus import unexplained
 from tests.diagnosis.made import coloured, comparison, door, residuals
 
 N = 400

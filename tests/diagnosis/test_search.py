@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from selector.diagnosis.bench import bench_of
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Quantity, Reading, Variant
-from selector.diagnosis.search import search
+from selector.diagnosis.evidence.bench import bench_of
+from selector.diagnosis.evidence.search import search
 from selector.diagnosis.workflow import diagnosis
 from selector.recording import Channel
 

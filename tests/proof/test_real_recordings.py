@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from selector.diagnosis.alignment import comparison_of
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect
 from selector.diagnosis.effects.flow.overflow import EFFECT as OVERFLOW
 from selector.diagnosis.effects.vibration.hardening import EFFECT as HARDENING
 from selector.diagnosis.effects.vibration.hysteresis import EFFECT as HYSTERESIS
-from selector.diagnosis.leftover import least_squares
-from selector.diagnosis.signals import filled, rate
+from selector.diagnosis.entrance.alignment import comparison_of
+from selector.diagnosis.shapes.leftover import least_squares
+from selector.diagnosis.shapes.signals import filled, rate
 from selector.errors import ReadError
 from selector.proof.real import cascaded_tanks, silverbox
 

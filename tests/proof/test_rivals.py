@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selector.diagnosis.alignment import comparison_of
+from selector.diagnosis.entrance.alignment import comparison_of
 from selector.errors import OptionError
 from selector.proof.candidates import Candidates, candidates
 from selector.proof.oracle import detection_probability

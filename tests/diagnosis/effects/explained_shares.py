@@ -8,7 +8,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Variant
-from selector.diagnosis.signals import rate
+from selector.diagnosis.shapes.signals import rate
 
 
 def shares(

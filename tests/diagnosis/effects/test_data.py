@@ -13,7 +13,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import effect_of
 from selector.diagnosis.effects.data.stuck import frozen_stretches
 from selector.diagnosis.effects.effect import Fitted
-from selector.diagnosis.frozen_responses import frozen_responses
+from selector.diagnosis.evidence.frozen_responses import frozen_responses
 from selector.recording import Channel
 
 IDS = ("data.clock", "data.drift", "data.gain", "data.step", "data.stuck", "data.swapped", "data.zero")

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._limit import held_back
-from selector.diagnosis.force_response import ClosedLoop, closed_loop, passed, responds, yields_s2
-from selector.diagnosis.motion import motion
+from selector.diagnosis.shapes.force_response import ClosedLoop, closed_loop, passed, responds, yields_s2
+from selector.diagnosis.shapes.motion import motion
 from selector.recording import Channel
 from tests.diagnosis.effects.drive_axis import PAIRS, VISCOUS_ONLY, Noise, compared, moves, replace
 

@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.cooling import cooled
 from selector.diagnosis.effects.catalogue import catalogue
-from selector.diagnosis.heating import heats, lacking, sources
-from selector.diagnosis.signals import lagged
-from selector.diagnosis.spindle_heat import calm_rise, follows_sensors, free_part, spindle_law
+from selector.diagnosis.shapes.cooling import cooled
+from selector.diagnosis.shapes.heating import heats, lacking, sources
+from selector.diagnosis.shapes.signals import lagged
+from selector.diagnosis.shapes.spindle_heat import calm_rise, follows_sensors, free_part, spindle_law
 from selector.recording import Channel
 from selector.units import CANONICAL_UNITS
 from tests.diagnosis.effects.heated_machine import Physics, comparison_of, recorded, regression, simulation

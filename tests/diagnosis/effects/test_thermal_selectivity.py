@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Fitted
-from selector.diagnosis.signals import lagged
+from selector.diagnosis.shapes.signals import lagged
 from tests.diagnosis.effects.explained_shares import shares
 from tests.diagnosis.effects.heated_machine import (
     TOP_RPM,

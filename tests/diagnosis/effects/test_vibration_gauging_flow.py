@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Fitted, Variant
-from selector.diagnosis.leftover import leftover
-from selector.diagnosis.linear_response import LinearResponse, linear_responses, resonator
-from selector.diagnosis.signals import filled, rate
+from selector.diagnosis.shapes.leftover import leftover
+from selector.diagnosis.shapes.linear_response import LinearResponse, linear_responses, resonator
+from selector.diagnosis.shapes.signals import filled, rate
 from tests.diagnosis.effects.concealed_truths import TRUTHS, comparison_of, gauged_parts, structure, tanks
 
 EFFECTS = {name: importlib.import_module(f"selector.diagnosis.effects.{name}").EFFECT for name in TRUTHS}

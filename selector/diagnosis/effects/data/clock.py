@@ -17,8 +17,8 @@ from selector.diagnosis.effects.data.places import (
     whole_runs,
 )
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, Vector
-from selector.diagnosis.input_faults import input_faults
-from selector.diagnosis.signals import excited, filled, rate
+from selector.diagnosis.shapes.input_faults import input_faults
+from selector.diagnosis.shapes.signals import excited, filled, rate
 
 _SIZES = (0.1, 0.2, 0.4, 0.75, 1.3, 2.0, 2.8)
 """Shifts, in times that the course takes to change, for which its derivative no longer says what a shift does."""

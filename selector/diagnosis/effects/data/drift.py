@@ -10,7 +10,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data.places import Part, estimate, fitted_runs, later_parts, where_of
 from selector.diagnosis.effects.data.words import amount, step_unit
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.input_faults import fault_reading, fault_variants
+from selector.diagnosis.shapes.input_faults import fault_reading, fault_variants
 
 _STARTS = 12
 _BENDS = (1.0, 0.5, 2.0)

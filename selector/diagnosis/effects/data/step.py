@@ -10,7 +10,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data.places import estimate, later_parts
 from selector.diagnosis.effects.data.words import amount, step_unit
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.input_faults import fault_reading, fault_variants
+from selector.diagnosis.shapes.input_faults import fault_reading, fault_variants
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:

@@ -12,8 +12,8 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data.places import window
 from selector.diagnosis.effects.data.words import amount, step_unit
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.input_faults import fault_reading, fault_variants
-from selector.diagnosis.signals import filled
+from selector.diagnosis.shapes.input_faults import fault_reading, fault_variants
+from selector.diagnosis.shapes.signals import filled
 from selector.quality.survey import block_noise
 
 _LEAST = 6

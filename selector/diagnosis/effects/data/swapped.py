@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data.places import estimate, where_of, whole_runs
 from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant, Vector
-from selector.diagnosis.input_faults import fault_reading, fault_variants
-from selector.diagnosis.signals import excited, filled
+from selector.diagnosis.shapes.input_faults import fault_reading, fault_variants
+from selector.diagnosis.shapes.signals import excited, filled
 
 _AROUND_ONE = ((0.7, 1.3),)
 

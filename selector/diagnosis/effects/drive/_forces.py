@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Fitted, Quantity, ShapeParameter, Variant
-from selector.diagnosis.force_response import FORCE_ROLES, PLACE_ROLES, passed, responds, yields_s2
-from selector.diagnosis.motion import Motion, motion
-from selector.diagnosis.signals import filled
+from selector.diagnosis.shapes.force_response import FORCE_ROLES, PLACE_ROLES, passed, responds, yields_s2
+from selector.diagnosis.shapes.motion import Motion, motion
+from selector.diagnosis.shapes.signals import filled
 
 Vector = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.force_response import ClosedLoop
+from selector.diagnosis.shapes.force_response import ClosedLoop
 
 Vector = NDArray[np.float64]
 

@@ -20,9 +20,9 @@ from selector.diagnosis.effects.drive._forces import (
     with_interval,
 )
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.force_response import FORCE_ROLES, loop_parts
-from selector.diagnosis.motion import Motion
-from selector.diagnosis.signals import scaled
+from selector.diagnosis.shapes.force_response import FORCE_ROLES, loop_parts
+from selector.diagnosis.shapes.motion import Motion
+from selector.diagnosis.shapes.signals import scaled
 
 Vector = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from selector.diagnosis.effects.drive._forces import (
     with_interval,
 )
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.signals import filled, rate
+from selector.diagnosis.shapes.signals import filled, rate
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:

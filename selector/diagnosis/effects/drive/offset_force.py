@@ -20,7 +20,7 @@ from selector.diagnosis.effects.drive._forces import (
     with_interval,
 )
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.signals import course, in_run
+from selector.diagnosis.shapes.signals import course, in_run
 
 Vector = NDArray[np.float64]
 

@@ -18,9 +18,9 @@ from selector.diagnosis.effects.drive._forces import (
 )
 from selector.diagnosis.effects.drive._limit import held_back
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.force_response import FORCE_ROLES, ClosedLoop, closed_loop, drawn_out
-from selector.diagnosis.motion import derivatives
-from selector.diagnosis.signals import scaled
+from selector.diagnosis.shapes.force_response import FORCE_ROLES, ClosedLoop, closed_loop, drawn_out
+from selector.diagnosis.shapes.motion import derivatives
+from selector.diagnosis.shapes.signals import scaled
 
 Vector = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from selector.diagnosis.effects.drive._forces import (
     size_of,
 )
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.motion import Motion
+from selector.diagnosis.shapes.motion import Motion
 
 Vector = NDArray[np.float64]
 

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.leftover import Remainder
-from selector.diagnosis.record_kind import no_flow
-from selector.diagnosis.signals import course, excited, filled, lagged, time_constants
-from selector.diagnosis.stores import Brims, Stores, refitted, stores_of
+from selector.diagnosis.shapes.leftover import Remainder
+from selector.diagnosis.shapes.record_kind import no_flow
+from selector.diagnosis.shapes.signals import course, excited, filled, lagged, time_constants
+from selector.diagnosis.shapes.stores import Brims, Stores, refitted, stores_of
 
 Vector = NDArray[np.float64]
 

@@ -11,10 +11,10 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.effects.gauging.lag import infeed
 from selector.diagnosis.effects.vibration.imbalance import turns_of
-from selector.diagnosis.leftover import leftover
-from selector.diagnosis.record_kind import SLOWEST_VIBRATION_S, no_gauging, part_by_part
-from selector.diagnosis.signals import course, excited, lagged
-from selector.diagnosis.spectral_lines import Line, course_of, lines
+from selector.diagnosis.shapes.leftover import leftover
+from selector.diagnosis.shapes.record_kind import SLOWEST_VIBRATION_S, no_gauging, part_by_part
+from selector.diagnosis.shapes.signals import course, excited, lagged
+from selector.diagnosis.shapes.spectral_lines import Line, course_of, lines
 
 Vector = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.effects.gauging.lag import infeed
-from selector.diagnosis.record_kind import no_gauging, part_by_part
-from selector.diagnosis.signals import course, excited
+from selector.diagnosis.shapes.record_kind import no_gauging, part_by_part
+from selector.diagnosis.shapes.signals import course, excited
 
 Vector = NDArray[np.float64]
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.heat_wording import delay_of, quantities, with_place, worth
-from selector.diagnosis.heating import lacking, sources, temperature_rise
-from selector.diagnosis.signals import course, lagged, time_constants
+from selector.diagnosis.shapes.heat_wording import delay_of, quantities, with_place, worth
+from selector.diagnosis.shapes.heating import lacking, sources, temperature_rise
+from selector.diagnosis.shapes.signals import course, lagged, time_constants
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:

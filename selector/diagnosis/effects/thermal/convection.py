@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.heat_wording import delay_of, place_of, quantities, worth
-from selector.diagnosis.heating import lacking, simulated_rise, sources, speed_power
-from selector.diagnosis.signals import excited, lagged, scaled, time_constants
-from selector.diagnosis.spindle_heat import SpindleLaw, follows_sensors, spindle_law
+from selector.diagnosis.shapes.heat_wording import delay_of, place_of, quantities, worth
+from selector.diagnosis.shapes.heating import lacking, simulated_rise, sources, speed_power
+from selector.diagnosis.shapes.signals import excited, lagged, scaled, time_constants
+from selector.diagnosis.shapes.spindle_heat import SpindleLaw, follows_sensors, spindle_law
 from selector.quality.wording import duration
 
 Vector = NDArray[np.float64]

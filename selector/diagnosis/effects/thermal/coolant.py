@@ -8,9 +8,9 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.heat_wording import delay_of, place_of, quantities, with_place, worth
-from selector.diagnosis.heating import lacking, simulated_rise, sources, switched_on, temperature_rise
-from selector.diagnosis.signals import course, excited, lagged, scaled, time_constants
+from selector.diagnosis.shapes.heat_wording import delay_of, place_of, quantities, with_place, worth
+from selector.diagnosis.shapes.heating import lacking, simulated_rise, sources, switched_on, temperature_rise
+from selector.diagnosis.shapes.signals import course, excited, lagged, scaled, time_constants
 
 _MOST_SENSORS = 2
 

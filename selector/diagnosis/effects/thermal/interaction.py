@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.heat_wording import place_of, quantities, with_place, worth
-from selector.diagnosis.heating import lacking, shown_unit, simulated_rise, sources
-from selector.diagnosis.signals import excited
-from selector.diagnosis.spindle_heat import calm_rise
+from selector.diagnosis.shapes.heat_wording import place_of, quantities, with_place, worth
+from selector.diagnosis.shapes.heating import lacking, shown_unit, simulated_rise, sources
+from selector.diagnosis.shapes.signals import excited
+from selector.diagnosis.shapes.spindle_heat import calm_rise
 
 Vector = NDArray[np.float64]
 _MOST_SENSORS = 8

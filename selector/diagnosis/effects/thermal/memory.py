@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.heat_wording import delay_of, place_of, quantities, with_place, worth
-from selector.diagnosis.heating import lacking, simulated_rise, sources, speed_power, temperature_rise
-from selector.diagnosis.signals import excited, lagged, start_decay, time_constants
-from selector.diagnosis.spindle_heat import free_part, spindle_law, spindle_part
+from selector.diagnosis.shapes.heat_wording import delay_of, place_of, quantities, with_place, worth
+from selector.diagnosis.shapes.heating import lacking, simulated_rise, sources, speed_power, temperature_rise
+from selector.diagnosis.shapes.signals import excited, lagged, start_decay, time_constants
+from selector.diagnosis.shapes.spindle_heat import free_part, spindle_law, spindle_part
 
 Vector = NDArray[np.float64]
 _MOST_SENSORS = 3

@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.heat_wording import delay_of, place_of, quantities, with_place, worth
-from selector.diagnosis.heating import (
+from selector.diagnosis.shapes.heat_wording import delay_of, place_of, quantities, with_place, worth
+from selector.diagnosis.shapes.heating import (
     heats,
     lacking,
     says_other_source,
     sources,
 )
-from selector.diagnosis.signals import excited, lagged, time_constants
-from selector.diagnosis.spindle_heat import calm_rise, free_part
+from selector.diagnosis.shapes.signals import excited, lagged, time_constants
+from selector.diagnosis.shapes.spindle_heat import calm_rise, free_part
 
 Vector = NDArray[np.float64]
 _FREE_SHARE = 0.03

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.leftover import Remainder
-from selector.diagnosis.linear_response import LinearResponse, linear_responses
-from selector.diagnosis.member_chain import inertia_force, members, reactions, transfer
-from selector.diagnosis.record_kind import no_vibration, of_a_drive, swept_hz
-from selector.diagnosis.response_curve import slope
-from selector.diagnosis.signals import rate
+from selector.diagnosis.shapes.leftover import Remainder
+from selector.diagnosis.shapes.linear_response import LinearResponse, linear_responses
+from selector.diagnosis.shapes.member_chain import inertia_force, members, reactions, transfer
+from selector.diagnosis.shapes.record_kind import no_vibration, of_a_drive, swept_hz
+from selector.diagnosis.shapes.response_curve import slope
+from selector.diagnosis.shapes.signals import rate
 
 Vector = NDArray[np.float64]
 

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.leftover import Remainder
-from selector.diagnosis.linear_response import LinearResponse, linear_responses
-from selector.diagnosis.member_chain import displacement_of, joints
-from selector.diagnosis.record_kind import no_vibration, of_a_drive, swept_hz
-from selector.diagnosis.response_curve import slope
-from selector.diagnosis.restoring_force import fed_back, linear_part, restoring
-from selector.diagnosis.signals import filled, rate
+from selector.diagnosis.shapes.leftover import Remainder
+from selector.diagnosis.shapes.linear_response import LinearResponse, linear_responses
+from selector.diagnosis.shapes.member_chain import displacement_of, joints
+from selector.diagnosis.shapes.record_kind import no_vibration, of_a_drive, swept_hz
+from selector.diagnosis.shapes.response_curve import slope
+from selector.diagnosis.shapes.restoring_force import fed_back, linear_part, restoring
+from selector.diagnosis.shapes.signals import filled, rate
 
 Vector = NDArray[np.float64]
 

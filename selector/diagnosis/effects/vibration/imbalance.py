@@ -11,12 +11,12 @@ from scipy.signal import lfilter
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.even_clock import even_runs
-from selector.diagnosis.leftover import leftover
-from selector.diagnosis.linear_response import LinearResponse, linear_responses, resonator
-from selector.diagnosis.record_kind import no_vibration, swept_hz
-from selector.diagnosis.signals import course, excited, filled
-from selector.diagnosis.spectral_lines import CHANCE, Line, aligned, course_of, lines
+from selector.diagnosis.shapes.even_clock import even_runs
+from selector.diagnosis.shapes.leftover import leftover
+from selector.diagnosis.shapes.linear_response import LinearResponse, linear_responses, resonator
+from selector.diagnosis.shapes.record_kind import no_vibration, swept_hz
+from selector.diagnosis.shapes.signals import course, excited, filled
+from selector.diagnosis.shapes.spectral_lines import CHANCE, Line, aligned, course_of, lines
 
 Vector = NDArray[np.float64]
 

@@ -8,10 +8,10 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.leftover import leftover
-from selector.diagnosis.record_kind import no_vibration, of_a_drive, swept_hz
-from selector.diagnosis.signals import filled
-from selector.diagnosis.spectral_lines import course_of, lines
+from selector.diagnosis.shapes.leftover import leftover
+from selector.diagnosis.shapes.record_kind import no_vibration, of_a_drive, swept_hz
+from selector.diagnosis.shapes.signals import filled
+from selector.diagnosis.shapes.spectral_lines import course_of, lines
 
 _ROLES = ("displacement", "acceleration", "velocity", "position", "voltage", "force", "current")
 _FEWEST_CYCLES = 8.0

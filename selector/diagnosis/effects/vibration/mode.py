@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.even_clock import even_runs
-from selector.diagnosis.leftover import leftover
-from selector.diagnosis.linear_response import LinearResponse, inputs, resonator
-from selector.diagnosis.record_kind import no_vibration, of_a_drive, swept_hz
-from selector.diagnosis.resonance_scan import resonances
-from selector.diagnosis.response_curve import resonance
-from selector.diagnosis.signals import course, filled
+from selector.diagnosis.shapes.even_clock import even_runs
+from selector.diagnosis.shapes.leftover import leftover
+from selector.diagnosis.shapes.linear_response import LinearResponse, inputs, resonator
+from selector.diagnosis.shapes.record_kind import no_vibration, of_a_drive, swept_hz
+from selector.diagnosis.shapes.resonance_scan import resonances
+from selector.diagnosis.shapes.response_curve import resonance
+from selector.diagnosis.shapes.signals import course, filled
 
 Vector = NDArray[np.float64]
 

@@ -1,0 +1,1 @@
+"""The entrance: clocks and names brought together, and what cannot be used turned away."""

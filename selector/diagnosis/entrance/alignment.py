@@ -1,0 +1,285 @@
+"""How recording and simulation are brought together: runs by name, one clock, and which rows are held out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.diagnosis.comparison import Comparison, Mask, Vector
+from selector.diagnosis.entrance.unusable import without_useless
+from selector.errors import InputError, OptionError
+from selector.findings import Finding, Where
+from selector.recording import Recording
+
+LAST_PART = 0.3
+"""Share of a single run that is held out."""
+_HELD_ROLES = ("state",)
+"""Roles whose values hold until the next sample; all others are read between samples along a line."""
+_HOLE = 4.0
+"""Steps of the simulation beyond which missing values are a hole, not a channel that is written more rarely."""
+_ON_GRID = 0.95
+"""Share of the readings that stand on a common grid, when they have a resolution."""
+_OTHER_ZERO = 0.05
+"""Part of a run by which clocks that cover the same span may differ before they are taken to have other zeros."""
+
+
+def comparison_of(
+    recording: Recording, simulation: Recording, *, responses: Sequence[str] | None = None, holdout: str = "last"
+) -> Comparison:
+    """Recording and simulation as one comparison, at the times of the recording.
+
+    Parameters
+    ----------
+    recording, simulation : Recording
+        Runs are matched by name. The simulation may be sampled otherwise, start later and end earlier.
+    responses : sequence of str, optional
+        Channels to be compared; default: all that both have, but those that the simulation was merely given.
+    holdout : str
+        ``"last"`` (the last run; of a single run its last 30 %), the name of a run, or the share of every run, at its
+        end, that nothing is fitted to.
+
+    Raises
+    ------
+    InputError
+        There is nothing to compare: no common run or channel, no overlap in time, another quantity, too few samples.
+    OptionError
+        `responses` or `holdout` name something that is not there.
+    """
+    runs, findings = _common_runs(recording, simulation)
+    shared = _common_channels(recording, simulation, responses)
+    aligned = {run: _simulated_times(recording, simulation, run) for run in runs}
+    findings += [finding for _, told in aligned.values() for finding in told]
+    reached = [run for run in runs if np.any(np.isfinite(_read_at(simulation, run, shared, *_times(aligned, run))))]
+    if not reached:
+        raise _no_overlap(recording, aligned, shared)
+    findings += [
+        _left_out(run, "the simulation has no value at any of its times") for run in runs if run not in reached
+    ]
+    time = [recording.time_s(run) for run in reached]
+    starts = (0, *np.cumsum([len(part) for part in time]).tolist())
+    recorded = np.concatenate([recording.values(run, recording.names) for run in reached])
+    read = np.concatenate([_read_at(simulation, run, simulation.names, *_times(aligned, run)) for run in reached])
+    comparison = Comparison(
+        runs=tuple(reached),
+        starts=starts,
+        time_s=_frozen(np.concatenate(time)),
+        channels=recording.channels,
+        recorded={name: _frozen(recorded[:, k]) for k, name in enumerate(recording.names)},
+        simulated={name: _frozen(read[:, k]) for k, name in enumerate(simulation.names)},
+        responses=tuple(shared),
+        held_out=_held_out(reached, time, holdout),
+        resolution={name: resolution(recorded[:, k]) for k, name in enumerate(recording.names)},
+        findings=tuple(findings),
+    )
+    return without_useless(comparison, asked=responses is not None)
+
+
+def resolution(values: Vector) -> float:
+    """Step of the grid on which readings stand [their unit]; 0 if they stand on none."""
+    seen = np.unique(values[np.isfinite(values)])
+    if len(seen) < 2:
+        return 0.0
+    steps = np.diff(seen)
+    steps = np.sort(steps[steps > 1e-9 * float(np.abs(seen).max())])
+    # the smallest step may come from a single value off the grid, a large one may be a multiple
+    for nth in (len(steps) // 10, len(steps) // 100, 0):
+        if nth >= len(steps):
+            return 0.0
+        step = float(steps[nth])
+        counts = (seen - seen[0]) / step
+        if np.mean(np.abs(counts - np.rint(counts)) < 0.05) >= _ON_GRID:
+            # many steps give the grid more sharply than one
+            return float((seen[-1] - seen[0]) / np.rint(counts[-1]))
+    return 0.0
+
+
+def _common_runs(recording: Recording, simulation: Recording) -> tuple[list[str], list[Finding]]:
+    runs = [run for run in recording.runs if run in simulation.runs]
+    if not runs:
+        raise InputError(
+            f"recorded runs {_listed(recording.runs)}; simulated runs {_listed(simulation.runs)}",
+            expected="at least one run of the same name (the file's name without its ending) in both",
+            where="simulation",
+            advice="name the file of the simulated run like that of the recorded one",
+        )
+    findings = [_left_out(run, "the simulation has no such run") for run in recording.runs if run not in runs]
+    spare = [run for run in simulation.runs if run not in runs]
+    if spare:
+        findings.append(
+            Finding(
+                "simulated-only",
+                "info",
+                f"Simulated but not recorded, and not used: {_listed(spare)}.",
+                Where(),
+                {"runs": spare},
+                "give the recordings of these runs too",
+            )
+        )
+    return runs, findings
+
+
+def _common_channels(recording: Recording, simulation: Recording, responses: Sequence[str] | None) -> list[str]:
+    both = [name for name in recording.names if name in simulation.names]
+    for name in responses or ():
+        lacking = "recording" if name not in recording.names else "simulation" if name not in simulation.names else None
+        if lacking is not None:
+            raise OptionError(
+                f"{name!r} is not in the {lacking}",
+                expected=f"one of {_listed(both)}" if both else "a channel that recording and simulation both have",
+                where="--response",
+                advice="correct the name, or write the simulated channel under the name that the recorded one has",
+            )
+    if not both:
+        raise InputError(
+            f"recorded channels {_listed(recording.names)}; simulated channels {_listed(simulation.names)}",
+            expected="at least one channel of the same name in both",
+            where="simulation",
+            advice="name the simulated channels as the recorded ones, or say their columns in the machine file",
+        )
+    chosen = list(dict.fromkeys(responses or both))
+    for name in chosen:
+        one, other = recording.channel(name).role, simulation.channel(name).role
+        if one != other:
+            raise InputError(
+                f"{name} is recorded as {one}, simulated as {other}",
+                expected="the same quantity in both",
+                where=f"channel {name!r}",
+                advice="correct the role, or rename one of the two",
+            )
+    return chosen
+
+
+def _simulated_times(
+    recording: Recording, simulation: Recording, run: str
+) -> tuple[tuple[Vector, float], list[Finding]]:
+    """Recorded times of a run on the simulation's clock with the tolerance at its ends [s], and what is to be said."""
+    time, simulated = recording.time_s(run), simulation.time_s(run)
+    tolerance_s = 0.5 * float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    shift_s, from_zero = _shift_s(recording, simulation, run)
+    span_s, span_simulated_s = float(time[-1]), float(simulated[-1])
+    overlap_s = min(span_s + shift_s, span_simulated_s) - max(shift_s, 0.0)
+    same_span = abs(span_s - span_simulated_s) <= 0.01 * span_s and abs(shift_s) > _OTHER_ZERO * span_s
+    # a logger may count from when it was switched on, a simulation from the start of the run
+    if not from_zero or shift_s == 0.0 or (overlap_s >= 0.5 * min(span_s, span_simulated_s) and not same_span):
+        return (time + shift_s, tolerance_s), []
+    told = Finding(
+        "clocks-with-other-zeros",
+        "info",
+        f"Run {run}: the recorded clock starts at {shift_s:.6g} s and the simulated one at 0, and they cover the same "
+        "span or hardly meet; both are counted from their first sample.",
+        Where(run=run),
+        {"shift_s": shift_s},
+        "give both the same zero of time if this is not what is meant",
+    )
+    return (time, tolerance_s), [told]
+
+
+def _shift_s(recording: Recording, simulation: Recording, run: str) -> tuple[float, bool]:
+    """What the recorded clock showed at the first sample, less what the simulated one did [s]; 0 if not comparable.
+
+    And whether the simulation counts from 0.
+    """
+    entries = [part.provenance.get("runs", {}).get(run, {}) for part in (recording, simulation)]
+    dates = [None if entry.get("start") is None else datetime.fromisoformat(entry["start"]) for entry in entries]
+    if dates[0] is None and dates[1] is None:
+        first_s, simulated_s = (float(entry.get("first_stamp_s", 0.0)) for entry in entries)
+        return first_s - simulated_s, simulated_s == 0.0
+    if dates[0] is None or dates[1] is None or (dates[0].tzinfo is None) != (dates[1].tzinfo is None):
+        return 0.0, False
+    return (dates[0] - dates[1]).total_seconds(), False
+
+
+def _times(aligned: dict[str, tuple[tuple[Vector, float], list[Finding]]], run: str) -> tuple[Vector, float]:
+    return aligned[run][0]
+
+
+def _read_at(
+    simulation: Recording, run: str, names: Sequence[str], at_s: Vector, tolerance_s: float
+) -> NDArray[np.float64]:
+    """Simulated channels at some times, shape (n_times, n_names); NaN where the simulation does not reach."""
+    time, values = simulation.time_s(run), simulation.values(run, names)
+    result = np.full((len(at_s), len(names)), np.nan)
+    for k, name in enumerate(names):
+        present = np.isfinite(values[:, k])
+        if not present.any():
+            continue
+        stamps, x = time[present], values[present, k]
+        inside = (at_s >= stamps[0] - tolerance_s) & (at_s <= stamps[-1] + tolerance_s)
+        if simulation.channel(name).role in _HELD_ROLES:
+            read = x[np.clip(np.searchsorted(stamps, at_s, side="right") - 1, 0, len(x) - 1)]
+        else:
+            read = np.interp(at_s, stamps, x)
+        if not present.all() and len(stamps) > 1:
+            gaps = np.diff(stamps)
+            rows = np.flatnonzero(present)
+            hole = (gaps > _HOLE * np.median(gaps)) & (np.diff(rows) > 1)
+            before = np.clip(np.searchsorted(stamps, at_s, side="right") - 1, 0, len(gaps) - 1)
+            inside &= ~(hole[before] & (at_s > stamps[before]) & (at_s < stamps[before + 1]))
+        result[inside, k] = read[inside]
+    return result
+
+
+def _held_out(runs: Sequence[str], time: Sequence[Vector], holdout: str) -> Mask:
+    """Rows that nothing is fitted to, shape (n_rows,)."""
+    share = LAST_PART
+    if holdout in runs or (holdout == "last" and len(runs) > 1):
+        if len(runs) == 1:
+            raise OptionError(
+                f"{holdout!r}, the only run that is compared",
+                expected="something that is left to be fitted to",
+                where="--holdout",
+                advice="leave it out: of a single run the last 30 % are kept for the proof; or give more runs",
+            )
+        kept = holdout if holdout in runs else runs[-1]
+        return np.repeat([run == kept for run in runs], [len(part) for part in time])
+    if holdout != "last":
+        try:
+            share = float(holdout)
+        except ValueError:
+            share = 0.0
+        if not 0.0 < share <= 0.8:
+            raise OptionError(
+                repr(holdout),
+                expected=f"last, a run ({_listed(runs)}), or a share above 0 and up to 0.8",
+                where="--holdout",
+                advice="e.g. --holdout 0.3 keeps the last 30 % of every run for the proof",
+            )
+    return np.concatenate([part > part[0] + (1.0 - share) * (part[-1] - part[0]) for part in time])
+
+
+def _left_out(run: str, reason: str) -> Finding:
+    return Finding(
+        "run-not-compared",
+        "warning",
+        f"Run {run} is not compared: {reason}.",
+        Where(run=run),
+        {},
+        "simulate this run too",
+        "leave-out-run",
+    )
+
+
+def _no_overlap(
+    recording: Recording, aligned: dict[str, tuple[tuple[Vector, float], list[Finding]]], shared: Sequence[str]
+) -> InputError:
+    run, ((times, _), _) = next(iter(aligned.items()))
+    return InputError(
+        f"no value of {_listed(shared)} in the simulation at any recorded time (run {run}: {times[0]:.6g} to "
+        f"{times[-1]:.6g} s on its clock)",
+        expected="recording and simulation that overlap in time, with values where they do",
+        where="simulation",
+        advice="check the time column and its unit in both, and whether the simulated columns hold numbers",
+    )
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
+
+
+def _frozen(values: Vector) -> Vector:
+    held = np.ascontiguousarray(values, dtype=np.float64)
+    held.setflags(write=False)
+    return held

@@ -1,0 +1,319 @@
+"""One response on the bench: what recalibration explains, every candidate shape, the noise filter, blocks of rows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.effect import Effect, Variant
+from selector.diagnosis.evidence.moments import Moments, beside, inverse_of, moments
+from selector.diagnosis.evidence.noise import NoiseModel, noise_model, stretches, whitened
+from selector.diagnosis.shapes.signals import filled, rate
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+_BLOCKS = 24
+_FOLDS = 6
+OF_MODEL = "model: "
+"""Begins the name of a column that is a parameter of a simulation that can be run again."""
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One shape of one effect in one response, and where its columns stand among all columns."""
+
+    effect: Effect
+    variant: Variant
+    first: int
+
+    @property
+    def columns(self) -> slice:
+        """Its columns among those of all candidates."""
+        return slice(self.first, self.first + len(self.variant.names))
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """All that is needed to test effects in one response.
+
+    Attributes
+    ----------
+    response : str
+    target : ndarray of shape (n_rows,)
+        Recorded minus simulated [unit]; NaN where one is missing.
+    fitted : ndarray of bool of shape (n_rows,)
+        Rows that are fitted to: seen, not held out.
+    nuisance : ndarray of shape (n_rows, p)
+        What recalibration may change; `nuisance_names` says what each is. First offset, gain and delay, as far as they
+        are excited, then the parameters in `own`.
+    own : mapping of str to slice
+        Effect → its columns in `nuisance`: parameters that every such simulation has.
+    scales : ndarray of shape (m,)
+        Root mean square of every candidate column over the fitted rows; columns are used divided by it.
+    candidates : tuple of Candidate
+    noise : NoiseModel
+    parts : list of slice
+        Stretches without gaps.
+    runs : ndarray of shape (n_rows,)
+        Number of the run of every row.
+    resolution : float
+        Step of the readings [unit]; 0 = none was seen.
+    """
+
+    response: str
+    target: Vector
+    fitted: NDArray[np.bool_]
+    nuisance: Matrix
+    nuisance_names: tuple[str, ...]
+    scales: Vector
+    candidates: tuple[Candidate, ...]
+    noise: NoiseModel
+    parts: list[slice]
+    runs: NDArray[np.intp]
+    resolution: float
+    own: Mapping[str, slice]
+
+    def without_own(self, id: str) -> Bench:  # noqa: A002 - the word of the contract
+        """The same with an own parameter as a candidate instead."""
+        if id not in self.own:
+            return self
+        kept = np.ones(self.nuisance.shape[1], dtype=bool)
+        kept[self.own[id]] = False
+        gone = self.own[id].stop - self.own[id].start
+        own = {
+            name: slice(part.start - gone, part.stop - gone) if part.start > self.own[id].start else part
+            for name, part in self.own.items()
+            if name != id
+        }
+        names = tuple(name for name, keep in zip(self.nuisance_names, kept, strict=True) if keep)
+        return replace(self, nuisance=self.nuisance[:, kept], nuisance_names=names, own=own)
+
+    def with_noise(self, noise: NoiseModel) -> Bench:
+        """The same with another noise filter."""
+        other = replace(self, noise=noise)
+        if len(noise.phi) == 0 == len(self.noise.phi) and "white_columns" in vars(self):
+            # white before and after: only the size differs
+            vars(other)["white_columns"] = self.white_columns * (self.noise.sd / noise.sd)
+        return other
+
+    def first_candidate(self, id: str) -> int:  # noqa: A002 - the word of the contract
+        """Number of the first shape of an effect."""
+        return next(k for k, candidate in enumerate(self.candidates) if candidate.effect.id == id)
+
+    @cached_property
+    def white_columns(self) -> Matrix:
+        """Candidate columns behind the noise filter, fitted rows only, shape (len(rows), m)."""
+        result = np.empty((len(self.rows), len(self.scales)))
+        for v, candidate in enumerate(self.candidates):
+            result[:, candidate.columns] = whitened(self.noise, self.raw(v), self.parts)[self.rows]
+        return result
+
+    def raw(self, v: int) -> Matrix:
+        """Columns of candidate `v`, all rows, each of root mean square 1 over the fitted ones."""
+        return self.candidates[v].variant.columns / self.scales[self.candidates[v].columns]
+
+    @cached_property
+    def white_nuisance(self) -> Matrix:
+        """Columns of the recalibration behind the noise filter, fitted rows only."""
+        return whitened(self.noise, self.nuisance, self.parts)[self.rows]
+
+    @cached_property
+    def white_target(self) -> Vector:
+        """The target behind the noise filter, fitted rows only; 0 where it is missing."""
+        return whitened(self.noise, self._whole_target[:, None], self.parts)[self.rows, 0]
+
+    @cached_property
+    def _whole_target(self) -> Vector:
+        result = np.zeros(len(self.target))
+        for part in self.parts:
+            seen = np.isfinite(self.target[part])
+            at = np.arange(part.stop - part.start)
+            result[part] = np.interp(at, at[seen], self.target[part][seen])
+        return result
+
+    @cached_property
+    def rows(self) -> NDArray[np.intp]:
+        """The fitted rows that have a past within their stretch."""
+        told = np.zeros(len(self.target), dtype=bool)
+        for part in self.parts:
+            told[part.start + len(self.noise.phi) : part.stop] = True
+        return np.flatnonzero(told & self.fitted)
+
+    @cached_property
+    def blocks(self) -> list[slice]:
+        """About 24 blocks of `rows`, none over the end of a run, none shorter than the noise remembers."""
+        run = self.runs[self.rows]
+        size = max(len(self.rows) / _BLOCKS, 4.0 * self.noise.correlation_samples, 8.0)
+        found = []
+        edges = np.flatnonzero(np.r_[True, np.diff(run) != 0, True])
+        for first, last in pairwise(edges):
+            n = max(1, round((last - first) / size))
+            cuts = np.linspace(first, last, n + 1).round().astype(int)
+            found += [slice(int(a), int(b)) for a, b in pairwise(cuts)]
+        return found
+
+    @cached_property
+    def folds(self) -> NDArray[np.intp]:
+        """Which fold every block belongs to; neighbours belong to different ones."""
+        return np.arange(len(self.blocks)) % min(_FOLDS, max(2, len(self.blocks)))
+
+    @cached_property
+    def block_runs(self) -> NDArray[np.intp]:
+        """Which run every block lies in."""
+        return np.array([self.runs[self.rows[block.start]] for block in self.blocks])
+
+    @cached_property
+    def counts(self) -> list[int]:
+        """Number of columns of every candidate."""
+        return [len(candidate.variant.names) for candidate in self.candidates]
+
+    @cached_property
+    def bounds(self) -> Matrix:
+        """Between what the coefficient of every (scaled) column may lie, shape (m, 2)."""
+        limits = np.tile([-np.inf, np.inf], (len(self.scales), 1))
+        for candidate in self.candidates:
+            if candidate.variant.bounds is not None:
+                limits[candidate.columns] = np.array(candidate.variant.bounds)
+        return limits * self.scales[:, None]
+
+    def base(self, named: Sequence[int]) -> Matrix:
+        """Whitened columns of the recalibration and of the candidates `named`, fitted rows."""
+        parts = [self.white_nuisance, *(self.white_columns[:, self.candidates[v].columns] for v in named)]
+        return np.column_stack(parts)
+
+    @cached_property
+    def _sums(self) -> Moments:
+        return moments(self.white_columns, self.white_target, self.blocks, self.counts, self.bounds)
+
+    def moments(self, base: Matrix) -> Moments:
+        """Sums of products of all candidates beside whitened `base` columns."""
+        return beside(self._sums, base, self.white_columns, self.white_target, self.blocks)
+
+    def raw_base(self, named: Sequence[int]) -> Matrix:
+        """Columns of the recalibration and of the candidates `named`, all rows, not whitened."""
+        return np.column_stack([self.nuisance, *(self.raw(v) for v in named)])
+
+    def coefficients(self, named: Sequence[int]) -> tuple[Vector, Matrix]:
+        """Generalised least squares on the fitted rows: coefficients and their covariance, shapes (p,), (p, p)."""
+        base = self.base(named)
+        gram = base.T @ base
+        inverse = inverse_of(gram)
+        return inverse @ (base.T @ self.white_target), inverse
+
+    def residual(self, named: Sequence[int]) -> Vector:
+        """The target less recalibration and named candidates [unit], all rows; NaN where the target is missing."""
+        return self.target - self.raw_base(named) @ self.coefficients(named)[0]
+
+    def white_residual(self, named: Sequence[int]) -> Vector:
+        """The residual behind the noise filter, all rows; NaN where there is none, or no past."""
+        left = self.residual(named)
+        seen = np.isfinite(left)
+        result = whitened(self.noise, np.where(seen, left, 0.0)[:, None], self.parts)[:, 0]
+        told = np.zeros(len(left), dtype=bool)
+        for part in self.parts:
+            told[part.start + len(self.noise.phi) : part.stop] = True
+        return np.where(told & seen, result, np.nan)
+
+    def refitted_noise(self, named: Sequence[int]) -> Bench:
+        """The same with the noise that is left beside the candidates `named`."""
+        left = np.where(self.fitted, self.residual(named), np.nan)
+        parts = [part for part in stretches_of(self, self.fitted) if part.stop - part.start > 8]
+        lost = self.nuisance.shape[1] + sum(self.counts[v] for v in named)
+        return self.with_noise(noise_model(left, parts, lost=lost))
+
+
+def stretches_of(bench: Bench, seen: NDArray[np.bool_]) -> list[slice]:
+    """The stretches of a bench, cut to rows that are `seen` at both ends."""
+    found = []
+    for part in bench.parts:
+        here = np.flatnonzero(seen[part])
+        if len(here) > 2:
+            found.append(slice(part.start + int(here[0]), part.start + int(here[-1]) + 1))
+    return found
+
+
+def bench_of(
+    comparison: Comparison,
+    response: str,
+    effects: Sequence[Effect],
+    extra: Mapping[str, Sequence[Variant]] | None = None,
+) -> tuple[Bench, dict[str, str]]:
+    """The bench of a response, and for every effect that cannot be tested in it, why.
+
+    `extra` are shapes that a runnable model gave, effect id → variants; they take the place of the effect's own.
+    """
+    target = comparison.difference(response)
+    seen = np.isfinite(target)
+    fitted = seen & ~comparison.held_out
+    candidates: list[Candidate] = []
+    scales: list[Vector] = []
+    untested: dict[str, str] = {}
+    nuisance, names = recalibration_columns(comparison, response, fitted)
+    own: dict[str, slice] = {}
+    first = 0
+    for effect in effects:
+        given = (extra or {}).get(effect.id)
+        reason = None if given else effect.testable(comparison, response)
+        if reason is not None:
+            untested[effect.id] = reason
+            continue
+        before = first
+        for variant in given or effect.variants(comparison, response):
+            scale = np.sqrt(np.mean(variant.columns[fitted] ** 2, axis=0))
+            if not np.isfinite(variant.columns).all() or not (scale > 0.0).all():
+                continue
+            candidates.append(Candidate(effect, variant, first))
+            scales.append(scale)
+            first += len(variant.names)
+        if first == before:
+            untested[effect.id] = "nothing in the fitted runs excites it"
+        elif effect.absorbs:
+            number, added = next((k, c) for k, c in enumerate(candidates) if c.effect is effect)
+            start = nuisance.shape[1]
+            nuisance = np.column_stack([nuisance, added.variant.columns / scales[number]])
+            own[effect.id] = slice(start, nuisance.shape[1])
+            names = (*names, *(f"{effect.id}: {name}" for name in added.variant.names))
+    parts = stretches(comparison, seen)
+    bench = Bench(
+        response=response,
+        target=target,
+        fitted=fitted,
+        nuisance=nuisance,
+        nuisance_names=names,
+        scales=np.concatenate(scales) if scales else np.empty(0),
+        candidates=tuple(candidates),
+        noise=NoiseModel(np.zeros(0), float(np.nanstd(target[fitted])) or 1.0),
+        parts=parts,
+        runs=comparison.run_index,
+        resolution=comparison.resolution.get(response, 0.0),
+        own=own,
+    )
+    return bench.refitted_noise([]), untested
+
+
+def recalibration_columns(
+    comparison: Comparison, response: str, fitted: NDArray[np.bool_]
+) -> tuple[Matrix, tuple[str, ...]]:
+    """What the simulation's user may put right without new physics: offset, gain and delay of the simulated course.
+
+    Columns are scaled to root mean square 1 over the fitted rows, but the offset, which is 1.
+    """
+    simulated = filled(comparison, comparison.simulated[response])
+    found, names = [np.ones(len(simulated))], ["offset"]
+    for name, column in (("gain", simulated), ("delay", -rate(comparison, simulated))):
+        spread = float(np.std(column[fitted]))
+        if spread > 1e-9 * max(float(np.abs(column[fitted]).max()), 1e-300):
+            found.append(column)
+            names.append(name)
+    for name, column in comparison.tangents.get(response, {}).items():
+        size = float(np.sqrt(np.mean(column[fitted] ** 2)))
+        if size > 0.0:
+            found.append(column / size)
+            names.append(f"{OF_MODEL}{name}")
+    return np.column_stack(found), tuple(names)

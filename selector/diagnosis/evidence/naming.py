@@ -1,0 +1,179 @@
+"""How a supported effect is told: its course, share, parameters with intervals, confidence, and what resembles it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.diagnosis.answer import NamedEffect
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.catalogue import effect_of
+from selector.diagnosis.effects.effect import Fitted, Quantity
+from selector.diagnosis.evidence.bench import Bench
+from selector.diagnosis.evidence.moments import solved
+from selector.diagnosis.evidence.recalibration import Recalibrated
+from selector.diagnosis.evidence.search import Search, numbers
+from selector.diagnosis.shapes.input_faults import InputFault
+
+Vector = NDArray[np.float64]
+_INPUT_FAULT = 0.9
+"""Confidence of a fault that a channel's own course shows and nothing else explains."""
+
+
+def unit_of(comparison: Comparison, name: str) -> str:
+    """Unit of a response."""
+    return comparison.channel(name).unit
+
+
+def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect:
+    """The effect as the answer has it."""
+    standing, by_response = found.standing[id_], found.named[id_]
+    gains = {name: found.standing[id_].tested[name].gain for name in by_response}
+    main = max(gains, key=lambda name: gains[name])
+    courses, shares = {}, []
+    for name, v in by_response.items():
+        bench = found.benches[name]
+        course, share = _course(bench, numbers(found.named, name), v)
+        courses[name] = course
+        shares.append(share)
+    fitted = _fitted(comparison, found, id_, main, courses[main])
+    effect = found.benches[main].candidates[by_response[main]].effect
+    reading = effect.reading(fitted, comparison)
+    return NamedEffect(
+        id=id_,
+        channel=main,
+        place=fitted.variant.place,
+        statement=reading.statement,
+        parameters=reading.parameters,
+        confidence=float(np.clip(found.weights[id_] * (1.0 - standing.p_value), 0.01, 0.99)),
+        p_value=float(min(1.0, standing.p_value)),
+        share=float(np.clip(max(shares), 0.0, 1.0)),
+        cannot_be_told_from=found.rivals[id_],
+        experiment=effect.experiment,
+        channels=tuple(sorted(gains, key=lambda name: -gains[name])),
+        courses=courses,
+    )
+
+
+def _course(bench: Bench, named: Sequence[int], v: int) -> tuple[Vector, float]:
+    """The fitted course of candidate `v` [unit] and the share of the mismatch that goes with it."""
+    beta = bench.coefficients(named)[0]
+    first = bench.nuisance.shape[1]
+    for other in named:
+        width = bench.counts[other]
+        if other == v:
+            course = bench.raw(v) @ beta[first : first + width]
+        first += width
+    rows = bench.fitted
+    alone = float(np.mean(bench.residual([])[rows] ** 2))
+    without = float(np.mean(bench.residual([other for other in named if other != v])[rows] ** 2))
+    with_it = float(np.mean(bench.residual(named)[rows] ** 2))
+    return course, (without - with_it) / alone if alone > 0.0 else 0.0
+
+
+def _fitted(comparison: Comparison, found: Search, id_: str, response: str, course: Vector) -> Fitted:
+    bench, v = found.benches[response], found.named[id_][response]
+    named = numbers(found.named, response)
+    beta, covariance = bench.coefficients(named)
+    first = bench.nuisance.shape[1] + sum(bench.counts[other] for other in named[: named.index(v)])
+    here = slice(first, first + bench.counts[v])
+    candidate = bench.candidates[v]
+    scale = bench.scales[candidate.columns]
+    return Fitted(
+        response=response,
+        unit=unit_of(comparison, response),
+        variant=candidate.variant,
+        coefficients=beta[here] / scale,
+        standard_errors=np.sqrt(np.diag(covariance)[here]) / scale,
+        shape_intervals=_shape_intervals(bench, named, v),
+        rms=float(np.sqrt(np.mean(course[bench.fitted] ** 2))),
+        largest=float(np.abs(course[bench.fitted] - np.median(course[bench.fitted])).max()),
+    )
+
+
+def _shape_intervals(bench: Bench, named: Sequence[int], v: int) -> dict[str, tuple[float, float]]:
+    """Range of every shape parameter over the shapes that fit within χ² = 3.84 as well."""
+    others = [other for other in named if other != v]
+    gains = solved(bench.moments(bench.base(others)), np.ones(len(bench.blocks), dtype=bool)).gain
+    own = bench.candidates[v]
+    alike = [
+        candidate.variant.shape
+        for k, candidate in enumerate(bench.candidates)
+        if candidate.effect.id == own.effect.id
+        and candidate.variant.sources == own.variant.sources
+        and candidate.variant.shape.keys() == own.variant.shape.keys()
+        and gains[k] >= gains[v] - 3.84
+    ]
+    return {
+        key: (min(shape[key].value for shape in alike), max(shape[key].value for shape in alike))
+        for key in own.variant.shape
+    }
+
+
+def whole_record_effect(
+    comparison: Comparison,
+    benches: Mapping[str, Bench],
+    again: Mapping[str, Recalibrated],
+    id_: str,
+    shown: Mapping[str, str],
+) -> NamedEffect:
+    """An effect that recalibration shows, the same in all runs; `shown` is response → offset, gain or delay."""
+    effect = effect_of(id_)
+    main = max(shown, key=lambda name: again[name].gain)
+    word = shown[main]
+    value, unit = again[main].quantities[word], unit_of(comparison, main)
+    courses = {}
+    for name in shown:
+        bench = benches[name]
+        column = bench.nuisance_names.index(shown[name])
+        courses[name] = bench.nuisance[:, column] * bench.coefficients([])[0][column]
+    low, high = f"{value.low:.4g}", f"{value.high:.4g}"
+    interval = f"{value.value:.4g} ({low} to {high}) {'' if value.unit == '1' else value.unit}".rstrip()
+    statements = {
+        "data.gain": f"{main} is recorded {interval} times too large in all runs, and no other response is.",
+        "data.zero": f"{main} reads {interval} more than simulated, in all runs and whatever the machine does.",
+        "data.clock": f"{main} is recorded {interval} late, in all runs, and no other response is.",
+        "drive.offset_force": f"A constant of {interval} acts in {main} whatever the motion, at rest too.",
+    }
+    keys = {
+        "data.gain": "gain",
+        "data.zero": "zero",
+        "data.clock": "shift_s",
+        "drive.offset_force": f"force_{unit.lower()}",
+    }
+    return NamedEffect(
+        id=id_,
+        channel=main,
+        place=comparison.channel(main).place,
+        statement=statements[id_],
+        parameters={keys.get(id_, f"force_{unit.lower()}"): value},
+        confidence=0.7,
+        p_value=again[main].p_value,
+        share=float(np.clip(again[main].share, 0.0, 1.0)),
+        cannot_be_told_from=("data.zero",) if id_ == "drive.offset_force" else (),
+        experiment=effect.experiment,
+        channels=tuple(sorted(shown, key=lambda name: -again[name].gain)),
+        courses=courses,
+    )
+
+
+def input_fault_effect(comparison: Comparison, fault: InputFault) -> NamedEffect:
+    """A fault of a recorded channel that is no response, told by its own course and its siblings."""
+    effect = effect_of(fault.id)
+    channel = fault.channel or comparison.responses[0]
+    return NamedEffect(
+        id=fault.id,
+        channel=channel,
+        place=comparison.channel(channel).place,
+        statement=fault.statement,
+        parameters={"from_s": Quantity(fault.from_s, "s"), "to_s": Quantity(fault.to_s, "s")},
+        confidence=_INPUT_FAULT,
+        p_value=1.0 - _INPUT_FAULT,
+        share=0.0,
+        cannot_be_told_from=(),
+        experiment=effect.experiment,
+        channels=(channel,),
+        courses={channel: fault.course},
+    )

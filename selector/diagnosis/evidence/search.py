@@ -1,0 +1,306 @@
+"""Which effects are supported: forward, one by one, all tested again after each, so that proxies fall."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.diagnosis.evidence.bench import Bench
+from selector.diagnosis.evidence.moments import solved
+from selector.diagnosis.evidence.testing import Tested, tail_probability, tests_of
+from selector.diagnosis.shapes.leftover import least_squares
+
+Vector = NDArray[np.float64]
+Benches = Mapping[str, Bench]
+Named = dict[str, dict[str, int]]
+"""Effect id → response → number of the candidate."""
+_SHOWS = 0.05
+"""A response shows a supported effect if noise alone would show it there as clearly in fewer than this share."""
+_MOST = 5
+_FINEST = 0.02
+"""Steps of the reading: what never moves it as far cannot be read from it, but by the rounding itself."""
+_NEARLY = 0.6
+_SURE = 0.9
+_RIVAL = 0.1
+"""An effect of less than this share of the weight of the named one is told from it."""
+_TEMPER = 2.0
+_RARE = {"data.": (0.85, 4.0), "vibration.line": (0.9, 4.0), "thermal.interaction": (1.0, 1.5)}
+"""Share of the score that counts, and what is taken off: shapes so free that they follow much that they are not."""
+_TRIFLE = 0.1
+"""What gains less than this share of all that is named may be what their shapes do not fit exactly."""
+_MOST_LIBERAL = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """How one effect stands in all responses together, beside what is named already."""
+
+    id: str
+    p_value: float
+    score: float
+    cv_gain: float
+    is_the_same_in_all_runs: bool
+    responses: tuple[str, ...]
+    tested: Mapping[str, Tested]
+
+    def block_gains(self, benches: Benches) -> Vector:
+        """Cross-validated gain block by block, responses behind each other."""
+        return np.concatenate([
+            self.tested[name].block_gains if name in self.responses else np.zeros(len(bench.blocks))
+            for name, bench in benches.items()
+        ])  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """Where the search ended.
+
+    Attributes
+    ----------
+    benches : mapping of str to Bench
+        With the noise filter of the last fit.
+    named : dict
+        Effect id → response → number of the candidate, in the order in which they were found.
+    standing : mapping of str to Standing
+        Of a named effect, how it stood beside the other named ones; of the others, beside all named ones.
+    rivals : mapping of str to tuple of str
+        Named effect → effects that explain what it explains about as well.
+    weights : mapping of str to float
+        Named effect → its weight against all others in its place, 0 to 1.
+    """
+
+    benches: Benches
+    named: Named
+    standing: Mapping[str, Standing]
+    rivals: Mapping[str, tuple[str, ...]]
+    weights: Mapping[str, float]
+
+
+def numbers(named: Named, response: str) -> list[int]:
+    """Candidates of a response among those named."""
+    return [by_response[response] for by_response in named.values() if response in by_response]
+
+
+def without(named: Named, id: str) -> Named:  # noqa: A002 - the word of the contract
+    """All but one effect."""
+    return {name: dict(of) for name, of in named.items() if name != id}
+
+
+def standings(benches: Benches, named: Named, noise: Mapping[str, Vector], *, seed: int) -> dict[str, Standing]:
+    """Every effect that is not named, beside those that are."""
+    tested = {
+        name: tests_of(bench, numbers(named, name), noise[name], seed=seed + 7919 * k)
+        for k, (name, bench) in enumerate(benches.items())
+    }
+    own = {name for bench in benches.values() for name in bench.own}
+    names = [
+        name for name in dict.fromkeys(name for of in tested.values() for name in of) if name not in {*named, *own}
+    ]
+    return {name: _standing(name, {key: of[name] for key, of in tested.items() if name in of}) for name in names}
+
+
+def _standing(id: str, tested: Mapping[str, Tested]) -> Standing:  # noqa: A002 - the word of the contract
+    single = {name: one.p_value for name, one in tested.items()}
+    together = tail_probability(
+        sum(one.gain for one in tested.values()), np.sum([one.noise for one in tested.values()], axis=0)
+    )
+    p_value = (
+        min(*single.values(), together) * (2.0 if len(single) > 1 else 1.0) if len(single) > 1 else min(single.values())
+    )
+    shown = tuple(name for name, p in single.items() if p <= _SHOWS)
+    shown = shown or (min(single, key=lambda name: single[name]),)
+    return Standing(
+        id=id,
+        p_value=min(1.0, p_value),
+        score=sum(tested[name].score for name in shown),
+        cv_gain=sum(tested[name].cv_gain for name in shown),
+        is_the_same_in_all_runs=all(tested[name].is_the_same_in_all_runs for name in shown),
+        responses=shown,
+        tested=tested,
+    )
+
+
+def search(benches: Benches, *, false_alarm: float, seed: int) -> Search:
+    """Effects that the residuals support with family-wise `false_alarm`.
+
+    The noise is what a fit of everything that looks like an effect leaves (`with_noise_of_full_fit`): a residual that
+    still holds what is missing would make the noise too large and too slow.
+    """
+    fitted = {name: with_noise_of_full_fit(bench) for name, bench in benches.items()}
+    benches = {name: bench for name, (bench, _) in fitted.items()}
+    noise = {name: _left(bench, chosen) for name, (bench, chosen) in fitted.items()}
+    named = _selected(benches, noise, false_alarm=false_alarm, seed=seed)
+    benches, named = _with_own(benches, named, noise, false_alarm=false_alarm, seed=seed)
+    return _told(benches, named, noise, seed=seed)
+
+
+def _with_own(
+    benches: Benches, named: Named, noise: Mapping[str, Vector], *, false_alarm: float, seed: int
+) -> tuple[Benches, Named]:
+    """Own parameters of the simulation that are missing themselves, and do not only make room for what is named.
+
+    Beside other effects that is where the simulation has too little of them: too much is what they had absorbed.
+    """
+    for id_ in dict.fromkeys(id_ for bench in benches.values() for id_ in bench.own):
+        freed = {name: bench.without_own(id_) for name, bench in benches.items()}
+        if not named:
+            # beside a parameter that is free to vary what resembles it may have gone unseen
+            alone = _selected(freed, noise, false_alarm=0.5 * false_alarm, seed=seed)
+            if alone:
+                benches, named = freed, alone
+            continue
+        standing = standings(freed, named, noise, seed=seed)
+        one = standing[id_]
+        if not is_supported(one, false_alarm / (len(standing) + len(named))):
+            continue
+        chosen = {name: freed[name].first_candidate(id_) for name in one.responses}
+        main = max(one.responses, key=lambda name: one.tested[name].gain)
+        beta = freed[main].coefficients([*numbers(named, main), chosen[main]])[0]
+        if beta[-freed[main].counts[chosen[main]]] > 0.0:
+            benches, named = freed, named | {id_: chosen}
+    return benches, named
+
+
+def with_noise_of_full_fit(bench: Bench) -> tuple[Bench, list[int]]:
+    """The bench with the noise that is left by candidates added while each gains clearly, and those candidates.
+
+    What is clear: more than the largest of that many chances of pure noise gives in a hundred cases, and the price of
+    its coefficients (Bayes' information criterion). Every addition sharpens the noise filter for the next one.
+    """
+    chosen: list[int] = []
+    clear = 2.0 * np.log(max(len(bench.candidates), 1)) + 9.0
+    for _ in range(_MOST_LIBERAL):
+        if not bench.candidates:
+            break
+        gains = solved(bench.moments(bench.base(chosen)), np.ones(len(bench.blocks), dtype=bool)).gain
+        worth = gains - np.log(len(bench.rows)) * (np.array(bench.counts) - 1.0)
+        best = int(np.argmax(worth))
+        if worth[best] < clear:
+            break
+        chosen.append(best)
+        bench = bench.refitted_noise(chosen)
+    return bench, chosen
+
+
+def _left(bench: Bench, chosen: list[int]) -> Vector:
+    """Whitened residual beside the `chosen` candidates, made as large as it was before the fit."""
+    base = bench.base(chosen)
+    left = bench.white_target - base @ least_squares(base, bench.white_target)
+    return np.asarray(left * np.sqrt(len(left) / max(len(left) - base.shape[1], 1)))
+
+
+def _selected(benches: Benches, noise: Mapping[str, Vector], *, false_alarm: float, seed: int) -> Named:
+    named: Named = {}
+    total = 0.0
+    for _ in range(_MOST):
+        standing = standings(benches, named, noise, seed=seed)
+        live = len(standing) + len(named)
+        floor = _TRIFLE * total
+        supported = [
+            one for one in standing.values() if is_supported(one, false_alarm / max(live, 1)) and one.score > floor
+        ]
+        if not supported:
+            break
+        best = max(supported, key=merit)
+        total += best.score
+        named[best.id] = {name: best.tested[name].best for name in best.responses}
+        named = _retested(benches, named, noise, false_alarm=false_alarm / max(live, 1), seed=seed)
+        if best.id not in named:
+            break
+    return named
+
+
+def is_supported(one: Standing, level: float) -> bool:
+    """Beyond what noise does and the gauge reads, on rows that were not fitted, and alike in all runs."""
+    seen = max(one.tested[name].largest for name in one.responses)
+    return one.p_value <= level and one.cv_gain > 0.0 and one.is_the_same_in_all_runs and seen > _FINEST
+
+
+def merit(one: Standing) -> float:
+    """By what effects are ranked: the score, less for what is rarer than the rest (`_RARE`)."""
+    share, less = next((price for start, price in _RARE.items() if one.id.startswith(start)), (1.0, 0.0))
+    return share * one.score - less
+
+
+def _retested(benches: Benches, named: Named, noise: Mapping[str, Vector], *, false_alarm: float, seed: int) -> Named:
+    """Every named effect tested beside the others: shapes chosen anew, proxies exchanged for what is better."""
+    for name in list(named):
+        if len(named) < 2:
+            break
+        others = without(named, name)
+        standing = standings(benches, others, noise, seed=seed)
+        best = max(standing.values(), key=lambda one: merit(one) if is_supported(one, false_alarm) else -np.inf)
+        if not is_supported(best, false_alarm):
+            named = others
+            continue
+        own = standing[name]
+        chosen = own if is_supported(own, false_alarm) and merit(own) > merit(best) - 1.0 else best
+        named = others | {chosen.id: {key: chosen.tested[key].best for key in chosen.responses}}
+    return named
+
+
+def _told(benches: Benches, named: Named, noise: Mapping[str, Vector], *, seed: int) -> Search:
+    standing = standings(benches, named, noise, seed=seed)
+    rivals: dict[str, tuple[str, ...]] = {}
+    weights: dict[str, float] = {}
+    for name in named:
+        beside = standings(benches, without(named, name), noise, seed=seed)
+        standing[name] = beside[name]
+        weighed = _weights(beside, name)
+        weights[name] = weighed[name]
+        rivals[name] = _rivals(benches, beside, named, name, weighed)
+    return Search(benches, named, standing, rivals, weights)
+
+
+def _rivals(
+    benches: Benches,
+    beside: Mapping[str, Standing],
+    named: Named,
+    id: str,  # noqa: A002 - the word of the contract
+    weights: Mapping[str, float],
+) -> tuple[str, ...]:
+    """Effects with a like course that are needed until the set has nine tenths of the weight, largest first."""
+    found: list[str] = []
+    sure = weights[id]
+    for other in sorted(weights, key=lambda name: -weights[name]):
+        if sure >= _SURE or weights[other] < _RIVAL * weights[id]:
+            break
+        if other != id and _alike(benches, beside, named, id, other):
+            found.append(other)
+            sure += weights[other]
+    return tuple(found)
+
+
+def _weights(beside: Mapping[str, Standing], id: str) -> dict[str, float]:  # noqa: A002 - the word of the contract
+    """Weights of the effects that may stand in the place of `id`, summing to 1: exp(merit / 2) as likelihoods have it.
+
+    Tempered, for no shape of the catalogue is the truth to the last bit; the temper is what makes the confidence come
+    true on the proving ground (docs/explanation/blind-proof.md).
+    """
+    merits = {
+        name: merit(one)
+        for name, one in beside.items()
+        if name == id or (one.p_value < 1e-2 and one.is_the_same_in_all_runs)
+    }
+    best = max(merits.values())
+    raw = {name: float(np.exp((value - best) / (2.0 * _TEMPER))) for name, value in merits.items()}
+    total = sum(raw.values())
+    return {name: value / total for name, value in raw.items()}
+
+
+def _alike(benches: Benches, beside: Mapping[str, Standing], named: Named, id: str, other: str) -> bool:  # noqa: A002
+    """Whether two effects make nearly the same course in the response that shows the first one most."""
+    first, second = beside[id], beside[other]
+    response = max(first.responses, key=lambda name: first.tested[name].gain)
+    if response not in second.tested:
+        return False
+    bench = benches[response]
+    base = np.linalg.qr(bench.base(numbers(without(named, id), response)))[0]
+    spaces = []
+    for one in (first, second):
+        columns = bench.white_columns[:, bench.candidates[one.tested[response].best].columns]
+        spaces.append(np.linalg.qr(columns - base @ (base.T @ columns))[0])
+    return float(np.linalg.svd(spaces[0].T @ spaces[1], compute_uv=False).max()) > _NEARLY

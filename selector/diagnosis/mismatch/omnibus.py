@@ -1,0 +1,175 @@
+"""Whether there is structure left in the residual that nothing explains; of what kind, and where."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.mismatch.background import Spectrum, background, innovations, noise_alone, seen_rows, spectrum
+from selector.diagnosis.mismatch.regimes import Variable, variables
+from selector.diagnosis.mismatch.structure_tests import (
+    Kind,
+    Tested,
+    burst,
+    by_state,
+    in_common,
+    jump,
+    spectral,
+    standardised,
+)
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+_DRAWS = 199
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Something in the residual that is no noise.
+
+    Attributes
+    ----------
+    kind : {"slow", "line", "cycle", "jump", "state", "burst", "common"}
+        Slower than noise · one frequency · a band of frequencies · a step · by state of the machine · a burst · slow
+        and seen in several responses.
+    channel : str
+        The response.
+    run : str or None
+        The run that shows it; None = several.
+    from_s, to_s : float or None
+        Window [s from the start of that run].
+    frequency_hz : (float, float) or None
+        The band.
+    regime : str or None
+        State of the machine in words.
+    size : float
+        Root mean square of what exceeds the noise [unit of the response].
+    unit : str
+    p_value : float
+        Adjusted for all tests on all responses.
+    """
+
+    kind: Kind
+    channel: str
+    run: str | None
+    from_s: float | None
+    to_s: float | None
+    frequency_hz: tuple[float, float] | None
+    regime: str | None
+    size: float
+    unit: str
+    p_value: float
+
+
+def unexplained(
+    comparison: Comparison,
+    residuals: Mapping[str, Vector],
+    whitened: Mapping[str, Vector],
+    *,
+    seed: int,
+    false_alarm: float,
+) -> tuple[Structure, ...]:
+    """Structure left in residuals, the surest first; empty with probability 1 − `false_alarm` if all is noise.
+
+    A bank of tests (spectrum, common part of two responses, steps, states of the machine, bursts) on every response;
+    the largest of all statistics is compared with its distribution over `_DRAWS` sets of noise with the spectrum of
+    the residual's short scales and its own innovations in another order (Westfall & Young 1993, single-step maximum).
+
+    Parameters
+    ----------
+    comparison : Comparison
+    residuals : mapping of str to ndarray of shape (n_rows,)
+        Response → what is left [its unit]; NaN where missing.
+    whitened : mapping of str to ndarray of shape (n_rows,)
+        The same after the noise filter; rows that are missing in it are not looked at.
+    seed : int
+    false_alarm : float
+        Probability of any structure where all is noise.
+    """
+    rng = np.random.default_rng(seed)
+    seen = {name: np.where(np.isfinite(whitened[name]), values, np.nan) for name, values in residuals.items()}
+    stacks = noise_alone(comparison, seen, _DRAWS, rng)
+    states = variables(comparison)
+    found: list[tuple[str, Tested]] = []
+    spectra: dict[str, Spectrum] = {}
+    spread: dict[str, float] = {}
+    for response, stack in stacks.items():
+        tests, spectra[response], spread[response] = _tests(stack, seen_rows(comparison, seen[response]), states)
+        found += [(response, test) for test in tests]
+    for one, other in combinations(spectra, 2):
+        if spectra[one].frequency.shape == spectra[other].frequency.shape:
+            pair = in_common(spectra[one].amplitudes, spectra[other].amplitudes, spectra[one].frequency)
+            found.append((max((one, other), key=lambda name: _contrast(stacks[name][0])), pair))
+    if not found:
+        return ()
+    scores = np.array([standardised(test.statistic) for _, test in found])
+    of_noise = scores[:, 1:].max(axis=0)
+    p_values = [_tail(of_noise, float(score)) for score in scores[:, 0]]
+    structures = [
+        _structure(comparison, response, test, p, stacks[response][0], spread[response])
+        for (response, test), p in zip(found, p_values, strict=True)
+        if p <= false_alarm
+    ]
+    return tuple(sorted(structures, key=lambda structure: structure.p_value))
+
+
+def _tests(
+    stack: Matrix,
+    rows: Sequence[NDArray[np.intp]],
+    states: tuple[Variable, ...],
+) -> tuple[list[Tested], Spectrum, float]:
+    """Tests of one response, its whitened spectra, and the standard deviation of its noise."""
+    of = spectrum(stack, rows)
+    noise = background(of)
+    density = noise.density(of.frequency)
+    tests = spectral(of, np.abs(of.amplitudes) ** 2 / density)
+    seen = np.concatenate(rows)
+    white = innovations(noise.phi, stack, rows)
+    white /= 1.4826 * np.median(np.abs(white[:, seen]), axis=1, keepdims=True) + 1e-300
+    tests.append(jump(white, noise.phi, rows))
+    tests.append(by_state(np.clip(white, -4.0, 4.0), noise.phi[0], rows, states))
+    tests.append(burst(white, rows, states))
+    spread = float(np.sqrt(noise.density(np.linspace(0.001, 0.5, 500))[0].mean()))
+    return tests, Spectrum(of.frequency, of.run, of.amplitudes / np.sqrt(density)), spread
+
+
+def _contrast(residual: Vector) -> float:
+    """How much larger a residual is than its changes from sample to sample."""
+    return float(np.std(residual) / max(float(np.median(np.abs(np.diff(residual[residual != 0.0])))), 1e-300))
+
+
+def _tail(of_noise: Vector, score: float) -> float:
+    """Share of noise that reaches a score; beyond the highest tenth an exponential tail."""
+    start = float(np.quantile(of_noise, 0.9))
+    if score <= start:
+        return float((1 + np.sum(of_noise >= score)) / (1 + len(of_noise)))
+    beyond = of_noise[of_noise > start] - start
+    return float(max(0.1 * np.exp(-(score - start) / max(float(beyond.mean()), 1e-12)), 1e-12))
+
+
+def _structure(
+    comparison: Comparison, response: str, test: Tested, p_value: float, residual: Vector, spread: float
+) -> Structure:
+    run = None if test.run is None else comparison.runs[test.run]
+    window = None if test.rows is None else (comparison.time_s[test.rows[0]], comparison.time_s[test.rows[1]])
+    seen = residual[residual != 0.0]
+    if test.rows is not None:
+        seen = residual[test.rows[0] : test.rows[1] + 1]
+    band = None if test.frequency is None else tuple(f / comparison.period_s for f in test.frequency)
+    return Structure(
+        kind=test.kind,
+        channel=response,
+        run=run,
+        from_s=None if window is None else float(window[0]),
+        to_s=None if window is None else float(window[1]),
+        frequency_hz=band,  # type: ignore[arg-type]
+        regime=test.words,
+        size=float(np.sqrt(max(float(np.mean(seen**2)) - spread**2, 0.0))),
+        unit=comparison.channel(response).unit,
+        p_value=p_value,
+    )

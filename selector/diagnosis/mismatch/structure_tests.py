@@ -1,0 +1,210 @@
+"""Tests for structure of no particular kind in residuals: slow, periodic, stepwise, by state of the machine, in bursts.
+
+Each takes a stack of residuals (the one in question first, noise alone after it) and gives its statistic of each, and
+where the first is most unusual.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm, rankdata
+
+from selector.diagnosis.mismatch.background import LONGEST_NOISE_PERIOD, Spectrum
+from selector.diagnosis.mismatch.regimes import Variable
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+Amplitudes = NDArray[np.complex128]
+Rows = Sequence[NDArray[np.intp]]
+Kind = Literal["slow", "line", "cycle", "jump", "state", "burst", "common"]
+_BINS = 8
+_WIDEST = 3.0
+"""Ends of a band, as a ratio: the noise is fitted to what is wider."""
+_TELLING = 30.0
+"""Sum of squares between bins, in variances, from which noise is taken to differ by state (7 are expected)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tested:
+    """A statistic, larger when there is structure, shape (n_sets,), and where the first of them found it.
+
+    `run` is a number, `rows` (first, last) of the window, `frequency` (low, high) [cycles per sample], `words` a state
+    of the machine; None where it does not apply.
+    """
+
+    kind: Kind
+    statistic: Vector
+    run: int | None = None
+    rows: tuple[int, int] | None = None
+    frequency: tuple[float, float] | None = None
+    words: str | None = None
+
+
+def spectral(of: Spectrum, ratio: Matrix) -> list[Tested]:
+    """More power than noise has, in bands of every width: slow (below the scale of noise), a line, a wandering cycle.
+
+    `ratio` is the power over the density of the noise, shape (n_sets, n_bins). Each run by itself, and all together.
+    """
+    slow_limit = 1.0 / LONGEST_NOISE_PERIOD
+    order = np.argsort(of.frequency, kind="stable")
+    runs = np.unique(of.run)
+    groups: list[tuple[int | None, NDArray[np.intp]]] = [(None, order)]
+    if len(runs) > 1:
+        groups += [(int(k), order[of.run[order] == k]) for k in runs]
+    best: dict[Kind, list[Tested]] = {"slow": [], "line": [], "cycle": []}
+    for run, bins in groups:
+        frequency, power = of.frequency[bins], ratio[:, bins]
+        narrow = len(runs) if run is None else 1
+        sums = np.concatenate([np.zeros((len(power), 1)), np.cumsum(power, axis=1)], axis=1)
+        width = narrow
+        while width <= len(bins):
+            step = 1 if width <= 4 * narrow else width // 4
+            first = np.arange(0, len(bins) - width + 1, step)
+            unusual = _normal_of_sum(sums[:, first + width] - sums[:, first], width)
+            slow = frequency[first + width - 1] < slow_limit
+            narrow_enough = frequency[first + width - 1] <= _WIDEST * frequency[first]
+            other: Kind = "line" if width <= 2 * narrow else "cycle"
+            kinds: tuple[tuple[Kind, NDArray[np.bool_]], ...] = (("slow", slow), (other, ~slow & narrow_enough))
+            for kind, part in kinds:
+                if part.any():
+                    here = first[part][int(np.argmax(unusual[0, part]))]
+                    band = (float(frequency[here]), float(frequency[here + width - 1]))
+                    best[kind].append(Tested(kind, unusual[:, part].max(axis=1), run=run, frequency=band))
+            width *= 2
+    return [largest(found) for found in best.values() if found]
+
+
+def largest(found: list[Tested]) -> Tested:
+    """One statistic of several of the same kind: the largest, each measured by its own spread under noise."""
+    score = np.array([standardised(one.statistic) for one in found])
+    first = found[int(np.argmax(score[:, 0]))]
+    return Tested(first.kind, score.max(axis=0), first.run, first.rows, first.frequency, first.words)
+
+
+def standardised(statistic: Vector) -> Vector:
+    """The statistic in units of its upper spread under noise (sets 1 and on): 0 at the median, 1 at the 90 % point."""
+    middle, high = np.quantile(statistic[1:], (0.5, 0.9))
+    return np.asarray((statistic - middle) / max(high - middle, 1e-12))
+
+
+def in_common(first: Amplitudes, second: Amplitudes, frequency: Vector) -> Tested:
+    """More in common between two responses at long scales than their noise has; whitened complex amplitudes."""
+    slow = np.flatnonzero(frequency < 2.0 / LONGEST_NOISE_PERIOD)
+    slow = slow[np.argsort(frequency[slow], kind="stable")]
+    product = first[:, slow] * np.conj(second[:, slow])
+    sums = np.concatenate([np.zeros((len(product), 1)), np.cumsum(product, axis=1)], axis=1)
+    found, width = [], 4
+    while width <= len(slow):
+        start = np.arange(0, len(slow) - width + 1, max(1, width // 4))
+        amount = np.abs(sums[:, start + width] - sums[:, start]) / np.sqrt(width)
+        at = start[int(np.argmax(amount[0]))]
+        band = (float(frequency[slow[at]]), float(frequency[slow[at + width - 1]]))
+        found.append(Tested("common", amount.max(axis=1), frequency=band))
+        width *= 2
+    return largest(found) if found else Tested("common", np.zeros(len(first)))
+
+
+def jump(white: Matrix, phi: Matrix, rows: Rows) -> Tested:
+    """A step that stays: the innovation at the step, and the shifted mean after it against that before it."""
+    drift = np.maximum(1.0 - phi.sum(axis=1, keepdims=True), 1e-3)
+    found = []
+    clipped = np.clip(white, -4.0, 4.0)
+    for length in (8, 32, 128):
+        for k, here in enumerate(rows):
+            n = len(here)
+            if n < 4 * length:
+                continue
+            sums = np.concatenate([np.zeros((len(white), 1)), np.cumsum(clipped[:, here], axis=1)], axis=1)
+            at = np.arange(length, n - length)
+            after = sums[:, at + length] - sums[:, at + 1]
+            before = sums[:, at] - sums[:, at - length]
+            score = clipped[:, here[at]] + drift * (after - before)
+            score = np.abs(score) / np.sqrt(1.0 + drift**2 * (2.0 * length - 1.0))
+            peak = int(np.argmax(score[0]))
+            window = (int(here[at[peak]]), int(here[-1]))
+            found.append(Tested("jump", score.max(axis=1), run=k, rows=window))
+    return largest(found) if found else Tested("jump", np.zeros(len(white)))
+
+
+def by_state(white: Matrix, phi: Vector, rows: Rows, states: Sequence[Variable]) -> Tested:
+    """Means that differ between states of the machine: largest over the variables of the sum of squares explained."""
+    found = []
+    seen = np.concatenate(rows)
+    for variable in states:
+        bins = variable.bins(_BINS)
+        count = int(bins.max()) + 1
+        if count < 2:
+            continue
+        table = np.zeros((len(bins), count))
+        table[np.arange(len(bins)), bins] = 1.0
+        filtered = table.copy()
+        for here in rows:
+            for lag, weight in enumerate(phi, start=1):
+                filtered[here[lag:]] -= weight * table[here[:-lag]]
+        filtered = filtered[seen] - filtered[seen].mean(axis=0)
+        left, values, _ = np.linalg.svd(filtered, full_matrices=False)
+        left = left[:, values > 1e-6 * values[0]] if values[0] > 0 else left[:, :0]
+        if left.shape[1] == 0:
+            continue
+        explained = np.sum((white[:, seen] @ left) ** 2, axis=1)
+        means = [
+            float(np.mean(white[0, seen][bins[seen] == b])) if (bins[seen] == b).any() else 0.0 for b in range(count)
+        ]
+        worst = int(np.argmax(np.abs(means)))
+        values_there = variable.values[seen][bins[seen] == worst]
+        words = f"{variable.words} {values_there.min():.4g} to {values_there.max():.4g} {variable.unit}".strip()
+        found.append(Tested("state", _normal_of_squares(explained, left.shape[1]), words=words))
+    return largest(found) if found else Tested("state", np.zeros(len(white)))
+
+
+def burst(white: Matrix, rows: Rows, states: Sequence[Variable]) -> Tested:
+    """More noise in one window than elsewhere, by ranks; noise that differs by state of the machine is allowed for."""
+    seen = np.concatenate(rows)
+    size = np.abs(white[:, seen])
+    size /= _size_by_state(size, seen, states)
+    stack = norm.ppf(0.5 + 0.5 * (rankdata(size, axis=1) - 0.5) / len(seen)) ** 2 - 1.0
+    found, start = [], 0
+    for k, here in enumerate(rows):
+        n = len(here)
+        sums = np.concatenate([np.zeros((len(stack), 1)), np.cumsum(stack[:, start : start + n], axis=1)], axis=1)
+        length = 8
+        while length <= n // 2:
+            first = np.arange(0, n - length + 1, max(1, length // 4))
+            score = (sums[:, first + length] - sums[:, first]) / np.sqrt(2.0 * length)
+            at = int(first[int(np.argmax(score[0]))])
+            window = (int(here[at]), int(here[at + length - 1]))
+            found.append(Tested("burst", score.max(axis=1), run=k, rows=window))
+            length *= 2
+        start += n
+    return largest(found) if found else Tested("burst", np.zeros(len(stack)))
+
+
+def _size_by_state(size: Matrix, seen: NDArray[np.intp], states: Sequence[Variable]) -> Matrix:
+    """Mean size in each bin of the one variable that tells most about it, set by set; 1 where none tells anything."""
+    level, spread = size.mean(axis=1, keepdims=True), np.maximum(size.var(axis=1), 1e-300)
+    best, scale = np.full(len(size), _TELLING), np.ones_like(size)
+    for variable in states:
+        bins = variable.bins(_BINS)[seen]
+        table = (bins[:, None] == np.unique(bins)[None, :]).astype(np.float64)
+        count = table.sum(axis=0)
+        mean = size @ table / count
+        between = ((mean - level) ** 2 @ count) / spread
+        better = between > best
+        best[better] = between[better]
+        scale[better] = np.maximum((mean / np.maximum(level, 1e-300))[better] @ table.T, 0.05)
+    return scale
+
+
+def _normal_of_sum(total: Matrix, count: int) -> Matrix:
+    """Standard normal value of a sum of `count` unit exponentials (Wilson–Hilferty)."""
+    return np.asarray(((total / count) ** (1.0 / 3.0) - 1.0 + 1.0 / (9.0 * count)) * np.sqrt(9.0 * count))
+
+
+def _normal_of_squares(total: Vector, count: int) -> Vector:
+    """Standard normal value of a sum of `count` squares of standard normal values (Wilson–Hilferty)."""
+    return np.asarray(((total / count) ** (1.0 / 3.0) - 1.0 + 2.0 / (9.0 * count)) * np.sqrt(4.5 * count))

@@ -1,0 +1,1 @@
+"""The run that would tell apart what this recording cannot."""

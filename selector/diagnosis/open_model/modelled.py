@@ -1,0 +1,381 @@
+"""What a simulation left out that can be run again: refit, test effects through it, put them in, refit, prove."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.diagnosis.answer import Diagnosis, Errors, Evidence, Fit, NamedEffect, Verdict
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.catalogue import catalogue, effect_of
+from selector.diagnosis.effects.effect import Quantity
+from selector.diagnosis.mismatch.location import active_windows
+from selector.diagnosis.open_model.refit_problem import simulated_rows
+from selector.diagnosis.open_model.refitting import Refitted, Say, refitted
+from selector.diagnosis.open_model.runnable import OwnModel, Runnable
+from selector.diagnosis.open_model.switches import Switch
+from selector.diagnosis.open_model.through_model import ThroughModel, through_model
+from selector.diagnosis.workflow import diagnosis
+from selector.findings import Finding
+from selector.recording import Recording
+
+Vector = NDArray[np.float64]
+_FLOOR = 0.02
+"""Share of the mean square that something has to take away to be worth a word."""
+_MOST = 4
+_DRAWS = 400
+_SUSPECTED = 0.5
+"""Confidence in a name whose correction makes no error smaller."""
+_SIZES = (1.0, 2.0, 4.0, 8.0)
+"""Where the fit of an effect may begin, in parts of its linear estimate, which what stands in for it makes small."""
+
+
+@dataclass(frozen=True, eq=False)
+class Improved:
+    """The model with what it left out.
+
+    Attributes
+    ----------
+    model : OwnModel
+    added : tuple of str
+        Effects that are in it now.
+    not_in_it : tuple of str
+        Named effects that its file cannot express.
+    refit : Refitted
+        Everything fitted together.
+    """
+
+    model: OwnModel
+    added: tuple[str, ...]
+    not_in_it: tuple[str, ...]
+    refit: Refitted
+
+
+@dataclass(frozen=True, eq=False)
+class Modelled:
+    """A diagnosis in mode B or C.
+
+    Attributes
+    ----------
+    answer : Diagnosis
+    refit : Refitted
+        The simulation with its own parameters fitted, nothing added.
+    improved : Improved or None
+        In mode C, if something was put into the model.
+    """
+
+    answer: Diagnosis
+    refit: Refitted
+    improved: Improved | None
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """What one turn has found: the effect, how the model has it, and where the mismatch stood before."""
+
+    effect: NamedEffect
+    switch: Switch
+    mismatch: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class _Turn:
+    """Model, fit and answer of one turn."""
+
+    model: Runnable
+    refit: Refitted
+    through: ThroughModel | None
+    answer: Diagnosis
+
+
+def diagnosis_of_model(
+    runnable: Runnable,
+    recording: Recording,
+    *,
+    responses: Sequence[str] | None = None,
+    holdout: str = "last",
+    seed: int = 0,
+    false_alarm: float = 0.01,
+    progress: Say | None = None,
+) -> Modelled:
+    """What a simulation left out that can be run again with other parameters.
+
+    In mode C the effect that explains most is put into the model, everything is fitted again, and what is left is
+    looked at anew, until nothing is found that the file can express.
+
+    Parameters
+    ----------
+    runnable
+        A model of ours (mode C), a function or an FMU (mode B).
+    recording, responses, holdout
+        As of `alignment.comparison_of`.
+    seed, false_alarm
+        As of `workflow.diagnosis`.
+    progress : callable, optional
+        Told steps done, steps in all, and what is done.
+
+    Raises
+    ------
+    InputError
+        The recordings cannot drive the model, or nothing can be compared.
+    """
+    say = progress or (lambda done, total, text: None)
+    model, found, starts = runnable, list[_Found](), list[dict[str, float]]()
+    start: Mapping[str, float] = {}
+    turns: list[_Turn] = []
+    for number in range(_MOST):
+        part = _part(say, number / _MOST, (number + 1) / _MOST)
+        again = refitted(
+            model, recording, responses=responses, holdout=holdout, added=starts, start=start, progress=part(0.0, 0.5)
+        )
+        through = through_model(model, again, progress=part(0.5, 0.7)) if isinstance(model, OwnModel) else None
+        known = catalogue()
+        answer = diagnosis(
+            again.comparison,
+            seed=seed,
+            false_alarm=false_alarm,
+            effects=known if through is None else through.effects(known),
+            through_model=None if through is None else through.variants,
+            progress=part(0.7, 1.0),
+        )
+        turns.append(_Turn(model, again, through, answer))
+        first = turns[0].refit
+        switched = None if through is None else _largest(answer, through, first, [one.effect.id for one in found])
+        if switched is None or not isinstance(model, OwnModel) or number == _MOST - 1:
+            break
+        effect, switch, amounts = switched
+        found.append(_Found(effect, switch, _squares(again.comparison)))
+        earlier = {name: again.values[name] for name in (starts[0] if starts else {})}
+        made = [model.with_changes(switch.changes([factor * a for a in amounts])) for factor in _SIZES]
+        model = made[0]
+        names = [name for name in switch.parameters if name in model.parameters]
+        starts = [earlier | {name: one.parameters[name].value for name in names} for one in made]
+        start = again.values
+    return _answer(runnable, turns, found, seed)
+
+
+def improved_errors(improved: Improved) -> dict[str, float]:
+    """Response → held-out root mean square error of the improved model, simulated anew from its file [unit].
+
+    Raises
+    ------
+    InputError
+        It cannot be simulated.
+    """
+    comparison = improved.refit.comparison
+    courses = simulated_rows(comparison, improved.model.simulated({}))
+    held = comparison.held_out
+    return {name: _rms((comparison.recorded[name] - course)[held]) for name, course in courses.items()}
+
+
+def _part(say: Say, start: float, end: float) -> Callable[[float, float], Say]:
+    """A stretch of the whole progress, of which a stretch again."""
+
+    def within(first: float, last: float) -> Say:
+        low, high = start + (end - start) * first, start + (end - start) * last
+        return lambda done, total, text: say(round(1000 * (low + (high - low) * done / max(total, 1))), 1000, text)
+
+    return within
+
+
+def _largest(
+    answer: Diagnosis, through: ThroughModel, first: Refitted, known: Sequence[str]
+) -> tuple[NamedEffect, Switch, tuple[float, ...]] | None:
+    """The largest named effect that the file can express and has not yet, with its amounts."""
+    for effect in answer.effects:
+        if effect.id in known or _share(effect, _squares(answer.comparison), _squares(first.comparison)) < _FLOOR:
+            continue
+        course = effect.courses[effect.channel]
+        for variant in through.variants[effect.channel].get(effect.id, ()):
+            switch = through.switch(variant)
+            beta = np.linalg.lstsq(variant.columns, course, rcond=None)[0]
+            left = float(np.abs(variant.columns @ beta - course).max())
+            if switch is not None and left <= 1e-6 * float(np.abs(course).max()):
+                amounts = np.maximum(beta, 1e-3 * np.array(switch.sizes)) if switch.is_amount else beta
+                return effect, switch, tuple(amounts.tolist())
+    return None
+
+
+def _squares(comparison: Comparison) -> dict[str, float]:
+    """Response → mean square of its mismatch on fitted rows."""
+    return {name: _rms(comparison.difference(name)[~comparison.held_out]) ** 2 for name in comparison.responses}
+
+
+def _share(effect: NamedEffect, now: Mapping[str, float], first: Mapping[str, float]) -> float:
+    """Share of the mismatch of the refitted simulation that goes with an effect found when `now` was left of it."""
+    return float(effect.share * min(1.0, now[effect.channel] / max(first[effect.channel], 1e-300)))
+
+
+def _answer(runnable: Runnable, turns: Sequence[_Turn], found: Sequence[_Found], seed: int) -> Modelled:
+    """What was put in, and what the last turn has found beside it."""
+    first, last = turns[0], turns[-1]
+    mismatch = _squares(first.refit.comparison)
+    put = [replace(one.effect, share=_share(one.effect, one.mismatch, mismatch)) for one in found]
+    left = _squares(last.refit.comparison)
+    beside = [replace(e, share=_share(e, left, mismatch)) for e in last.answer.effects if e.share >= _FLOOR]
+    beside = [
+        e if _helps(e, last) else replace(e, suspected=True, confidence=min(e.confidence, _SUSPECTED))
+        for e in beside
+        if e.share >= _FLOOR and e.id not in {one.id for one in put}
+    ]
+    effects = tuple(sorted([*_with_fitted(put, found, last), *beside], key=lambda effect: -effect.share))
+    verdict: Verdict = "missing-physics" if any(not e.id.startswith("data.") for e in effects) else "data-fault"
+    if not effects:
+        verdict = last.answer.verdict if last.answer.verdict == "unexplained" else "nothing-missing"
+        if _is_recalibrated(first.refit) or last.answer.verdict == "miscalibrated":
+            verdict = "miscalibrated"
+    improved = None
+    if found and isinstance(last.model, OwnModel):
+        improved = Improved(
+            model=last.model.with_values(last.refit.values),
+            added=tuple(one.effect.id for one in found),
+            not_in_it=tuple(e.id for e in beside if not e.id.startswith("data.")),
+            refit=last.refit,
+        )
+    own = {} if first.through is None else first.through.own
+    evidence = [replace(one, named=one.id in {e.id for e in effects}) for one in first.answer.evidence]
+    evidence += [Evidence(id_, mismatch_of, 0.0, 1.0, False, f"not testable here: fitted as {name}")
+                 for id_, name in own.items() for mismatch_of in list(mismatch)[:1]]  # fmt: skip
+    findings = [*last.answer.findings, _mode(runnable, turns), *first.refit.findings]
+    if beside and runnable.mode == "C":
+        findings.append(_not_in_file([effect.id for effect in beside if not effect.id.startswith("data.")]))
+    where = [
+        replace(place, place=effect.place, share=place.share * effect.share)
+        for effect in effects
+        for channel in effect.channels
+        for place in active_windows(last.answer.comparison, channel, effect.courses[channel])
+    ]
+    answer = replace(
+        last.answer,
+        comparison=replace(last.answer.comparison, simulated=first.refit.nominal.simulated, findings=tuple(findings)),
+        verdict=verdict,
+        where=tuple(where) if effects else last.answer.where,
+        effects=effects,
+        fit={name: _fit(name, turns, seed, any(name in e.channels for e in beside)) for name in last.answer.fit},
+        evidence=tuple(evidence),
+        recalibration={**last.answer.recalibration, "model": dict(last.refit.quantities)},
+        findings=tuple(findings),
+    )
+    return Modelled(answer, first.refit, improved)
+
+
+def _with_fitted(put: Sequence[NamedEffect], found: Sequence[_Found], last: _Turn) -> list[NamedEffect]:
+    """The effects with the numbers of the last fit, everything together, in the place of those they were found with."""
+    result = []
+    for effect, one in zip(put, found, strict=True):
+        numbers = {
+            name.rpartition(".")[2]: last.refit.quantities[name]
+            for name in one.switch.parameters
+            if name in last.refit.quantities
+        }
+        words = ", ".join(
+            f"{key} {q.value:.4g} ({q.low:.4g} to {q.high:.4g}) {'' if q.unit == '1' else q.unit}".rstrip()
+            for key, q in numbers.items()
+            if q.low is not None
+        )
+        statement = f"{effect_of(effect.id).title} at {one.switch.place} is not in the model: {words}."
+        told = {"parameters": numbers, "statement": statement} if numbers else {}
+        result.append(replace(effect, **told))  # type: ignore[arg-type]
+    return result
+
+
+def _fit(name: str, turns: Sequence[_Turn], seed: int, has_more: bool) -> Fit:
+    """Errors of the simulation as given, with its parameters fitted, and of the model that the last turn left.
+
+    What that model cannot express is in the last errors as a correction beside it.
+    """
+    first, last = turns[0], turns[-1]
+    comparison, one = last.refit.comparison, last.answer.fit[name]
+    recorded, held = comparison.recorded[name], comparison.held_out
+    before, middle = first.refit.nominal.simulated[name], first.refit.comparison.simulated[name]
+    after = one.after if has_more and _corrected(last, name) else comparison.simulated[name]
+    floor = one.heldout.noise_floor or 0.0
+    return replace(
+        one,
+        train=Errors(_rms((recorded - before)[~held]), _rms((recorded - after)[~held])),
+        heldout=Errors(_rms((recorded - before)[held]), _rms((recorded - after)[held]), one.heldout.noise_floor),
+        recalibrated_heldout=_rms((recorded - middle)[held]),
+        gap_closed=_closed((recorded - middle)[held], (recorded - after)[held], floor, seed) if len(turns) > 1
+        else one.gap_closed,
+        placebo_gain=first.answer.fit[name].placebo_gain,
+        before=before,
+        recalibrated=middle,
+        after=after,
+    )  # fmt: skip
+
+
+def _helps(effect: NamedEffect, last: _Turn) -> bool:
+    """Whether the correction beside the model makes an error smaller in which the effect shows."""
+    return any(_corrected(last, name) for name in effect.channels)
+
+
+def _corrected(last: _Turn, name: str) -> bool:
+    """Whether the correction beside the model makes the error of the fitted rows smaller."""
+    comparison, rows = last.refit.comparison, ~last.refit.comparison.held_out
+    after = comparison.recorded[name] - last.answer.fit[name].after
+    return _rms(after[rows]) < (1.0 - _FLOOR) * _rms(comparison.difference(name)[rows])
+
+
+def _closed(middle: Vector, after: Vector, floor: float, seed: int) -> Quantity | None:
+    """Share of the way from the refitted model to the noise that was gone, with a block bootstrap interval."""
+    seen = np.isfinite(middle) & np.isfinite(after)
+    blocks = np.array_split(np.flatnonzero(seen), 20)
+    squares = np.array([[np.sum(middle[b] ** 2), np.sum(after[b] ** 2), len(b)] for b in blocks if len(b)])
+    picks = np.random.default_rng(seed).integers(len(squares), size=(_DRAWS, len(squares)))
+
+    def share(sums: Vector) -> float | None:
+        start, end = np.sqrt(sums[:2] / sums[2])
+        return float((start - end) / (start - floor)) if start - floor > _FLOOR * floor else None
+
+    value = share(squares.sum(axis=0))
+    drawn = [one for one in map(share, squares[picks].sum(axis=1)) if one is not None]
+    if value is None or not drawn:
+        return None
+    return Quantity(value, "1", float(np.quantile(drawn, 0.025)), float(np.quantile(drawn, 0.975)))
+
+
+def _is_recalibrated(refit: Refitted) -> bool:
+    """Whether the parameters took away more than a trifle of the mismatch, on held-out rows too."""
+    held = refit.nominal.held_out
+    return any(
+        all(
+            _rms(refit.comparison.difference(name)[rows]) ** 2
+            < (1.0 - _FLOOR) * _rms(refit.nominal.difference(name)[rows]) ** 2
+            for rows in (held, ~held)
+        )
+        for name in refit.nominal.responses
+    )
+
+
+def _mode(runnable: Runnable, turns: Sequence[_Turn]) -> Finding:
+    what = "own model" if runnable.mode == "C" else "a black box that can be run again"
+    refit = turns[0].refit
+    return Finding(
+        "mode",
+        "info",
+        f"Mode {runnable.mode}: {what}, {runnable.name!r}; {len(refit.values)} parameters refitted, simulated "
+        f"{sum(turn.refit.runs for turn in turns)} times.",
+        evidence={
+            "mode": runnable.mode,
+            "refitted": {name: dict(vars(one)) for name, one in turns[-1].refit.quantities.items()},
+        },
+    )
+
+
+def _not_in_file(names: Sequence[str]) -> Finding:
+    return Finding(
+        "not-in-model",
+        "warning",
+        f"The model file cannot express {', '.join(names)}: the errors of the answer are those with a correction "
+        "beside the model.",
+        evidence={"effects": list(names)},
+        suggestion="use the correction, or describe the machine in more detail (a screw with its springs, more nodes)",
+    )
+
+
+def _rms(values: Vector) -> float:
+    values = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0

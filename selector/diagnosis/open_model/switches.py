@@ -1,0 +1,278 @@
+"""Which effects can a model file express that it does not have: the keys that switch each of them on, by physics."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from selector.diagnosis.effects.effect import Quantity
+from selector.diagnosis.open_model.runnable import OwnModel
+from selector.physics.model_text import Key, plain_values
+
+Changes = Callable[[Sequence[float]], Sequence[tuple[Key, Any]]]
+
+_HARMONICS = (1.0, 2.0, 4.0, 6.0, 12.0)
+_STRIBECK_M_PER_S = (0.001, 0.005, 0.02)
+_HEAT_EXPONENTS = (1.0, 1.5, 2.0)
+_AREA_M2 = 0.1
+_OF_LARGEST = (1.0 / 60.0, 1.0 / 15.0)
+"""Sizes of dry friction that are tried, in parts of the largest that a machine may have."""
+NEW = "missing"
+"""Name of a source or film that a diagnosis has added."""
+
+
+@dataclass(frozen=True, eq=False)
+class Switch:
+    """One way in which a model file can have an effect that it lacks.
+
+    Attributes
+    ----------
+    id : str
+        The effect.
+    amounts : tuple of str
+        What the amounts are, in words; they are 0 in the file.
+    units : tuple of str
+        Of the amounts.
+    sizes : tuple of float
+        Amounts that a finite difference takes.
+    changes : callable
+        Amounts → (place in the file, value) that give the model these amounts.
+    parameters : tuple of str
+        Names that the numbers have as parameters of the changed model, to be refitted.
+    place : str
+        Where it acts.
+    shape : mapping of str to Quantity
+        What else was chosen.
+    is_amount : bool
+        Whether no amount can be below 0.
+    """
+
+    id: str
+    amounts: tuple[str, ...]
+    units: tuple[str, ...]
+    sizes: tuple[float, ...]
+    changes: Changes
+    parameters: tuple[str, ...]
+    place: str
+    shape: Mapping[str, Quantity] = field(default_factory=dict)
+    is_amount: bool = True
+
+
+def switches(model: OwnModel) -> tuple[Switch, ...]:
+    """Every effect that the file of a model can express and has not.
+
+    Drives: friction by sign, direction and speed, viscous, a constant force, play, pitch error, cogging, dead time.
+    Networks of heat: heat at every node by speed or at all times, films of hall and coolant, films that grow with
+    speed. Gauging: lag, wear. Of vibrations and thermal modes nothing: the effects' own shapes serve for them.
+    """
+    kinds: dict[str, Callable[[OwnModel], Iterator[Switch]]] = {
+        "drive": _of_drive,
+        "thermal": _of_heat,
+        "gauging": _of_gauging,
+    }
+    return tuple(kinds[model.kind](model)) if model.kind in kinds else ()
+
+
+def own_effects(model: OwnModel) -> dict[str, str]:
+    """Effects that are parameters which recalibration fits → the name of the parameter."""
+    found: dict[str, str] = {}
+    for name in model.refitted:
+        for end, id_ in _OWN.items():
+            if name.endswith(end):
+                found.setdefault(id_, name)
+    return found
+
+
+_OWN = {
+    ".mechanics.mass_kg": "drive.mass",
+    ".mechanics.table_mass_kg": "drive.mass",
+    ".guide_damping_ns_per_m": "drive.viscous",
+    ".friction.coulomb_n": "drive.coulomb",
+    ".friction.offset_n": "drive.offset_force",
+    ".transmission.backlash_m": "drive.backlash",
+    ".servo.delay_s": "drive.delay",
+}
+
+
+def _of_drive(model: OwnModel) -> Iterator[Switch]:
+    for axis, section in plain_values(model.file)["axes"].items():
+        known = {
+            name.removeprefix(f"axes.{axis}."): one for name, one in model.parameters.items() if f"axes.{axis}." in name
+        }
+        yield from _of_friction(model, axis, known)
+        single = {
+            "mechanics.guide_damping_ns_per_m": ("drive.viscous", 20.0, True, "guide"),
+            "friction.offset_n": ("drive.offset_force", 2.0, False, "guide"),
+            "transmission.backlash_m": ("drive.backlash", 5e-6, True, "nut"),
+            "servo.delay_s": ("drive.delay", 1e-3, True, "servo"),
+            "transmission.pitch_slope": ("drive.pitch_error", 1e-5, False, "screw"),
+        }
+        for key, (id_, size, is_amount, place) in single.items():
+            if key in known and known[key].value == 0.0:
+                yield _number(axis, key, id_, min(size, known[key].high), known[key].unit, is_amount, f"{axis}.{place}")
+        if "transmission.pitch_amplitude_m" in known and known["transmission.pitch_amplitude_m"].value == 0.0:
+            yield _pitch(axis)
+        rigid = section.get("mechanics", {}).get("kind") == "rigid"
+        if "ripple" not in section and (not rigid or "ripple_period" in section):
+            yield from (_ripple(axis, harmonic, "N" if rigid else "N·m") for harmonic in _HARMONICS)
+
+
+def _of_friction(model: OwnModel, axis: str, known: Mapping[str, Any]) -> Iterator[Switch]:
+    said = plain_values(model.file)["axes"][axis].get("friction", {})
+    if "friction.coulomb_n" not in known or "lugre" in said:
+        return
+    path: Key = ("axes", axis, "friction")
+    coulomb = float(known["friction.coulomb_n"].value)
+    guide, start = f"{axis}.guide", f"axes.{axis}.friction."
+    if coulomb == 0.0 and not said.get("coulomb_negative_n"):
+        # friction that cannot hold what pushes the axis at rest does something else than friction that can
+        for share in _OF_LARGEST:
+            size = share * known["friction.coulomb_n"].high
+            yield _number(axis, "friction.coulomb_n", "drive.coulomb", size, "N", True, guide)
+            yield Switch(
+                "drive.asymmetric_friction", ("friction while moving up", "friction while moving down"), ("N", "N"),
+                (size, size),
+                lambda a: (((*path, "coulomb_n"), a[0]), ((*path, "coulomb_negative_n"), a[1])),
+                (f"{start}coulomb_n", f"{start}coulomb_negative_n"), guide,
+            )  # fmt: skip
+    elif "coulomb_negative_n" not in said:
+        yield Switch(
+            "drive.asymmetric_friction", ("friction while moving down beyond that while moving up",), ("N",),
+            (0.05 * coulomb,),
+            lambda a: (((*path, "coulomb_negative_n"), coulomb + a[0]),),
+            (f"{start}coulomb_negative_n",), guide, is_amount=False,
+        )  # fmt: skip
+    if coulomb > 0.0 and "static_n" not in said:
+        for speed in _STRIBECK_M_PER_S:
+            yield _stribeck(path, start, guide, coulomb, said.get("coulomb_negative_n", coulomb), speed)
+
+
+def _stribeck(path: Key, start: str, place: str, coulomb: float, negative: float, speed: float) -> Switch:
+    def changes(a: Sequence[float]) -> tuple[tuple[Key, Any], ...]:
+        return (
+            ((*path, "coulomb_negative_n"), negative),
+            ((*path, "static_n"), coulomb + a[0]),
+            ((*path, "static_negative_n"), negative + a[0]),
+            ((*path, "stribeck_speed_m_per_s"), speed),
+        )
+
+    return Switch(
+        "drive.stribeck", ("break-away beyond the sliding friction",), ("N",), (0.1 * coulomb,), changes,
+        (f"{start}static_n", f"{start}static_negative_n", f"{start}stribeck_speed_m_per_s"), place,
+        {"stribeck_speed_m_per_s": Quantity(speed, "m/s")},
+    )  # fmt: skip
+
+
+def _number(axis: str, key: str, id_: str, size: float, unit: str, is_amount: bool, place: str) -> Switch:
+    path: Key = ("axes", axis, *key.split("."))
+    return Switch(
+        id_, (key.rpartition(".")[2],), (unit,), (size,), lambda a: ((path, float(a[0])),),
+        (f"axes.{axis}.{key}",), place, is_amount=is_amount,
+    )  # fmt: skip
+
+
+def _pitch(axis: str) -> Switch:
+    path: Key = ("axes", axis, "transmission")
+    names = tuple(f"axes.{axis}.transmission.{key}" for key in ("pitch_amplitude_m", "pitch_phase_rad"))
+
+    def changes(a: Sequence[float]) -> tuple[tuple[Key, Any], ...]:
+        return (
+            ((*path, "pitch_amplitude_m"), math.hypot(*a)),
+            ((*path, "pitch_phase_rad"), math.atan2(a[1], a[0])),
+        )
+
+    words = ("error with the lead, in phase", "error with the lead, a quarter later")
+    return Switch(
+        "drive.pitch_error", words, ("m", "m"), (1e-6, 1e-6), changes, names, f"{axis}.screw", is_amount=False
+    )
+
+
+def _ripple(axis: str, harmonic: float, unit: str) -> Switch:
+    path: Key = ("axes", axis, "ripple")
+
+    def changes(a: Sequence[float]) -> tuple[tuple[Key, Any], ...]:
+        one = {"harmonic": harmonic, "cogging": math.hypot(*a), "phase_rad": math.atan2(a[1], a[0])}
+        return ((path, [one]),)
+
+    names = tuple(f"axes.{axis}.ripple.1.{key}" for key in ("cogging", "phase_rad"))
+    size = 1.0 if unit == "N" else 0.02
+    return Switch(
+        "drive.ripple", ("cogging, in phase", "cogging, a quarter later"), (unit, unit), (size, size), changes, names,
+        f"{axis}.motor", {"harmonic": Quantity(harmonic, "1")}, is_amount=False,
+    )  # fmt: skip
+
+
+def _of_heat(model: OwnModel) -> Iterator[Switch]:
+    plain = plain_values(model.file)
+    if plain["model"]["kind"] != "network":
+        return
+    conditions, films = plain["conditions"], plain.get("films", {})
+    top_rpm = _largest(conditions["spindle_speed_rpm"])
+    for node, section in plain["nodes"].items():
+        place = section.get("place") or node
+        for exponent in _HEAT_EXPONENTS:
+            law = {"reference_rpm": max(top_rpm, 1.0), "exponent": exponent}
+            shape = {"exponent": Quantity(exponent, "1")}
+            yield _source(node, place, "thermal.speed_heating", "speed_w", 20.0, law, shape)
+        yield _source(node, place, "thermal.second_source", "on_w", 20.0)
+        yield _source(node, place, "thermal.second_source", "turning_w", 20.0)
+        if "coolant_on" in conditions:
+            yield _source(node, place, "thermal.coolant", "coolant_w", 20.0, is_amount=False)
+            if not any(node in film["area_m2"] and film.get("fluid") == "coolant" for film in films.values()):
+                yield _film(node, place, "thermal.coolant", {"while_coolant": True, "fluid": "coolant"})
+        if not any(node in film["area_m2"] and film.get("fluid", "ambient") == "ambient" for film in films.values()):
+            yield _film(node, place, "thermal.ambient", {})
+    for name, film in films.items():
+        if not film.get("speed_w_per_m2_k"):
+            path: Key = ("films", name, "speed_w_per_m2_k")
+            yield Switch(
+                "thermal.convection", ("film that grows with speed",), ("W/(m²·K)",), (5.0,),
+                lambda a, path=path: ((path, a[0]), ((*path[:2], "reference_rpm"), max(top_rpm, 1.0))),  # type: ignore[misc]
+                (f"films.{name}.speed_w_per_m2_k",), name,
+            )  # fmt: skip
+
+
+def _source(
+    node: str, place: str, id_: str, key: str, size: float, law: Mapping[str, float] | None = None,
+    shape: Mapping[str, Quantity] | None = None, *, is_amount: bool = True,
+) -> Switch:  # fmt: skip
+    name = f"{NEW} {node} {key.removesuffix('_w')}"
+
+    def changes(a: Sequence[float]) -> tuple[tuple[Key, Any], ...]:
+        return ((("sources", name), {"shares": {node: 1.0}, key: a[0], **(law or {})}),)
+
+    fitted = [f"sources.{name}.{key}", *([f"sources.{name}.exponent"] if law else [])]
+    return Switch(id_, ("heat",), ("W",), (size,), changes, tuple(fitted), place, shape or {}, is_amount)
+
+
+def _film(node: str, place: str, id_: str, law: Mapping[str, Any]) -> Switch:
+    name = f"{NEW} {node} film {id_.partition('.')[2]}"
+
+    def changes(a: Sequence[float]) -> tuple[tuple[Key, Any], ...]:
+        return ((("films", name), {"area_m2": {node: _AREA_M2}, "still_w_per_m2_k": a[0], **law}),)
+
+    unit = f"W/(m²·K) on {_AREA_M2:g} m²"
+    return Switch(id_, ("film",), (unit,), (10.0,), changes, (f"films.{name}.still_w_per_m2_k",), place)
+
+
+def _largest(course: Any) -> float:
+    """Largest value of a number, steps or a sine; a column's is not known: 1000."""
+    if isinstance(course, list | tuple):
+        return max(abs(float(value)) for _, value in course)
+    if isinstance(course, Mapping):
+        return abs(float(course.get("mean", 1000.0))) + abs(float(course.get("amplitude", 0.0)))
+    return abs(float(course))
+
+
+def _of_gauging(model: OwnModel) -> Iterator[Switch]:
+    ends = {"time_constant_s": ("gauging.lag", 0.01, "gauge"), "wheel_wear": ("gauging.wear", 0.05, "wheel")}
+    for name, one in model.parameters.items():
+        for end, (id_, size, place) in ends.items():
+            if name.rpartition(".")[2].startswith(end) and one.value == 0.0:
+                path: Key = tuple(name.split("."))
+                yield Switch(
+                    id_, (path[-1],), (one.unit,), (min(size, one.high),),  # type: ignore[arg-type]
+                    lambda a, path=path: ((path, a[0]),), (name,), place,  # type: ignore[misc]
+                )  # fmt: skip

@@ -1,0 +1,1 @@
+"""Shapes of signals in which an effect shows: what a term of the catalogue is computed from."""

@@ -1,0 +1,204 @@
+"""Which recorded channels beside the responses are at fault, by their own course and by their siblings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.effect import Fitted, Quantity, Reading, Variant
+from selector.diagnosis.shapes.signals import excited, filled
+from selector.findings import Finding
+from selector.quality import inspect
+from selector.recording import Recording
+
+Vector = NDArray[np.float64]
+_IDS = {
+    "stuck": "data.stuck",
+    "step": "data.step",
+    "drifts-from-group": "data.drift",
+    "swapped-channels": "data.swapped",
+    "clock-jump": "data.clock",
+}
+"""Findings about recordings → ids of the catalogue."""
+_BEFORE = 20
+"""Samples before a fault from which the level is taken that the channel had beside its siblings."""
+_RIDGE = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class InputFault:
+    """A recorded channel that is no response and is at fault.
+
+    Attributes
+    ----------
+    id : str
+        Of the catalogue, ``"data.…"``.
+    channel : str or None
+        None: all channels of the run, as with a clock.
+    run : str
+    from_s, to_s : float
+        From the start of the run [s].
+    statement : str
+        What was found, with numbers and units.
+    sure : bool
+        Whether nothing else was found that may explain it.
+    evidence : mapping of str to JSON value
+        Numbers behind the statement.
+    course : ndarray of shape (n_rows,)
+        What the reading has too much [unit of the channel]; 0 outside the window. Of a clock: how late it is [s].
+    """
+
+    id: str
+    channel: str | None
+    run: str
+    from_s: float
+    to_s: float
+    statement: str
+    sure: bool
+    evidence: Mapping[str, Any]
+    course: Vector
+
+
+@lru_cache(maxsize=8)
+def input_faults(comparison: Comparison) -> tuple[InputFault, ...]:
+    """Faults of the recorded channels that are no responses, in fitted and in held-out runs.
+
+    A jump, a frozen or drifting reading and exchanged channels are told by the course of the channel itself and by
+    its siblings (channels of temperature that it followed in other runs, or before); see `selector.quality`.
+    """
+    inputs = [channel.name for channel in comparison.channels if channel.name not in comparison.responses]
+    if not inputs:
+        return ()
+    recording = _recording(comparison)
+    faults: list[InputFault] = []
+    for finding in inspect(recording, inputs):
+        known = finding.id in _IDS and finding.level != "info" and finding.where.run is not None
+        if known and not _told_already(finding, faults):
+            faults.append(_fault(comparison, finding))
+    return tuple(faults)
+
+
+def fault_variants(comparison: Comparison, response: str, id: str) -> Iterator[Variant]:  # noqa: A002 - as in Effect
+    """What faults of inputs would do to a response whose simulation was computed from these inputs."""
+    for fault in input_faults(comparison):
+        if fault.id != id or fault.channel is None or not excited(fault.course):
+            continue
+        yield Variant(
+            columns=fault.course[:, None],
+            names=(_name(fault.channel),),
+            shape={"from_s": Quantity(fault.from_s, "s"), "to_s": Quantity(fault.to_s, "s")},
+            place=comparison.channel(fault.channel).place,
+            sources=(fault.channel,),
+            run=fault.run,
+            regime=f"run {fault.run}",
+        )
+
+
+def fault_reading(fitted: Fitted, comparison: Comparison) -> Reading | None:
+    """The words for a variant made by `fault_variants`; None for any other."""
+    variant = fitted.variant
+    if not variant.sources or variant.names != (_name(variant.sources[0]),):
+        return None
+    channel = comparison.channel(variant.sources[0])
+    fault = next(
+        fault
+        for fault in input_faults(comparison)
+        if (fault.channel, fault.run, fault.from_s) == (channel.name, variant.run, variant.shape["from_s"].value)
+    )
+    value, half = float(fitted.coefficients[0]), 1.96 * float(fitted.standard_errors[0])
+    unit = f"{fitted.unit}/{'K' if channel.unit == 'degC' else channel.unit}"
+    return Reading(
+        f"{fault.statement} The simulation of {fitted.response} follows that reading.",
+        {**variant.shape, "sensitivity": Quantity(value, unit, value - half, value + half)},
+    )
+
+
+def _name(channel: str) -> str:
+    return f"what {channel} reads too much"
+
+
+def _recording(comparison: Comparison) -> Recording:
+    names = [channel.name for channel in comparison.channels]
+    tables = {
+        run: pd.DataFrame(
+            {name: comparison.recorded[name][rows] for name in names}, index=pd.Index(comparison.time_s[rows])
+        )
+        for run, rows in comparison.rows_of_runs()
+    }
+    return Recording.from_runs(tables, comparison.channels)
+
+
+def _told_already(finding: Finding, faults: list[InputFault]) -> bool:
+    """Whether a jump was told of which this drift is the consequence, or the exchange from its other side."""
+    where = finding.where
+    for fault in faults:
+        if fault.run != where.run:
+            continue
+        if fault.id == _IDS[finding.id] == "data.swapped" and fault.evidence.get("other") == where.channel:
+            return True
+        if finding.id == "drifts-from-group" and fault.channel == where.channel:
+            return True
+    return False
+
+
+def _fault(comparison: Comparison, finding: Finding) -> InputFault:
+    where = finding.where
+    rows = dict(comparison.rows_of_runs())[str(where.run)]
+    time = comparison.time_s[rows]
+    from_s = float(time[0]) if where.from_s is None else where.from_s
+    to_s = float(time[-1]) if where.to_s is None or finding.id == "clock-jump" else where.to_s
+    if finding.id == "clock-jump" and where.to_s is not None:
+        from_s = where.to_s
+    here = np.zeros(len(comparison.time_s), dtype=bool)
+    here[rows] = (time >= from_s) & (time <= to_s)
+    return InputFault(
+        id=_IDS[finding.id],
+        channel=where.channel,
+        run=str(where.run),
+        from_s=from_s,
+        to_s=to_s,
+        statement=finding.statement,
+        sure=finding.level == "error",
+        evidence=finding.evidence,
+        course=np.where(here, _excess(comparison, finding, here, rows), 0.0),
+    )
+
+
+def _excess(comparison: Comparison, finding: Finding, here: NDArray[np.bool_], rows: slice) -> Vector:
+    n = len(comparison.time_s)
+    if finding.id == "clock-jump":
+        return np.full(n, float(finding.evidence["leap_s"]))
+    name = str(finding.where.channel)
+    recorded = filled(comparison, comparison.recorded[name])
+    if finding.id == "step":
+        return np.full(n, float(finding.evidence["height"]))
+    if finding.id == "swapped-channels":
+        return recorded - filled(comparison, comparison.recorded[str(finding.evidence["other"])])
+    return recorded - _as_siblings_say(comparison, name, recorded, here, rows)
+
+
+def _as_siblings_say(
+    comparison: Comparison, name: str, recorded: Vector, here: NDArray[np.bool_], rows: slice
+) -> Vector:
+    """The course that a channel should have had, by the others of its kind; without them a line across the fault."""
+    others = [c.name for c in comparison.channels if c.role in ("temperature", "ambient") and c.name != name]
+    others = [other for other in others if other not in comparison.responses]
+    index = np.arange(len(recorded))
+    if not others or (~here).sum() < 3 * len(others):
+        return np.interp(index, index[~here], recorded[~here])
+    courses = np.column_stack([filled(comparison, comparison.recorded[other]) for other in others])
+    middle = courses[~here].mean(axis=0)
+    x, y = courses[~here] - middle, recorded[~here] - recorded[~here].mean()
+    gram = x.T @ x + _RIDGE * max(float(np.trace(x.T @ x)), 1e-12) / len(others) * np.eye(len(others))
+    said = recorded[~here].mean() + (courses - middle) @ np.linalg.solve(gram, x.T @ y)
+    # the level of the day: what it was before the fault began
+    before = np.flatnonzero(~here[rows])[: int(np.argmax(here[rows]))][-_BEFORE:] + rows.start
+    level = float(np.mean((recorded - said)[before])) if len(before) else 0.0
+    return np.asarray(said + level)

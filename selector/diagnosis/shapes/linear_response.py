@@ -1,0 +1,262 @@
+"""How a simulated course follows a force: by which filter a force that the simulation lacks would reach the response.
+
+A simulation has no noise, so a rational filter fitted to (recorded input → simulated response) is exact where the
+simulation is linear. It is fitted by the iteration of Steiglitz and McBride (IEEE Trans. Autom. Control 10, 1965),
+with the state at the start of every run free. Where no recorded input explains the simulated course, its own decay
+gives the poles (Prony), and where it does not decay, resonances at the peaks of its spectrum stand in.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import cont2discrete, find_peaks, lfilter
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.shapes.even_clock import EvenRun, even_runs
+from selector.diagnosis.shapes.leftover import least_squares
+from selector.diagnosis.shapes.signals import course, excited, filled
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+INPUT_ROLES = ("force", "voltage", "current", "acceleration", "flow", "displacement", "velocity", "position")
+"""What may drive a structure, the likeliest first."""
+_ORDERS = (2, 4, 6)
+_STEPS = 6
+_ENOUGH = 1e-3
+_LINEAR = 0.2
+_MOST_ROWS = 12_000
+_STAND_IN_DAMPING = (0.01, 0.04, 0.15)
+
+
+@dataclass(frozen=True, eq=False)
+class LinearResponse:
+    """A filter from a force to the response.
+
+    Attributes
+    ----------
+    source : str or None
+        The channel of the force that it was fitted with; None = poles alone, the size of the force is not known.
+    numerator, denominator : ndarrays
+        Of the discrete filter, by rising delay; the denominator begins with 1.
+    misfit : float
+        Root mean square of what it does not explain of the simulated course, over that of the course; NaN-free, 1
+        where it only stands in.
+    """
+
+    source: str | None
+    numerator: Vector
+    denominator: Vector
+    misfit: float
+
+    @property
+    def static_gain(self) -> float:
+        """What a steady force of 1 moves the response by."""
+        return float(self.numerator.sum() / self.denominator.sum())
+
+    def strictly_late(self) -> LinearResponse:
+        """The same without what passes within the sample, so that noise of a reading does not meet itself."""
+        late = np.r_[0.0, self.numerator[1:]]
+        return LinearResponse(self.source, late, self.denominator, self.misfit)
+
+    def passed(self, comparison: Comparison, values: Vector) -> Vector:
+        """What a force of this course (no holes) does to the response, run by run from rest."""
+        result = np.zeros(len(values))
+        for run in even_runs(comparison):
+            result[run.rows] = run.back(np.asarray(lfilter(self.numerator, self.denominator, run.on(values))))
+        return result
+
+
+_known: WeakKeyDictionary[Comparison, dict[str, tuple[LinearResponse, ...]]] = WeakKeyDictionary()
+
+
+def linear_responses(comparison: Comparison, response: str) -> tuple[LinearResponse, ...]:
+    """The filter from the force to the response, the best known one alone, or some that stand in for it."""
+    kept = _known.setdefault(comparison, {})
+    if response not in kept:
+        kept[response] = _found(comparison, response)
+    return kept[response]
+
+
+def filter_between(comparison: Comparison, source: str, response: str) -> LinearResponse | None:
+    """How one simulated course follows another; None if a filter does not explain it."""
+    runs = _shortened(even_runs(comparison))
+    u, y = (filled(comparison, comparison.simulated[name]) for name in (source, response))
+    return _fitted([run.on(u)[:, None] for run in runs], [run.on(y) for run in runs], (source,))
+
+
+def inputs(comparison: Comparison, response: str) -> tuple[str, ...]:
+    """Channels that may drive the response, likeliest first: recorded ones, and what only the simulation has."""
+    names = [name for role in INPUT_ROLES for name in comparison.with_role(role)]
+    names += [name for name in comparison.simulated if name not in comparison.recorded]
+    moving = [name for name in names if name != response and excited(course(comparison, name))]
+    return tuple(moving[:4])
+
+
+def resonator(frequency_hz: float, damping: float, period_s: float) -> tuple[Matrix, Vector]:
+    """Discrete filter of ẍ + 2ζωẋ + ω²x = ω²u, exact for a u that is linear between samples.
+
+    Returns
+    -------
+    numerators : ndarray of shape (3, 3)
+        Of x, of ẋ/ω and of ẍ/ω².
+    denominator : ndarray of shape (3,)
+    """
+    w = 2.0 * np.pi * frequency_hz
+    a = np.array([[0.0, 1.0], [-w * w, -2.0 * damping * w]])
+    out = np.array([[1.0, 0.0], [0.0, 1.0 / w], [-1.0, -2.0 * damping / w]])
+    system = (a, np.array([[0.0], [w * w]]), out, np.array([[0.0], [0.0], [1.0]]))
+    ad, bd, cd, dd, _ = cont2discrete(system, period_s, method="foh")
+    denominator = np.asarray(np.poly(ad).real, dtype=np.float64)
+    # numerator of c(zI − A)⁻¹b + d is poly(A − b·c) + (d − 1)·poly(A)
+    through = zip(cd, dd, strict=True)
+    numerators = [np.poly(ad - np.outer(bd[:, 0], c)).real + (d[0] - 1.0) * denominator for c, d in through]
+    return np.array(numerators), denominator
+
+
+def simulated_peaks_hz(comparison: Comparison, response: str, most: int = 2) -> tuple[float, ...]:
+    """Frequencies of the highest peaks in the spectrum of the simulated course [Hz], highest first."""
+    simulated = filled(comparison, comparison.simulated[response])
+    best: tuple[float, ...] = ()
+    longest = max(even_runs(comparison), key=lambda run: len(run.clock_s))
+    part = longest.on(simulated)
+    if len(part) < 32:
+        return best
+    window = np.hanning(len(part))
+    spectrum = np.abs(np.fft.rfft((part - part.mean()) * window)) ** 2
+    smooth = np.convolve(spectrum, np.ones(5) / 5.0, mode="same")
+    peaks, told = find_peaks(smooth[3:], height=1e-3 * float(smooth[3:].max()))
+    order = np.argsort(told["peak_heights"])[::-1][:most]
+    return tuple(float(k + 3) / (len(part) * comparison.period_s) for k in peaks[order])
+
+
+def _found(comparison: Comparison, response: str) -> tuple[LinearResponse, ...]:
+    simulated = filled(comparison, comparison.simulated[response])
+    names = inputs(comparison, response)
+    runs = _shortened(even_runs(comparison))
+    y = [run.on(simulated) for run in runs]
+    u = [np.column_stack([run.on(course(comparison, n)) for n in names]) if names else None for run in runs]
+    if names:
+        fitted = _fitted([v for v in u if v is not None], y, names)
+        if fitted is not None:
+            return (fitted,)
+    decay = _fitted([np.zeros((len(v), 0)) for v in y], y, ())
+    if decay is not None and _rings(decay.denominator, comparison.period_s):
+        return (decay,)
+    stand_in = []
+    for frequency_hz in simulated_peaks_hz(comparison, response):
+        for damping in _STAND_IN_DAMPING:
+            b, a = resonator(frequency_hz, damping, comparison.period_s)
+            stand_in.append(LinearResponse(None, b[0], a, 1.0))
+    return tuple(stand_in)
+
+
+def _shortened(runs: tuple[EvenRun, ...]) -> list[EvenRun]:
+    """The runs that are long enough, cut so that all together stay within the rows that a fit needs."""
+    usable = [run for run in runs if len(run.clock_s) > 40]
+    most = _MOST_ROWS // max(len(usable), 1)
+    cut = []
+    for run in usable:
+        n = min(len(run.time_s), most)
+        rows = slice(run.rows.start, run.rows.start + n)
+        time = run.time_s[:n]
+        clock = time if run.is_even else run.clock_s[run.clock_s <= time[-1]]
+        cut.append(EvenRun(rows, time, clock))
+    return cut
+
+
+def _fitted(u: list[Matrix], y: list[Vector], names: tuple[str, ...]) -> LinearResponse | None:
+    """The filter of the lowest order that does, of those that fit; None if the course is not linear in the inputs."""
+    best: LinearResponse | None = None
+    size = float(np.sqrt(np.mean(np.concatenate([v - v.mean() for v in y]) ** 2))) if y else 0.0
+    if size == 0.0:
+        return None
+    for order in _ORDERS:
+        found = _steiglitz_mcbride(u, y, order)
+        if found is None:
+            continue
+        a, b, left = found
+        misfit = left / size
+        if best is None or misfit < 0.5 * best.misfit:
+            source, numerator = _strongest(u, a, b, names) if names else (None, np.eye(1, order + 1, 1)[0])
+            best = LinearResponse(source, numerator, a, misfit)
+        if best.misfit < _ENOUGH:
+            break
+    return best if best is not None and best.misfit < _LINEAR else None
+
+
+def _steiglitz_mcbride(u: list[Matrix], y: list[Vector], order: int) -> tuple[Vector, Matrix, float] | None:
+    best: tuple[Vector, Matrix, float] | None = None
+    a = np.eye(1, order + 1)[0]
+    for _ in range(_STEPS):
+        columns, known = _equations(u, y, a, order)
+        a = _stable(np.r_[1.0, least_squares(columns, known)[:order]])
+        b, left = _numerators(u, y, a, order)
+        if np.isfinite(left) and (best is None or left < best[2]):
+            best = (a, b, left)
+    return best
+
+
+def _equations(u: list[Matrix], y: list[Vector], a: Vector, order: int) -> tuple[Matrix, Vector]:
+    """Filtered by 1/a: y_k + Σ a_i y_{k−i} = Σ b_i u_{k−i} + what the start of every run leaves + a constant."""
+    blocks, known = [], []
+    for k, (inputs_, output) in enumerate(zip(u, y, strict=True)):
+        yf = np.asarray(lfilter([1.0], a, output))
+        blocks.append(np.column_stack([-_late(yf, order)[:, 1:], _of_inputs(inputs_, a, order, k, len(y))]))
+        known.append(yf)
+    return np.vstack(blocks), np.concatenate(known)
+
+
+def _numerators(u: list[Matrix], y: list[Vector], a: Vector, order: int) -> tuple[Matrix, float]:
+    """Numerators with the denominator given, and the root mean square of what the filter leaves of the course."""
+    columns = np.vstack([_of_inputs(part, a, order, k, len(y)) for k, part in enumerate(u)])
+    known = np.concatenate(y)
+    coefficients = least_squares(columns, known)
+    n_inputs = u[0].shape[1]
+    b = coefficients[: n_inputs * (order + 1)].reshape(n_inputs, order + 1)
+    return b, float(np.sqrt(np.mean((known - columns @ coefficients) ** 2)))
+
+
+def _of_inputs(inputs_: Matrix, a: Vector, order: int, run: int, n_runs: int) -> Matrix:
+    n = len(inputs_)
+    parts = [_late(np.asarray(lfilter([1.0], a, column)), order) for column in inputs_.T]
+    start = np.zeros((n, n_runs * order))
+    start[:, run * order : (run + 1) * order] = _late(np.asarray(lfilter([1.0], a, np.eye(1, n)[0])), order - 1)
+    return np.column_stack([*parts, start, np.asarray(lfilter([1.0], a, np.ones(n)))])
+
+
+def _late(values: Vector, most: int) -> Matrix:
+    """The course and the same 1 … `most` samples late, from rest."""
+    columns = np.zeros((len(values), most + 1))
+    for k in range(most + 1):
+        columns[k:, k] = values[: len(values) - k]
+    return columns
+
+
+def _stable(a: Vector) -> Vector:
+    """The denominator with poles outside the unit circle reflected into it."""
+    roots = np.roots(a)
+    size = np.abs(roots)
+    roots = np.where(size > 1.0, roots / np.maximum(size, 1e-12) ** 2, roots)
+    roots = roots * np.minimum(1.0, 0.99999 / np.maximum(np.abs(roots), 1e-12))
+    return np.asarray(np.poly(roots).real)
+
+
+def _strongest(u: list[Matrix], a: Vector, b: Matrix, names: tuple[str, ...]) -> tuple[str, Vector]:
+    """The input that moves the response most, a force before all others, with its numerator."""
+    moved = [sum(float(np.sum(np.asarray(lfilter(row, a, part[:, k])) ** 2)) for part in u) for k, row in enumerate(b)]
+    k = int(np.argmax(moved))
+    return names[k], b[k]
+
+
+def _rings(a: Vector, period_s: float) -> bool:
+    """Whether the poles are those of something that rings and decays, not of a steady oscillation."""
+    poles = np.roots(a)
+    poles = poles[np.abs(poles) > 1e-6]
+    s = np.log(poles.astype(complex)) / period_s
+    damping = -s.real / np.abs(s)
+    return bool(np.any((np.abs(s.imag) > 1e-3 * np.abs(s)) & (damping > 1e-3) & (damping < 0.5)))
