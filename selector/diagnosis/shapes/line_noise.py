@@ -42,7 +42,7 @@ def white_filter(parts: list[Vector]) -> Vector:
 
 def filtered(values: Vector, whitening: Vector) -> Vector:
     """A stretch behind the filter; where the filter has no past yet, 0."""
-    white = np.asarray(lfilter(whitening, [1.0], values))
+    white: Vector = np.asarray(lfilter(whitening, [1.0], values), dtype=np.float64)
     white[: len(whitening) - 1] = 0.0
     return white
 

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.effects.gauging.lag import infeed
-from selector.diagnosis.effects.vibration.imbalance import turns_of
 from selector.diagnosis.shapes.leftover import leftover
 from selector.diagnosis.shapes.record_kind import SLOWEST_VIBRATION_S, no_gauging, part_by_part
+from selector.diagnosis.shapes.rotation import turns_of
 from selector.diagnosis.shapes.signals import course, excited, lagged
 from selector.diagnosis.shapes.spectral_lines import Line, course_of, lines
 
@@ -52,8 +52,12 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
 
 
 def _interruptions(comparison: Comparison) -> Iterator[tuple[str, Vector]]:
-    """States that may say that the surface is interrupted, 0 … 1; one that goes with the infeed says contact."""
+    """States that may say that the surface is interrupted, 0 … 1; one that goes with the infeed says contact.
+
+    An infeed that never stops goes with nothing.
+    """
     feeding = [np.abs(rate_um_per_s) > 0.0 for rate_um_per_s in infeed(comparison).values()]
+    feeding = [on for on in feeding if not on.all()]
     for name in comparison.with_role("state"):
         state = course(comparison, name)
         if not excited(state):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,8 @@ Vector = NDArray[np.float64]
 _UM_PER_S = {"feed_rate": 1000.0 / 60.0, "velocity": 1e6}
 """Canonical unit of the role in µm/s."""
 _SPAN_S = (0.005, 1.0)
+_JUMP = 0.3
+"""Share of the range of a reading that no feed goes through between two samples."""
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
@@ -33,14 +36,41 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
             )
         return
     simulated = filled(comparison, comparison.simulated[response])
+    jumps = _jumps(comparison, simulated)
     for tau_s in _lags_s(comparison):
         late = lagged(comparison, simulated, tau_s, settled=True) - simulated
-        yield Variant(late[:, None], (f"reading {tau_s:.3g} s late",), {"tau_s": Quantity(tau_s, "s")})
+        shape = {"tau_s": Quantity(tau_s, "s")}
+        yield Variant(late[:, None], (f"reading {tau_s:.3g} s late",), shape)
+        if len(jumps):
+            anew = _late_anew(comparison, simulated, jumps, tau_s)
+            yield Variant(anew[:, None], (f"reading {tau_s:.3g} s late, anew on every part",), shape)
     for name, rate_um_per_s in feeds.items():
         for tau_s in (0.0, *_lags_s(comparison)[2::3]):
             column = -lagged(comparison, rate_um_per_s, tau_s)
             words = f"infeed {name}" + (f", {tau_s:.3g} s later" if tau_s else "")
             yield Variant(column[:, None], (words,), {"transient_s": Quantity(tau_s, "s")}, sources=(name,))
+
+
+def _jumps(comparison: Comparison, simulated: Vector) -> NDArray[np.intp]:
+    """Rows at which the simulated reading jumps, as where the gauge is put onto the next part."""
+    steps = np.abs(np.diff(simulated, prepend=simulated[:1]))
+    steps[list(comparison.starts[:-1])] = 0.0
+    return np.flatnonzero(steps > _JUMP * float(np.ptp(simulated)))
+
+
+def _late_anew(comparison: Comparison, simulated: Vector, jumps: NDArray[np.intp], tau_s: float) -> Vector:
+    """What a lag makes of a reading whose filter is settled where the gauge is put on, at the start and at `jumps`."""
+    steps = np.diff(simulated, prepend=simulated[:1])
+    levels = np.zeros(len(simulated))
+    levels[jumps] = steps[jumps]
+    level = np.cumsum(levels)
+    late = lagged(comparison, simulated - level, tau_s, settled=True) - (simulated - level)
+    for _, rows in comparison.rows_of_runs():
+        begins = [*jumps[(jumps >= rows.start) & (jumps < rows.stop)], rows.stop]
+        for first, last in pairwise(begins):
+            time = comparison.time_s[first:last]
+            late[first:last] -= late[first] * np.exp(-(time - time[0]) / tau_s)
+    return np.asarray(late)
 
 
 def infeed(comparison: Comparison) -> dict[str, Vector]:

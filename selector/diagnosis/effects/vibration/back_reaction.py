@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.shapes.leftover import Remainder
+from selector.diagnosis.shapes.leftover import Remainder, least_squares
 from selector.diagnosis.shapes.linear_response import LinearResponse, linear_responses
 from selector.diagnosis.shapes.member_chain import inertia_force, members, reactions, transfer
 from selector.diagnosis.shapes.record_kind import no_vibration, of_a_drive, swept_hz
 from selector.diagnosis.shapes.response_curve import slope
-from selector.diagnosis.shapes.signals import rate
+from selector.diagnosis.shapes.signals import filled, rate
 
 Vector = NDArray[np.float64]
 
@@ -54,17 +54,22 @@ def _of_pair(
         if unit <= 0.0:
             return
 
-        def moved(mass: float) -> Vector:
-            first = reaction(mass)
-            return (first if onward is None else onward.passed(comparison, first)) / mass
-
+        known = _known_to_a_fit(comparison, path, predecessor)
         masses = np.geomspace(_WEAK, _HEAVY, 8) / unit
-        best = Remainder(comparison, response).best(moved, masses)
-        for mass in (masses[0], masses[3]) if best is None else (masses[0], 0.7 * best, best, 1.4 * best):
-            shape = {"loop_gain": Quantity(float(mass * unit), "1")}
-            column = moved(float(mass))
-            if np.any(column):
-                yield Variant(column[:, None], (words,), shape, place=place, sources=(successor,), bounds=_FREE)
+        for is_fitted in (False, True):
+
+            def moved(mass: float, is_fitted: bool = is_fitted) -> Vector:
+                first = reaction(mass) / mass
+                first = first - known(first) if is_fitted else first
+                return first if onward is None else onward.passed(comparison, first)
+
+            best = Remainder(comparison, response).best(moved, masses)
+            for mass in dict.fromkeys((masses[0], masses[3] if best is None else best)):
+                shape = {"loop_gain": Quantity(float(mass * unit), "1")}
+                column = moved(float(mass))
+                if np.any(column):
+                    name = f"{words}, stiffness fitted with it" if is_fitted else words
+                    yield Variant(column[:, None], (name,), shape, place=place, sources=(successor,), bounds=_FREE)
         return
     force = inertia_force(comparison, successor, "simulated" if successor in comparison.simulated else "recorded")
     if force is None:
@@ -78,6 +83,32 @@ def _of_pair(
         names = (words, "the same, a quarter on")[: len(parts)]
         shape = {"resonance_hz": Quantity(_frequency_hz(path, comparison), "Hz")}
         yield Variant(np.column_stack(parts), names, shape, place=place, sources=(successor,))
+
+
+def _known_to_a_fit(comparison: Comparison, path: LinearResponse, predecessor: str) -> Callable[[Vector], Vector]:
+    """What of a course of the predecessor its stiffness and damping took in, if they were fitted to the real machine.
+
+    They were fitted to all responses in the predecessor's unit that follow it, as far as the simulation shows how.
+    """
+    simulated = filled(comparison, comparison.simulated[predecessor])
+    unit = comparison.channel(predecessor).unit
+    ways: list[LinearResponse | None] = [None] if predecessor in comparison.responses else []
+    followers = (n for n in comparison.responses if n != predecessor and comparison.channel(n).unit == unit)
+    ways += [way for way in (transfer(comparison, predecessor, name) for name in followers) if way is not None]
+    changes = np.column_stack([path.passed(comparison, v) for v in (simulated, rate(comparison, simulated))])
+    fitted = ~comparison.held_out
+
+    def seen(course: Vector) -> Vector:
+        return np.concatenate([(course if way is None else way.passed(comparison, course))[fitted] for way in ways])
+
+    seen_changes = np.column_stack([seen(change) for change in changes.T]) if ways else None
+
+    def known(course: Vector) -> Vector:
+        if seen_changes is None:
+            return np.zeros(len(course))
+        return np.asarray(changes @ least_squares(seen_changes, seen(course)))
+
+    return known
 
 
 def _frequency_hz(path: LinearResponse, comparison: Comparison) -> float:
@@ -105,7 +136,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
             largest | {"relative_shift": Quantity(float(-fitted.coefficients[0]), "1")},
         )
     successor = fitted.variant.sources[0]
-    seen = fitted.variant.names[0].rpartition(" on ")[2]
+    seen = fitted.variant.names[0].partition(",")[0].rpartition(" on ")[2]
     text = (
         f"{successor} acts back on {seen}: its inertia moves {fitted.response} by up to "
         f"{fitted.largest:.3g} {fitted.unit}, "

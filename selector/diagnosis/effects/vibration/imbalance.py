@@ -7,15 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.shapes.even_clock import even_runs
 from selector.diagnosis.shapes.leftover import leftover
 from selector.diagnosis.shapes.linear_response import LinearResponse, linear_responses, resonator
 from selector.diagnosis.shapes.record_kind import no_vibration, swept_hz
-from selector.diagnosis.shapes.signals import course, excited, filled
+from selector.diagnosis.shapes.rotation import is_turning, turns_of
+from selector.diagnosis.shapes.signals import course, filled
 from selector.diagnosis.shapes.spectral_lines import CHANCE, Line, aligned, course_of, lines
 
 Vector = NDArray[np.float64]
@@ -105,16 +104,6 @@ def _resonance(frequency_hz: float, damping: float, period_s: float) -> LinearRe
     return LinearResponse(None, b[0], a, 1.0)
 
 
-def turns_of(comparison: Comparison, rpm: Vector) -> Vector:
-    """∫ n/60 dt from the start of every run [turns]."""
-    turns = np.zeros(len(rpm))
-    for run in even_runs(comparison):
-        per_sample = run.on(rpm) / 60.0 * comparison.period_s
-        summed = np.asarray(lfilter([0.5, 0.5], [1.0, -1.0], per_sample))
-        turns[run.rows] = run.back(summed - summed[0])
-    return turns + 1e-12 * np.arange(len(turns))
-
-
 def _of_a_curve(comparison: Comparison, response: str, swept: Vector) -> Iterator[Variant]:
     """A force that grows with the square of the speed behind the structure that the simulated curve shows."""
     amplitude = filled(comparison, comparison.simulated[response])
@@ -122,12 +111,6 @@ def _of_a_curve(comparison: Comparison, response: str, swept: Vector) -> Iterato
     shape = {"order": Quantity(1.0, "1"), "speed_power": Quantity(2.0, "1")}
     yield Variant((relative**2)[:, None], ("square of the speed",), shape)
     yield Variant((amplitude * relative**2)[:, None], ("simulated curve times the square of the speed",), shape)
-
-
-def is_turning(comparison: Comparison, name: str) -> bool:
-    """Whether the shaft turns at all, at a steady speed or not."""
-    speed = course(comparison, name)
-    return excited(speed) or float(np.abs(speed).max(initial=0.0)) > 0.0
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:

@@ -1,0 +1,66 @@
+"""Paths of forces in simulations that know an imbalance, or whose stiffness and damping were fitted to the machine."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.vibration.back_reaction import EFFECT as BACK_REACTION
+from selector.diagnosis.shapes.linear_response import LinearResponse, linear_responses, resonator
+from selector.diagnosis.shapes.signals import rate
+from tests.diagnosis.effects.concealed_truths import F1, Z1, comparison_of, structure
+
+
+def _shaken_and_turning(gain: float, imbalance: float) -> Comparison:
+    """A resonance driven by a recorded force and by an imbalance that begins at another angle in every run."""
+    rng = np.random.default_rng(5)
+    b, a = resonator(40.0, 0.03, 1e-3)
+    path = LinearResponse("F", gain * b[0], a, 0.0)
+    runs = []
+    for k in range(3):
+        time = np.arange(1200) * 1e-3
+        force = np.convolve(rng.normal(size=1200), np.ones(3), mode="same")
+        rpm = 1500.0 + 1800.0 * time / time[-1] + 100.0 * k
+        turned = 2 * np.pi * np.cumsum(rpm / 60.0) * 1e-3 + rng.uniform(0, 6.28)
+        whole = force + imbalance * (rpm / 3000.0) ** 2 * np.cos(turned)
+        alone = comparison_of([(time, {"F": force}, {"F": force})], {"F": "force"}, ("F",))
+        moved = path.passed(alone, whole)
+        runs.append((time, {"F": force, "n": rpm, "x": moved}, {"x": moved}))
+    return comparison_of(runs, {"F": "force", "n": "spindle_speed", "x": "displacement"}, ("x",))
+
+
+@pytest.mark.parametrize("imbalance", [0.0, 1.0, 30.0])
+def test_an_imbalance_that_the_simulation_knows_does_not_hide_the_path_of_the_force(imbalance: float) -> None:
+    (found,) = linear_responses(_shaken_and_turning(0.2, imbalance), "x")
+    assert found.source == "F"
+    # the angle is summed from the speed: an error of its rule is what is left
+    assert found.misfit < 0.01
+    assert found.static_gain == pytest.approx(0.2, rel=0.01)
+
+
+def test_a_member_that_acts_back_is_seen_beside_a_stiffness_that_was_fitted_with_it() -> None:
+    comparison = structure("back_reaction", noise=0.0)
+    simulated, fitted = comparison.simulated["x1"], ~comparison.held_out
+    b, a = resonator(F1, Z1, 1e-3)
+    path = LinearResponse("F", b[0], a, 0.0)
+    moved = np.column_stack([path.passed(comparison, v) for v in (simulated, rate(comparison, simulated))])
+    difference = comparison.difference("x1")
+    share = 0.02
+    small = share * difference
+    taken = np.linalg.lstsq(moved[fitted], small[fitted], rcond=None)[0]
+    refitted = {"x1": simulated + moved @ taken, "x2": comparison.simulated["x2"]}
+    recorded = dict(comparison.recorded) | {"x1": simulated + small}
+    hidden = dataclasses.replace(comparison, simulated=refitted, recorded=recorded)
+    target = hidden.difference("x1")[fitted]
+    explained = {}
+    for variant in BACK_REACTION.variants(hidden, "x1"):
+        column = variant.columns[fitted]
+        left = target - column @ np.linalg.lstsq(column, target, rcond=None)[0]
+        kind = "fitted" in variant.names[0]
+        explained[kind] = max(explained.get(kind, 0.0), 1.0 - float(left @ left / (target @ target)))
+    print(explained)
+    assert explained[True] > 0.9
+    assert explained[True] > explained[False] + 0.2
