@@ -37,7 +37,7 @@ def white_filter(parts: list[Vector]) -> Vector:
     spectrum = np.maximum(spectrum, 1e-10 * float(spectrum.max()))
     covariance = np.fft.irfft(spectrum)
     order = min(_ORDER, size // 8)
-    return np.r_[1.0, solve_toeplitz(covariance[:order], -covariance[1 : order + 1])]
+    return np.asarray(np.r_[1.0, solve_toeplitz(covariance[:order], -covariance[1 : order + 1])], dtype=np.float64)
 
 
 def filtered(values: Vector, whitening: Vector) -> Vector:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,13 +14,18 @@ from selector.diagnosis.shapes.leftover import least_squares
 from selector.diagnosis.shapes.line_noise import filtered, floor, tapered, white_filter
 
 Vector = NDArray[np.float64]
+Pieces = NDArray[np.complex128]
+"""What every piece of a run, all of one length, shows of a line."""
 
 CHANCE = 0.02
-"""Chance that noise shows one line in a whole spectrum; what is no line is not offered to the fit."""
+"""Chance that noise shows one line in a whole spectrum, where nothing else is said."""
 _COHERENT = 0.5
 _PIECES = 5
 _LASTING = 0.35
-_BESIDE = 0.2
+_UNSTEADY = 0.2
+_BESIDE = 0.03
+_UNLIKELY = 0.01
+"""Chance that a true line is not taken for one because of noise, in one of the looks at its shape."""
 _FIRST_PART = 0.2
 """Of a run that nothing may be fitted to only this first part tells its phase, as it would an initial state."""
 
@@ -65,6 +71,7 @@ def lines(
     width: float = 0.004,
     lowest: float = 0.0,
     most: int = 4,
+    chance: float = CHANCE,
 ) -> tuple[Line, ...]:
     """Lines of `left` over the abscissa, the strongest first.
 
@@ -80,6 +87,8 @@ def lines(
         Look only within the share `width` (or a cycle per run) of these; None = everywhere from `lowest` on.
     most : int
         At most so many.
+    chance : float
+        That noise shows one of them in the whole spectrum; what is no line is not offered to the fit.
     """
     parts = fitted_parts(comparison)
     noise = white_filter([left[p] for p in parts])
@@ -103,8 +112,8 @@ def lines(
     claimed = np.zeros(len(grid), dtype=bool)
     for together in ([*range(len(usable))], *([k] for k in range(len(usable)) if len(usable) > 1)):
         strength = power[together].sum(axis=0)
-        chance = CHANCE if len(together) == len(usable) else CHANCE / 3.0 / len(usable)
-        limit = float(gamma.isf(chance / tried, len(together)))
+        share = 1.0 if len(together) == len(usable) else 1.0 / 3.0 / len(usable)
+        limit = float(gamma.isf(share * chance / tried, len(together)))
         open_ = np.where(allowed & ~claimed, strength, 0.0)
         while len(found) < 2 * most and float(open_.max()) > limit:
             top = int(np.argmax(open_))
@@ -112,9 +121,18 @@ def lines(
             open_[taken] = 0.0
             runs = tuple(usable[k] for k in together)
             line = _line(
-                comparison, white, noise, abscissa, weight, parts, runs, float(grid[top]), float(strength[top])
+                comparison,
+                white,
+                noise,
+                abscissa,
+                weight,
+                parts,
+                runs,
+                float(grid[top]),
+                float(strength[top]),
+                _is_lasting if near is not None else _is_steady,
             )
-            if line is not None and _sharp(grid, strength, top, span):
+            if line is not None and _sharp(grid, strength, top, span, len(together)):
                 claimed |= taken
                 found.append(line)
     return tuple(sorted(found, key=lambda line: -line.strength)[:most])
@@ -180,6 +198,7 @@ def _line(
     runs: tuple[int, ...],
     cycles: float,
     strength: float,
+    is_there: Callable[[list[Pieces], float], bool],
 ) -> Line | None:
     """The line near `cycles`, refined; None if its phase does not last through the runs, as that of noise does not."""
     span = max(float(np.ptp(abscissa[parts[k]])) for k in runs)
@@ -191,9 +210,7 @@ def _line(
         cycles = float(tried[int(np.argmax(power))])
         tried = cycles + np.linspace(-width, width, 9) / span
     pieces = [_pieces(left[p], abscissa[p], weight[p], cycles) for p in (parts[k] for k in runs)]
-    whole = sum(abs(np.sum(piece)) ** 2 for piece in pieces)
-    apart = sum(len(piece) * float(np.sum(np.abs(piece) ** 2)) for piece in pieces)
-    if apart <= 0.0 or whole / apart < _COHERENT or not all(_lasts(piece) for piece in pieces):
+    if not is_there(pieces, strength):
         return None
     phases: list[float | None] = [None] * len(parts)
     for k, (_, rows) in enumerate(comparison.rows_of_runs()):
@@ -223,20 +240,43 @@ def _first_part(rows: slice) -> slice:
     return slice(rows.start, rows.start + max(int(_FIRST_PART * (rows.stop - rows.start)), 1))
 
 
-def _sharp(grid: Vector, strength: Vector, top: int, span: float) -> bool:
-    """Whether the power beside the window's own width is low, as it is not beside a resonance or a passing sweep."""
+def _sharp(grid: Vector, strength: Vector, top: int, span: float, n_runs: int) -> bool:
+    """Whether there is hardly more than noise beside the window's own width, as beside a resonance or passing sweep."""
     apart = np.abs(grid - grid[top]) * span
     beside = strength[(apart > 2.5) & (apart < 6.0)]
-    return len(beside) == 0 or float(np.mean(beside)) < _BESIDE * float(strength[top])
+    # the spectrum has two points for every one that is free
+    free = n_runs * max(len(beside) // 2, 1)
+    noise = n_runs * float(gamma.isf(_UNLIKELY, free)) / free
+    return len(beside) == 0 or float(np.mean(beside)) < _BESIDE * float(strength[top]) + noise
 
 
-def _lasts(piece: NDArray[np.complex128]) -> bool:
-    """Whether a line is there in all pieces of a run but one, as a burst or a passing sweep is not."""
-    whole = complex(piece.sum())
-    along = np.sort((piece * np.conj(whole)).real / max(abs(whole), 1e-300))
-    return bool(along[1] > _LASTING * float(along.mean()))
+def _is_lasting(pieces: list[Pieces], strength: float) -> bool:
+    """Whether a line is there in all pieces of a run but one, in one phase, as a burst or a passing sweep is not."""
+    if _coherence(pieces) < _COHERENT:
+        return False
+    along = [np.sort((piece * np.conj(piece.sum())).real) for piece in pieces]
+    return all(bool(part[1] > _LASTING * float(part.mean())) for part in along)
 
 
-def _pieces(left: Vector, abscissa: Vector, weight: Vector, cycles: float) -> NDArray[np.complex128]:
+def _coherence(pieces: list[Pieces]) -> float:
+    """Power of whole runs over that of their pieces, were each in phase with itself alone; 0 … 1."""
+    whole = float(sum(abs(np.sum(piece)) ** 2 for piece in pieces))
+    apart = sum(len(piece) * float(np.sum(np.abs(piece) ** 2)) for piece in pieces)
+    return whole / apart if apart > 0.0 else 0.0
+
+
+def _is_steady(pieces: list[Pieces], strength: float) -> bool:
+    """Whether size and phase of a line are the same in all pieces of a run, up to noise and a fifth of the size."""
+    if _coherence(pieces) < _COHERENT:
+        return False
+    whole = float(sum(abs(np.sum(piece)) ** 2 for piece in pieces))
+    apart = float(sum(np.sum(np.abs(piece - piece.mean()) ** 2) for piece in pieces))
+    # of a whole run noise is whole/strength, in both directions together
+    free = sum(2 * (len(piece) - 1) for piece in pieces)
+    noise = 0.5 * whole / strength / _PIECES * float(chi2.isf(_UNLIKELY, free))
+    return apart < noise + _UNSTEADY**2 * whole / _PIECES
+
+
+def _pieces(left: Vector, abscissa: Vector, weight: Vector, cycles: float) -> Pieces:
     turned = left * weight * np.exp(-2j * np.pi * cycles * abscissa)
     return np.array([piece.sum() for piece in np.array_split(turned, _PIECES)])

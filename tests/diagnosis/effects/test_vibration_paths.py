@@ -9,6 +9,7 @@ import pytest
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.vibration.back_reaction import EFFECT as BACK_REACTION
+from selector.diagnosis.effects.vibration.line import EFFECT as LINE
 from selector.diagnosis.shapes.linear_response import LinearResponse, linear_responses, resonator
 from selector.diagnosis.shapes.signals import rate
 from tests.diagnosis.effects.concealed_truths import F1, Z1, comparison_of, structure
@@ -64,3 +65,25 @@ def test_a_member_that_acts_back_is_seen_beside_a_stiffness_that_was_fitted_with
     print(explained)
     assert explained[True] > 0.9
     assert explained[True] > explained[False] + 0.2
+
+
+def test_a_faint_line_is_offered_and_a_wandering_one_is_not() -> None:
+    offered = {"steady": 0, "wandering": 0}
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        runs: dict[str, list] = {kind: [] for kind in offered}
+        for _ in range(3):
+            time = np.arange(1500) * 1e-3
+            pitch = np.interp(time, np.linspace(0.0, 1.5, 8), rng.uniform(60.0, 130.0, 8))
+            # as strong as d′ = 7 in two runs of white noise, and much stronger
+            courses = {"steady": 0.18 * np.sin(2 * np.pi * 90.0 * time + rng.uniform(0, 6.28))}
+            courses["wandering"] = 1.0 * np.sin(2 * np.pi * np.cumsum(pitch) * 1e-3)
+            for kind, course in courses.items():
+                swing = np.sin(2 * np.pi * 7.0 * time)
+                runs[kind].append((time, {"x": swing + course + rng.normal(size=1500)}, {"x": swing}))
+        for kind in offered:
+            comparison = comparison_of(runs[kind], {"x": "displacement"}, ("x",))
+            found = [v.shape["frequency_hz"].value for v in LINE.variants(comparison, "x")]
+            offered[kind] += any(abs(f - 90.0) < 0.5 if kind == "steady" else 55.0 < f < 135.0 for f in found)
+    assert offered["steady"] >= 9
+    assert offered["wandering"] <= 3

@@ -64,12 +64,22 @@ def _of_pair(
                 return first if onward is None else onward.passed(comparison, first)
 
             best = Remainder(comparison, response).best(moved, masses)
-            for mass in dict.fromkeys((masses[0], masses[3] if best is None else best)):
-                shape = {"loop_gain": Quantity(float(mass * unit), "1")}
-                column = moved(float(mass))
+            # what was chosen from what is left pays for it
+            tried = {float(masses[0]): 1.0, float(masses[3] if best is None else best): float(len(masses))}
+            for mass, looked_at in tried.items():
+                shape = {"loop_gain": Quantity(mass * unit, "1")}
+                column = moved(mass)
                 if np.any(column):
                     name = f"{words}, stiffness fitted with it" if is_fitted else words
-                    yield Variant(column[:, None], (name,), shape, place=place, sources=(successor,), bounds=_FREE)
+                    yield Variant(
+                        column[:, None],
+                        (name,),
+                        shape,
+                        place=place,
+                        sources=(successor,),
+                        bounds=_FREE,
+                        looked_at=looked_at,
+                    )
         return
     force = inertia_force(comparison, successor, "simulated" if successor in comparison.simulated else "recorded")
     if force is None:

@@ -81,13 +81,18 @@ def _at_joint(
 def _variant(
     member: str, path: LinearResponse, column: Vector, square: Vector | None, strength: float, *, fitted_there: bool
 ) -> Variant:
-    """The coefficient of the first column is k₃ [force per cube of the member's motion]."""
+    """The coefficient of the first column is k₃ [force per cube of the member's motion]; 0 strength: that of weak ones.
+
+    A strength was chosen from what is left, and pays for it.
+    """
     columns = column[:, None] if square is None else np.column_stack([column, square])
     words = ", stiffness fitted at this swing" if fitted_there else ""
     names = (f"cubic restoring force on {member}{words}", f"quadratic restoring force on {member}")[: columns.shape[1]]
     shape = {"static_gain": Quantity(path.static_gain, "1"), "strength": Quantity(strength, "1")}
     sources = (member,) if path.source is None else (member, path.source)
-    return Variant(columns, names, shape, sources=sources, bounds=(_FREE, _ANY)[: columns.shape[1]])
+    looked_at = float(len(_STRENGTHS)) if strength > 0.0 else 1.0
+    bounds = (_FREE, _ANY)[: columns.shape[1]]
+    return Variant(columns, names, shape, sources=sources, bounds=bounds, looked_at=looked_at)
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:

@@ -78,7 +78,8 @@ def _at_joint(
         width = remainder.best(slipping, width * np.array([0.7, 1.0, 1.4]), rounds=1) or width
         found = slipping(width)
         if found is not None:
-            yield _variant(member, path, found, law, width, linear)
+            looked_at = float(len(_WIDTHS) * len(_STRENGTHS))
+            yield _variant(member, path, found, law, width, linear, looked_at)
 
 
 def _slipping(column: Column, law: Law, linear: tuple[float, float], strength: float, width: float) -> Vector | None:
@@ -86,7 +87,13 @@ def _slipping(column: Column, law: Law, linear: tuple[float, float], strength: f
 
 
 def _variant(
-    member: str, path: LinearResponse, column: Vector, law: Law, width: float, linear: tuple[float, float]
+    member: str,
+    path: LinearResponse,
+    column: Vector,
+    law: Law,
+    width: float,
+    linear: tuple[float, float],
+    looked_at: float = 1.0,
 ) -> Variant:
     """The coefficient is the largest force of the element."""
     name = "elastic element that slips" if law == "stop" else "Bouc–Wen element"
@@ -97,6 +104,7 @@ def _variant(
         {"slip": Quantity(width, "unit of the motion"), "static_gain": Quantity(path.static_gain, "1")},
         sources=(member,) if path.source is None else (member, path.source),
         bounds=_FREE,
+        looked_at=looked_at,
     )
 
 

@@ -11,10 +11,12 @@ from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading,
 from selector.diagnosis.shapes.leftover import leftover
 from selector.diagnosis.shapes.record_kind import no_vibration, of_a_drive, swept_hz
 from selector.diagnosis.shapes.signals import filled
-from selector.diagnosis.shapes.spectral_lines import course_of, lines
+from selector.diagnosis.shapes.spectral_lines import course_of, fitted_parts, lines
 
 _ROLES = ("displacement", "acceleration", "velocity", "position", "voltage", "force", "current")
 _FEWEST_CYCLES = 8.0
+_CHANCE = 0.5
+"""That noise shows a line at all; what is offered pays for the frequencies that were looked at."""
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
@@ -27,20 +29,24 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     time, even = comparison.time_s, np.ones(len(comparison.time_s))
     shortest = min(float(comparison.time_s[rows][-1]) for _, rows in comparison.rows_of_runs())
     lowest = max(_FEWEST_CYCLES / max(shortest, comparison.period_s), 0.5)
-    looked = 0.5 * shortest / comparison.period_s
-    for line in lines(comparison, leftover(comparison, response), time, even, lowest=lowest):
+    n_fitted = sum(part.start < part.stop for part in fitted_parts(comparison))
+    octaves = np.log(max(0.5 / comparison.period_s / lowest, np.e))
+    for line in lines(comparison, leftover(comparison, response), time, even, lowest=lowest, chance=_CHANCE):
+        # a frequency of many, as likely in one octave as in another
+        looked = max(line.cycles * shortest * float(octaves), 1.0)
         shape = {"frequency_hz": Quantity(line.cycles, "Hz")}
         run = comparison.runs[line.runs[0]] if len(line.runs) == 1 and len(comparison.runs) > 1 else None
         aligned = course_of(line, comparison, time, even)
         words = (f"line at {line.cycles:.4g} Hz, phase of each run",)
-        # a frequency of many, and in every run a phase and a size: each is worth e^½ choices
-        looked_at = looked * float(np.exp(len(line.runs)))
+        # a phase in every run that is fitted; noise between two of the frequencies counts like one run more
+        looked_at = looked * float(np.exp(1.0 + min(len(line.runs), n_fitted)))
+        looked_at *= len(comparison.runs) if run is not None else 1
         yield Variant(aligned[:, None], words, shape, run=run, looked_at=looked_at)
         if len(line.runs) > 1:
             turn = 2.0 * np.pi * line.cycles * time
             columns = np.column_stack([np.cos(turn), np.sin(turn)])
             names = (f"cosine of {line.cycles:.4g} Hz from the start of each run", "sine of the same")
-            yield Variant(columns, names, shape, looked_at=looked)
+            yield Variant(columns, names, shape, looked_at=looked * float(np.e))
 
 
 def _of_a_curve(comparison: Comparison, response: str) -> Iterator[Variant]:
