@@ -2,7 +2,8 @@
 
 A simulation has no noise, so its own courses tell the poles of its closed loop: they are those of the answer to
 a force as well. With the characteristic polynomial A(s) of third order (position loop, speed loop with integral part) a
-force f moves the axis by s·f/A(s), and the drive counters it with f − s³·f/A(s).
+force f moves the axis by s·f/A(s), and the drive counters it with f − s³·f/A(s); without an integral part A(s) is of
+second order, a force that stays moves the axis for good, f/A(s), and is countered with f − s²·f/A(s).
 """
 
 from __future__ import annotations
@@ -17,15 +18,20 @@ from scipy.signal import lfilter
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.shapes.motion import commanded, derivatives, motion
 from selector.diagnosis.shapes.signals import filled, lagged
+from selector.diagnosis.shapes.simulated_axis import (
+    FORCE_ROLES,
+    pushed,
+    simulated_axis,
+    simulated_drive_force,
+)
 
 Vector = NDArray[np.float64]
 
-FORCE_ROLES = ("current", "force", "voltage")
 PLACE_ROLES = ("displacement", "position")
 MOTION_ROLES = ("displacement", "position", "velocity", "acceleration")
 NATURAL_HZ = (70.0, 130.0, 40.0)
 """Natural frequencies of the whole moving mass on what stands between drive and table; softer ones are no guess."""
-ORDER = 3
+USUAL_YIELD_S2 = 1.0 / (2.0 * np.pi * NATURAL_HZ[0]) ** 2
 ROUNDS = 7
 SLOWEST, FASTEST = 2.0, 2000.0
 """Bounds of the poles [1/s]."""
@@ -34,6 +40,16 @@ _NO_LOOP = 0.4
 """A simulated error of which more than this is left (rms) follows its command by no such loop."""
 STARTS = ((60.0, 100.0, 300.0), (15.0, 30.0, 150.0))
 """Poles to start the iteration with [1/s]; that which ends nearer to the simulation counts."""
+USUAL = ((30.0, 60.0, 150.0), (60.0, 100.0, 300.0))
+"""Poles of drives of machine tools [1/s], slow and quick."""
+STARTS_WITHOUT_INTEGRAL = ((60.0, 100.0), (15.0, 30.0))
+_EXACT = 0.002
+"""A loop of second order that leaves less than this of the simulation, and hardly more than one of third, is it."""
+_HARDLY_MORE = 1.3
+_OF_MOTION = 0.01
+"""A force that mass and friction leave less of (rms, over its spread) is worked out from the motion."""
+_FROM_REST = 0.01
+"""Share of the largest speed below which a run starts from rest."""
 
 
 @dataclass(frozen=True)
@@ -43,13 +59,23 @@ class ClosedLoop:
     Attributes
     ----------
     polynomial : tuple of float
-        Coefficients of s³, s², s, 1; the first is 1.
+        Coefficients of s³, s², s, 1, or of s², s, 1 where the control has no integral part; the first is 1.
     misfit : float
         What it leaves of the simulated courses, over these (rms).
     """
 
     polynomial: tuple[float, ...]
     misfit: float
+
+    @property
+    def paces_per_s(self) -> tuple[float, ...]:
+        """Amounts of its poles."""
+        return tuple(float(pace) for pace in np.abs(np.roots(self.polynomial)))
+
+    @property
+    def order(self) -> int:
+        """2 without, 3 with an integral part of the control."""
+        return len(self.polynomial) - 1
 
 
 def responds(comparison: Comparison, response: str) -> str | None:
@@ -68,31 +94,57 @@ def yields_s2(comparison: Comparison, response: str) -> tuple[float, ...]:
     Only a displacement or position shows them, and only beside a loop; elsewhere 0.
     """
     channel = comparison.channel(response)
-    if channel.role not in PLACE_ROLES or closed_loop(comparison, channel.axis) is None:
+    if channel.role not in PLACE_ROLES or not _has_loop(comparison, channel.axis):
         return (0.0,)
+    told = simulated_axis(comparison, channel.axis)
+    if told is not None:
+        # what acts at the motor bends nothing; a control on the table makes good what bends, if it is as simulated
+        return (0.0, told.yield_s2 or USUAL_YIELD_S2)
     return (0.0, *(1.0 / (2.0 * np.pi * natural_hz) ** 2 for natural_hz in NATURAL_HZ))
 
 
-def passed(comparison: Comparison, response: str, force: Vector, *, yield_s2: float = 0.0) -> tuple[Vector, str]:
+def guesses(comparison: Comparison, response: str) -> tuple[ClosedLoop, ...]:
+    """Loops of usual drives, for a position of which the simulation does not tell what holds it; else none."""
+    channel = comparison.channel(response)
+    if channel.role not in PLACE_ROLES or _has_loop(comparison, channel.axis):
+        return ()
+    return tuple(ClosedLoop(tuple(float(c) for c in np.real(np.poly(-np.array(poles)))), 1.0) for poles in USUAL)
+
+
+def _has_loop(comparison: Comparison, axis: str | None) -> bool:
+    return simulated_axis(comparison, axis) is not None or closed_loop(comparison, axis) is not None
+
+
+def passed(
+    comparison: Comparison, response: str, force: Vector, *, yield_s2: float = 0.0, guess: ClosedLoop | None = None
+) -> tuple[Vector, str]:
     """What a force [any unit] does to a response, shape (n_rows,), and what that is in words.
 
     In a force-like response what the drive puts against it; in a motion what passes through the loop and, times
-    `yield_s2` (compliance between drive and table times the moving mass), the force itself. Without a loop in the
-    simulation (a force model on a recorded motion) the force itself. As large as the force, in the root mean square.
+    `yield_s2` (compliance between drive and table times the moving mass), the force itself. The loop is that of the
+    simulation, with the dry friction that it has (`simulated_axis`, else `closed_loop`), or `guess`. Without a loop
+    (a force model on a recorded motion) the force itself. As large as the force, in the root mean square.
     """
-    role = comparison.channel(response).role
-    loop = closed_loop(comparison, comparison.channel(response).axis)
-    if role in FORCE_ROLES:
-        if loop is None:
-            return force, "in the drive"
-        return force - _through(comparison, loop, 3, force), "as the drive counters it"
-    if loop is None:
-        return force, "by compliance"
-    power = {"displacement": 1, "position": 1, "velocity": 2, "acceleration": 3}[role]
-    moved = _through(comparison, loop, power, force)
-    if role not in PLACE_ROLES or yield_s2 == 0.0:
-        return _as_large(moved, force), "through the loop"
-    return _as_large(moved + yield_s2 * force, force), "through the loop and by compliance"
+    channel = comparison.channel(response)
+    order = {"displacement": 0, "position": 0, "velocity": 1, "acceleration": 2}.get(channel.role)
+    told = simulated_axis(comparison, channel.axis) if guess is None else None
+    loop = guess or closed_loop(comparison, channel.axis)
+    if told is not None:
+        answer = pushed(comparison, told, force, yield_s2)
+        moved = answer.countered if order is None else answer.motion[order]
+    elif loop is None:
+        return force, "in the drive" if order is None else "by compliance"
+    elif order is None:
+        moved = force - _through(comparison, loop, loop.order, force)
+    else:
+        moved = _through(comparison, loop, loop.order - 2 + order, force)
+    if order is None:
+        return moved, "as the drive counters it"
+    if order > 0 or yield_s2 == 0.0:
+        usual = "" if guess is None else f" with poles at {', '.join(f'{p:.0f}' for p in sorted(guess.paces_per_s))}/s"
+        return _as_large(moved, force), f"through the loop{usual}"
+    bent = 0.0 if told is not None else yield_s2 * force
+    return _as_large(moved + bent, force), "through the loop and by compliance"
 
 
 def loop_parts(comparison: Comparison, response: str, course: Vector) -> tuple[Vector, ...]:
@@ -100,7 +152,7 @@ def loop_parts(comparison: Comparison, response: str, course: Vector) -> tuple[V
     loop = closed_loop(comparison, comparison.channel(response).axis)
     if loop is None:
         return (derivatives(comparison, course)[0],)
-    return tuple(_through(comparison, loop, power, course) for power in (2, 3))
+    return tuple(_through(comparison, loop, power, course) for power in (loop.order - 1, loop.order))
 
 
 def drawn_out(comparison: Comparison, response: str, course: Vector) -> Vector:
@@ -127,11 +179,53 @@ def closed_loop(comparison: Comparison, axis: str | None = None) -> ClosedLoop |
     inputs = [speed / top, friction]
     courses = [_loop_course(comparison, command, c.name, axis) for c in comparison.channels]
     outputs = [course for course in courses if course is not None]
+    outputs = outputs or _of_drive(comparison, axis)
     if not outputs:
         return None
-    found = [_iterated(comparison, outputs, inputs, start) for start in STARTS]
-    best = min((loop for loop in found if loop is not None), key=lambda loop: loop.misfit, default=None)
-    return best if best is not None and best.misfit < _NO_LOOP else None
+    under_way = _under_way(comparison, speed / top)
+    with_integral, without = (
+        min(
+            (
+                loop
+                for start in starts
+                if (loop := _iterated(comparison, outputs, inputs, under_way, start)) is not None
+            ),
+            key=lambda loop: loop.misfit,
+            default=None,
+        )
+        for starts in (STARTS, STARTS_WITHOUT_INTEGRAL)
+    )
+    if with_integral is None or with_integral.misfit >= _NO_LOOP:
+        return None
+    if without is not None and without.misfit < min(_EXACT, _HARDLY_MORE * with_integral.misfit):
+        return without
+    # where a pole was held at its bound, what drives the error is not the command (a force from outside)
+    slowest = float(np.min(np.abs(np.roots(with_integral.polynomial))))
+    return with_integral if slowest > 1.01 * SLOWEST else None
+
+
+def _of_drive(comparison: Comparison, axis: str | None) -> list[Vector]:
+    """The simulated force of the drive, of unit variance, unless it is worked out from the motion without a loop."""
+    drive, moving = simulated_drive_force(comparison, axis), motion(comparison, axis)
+    if drive is None or moving is None or float(np.std(drive[1])) == 0.0:
+        return []
+    course = drive[1] / float(np.std(drive[1]))
+    columns = np.column_stack([
+        moving.acceleration_m_per_s2, moving.velocity_m_per_s, moving.friction_state(PRESLIDING_M),
+        *(np.equal(comparison.run_index, k) for k in range(len(comparison.runs))),
+    ])  # fmt: skip
+    left = course - columns @ np.linalg.lstsq(columns, course, rcond=None)[0]
+    return [course] if float(np.sqrt(np.mean(left**2))) > _OF_MOTION else []
+
+
+def _under_way(comparison: Comparison, speed: Vector) -> list[Vector]:
+    """Ones over every run that starts in motion: passed through the loop, what was before its first sample fades."""
+    found = []
+    for _, rows in comparison.rows_of_runs():
+        if abs(float(speed[rows][0])) > _FROM_REST:
+            found.append(np.zeros(len(speed)))
+            found[-1][rows] = 1.0
+    return found
 
 
 def _loop_course(comparison: Comparison, command: Vector, name: str, axis: str | None) -> Vector | None:
@@ -151,12 +245,17 @@ def _loop_course(comparison: Comparison, command: Vector, name: str, axis: str |
 
 
 def _iterated(
-    comparison: Comparison, outputs: list[Vector], inputs: list[Vector], start: tuple[float, ...]
+    comparison: Comparison,
+    outputs: list[Vector],
+    inputs: list[Vector],
+    under_way: list[Vector],
+    start: tuple[float, ...],
 ) -> ClosedLoop | None:
+    order = len(start)
     polynomial = np.real(np.poly(-np.array(start)))
     best: ClosedLoop | None = None
     for _ in range(ROUNDS):
-        driven = np.stack([b for u in inputs for b in _branches(comparison, polynomial, u)])
+        driven = np.stack([b for u in (*inputs, *under_way) for b in _branches(comparison, polynomial, u)])
         size = np.sqrt(np.mean(driven**2, axis=1))
         basis, _ = np.linalg.qr((driven[size > 0.0] / size[size > 0.0, None]).T)
         left_over = float(np.mean([1.0 - np.sum((basis.T @ y) ** 2) / (y @ y) for y in outputs]))
@@ -167,16 +266,16 @@ def _iterated(
         for y in outputs:
             own = np.stack(_branches(comparison, polynomial, y))
             own = own - (own @ basis) @ basis.T
-            left.append(own[:ORDER].T)
-            right.append(own[ORDER])
+            left.append(own[:order].T)
+            right.append(own[order])
         matrix, target = np.vstack(left), np.hstack(right)
         size = np.sqrt(np.mean(matrix**2, axis=0))
         if not np.all(size > 0.0):
             break
         solution = np.linalg.lstsq(matrix / size, target, rcond=None)[0] / size
-        pace = polynomial[-1] ** (1.0 / ORDER)
+        pace = polynomial[-1] ** (1.0 / order)
         # branch j is (s/pace)^j·pace^order/A, so its factor belongs to pace^(order − j)
-        poles = np.roots(np.r_[1.0, (-solution * pace ** (ORDER - np.arange(ORDER)))[::-1]])
+        poles = np.roots(np.r_[1.0, (-solution * pace ** (order - np.arange(order)))[::-1]])
         poles = np.where(poles.real > 0.0, -np.conj(poles), poles)
         poles = poles * np.clip(np.abs(poles), SLOWEST, FASTEST) / np.maximum(np.abs(poles), 1e-12)
         polynomial = np.real(np.poly(poles))
@@ -184,8 +283,9 @@ def _iterated(
 
 
 def _branches(comparison: Comparison, polynomial: Vector, course: Vector) -> list[Vector]:
-    pace = float(polynomial[-1]) ** (1.0 / ORDER)
-    return [_filtered(comparison, polynomial, j, course) * pace ** (ORDER - j) for j in range(ORDER + 1)]
+    order = len(polynomial) - 1
+    pace = float(polynomial[-1]) ** (1.0 / order)
+    return [_filtered(comparison, polynomial, j, course) * pace ** (order - j) for j in range(order + 1)]
 
 
 def _through(comparison: Comparison, loop: ClosedLoop, power: int, course: Vector) -> Vector:

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Fitted, Quantity, ShapeParameter, Variant
-from selector.diagnosis.shapes.force_response import FORCE_ROLES, PLACE_ROLES, passed, responds, yields_s2
+from selector.diagnosis.shapes.force_response import PLACE_ROLES, guesses, passed, responds, yields_s2
 from selector.diagnosis.shapes.motion import Motion, motion
-from selector.diagnosis.shapes.signals import filled
+from selector.diagnosis.shapes.simulated_axis import FORCE_ROLES
 
 Vector = NDArray[np.float64]
 
@@ -46,12 +46,17 @@ def of_forces(
     motor bend nothing. `most` limits how many compliances are tried.
     """
     sources = motion_of(comparison, response).sources
-    for yield_s2 in (0.0,) if of_motor else yields_s2(comparison, response)[:most]:
-        parts = {what: passed(comparison, response, force, yield_s2=yield_s2) for what, force in forces.items()}
-        columns = np.column_stack([course for course, _ in parts.values()])
-        names = tuple(f"{what}, {how}" for what, (_, how) in parts.items())
-        own = {"yield_s2": Quantity(yield_s2, "s^2")} if yield_s2 > 0.0 else {}
-        yield Variant(columns, names, dict(shape or {}) | own, sources=sources, looked_at=_looked_at(shape))
+    looked_at = _looked_at(shape)
+    for guess in (None, *guesses(comparison, response)):
+        for yield_s2 in (0.0,) if of_motor else yields_s2(comparison, response)[:most]:
+            parts = {
+                what: passed(comparison, response, force, yield_s2=yield_s2, guess=guess)
+                for what, force in forces.items()
+            }
+            columns = np.column_stack([course for course, _ in parts.values()])
+            names = tuple(f"{what}, {how}" for what, (_, how) in parts.items())
+            own = {"yield_s2": Quantity(yield_s2, "s^2")} if yield_s2 > 0.0 else {}
+            yield Variant(columns, names, dict(shape or {}) | own, sources=sources, looked_at=looked_at)
 
 
 def direct(
@@ -89,16 +94,6 @@ def place_only(comparison: Comparison, response: str) -> str | None:
     if lacking is None and comparison.channel(response).role not in PLACES:
         return f"{response} is no displacement or position, and it does not show elsewhere"
     return lacking
-
-
-def simulated_drive_force(comparison: Comparison, response: str) -> tuple[str, Vector] | None:
-    """Simulated current, force or voltage of the axis, which has no noise; None if none is simulated."""
-    axis = comparison.channel(response).axis
-    for channel in comparison.channels:
-        of_axis = axis is None or channel.axis in (None, axis)
-        if channel.role in FORCE_ROLES and channel.name in comparison.simulated and of_axis:
-            return channel.name, filled(comparison, comparison.simulated[channel.name])
-    return None
 
 
 def centred_place(moving: Motion) -> Vector:

@@ -10,9 +10,9 @@ from scipy.signal import medfilt
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import PLACES
-from selector.diagnosis.shapes.force_response import FORCE_ROLES
 from selector.diagnosis.shapes.motion import motion
 from selector.diagnosis.shapes.signals import excited, filled
+from selector.diagnosis.shapes.simulated_axis import FORCE_ROLES
 
 Vector = NDArray[np.float64]
 

@@ -25,7 +25,8 @@ def held_back(
 
     With `winds_up` the integral part of the control runs on while the force is at its limit, else it waits.
     """
-    alpha = np.array(loop.polynomial[1:])
+    # a loop without an integral part has no α₀
+    alpha = np.array([*loop.polynomial[1:], *[0.0] * (3 - loop.order)])
     fastest = float(np.max(np.abs(np.roots(loop.polynomial))))
     substeps = max(1, int(np.ceil(fastest * comparison.period_s / _SUBSTEPS_PER_POLE)))
     lacking, behind = np.zeros(len(force)), np.zeros(len(force))

@@ -15,14 +15,14 @@ from selector.diagnosis.effects.drive._forces import (
     direct,
     motion_of,
     reverses,
-    simulated_drive_force,
     size_of,
     with_interval,
 )
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.shapes.force_response import FORCE_ROLES, loop_parts
+from selector.diagnosis.shapes.force_response import loop_parts
 from selector.diagnosis.shapes.motion import Motion
 from selector.diagnosis.shapes.signals import scaled
+from selector.diagnosis.shapes.simulated_axis import FORCE_ROLES, simulated_drive_force
 
 Vector = NDArray[np.float64]
 
@@ -65,7 +65,7 @@ def _of_side(comparison: Comparison, response: str, side: Vector, shape: dict[st
 
 def _load(comparison: Comparison, response: str, moving: Motion, share: float) -> Vector | None:
     """Simulated force that passes the play, with this share of the moving mass behind it; None without one."""
-    drive = simulated_drive_force(comparison, response)
+    drive = simulated_drive_force(comparison, comparison.channel(response).axis)
     if drive is None:
         return None
     parts = np.column_stack([

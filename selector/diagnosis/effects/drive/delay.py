@@ -13,12 +13,12 @@ from selector.diagnosis.effects.drive._forces import (
     motion_of,
     of_forces,
     shape_quantity,
-    simulated_drive_force,
     size_of,
     with_interval,
 )
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.signals import filled, rate
+from selector.diagnosis.shapes.simulated_axis import simulated_drive_force
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
@@ -35,7 +35,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
         yield direct(
             comparison, response, {"rate of the simulated course": -1e-3 * rate(comparison, simulated)}, in_signal
         )
-    drive = simulated_drive_force(comparison, response)
+    drive = simulated_drive_force(comparison, comparison.channel(response).axis)
     if drive is not None:
         # a force that comes late acts as a push of the delay times its rate
         name, force = drive

@@ -17,11 +17,11 @@ from selector.diagnosis.effects.drive._forces import (
     motion_of,
     of_forces,
     shape_quantity,
-    simulated_drive_force,
     size_of,
     with_interval,
 )
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.shapes.simulated_axis import simulated_drive_force
 
 Vector = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     acceleration = moving.acceleration_m_per_s2
     if comparison.channel(response).role in PLACES:
         yield direct(comparison, response, {"wind-up by inertia": acceleration}, _at(0.0))
-        drive = simulated_drive_force(comparison, response)
+        drive = simulated_drive_force(comparison, comparison.channel(response).axis)
         if drive is not None:
             name, force = drive
             yield direct(comparison, response, {f"wind-up by {name}": force}, _at(0.0))

@@ -13,14 +13,14 @@ from selector.diagnosis.effects.drive._forces import (
     any_response,
     motion_of,
     shape_quantity,
-    simulated_drive_force,
     size_of,
 )
 from selector.diagnosis.effects.drive._limit import held_back
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.shapes.force_response import FORCE_ROLES, ClosedLoop, closed_loop, drawn_out
+from selector.diagnosis.shapes.force_response import ClosedLoop, closed_loop, drawn_out
 from selector.diagnosis.shapes.motion import derivatives
 from selector.diagnosis.shapes.signals import scaled
+from selector.diagnosis.shapes.simulated_axis import FORCE_ROLES, simulated_drive_force
 
 Vector = NDArray[np.float64]
 
@@ -84,7 +84,7 @@ def _shapes(
 def _limited(comparison: Comparison, response: str) -> Iterator[tuple[str, Vector, str, float]]:
     """What may have a limit: force of the drive, or acceleration if none is simulated; speed."""
     moving = motion_of(comparison, response)
-    drive = simulated_drive_force(comparison, response)
+    drive = simulated_drive_force(comparison, comparison.channel(response).axis)
     if drive is not None:
         yield drive[0], drive[1], comparison.channel(drive[0]).unit, 0.0
     else:

@@ -13,11 +13,11 @@ from selector.diagnosis.effects.drive._forces import (
     direct,
     motion_of,
     place_only,
-    simulated_drive_force,
     size_of,
 )
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.motion import Motion
+from selector.diagnosis.shapes.simulated_axis import simulated_drive_force
 
 Vector = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ def _law(number: int) -> dict[str, Quantity]:
 
 def _loads(comparison: Comparison, response: str, moving: Motion) -> list[tuple[str, Vector]]:
     loads = [(_INERTIA, moving.acceleration_m_per_s2), (_FRICTION, moving.friction_state(_PRESLIDING_M))]
-    drive = simulated_drive_force(comparison, response)
+    drive = simulated_drive_force(comparison, comparison.channel(response).axis)
     return [drive, *loads] if drive is not None else loads
 
 

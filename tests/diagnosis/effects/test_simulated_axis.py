@@ -1,0 +1,75 @@
+"""The simulation's own courses tell its equations, and with them what a push does to an axis that friction holds."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from selector.diagnosis.shapes.motion import motion
+from selector.diagnosis.shapes.simulated_axis import pushed, simulated_axis
+from tests.diagnosis.effects.drive_axis import VISCOUS_ONLY, WITH_FRICTION, Noise, compared, replace
+
+QUIET = Noise(0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("control", [{}, {"proportional": 30.0, "reset_s": 0.05, "coulomb": 300.0}, {"on_table": True}])
+def test_force_and_error_tell_control_and_friction(control):
+    axis = replace(WITH_FRICTION, **control)
+    found = simulated_axis(compared(axis, axis, seed=1), "X")
+    mass = axis.motor_kg + axis.table_kg
+    gain = axis.speed_gain / mass
+    c2, c1, c0 = found.control
+    assert c2 == pytest.approx(gain, rel=0.1)
+    assert c1 == pytest.approx(gain * (axis.proportional + 1.0 / axis.reset_s), rel=0.1)
+    assert c0 == pytest.approx(gain * axis.proportional / axis.reset_s, rel=0.1)
+    # the screw, bent by the table's force, as an error of the table by force per whole mass
+    yields = 0.0 if axis.on_table else mass / axis.stiffness
+    assert found.yield_s2 == pytest.approx(yields, rel=0.05)
+    assert found.dry_m_per_s2 == pytest.approx(axis.coulomb / mass, rel=0.05)
+    assert found.viscous_per_s == pytest.approx(axis.viscous / mass, rel=0.1)
+    assert 0.0 <= found.lag_s < 3e-3
+    assert found.poles_per_s.real.max() < 0.0
+
+
+def test_an_axis_without_simulated_error_or_force_tells_nothing():
+    whole = compared(WITH_FRICTION, WITH_FRICTION, seed=1)
+    for missing in ("E", "I"):
+        kept = {name: course for name, course in whole.simulated.items() if name != missing}
+        assert simulated_axis(replace(whole, simulated=kept, responses=tuple(kept)), "X") is None
+
+
+def _explained(course: np.ndarray, shape: np.ndarray, runs: np.ndarray) -> float:
+    columns = np.column_stack([shape, *(runs == k for k in np.unique(runs))])
+    left = course - columns @ np.linalg.lstsq(columns, course, rcond=None)[0]
+    return 1.0 - float(left @ left) / float(((course - course.mean()) ** 2).sum())
+
+
+@pytest.mark.parametrize(("start", "least"), [(VISCOUS_ONLY, 0.97), (replace(WITH_FRICTION, coulomb=300.0), 0.97)])
+def test_a_heavier_table_is_what_a_push_of_inertia_makes_of_the_axis(start, least):
+    comparison = compared(replace(start, table_kg=360.0), start, seed=2, noise=QUIET)
+    axis = simulated_axis(comparison, "X")
+    push = -motion(comparison, "X").acceleration_m_per_s2
+    answer = pushed(comparison, axis, push, axis.yield_s2)
+    for name, shape in (("E", answer.motion[0]), ("I", answer.countered)):
+        assert _explained(comparison.difference(name), shape, comparison.run_index) > least
+
+
+def test_dry_friction_holds_an_axis_at_rest_against_a_small_push():
+    start = replace(WITH_FRICTION, coulomb=300.0)
+    comparison = compared(start, start, seed=2, noise=QUIET)
+    axis = simulated_axis(comparison, "X")
+    free = type(axis)(**{**vars(axis), "dry_m_per_s2": 0.0})
+    at_rest = motion(comparison, "X").sense == 0.0
+    push = np.where(at_rest & (np.sin(60.0 * comparison.time_s) > 0.0), 0.01, 0.0)
+    held, loose = (np.abs(pushed(comparison, one, push).motion[0][at_rest]).mean() for one in (axis, free))
+    # 300 N over some µm is stiffer than the control, 600 kg times c₁
+    assert held < 0.5 * loose
+
+
+def test_a_constant_push_is_countered_in_full_where_the_axis_slides():
+    comparison = compared(VISCOUS_ONLY, VISCOUS_ONLY, seed=1, noise=QUIET)
+    axis = simulated_axis(comparison, "X")
+    answer = pushed(comparison, axis, np.ones(len(comparison.time_s)))
+    late = comparison.time_s > 2.0
+    assert answer.countered[late] == pytest.approx(1.0, abs=1e-6)
+    assert np.abs(answer.motion[0][late]).max() < 1e-6 * np.abs(answer.motion[0]).max()
