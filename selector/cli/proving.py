@@ -63,6 +63,15 @@ Jobs = Annotated[
 List = Annotated[
     bool, typer.Option("--list", metavar="", help="Print the names of the scenarios and stop.", rich_help_panel=_WHICH)
 ]
+Recordings = Annotated[
+    Path | None,
+    typer.Option(
+        "--recordings",
+        metavar="DIR",
+        help="Also real recordings from elsewhere: DIR holds silverbox, cascaded_tanks, ace_thermal.",
+        rich_help_panel=_WHICH,
+    ),
+]
 Cases = Annotated[
     Path | None,
     typer.Option(
@@ -84,6 +93,7 @@ def prove(
     seeds: Seeds = None,
     exam: Exam = False,
     rivals: Rivals = None,
+    recordings: Recordings = None,
     jobs: Jobs = None,
     list_only: List = False,
     write_cases: Cases = None,
@@ -99,7 +109,7 @@ def prove(
     from selector.proof import runner
     from selector.proof.scenarios import scenarios as all_scenarios
 
-    chosen = all_scenarios(_split(families), _split(scenarios))
+    chosen = all_scenarios(_split(families), _split(scenarios), _published(recordings))
     if list_only:
         _show_list(chosen, as_json)
         return
@@ -120,6 +130,18 @@ def prove(
     sitting = runner.Exam(asked, exam, (runner.Answerer(runner.TOOL, runner.answer_of_selector), *_rivals(rivals)))
     outcomes = runner.outcomes(sitting, n_jobs=jobs or os.cpu_count() or 1, progress=_say)
     _tell(outcomes, exam, out, console, as_json)
+
+
+def _published(folder: Path | None) -> tuple[Scenario, ...]:
+    """Scenarios of the recordings in a folder; what was looked for in vain is told."""
+    if folder is None:
+        return ()
+    from selector.proof.real import published
+
+    found, lacking = published(folder)
+    for name in lacking:
+        typer.echo(f"recording {name} is absent: there is no folder {folder / name}", err=True)
+    return found
 
 
 def _tell(outcomes: tuple[Outcome, ...], is_exam: bool, out: Path | None, console: Console, as_json: bool) -> None:

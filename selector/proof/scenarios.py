@@ -13,11 +13,15 @@ import selector.proof as proof
 from selector.errors import OptionError
 from selector.proof.case import Scenario
 
-FAMILIES = ("thermal", "drive", "vibration", "gauging", "flow", "data")
+FAMILIES = ("thermal", "drive", "vibration", "gauging", "flow", "data", "real")
 
 
-def scenarios(families: Sequence[str] = (), names: Sequence[str] = ()) -> tuple[Scenario, ...]:
+def scenarios(
+    families: Sequence[str] = (), names: Sequence[str] = (), recordings: Sequence[Scenario] = ()
+) -> tuple[Scenario, ...]:
     """The scenarios of these families whose name fits one of the patterns (``thermal.*``); empty = all.
+
+    `recordings` are those of recordings that do not come with the package (`selector.proof.real.published`).
 
     Raises
     ------
@@ -32,7 +36,8 @@ def scenarios(families: Sequence[str] = (), names: Sequence[str] = ()) -> tuple[
             where="--families",
             advice="correct the option, or leave it out for all",
         )
-    found = tuple(one for family in FAMILIES for one in _of_family(family) if not families or one.family in families)
+    known = [*(one for family in FAMILIES for one in _of_family(family)), *recordings]
+    found = tuple(one for one in known if not families or one.family in families)
     for pattern in names:
         if not any(fnmatchcase(one.name, pattern) for one in found):
             raise OptionError(

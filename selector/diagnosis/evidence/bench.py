@@ -14,6 +14,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Variant
 from selector.diagnosis.evidence.moments import Moments, beside, inverse_of, moments
 from selector.diagnosis.evidence.noise import NoiseModel, noise_model, stretches, whitened
+from selector.diagnosis.shapes.leftover import least_squares
 from selector.diagnosis.shapes.signals import filled, rate
 
 Vector = NDArray[np.float64]
@@ -200,11 +201,19 @@ class Bench:
         return np.column_stack([self.nuisance, *(self.raw(v) for v in named)])
 
     def coefficients(self, named: Sequence[int]) -> tuple[Vector, Matrix]:
-        """Generalised least squares on the fitted rows: coefficients and their covariance, shapes (p,), (p, p)."""
+        """Generalised least squares on the fitted rows: coefficients and their covariance, shapes (p,), (p, p).
+
+        Offset, gain and delay are then fitted once more by plain least squares: behind the filter of a noise that
+        wanders the level says next to nothing, and may come out anywhere.
+        """
         base = self.base(named)
         gram = base.T @ base
         inverse = inverse_of(gram)
-        return inverse @ (base.T @ self.white_target), inverse
+        beta = inverse @ (base.T @ self.white_target)
+        plain = slice(0, min((part.start for part in self.own.values()), default=self.nuisance.shape[1]))
+        left = (self.target - self.raw_base(named) @ beta)[self.fitted]
+        beta[plain] += least_squares(self.nuisance[self.fitted, plain], left)
+        return beta, inverse
 
     def residual(self, named: Sequence[int]) -> Vector:
         """The target less recalibration and named candidates [unit], all rows; NaN where the target is missing."""

@@ -98,7 +98,7 @@ def diagnosis_of_model(
     responses: Sequence[str] | None = None,
     holdout: str = "last",
     seed: int = 0,
-    false_alarm: float = 0.01,
+    false_alarm: float = 0.02,
     progress: Say | None = None,
 ) -> Modelled:
     """What a simulation left out that can be run again with other parameters.
@@ -138,7 +138,7 @@ def diagnosis_of_model(
             seed=seed,
             false_alarm=false_alarm,
             effects=known if through is None else through.effects(known),
-            through_model=None if through is None else through.variants,
+            through_model=None if through is None else through.shapes(known, again.comparison),
             progress=part(0.7, 1.0),
         )
         turns.append(_Turn(model, again, through, answer))

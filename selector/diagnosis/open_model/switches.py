@@ -47,6 +47,8 @@ class Switch:
         What else was chosen.
     is_amount : bool
         Whether no amount can be below 0.
+    is_part : bool
+        Whether the effect has other forms, which the file cannot express: its own shapes are tested as well.
     """
 
     id: str
@@ -58,6 +60,7 @@ class Switch:
     place: str
     shape: Mapping[str, Quantity] = field(default_factory=dict)
     is_amount: bool = True
+    is_part: bool = False
 
 
 def switches(model: OwnModel) -> tuple[Switch, ...]:
@@ -135,14 +138,14 @@ def _of_friction(model: OwnModel, axis: str, known: Mapping[str, Any]) -> Iterat
                 "drive.asymmetric_friction", ("friction while moving up", "friction while moving down"), ("N", "N"),
                 (size, size),
                 lambda a: (((*path, "coulomb_n"), a[0]), ((*path, "coulomb_negative_n"), a[1])),
-                (f"{start}coulomb_n", f"{start}coulomb_negative_n"), guide,
+                (f"{start}coulomb_n", f"{start}coulomb_negative_n"), guide, is_part=True,
             )  # fmt: skip
     elif "coulomb_negative_n" not in said:
         yield Switch(
             "drive.asymmetric_friction", ("friction while moving down beyond that while moving up",), ("N",),
             (0.05 * coulomb,),
             lambda a: (((*path, "coulomb_negative_n"), coulomb + a[0]),),
-            (f"{start}coulomb_negative_n",), guide, is_amount=False,
+            (f"{start}coulomb_negative_n",), guide, is_amount=False, is_part=True,
         )  # fmt: skip
     if coulomb > 0.0 and "static_n" not in said:
         for speed in _STRIBECK_M_PER_S:
@@ -161,7 +164,7 @@ def _stribeck(path: Key, start: str, place: str, coulomb: float, negative: float
     return Switch(
         "drive.stribeck", ("break-away beyond the sliding friction",), ("N",), (0.1 * coulomb,), changes,
         (f"{start}static_n", f"{start}static_negative_n", f"{start}stribeck_speed_m_per_s"), place,
-        {"stribeck_speed_m_per_s": Quantity(speed, "m/s")},
+        {"stribeck_speed_m_per_s": Quantity(speed, "m/s")}, is_part=True,
     )  # fmt: skip
 
 

@@ -46,6 +46,20 @@ class ThroughModel:
         """The effects to be tested: without those that recalibration fits; those through the model are read from it."""
         return tuple(replace(one, reading=self._reading(one)) for one in known if one.id not in self.own)
 
+    def shapes(self, known: Sequence[Effect], comparison: Comparison) -> dict[str, dict[str, list[Variant]]]:
+        """Response → effect → its shapes through the model, and beside them its own where the file has it in part.
+
+        Of friction by direction a file has dry friction, but not viscous friction.
+        """
+        found = {response: {id_: list(given) for id_, given in of.items()} for response, of in self.variants.items()}
+        for response, variants in found.items():
+            for effect in known:
+                given = [self.switch(one) for one in variants.get(effect.id, ())]
+                in_part = any(one is not None and one.is_part for one in given)
+                if in_part and effect.testable(comparison, response) is None:
+                    variants[effect.id] += effect.variants(comparison, response)
+        return found
+
     def switch(self, variant: Variant) -> Switch | None:
         """What makes this shape; None if it is not of the model."""
         return self.switch_of.get(id(variant))
