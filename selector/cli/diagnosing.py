@@ -83,7 +83,7 @@ def diagnose(
     response: Responses = None,
     holdout: HoldOut = "last",
     seed: Seed = 0,
-    false_alarm: FalseAlarm = 0.01,
+    false_alarm: FalseAlarm = 0.02,
     out: Out = None,
     as_json: AsJson = False,
 ) -> None:
@@ -96,7 +96,7 @@ def diagnose(
     _require(not (simulation and model), "--simulation and --model", "one of them", "command line", "leave one out")
     _require(0 <= seed < 2**53, str(seed), "a whole number from 0", "--seed", "e.g. --seed 0")
     _require(
-        0.0 < false_alarm <= 0.2, str(false_alarm), "a probability above 0 and up to 0.2", "--false-alarm", "e.g. 0.01"
+        0.0 < false_alarm <= 0.2, str(false_alarm), "a probability above 0 and up to 0.2", "--false-alarm", "e.g. 0.02"
     )
     if out is not None:
         require_writable_folder(out, "--out")

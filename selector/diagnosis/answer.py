@@ -50,6 +50,8 @@ class NamedEffect:
         Supported, but not confirmed on a part of the data with another programme.
     courses : mapping of str to ndarray of shape (n_rows,)
         Response → the effect's fitted course [unit of the response].
+    acts : tuple of (str, float or None, float or None), or None
+        Run, begin and end [s from its start; None: of the run] of what acts in a part of one run only.
     """
 
     id: str
@@ -65,6 +67,7 @@ class NamedEffect:
     channels: tuple[str, ...] = ()
     suspected: bool = False
     courses: Mapping[str, Vector] = field(default_factory=dict)
+    acts: tuple[str, float | None, float | None] | None = None
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,7 @@ def diagnosis(
     comparison: Comparison,
     *,
     seed: int = 0,
-    false_alarm: float = 0.01,
+    false_alarm: float = 0.02,
     effects: Sequence[Effect] | None = None,
     through_model: Mapping[str, Mapping[str, Sequence[Variant]]] | None = None,
     progress: Progress | None = None,
@@ -108,7 +108,8 @@ def diagnosis(
     }
     say(steps - 1, steps, "what nothing explains")
     late = held_out_faults(comparison, found, known, false_alarm=false_alarm, seed=seed)
-    left = _left(comparison, found, only_fitted=bool(found.named) or bool(late))
+    only_fitted = bool(found.named) or bool(late) or any(bench.is_off_cycle for bench in benches.values())
+    left = _left(comparison, found, only_fitted=only_fitted)
     structures = unexplained(comparison, *left, seed=seed, false_alarm=false_alarm)
     effects_found = [*(_confirmed(comparison, found, id_) for id_ in found.named), *late]
     frozen = [fault for fault in frozen_responses(comparison) if "data.stuck" not in found.named]
@@ -149,7 +150,8 @@ def diagnosis(
 def _left(comparison: Comparison, found: Search, *, only_fitted: bool) -> tuple[dict[str, Vector], dict[str, Vector]]:
     """Residuals, and the same behind the noise filter; of named effects on the fitted rows alone.
 
-    What a named effect does on another programme may differ a little from its fit, and is no other effect.
+    What a named effect does on another programme may differ a little from its fit, and is no other effect; so is what
+    comes back with a cycle.
     """
     looked = ~comparison.held_out if only_fitted else np.ones(len(comparison.time_s), dtype=bool)
     residuals, white = {}, {}
@@ -199,6 +201,15 @@ def _where(
     """Windows in which the named effects act, or in which what nothing explains is large."""
     found: list[Place] = []
     for effect in named:
+        if effect.acts is not None:
+            run, first, last = effect.acts
+            rows = comparison.time_s[comparison.run_index == comparison.runs.index(run)]
+            first, last = rows[0] if first is None else first, rows[-1] if last is None else last
+            found += [
+                Place(channel, effect.place, run, float(first), float(last), None, effect.share)
+                for channel in effect.channels
+            ]
+            continue
         for channel in effect.channels:
             windows = active_windows(comparison, channel, effect.courses[channel])
             found += [replace(place, place=effect.place, share=place.share * effect.share) for place in windows]
@@ -225,6 +236,4 @@ def _evidence(found: Search, untested: Mapping[str, Mapping[str, str]]) -> list[
 
 
 def _note(standing: Standing) -> str:
-    if not standing.is_the_same_in_all_runs:
-        return "differs from run to run"
-    return "no gain on rows that were not fitted" if standing.cv_gain <= 0.0 else ""
+    return "" if standing.is_the_same_in_all_runs else "differs from run to run"

@@ -15,12 +15,12 @@ from selector.diagnosis.effects.effect import Effect, Variant
 from selector.diagnosis.evidence.moments import Moments, beside, inverse_of, moments
 from selector.diagnosis.evidence.noise import NoiseModel, noise_model, stretches, whitened
 from selector.diagnosis.shapes.leftover import least_squares
+from selector.diagnosis.shapes.machine_cycle import MachineCycle, machine_cycle
 from selector.diagnosis.shapes.signals import filled, rate
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 _BLOCKS = 24
-_FOLDS = 6
 OF_MODEL = "model: "
 """Begins the name of a column that is a parameter of a simulation that can be run again."""
 
@@ -55,6 +55,10 @@ class Bench:
         are excited, then the parameters in `own`.
     own : mapping of str to slice
         Effect → its columns in `nuisance`: parameters that every such simulation has.
+    cycle : MachineCycle or None
+        What the machine repeats.
+    is_off_cycle : bool
+        Whether what comes back with every cycle is taken for noise, and taken off.
     scales : ndarray of shape (m,)
         Root mean square of every candidate column over the fitted rows; columns are used divided by it.
     candidates : tuple of Candidate
@@ -79,6 +83,17 @@ class Bench:
     runs: NDArray[np.intp]
     resolution: float
     own: Mapping[str, slice]
+    cycle: MachineCycle | None = None
+    is_off_cycle: bool = False
+
+    @property
+    def n_plain(self) -> int:
+        """Columns of `nuisance` before the own parameters."""
+        return min((part.start for part in self.own.values()), default=self.nuisance.shape[1])
+
+    def off_cycle(self, cycle: MachineCycle) -> Bench:
+        """The same with what comes back with every cycle taken off."""
+        return replace(self, cycle=cycle, is_off_cycle=True)
 
     def without_own(self, id: str) -> Bench:  # noqa: A002 - the word of the contract
         """The same with an own parameter as a candidate instead."""
@@ -113,7 +128,15 @@ class Bench:
         result = np.empty((len(self.rows), len(self.scales)))
         for v, candidate in enumerate(self.candidates):
             result[:, candidate.columns] = whitened(self.noise, self.raw(v), self.parts)[self.rows]
-        return result
+        return self._single(result)
+
+    def _single(self, white: Matrix) -> Matrix:
+        """Whitened columns (fitted rows) less what comes back with every cycle, if that counts as noise."""
+        if self.cycle is None or not self.is_off_cycle:
+            return white
+        values = np.zeros((len(self.target), white.shape[1]))
+        values[self.rows] = white
+        return np.asarray(white - self.cycle.repeated(values, self.rows)[self.rows])
 
     def raw(self, v: int) -> Matrix:
         """Columns of candidate `v`, all rows, each of root mean square 1 over the fitted ones."""
@@ -122,12 +145,12 @@ class Bench:
     @cached_property
     def white_nuisance(self) -> Matrix:
         """Columns of the recalibration behind the noise filter, fitted rows only."""
-        return whitened(self.noise, self.nuisance, self.parts)[self.rows]
+        return self._single(whitened(self.noise, self.nuisance, self.parts)[self.rows])
 
     @cached_property
     def white_target(self) -> Vector:
         """The target behind the noise filter, fitted rows only; 0 where it is missing."""
-        return whitened(self.noise, self._whole_target[:, None], self.parts)[self.rows, 0]
+        return self._single(whitened(self.noise, self._whole_target[:, None], self.parts)[self.rows])[:, 0]
 
     @cached_property
     def _whole_target(self) -> Vector:
@@ -158,11 +181,6 @@ class Bench:
             cuts = np.linspace(first, last, n + 1).round().astype(int)
             found += [slice(int(a), int(b)) for a, b in pairwise(cuts)]
         return found
-
-    @cached_property
-    def folds(self) -> NDArray[np.intp]:
-        """Which fold every block belongs to; neighbours belong to different ones."""
-        return np.arange(len(self.blocks)) % min(_FOLDS, max(2, len(self.blocks)))
 
     @cached_property
     def block_runs(self) -> NDArray[np.intp]:
@@ -210,14 +228,29 @@ class Bench:
         gram = base.T @ base
         inverse = inverse_of(gram)
         beta = inverse @ (base.T @ self.white_target)
-        plain = slice(0, min((part.start for part in self.own.values()), default=self.nuisance.shape[1]))
         left = (self.target - self.raw_base(named) @ beta)[self.fitted]
-        beta[plain] += least_squares(self.nuisance[self.fitted, plain], left)
+        beta[: self.n_plain] += least_squares(self.nuisance[self.fitted, : self.n_plain], left)
         return beta, inverse
 
     def residual(self, named: Sequence[int]) -> Vector:
-        """The target less recalibration and named candidates [unit], all rows; NaN where the target is missing."""
-        return self.target - self.raw_base(named) @ self.coefficients(named)[0]
+        """The target less recalibration and named candidates [unit], all rows; NaN where the target is missing.
+
+        Less what comes back with every cycle, too, where that counts as noise.
+        """
+        left = self.target - self.raw_base(named) @ self.coefficients(named)[0]
+        if self.cycle is None or not self.is_off_cycle:
+            return left
+        return np.asarray(left - self.cycle.repeated(left[:, None], self.fitted)[:, 0])
+
+    def explained(self, named: Sequence[int]) -> Vector:
+        """What recalibration and named candidates explain [unit], all rows."""
+        columns, beta = self.raw_base(named), self.coefficients(named)[0]
+        if self.is_off_cycle:
+            # what does not come back with the cycle says too little about offset, gain and delay
+            plain = self.nuisance.shape[1]
+            rest = np.where(self.fitted, self.target - columns[:, plain:] @ beta[plain:], 0.0)
+            beta[:plain] = least_squares(self.nuisance[self.fitted], rest[self.fitted])
+        return np.asarray(columns @ beta)
 
     def white_residual(self, named: Sequence[int]) -> Vector:
         """The residual behind the noise filter, all rows; NaN where there is none, or no past."""
@@ -234,6 +267,7 @@ class Bench:
         left = np.where(self.fitted, self.residual(named), np.nan)
         parts = [part for part in stretches_of(self, self.fitted) if part.stop - part.start > 8]
         lost = self.nuisance.shape[1] + sum(self.counts[v] for v in named)
+        lost += self.cycle.samples if self.cycle is not None and self.is_off_cycle else 0
         return self.with_noise(noise_model(left, parts, lost=lost))
 
 
@@ -302,6 +336,7 @@ def bench_of(
         runs=comparison.run_index,
         resolution=comparison.resolution.get(response, 0.0),
         own=own,
+        cycle=machine_cycle(comparison),
     )
     return bench.refitted_noise([]), untested
 

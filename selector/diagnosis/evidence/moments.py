@@ -113,34 +113,30 @@ def inverse_of(gram: Matrix) -> Matrix:
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """Every variant fitted together with the base on some blocks.
+    """Every variant fitted together with the base.
 
     Attributes
     ----------
     gain : ndarray of shape (n_variants,)
         By how much the sum of squares falls when the variant is added; 0 if it cannot be told from the base.
-    base_alone : ndarray of shape (p,)
-        Coefficients of the base without any variant.
-    coefficients, base_coefficients : lists of ndarray, shapes (n_variants, k), (n_variants, p)
+    coefficients : list of ndarray of shape (n_variants, k)
         For every number of columns k.
     """
 
     gain: Vector
-    base_alone: Vector
     coefficients: list[Matrix]
-    base_coefficients: list[Matrix]
 
 
-def solved(sums: Moments, use: NDArray[np.bool_]) -> Solved:
-    """Fit of every variant beside the base on the blocks in `use`."""
-    a, g = sums.base[use].sum(axis=0), sums.base_target[use].sum(axis=0)
-    cross, target = sums.cross[use].sum(axis=0), sums.target[use].sum(axis=0)
+def solved(sums: Moments) -> Solved:
+    """Fit of every variant beside the base."""
+    a, g = sums.base.sum(axis=0), sums.base_target.sum(axis=0)
+    cross, target = sums.cross.sum(axis=0), sums.target.sum(axis=0)
     inverse = inverse_of(a)
     alone, carried = inverse @ g, inverse @ cross
     gain = np.zeros(sums.n_variants)
-    coefficients, beside = [], []
+    coefficients = []
     for part, group, members, limits in zip(sums.within, sums.groups, sums.members, sums.bounds, strict=True):
-        whole = part[use].sum(axis=0)
+        whole = part.sum(axis=0)
         b = cross[:, group]
         left = whole - np.einsum("pvi,pvj->vij", b, carried[:, group])
         score = target[group] - np.einsum("pvi,p->vi", b, alone)
@@ -149,8 +145,7 @@ def solved(sums: Moments, use: NDArray[np.bool_]) -> Solved:
         rise = 2.0 * np.einsum("vi,vi->v", score, beta) - np.einsum("vi,vij,vj->v", beta, left, beta)
         gain[members] = np.where(told, rise, 0.0)
         coefficients.append(beta)
-        beside.append(alone[None, :] - np.einsum("pvi,vi->vp", carried[:, group], beta))
-    return Solved(np.maximum(gain, 0.0), alone, coefficients, beside)
+    return Solved(np.maximum(gain, 0.0), coefficients)
 
 
 def _solutions(left: Matrix, whole: Matrix, score: Matrix) -> tuple[Matrix, NDArray[np.bool_]]:
@@ -164,28 +159,6 @@ def _solutions(left: Matrix, whole: Matrix, score: Matrix) -> tuple[Matrix, NDAr
     turned = np.einsum("vij,vi->vj", vectors, score * scale)
     beta = np.einsum("vij,vj->vi", vectors, inverse * turned) * scale
     return beta, np.asarray(kept.any(axis=1))
-
-
-def losses(sums: Moments, fit: Solved, on: NDArray[np.bool_], chosen: Indices) -> tuple[float, Vector]:
-    """Sum of squares on the blocks `on`: of the base alone, and with each variant of `chosen`, fitted elsewhere."""
-    a, g = sums.base[on].sum(axis=0), sums.base_target[on].sum(axis=0)
-    square = float(sums.square[on].sum())
-    alone = square - 2.0 * float(fit.base_alone @ g) + float(fit.base_alone @ a @ fit.base_alone)
-    cross, target = sums.cross[on].sum(axis=0), sums.target[on].sum(axis=0)
-    place = {int(v): (q, i) for q, members in enumerate(sums.members) for i, v in enumerate(members)}
-    result = np.empty(len(chosen))
-    for n, v in enumerate(chosen):
-        q, i = place[int(v)]
-        beta, alpha, group = fit.coefficients[q][i], fit.base_coefficients[q][i], sums.groups[q][i]
-        within = sums.within[q][on, i].sum(axis=0)
-        result[n] = (
-            square
-            - 2.0 * (alpha @ g + beta @ target[group])
-            + alpha @ a @ alpha
-            + 2.0 * alpha @ cross[:, group] @ beta
-            + beta @ within @ beta
-        )
-    return alone, result
 
 
 def scores_of_noise(sums: Moments, noise_base: Matrix, noise_target: Matrix) -> list[tuple[Matrix, Matrix]]:

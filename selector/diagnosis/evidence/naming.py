@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from selector.diagnosis.answer import NamedEffect
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import effect_of
-from selector.diagnosis.effects.effect import Fitted, Quantity
+from selector.diagnosis.effects.effect import Fitted, Quantity, Variant
 from selector.diagnosis.evidence.bench import Bench
 from selector.diagnosis.evidence.moments import solved
 from selector.diagnosis.evidence.recalibration import Recalibrated
@@ -54,7 +54,15 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
         experiment=effect.experiment,
         channels=tuple(sorted(gains, key=lambda name: -gains[name])),
         courses=courses,
+        acts=_acts(fitted.variant),
     )
+
+
+def _acts(variant: Variant) -> tuple[str, float | None, float | None] | None:
+    if variant.run is None:
+        return None
+    first, last = variant.shape.get("from_s"), variant.shape.get("to_s")
+    return variant.run, None if first is None else first.value, None if last is None else last.value
 
 
 def _course(bench: Bench, named: Sequence[int], v: int) -> tuple[Vector, float]:
@@ -96,7 +104,7 @@ def _fitted(comparison: Comparison, found: Search, id_: str, response: str, cour
 def _shape_intervals(bench: Bench, named: Sequence[int], v: int) -> dict[str, tuple[float, float]]:
     """Range of every shape parameter over the shapes that fit within χ² = 3.84 as well."""
     others = [other for other in named if other != v]
-    gains = solved(bench.moments(bench.base(others)), np.ones(len(bench.blocks), dtype=bool)).gain
+    gains = solved(bench.moments(bench.base(others))).gain
     own = bench.candidates[v]
     alike = [
         candidate.variant.shape
@@ -176,4 +184,5 @@ def input_fault_effect(comparison: Comparison, fault: InputFault) -> NamedEffect
         experiment=effect.experiment,
         channels=(channel,),
         courses={channel: fault.course},
+        acts=(fault.run, fault.from_s, fault.to_s),
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,46 +12,66 @@ from selector.diagnosis.evidence.bench import Bench
 from selector.diagnosis.evidence.moments import solved
 from selector.diagnosis.evidence.testing import Tested, tail_probability, tests_of
 from selector.diagnosis.shapes.leftover import least_squares
+from selector.diagnosis.shapes.machine_cycle import MachineCycle
 
 Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
 Benches = Mapping[str, Bench]
+SURE = 0.85
+"""Weight from which an effect, or a set, is told from all others."""
 Named = dict[str, dict[str, int]]
 """Effect id → response → number of the candidate."""
-_SHOWS = 0.05
-"""A response shows a supported effect if noise alone would show it there as clearly in fewer than this share."""
 _MOST = 5
 _FINEST = 0.02
 """Steps of the reading: what never moves it as far cannot be read from it, but by the rounding itself."""
 _NEARLY = 0.6
-_SURE = 0.9
-_RIVAL = 0.1
+_RIVAL = 0.2
 """An effect of less than this share of the weight of the named one is told from it."""
-_TEMPER = 2.0
-_RARE = {"data.": (0.85, 4.0), "vibration.line": (0.9, 4.0), "thermal.interaction": (1.0, 1.5)}
-"""Share of the score that counts, and what is taken off: shapes so free that they follow much that they are not."""
-_TRIFLE = 0.1
+_TRIFLE = 0.05
 """What gains less than this share of all that is named may be what their shapes do not fit exactly."""
 _MOST_LIBERAL = 8
+_CLEAR = 5.0
+_LENGTHS = tuple(np.linspace(-1e-3, 1e-3, 21))
+"""Shares by which the cycle that comes back may be longer than the one that was read off the simulation."""
 
 
 @dataclass(frozen=True, eq=False)
 class Standing:
-    """How one effect stands in all responses together, beside what is named already."""
+    """How one effect stands in all responses together, beside what is named already.
+
+    Attributes
+    ----------
+    id : str
+    score : float
+        Twice the logarithm of how much more likely the record is with the effect, which may or may not show in each of
+        the responses.
+    noise : ndarray of shape (n_draws,)
+        The largest score that noise alone gives to any of the effects.
+    responses : tuple of str
+        Those in which it shows rather than not.
+    tested : mapping of str to Tested
+    """
 
     id: str
-    p_value: float
     score: float
-    cv_gain: float
-    is_the_same_in_all_runs: bool
+    noise: Vector
     responses: tuple[str, ...]
     tested: Mapping[str, Tested]
 
-    def block_gains(self, benches: Benches) -> Vector:
-        """Cross-validated gain block by block, responses behind each other."""
-        return np.concatenate([
-            self.tested[name].block_gains if name in self.responses else np.zeros(len(bench.blocks))
-            for name, bench in benches.items()
-        ])  # fmt: skip
+    @property
+    def p_value(self) -> float:
+        """Probability that noise makes as much of any of the effects: adjusted for all that are tested."""
+        return tail_probability(self.score, self.noise)
+
+    @property
+    def gain(self) -> float:
+        """Fall of the whitened sum of squares, where it shows."""
+        return sum(self.tested[name].gain for name in self.responses)
+
+    @property
+    def is_the_same_in_all_runs(self) -> bool:
+        """Whether one size fits all runs."""
+        return all(self.tested[name].is_the_same_in_all_runs for name in self.responses)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,31 +116,26 @@ def standings(benches: Benches, named: Named, noise: Mapping[str, Vector], *, se
         for k, (name, bench) in enumerate(benches.items())
     }
     own = {name for bench in benches.values() for name in bench.own}
-    names = [
-        name for name in dict.fromkeys(name for of in tested.values() for name in of) if name not in {*named, *own}
-    ]
-    return {name: _standing(name, {key: of[name] for key, of in tested.items() if name in of}) for name in names}
+    of_effect: dict[str, dict[str, Tested]] = {}
+    for response, of in tested.items():
+        for name, one in of.items():
+            if name not in named and name not in own:
+                of_effect.setdefault(name, {})[response] = one
+    if not of_effect:
+        return {}
+    by_noise = np.max([together([one.noise for one in of.values()]) for of in of_effect.values()], axis=0)
+    found = {}
+    for name, of in of_effect.items():
+        score = float(together([one.evidence for one in of.values()]))
+        shown = tuple(response for response, one in of.items() if one.evidence > 0.0)
+        main = max(of, key=lambda response: of[response].evidence)
+        found[name] = Standing(name, score, by_noise, shown or (main,), of)
+    return found
 
 
-def _standing(id: str, tested: Mapping[str, Tested]) -> Standing:  # noqa: A002 - the word of the contract
-    single = {name: one.p_value for name, one in tested.items()}
-    together = tail_probability(
-        sum(one.gain for one in tested.values()), np.sum([one.noise for one in tested.values()], axis=0)
-    )
-    p_value = (
-        min(*single.values(), together) * (2.0 if len(single) > 1 else 1.0) if len(single) > 1 else min(single.values())
-    )
-    shown = tuple(name for name, p in single.items() if p <= _SHOWS)
-    shown = shown or (min(single, key=lambda name: single[name]),)
-    return Standing(
-        id=id,
-        p_value=min(1.0, p_value),
-        score=sum(tested[name].score for name in shown),
-        cv_gain=sum(tested[name].cv_gain for name in shown),
-        is_the_same_in_all_runs=all(tested[name].is_the_same_in_all_runs for name in shown),
-        responses=shown,
-        tested=tested,
-    )
+def together(evidence: Sequence[Vector | float]) -> Vector:
+    """Evidence of responses in each of which the effect is as likely to show as not."""
+    return np.sum([2.0 * np.logaddexp(-np.log(2.0), 0.5 * np.asarray(one) - np.log(2.0)) for one in evidence], axis=0)
 
 
 def search(benches: Benches, *, false_alarm: float, seed: int) -> Search:
@@ -129,7 +144,7 @@ def search(benches: Benches, *, false_alarm: float, seed: int) -> Search:
     The noise is what a fit of everything that looks like an effect leaves (`with_noise_of_full_fit`): a residual that
     still holds what is missing would make the noise too large and too slow.
     """
-    fitted = {name: with_noise_of_full_fit(bench) for name, bench in benches.items()}
+    fitted = {name: _beside_the_cycle(*with_noise_of_full_fit(bench)) for name, bench in benches.items()}
     benches = {name: bench for name, (bench, _) in fitted.items()}
     noise = {name: _left(bench, chosen) for name, (bench, chosen) in fitted.items()}
     named = _selected(benches, noise, false_alarm=false_alarm, seed=seed)
@@ -154,7 +169,7 @@ def _with_own(
             continue
         standing = standings(freed, named, noise, seed=seed)
         one = standing[id_]
-        if not is_supported(one, false_alarm / (len(standing) + len(named))):
+        if not is_supported(one, false_alarm):
             continue
         chosen = {name: freed[name].first_candidate(id_) for name in one.responses}
         main = max(one.responses, key=lambda name: one.tested[name].gain)
@@ -175,7 +190,7 @@ def with_noise_of_full_fit(bench: Bench) -> tuple[Bench, list[int]]:
     for _ in range(_MOST_LIBERAL):
         if not bench.candidates:
             break
-        gains = solved(bench.moments(bench.base(chosen)), np.ones(len(bench.blocks), dtype=bool)).gain
+        gains = solved(bench.moments(bench.base(chosen))).gain
         worth = gains - np.log(len(bench.rows)) * (np.array(bench.counts) - 1.0)
         best = int(np.argmax(worth))
         if worth[best] < clear:
@@ -183,6 +198,34 @@ def with_noise_of_full_fit(bench: Bench) -> tuple[Bench, list[int]]:
         chosen.append(best)
         bench = bench.refitted_noise(chosen)
     return bench, chosen
+
+
+def _beside_the_cycle(bench: Bench, chosen: list[int]) -> tuple[Bench, list[int]]:
+    """The same less what comes back with every cycle of the machine, if no effect explains half of it.
+
+    A repeated course that nothing of the catalogue makes is as good as noise, but does not average out: each cycle says
+    the same. An effect on a machine that runs in cycles comes back as well, and leaves less than it explains.
+    """
+    if bench.cycle is None:
+        return bench, chosen
+    bare = bench.base([])
+    before, _ = _repeated(bench, bench.cycle, bare)
+    left, cycle = _repeated(bench, bench.cycle, bench.base(chosen))
+    alone = solved(bench.moments(bare)).gain
+    knots = cycle.samples
+    if left - knots < _CLEAR * np.sqrt(2.0 * knots) or alone.max(initial=0.0) > 0.5 * (before - knots):
+        return bench, chosen
+    return with_noise_of_full_fit(bench.off_cycle(cycle).refitted_noise([]))
+
+
+def _repeated(bench: Bench, cycle: MachineCycle, columns: Matrix) -> tuple[float, MachineCycle]:
+    """Whitened squares beside `columns` that come back with a cycle, and the length of it at which they are most."""
+    values = np.zeros((len(bench.target), 1))
+    values[bench.rows, 0] = bench.white_target - columns @ least_squares(columns, bench.white_target)
+    tried = [cycle.lengthened(share) for share in _LENGTHS]
+    squares = [float(np.sum(one.repeated(values, bench.rows)[bench.rows] ** 2)) for one in tried]
+    best = int(np.argmax(squares))
+    return squares[best], tried[best]
 
 
 def _left(bench: Bench, chosen: list[int]) -> Vector:
@@ -197,32 +240,23 @@ def _selected(benches: Benches, noise: Mapping[str, Vector], *, false_alarm: flo
     total = 0.0
     for _ in range(_MOST):
         standing = standings(benches, named, noise, seed=seed)
-        live = len(standing) + len(named)
         floor = _TRIFLE * total
-        supported = [
-            one for one in standing.values() if is_supported(one, false_alarm / max(live, 1)) and one.score > floor
-        ]
+        supported = [one for one in standing.values() if is_supported(one, false_alarm) and one.score > floor]
         if not supported:
             break
-        best = max(supported, key=merit)
+        best = max(supported, key=lambda one: one.score)
         total += best.score
         named[best.id] = {name: best.tested[name].best for name in best.responses}
-        named = _retested(benches, named, noise, false_alarm=false_alarm / max(live, 1), seed=seed)
+        named = _retested(benches, named, noise, false_alarm=false_alarm, seed=seed)
         if best.id not in named:
             break
     return named
 
 
 def is_supported(one: Standing, level: float) -> bool:
-    """Beyond what noise does and the gauge reads, on rows that were not fitted, and alike in all runs."""
+    """Beyond what noise does and the gauge reads, and alike in all runs."""
     seen = max(one.tested[name].largest for name in one.responses)
-    return one.p_value <= level and one.cv_gain > 0.0 and one.is_the_same_in_all_runs and seen > _FINEST
-
-
-def merit(one: Standing) -> float:
-    """By what effects are ranked: the score, less for what is rarer than the rest (`_RARE`)."""
-    share, less = next((price for start, price in _RARE.items() if one.id.startswith(start)), (1.0, 0.0))
-    return share * one.score - less
+    return one.p_value <= level and one.is_the_same_in_all_runs and seen > _FINEST
 
 
 def _retested(benches: Benches, named: Named, noise: Mapping[str, Vector], *, false_alarm: float, seed: int) -> Named:
@@ -232,12 +266,12 @@ def _retested(benches: Benches, named: Named, noise: Mapping[str, Vector], *, fa
             break
         others = without(named, name)
         standing = standings(benches, others, noise, seed=seed)
-        best = max(standing.values(), key=lambda one: merit(one) if is_supported(one, false_alarm) else -np.inf)
+        best = max(standing.values(), key=lambda one: one.score if is_supported(one, false_alarm) else -np.inf)
         if not is_supported(best, false_alarm):
             named = others
             continue
         own = standing[name]
-        chosen = own if is_supported(own, false_alarm) and merit(own) > merit(best) - 1.0 else best
+        chosen = own if is_supported(own, false_alarm) and own.score > best.score - 1.0 else best
         named = others | {chosen.id: {key: chosen.tested[key].best for key in chosen.responses}}
     return named
 
@@ -262,11 +296,11 @@ def _rivals(
     id: str,  # noqa: A002 - the word of the contract
     weights: Mapping[str, float],
 ) -> tuple[str, ...]:
-    """Effects with a like course that are needed until the set has nine tenths of the weight, largest first."""
+    """Effects with a like course that are needed until the set is sure (`SURE`), largest first."""
     found: list[str] = []
     sure = weights[id]
     for other in sorted(weights, key=lambda name: -weights[name]):
-        if sure >= _SURE or weights[other] < _RIVAL * weights[id]:
+        if sure >= SURE or weights[other] < _RIVAL * weights[id]:
             break
         if other != id and _alike(benches, beside, named, id, other):
             found.append(other)
@@ -275,18 +309,10 @@ def _rivals(
 
 
 def _weights(beside: Mapping[str, Standing], id: str) -> dict[str, float]:  # noqa: A002 - the word of the contract
-    """Weights of the effects that may stand in the place of `id`, summing to 1: exp(merit / 2) as likelihoods have it.
-
-    Tempered, for no shape of the catalogue is the truth to the last bit; the temper is what makes the confidence come
-    true on the proving ground (docs/explanation/blind-proof.md).
-    """
-    merits = {
-        name: merit(one)
-        for name, one in beside.items()
-        if name == id or (one.p_value < 1e-2 and one.is_the_same_in_all_runs)
-    }
-    best = max(merits.values())
-    raw = {name: float(np.exp((value - best) / (2.0 * _TEMPER))) for name, value in merits.items()}
+    """Weights of the effects that may stand in the place of `id`, summing to 1: how likely each makes the record."""
+    scores = {name: one.score for name, one in beside.items() if name == id or one.is_the_same_in_all_runs}
+    best = max(scores.values())
+    raw = {name: float(np.exp(0.5 * (value - best))) for name, value in scores.items()}
     total = sum(raw.values())
     return {name: value / total for name, value in raw.items()}
 

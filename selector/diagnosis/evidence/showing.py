@@ -27,7 +27,7 @@ def fit_of(
     """
     simulated, target = comparison.simulated[bench.response], bench.target
     recalibrated = _recalibration(bench)
-    explained = bench.raw_base(named) @ bench.coefficients(named)[0] if named or recalibrate else np.zeros(len(target))
+    explained = bench.explained(named) if named or recalibrate else np.zeros(len(target))
     seen = np.isfinite(target)
     held = seen & comparison.held_out
     floor = _noise_floor(bench, named)
@@ -47,7 +47,7 @@ def fit_of(
 
 def _recalibration(bench: Bench) -> Vector:
     """What offset, gain and delay alone explain, by plain least squares [unit], all rows."""
-    plain = bench.nuisance[:, : min((part.start for part in bench.own.values()), default=bench.nuisance.shape[1])]
+    plain = bench.nuisance[:, : bench.n_plain]
     return np.asarray(plain @ least_squares(plain[bench.fitted], bench.target[bench.fitted]))
 
 

@@ -9,9 +9,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, stats
+from scipy.special import logsumexp
 
 from selector.diagnosis.evidence.bench import Bench
-from selector.diagnosis.evidence.moments import Moments, Solved, inverse_of, losses, scores_of_noise, solved
+from selector.diagnosis.evidence.moments import Moments, Solved, inverse_of, scores_of_noise, solved
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -20,6 +21,8 @@ _SHORT = 10
 _SIGNED = 150
 """At most this many blocks with a sign each, none shorter than `_SHORT` rows: white noise needs no longer ones."""
 _CONTRAST = 0.4
+_PRICE = 2.0
+"""Of a coefficient, in units of the gain: that of a size that before was known to a factor of about three."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,16 +35,16 @@ class Tested:
         Number of the candidate that fits best.
     gain : float
         Fall of the whitened sum of squares by it, all fitted rows, less the price of a shape chosen from the residual.
-    cv_gain : float
-        The same on blocks that were not fitted, the shape chosen anew for every fold.
-    block_gains : ndarray of shape (n_blocks,)
-        `cv_gain` block by block.
+    evidence : float
+        Twice the logarithm of how much more likely the record is with the effect than without: exp((gain − price)/2)
+        averaged over all its shapes (D. J. C. MacKay, Information Theory, Inference and Learning Algorithms, 2003,
+        chapter 28). An effect that can take many shapes has to share its evidence among them.
+    noise : ndarray of shape (n_draws,)
+        The same of noise alone.
     contrast : float
         What the best shape gains more if its size may differ from run to run; 0 of an effect that acts in one run only.
     freedoms : int
         Coefficients that `contrast` has more.
-    noise : ndarray of shape (n_draws,)
-        Gains by noise alone, the best of all shapes.
     largest : float
         Largest amount of the fitted course in the response, over its fitted rows [steps of the reading]; infinite if
         no step was seen.
@@ -49,27 +52,16 @@ class Tested:
 
     best: int
     gain: float
-    cv_gain: float
-    block_gains: Vector
+    evidence: float
+    noise: Vector
     contrast: float
     freedoms: int
-    noise: Vector
     largest: float
-
-    @property
-    def score(self) -> float:
-        """Gain less what noise gains on average with as many shapes."""
-        return self.gain - float(np.mean(self.noise))
 
     @property
     def is_the_same_in_all_runs(self) -> bool:
         """Whether one size fits all runs: the contrast is noise (1 in 1000), or small beside the gain itself."""
         return self.contrast <= max(float(stats.chi2.isf(1e-3, max(self.freedoms, 1))), _CONTRAST * self.gain)
-
-    @property
-    def p_value(self) -> float:
-        """Probability that noise gains as much."""
-        return tail_probability(self.gain, self.noise)
 
 
 def tail_probability(gain: float, noise: Vector) -> float:
@@ -99,44 +91,44 @@ def tests_of(bench: Bench, named: Sequence[int], noise: Vector, *, seed: int) ->
         return {}
     base = bench.base(named)
     sums = bench.moments(base)
-    everywhere = np.ones(len(bench.blocks), dtype=bool)
-    whole = solved(sums, everywhere)
-    members: dict[str, list[int]] = {}
-    for v, candidate in enumerate(bench.candidates):
-        members.setdefault(candidate.effect.id, []).append(v)
-    numbers = {name: np.array(list_, dtype=np.intp) for name, list_ in members.items()}
-    gains = _block_gains(sums, bench.folds, numbers)
-    gains_of = whole.gain - 2.0 * np.log([candidate.variant.looked_at for candidate in bench.candidates])
-    best_of = {name: int(list_[np.argmax(gains_of[list_])]) for name, list_ in numbers.items()}
+    whole = solved(sums)
+    numbers = members_of(bench)
+    prices = prices_of(bench)
+    best_of = {name: int(of[np.argmax((whole.gain - prices)[of])]) for name, of in numbers.items()}
     draws = noise_gains(bench, base, sums, noise, seed=seed)
     found = {}
-    for name, list_ in numbers.items():
+    for name, of in numbers.items():
         best = best_of[name]
         contrast, freedoms = _contrast(bench, sums, best, whole.gain[best])
         found[name] = Tested(
             best=best,
-            gain=max(0.0, float(gains_of[best])),
-            cv_gain=float(gains[name].sum()),
-            block_gains=gains[name],
+            gain=max(0.0, float(whole.gain[best] - 2.0 * np.log(bench.candidates[best].variant.looked_at))),
+            evidence=float(evidence_of(whole.gain[of], prices[of])),
+            noise=evidence_of(draws[:, of], prices[of]),
             contrast=contrast,
             freedoms=freedoms,
-            noise=draws[:, list_].max(axis=1),
             largest=_largest(bench, whole, sums, best),
         )
     return found
 
 
-def _block_gains(sums: Moments, folds: NDArray[np.intp], numbers: dict[str, NDArray[np.intp]]) -> dict[str, Vector]:
-    """Per effect and block, what the shape that fits the other folds best gains there."""
-    result = {name: np.zeros(len(folds)) for name in numbers}
-    for fold in np.unique(folds):
-        fit = solved(sums, folds != fold)
-        chosen = np.array([list_[np.argmax(fit.gain[list_])] for list_ in numbers.values()], dtype=np.intp)
-        for block in np.flatnonzero(folds == fold):
-            alone, with_them = losses(sums, fit, np.arange(len(folds)) == block, chosen)
-            for name, loss in zip(numbers, with_them, strict=True):
-                result[name][block] = alone - loss
-    return result
+def members_of(bench: Bench) -> dict[str, NDArray[np.intp]]:
+    """Effect → numbers of its candidates."""
+    members: dict[str, list[int]] = {}
+    for v, candidate in enumerate(bench.candidates):
+        members.setdefault(candidate.effect.id, []).append(v)
+    return {name: np.array(of, dtype=np.intp) for name, of in members.items()}
+
+
+def prices_of(bench: Bench) -> Vector:
+    """What every candidate has to gain to be as likely as nothing: for its coefficients, and a shape picked by eye."""
+    looks = np.array([candidate.variant.looked_at for candidate in bench.candidates])
+    return _PRICE * np.array(bench.counts) + 2.0 * np.log(looks)
+
+
+def evidence_of(gains: Matrix | Vector, prices: Vector) -> Vector:
+    """Twice the logarithm of exp((gain − price)/2), averaged over the shapes along the last axis."""
+    return np.asarray(2.0 * (logsumexp(0.5 * (gains - prices), axis=-1) - np.log(len(prices))))
 
 
 def _largest(bench: Bench, fit: Solved, sums: Moments, v: int) -> float:

@@ -16,7 +16,7 @@ from selector.diagnosis.effects.catalogue import effect_of
 from selector.diagnosis.effects.effect import Effect, Variant
 from selector.diagnosis.evidence.bench import Bench, recalibration_columns
 from selector.diagnosis.evidence.noise import NoiseModel, noise_model, stretches, whitened
-from selector.diagnosis.evidence.search import Search, numbers
+from selector.diagnosis.evidence.search import SURE, Search, numbers
 from selector.diagnosis.next_run.emulation import NEW_RUN, extended
 from selector.diagnosis.next_run.planned_runs import PlannedRun, planned_runs
 from selector.diagnosis.shapes.heating import SHORTEST_S
@@ -24,8 +24,8 @@ from selector.diagnosis.shapes.heating import SHORTEST_S
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
-_CLEAR = 8.8
-"""Gain by which an effect must lead so that its weight is nine tenths: 2·2·ln 9, the search's temper being 2."""
+_CLEAR = 2.0 * float(np.log(SURE / (1.0 - SURE)))
+"""Gain by which an effect must lead so that its weight is enough to tell it."""
 _ENOUGH = 0.9
 _INEXACT = 0.05
 """Part of its own course by which an effect of the catalogue may miss the truth: a smaller difference tells nothing."""
@@ -48,7 +48,7 @@ class Separation:
 
     @property
     def power(self) -> float:
-        """Chance that the true one leads clearly: P(d² + 2·d·z > 8.8) of a normal z."""
+        """Chance that the true one leads clearly: P(d² + 2·d·z > 2·ln odds) of a normal z."""
         return float(stats.norm.cdf((self.d**2 - _CLEAR) / (2.0 * self.d))) if self.d > 0.0 else 0.0
 
 
