@@ -47,13 +47,14 @@ class Remainder:
         self._left = self._off(difference[self._rows])
         self._whole = float(self._left @ self._left)
 
-    def share(self, column: Vector, *, only_positive: bool = True) -> float:
-        """Share of the remaining squares, 0 … 1; 0 for a course whose coefficient would be negative."""
+    def share(self, column: Vector, *, only_positive: bool = True, most: float = np.inf) -> float:
+        """Share of the remaining squares, 0 … 1, with a coefficient of 0 to `most` (of either sign if not positive)."""
         part = self._off(column[self._rows])
         squares, along = float(part @ part), float(part @ self._left)
         if squares <= 1e-20 * float(column @ column) or self._whole <= 0.0 or (only_positive and along < 0.0):
             return 0.0
-        return along * along / squares / self._whole
+        size = min(along / squares, most)
+        return (2.0 * along - size * squares) * size / self._whole
 
     def best(self, course: Callable[[float], Vector | None], tried: Vector, *, rounds: int = 3) -> float | None:
         """The value whose course explains most: of those tried (even in the logarithm), then between them."""

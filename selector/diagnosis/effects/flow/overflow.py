@@ -19,11 +19,17 @@ Vector = NDArray[np.float64]
 
 _FALLING = ((-np.inf, 0.0),)
 _RISING = ((0.0, np.inf),)
+_WHOLE = ((0.0, 1.5),)
+"""What spills is lost whole; half as much again where the brim lies between the levels that are tried."""
 _MOST = 30
 _BETTER = 0.8
 """With brims the refitted stores have to err by less than this, over the error of those refitted without."""
 _UPPER_SHARES = (0.6, 0.7, 0.8, 0.87, 0.94)
 """Quantiles of an upper store's level at which it may spill."""
+_HIGH_SHARES = (0.975, 0.99, 0.997)
+"""The same of a store that is known well enough for a spill that is seldom."""
+_TUNED = 4.0
+"""What a brim pays that was moved between the levels that are tried to where it explains most."""
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
@@ -65,7 +71,8 @@ def _of_stores(
     remainder = Remainder(comparison, response)
     whole, plain = stores.levels(comparison)
     fitted = ~comparison.held_out
-    uppers = [np.inf, *np.quantile(whole[fitted], _UPPER_SHARES)] if stores.n == 2 else [np.inf]
+    shares = (*_UPPER_SHARES, *_HIGH_SHARES)
+    uppers = [np.inf, *np.quantile(whole[fitted], shares)] if stores.n == 2 else [np.inf]
     tried: list[tuple[float, Brims]] = []
 
     def lost(brims: Brims) -> Vector:
@@ -76,20 +83,25 @@ def _of_stores(
             for caught in (0.0, 0.5) if np.isfinite(upper) else (0.0,):
                 if np.isfinite(upper) or np.isfinite(lower):
                     brims = (float(upper), float(lower), caught)
-                    tried.append((remainder.share(lost(brims)), brims))
+                    tried.append((remainder.share(lost(brims), most=1.0), brims))
     tried = sorted(tried, key=lambda pair: -pair[0])[:_MOST]
-    best = _refined(remainder, lost, tried[0][1], float(np.ptp(whole)), float(np.ptp(plain))) if tried else ()
-    for brims in (*best, *(pair[1] for pair in tried)):
+    firsts: dict[tuple[bool, bool], Brims] = {}
+    for _, brims in reversed(tried):
+        firsts[bool(np.isfinite(brims[0])), bool(np.isfinite(brims[1]))] = brims
+    best = [_refined(remainder, lost, first, float(np.ptp(whole)), float(np.ptp(plain))) for first in firsts.values()]
+    on_grid = [brims for _, brims in tried]
+    for brims in dict.fromkeys((*best, *on_grid)):
         column = lost(brims)
         if np.any(column):
-            yield _with_brims(comparison, response, column, brims, whole, inflow)
+            looked_at = 1.0 if brims in on_grid else _TUNED
+            yield _with_brims(comparison, response, column, brims, whole, inflow, looked_at)
     recorded = comparison.recorded[response]
     without, _, _ = refitted(comparison, stores, recorded, None)
     for brims in best:
         error, anew, moved = refitted(comparison, stores, recorded, brims)
         if moved is not None and error < _BETTER * without:
             whole, course_ = anew.levels(comparison)[0], anew.levels(comparison, *moved)[1]
-            yield _with_brims(comparison, response, course_ - plain, moved, whole, inflow)
+            yield _with_brims(comparison, response, course_ - plain, moved, whole, inflow, _TUNED)
 
 
 def _refined(
@@ -98,9 +110,9 @@ def _refined(
     brims: Brims,
     upper_size: float,
     lower_size: float,
-) -> tuple[Brims, ...]:
+) -> Brims:
     """Brims moved one by one, by ever smaller steps, as long as they explain more."""
-    best, score = brims, remainder.share(lost(brims))
+    best, score = brims, remainder.share(lost(brims), most=1.0)
     for step in (0.1, 0.05, 0.025, 0.012):
         for k, size in ((0, upper_size), (1, lower_size), (2, 3.0)):
             for sign in (-1.0, 1.0):
@@ -110,14 +122,20 @@ def _refined(
                 moved[k] += sign * step * size
                 moved[2] = min(max(moved[2], 0.0), 1.0)
                 trial = (moved[0], moved[1], moved[2])
-                gain = remainder.share(lost(trial))
+                gain = remainder.share(lost(trial), most=1.0)
                 if gain > score:
                     best, score = trial, gain
-    return (best,)
+    return best
 
 
 def _with_brims(
-    comparison: Comparison, response: str, column: Vector, brims: Brims, whole: Vector, inflow: str
+    comparison: Comparison,
+    response: str,
+    column: Vector,
+    brims: Brims,
+    whole: Vector,
+    inflow: str,
+    looked_at: float,
 ) -> Variant:
     unit, shape, words = comparison.channel(response).unit, {}, []
     if np.isfinite(brims[1]):
@@ -128,7 +146,8 @@ def _with_brims(
         shape["upper_ceiling"] = Quantity(share, "1")
         shape["caught"] = Quantity(float(brims[2]), "1")
         words.append(f"the store above spills at {100 * share:.3g} % of its highest level")
-    return Variant(column[:, None], (", ".join(words),), shape, sources=_recorded(comparison, inflow), bounds=_RISING)
+    sources = _recorded(comparison, inflow)
+    return Variant(column[:, None], (", ".join(words),), shape, sources=sources, bounds=_WHOLE, looked_at=looked_at)
 
 
 def spilled(comparison: Comparison, level: Vector, ceiling: float, tau_s: float) -> Vector:
@@ -158,8 +177,8 @@ def _ceilings(comparison: Comparison, response: str, simulated: Vector) -> list[
     if not fitted.any():
         return []
     seen = recorded[fitted]
-    tops = np.unique(np.quantile(seen, (0.85, 0.9, 0.94, 0.97, 0.985, 0.995)))
-    return [float(top) for top in tops if float(np.mean(simulated[fitted] > top)) > 0.005]
+    tops = np.unique(np.quantile(seen, (0.85, 0.9, 0.94, 0.97, 0.985, 0.995, 0.9985)))
+    return [float(top) for top in tops if float(np.mean(simulated[fitted] > top)) > 0.002]
 
 
 def _uppers(comparison: Comparison, response: str, taus: Vector) -> Iterator[tuple[str, float, Vector]]:
