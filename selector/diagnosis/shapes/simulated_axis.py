@@ -51,6 +51,8 @@ class SimulatedAxis:
         Viscous friction [1/s].
     dry_m_per_s2 : float
         Dry friction [m/s²].
+    presliding_m : float
+        Way within which it turns over [m].
     stiffens_per_m, forgets_per_s : ndarray of shape (n_rows,)
         (1 − z·sgn v)/d and |v|/d at the rows.
     """
@@ -60,6 +62,7 @@ class SimulatedAxis:
     yield_s2: float
     viscous_per_s: float
     dry_m_per_s2: float
+    presliding_m: float
     stiffens_per_m: Vector
     forgets_per_s: Vector
 
@@ -71,6 +74,12 @@ class SimulatedAxis:
         # a pole at 0, and that of a lag that is none, are no poles of the loop
         polynomial = np.trim_zeros(np.array([lag, 1.0 + lag * viscous, viscous + c2, c1, c0]))
         return np.asarray(np.roots(polynomial), dtype=np.complex128)
+
+    def substeps(self, period_s: float) -> int:
+        """Steps within a period that follow its poles, and the spring that friction is."""
+        holds = float(np.sqrt(self.dry_m_per_s2 * self.stiffens_per_m.max()))
+        fastest = max(float(np.sort(np.abs(self.poles_per_s))[:3].max()), holds)
+        return max(1, int(np.ceil(fastest * period_s / _STEP_PER_POLE)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +124,7 @@ def simulated_axis(comparison: Comparison, axis: str | None) -> SimulatedAxis | 
     if told is None:
         return None
     stiffens, forgets = _linearised(moving, distance)
-    found = SimulatedAxis(*told, viscous / mass, max(dry / mass, 0.0), stiffens, forgets)
+    found = SimulatedAxis(*told, viscous / mass, max(dry / mass, 0.0), distance, stiffens, forgets)
     return found if float(np.max(found.poles_per_s.real)) < 0.0 else None
 
 
@@ -170,7 +179,7 @@ def _controlled(comparison: Comparison, error: Vector, command: Vector) -> list[
 
 def _checked(
     comparison: Comparison, fit: Vector, yields: float
-) -> tuple[tuple[float, float, float], float, float] | None:
+) -> tuple[tuple[float, float, float], float, float]:
     lag = -float(fit[-1])
     possible = 0.0 <= lag <= _LONGEST_LAG_PERIODS * comparison.period_s
     c2, c1, c0 = (-float(value) for value in fit[:3])
@@ -207,15 +216,12 @@ def pushed(comparison: Comparison, axis: SimulatedAxis, push: Vector, yield_s2: 
     With `yield_s2` the push and the dry friction act on a table that yields by so much per force against the motor;
     the way is that of the table.
     """
-    holds = float(np.sqrt(axis.dry_m_per_s2 * axis.stiffens_per_m.max()))
-    fastest = max(float(np.sort(np.abs(axis.poles_per_s))[:3].max()), holds)
-    substeps = max(1, int(np.ceil(fastest * comparison.period_s / _STEP_PER_POLE)))
     way, speed, acceleration, countered = np.zeros((4, len(push)))
     for _, rows in comparison.rows_of_runs():
         _stepped(
             push[rows], comparison.time_s[rows], np.array(axis.control), axis.lag_s, axis.viscous_per_s,
-            axis.dry_m_per_s2, axis.stiffens_per_m[rows], axis.forgets_per_s[rows], yield_s2, substeps,
-            way[rows], speed[rows], acceleration[rows], countered[rows],
+            axis.dry_m_per_s2, axis.stiffens_per_m[rows], axis.forgets_per_s[rows], yield_s2,
+            axis.substeps(comparison.period_s), way[rows], speed[rows], acceleration[rows], countered[rows],
         )  # fmt: skip
     return Pushed((way, speed, acceleration), countered)
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from selector.diagnosis.effects.catalogue import catalogue
+from selector.diagnosis.effects.drive._limit import held_back_axis
 from selector.diagnosis.shapes.motion import motion
 from selector.diagnosis.shapes.simulated_axis import pushed, simulated_axis
-from tests.diagnosis.effects.drive_axis import VISCOUS_ONLY, WITH_FRICTION, Noise, compared, replace
+from tests.diagnosis.effects.drive_axis import PAIRS, VISCOUS_ONLY, WITH_FRICTION, Noise, compared, replace
 
 QUIET = Noise(0.0, 0.0, 0.0)
 
@@ -73,3 +75,34 @@ def test_a_constant_push_is_countered_in_full_where_the_axis_slides():
     late = comparison.time_s > 2.0
     assert answer.countered[late] == pytest.approx(1.0, abs=1e-6)
     assert np.abs(answer.motion[0][late]).max() < 1e-6 * np.abs(answer.motion[0]).max()
+
+
+@pytest.mark.parametrize("winds_up", [True, False])
+def test_a_limit_holds_what_the_control_asks_for_and_is_made_good(winds_up):
+    comparison = compared(WITH_FRICTION, WITH_FRICTION, seed=1, noise=QUIET)
+    axis = simulated_axis(comparison, "X")
+    asked = np.exp(-(((comparison.time_s - 1.0) / 0.05) ** 2))
+    lacking, behind = held_back_axis(comparison, axis, asked, 1.5, winds_up=winds_up)
+    assert not lacking.any()
+    assert not behind.any()
+    lacking, behind = held_back_axis(comparison, axis, asked, 0.8, winds_up=winds_up)
+    # what lacks comes behind the lag, and never more than the limit takes away
+    over = asked > 0.8
+    assert -0.2 - 1e-9 <= lacking[over].min() < -0.1
+    assert behind.min() < 0.0
+    # forgotten with the slowest pole, near 40 1/s, unless friction holds the axis where it was left
+    assert np.abs(lacking[comparison.time_s > 2.0]).max() < 1e-2
+
+
+def test_play_that_lies_on_a_flank_before_the_first_motion():
+    effect = next(one for one in catalogue() if one.id == "drive.backlash")
+    truth, model = PAIRS["drive.backlash"]
+    comparison = compared(truth, model, seed=1, noise=QUIET)
+    found = {round(v.shape["start"].value): v.columns[:, 0] for v in effect.variants(comparison, "E")}
+    before = comparison.time_s < 0.1
+    moved = {start: column[~before] for start, column in found.items()}
+    assert set(found) == {-1, 0, 1}
+    assert not found[0][before].any()
+    # the other flank is left at the first touch: a jump more
+    assert found[1][before] == pytest.approx(-found[-1][before])
+    assert np.abs(np.diff(moved[1])).sum() < np.abs(np.diff(moved[-1])).sum()

@@ -11,13 +11,15 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Fitted, Quantity, ShapeParameter, Variant
 from selector.diagnosis.shapes.force_response import PLACE_ROLES, guesses, passed, responds, yields_s2
 from selector.diagnosis.shapes.motion import Motion, motion
-from selector.diagnosis.shapes.simulated_axis import FORCE_ROLES
+from selector.diagnosis.shapes.simulated_axis import FORCE_ROLES, simulated_axis
 
 Vector = NDArray[np.float64]
 
 PLACES = PLACE_ROLES
 YIELD = ShapeParameter("yield_s2", "s^2", 0.0, 1e-4, "compliance between drive and table times the moving mass")
 
+
+_USUAL_PRESLIDING_M = 4e-6
 
 LEADS_LOOKED_AT = 30.0
 """Of some hundreds of leads that can be told apart, what is left to chance when the highest few are offered."""
@@ -94,6 +96,12 @@ def place_only(comparison: Comparison, response: str) -> str | None:
     if lacking is None and comparison.channel(response).role not in PLACES:
         return f"{response} is no displacement or position, and it does not show elsewhere"
     return lacking
+
+
+def presliding_m(comparison: Comparison, response: str) -> float:
+    """Way within which dry friction turns over: that of the simulation's own, else a usual one [m]."""
+    told = simulated_axis(comparison, comparison.channel(response).axis)
+    return told.presliding_m if told is not None and told.dry_m_per_s2 > 0.0 else _USUAL_PRESLIDING_M
 
 
 def centred_place(moving: Motion) -> Vector:

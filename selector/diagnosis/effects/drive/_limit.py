@@ -1,7 +1,10 @@
 """What a closed loop does when its force has a limit: the force that lacks, and the way that the axis falls behind.
 
-With A(s) = s³ + α₂s² + α₁s + α₀ of the loop, and force and mass in units of each other, the way y behind obeys
-y'' = clip(F − α₂y' − α₁y − α₀∫y) − F, F being what the simulation asks for.
+Where the simulation tells its control and the lag τ behind it (`simulated_axis`), the limit is one of the force that
+the control asks for, F + τF', and the integral part follows what the limit lets through, as usual controls have it
+(K. J. Åström, L. Rundqwist 1989, Integrator windup and how to avoid it, American Control Conference). Where it tells
+no more than the poles of its loop, A(s) = s³ + α₂s² + α₁s + α₀, and force and mass in units of each other, the way y
+behind obeys y'' = clip(F − α₂y' − α₁y − α₀∫y) − F, F being what the simulation asks for.
 """
 
 from __future__ import annotations
@@ -12,6 +15,8 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.shapes.force_response import ClosedLoop
+from selector.diagnosis.shapes.signals import rate
+from selector.diagnosis.shapes.simulated_axis import SimulatedAxis
 
 Vector = NDArray[np.float64]
 
@@ -33,6 +38,59 @@ def held_back(
     for _, rows in comparison.rows_of_runs():
         _stepped(force[rows], comparison.time_s[rows], alpha, limit, winds_up, substeps, lacking[rows], behind[rows])
     return lacking, behind
+
+
+def asked_for(comparison: Comparison, axis: SimulatedAxis, force: Vector) -> Vector:
+    """What the control asked for, so that the force came, F + τF' [unit of the force]."""
+    return force + axis.lag_s * rate(comparison, force)
+
+
+def held_back_axis(
+    comparison: Comparison, axis: SimulatedAxis, asked: Vector, limit: float, *, winds_up: bool
+) -> tuple[Vector, Vector]:
+    """As `held_back`, with a limit on what the control asks for (`asked`), its lag, and the axis' dry friction."""
+    c2, c1, c0 = axis.control
+    # position gain and reset: c₁ = c₂·(p + r), c₀ = c₂·p·r; the position loop is the slower one
+    half = 0.5 * c1 / c2
+    position_gain = half - float(np.sqrt(max(half**2 - c0 / c2, 0.0)))
+    reset = c1 / c2 - position_gain
+    control = np.array([c2, position_gain, reset, axis.lag_s, axis.viscous_per_s, axis.dry_m_per_s2])
+    lacking, behind = np.zeros(len(asked)), np.zeros(len(asked))
+    for _, rows in comparison.rows_of_runs():
+        _held(
+            asked[rows], comparison.time_s[rows], control, axis.stiffens_per_m[rows],
+            axis.forgets_per_s[rows], limit, winds_up, axis.substeps(comparison.period_s), lacking[rows], behind[rows],
+        )  # fmt: skip
+    return lacking, behind
+
+
+@njit(cache=True, nogil=True)
+def _held(  # type: ignore[no-untyped-def]
+    asked, time_s, control, stiffens, forgets, limit, winds_up, substeps, lacking, behind
+):
+    gain, position_gain, reset, lag, viscous, dry = control
+    way = speed = integral = given = bent = 0.0
+    for k in range(1, len(asked)):
+        step = (time_s[k] - time_s[k - 1]) / substeps
+        quick = step / (lag + step)
+        for j in range(substeps):
+            share = (j + 1.0) / substeps
+            simulated = asked[k - 1] + (asked[k] - asked[k - 1]) * share
+            wanted = simulated - gain * (speed + position_gain * way) - integral
+            let = min(max(wanted, -limit), limit)
+            integral += reset * step * gain * (speed + position_gain * way)
+            if not winds_up:
+                integral -= reset * step * (let - wanted)
+            # what is given beyond the simulation
+            given += quick * (let - simulated - given)
+            turned = bent + step * (stiffens[k] * speed - forgets[k] * bent)
+            if forgets[k] * step > 0.5:
+                turned = (bent + step * stiffens[k] * speed) / (1.0 + step * forgets[k])
+            bent = turned
+            speed += step * (given - viscous * speed - dry * bent)
+            way += step * speed
+        lacking[k] = given
+        behind[k] = way
 
 
 @njit(cache=True, nogil=True)

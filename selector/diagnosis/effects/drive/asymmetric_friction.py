@@ -14,13 +14,13 @@ from selector.diagnosis.effects.drive._forces import (
     key_of,
     motion_of,
     of_forces,
+    presliding_m,
     reverses,
     size_of,
     with_interval,
 )
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 
-_PRESLIDING_M = 3e-6
 _ALL = "friction that both directions differ by"
 _GROWING = "the same, growing with speed"
 
@@ -30,7 +30,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
         return
     moving = motion_of(comparison, response)
     # a constant in both directions and at rest is no friction: only what starts and stops with the motion counts
-    moved = np.abs(moving.friction_state(_PRESLIDING_M))
+    moved = np.abs(moving.friction_state(presliding_m(comparison, response)))
     fast = np.abs(moving.velocity_m_per_s) / float(np.abs(moving.velocity_m_per_s).max())
     share = moving.velocity_m_per_s / float(np.abs(moving.velocity_m_per_s).max())
     yield from of_forces(comparison, response, {_ALL: moved}, {"growth": Quantity(0.0, "1")})

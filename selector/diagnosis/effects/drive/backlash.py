@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from itertools import pairwise
 
 import numpy as np
 from numba import njit
@@ -14,6 +15,7 @@ from selector.diagnosis.effects.drive._forces import (
     coefficient,
     direct,
     motion_of,
+    presliding_m,
     reverses,
     size_of,
     with_interval,
@@ -26,32 +28,49 @@ from selector.diagnosis.shapes.simulated_axis import FORCE_ROLES, simulated_driv
 
 Vector = NDArray[np.float64]
 
-_CROSSED_UM = (1.0, 3.0, 10.0, 30.0, 100.0)
+_CROSSED_UM = (1.0, 10.0, 100.0)
 """Way on which the lost motion is crossed; the finest stands for all that the sampling shows as a step."""
-_INERTIA_SHARES = (1.0, 0.6, 0.3)
+_INERTIA_SHARES = (1.0, 0.6)
 """Of the moving mass, behind the play: where inertia exceeds friction, flanks change while the axis slows down."""
+_STARTS = (1.0, 0.0, -1.0)
+"""Flank before a run's first motion: that which it touches then, in between, the other one."""
 _LOADED = 0.01
 """Share of the largest load below which the flanks stay as they are."""
-_PRESLIDING_M = 3e-6
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     if _testable(comparison, response) is not None:
         return
     moving = motion_of(comparison, response)
+    starts = np.asarray(moving.starts)
     seen: list[Vector] = []
     for crossed_um in _CROSSED_UM:
-        side = _side(moving.position_m, np.asarray(moving.starts), 1e-6 * crossed_um)
-        # within one sample a short way is a step, and one step is like another
-        if seen and float(np.max(np.abs(side - seen[-1]))) < 0.05:
-            continue
-        seen.append(side)
-        yield _of_side(comparison, response, side, {"crossed_um": Quantity(crossed_um, "um")})
+        for start in _STARTS:
+            side = _begun(_side, moving.position_m, starts, 1e-6 * crossed_um, start)
+            # within one sample a short way is a step, and one step is like another
+            if any(float(np.max(np.abs(side - other))) < 0.05 for other in seen):
+                continue
+            seen.append(side)
+            shape = {"crossed_um": Quantity(crossed_um, "um"), "start": Quantity(start, "1")}
+            yield _of_side(comparison, response, side, shape)
     for share in _INERTIA_SHARES:
         load = _load(comparison, response, moving, share)
-        if load is not None:
-            side = _loaded_side(load, np.asarray(moving.starts), _LOADED * float(np.abs(load).max()))
-            yield _of_side(comparison, response, side, {"inertia_share": Quantity(share, "1")})
+        if load is None:
+            return
+        for start in _STARTS:
+            side = _begun(_loaded_side, load, starts, _LOADED * float(np.abs(load).max()), start)
+            shape = {"inertia_share": Quantity(share, "1"), "start": Quantity(start, "1")}
+            yield _of_side(comparison, response, side, shape)
+
+
+def _begun(sides: Callable[..., Vector], course: Vector, starts: Vector, least: float, start: float) -> Vector:
+    """Side that touches, if before the first touch of every run it was `start` times that which touches first."""
+    side = sides(course, starts, least, np.zeros(len(starts) - 1))
+    first = np.zeros(len(starts) - 1)
+    for run, (begin, stop) in enumerate(pairwise(starts)):
+        touched = np.flatnonzero(np.abs(side[begin:stop]) > 0.99)
+        first[run] = np.sign(side[begin + touched[0]]) if len(touched) else 0.0
+    return side if start == 0.0 else sides(course, starts, least, start * first)
 
 
 def _of_side(comparison: Comparison, response: str, side: Vector, shape: dict[str, Quantity]) -> Variant:
@@ -69,25 +88,27 @@ def _load(comparison: Comparison, response: str, moving: Motion, share: float) -
     if drive is None:
         return None
     parts = np.column_stack([
-        moving.acceleration_m_per_s2, moving.velocity_m_per_s, moving.friction_state(_PRESLIDING_M)
+        moving.acceleration_m_per_s2, moving.velocity_m_per_s, moving.friction_state(presliding_m(comparison, response))
     ])  # fmt: skip
     fit = np.linalg.lstsq(parts, drive[1], rcond=None)[0]
     return np.asarray(drive[1] - (1.0 - share) * fit[0] * parts[:, 0])
 
 
 @njit(cache=True, nogil=True)
-def _side(place, starts, crossed):  # type: ignore[no-untyped-def]
+def _side(place, starts, crossed, begun):  # type: ignore[no-untyped-def]
     side = np.zeros(len(place))
     for run in range(len(starts) - 1):
+        side[starts[run]] = begun[run]
         for k in range(starts[run] + 1, starts[run + 1]):
             side[k] = min(max(side[k - 1] + 2.0 * (place[k] - place[k - 1]) / crossed, -1.0), 1.0)
     return side
 
 
 @njit(cache=True, nogil=True)
-def _loaded_side(load, starts, least):  # type: ignore[no-untyped-def]
+def _loaded_side(load, starts, least, begun):  # type: ignore[no-untyped-def]
     side = np.zeros(len(load))
     for run in range(len(starts) - 1):
+        side[starts[run]] = begun[run]
         for k in range(starts[run] + 1, starts[run + 1]):
             side[k] = side[k - 1] if abs(load[k]) < least else (1.0 if load[k] > 0.0 else -1.0)
     return side
@@ -130,6 +151,9 @@ EFFECT = Effect(
     parameters=(
         ShapeParameter("lost_motion", "unit of the response", 0.0, 1e3, "whole play"),
         ShapeParameter("crossed_um", "um", 1.0, 100.0, "way on which it is crossed"),
+        ShapeParameter(
+            "start", "1", -1.0, 1.0, "flank before the first motion: 1 that which touches first, -1 the other"
+        ),
     ),
     needs="displacement or position of an axis that goes both ways; the current shows little of it",
     # dry friction over compliance is lost motion, too: what tells is whether the drive's force jumps with it

@@ -16,6 +16,7 @@ from selector.diagnosis.effects.drive._forces import (
     direct,
     motion_of,
     of_forces,
+    presliding_m,
     shape_quantity,
     size_of,
     with_interval,
@@ -29,7 +30,6 @@ _DAMPING = (0.02, 0.08)
 _N_FREQUENCIES = 12
 _LOWEST_HZ = 8.0
 _HIGHEST_SHARE = 0.8
-_PRESLIDING_M = 3e-6
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
@@ -46,7 +46,10 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
             both = {f"wind-up by {name}": force, "wind-up by inertia": acceleration}
             yield direct(comparison, response, both, _at(0.0))
         else:
-            friction = {"wind-up by inertia": acceleration, "wind-up by friction": moving.friction_state(_PRESLIDING_M)}
+            friction = {
+                "wind-up by inertia": acceleration,
+                "wind-up by friction": moving.friction_state(presliding_m(comparison, response)),
+            }
             yield direct(comparison, response, friction, _at(0.0))
     top = _HIGHEST_SHARE * 0.5 / comparison.period_s
     if top <= _LOWEST_HZ:

@@ -15,19 +15,24 @@ from selector.diagnosis.effects.drive._forces import (
     shape_quantity,
     size_of,
 )
-from selector.diagnosis.effects.drive._limit import held_back
+from selector.diagnosis.effects.drive._limit import asked_for, held_back, held_back_axis
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.force_response import ClosedLoop, closed_loop, drawn_out
 from selector.diagnosis.shapes.motion import derivatives
 from selector.diagnosis.shapes.signals import scaled
-from selector.diagnosis.shapes.simulated_axis import FORCE_ROLES, simulated_drive_force
+from selector.diagnosis.shapes.simulated_axis import (
+    FORCE_ROLES,
+    SimulatedAxis,
+    simulated_axis,
+    simulated_drive_force,
+)
 
 Vector = NDArray[np.float64]
 
-_SHARES = (0.95, 0.9, 0.85, 0.8, 0.75, 0.7, 0.6, 0.5, 0.4)
+_SHARES = (0.99, 0.98, 0.97, 0.955, 0.94, 0.92, 0.9, 0.87, 0.84, 0.8, 0.75, 0.7, 0.6, 0.5, 0.4)
 _SHARES_OF_SPEED = (0.97, 0.94, 0.9, 0.85, 0.8, 0.7)
 """Less would be a lack in proportion to speed, which a delay is."""
-_FEWEST_ROWS = 10
+_FEWEST_ROWS = 5
 _FURTHEST_S = 10.0
 """Way behind, as the time in which the whole force would go it from rest."""
 
@@ -35,8 +40,13 @@ _FURTHEST_S = 10.0
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     if _testable(comparison, response) is not None:
         return
-    loop = closed_loop(comparison, comparison.channel(response).axis)
+    axis = comparison.channel(response).axis
+    told = simulated_axis(comparison, axis)
+    loop = told or closed_loop(comparison, axis)
     for name, course, unit, kind in _limited(comparison, response):
+        if told is not None and kind == 0.0:
+            # the limit is where the control asks, ahead of the lag
+            course = asked_for(comparison, told, course)
         top = float(np.abs(course).max())
         shares = _SHARES if kind == 0.0 else _SHARES_OF_SPEED
         levels = sorted({*(share * top for share in shares), *_plateau(comparison, name)}, reverse=True)
@@ -56,7 +66,12 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
 
 
 def _shapes(
-    comparison: Comparison, response: str, loop: ClosedLoop | None, course: Vector, level: float, kind: float
+    comparison: Comparison,
+    response: str,
+    loop: SimulatedAxis | ClosedLoop | None,
+    course: Vector,
+    level: float,
+    kind: float,
 ) -> Iterator[tuple[list[Vector], list[str]]]:
     """What a course that cannot exceed a level does to the response; with a control that winds up, and without."""
     role = comparison.channel(response).role
@@ -68,7 +83,10 @@ def _shapes(
             yield [np.clip(course, -level, level) - course], ["force that lacks"]
     else:
         for winds_up in (True, False):
-            lacking, behind = held_back(comparison, loop, course, level, winds_up=winds_up)
+            if isinstance(loop, SimulatedAxis):
+                lacking, behind = held_back_axis(comparison, loop, course, level, winds_up=winds_up)
+            else:
+                lacking, behind = held_back(comparison, loop, course, level, winds_up=winds_up)
             # an integral part that winds up may take the axis anywhere
             if not np.abs(behind).max() < _FURTHEST_S**2 * np.abs(course).max():
                 continue

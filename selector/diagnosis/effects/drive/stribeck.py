@@ -14,6 +14,7 @@ from selector.diagnosis.effects.drive._forces import (
     key_of,
     motion_of,
     of_forces,
+    presliding_m,
     reverses,
     shape_quantity,
     size_of,
@@ -21,7 +22,6 @@ from selector.diagnosis.effects.drive._forces import (
 )
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 
-_PRESLIDING_M = 3e-6
 _N_SPEEDS = 6
 _SMALLEST_SHARE, _LARGEST_SHARE = 0.006, 0.12
 _EXPONENTS = (1.0, 2.0)
@@ -32,7 +32,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
         return
     moving = motion_of(comparison, response)
     speed = np.abs(moving.velocity_m_per_s)
-    friction = moving.friction_state(_PRESLIDING_M)
+    friction = moving.friction_state(presliding_m(comparison, response))
     top = float(speed.max())
     for stribeck in np.geomspace(_SMALLEST_SHARE * top, _LARGEST_SHARE * top, _N_SPEEDS):
         for exponent in _EXPONENTS:

@@ -13,6 +13,7 @@ from selector.diagnosis.effects.drive._forces import (
     direct,
     motion_of,
     place_only,
+    presliding_m,
     size_of,
 )
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
@@ -21,7 +22,6 @@ from selector.diagnosis.shapes.simulated_axis import simulated_drive_force
 
 Vector = NDArray[np.float64]
 
-_PRESLIDING_M = 3e-6
 _INERTIA, _FRICTION = "inertia", "friction"
 
 
@@ -51,7 +51,10 @@ def _law(number: int) -> dict[str, Quantity]:
 
 
 def _loads(comparison: Comparison, response: str, moving: Motion) -> list[tuple[str, Vector]]:
-    loads = [(_INERTIA, moving.acceleration_m_per_s2), (_FRICTION, moving.friction_state(_PRESLIDING_M))]
+    loads = [
+        (_INERTIA, moving.acceleration_m_per_s2),
+        (_FRICTION, moving.friction_state(presliding_m(comparison, response))),
+    ]
     drive = simulated_drive_force(comparison, comparison.channel(response).axis)
     return [drive, *loads] if drive is not None else loads
 
