@@ -118,12 +118,13 @@ def _has_loop(comparison: Comparison, axis: str | None) -> bool:
 def passed(
     comparison: Comparison, response: str, force: Vector, *, yield_s2: float = 0.0, guess: ClosedLoop | None = None
 ) -> tuple[Vector, str]:
-    """What a force [any unit] does to a response, shape (n_rows,), and what that is in words.
+    """What a force [any unit] against the axis does to a response, shape (n_rows,), and what that is in words.
 
-    In a force-like response what the drive puts against it; in a motion what passes through the loop and, times
-    `yield_s2` (compliance between drive and table times the moving mass), the force itself. The loop is that of the
-    simulation, with the dry friction that it has (`simulated_axis`, else `closed_loop`), or `guess`. Without a loop
-    (a force model on a recorded motion) the force itself. As large as the force, in the root mean square.
+    In a force-like response what the drive puts against it; in a motion, to the other side, what passes through the
+    loop and, times `yield_s2` (compliance between drive and table times the moving mass), the force itself. So what
+    is missing has a positive coefficient in all of them. The loop is that of the simulation, with the dry friction that
+    it has (`simulated_axis`, else `closed_loop`), or `guess`. Without a loop (a force model on a recorded motion) the
+    force itself. As large as the force, in the root mean square.
     """
     channel = comparison.channel(response)
     order = {"displacement": 0, "position": 0, "velocity": 1, "acceleration": 2}.get(channel.role)
@@ -140,11 +141,22 @@ def passed(
         moved = _through(comparison, loop, loop.order - 2 + order, force)
     if order is None:
         return moved, "as the drive counters it"
+    back = -_sense_of(comparison, response)
     if order > 0 or yield_s2 == 0.0:
         usual = "" if guess is None else f" with poles at {', '.join(f'{p:.0f}' for p in sorted(guess.paces_per_s))}/s"
-        return _as_large(moved, force), f"through the loop{usual}"
+        return _as_large(back * moved, force), f"through the loop{usual}"
     bent = 0.0 if told is not None else yield_s2 * force
-    return _as_large(moved + bent, force), "through the loop and by compliance"
+    return _as_large(back * (moved + bent), force), "through the loop and by compliance"
+
+
+def _sense_of(comparison: Comparison, response: str) -> float:
+    """-1 of a displacement that is command less position, else 1."""
+    channel = comparison.channel(response)
+    command, moving = commanded(comparison, channel.axis), motion(comparison, channel.axis)
+    if channel.role != "displacement" or command is None or moving is None or response not in comparison.simulated:
+        return 1.0
+    along = float(filled(comparison, comparison.simulated[response]) @ (moving.position_m - command))
+    return -1.0 if along < 0.0 else 1.0
 
 
 def loop_parts(comparison: Comparison, response: str, course: Vector) -> tuple[Vector, ...]:

@@ -7,6 +7,7 @@ import pytest
 
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.drive._limit import held_back_axis
+from selector.diagnosis.shapes.force_response import passed
 from selector.diagnosis.shapes.motion import motion
 from selector.diagnosis.shapes.simulated_axis import pushed, simulated_axis
 from tests.diagnosis.effects.drive_axis import PAIRS, VISCOUS_ONLY, WITH_FRICTION, Noise, compared, replace
@@ -106,3 +107,15 @@ def test_play_that_lies_on_a_flank_before_the_first_motion():
     # the other flank is left at the first touch: a jump more
     assert found[1][before] == pytest.approx(-found[-1][before])
     assert np.abs(np.diff(moved[1])).sum() < np.abs(np.diff(moved[-1])).sum()
+
+
+@pytest.mark.parametrize("turned", [1.0, -1.0])
+def test_what_is_missing_has_a_positive_coefficient_in_force_and_error_alike(turned):
+    comparison = compared(*PAIRS["drive.viscous"], seed=1, noise=QUIET)
+    # turned: an error that is command less position
+    simulated = comparison.simulated | {"E": turned * comparison.simulated["E"]}
+    recorded = comparison.recorded | {"E": turned * comparison.recorded["E"]}
+    seen = replace(comparison, simulated=simulated, recorded=recorded)
+    speed = motion(seen, "X").velocity_m_per_s
+    for name in ("E", "I"):
+        assert passed(seen, name, speed)[0] @ seen.difference(name) > 0.0
