@@ -89,6 +89,17 @@ def linear_responses(comparison: Comparison, response: str) -> tuple[LinearRespo
     return kept[response]
 
 
+def resonances_of(comparison: Comparison, response: str) -> tuple[tuple[float, float], ...]:
+    """(frequency [Hz], damping) of what rings in the filters from a force to the response; none where they stand in."""
+    found = []
+    for path in linear_responses(comparison, response):
+        poles = np.roots(path.denominator).astype(complex) if path.misfit < _LINEAR else np.zeros(0)
+        for pole in poles[(np.abs(poles) > 1e-6) & (poles.imag > 0.0)]:
+            s = np.log(pole) / comparison.period_s
+            found.append((float(np.abs(s) / (2.0 * np.pi)), float(-s.real / np.abs(s))))
+    return tuple(found)
+
+
 def filter_between(comparison: Comparison, source: str, response: str) -> LinearResponse | None:
     """How one simulated course follows another; None if a filter does not explain it."""
     runs = _shortened(even_runs(comparison))

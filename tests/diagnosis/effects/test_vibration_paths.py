@@ -10,7 +10,7 @@ import pytest
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.vibration.back_reaction import EFFECT as BACK_REACTION
 from selector.diagnosis.effects.vibration.line import EFFECT as LINE
-from selector.diagnosis.shapes.linear_response import LinearResponse, linear_responses, resonator
+from selector.diagnosis.shapes.linear_response import LinearResponse, linear_responses, resonances_of, resonator
 from selector.diagnosis.shapes.signals import rate
 from tests.diagnosis.effects.concealed_truths import F1, Z1, comparison_of, structure
 
@@ -87,3 +87,20 @@ def test_a_faint_line_is_offered_and_a_wandering_one_is_not() -> None:
             offered[kind] += any(abs(f - 90.0) < 0.5 if kind == "steady" else 55.0 < f < 135.0 for f in found)
     assert offered["steady"] >= 9
     assert offered["wandering"] <= 3
+
+
+def test_a_line_where_the_structure_rings_pays_more() -> None:
+    comparison = _shaken_and_turning(1.0, 0.0)
+    assert resonances_of(comparison, "x")[0] == pytest.approx((40.0, 0.03), rel=1e-3)
+    prices = {}
+    for tone in (40.0, 90.0):
+        size = float(np.std(comparison.simulated["x"]))
+        noise = 0.02 * size * np.random.default_rng(1).normal(size=len(comparison.time_s))
+        line = 0.02 * size * np.sin(2 * np.pi * tone * comparison.time_s)
+        recorded = dict(comparison.recorded) | {"x": comparison.simulated["x"] + line + noise}
+        hidden = dataclasses.replace(comparison, recorded=recorded)
+        offered = [v for v in LINE.variants(hidden, "x") if "phase" in v.names[0] and v.run is None]
+        found = min(offered, key=lambda v: abs(v.shape["frequency_hz"].value - tone))
+        assert found.shape["frequency_hz"].value == pytest.approx(tone, abs=0.1)
+        prices[tone] = found.looked_at / tone
+    assert prices[40.0] == pytest.approx(25.0 * prices[90.0], rel=0.01)

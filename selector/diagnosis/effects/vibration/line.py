@@ -9,12 +9,15 @@ import numpy as np
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.leftover import leftover
+from selector.diagnosis.shapes.linear_response import resonances_of
 from selector.diagnosis.shapes.record_kind import no_vibration, of_a_drive, swept_hz
 from selector.diagnosis.shapes.signals import filled
 from selector.diagnosis.shapes.spectral_lines import course_of, fitted_parts, lines
 
 _ROLES = ("displacement", "acceleration", "velocity", "position", "voltage", "force", "current")
 _FEWEST_CYCLES = 8.0
+_RINGS = 25.0
+"""What a line pays at a resonance that the simulation has: there a structure rings by itself at every knock."""
 _CHANCE = 0.5
 """That noise shows a line at all; what is offered pays for the frequencies that were looked at."""
 
@@ -30,6 +33,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     shortest = min(float(comparison.time_s[rows][-1]) for _, rows in comparison.rows_of_runs())
     lowest = max(_FEWEST_CYCLES / max(shortest, comparison.period_s), 0.5)
     n_fitted = sum(part.start < part.stop for part in fitted_parts(comparison))
+    own = resonances_of(comparison, response)
     octaves = np.log(max(0.5 / comparison.period_s / lowest, np.e))
     for line in lines(comparison, leftover(comparison, response), time, even, lowest=lowest, chance=_CHANCE):
         # a frequency of many, as likely in one octave as in another
@@ -41,12 +45,14 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
         # a phase in every run that is fitted; noise between two of the frequencies counts like one run more
         looked_at = looked * float(np.exp(1.0 + min(len(line.runs), n_fitted)))
         looked_at *= len(comparison.runs) if run is not None else 1
+        rings = _RINGS if any(abs(line.cycles - f0) < 2.0 * damping * f0 for f0, damping in own) else 1.0
+        looked_at *= rings
         yield Variant(aligned[:, None], words, shape, run=run, looked_at=looked_at)
         if len(line.runs) > 1:
             turn = 2.0 * np.pi * line.cycles * time
             columns = np.column_stack([np.cos(turn), np.sin(turn)])
             names = (f"cosine of {line.cycles:.4g} Hz from the start of each run", "sine of the same")
-            yield Variant(columns, names, shape, looked_at=looked * float(np.e))
+            yield Variant(columns, names, shape, looked_at=looked * float(np.e) * rings)
 
 
 def _of_a_curve(comparison: Comparison, response: str) -> Iterator[Variant]:
