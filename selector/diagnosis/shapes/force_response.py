@@ -8,7 +8,7 @@ second order, a force that stays moves the axis for good, f/A(s), and is counter
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -147,6 +147,26 @@ def passed(
         return _as_large(back * moved, force), f"through the loop{usual}"
     bent = 0.0 if told is not None else yield_s2 * force
     return _as_large(back * (moved + bent), force), "through the loop and by compliance"
+
+
+def felt(comparison: Comparison, response: str, course: Vector) -> Vector:
+    """How much a force of every moment has to do with a course of a response: `passed` backwards in time, (n_rows,).
+
+    The product with a force is that of the course with what the force does; but for dry friction, which is left out.
+    """
+    backwards = np.empty(len(course))
+    for _, rows in comparison.rows_of_runs():
+        backwards[rows] = course[rows][::-1]
+    channel = comparison.channel(response)
+    told = simulated_axis(comparison, channel.axis)
+    if told is None:
+        back = passed(comparison, response, backwards)[0]
+    else:
+        answer = pushed(comparison, replace(told, dry_m_per_s2=0.0), backwards)
+        back = answer.countered if channel.role in FORCE_ROLES else answer.motion[0]
+    for _, rows in comparison.rows_of_runs():
+        back[rows] = back[rows][::-1].copy()
+    return back
 
 
 def _sense_of(comparison: Comparison, response: str) -> float:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from selector.diagnosis.effects.catalogue import catalogue
+from selector.diagnosis.effects.drive._leads import leads
 from selector.diagnosis.effects.drive._limit import held_back_axis
-from selector.diagnosis.shapes.force_response import passed
+from selector.diagnosis.shapes.force_response import felt, passed
 from selector.diagnosis.shapes.motion import motion
 from selector.diagnosis.shapes.simulated_axis import pushed, simulated_axis
 from tests.diagnosis.effects.drive_axis import PAIRS, VISCOUS_ONLY, WITH_FRICTION, Noise, compared, replace
@@ -119,3 +120,23 @@ def test_what_is_missing_has_a_positive_coefficient_in_force_and_error_alike(tur
     speed = motion(seen, "X").velocity_m_per_s
     for name in ("E", "I"):
         assert passed(seen, name, speed)[0] @ seen.difference(name) > 0.0
+
+
+@pytest.mark.parametrize("name", ["E", "I"])
+def test_what_a_force_is_felt_as_is_what_it_does_backwards(name):
+    comparison = compared(VISCOUS_ONLY, VISCOUS_ONLY, seed=1, noise=QUIET)
+    random = np.random.default_rng(0)
+    force, course = (np.convolve(random.standard_normal(len(comparison.time_s)), np.ones(9), "same") for _ in "ab")
+    axis = simulated_axis(comparison, "X")
+    answer = pushed(comparison, axis, force)
+    done = answer.countered if name == "I" else answer.motion[0]
+    # the adjoint of a filter: equal products, but for the first sample of each run, which moves nothing
+    assert felt(comparison, name, course) @ force == pytest.approx(course @ done, rel=0.02)
+
+
+def test_a_ripple_that_the_loop_turns_with_speed_is_found_at_its_lead():
+    truth, model = PAIRS["drive.ripple"]
+    for seed in (1, 2, 3):
+        found = leads(compared(truth, model, seed=seed), "X", of_force=True)
+        assert min(abs(lead / truth.ripple_lead - 1.0) for lead in found) < 0.02
+        assert len(found) <= 9

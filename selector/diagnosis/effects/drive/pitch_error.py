@@ -28,7 +28,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     for n in (1, 2, 3):
         columns = dict(list(powers.items())[:n])
         yield direct(comparison, response, columns, {"power": Quantity(float(n), "1")})
-    for lead in leads(comparison, comparison.channel(response).axis):
+    for lead in leads(comparison, comparison.channel(response).axis, of_force=False):
         turn = 2.0 * np.pi * moving.position_m / lead
         shape = {"lead_mm": Quantity(1e3 * lead, "mm")}
         once = {"sine of the lead": np.sin(turn), "cosine of the lead": np.cos(turn)}

@@ -24,7 +24,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     if _testable(comparison, response) is not None:
         return
     moving = motion_of(comparison, response)
-    for lead in leads(comparison, comparison.channel(response).axis):
+    for lead in leads(comparison, comparison.channel(response).axis, of_force=True):
         turn = 2.0 * np.pi * moving.position_m / lead
         once = {"sine of the angle": np.sin(turn), "cosine of the angle": np.cos(turn)}
         shape = {"lead_mm": Quantity(1e3 * lead, "mm"), "harmonics": Quantity(1.0, "1")}
@@ -38,7 +38,7 @@ def _testable(comparison: Comparison, response: str) -> str | None:
     lacking = any_response(comparison, response)
     if lacking is not None:
         return lacking
-    if not leads(comparison, comparison.channel(response).axis):
+    if not leads(comparison, comparison.channel(response).axis, of_force=True):
         return "the way is too short, or too quick for the sampling, to show what repeats along it"
     return None
 
