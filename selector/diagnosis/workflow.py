@@ -33,6 +33,9 @@ from selector.diagnosis.shapes.leftover import least_squares
 from selector.diagnosis.wording import headline
 
 Vector = NDArray[np.float64]
+_TRIFLE = 0.02
+"""Of the share of the mismatch that the largest effect explains: what explains less is not named beside it."""
+_MOST = 0.5
 _DOUBTFUL = 0.45
 """Confidence below which an effect is no name where structure is left that nothing explains."""
 
@@ -97,7 +100,7 @@ def diagnosis(
         say(k, steps, f"shapes of all effects in {name}")
         benches[name], untested[name] = bench_of(comparison, name, known, (through_model or {}).get(name))
     say(steps - 3, steps, "testing effects")
-    found = search(benches, false_alarm=false_alarm, seed=seed)
+    found = _worth_naming(comparison, search(benches, false_alarm=false_alarm, seed=seed))
     benches = dict(found.benches)
     say(steps - 2, steps, "errors on held-out rows")
     again = {
@@ -122,6 +125,7 @@ def diagnosis(
         effects_found = [whole_record_effect(comparison, benches, again, id_, shown) for id_, shown in whole.items()]
         effects_found += [input_fault_effect(comparison, fault) for fault in input_faults(comparison) if fault.sure]
     named = tuple(sorted(effects_found, key=lambda effect: -effect.share))
+    found = _only(found, {effect.id for effect in named})
     verdict = _verdict(named, structures, any(one.matters for one in again.values()))
     fit = {
         name: fit_of(
@@ -147,6 +151,18 @@ def diagnosis(
     return replace(answer, headline=headline(answer))
 
 
+def _worth_naming(comparison: Comparison, found: Search) -> Search:
+    """Without effects that are a trifle beside the largest: shapes are not exact to the last percent."""
+    shares = {id_: named_effect(comparison, found, id_).share for id_ in found.named}
+    least = _TRIFLE * max(shares.values(), default=0.0)
+    return _only(found, {id_ for id_, share in shares.items() if share >= least})
+
+
+def _only(found: Search, ids: set[str]) -> Search:
+    """The search with only some of the effects named."""
+    return replace(found, named={id_: of for id_, of in found.named.items() if id_ in ids})
+
+
 def _left(comparison: Comparison, found: Search, *, only_fitted: bool) -> tuple[dict[str, Vector], dict[str, Vector]]:
     """Residuals, and the same behind the noise filter; of named effects on the fitted rows alone.
 
@@ -167,8 +183,11 @@ def _is_physics(effect: NamedEffect) -> bool:
 
 
 def _is_doubtful(effect: NamedEffect) -> bool:
-    """Whether an effect is no name where structure is left: not sure, or of no use on the held-out programme."""
-    return effect.suspected or effect.confidence < _DOUBTFUL
+    """Whether an effect is no name where structure is left: not sure, or of no use on the held-out programme.
+
+    What explains most of the mismatch is a name all the same.
+    """
+    return (effect.suspected or effect.confidence < _DOUBTFUL) and effect.share < _MOST
 
 
 def _confirmed(comparison: Comparison, found: Search, id_: str) -> NamedEffect:

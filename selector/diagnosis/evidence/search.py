@@ -31,6 +31,8 @@ _TRIFLE = 0.05
 """What gains less than this share of all that is named may be what their shapes do not fit exactly."""
 _MOST_LIBERAL = 8
 _CLEAR = 5.0
+_MOST_LEFT = 0.4
+"""Of what comes back with the cycle: of a repeated course that is no effect, the catalogue leaves more."""
 _LENGTHS = tuple(np.linspace(-1e-3, 1e-3, 21))
 """Shares by which the cycle that comes back may be longer than the one that was read off the simulation."""
 
@@ -201,19 +203,17 @@ def with_noise_of_full_fit(bench: Bench) -> tuple[Bench, list[int]]:
 
 
 def _beside_the_cycle(bench: Bench, chosen: list[int]) -> tuple[Bench, list[int]]:
-    """The same less what comes back with every cycle of the machine, if no effect explains half of it.
+    """The same less what comes back with every cycle of the machine, if the effects leave most of it.
 
     A repeated course that nothing of the catalogue makes is as good as noise, but does not average out: each cycle says
-    the same. An effect on a machine that runs in cycles comes back as well, and leaves less than it explains.
+    the same. What effects make on a machine that runs in cycles comes back as well; they leave less than they explain.
     """
     if bench.cycle is None:
         return bench, chosen
-    bare = bench.base([])
-    before, _ = _repeated(bench, bench.cycle, bare)
+    before, _ = _repeated(bench, bench.cycle, bench.base([]))
     left, cycle = _repeated(bench, bench.cycle, bench.base(chosen))
-    alone = solved(bench.moments(bare)).gain
-    knots = cycle.samples
-    if left - knots < _CLEAR * np.sqrt(2.0 * knots) or alone.max(initial=0.0) > 0.5 * (before - knots):
+    by_chance = cycle.samples
+    if left - by_chance < max(_CLEAR * np.sqrt(2.0 * by_chance), _MOST_LEFT * (before - by_chance)):
         return bench, chosen
     return with_noise_of_full_fit(bench.off_cycle(cycle).refitted_noise([]))
 
