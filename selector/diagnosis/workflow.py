@@ -36,6 +36,8 @@ Vector = NDArray[np.float64]
 _TRIFLE = 0.02
 """Of the share of the mismatch that the largest effect explains: what explains less is not named beside it."""
 _MOST = 0.5
+_SUSPECTED = 0.8
+"""What is left of a confidence that another programme does not bear out."""
 _DOUBTFUL = 0.45
 """Confidence below which an effect is no name where structure is left that nothing explains."""
 
@@ -192,8 +194,10 @@ def _is_doubtful(effect: NamedEffect) -> bool:
 
 def _confirmed(comparison: Comparison, found: Search, id_: str) -> NamedEffect:
     """The named effect; suspected only, where it shows on held-out rows and gains nothing there."""
-    held = confirmation(comparison, found, id_)
-    return replace(named_effect(comparison, found, id_), suspected=held.shows and held.gain <= 0.0)
+    held, effect = confirmation(comparison, found, id_), named_effect(comparison, found, id_)
+    if held.shows and held.gain <= 0.0:
+        return replace(effect, suspected=True, confidence=_SUSPECTED * effect.confidence)
+    return effect
 
 
 def _verdict(named: Sequence[NamedEffect], structures: Sequence[Structure], is_recalibrated: bool) -> Verdict:

@@ -27,7 +27,7 @@ _FINEST = 0.02
 _NEARLY = 0.6
 _RIVAL = 0.2
 """An effect of less than this share of the weight of the named one is told from it."""
-_TRIFLE = 0.05
+_TRIFLE = 0.1
 """What gains less than this share of all that is named may be what their shapes do not fit exactly."""
 _MOST_LIBERAL = 8
 _CLEAR = 5.0

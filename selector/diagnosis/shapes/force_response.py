@@ -46,8 +46,8 @@ STARTS_WITHOUT_INTEGRAL = ((60.0, 100.0), (15.0, 30.0))
 _EXACT = 0.002
 """A loop of second order that leaves less than this of the simulation, and hardly more than one of third, is it."""
 _HARDLY_MORE = 1.3
-_OF_MOTION = 0.01
-"""A force that mass and friction leave less of (rms, over its spread) is worked out from the motion."""
+_OF_MOTION, _BETTER = 0.01, 0.5
+"""A force of which mass and friction leave less than this, or a loop not so much less, is worked out from the motion."""
 _FROM_REST = 0.01
 """Share of the largest speed below which a run starts from rest."""
 
@@ -211,7 +211,8 @@ def closed_loop(comparison: Comparison, axis: str | None = None) -> ClosedLoop |
     inputs = [speed / top, friction]
     courses = [_loop_course(comparison, command, c.name, axis) for c in comparison.channels]
     outputs = [course for course in courses if course is not None]
-    outputs = outputs or _of_drive(comparison, axis)
+    force, by_motion = ([], 0.0) if outputs else _of_drive(comparison, axis)
+    outputs = outputs or force
     if not outputs:
         return None
     under_way = _under_way(comparison, speed / top)
@@ -229,25 +230,29 @@ def closed_loop(comparison: Comparison, axis: str | None = None) -> ClosedLoop |
     )
     if with_integral is None or with_integral.misfit >= _NO_LOOP:
         return None
-    if without is not None and without.misfit < min(_EXACT, _HARDLY_MORE * with_integral.misfit):
+    # a force hardly tells a slow reset
+    if force and (by_motion < _OF_MOTION or with_integral.misfit > _BETTER * by_motion):
+        return None
+    exact, hardly_more = (np.inf, 1.1) if force else (_EXACT, _HARDLY_MORE)
+    if without is not None and without.misfit < min(exact, hardly_more * with_integral.misfit):
         return without
     # where a pole was held at its bound, what drives the error is not the command (a force from outside)
     slowest = float(np.min(np.abs(np.roots(with_integral.polynomial))))
     return with_integral if slowest > 1.01 * SLOWEST else None
 
 
-def _of_drive(comparison: Comparison, axis: str | None) -> list[Vector]:
-    """The simulated force of the drive, of unit variance, unless it is worked out from the motion without a loop."""
+def _of_drive(comparison: Comparison, axis: str | None) -> tuple[list[Vector], float]:
+    """The simulated force of the drive, of unit variance, and what mass and friction of the motion leave of it."""
     drive, moving = simulated_drive_force(comparison, axis), motion(comparison, axis)
     if drive is None or moving is None or float(np.std(drive[1])) == 0.0:
-        return []
+        return [], 0.0
     course = drive[1] / float(np.std(drive[1]))
     columns = np.column_stack([
         moving.acceleration_m_per_s2, moving.velocity_m_per_s, moving.friction_state(PRESLIDING_M),
         *(np.equal(comparison.run_index, k) for k in range(len(comparison.runs))),
     ])  # fmt: skip
     left = course - columns @ np.linalg.lstsq(columns, course, rcond=None)[0]
-    return [course] if float(np.sqrt(np.mean(left**2))) > _OF_MOTION else []
+    return [course], float(np.sqrt(np.mean(left**2)))
 
 
 def _under_way(comparison: Comparison, speed: Vector) -> list[Vector]:

@@ -22,11 +22,12 @@ from selector.diagnosis.effects.drive._forces import (
     with_interval,
 )
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.shapes.signals import rate
 from selector.diagnosis.shapes.simulated_axis import simulated_drive_force
 
 Vector = NDArray[np.float64]
 
-_DAMPING = (0.02, 0.08)
+_DAMPING = (0.04,)
 _N_FREQUENCIES = 12
 _LOWEST_HZ = 8.0
 _HIGHEST_SHARE = 0.8
@@ -51,6 +52,10 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
                 "wind-up by friction": moving.friction_state(presliding_m(comparison, response)),
             }
             yield direct(comparison, response, friction, _at(0.0))
+    else:
+        # the control of a motor that runs ahead of its table by the wind-up feels the rate of it
+        jerk = {"rate of the wind-up by inertia": rate(comparison, acceleration, over_samples=5)}
+        yield from of_forces(comparison, response, jerk, _at(0.0), of_motor=True)
     top = _HIGHEST_SHARE * 0.5 / comparison.period_s
     if top <= _LOWEST_HZ:
         return
@@ -114,7 +119,7 @@ EFFECT = Effect(
     parameters=(
         ShapeParameter("compliance", "unit of the response per force or acceleration", -1e3, 1e3, "yield per load"),
         ShapeParameter("frequency_hz", "Hz", 0.0, 1e3, "natural frequency; 0: only wind-up was seen"),
-        ShapeParameter("damping_ratio", "1", 0.02, 0.08, "of the mode"),
+        ShapeParameter("damping_ratio", "1", 0.0, 1.0, "of the mode"),
     ),
     needs="displacement or position of the table, or the force of the drive, of an axis that speeds up and slows down",
     # in a displacement alone wind-up by inertia is mass, and wind-up by friction is lost motion
