@@ -8,7 +8,7 @@ import pytest
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.drive._leads import leads
 from selector.diagnosis.effects.drive._limit import held_back_axis
-from selector.diagnosis.shapes.force_response import felt, passed
+from selector.diagnosis.shapes.force_response import closed_loop, felt, passed
 from selector.diagnosis.shapes.motion import motion
 from selector.diagnosis.shapes.simulated_axis import pushed, simulated_axis
 from tests.diagnosis.effects.drive_axis import PAIRS, VISCOUS_ONLY, WITH_FRICTION, Noise, compared, replace
@@ -140,3 +140,16 @@ def test_a_ripple_that_the_loop_turns_with_speed_is_found_at_its_lead():
         found = leads(compared(truth, model, seed=seed), "X", of_force=True)
         assert min(abs(lead / truth.ripple_lead - 1.0) for lead in found) < 0.02
         assert len(found) <= 9
+
+
+def test_a_current_alone_tells_the_loop_unless_it_is_worked_out_from_the_motion():
+    whole = compared(VISCOUS_ONLY, VISCOUS_ONLY, seed=1)
+    alone = replace(whole, simulated={"I": whole.simulated["I"]}, responses=("I",))
+    loop = closed_loop(alone, "X")
+    # no error is simulated: the quick poles show in the force, a slow reset hardly
+    told = np.abs(np.roots(closed_loop(whole, "X").polynomial))
+    assert loop.misfit < 0.1
+    assert np.abs(np.roots(loop.polynomial)).max() == pytest.approx(told.max(), rel=0.5)
+    moving = motion(alone, "X")
+    worked_out = 0.9 * moving.acceleration_m_per_s2 + 2.4 * moving.velocity_m_per_s
+    assert closed_loop(replace(alone, simulated={"I": worked_out}), "X") is None
