@@ -185,7 +185,7 @@ def place_words(place: Place) -> str:
             window += f" from {duration_words(place.from_s)} to {duration_words(place.to_s)}"
         parts.append(window)
     if place.regime:
-        parts.append(f"while {place.regime}")
+        parts.append(f"at {place.regime}" if place.regime.endswith(" Hz") else f"while {place.regime}")
     return ", ".join(parts)
 
 

@@ -237,9 +237,18 @@ def _where(
             windows = active_windows(comparison, channel, effect.courses[channel])
             found += [replace(place, place=effect.place, share=place.share * effect.share) for place in windows]
     if not named and structures:
-        channel = structures[0].channel
-        found += active_windows(comparison, channel, residuals[channel])
+        surest = structures[0]
+        regime = surest.regime or _band(surest)
+        windows = active_windows(comparison, surest.channel, residuals[surest.channel])
+        found += [replace(place, regime=place.regime or regime, p_value=surest.p_value) for place in windows]
     return tuple(found)
+
+
+def _band(structure: Structure) -> str | None:
+    if structure.frequency_hz is None:
+        return None
+    low, high = structure.frequency_hz
+    return f"{low:.3g} to {high:.3g} Hz" if low < high else f"{low:.3g} Hz"
 
 
 def _evidence(found: Search, untested: Mapping[str, Mapping[str, str]]) -> list[Evidence]:

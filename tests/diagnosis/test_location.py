@@ -1,11 +1,11 @@
-"""Boxes of the mismatch, and the windows in which something acts."""
+"""The windows in which something acts."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from selector.diagnosis.mismatch.location import active_windows, located
+from selector.diagnosis.mismatch.location import active_windows
 from tests.diagnosis.made import STEP_S, coloured, comparison, door, residuals
 
 N = 400
@@ -25,22 +25,6 @@ def overlap(places, truth):
         start = ("r1", "r2", "r3").index(place.run) * N
         seen[start + round(place.from_s / STEP_S) : start + round(place.to_s / STEP_S) + 1] = True
     return (seen & truth).sum() / (seen | truth).sum()
-
-
-def test_noise_is_nowhere():
-    of = with_noise(np.zeros(3 * N))
-    assert located(of, *residuals(of), seed=0, false_alarm=0.01) == ()
-
-
-def test_boxes_lie_on_the_mismatch_in_its_channel():
-    of = with_noise(2.0 * COURSE)
-    places = located(of, *residuals(of), seed=0, false_alarm=0.01)
-    assert places
-    assert {place.channel for place in places} == {"Z"}
-    assert all(place.p_value <= 0.01 and 0.0 <= place.share <= 1.0 for place in places)
-    windows = [place for place in places if place.run is not None]
-    assert windows
-    assert overlap(windows, np.abs(COURSE) > 0.25) > 0.3  # dyadic windows cannot follow the edges
 
 
 @pytest.mark.parametrize(("strength", "least"), [(np.inf, 0.95), (6.0, 0.6), (3.0, 0.5)])
