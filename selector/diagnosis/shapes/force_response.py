@@ -47,7 +47,7 @@ _EXACT = 0.002
 """A loop of second order that leaves less than this of the simulation, and hardly more than one of third, is it."""
 _HARDLY_MORE = 1.3
 _OF_MOTION, _BETTER = 0.01, 0.5
-"""Where mass and friction leave less of a force, or a loop not so much less than they, it is worked out from the motion."""
+"""Where mass and friction leave less of a force, or a loop not so much less, it is worked out from the motion."""
 _FROM_REST = 0.01
 """Share of the largest speed below which a run starts from rest."""
 
