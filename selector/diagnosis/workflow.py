@@ -119,7 +119,7 @@ def diagnosis(
     effects_found = [*(_confirmed(comparison, found, id_) for id_ in found.named), *late]
     frozen = [fault for fault in frozen_responses(comparison) if "data.stuck" not in found.named]
     effects_found += [input_fault_effect(comparison, fault) for fault in frozen]
-    if structures and not any(_is_physics(effect) and not _is_doubtful(effect) for effect in effects_found):
+    if structures and not any(_is_physics(effect) and _stands(effect, found, structures) for effect in effects_found):
         # a fault of the data explains all that it concerns, or it is a proxy of what nothing explains
         effects_found = [effect for effect in effects_found if effect.id == "data.stuck"]
     if not effects_found and not structures:
@@ -184,12 +184,16 @@ def _is_physics(effect: NamedEffect) -> bool:
     return not effect.id.startswith("data.")
 
 
-def _is_doubtful(effect: NamedEffect) -> bool:
-    """Whether an effect is no name where structure is left: not sure, or of no use on the held-out programme.
+def _stands(effect: NamedEffect, found: Search, structures: Sequence[Structure]) -> bool:
+    """Whether an effect is a name although structure is left: sure, borne out, and clearer than what is left.
 
     What explains most of the mismatch is a name all the same.
     """
-    return (effect.suspected or effect.confidence < _DOUBTFUL) and effect.share < _MOST
+    if effect.share >= _MOST:
+        return True
+    if effect.suspected or effect.confidence < _DOUBTFUL:
+        return False
+    return effect.id not in found.standing or found.standing[effect.id].score >= -2.0 * np.log(structures[0].p_value)
 
 
 def _confirmed(comparison: Comparison, found: Search, id_: str) -> NamedEffect:
