@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Fitted, Quantity, Reading, Variant
 from selector.diagnosis.shapes.signals import excited, filled
-from selector.findings import Finding
+from selector.findings import Finding, Where
 from selector.quality import inspect
 from selector.recording import Recording
 
@@ -27,6 +27,8 @@ _IDS = {
     "clock-jump": "data.clock",
 }
 """Findings about recordings → ids of the catalogue."""
+_LEAP = 2.5
+"""Steps of the resolution."""
 _BEFORE = 20
 """Samples before a fault from which the level is taken that the channel had beside its siblings."""
 _RIDGE = 1e-3
@@ -165,10 +167,23 @@ def _fault(comparison: Comparison, finding: Finding) -> InputFault:
         from_s=from_s,
         to_s=to_s,
         statement=finding.statement,
-        sure=finding.level == "error",
+        sure=finding.level == "error" and not (_IDS[finding.id] == "data.stuck" and _goes_on(comparison, where, here)),
         evidence=finding.evidence,
         course=np.where(here, _excess(comparison, finding, here, rows), 0.0),
     )
+
+
+def _goes_on(comparison: Comparison, where: Where, here: NDArray[np.bool_]) -> bool:
+    """Whether a channel that stood still moves on from there: what it measures may have rested.
+
+    A sensor that wakes up leaps to where it should have been.
+    """
+    last = int(np.flatnonzero(here)[-1])
+    after = comparison.recorded[str(where.channel)][last + 1 : last + 2]
+    if len(after) == 0 or comparison.run_index[last + 1] != comparison.run_index[last]:
+        return False
+    leap = abs(float(after[0]) - float(comparison.recorded[str(where.channel)][last]))
+    return not leap > _LEAP * comparison.resolution.get(str(where.channel), 0.0)
 
 
 def _excess(comparison: Comparison, finding: Finding, here: NDArray[np.bool_], rows: slice) -> Vector:
