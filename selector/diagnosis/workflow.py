@@ -36,7 +36,7 @@ Vector = NDArray[np.float64]
 _TRIFLE = 0.02
 """Of the share of the mismatch that the largest effect explains: what explains less is not named beside it."""
 _MOST = 0.5
-_SUSPECTED = 0.8
+_SUSPECTED = 0.7
 """What is left of a confidence that another programme does not bear out."""
 _DOUBTFUL = 0.45
 """Confidence below which an effect is no name where structure is left that nothing explains."""

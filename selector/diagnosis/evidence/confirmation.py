@@ -14,8 +14,11 @@ from selector.diagnosis.evidence.search import Search, numbers
 
 Vector = NDArray[np.float64]
 _BLOCKS = 12
-_SEEN = 2.0
-"""Whitened sum of squares of an effect's course in the held-out rows below which it cannot show there."""
+_SEEN = 10.0
+"""Whitened sum of squares of an effect's course in the held-out rows below which nothing is said by no gain there.
+
+A true effect gains about that much, with a standard deviation of twice its root.
+"""
 
 
 @dataclass(frozen=True)
