@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.evidence.bench import Bench
 from selector.diagnosis.evidence.moments import solved
+from selector.diagnosis.evidence.noise import NoiseModel
 from selector.diagnosis.evidence.testing import Tested, tail_probability, tests_of
 from selector.diagnosis.shapes.leftover import least_squares
 from selector.diagnosis.shapes.machine_cycle import MachineCycle
@@ -30,6 +31,8 @@ _RIVAL = 0.2
 _TRIFLE = 0.1
 """What gains less than this share of all that is named may be what their shapes do not fit exactly."""
 _MOST_LIBERAL = 8
+_SLOW = 0.3
+"""Sum of the noise filter's coefficients from which it may have taken an effect for noise."""
 _CLEAR = 5.0
 _MOST_LEFT = 0.4
 """Of what comes back with the cycle: of a repeated course that is no effect, the catalogue leaves more."""
@@ -185,21 +188,43 @@ def with_noise_of_full_fit(bench: Bench) -> tuple[Bench, list[int]]:
     """The bench with the noise that is left by candidates added while each gains clearly, and those candidates.
 
     What is clear: more than the largest of that many chances of pure noise gives in a hundred cases, and the price of
-    its coefficients (Bayes' information criterion). Every addition sharpens the noise filter for the next one.
+    its coefficients (Bayes' information criterion). Every addition sharpens the noise filter for the next one. A strong
+    slow effect looks like slow noise, whose filter would take it away; so a candidate is proposed without the filter,
+    too, and the one is added that leaves the likelier noise once the filter is fitted anew.
     """
     chosen: list[int] = []
     clear = 2.0 * np.log(max(len(bench.candidates), 1)) + 9.0
+    bare = bench.with_noise(NoiseModel(np.zeros(0), bench.noise.sd))
     for _ in range(_MOST_LIBERAL):
         if not bench.candidates:
             break
-        gains = solved(bench.moments(bench.base(chosen))).gain
-        worth = gains - np.log(len(bench.rows)) * (np.array(bench.counts) - 1.0)
-        best = int(np.argmax(worth))
-        if worth[best] < clear:
+        best, worth = _proposed(bench, chosen)
+        added = bench.refitted_noise([*chosen, best]) if worth >= clear else bench
+        likelier = _likelier(added, bench) if worth >= clear else 0.0
+        if bench.noise.phi.sum() > _SLOW:
+            other, _ = _proposed(bare, chosen)
+            with_other = bench.refitted_noise([*chosen, other])
+            price = np.log(len(bench.rows)) * (bench.counts[other] - 1.0)
+            if _likelier(with_other, bench) > max(likelier, clear + price):
+                best, added, worth = other, with_other, np.inf
+        if worth < clear:
             break
         chosen.append(best)
-        bench = bench.refitted_noise(chosen)
+        bench = added
     return bench, chosen
+
+
+def _proposed(bench: Bench, chosen: list[int]) -> tuple[int, float]:
+    """The candidate that gains most beside the `chosen`, and its gain less the price of its coefficients."""
+    gains = solved(bench.moments(bench.base(chosen))).gain
+    worth = gains - np.log(len(bench.rows)) * (np.array(bench.counts) - 1.0)
+    best = int(np.argmax(worth))
+    return best, float(worth[best])
+
+
+def _likelier(new: Bench, old: Bench) -> float:
+    """Twice the logarithm of how much likelier the rows are by the noise of one bench than by that of another."""
+    return float(len(old.rows) * 2.0 * np.log(old.noise.sd / max(new.noise.sd, 1e-300)))
 
 
 def _beside_the_cycle(bench: Bench, chosen: list[int]) -> tuple[Bench, list[int]]:

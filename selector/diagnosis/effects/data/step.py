@@ -7,18 +7,49 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.data.places import estimate, later_parts
+from selector.diagnosis.effects.data.places import Part, estimate, fitted_runs, later_parts, window
 from selector.diagnosis.effects.data.words import amount, step_unit
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.input_faults import fault_reading, fault_variants
+from selector.diagnosis.shapes.leftover import leftover
+
+_BESIDE = 8
+"""Samples on each side of a moment by whose means a jump is seen."""
+_CLEAR = 6.0
+"""Standard deviations of that difference from which the moment of a jump is read off."""
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    for part in later_parts(comparison):
+    tried = [(part, 1.0) for part in later_parts(comparison)]
+    for part, looked_at in (*tried, *_seen(comparison, response)):
         yield Variant(
-            part.rows.astype(float)[:, None], ("jump",), part.shape, "sensor", (), part.run, None, part.regime
+            columns=part.rows.astype(float)[:, None],
+            names=("jump",),
+            shape=part.shape,
+            place="sensor",
+            run=part.run,
+            regime=part.regime,
+            looked_at=looked_at,
         )
     yield from fault_variants(comparison, response, "data.step")
+
+
+def _seen(comparison: Comparison, response: str) -> Iterator[tuple[Part, float]]:
+    """The clearest jump of what is left in every fitted run, and among how many moments it was looked for.
+
+    A jump at a moment between those that are tried leaves a spike as large as itself, if it is large.
+    """
+    left = leftover(comparison, response)
+    for run, rows in comparison.rows_of_runs():
+        here = np.flatnonzero(np.isfinite(comparison.difference(response)[rows])) + rows.start
+        if run not in fitted_runs(comparison) or len(here) < 4 * _BESIDE:
+            continue
+        means = np.convolve(left[here], np.full(_BESIDE, 1.0 / _BESIDE), "valid")
+        change = means[_BESIDE:] - means[:-_BESIDE]
+        usual = 1.4826 * float(np.median(np.abs(change - np.median(change))))
+        at = int(np.argmax(np.abs(change)))
+        if usual > 0.0 and abs(change[at]) > _CLEAR * usual:
+            yield window(comparison, run, int(here[at + _BESIDE]), rows.stop - 1), float(len(change))
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
