@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from datetime import datetime
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison, Mask, Vector
+from selector.diagnosis.entrance.readings import at_readings, without_extremes
 from selector.diagnosis.entrance.unusable import without_useless
 from selector.errors import InputError, OptionError
 from selector.findings import Finding, Where
@@ -71,9 +73,11 @@ def comparison_of(
         simulated={name: _frozen(read[:, k]) for k, name in enumerate(simulation.names)},
         responses=tuple(shared),
         held_out=_held_out(reached, time, holdout),
-        resolution={name: resolution(recorded[:, k]) for k, name in enumerate(recording.names)},
         findings=tuple(findings),
     )
+    comparison = without_extremes(comparison)
+    steps = {name: resolution(values) for name, values in comparison.recorded.items()}
+    comparison = at_readings(dataclasses.replace(comparison, resolution=steps))
     return without_useless(comparison, asked=responses is not None)
 
 

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison, Vector
+from selector.diagnosis.entrance.readings import rows_in_stretches
 from selector.errors import InputError
 from selector.findings import Finding, Where
 
@@ -14,6 +15,8 @@ LEAST_SAMPLES = 40
 """Compared samples that are needed to fit offset, gain and delay and to tell noise from structure."""
 _UNIT_FACTORS = {1e3: "mm and µm, or m and mm", 1e6: "m and µm", 60.0: "per second and per minute"}
 """How many times larger a number is in another unit, where no calibration error could explain it."""
+_SMALLEST = 1e-30
+"""Below this the square of a course may be no number."""
 _ROUNDED = 0.51
 """Steps of the resolution by which rounding alone makes two equal courses differ."""
 
@@ -46,9 +49,10 @@ def without_useless(comparison: Comparison, *, asked: bool) -> Comparison:
         else:
             findings.append(_told("not-compared", "warning", name, reason))
     if not kept:
-        reasons = "; ".join(finding.statement for finding in findings if finding.id == "not-compared")
+        ids = ("not-compared", "beyond-measure")
+        reasons = " ".join(finding.statement for finding in findings if finding.id in ids)
         raise InputError(
-            reasons,
+            reasons.removesuffix("."),
             expected=f"a channel that moves and has at least {LEAST_SAMPLES} samples with a simulated value outside "
             "the part that is held out",
             where="recording and simulation",
@@ -95,6 +99,12 @@ def _reason(comparison: Comparison, name: str) -> str | None:
         return f"has {fitted} samples that can be compared and are not held out"
     if np.ptp(comparison.recorded[name][compared]) == 0.0:
         return "never moves in the recording"
+    moved = float(np.ptp(comparison.recorded[name][compared]))
+    if moved < _SMALLEST:
+        return f"moves by {moved:.3g} {comparison.channel(name).unit} at most in the recording, which is no reading"
+    without_hole = rows_in_stretches(comparison, compared & ~comparison.held_out)
+    if without_hole < LEAST_SAMPLES:
+        return f"has {without_hole} samples that follow each other without a hole and are not held out"
     return None
 
 

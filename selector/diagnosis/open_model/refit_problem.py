@@ -111,9 +111,12 @@ class RefitProblem:
 
 
 def simulated_rows(comparison: Comparison, simulation: Recording) -> dict[str, Vector]:
-    """Responses of a simulation that has the recordings' times, at the rows of a comparison."""
+    """Responses of a simulation that has the recordings' times, at the rows of a comparison, which may be fewer."""
     names = list(comparison.responses)
-    rows = np.concatenate([simulation.values(run, names) for run in comparison.runs])
+    rows = np.concatenate([
+        simulation.values(run, names)[np.searchsorted(simulation.time_s(run), comparison.time_s[part])]
+        for run, part in comparison.rows_of_runs()
+    ])  # fmt: skip
     return {name: np.ascontiguousarray(rows[:, k], dtype=np.float64) for k, name in enumerate(names)}
 
 
