@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.diagnosis.answer import Diagnosis, Evidence, NamedEffect, Place, Verdict
+from selector.diagnosis.answer import Diagnosis, Evidence, Fit, NamedEffect, Place, Verdict
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Effect, Variant
@@ -36,6 +36,7 @@ Vector = NDArray[np.float64]
 _TRIFLE = 0.02
 """Of the share of the mismatch that the largest effect explains: what explains less is not named beside it."""
 _MOST = 0.5
+_HARM = 1.05
 _SUSPECTED = 0.7
 """What is left of a confidence that another programme does not bear out."""
 _DOUBTFUL = 0.45
@@ -136,6 +137,9 @@ def diagnosis(
         )
         for name, bench in benches.items()
     }  # fmt: skip
+    named = tuple(
+        _doubted(effect) if effect.channel in fit and _harms(fit[effect.channel]) else effect for effect in named
+    )
     answer = Diagnosis(
         comparison=comparison,
         verdict=verdict,
@@ -199,9 +203,16 @@ def _stands(effect: NamedEffect, found: Search, structures: Sequence[Structure])
 def _confirmed(comparison: Comparison, found: Search, id_: str) -> NamedEffect:
     """The named effect; suspected only, where it shows on held-out rows and gains nothing there."""
     held, effect = confirmation(comparison, found, id_), named_effect(comparison, found, id_)
-    if held.shows and held.gain <= 0.0:
-        return replace(effect, suspected=True, confidence=_SUSPECTED * effect.confidence)
-    return effect
+    return _doubted(effect) if held.shows and held.gain <= 0.0 else effect
+
+
+def _doubted(effect: NamedEffect) -> NamedEffect:
+    return effect if effect.suspected else replace(effect, suspected=True, confidence=_SUSPECTED * effect.confidence)
+
+
+def _harms(fit: Fit) -> bool:
+    """Whether the held-out error is clearly larger with what was found than with recalibration alone."""
+    return fit.heldout.rmse_after > _HARM * fit.recalibrated_heldout > 0.0
 
 
 def _verdict(named: Sequence[NamedEffect], structures: Sequence[Structure], is_recalibrated: bool) -> Verdict:
