@@ -10,6 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison, Mask, Vector
+from selector.diagnosis.entrance.coverage import partly_simulated
+from selector.diagnosis.entrance.exchanged_runs import exchanged_runs
+from selector.diagnosis.entrance.no_readings import without_codes
 from selector.diagnosis.entrance.readings import at_readings, without_extremes
 from selector.diagnosis.entrance.unusable import without_useless
 from selector.errors import InputError, OptionError
@@ -50,7 +53,9 @@ def comparison_of(
     OptionError
         `responses` or `holdout` name something that is not there.
     """
+    recording, codes = without_codes(recording)
     runs, findings = _common_runs(recording, simulation)
+    findings += codes
     shared = _common_channels(recording, simulation, responses)
     aligned = {run: _simulated_times(recording, simulation, run) for run in runs}
     findings += [finding for _, told in aligned.values() for finding in told]
@@ -60,6 +65,9 @@ def comparison_of(
     findings += [
         _left_out(run, "the simulation has no value at any of its times") for run in runs if run not in reached
     ]
+    findings += partly_simulated({
+        run: np.any(np.isfinite(_read_at(simulation, run, shared, *_times(aligned, run))), axis=1) for run in reached
+    })
     time = [recording.time_s(run) for run in reached]
     starts = (0, *np.cumsum([len(part) for part in time]).tolist())
     recorded = np.concatenate([recording.values(run, recording.names) for run in reached])
@@ -78,7 +86,8 @@ def comparison_of(
     comparison = without_extremes(comparison)
     steps = {name: resolution(values) for name, values in comparison.recorded.items()}
     comparison = at_readings(dataclasses.replace(comparison, resolution=steps))
-    return without_useless(comparison, asked=responses is not None)
+    usable = without_useless(comparison, asked=responses is not None)
+    return dataclasses.replace(usable, findings=(*usable.findings, *exchanged_runs(usable)))
 
 
 def resolution(values: Vector) -> float:
