@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from selector.cli import showing
-from selector.cli.files import folder_written_whole, require_writable_folder
+from selector.cli.files import folder_written_whole, require_writable_folder, written_folder
 from selector.cli.selecting import progress_bar
 from selector.cli.showing import AsJson
 from selector.cli.source import Source, with_source
@@ -19,6 +19,7 @@ from selector.errors import OptionError
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from selector.controllers.model_file import ModelFile
     from selector.diagnosis.answer import Diagnosis, Fit, NamedEffect, Place
     from selector.diagnosis.comparison import Comparison
     from selector.diagnosis.open_model.modelled import Improved
@@ -70,7 +71,15 @@ FalseAlarm = Annotated[
     typer.Option("--false-alarm", metavar="P", help="Allowed probability of naming something where nothing is."),
 ]
 Out = Annotated[
-    Path | None, typer.Option("--out", metavar="DIR", help="Write diagnosis.json, and with --model improved.toml.")
+    Path | None,
+    typer.Option(
+        "--out",
+        metavar="DIR",
+        help="Write diagnosis.json and report.html; with --model improved.toml; where physics is named that is not in "
+        "that, correction.json, and model.json if it is thermal. Those of an earlier answer there are replaced or "
+        "removed.",
+        parser=written_folder,
+    ),
 ]
 
 
@@ -100,6 +109,8 @@ def diagnose(
     )
     if out is not None:
         require_writable_folder(out, "--out")
+    from selector.cli.diagnosed_model import correction_told, earlier_answer
+
     console = showing.screen(as_json)
     with progress_bar(as_json) as progress:
         progress("reading", 0.0)
@@ -115,10 +126,11 @@ def diagnose(
             found = diagnosis_of_copy(comparison, seed=seed) or diagnosis(
                 comparison, seed=seed, false_alarm=false_alarm, progress=say
             )
+        found, correction = correction_told(found, improved)
         if out is not None:
             progress("writing", 1.0)
-            with folder_written_whole(out) as folder:
-                written = write_results(found, folder, improved)
+            with folder_written_whole(out, earlier_answer(out)) as folder:
+                written = write_results(found, folder, improved, correction)
     if as_json:
         showing.print_json(found.as_dict())
     else:
@@ -159,7 +171,9 @@ def compared(
     return dataclasses.replace(comparison, findings=(*recorded.findings, *said, *comparison.findings))
 
 
-def write_results(found: Diagnosis, folder: Path, improved: Improved | None = None) -> list[str]:
+def write_results(
+    found: Diagnosis, folder: Path, improved: Improved | None = None, correction: ModelFile | None = None
+) -> list[str]:
     """diagnosis.json, report.html, and the improved model or a correction, into a folder; their names."""
     from selector.cli.diagnosed_model import write_correction, write_improved
     from selector.report.diagnosis_report import write_diagnosis_report
@@ -167,10 +181,7 @@ def write_results(found: Diagnosis, folder: Path, improved: Improved | None = No
     written = ["diagnosis.json", "report.html"]
     if improved is not None:
         written.append(write_improved(improved, folder).name)
-    if improved is None or improved.not_in_it:
-        files, told = write_correction(found, folder)
-        written += files
-        found = dataclasses.replace(found, findings=(*found.findings, *told))
+    written += write_correction(found, improved, correction, folder)
     text = showing.json_text(found.as_dict()) + "\n"
     (folder / "diagnosis.json").write_text(text, encoding="utf-8", newline="\n")
     write_diagnosis_report(found, folder / "report.html")

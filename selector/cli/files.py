@@ -15,11 +15,11 @@ from selector.errors import OptionError
 
 
 @contextmanager
-def folder_written_whole(folder: Path) -> Iterator[Path]:
+def folder_written_whole(folder: Path, earlier: Iterable[str] = ()) -> Iterator[Path]:
     """An empty folder to write into; it takes the place of `folder` when the block ends without an error.
 
-    If `folder` exists, files of the same name are replaced and others stay. When the block fails, or is stopped,
-    `folder` is left as it was.
+    If `folder` exists, files of the same name are replaced and others stay, but those named `earlier`: they belong to
+    an earlier answer and go with it. When the block fails, or is stopped, `folder` is left as it was.
     """
     folder = Path(os.path.abspath(folder))  # noqa: PTH100 (resolve() would follow a link and replace its target's name)
     folder.parent.mkdir(parents=True, exist_ok=True)
@@ -33,12 +33,12 @@ def folder_written_whole(folder: Path) -> Iterator[Path]:
         if not folder.exists():
             part.rename(folder)
             return
-        _move_into(part, folder)
+        _move_into(part, folder, earlier)
     finally:
         shutil.rmtree(part, ignore_errors=True)
 
 
-def _move_into(part: Path, folder: Path) -> None:
+def _move_into(part: Path, folder: Path, earlier: Iterable[str]) -> None:
     """All files of `part` take their places in `folder`, or none does: old ones wait aside until the last is in."""
     aside = part / f".{secrets.token_hex(8)}"
     sources = sorted(part.rglob("*"))
@@ -57,6 +57,11 @@ def _move_into(part: Path, folder: Path) -> None:
                 target.replace(old)
             done.append((target, old))
             source.replace(target)
+        for name in earlier:
+            target, old = folder / name, aside / name
+            if target.is_file() and not any(target == there for there, _ in done):
+                target.replace(old)
+                done.append((target, old))
     except BaseException:
         for target, old in done:
             if old.exists():
@@ -98,6 +103,24 @@ def refuse_to_replace_input(path: Path, inputs: Iterable[str | Path], option: st
             where=f"{option} {path}",
             advice="choose another name",
         )
+
+
+def written_folder(text: str | Path) -> Path:
+    """The folder that an option names.
+
+    Raises
+    ------
+    OptionError
+        It names none.
+    """
+    if not str(text).strip():
+        raise OptionError(
+            "an empty name",
+            expected="the name of a folder to write into",
+            where="--out",
+            advice="e.g. --out diagnosis; a variable of your script may be empty",
+        )
+    return Path(text)
 
 
 def require_writable_folder(folder: Path, option: str) -> None:

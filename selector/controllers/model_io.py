@@ -38,6 +38,14 @@ def read_model(path: str | Path) -> ModelFile:
         message has the JSON path and the value.
     """
     place = Path(path)
+    if place.exists() and not (place.is_file() or place.is_dir()):
+        # opening a pipe would wait for ever
+        raise ModelFileError(
+            "not a regular file but a device, a pipe or a socket",
+            expected=f"a model file ({SCHEMA})",
+            where=str(place),
+            advice="write the model into a file and name that",
+        )
     try:
         with place.open("rb") as file:
             content = file.read(LARGEST_FILE_BYTES + 1)

@@ -15,7 +15,7 @@ from selector.readers.names import closest
 from selector.readers.numeric_clock import time_unit
 from selector.units import ROLES, unit_for_role
 
-_MAX_BYTES = 20_000_000
+_MAX_BYTES = 10_000_000
 
 
 class _Entry(BaseModel):
@@ -114,9 +114,16 @@ def machine(path: Path) -> Machine:
     """
     where = str(path)
     try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise _unreadable(where, "a file of more than 20 MB", "check whether this is the machine file")
-        text = path.read_bytes().decode("utf-8-sig").replace("\r\n", "\n")
+        if path.exists() and not (path.is_file() or path.is_dir()):
+            # a device has no size to be judged by, and opening a pipe would wait for ever
+            raise _unreadable(
+                where, "not a regular file but a device, a pipe or a socket", "write it into a file and name that"
+            )
+        with path.open("rb") as file:
+            content = file.read(_MAX_BYTES + 1)
+        if len(content) > _MAX_BYTES:
+            raise _unreadable(where, "a file of more than 10 MB", "check whether this is the machine file")
+        text = content.decode("utf-8-sig").replace("\r\n", "\n")
     except OSError as error:
         raise _unreadable(where, f"a file that cannot be opened ({error.strerror})", "check the path") from error
     except UnicodeDecodeError as error:

@@ -98,3 +98,23 @@ def test_results_that_do_not_fit_into_the_folder_leave_the_old_ones(tmp_path):
         (part / "report.html").write_text("new", encoding="utf-8")
     assert (folder / "model.json").read_text(encoding="utf-8") == "old"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["study"]
+
+
+def test_an_earlier_answer_goes_with_the_new_one(tmp_path):
+    out = tmp_path / "study"
+    out.mkdir()
+    for name in ("old.json", "mine.txt", "kept.json"):
+        (out / name).write_text("old", encoding="utf-8")
+    with folder_written_whole(out, ["old.json", "kept.json", "never.json"]) as part:
+        (part / "kept.json").write_text("new", encoding="utf-8")
+    assert sorted(path.name for path in out.iterdir()) == ["kept.json", "mine.txt"]
+    assert (out / "kept.json").read_text(encoding="utf-8") == "new"
+
+
+def test_an_earlier_answer_stays_if_the_new_one_fails(tmp_path):
+    out = tmp_path / "study"
+    (out / "a.json").mkdir(parents=True)
+    (out / "old.json").write_text("old", encoding="utf-8")
+    with pytest.raises(IsADirectoryError), folder_written_whole(out, ["old.json"]) as part:
+        (part / "a.json").write_text("new", encoding="utf-8")
+    assert (out / "old.json").read_text(encoding="utf-8") == "old"

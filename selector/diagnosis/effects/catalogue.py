@@ -9,6 +9,7 @@ from importlib.metadata import entry_points
 
 import selector.diagnosis.effects as shipped
 from selector.diagnosis.effects.effect import Effect
+from selector.diagnosis.effects.foreign import loaded
 from selector.errors import OptionError
 
 ENTRY_POINT = "selector.effects"
@@ -23,14 +24,14 @@ def catalogue() -> tuple[Effect, ...]:
     Raises
     ------
     OptionError
-        If an entry point brings no `Effect`, or an id that is already there.
+        If an entry point cannot be loaded, or brings no `Effect`, or an id that is already there.
     """
     found = {effect.id: effect for effect in _shipped()}
     for point in sorted(entry_points(group=ENTRY_POINT), key=lambda point: point.name):
-        effect = point.load()
-        if not isinstance(effect, Effect) or effect.id in found:
+        effect = loaded(point)
+        if effect.id in found:
             raise OptionError(
-                f"entry point {point.name!r} brings {getattr(effect, 'id', type(effect).__name__)!r}",
+                f"entry point {point.name!r} brings {effect.id!r}",
                 expected="an Effect whose id no other effect has",
                 where=f"entry points of the group {ENTRY_POINT!r}, package {point.dist.name if point.dist else '?'}",
                 advice="correct or remove that package; docs/how-to/write-an-effect.md tells what an effect is made of",

@@ -131,6 +131,14 @@ def fmu_model(path: str | Path, recording: Recording) -> Iterator[FmuModel]:
             where=str(path),
             advice="install it: pip install 'selector[fmu]'",
         ) from error
+    if Path(path).exists() and not Path(path).is_file():
+        # opening a pipe would wait for ever
+        raise ReadError(
+            "not a regular file",
+            expected="a functional mock-up unit (.fmu)",
+            where=str(path),
+            advice="check the path",
+        )
     with TemporaryDirectory() as folder:
         try:
             unpacked = fmpy.extract(str(path), unzipdir=folder)

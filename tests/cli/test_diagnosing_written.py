@@ -1,0 +1,119 @@
+"""What `selector diagnose` writes, what of an earlier answer it removes, and what it does not open."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from selector.cli import exit_status
+from selector.diagnosis import workflow
+from selector.diagnosis.answer import Diagnosis, Errors, Fit, NamedEffect
+from tests.cli.test_diagnosing import command, folder, refused
+
+__all__ = ["folder"]
+
+
+def answered_with(comparison, course):
+    """An answer that names one thermal effect, of this course; nothing if it is None."""
+    errors = Errors(1.0, 0.5, 0.4)
+    zero = np.zeros(len(comparison.time_s))
+    effect = NamedEffect(
+        "thermal.memory", "Z", "column", "Z follows past heating.", {}, 0.97, 1e-6, 0.8, (), "warm up",
+        courses={"Z": course},
+    )  # fmt: skip
+    found = Diagnosis(
+        comparison, "nothing-missing", "", (), (),
+        {name: Fit("um", errors, errors, 0.9, None, None, zero, zero, zero) for name in comparison.responses},
+        (), (), (), {}, comparison.findings, 0,
+    )  # fmt: skip
+    return found if course is None else replace(found, verdict="missing-physics", effects=(effect,))
+
+
+@pytest.fixture
+def answers(monkeypatch):
+    """The courses that the next answers name, from the comparison; None: nothing is named."""
+    courses = []
+
+    def answered(comparison, **_):
+        course = courses.pop(0)
+        return answered_with(comparison, None if course is None else course(comparison))
+
+    monkeypatch.setattr(workflow, "diagnosis", answered)
+    return courses
+
+
+def follows_t1(comparison):
+    return 0.5 * (comparison.recorded["T1"] - comparison.recorded["T1"][0])
+
+
+def follows_nothing(comparison):
+    return np.where(np.arange(len(comparison.time_s)) % 2 == 0, 5.0, -5.0)
+
+
+def names(path):
+    return sorted(one.name for one in path.iterdir())
+
+
+def test_an_answer_takes_the_place_of_an_earlier_one(folder, answers, capsys):
+    out = folder / "answer"
+    answers += [follows_t1, None]
+    assert exit_status(command(folder, "--out", str(out))) == 0
+    assert names(out) == ["correction.json", "diagnosis.json", "model.json", "report.html"]
+    assert all(name in capsys.readouterr().out for name in names(out)[:1])
+    (out / "notes.txt").write_text("mine", encoding="utf-8")
+    assert exit_status(command(folder, "--out", str(out))) == 0
+    assert names(out) == ["diagnosis.json", "notes.txt", "report.html"]
+
+
+def test_what_something_else_wrote_stays(folder, answers):
+    out = folder / "answer"
+    out.mkdir()
+    for name in ("diagnosis.json", "correction.json", "model.json", "improved.toml"):
+        (out / name).write_text("mine", encoding="utf-8")
+    answers.append(None)
+    assert exit_status(command(folder, "--out", str(out))) == 0
+    for name in ("correction.json", "model.json", "improved.toml"):
+        assert (out / name).read_text(encoding="utf-8") == "mine"
+
+
+def test_what_is_told_of_the_correction_is_told_everywhere(folder, answers, capsys):
+    answers += [follows_nothing] * 3
+    assert exit_status(command(folder)) == 0
+    assert "correction-not-in-model-file" in capsys.readouterr().out
+    assert exit_status(command(folder, "--json")) == 0
+    alone = json.loads(capsys.readouterr().out)
+    assert "correction-not-in-model-file" in [finding["id"] for finding in alone["findings"]]
+    assert exit_status(command(folder, "--json", "--out", str(folder / "answer"))) == 0
+    assert json.loads(capsys.readouterr().out) == alone
+    assert json.loads((folder / "answer" / "diagnosis.json").read_text(encoding="utf-8")) == alone
+    assert names(folder / "answer") == ["correction.json", "diagnosis.json", "report.html"]
+
+
+def test_an_empty_folder_name(folder, answers, capsys):
+    assert "--out" in refused(capsys, command(folder, "--out", ""))
+    assert answers == []
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes here")
+@pytest.mark.parametrize("option", ["--machine", "--model"])
+@pytest.mark.parametrize("ending", [".toml", ".fmu"])
+def test_pipes_are_not_opened(folder, answers, capsys, option, ending):
+    pipe = folder / f"pipe{ending}"
+    os.mkfifo(pipe)
+    simulation = ["--simulation", str(folder / "sim")] if option == "--machine" else []
+    arguments = ["diagnose", str(folder / "r1.csv"), option, str(pipe), *simulation]
+    assert "not a regular file" in refused(capsys, arguments)
+
+
+def test_a_device_and_a_file_too_large_are_no_machine_file(folder, answers, capsys):
+    large = folder / "large.toml"
+    large.write_bytes(b"# \n" * 3_500_000)
+    files = ["diagnose", str(folder / "r1.csv"), "--simulation", str(folder / "sim"), "--machine"]
+    assert "10 MB" in refused(capsys, [*files, str(large)])
+    if Path("/dev/zero").exists():
+        assert "device" in refused(capsys, [*files, "/dev/zero"])
