@@ -153,7 +153,7 @@ def compared(
     InputError
         A file cannot be read, or the two cannot be compared.
     """
-    from selector.cli.simulated_runs import simulated_reading
+    from selector.cli.simulated_runs import not_simulated, simulated_reading
     from selector.diagnosis.entrance.alignment import comparison_of
 
     if not simulation:
@@ -168,6 +168,8 @@ def compared(
     comparison = comparison_of(recorded.recording, simulated.recording, responses=responses or None, holdout=holdout)
     told = [dataclasses.replace(f, statement=f"Simulation: {f.statement}") for f in simulated.findings]
     said = [finding for finding in told if finding.id not in ("columns-ignored", "channels-lacking")]
+    if not responses:
+        said += not_simulated(recorded.recording, simulated.recording, comparison.responses)
     return dataclasses.replace(comparison, findings=(*recorded.findings, *said, *comparison.findings))
 
 

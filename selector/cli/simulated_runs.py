@@ -7,12 +7,14 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from selector.errors import InputError, ReadError
+from selector.errors import InputError, ReadError, UnitError
 from selector.findings import Finding, Where
 
 if TYPE_CHECKING:
     from selector.readers import Machine, Overrides, Reading
+    from selector.recording import Recording
 
+_TIME_UNIT = "--simulation-time-unit"
 _UNITS_S = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
 _SAME_SPAN = 0.03
 """Part by which a simulated run may be longer or shorter than the recorded one when its unit of time is told by it."""
@@ -36,15 +38,17 @@ def simulated_reading(
 
     machine = recorded.machine if recorded.machine is not None else machine_of(recorded)
     first: InputError | None = None
-    for asked, names in _ways(machine, overrides):
+    names: tuple[str, ...] = ()
+    for asked, described in _ways(machine, overrides):
         try:
-            found = _with_its_clock(paths, recorded, names, asked, time_unit)
+            found = _with_its_clock(paths, recorded, described, asked, time_unit)
         except InputError as error:
             first = first or error
             continue
         if set(found.recording.names) & set(recorded.recording.names):
             return found
-    raise first or _nothing_in_common(paths, recorded)
+        names = names or found.recording.names
+    raise first or _nothing_in_common(paths, recorded, names)
 
 
 def _ways(machine: Machine, overrides: Overrides) -> Iterator[tuple[Overrides, Machine]]:
@@ -61,15 +65,39 @@ def _ways(machine: Machine, overrides: Overrides) -> Iterator[tuple[Overrides, M
     yield own_format, own_clock
 
 
+def not_simulated(recorded: Recording, simulated: Recording, responses: Sequence[str]) -> tuple[Finding, ...]:
+    """Recorded channels like those that are compared, of which the simulation has none."""
+    roles = {recorded.channel(name).role for name in responses}
+    lacking = [one.name for one in recorded.channels if one.role in roles and one.name not in simulated.names]
+    return tuple(
+        Finding(
+            "recorded-only",
+            "info",
+            f"{name} is recorded but not simulated, and is not compared.",
+            Where(channel=name),
+            suggestion="write it into the simulated files, under the name that the recorded channel has",
+        )
+        for name in lacking
+    )
+
+
 def _with_its_clock(
     paths: Sequence[Path], recorded: Reading, machine: Machine, overrides: Overrides, time_unit: str | None
 ) -> Reading:
-    from selector.readers import read
-
     if time_unit is not None:
-        return read(paths, machine, dataclasses.replace(overrides, time_unit=time_unit))
+        try:
+            return _in_its_units(paths, machine, dataclasses.replace(overrides, time_unit=time_unit))
+        except InputError as error:
+            if error.where != "--time-unit":
+                raise
+            raise type(error)(
+                error.found,
+                expected=error.expected,
+                where=_TIME_UNIT,
+                advice=error.advice.replace(error.where, _TIME_UNIT),
+            ) from error
     free = machine.model_copy(update={"time": machine.time.model_copy(update={"unit": None})})
-    found = read(paths, free, dataclasses.replace(overrides, time_unit=None))
+    found = _in_its_units(paths, free, dataclasses.replace(overrides, time_unit=None))
     if not _unit_guessed(found):
         return found
     told = recorded.reading["time"]["unit"]
@@ -77,7 +105,7 @@ def _with_its_clock(
     unit = _unit_by_length(found, recorded, usual)
     if unit is None:
         return found
-    result = read(paths, machine, dataclasses.replace(overrides, time_unit=unit))
+    result = _in_its_units(paths, machine, dataclasses.replace(overrides, time_unit=unit))
     if unit == usual:
         return result
     said = Finding(
@@ -86,9 +114,37 @@ def _with_its_clock(
         f"The time of the simulation was read in {unit}: only then its runs are as long as the recorded ones.",
         Where(),
         {"unit": unit, "unit_of_recording": usual},
-        "name it with --simulation-time-unit, or write it into the header of the time column",
+        f"name it with {_TIME_UNIT}, or write it into the header of the time column",
     )
     return dataclasses.replace(result, findings=(said, *result.findings))
+
+
+def _in_its_units(paths: Sequence[Path], machine: Machine, overrides: Overrides) -> Reading:
+    """The files in the units that their headers say, and in those of the recordings where they say none."""
+    from selector.readers import read
+
+    found = read(paths, machine, overrides)
+    conflicts = [finding.evidence["channels"] for finding in found.findings if finding.id == "unit-conflict"]
+    own = {name for names in conflicts for name in names}
+    if not own:
+        return found
+    columns = own | {channel.column for channel in found.channels if channel.name in own}
+    channels = {
+        name: section.model_copy(update={"unit": None}) if name in own else section
+        for name, section in machine.channels.items()
+    }
+    units = {name: unit for name, unit in overrides.units.items() if name not in columns}
+    try:
+        return read(
+            paths, machine.model_copy(update={"channels": channels}), dataclasses.replace(overrides, units=units)
+        )
+    except UnitError as error:
+        raise UnitError(
+            error.found,
+            expected=error.expected,
+            where=f"headers of the simulation {_listed(paths)}, {error.where.removesuffix(' of the machine file')}",
+            advice="correct the unit in the header, or simulate the quantity that was recorded",
+        ) from error
 
 
 def _unit_guessed(found: Reading) -> bool:
@@ -111,10 +167,15 @@ def _unit_by_length(found: Reading, recorded: Reading, usual: str | None) -> str
     return usual if not fitting or usual in fitting else fitting[0]
 
 
-def _nothing_in_common(paths: Sequence[Path], recorded: Reading) -> ReadError:
+def _listed(paths: Sequence[Path]) -> str:
+    return ", ".join(str(path) for path in paths[:3]) + (" …" if len(paths) > 3 else "")
+
+
+def _nothing_in_common(paths: Sequence[Path], recorded: Reading, names: Sequence[str]) -> ReadError:
+    has = f"the simulation has {', '.join(names[:12])}" if names else "the simulation has no channels"
     return ReadError(
-        "none of the recorded channels",
+        f"none of the recorded channels; {has}",
         expected=f"columns with some of {', '.join(recorded.recording.names[:12])}",
-        where=f"--simulation {', '.join(str(path) for path in paths[:3])}",
+        where=f"--simulation {_listed(paths)}",
         advice="name the simulated columns as the recorded channels, or as the columns in the machine file",
     )

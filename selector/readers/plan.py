@@ -75,6 +75,13 @@ def plan(runs: Sequence[TimedRun], machine: Machine | None, overrides: Overrides
     )
     if not result.channels:
         columns = [c.header for c in runs[0].columns]
+        if overrides.partial and machine is not None and machine.channels:
+            raise RecordingError(
+                f"none of the recorded channels (columns of numbers: {', '.join(columns[:20]) or 'none'})",
+                expected=f"columns for some of {', '.join(list(machine.channels)[:20])}",
+                where=runs[0].file.name,
+                advice="name the columns as the recorded channels, or as the columns in the machine file",
+            )
         raise RecordingError(
             f"no column whose meaning could be inferred (columns of numbers: {', '.join(columns[:20]) or 'none'})",
             expected="temperatures, displacements, spindle speed, ...",
