@@ -73,7 +73,7 @@ def headline(found: Diagnosis) -> str:
         sentences.append(f"Also left out: {listed([_short(effect) for effect in physics])}.")
     if faults:
         also = "The recording is at fault too" if not is_data(first.id) else "Also at fault"
-        sentences.append(f"{also}: {listed([_short(effect) for effect in faults])}.")
+        sentences.append(f"{also}: {listed(list(dict.fromkeys(_short(effect) for effect in faults)))}.")
     return " ".join(sentences)
 
 
@@ -198,8 +198,9 @@ def _named(found: Diagnosis, effect: NamedEffect) -> str:
     statement = _inside(effect.statement.rstrip(" ."), found.comparison)
     sure = sure_words(effect.confidence)
     if is_data(effect.id):
+        corrected = "" if effect.acts is not None else "corrected, "
         return (
-            f"The recording is at fault, not the simulation: {statement} ({sure}); corrected, {_gain(found, effect)}."
+            f"The recording is at fault, not the simulation: {statement} ({sure}); {corrected}{_gain(found, effect)}."
         )
     verb = "may leave out" if effect.suspected else "leaves out"
     names = listed([name_of(id_) for id_ in (effect.id, *effect.cannot_be_told_from)], "or")
@@ -222,6 +223,8 @@ def _gain(found: Diagnosis, effect: NamedEffect) -> str:
     unseen = held_out_words(found.comparison)
     before, after = fit.heldout.rmse_before, fit.heldout.rmse_after
     unit = unit_words(fit.unit)
+    if effect.acts is not None and effect.id == "data.stuck":
+        return f"without that stretch the error of {effect.channel} on {unseen} is {_digits(after)} {unit}"
     if after < (1.0 - _LEAST_FALL) * before:
         alone = fit.recalibrated_heldout
         also = f"; recalibration alone gives {_digits(alone)}" if alone < (1.0 - _LEAST_FALL) * before else ""

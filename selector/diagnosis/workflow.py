@@ -18,13 +18,13 @@ from selector.diagnosis.entrance.unusable import identical_responses
 from selector.diagnosis.evidence.bench import Bench, bench_of
 from selector.diagnosis.evidence.confirmation import confirmation
 from selector.diagnosis.evidence.detectability import detectability
-from selector.diagnosis.evidence.frozen_responses import frozen_responses
 from selector.diagnosis.evidence.held_out_faults import held_out_faults
 from selector.diagnosis.evidence.naming import input_fault_effect, named_effect, unit_of, whole_record_effect
 from selector.diagnosis.evidence.recalibration import recalibrated
 from selector.diagnosis.evidence.search import Search, Standing, numbers, search
 from selector.diagnosis.evidence.showing import fit_of
 from selector.diagnosis.evidence.whole_record import whole_record_names
+from selector.diagnosis.evidence.without_frozen import diagnosis_without_frozen, frozen_and_unnamed
 from selector.diagnosis.mismatch.location import active_windows
 from selector.diagnosis.mismatch.omnibus import Structure, unexplained
 from selector.diagnosis.next_run.experiments import next_runs
@@ -104,6 +104,18 @@ def diagnosis(
         benches[name], untested[name] = bench_of(comparison, name, known, (through_model or {}).get(name))
     say(steps - 3, steps, "testing effects")
     found = _worth_naming(comparison, search(benches, false_alarm=false_alarm, seed=seed))
+    frozen = frozen_and_unnamed(comparison, found)
+    if frozen:
+        # what stands still says nothing about the machine, and would be fitted as if it did
+        return diagnosis_without_frozen(
+            comparison,
+            frozen,
+            lambda rest: diagnosis(
+                rest, seed=seed, false_alarm=false_alarm, effects=effects, through_model=through_model,
+                progress=progress,
+            ),
+            seed=seed,
+        )  # fmt: skip
     benches = dict(found.benches)
     say(steps - 2, steps, "errors on held-out rows")
     again = {
@@ -118,8 +130,6 @@ def diagnosis(
     left = _left(comparison, found, only_fitted=only_fitted)
     structures = unexplained(comparison, *left, seed=seed, false_alarm=false_alarm)
     effects_found = [*(_confirmed(comparison, found, id_) for id_ in found.named), *late]
-    frozen = [fault for fault in frozen_responses(comparison) if "data.stuck" not in found.named]
-    effects_found += [input_fault_effect(comparison, fault) for fault in frozen]
     if structures and not any(_is_physics(effect) and _stands(effect, found, structures) for effect in effects_found):
         # a fault of the data explains all that it concerns, or it is a proxy of what nothing explains
         effects_found = [effect for effect in effects_found if effect.id == "data.stuck"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from selector.diagnosis.effects.data.places import window
 from selector.diagnosis.effects.data.words import amount, step_unit
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.input_faults import fault_reading, fault_variants
+from selector.diagnosis.shapes.record_kind import of_a_drive
 from selector.diagnosis.shapes.signals import filled
 from selector.quality.survey import block_noise
 
@@ -27,8 +28,14 @@ _STEPS = 6.0
 """Steps of the resolution that the simulation must move while the reading stands, where noise alone proves nothing."""
 _OF_SPAN = 0.05
 """And the part of all its movement."""
+_DEAD = 0.2
+"""Part of the movement of the simulation that a reading has to miss where every run has its silent stretch."""
+_LEAST_DEAD = 40
+"""Samples of such a stretch."""
 _BESIDE = 20
 """Samples on each side of a stretch from which its level is taken."""
+_LEAP = 4.0
+"""Usual steps from one reading to the next by which a reading that wakes up differs from where it stood."""
 _AROUND_ONE = ((0.7, 1.4),)
 
 
@@ -73,6 +80,9 @@ def frozen_stretches(comparison: Comparison, response: str, *, surely: bool = Fa
     if not still:
         return []
     chance = _chance_of_equal(comparison, recorded, resolution, max(still, key=lambda one: one[2] - one[1]))
+    dead: list[tuple[str, int, int]] = []
+    if chance == 1.0 and of_a_drive(comparison, response) is None:
+        dead = _dead_in_runs(comparison, recorded, resolution, still)
     long_ones = [(first, last) for _, first, last in still]
     low, high = float(np.nanmin(recorded)), float(np.nanmax(recorded))
     at_ends = [recorded[first] for first, last in long_ones if recorded[first] in (low, high)]
@@ -82,26 +92,63 @@ def frozen_stretches(comparison: Comparison, response: str, *, surely: bool = Fa
         length = last - first + 1
         if at_ends.count(recorded[first]) > 1:
             continue
-        silent = len(recorded) * chance ** (length - 1) < _SURE
-        if surely and not silent:
-            continue
         part = simulated[first : last + 1]
         moved = float(np.nanmax(part) - np.nanmin(part)) if np.isfinite(part).any() else 0.0
+        silent = len(recorded) * chance ** (length - 1) < _SURE
+        silent |= (run, first, last) in dead and moved > max(_STEPS * resolution, _DEAD * span)
+        if surely and not silent:
+            continue
         if silent or moved > max(_STEPS * resolution, _OF_SPAN * span, 1e-12 * max(abs(low), abs(high))):
             found.append((length, run, first, last))
     found.sort(key=lambda stretch: (-stretch[0], stretch[2]))
     return [stretch[1:] for stretch in found[:_MOST]]
 
 
+def _dead_in_runs(
+    comparison: Comparison,
+    recorded: NDArray[np.float64],
+    resolution: float,
+    still: Sequence[tuple[str, int, int]],
+) -> list[tuple[str, int, int]]:
+    """The longest stretch of every run, where the channel is never silent outside of these, if it is no rest.
+
+    What rests by nature moves on from where it rested; a dead reading stands to the end of the run or leaps.
+    """
+    longest = [
+        max((one for one in still if one[0] == run), key=lambda one: one[2] - one[1])
+        for run in dict.fromkeys(run for run, _, _ in still)
+    ]
+    longest = [one for one in longest if one[2] - one[1] + 1 >= _LEAST_DEAD]
+    if not longest:
+        return []
+    chance = _chance_of_equal(comparison, recorded, resolution, *longest)
+    return [
+        (run, first, last)
+        for run, first, last in longest
+        if len(recorded) * chance ** (last - first) < _SURE and not _moves_on(comparison, recorded, last, resolution)
+    ]
+
+
+def _moves_on(comparison: Comparison, recorded: NDArray[np.float64], last: int, resolution: float) -> bool:
+    """Whether the first reading after a stretch lies beside it."""
+    rows = dict(comparison.rows_of_runs())[comparison.runs[int(comparison.run_index[last])]]
+    after = recorded[last + 1 : rows.stop]
+    after = after[np.isfinite(after)]
+    if len(after) == 0:
+        return False
+    usual = float(np.nanmedian(np.abs(np.diff(after)))) if len(after) > 1 else 0.0
+    return bool(abs(after[0] - recorded[last]) <= _LEAP * max(usual, resolution))
+
+
 def _chance_of_equal(
-    comparison: Comparison, recorded: NDArray[np.float64], resolution: float, longest: tuple[str, int, int]
+    comparison: Comparison, recorded: NDArray[np.float64], resolution: float, *longest: tuple[str, int, int]
 ) -> float:
     """Largest probability of a reading to equal the one before it; 1 where the channel is quiet now and then.
 
-    From the noise of the quietest fifth of all blocks of samples, the longest stretch aside.
+    From the noise of the quietest fifth of all blocks of samples, the longest stretches aside.
     """
     index = np.arange(len(recorded))
-    aside = (index >= longest[1]) & (index <= longest[2])
+    aside = np.any([(index >= first) & (index <= last) for _, first, last in longest], axis=0)
     parts = [recorded[rows][np.isfinite(recorded[rows]) & ~aside[rows]] for _, rows in comparison.rows_of_runs()]
     blocks = np.concatenate([block_noise(part) for part in parts])
     quiet = float(np.quantile(blocks, 0.2)) if len(blocks) else 0.0

@@ -1,0 +1,78 @@
+"""Responses that freeze: named, and nothing is fitted to what stands still."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from selector.diagnosis.evidence.frozen_responses import frozen_responses
+from selector.diagnosis.workflow import diagnosis
+from tests.diagnosis.made import RUNS, STEP_S, coloured, comparison
+
+N = 360
+
+
+def clean(seed=0):
+    random = np.random.default_rng(seed)
+    return comparison({name: 0.5 * coloured("white", 3 * N, random) for name in ("Z", "Y")})
+
+
+def frozen_from(given, moments, name="Z", to=N):
+    """The response stands at its reading of these moments, run by run (None: it goes on), up to sample `to`."""
+    course = given.recorded[name].copy()
+    for k, moment in enumerate(moments):
+        if moment is not None:
+            course[k * N + moment : k * N + to] = course[k * N + moment]
+    return dataclasses.replace(given, recorded={**given.recorded, name: course})
+
+
+def windows(answer):
+    return sorted((e.acts[0], e.acts[1], e.acts[2]) for e in answer.effects if e.acts is not None)
+
+
+def test_a_response_that_froze_in_every_run_is_found_and_left_out():
+    moments = (100, 90, 110)
+    dead = frozen_from(clean(), moments)
+    answer = diagnosis(dead)
+    assert answer.verdict == "data-fault"
+    assert {(effect.id, effect.channel) for effect in answer.effects} == {("data.stuck", "Z")}
+    assert windows(answer) == [
+        (run, moment * STEP_S, (N - 1) * STEP_S) for run, moment in zip(RUNS, moments, strict=True)
+    ]
+    # the error is that of the living part, and no correction makes it worse
+    assert answer.fit["Z"].heldout.rmse_after < 0.6
+    assert np.array_equal(answer.comparison.recorded["Z"], dead.recorded["Z"])
+    assert "without that stretch the error of Z" in answer.headline
+
+
+def test_the_dead_part_does_not_touch_the_fit_of_the_rest():
+    living = clean()
+    answer = diagnosis(frozen_from(living, (150, 150, None)))
+    assert answer.verdict == "data-fault"
+    assert {effect.id for effect in answer.effects} == {"data.stuck"}
+    held = answer.fit["Z"].heldout
+    assert held.rmse_after == pytest.approx(held.rmse_before, rel=0.03)
+
+
+def test_a_response_of_which_nothing_is_left_is_not_compared_any_further():
+    answer = diagnosis(frozen_from(clean(), (12, 12, 12)))
+    assert answer.verdict == "data-fault"
+    assert [finding.where.channel for finding in answer.findings if finding.id == "not-compared"] == ["Z"]
+    assert answer.fit["Z"].gap_closed is None
+    assert answer.fit["Y"].heldout.noise_floor == pytest.approx(0.5, rel=0.1)
+
+
+@pytest.mark.parametrize("leap", [0.0, 8.0])
+def test_what_moves_on_from_where_it_rested_was_not_frozen(leap):
+    given, random = clean(), np.random.default_rng(3)
+    course = given.simulated["Z"] + 0.5 * random.standard_normal(3 * N)
+    for k in range(3):
+        run = course[k * N : (k + 1) * N]
+        run[100:300] = run[100]
+        # a noise of its own, from where it stood
+        run[300:] = run[100] + leap + 0.5 * np.r_[0.0, random.standard_normal(N - 301)]
+    stood = dataclasses.replace(given, recorded={**given.recorded, "Z": course})
+    found = [(fault.run, fault.from_s, fault.to_s) for fault in frozen_responses(stood)]
+    assert found == ([(run, 100 * STEP_S, 299 * STEP_S) for run in RUNS] if leap else [])
