@@ -308,9 +308,14 @@ def _matters(quantity: Quantity, neutral: float) -> bool:
 def _inside(text: str, comparison: Comparison | None = None) -> str:
     """A sentence or title as it stands behind a colon: its first letter small unless it begins a name."""
     word = text.split(" ")[0].rstrip(",:;'s")
-    names = {channel.name for channel in comparison.channels} if comparison else set()
-    is_name = word in names or word in ("Coulomb", "Stribeck") or not word[1:].islower()
-    return text if is_name else text[:1].lower() + text[1:]
+    names = (channel.name for channel in comparison.channels) if comparison else ()
+    is_name = any(_begins_with(text, name) for name in names) or word in ("Coulomb", "Stribeck")
+    return text if is_name or not word[1:].islower() else text[:1].lower() + text[1:]
+
+
+def _begins_with(text: str, name: str) -> bool:
+    """Whether a sentence begins with this name, which may have blanks, and not with a longer word."""
+    return text.startswith(name) and not text[len(name) : len(name) + 1].isalnum()
 
 
 def _sentence(text: str) -> str:

@@ -9,7 +9,17 @@ import pytest
 
 from selector.diagnosis.answer import Errors
 from selector.diagnosis.effects.catalogue import catalogue
-from selector.diagnosis.wording import amount, duration_words, headline, held_out_words, name_of, what_to_do
+from selector.diagnosis.effects.effect import Fitted, Quantity, Variant
+from selector.diagnosis.shapes.heat_wording import delay_of, quantities
+from selector.diagnosis.wording import (
+    amount,
+    duration_words,
+    headline,
+    held_out_words,
+    name_of,
+    quantity_words,
+    what_to_do,
+)
 from tests.diagnosis.answers import answer, memory_effect, zero_effect
 
 ZERO = np.zeros(900)
@@ -124,3 +134,35 @@ def test_durations(seconds, text):
 )
 def test_amounts(value, unit, text):
     assert amount(value, unit) == text
+
+
+@pytest.mark.parametrize("name", ["Verlagerung Z", "Z", "Kopf", "Ü"])
+def test_names_of_channels_are_never_changed(name):
+    found = answer()
+    channels = tuple(replace(one, name=name) if one.name == "T1" else one for one in found.comparison.channels)
+    comparison = replace(found.comparison, channels=channels)
+    effect = replace(found.effects[0], statement=f"{name} is followed 41 min late.")
+    text = headline(replace(found, comparison=comparison, effects=(effect,)))
+    assert f": {name} is followed 41 min late" in text
+
+
+def test_what_only_begins_like_a_channel_begins_small():
+    found = answer()
+    effect = replace(found.effects[0], statement="Zones of the bed follow.")
+    assert ": zones of the bed follow" in headline(replace(found, effects=(effect,)))
+
+
+def test_an_interval_without_width_is_none():
+    assert quantity_words(Quantity(1080.0, "s", 1080.0, 1080.0)) == "1080 s"
+    assert quantity_words(Quantity(1080.0, "s", 900.0, 1200.0)) == "1080 s (900 to 1200)"
+    assert vars(Quantity(1080.0, "s", 1080.0, 1080.0)) == {"value": 1080.0, "unit": "s", "low": None, "high": None}
+
+
+def test_a_delay_that_only_one_shape_has_is_said_to_be_rough():
+    shape = {"tau_s": Quantity(1080.0, "s")}
+    fitted = Fitted("Z", "um", Variant(np.ones((9, 1)), ("T1",), shape), np.ones(1), np.ones(1), {}, 1.0, 2.0)
+    alone = replace(fitted, shape_intervals={"tau_s": (1080.0, 1080.0)})
+    assert delay_of(alone) == "with a delay of about 18 min"
+    assert quantities(alone, answer().comparison)["tau_s"].low is None
+    wide = replace(fitted, shape_intervals={"tau_s": (960.0, 1200.0)})
+    assert delay_of(wide) == "with a delay of 18 min (16 min to 20 min)"

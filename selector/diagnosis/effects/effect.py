@@ -19,12 +19,21 @@ Entry = Literal["force", "heat flow", "displacement", "measurement", "state", "l
 
 @dataclass(frozen=True)
 class Quantity:
-    """A number with its unit; `low` and `high` are its 95 % interval where it was fitted."""
+    """A number with its unit; `low` and `high` are its 95 % interval where it was fitted.
+
+    An interval without width is none: the value is one of a grid whose neighbours fit worse, and how well it is known
+    is less than the grid's step.
+    """
 
     value: float
     unit: str
     low: float | None = None
     high: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.low is not None and self.low == self.high:
+            object.__setattr__(self, "low", None)
+            object.__setattr__(self, "high", None)
 
 
 @dataclass(frozen=True)
@@ -94,7 +103,7 @@ class Fitted:
     coefficients, standard_errors : ndarrays of shape (n_columns,)
         In the unit of the response per unit of the column.
     shape_intervals : mapping of str to (float, float)
-        95 % interval of each shape parameter, from the profile over the variants.
+        95 % interval of each shape parameter, from the profile over the variants; without those of no width.
     rms, largest : float
         Root mean square and largest amount of the effect's course in the response [unit].
     """
@@ -107,6 +116,10 @@ class Fitted:
     shape_intervals: Mapping[str, tuple[float, float]]
     rms: float
     largest: float
+
+    def __post_init__(self) -> None:
+        wide = {name: (low, high) for name, (low, high) in self.shape_intervals.items() if low != high}
+        object.__setattr__(self, "shape_intervals", wide)
 
 
 @dataclass(frozen=True)

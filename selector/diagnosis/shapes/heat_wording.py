@@ -32,7 +32,9 @@ def delay_of(fitted: Fitted) -> str:
     text = delay(shape["tau_s"].value)
     if "tau_s" in fitted.shape_intervals:
         low, high = fitted.shape_intervals["tau_s"]
-        text += f" ({duration(low)} to {duration(high)})" if high > low else ""
+        text += f" ({duration(low)} to {duration(high)})"
+    elif shape["tau_s"].value > 0.0:
+        text = f"with a delay of about {duration(shape['tau_s'].value)}"
     return f"{text} and one of {duration(shape['slow_tau_s'].value)}" if "slow_tau_s" in shape else text
 
 
