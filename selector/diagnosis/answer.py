@@ -41,6 +41,7 @@ class NamedEffect:
     id, channel, place, statement
         As in the contract; `channel` is the response that shows it most, `channels` all that show it.
     parameters : mapping of str to Quantity
+        Without intervals of no width.
     confidence, p_value, share : float
         Probability that the name is right, family-wise p, share of the mismatch that it explains.
     cannot_be_told_from : tuple of str
@@ -68,6 +69,10 @@ class NamedEffect:
     suspected: bool = False
     courses: Mapping[str, Vector] = field(default_factory=dict)
     acts: tuple[str, float | None, float | None] | None = None
+
+    def __post_init__(self) -> None:
+        real = {name: quantity.with_real_interval() for name, quantity in self.parameters.items()}
+        object.__setattr__(self, "parameters", real)
 
 
 @dataclass(frozen=True)

@@ -153,9 +153,12 @@ def test_what_only_begins_like_a_channel_begins_small():
 
 
 def test_an_interval_without_width_is_none():
-    assert quantity_words(Quantity(1080.0, "s", 1080.0, 1080.0)) == "1080 s"
-    assert quantity_words(Quantity(1080.0, "s", 900.0, 1200.0)) == "1080 s (900 to 1200)"
-    assert vars(Quantity(1080.0, "s", 1080.0, 1080.0)) == {"value": 1080.0, "unit": "s", "low": None, "high": None}
+    effect = replace(memory_effect(ZERO), parameters={"tau_s": Quantity(1080.0, "s", 1080.0, 1080.0)})
+    assert effect.parameters["tau_s"] == Quantity(1080.0, "s")
+    assert "1080 s" in quantity_words(effect.parameters["tau_s"])
+    wide = Quantity(1080.0, "s", 900.0, 1200.0)
+    assert replace(effect, parameters={"tau_s": wide}).parameters["tau_s"] == wide
+    assert quantity_words(wide) == "1080 s (900 to 1200)"
 
 
 def test_a_delay_that_only_one_shape_has_is_said_to_be_rough():

@@ -21,8 +21,8 @@ Entry = Literal["force", "heat flow", "displacement", "measurement", "state", "l
 class Quantity:
     """A number with its unit; `low` and `high` are its 95 % interval where it was fitted.
 
-    An interval without width is none: the value is one of a grid whose neighbours fit worse, and how well it is known
-    is less than the grid's step.
+    An interval without width is none: the value is one of a grid whose neighbours fit worse, and is known no better
+    than the grid's step.
     """
 
     value: float
@@ -30,10 +30,9 @@ class Quantity:
     low: float | None = None
     high: float | None = None
 
-    def __post_init__(self) -> None:
-        if self.low is not None and self.low == self.high:
-            object.__setattr__(self, "low", None)
-            object.__setattr__(self, "high", None)
+    def with_real_interval(self) -> Quantity:
+        """The same without an interval that has no width."""
+        return Quantity(self.value, self.unit) if self.low is not None and self.low == self.high else self
 
 
 @dataclass(frozen=True)
