@@ -198,7 +198,7 @@ def _named(found: Diagnosis, effect: NamedEffect) -> str:
     statement = _inside(effect.statement.rstrip(" ."), found.comparison)
     sure = sure_words(effect.confidence)
     if is_data(effect.id):
-        corrected = "" if effect.acts is not None else "corrected, "
+        corrected = "" if _is_left_out(effect) else "corrected, "
         return (
             f"The recording is at fault, not the simulation: {statement} ({sure}); {corrected}{_gain(found, effect)}."
         )
@@ -223,7 +223,7 @@ def _gain(found: Diagnosis, effect: NamedEffect) -> str:
     unseen = held_out_words(found.comparison)
     before, after = fit.heldout.rmse_before, fit.heldout.rmse_after
     unit = unit_words(fit.unit)
-    if effect.acts is not None and effect.id == "data.stuck":
+    if _is_left_out(effect):
         return f"without that stretch the error of {effect.channel} on {unseen} is {_digits(after)} {unit}"
     if after < (1.0 - _LEAST_FALL) * before:
         alone = fit.recalibrated_heldout
@@ -231,6 +231,11 @@ def _gain(found: Diagnosis, effect: NamedEffect) -> str:
         fall = f"falls from {_digits(before)} to {_digits(after)} {unit}{also}"
         return f"the error of {effect.channel} on {unseen} {fall}"
     return f"the error of {effect.channel} on {unseen} does not fall ({_digits(before)} and {_digits(after)} {unit})"
+
+
+def _is_left_out(effect: NamedEffect) -> bool:
+    """Whether nothing was fitted to where it acts; a frozen reading that was fitted has its reading as a parameter."""
+    return effect.id == "data.stuck" and effect.acts is not None and "reading" not in effect.parameters
 
 
 def _short(effect: NamedEffect) -> str:

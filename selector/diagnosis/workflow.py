@@ -28,7 +28,7 @@ from selector.diagnosis.evidence.without_frozen import diagnosis_without_frozen,
 from selector.diagnosis.mismatch.location import active_windows
 from selector.diagnosis.mismatch.omnibus import Structure, unexplained
 from selector.diagnosis.next_run.experiments import next_runs
-from selector.diagnosis.shapes.input_faults import input_faults
+from selector.diagnosis.shapes.input_faults import input_faults, told_of_inputs
 from selector.diagnosis.shapes.leftover import least_squares
 from selector.diagnosis.wording import headline
 
@@ -161,7 +161,7 @@ def diagnosis(
         detectable=detectability(comparison, found, false_alarm=false_alarm),
         next_runs=next_runs(comparison, found, named),
         recalibration={name: one.quantities for name, one in again.items()},
-        findings=comparison.findings,
+        findings=(*comparison.findings, *told_of_inputs(comparison, _channels_at_fault(named))),
         seed=seed,
     )
     return replace(answer, headline=headline(answer))
@@ -192,6 +192,10 @@ def _left(comparison: Comparison, found: Search, *, only_fitted: bool) -> tuple[
         residuals[name] = np.where(looked, bench.residual(of), np.nan)
         white[name] = np.where(looked, bench.white_residual(of), np.nan)
     return residuals, white
+
+
+def _channels_at_fault(named: Sequence[NamedEffect]) -> set[str]:
+    return {channel for effect in named if not _is_physics(effect) for channel in effect.channels}
 
 
 def _is_physics(effect: NamedEffect) -> bool:

@@ -63,7 +63,8 @@ def stuck_beside_siblings(survey: Survey, relations: Relations) -> Iterator[Find
     """Findings ``stuck`` of channels whose resolution hides their noise: still while the siblings move. O(samples).
 
     A stretch of equal samples is a fault when the siblings say that the channel must have moved by several steps of
-    its resolution, and in other stretches of that length in which they said so, it did.
+    its resolution, and in other stretches of that length in which they said so, it did. Where it only did so in runs in
+    which it never stands still as long, it is a warning, and nothing is left out: the others may be at fault, too.
     """
     for i, column in enumerate(relations.columns):
         quantum = survey.quantum(column)
@@ -72,6 +73,7 @@ def stuck_beside_siblings(survey: Survey, relations: Relations) -> Iterator[Find
         siblings: list[int] | None = None
         scales = [survey.scale(run, column) for run in relations.runs]
         extremes = (min(s.low for s in scales if s.count), max(s.high for s in scales if s.count))
+        longest_s = [_longest_still_s(survey, run, column, quantum) for run in relations.runs]
         for r, run in enumerate(relations.runs):
             series = survey.series(run, column)
             if not relations.present[i, r] or series.x.size < 40:
@@ -82,7 +84,12 @@ def stuck_beside_siblings(survey: Survey, relations: Relations) -> Iterator[Find
                 siblings = relations.siblings(i) if siblings is None else siblings
                 begin, end = float(series.time_s[still.first[k]]), float(series.time_s[still.last[k]])
                 railed = float(still.value[k]) in extremes
-                due = _due(relations, i, siblings, r, (begin, end), quantum, railed=railed)
+                others = [o for o in range(len(relations.runs)) if o != r and relations.present[i, o]]
+                due = _due(relations, i, siblings, r, others, (begin, end), quantum, railed=railed)
+                moving = [o for o in others if longest_s[o] < 0.5 * (end - begin)]
+                unsure = due is None and bool(moving)
+                if unsure:
+                    due = _due(relations, i, siblings, r, moving, (begin, end), quantum, railed=railed)
                 if due is None:
                     continue
                 channel = series.channel
@@ -90,10 +97,11 @@ def stuck_beside_siblings(survey: Survey, relations: Relations) -> Iterator[Find
                 rail = ", the end of its range," if railed else ""
                 yield Finding(
                     "saturated" if railed else "stuck",
-                    "error",
+                    "warning" if unsure else "error",
                     f"{channel.name} in run {run} is frozen at {reading(float(still.value[k]), channel)}{rail} for "
                     f"{duration(end - begin)}, {stretch(begin, end)}{', the end of the run' if to_end else ''}, while "
-                    f"its siblings say that it moved by {difference(due, channel)}.",
+                    f"its siblings say that it moved by {difference(due, channel)}"
+                    + ("; but it stands still in other runs, too." if unsure else "."),
                     Where(channel.name, run, begin, end),
                     {
                         "samples": int(still.length[k]),
@@ -102,8 +110,9 @@ def stuck_beside_siblings(survey: Survey, relations: Relations) -> Iterator[Find
                         "resolution": quantum,
                         "siblings": [survey.channels[relations.columns[j]].name for j in siblings],
                     },
-                    "Check the sensor, its cable and the logger. The stretch is left out.",
-                    "leave-out-stretch",
+                    "Check the sensor, its cable and the logger. "
+                    + ("Nothing is left out." if unsure else "The stretch is left out."),
+                    "none" if unsure else "leave-out-stretch",
                 )
 
 
@@ -244,23 +253,35 @@ def _size(departure: Floats) -> float:
     return float(np.quantile(np.abs(departure), 0.95)) if departure.size else 0.0
 
 
+def _longest_still_s(survey: Survey, run: str, column: int, quantum: float) -> float:
+    """Duration of the longest stretch of equal samples of a channel in a run [s]."""
+    series = survey.series(run, column)
+    if series.x.size < 2:
+        return 0.0
+    still = still_stretches(series.x, quantum)
+    return float(np.max(series.time_s[still.last] - series.time_s[still.first]))
+
+
 def _due(
     relations: Relations,
     i: int,
     siblings: Sequence[int],
     r: int,
+    others: Sequence[int],
     window: tuple[float, float],
     quantum: float,
     *,
     railed: bool,
 ) -> float | None:
-    """By how much a channel must have moved in a window in which it stood still; None if it may have done so."""
+    """By how much a channel must have moved in a window in which it stood still; None if it may have done so.
+
+    `others` are the runs to learn from.
+    """
     if len(siblings) < 1:
         return None
     borders = relations.time_s(r)
     inside = (borders[:-1] >= window[0]) & (borders[1:] <= window[1])
     count = int(inside.sum())
-    others = [o for o in range(len(relations.runs)) if o != r and relations.present[i, o]]
     if count < 4:
         return None
     if others:

@@ -10,7 +10,8 @@ import pytest
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import effect_of
 from selector.diagnosis.effects.effect import Fitted
-from selector.diagnosis.shapes.input_faults import input_faults
+from selector.diagnosis.shapes.input_faults import input_faults, told_of_inputs
+from selector.diagnosis.workflow import diagnosis
 from selector.readers import read
 from selector.recording import Channel
 
@@ -152,3 +153,22 @@ def test_a_leap_of_the_stamps_is_a_clock():
     assert not found[0].course[: N + 200].any()
     leaps = [v for v in effect_of("data.clock").variants(comparison, "Z") if v.names == ("leap of the stamps",)]
     assert [variant.run for variant in leaps] == ["r2"]
+
+
+def test_a_thermometer_that_died_in_most_runs_is_told():
+    def dies(readings):
+        for k in (0, 1):
+            readings["T1"][k][200:] = readings["T1"][k][200]
+
+    dead, _ = machine(dies)
+    told = told_of_inputs(dead)
+    assert [(f.id, f.level, f.action, f.where.channel, f.where.run) for f in told] == [
+        ("stuck", "warning", "none", "T1", run) for run in ("r1", "r2")
+    ]
+    # readings in steps of 0.1 K may have been equal before
+    assert all(190 * STEP_S <= finding.where.from_s <= 200 * STEP_S for finding in told)
+    assert told_of_inputs(dead, {"T1"}) == ()
+    assert told_of_inputs(machine()[0]) == ()
+    # it may be at fault, and is not for sure
+    assert [(fault.id, fault.sure) for fault in input_faults(dead)] == [("data.stuck", False)] * 2
+    assert set(told) <= set(diagnosis(dead).findings)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -27,11 +27,14 @@ _IDS = {
     "clock-jump": "data.clock",
 }
 """Findings about recordings → ids of the catalogue."""
+_ALWAYS_TOLD = ("stuck", "saturated")
+"""Findings that are told even if they may have another cause."""
 _LEAP = 2.5
 """Steps of the resolution."""
 _BEFORE = 20
 """Samples before a fault from which the level is taken that the channel had beside its siblings."""
 _RIDGE = 1e-3
+_LOOK = "Check the sensor, its cable and the logger. The diagnosis used its readings as they are."
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,16 +78,32 @@ def input_faults(comparison: Comparison) -> tuple[InputFault, ...]:
     A jump, a frozen or drifting reading and exchanged channels are told by the course of the channel itself and by
     its siblings (channels of temperature that it followed in other runs, or before); see `selector.quality`.
     """
-    inputs = [channel.name for channel in comparison.channels if channel.name not in comparison.responses]
-    if not inputs:
-        return ()
-    recording = _recording(comparison)
     faults: list[InputFault] = []
-    for finding in inspect(recording, inputs):
+    for finding in _inspected(comparison):
         known = finding.id in _IDS and finding.level != "info" and finding.where.run is not None
         if known and not _told_already(finding, faults):
             faults.append(_fault(comparison, finding))
     return tuple(faults)
+
+
+def told_of_inputs(comparison: Comparison, named: Collection[str] = ()) -> tuple[Finding, ...]:
+    """What is wrong with channels beside the responses, but for those that are named as faults already.
+
+    Nothing is left out because of it: effects made of these channels are tested as they were recorded.
+    """
+    return tuple(
+        replace(finding, level="warning", action="none", suggestion=_LOOK)
+        for finding in _inspected(comparison)
+        if finding.where.channel is not None
+        and finding.where.channel not in named
+        and (finding.level == "error" or (finding.id in _ALWAYS_TOLD and finding.level == "warning"))
+    )
+
+
+@lru_cache(maxsize=8)
+def _inspected(comparison: Comparison) -> tuple[Finding, ...]:
+    inputs = [channel.name for channel in comparison.channels if channel.name not in comparison.responses]
+    return inspect(_recording(comparison), inputs) if inputs else ()
 
 
 def fault_variants(comparison: Comparison, response: str, id: str) -> Iterator[Variant]:  # noqa: A002 - as in Effect
