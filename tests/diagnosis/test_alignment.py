@@ -92,11 +92,29 @@ def test_a_straight_line_is_read_exactly_whatever_the_grids(step, first, last, s
     comparison = comparison_of(rec, sim)
     read = comparison.simulated["Z"]
     tolerance = 0.5 * np.median(np.diff(time))
+    time = comparison.time_s
     inside = (time >= own[0]) & (time <= own[-1])
     outside = (time < own[0] - tolerance - 1e-9) | (time > own[-1] + tolerance + 1e-9)
     assert np.isnan(read[outside]).all()
     # exact but for rounding of 1 in 1e3
     assert np.allclose(read[inside], 3.0 * time[inside] + 7.0, rtol=0, atol=1e-9)
+
+
+def test_a_coarse_simulation_is_compared_where_it_has_values():
+    time = np.arange(0.0, 6000.0, 10.0)
+    own = np.arange(3.0, 6000.0, 60.0)
+    course = {"a": 200.0, "b": 300.0, "c": 250.0}  # bends within a simulated step
+    rec = recording({run: (time, {"Z": 50.0 * np.sin(time / tau) + noisy(600, 2)}) for run, tau in course.items()})
+    sim = recording(
+        {run: (own - own[0], {"Z": 50.0 * np.sin(own / tau)}) for run, tau in course.items()},
+        provenance={"runs": {run: {"first_stamp_s": 3.0} for run in course}},
+    )
+    comparison = comparison_of(rec, sim)
+    assert np.array_equal(comparison.time_s[:3], [0.0, 60.0, 120.0])
+    off = comparison.simulated["Z"] - np.concatenate([50.0 * np.sin(own / tau) for tau in course.values()])
+    assert np.sqrt(np.mean(off**2)) < 0.6  # 3 s off at up to 0.25 per s; along the whole line 0.36 + what it cuts off
+    assert {finding.id for finding in comparison.findings} == {"coarse-simulation"}
+    assert comparison.findings[0].evidence["rows"] == 100
 
 
 def test_clocks_that_start_elsewhere():

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import datetime
 
 import numpy as np
 from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison, Mask, Vector
+from selector.diagnosis.entrance.coarse import Rows, comparable_rows, told
 from selector.diagnosis.entrance.coverage import partly_simulated
 from selector.diagnosis.entrance.exchanged_runs import exchanged_runs
 from selector.diagnosis.entrance.no_readings import without_codes
@@ -34,7 +35,7 @@ _OTHER_ZERO = 0.05
 def comparison_of(
     recording: Recording, simulation: Recording, *, responses: Sequence[str] | None = None, holdout: str = "last"
 ) -> Comparison:
-    """Recording and simulation as one comparison, at the times of the recording.
+    """Recording and simulation as one comparison, at the times of the recording, or of a simulation that is coarser.
 
     Parameters
     ----------
@@ -58,7 +59,7 @@ def comparison_of(
     findings += codes
     shared = _common_channels(recording, simulation, responses)
     aligned = {run: _simulated_times(recording, simulation, run) for run in runs}
-    findings += [finding for _, told in aligned.values() for finding in told]
+    findings += [finding for _, said in aligned.values() for finding in said]
     reached = [run for run in runs if np.any(np.isfinite(_read_at(simulation, run, shared, *_times(aligned, run))))]
     if not reached:
         raise _no_overlap(recording, aligned, shared)
@@ -68,10 +69,20 @@ def comparison_of(
     findings += partly_simulated({
         run: np.any(np.isfinite(_read_at(simulation, run, shared, *_times(aligned, run))), axis=1) for run in reached
     })
-    time = [recording.time_s(run) for run in reached]
+    rows: dict[str, Rows] = {}
+    for run in reached:
+        at_s, stamps_s = aligned[run][0][0], simulation.time_s(run)
+        moving = [name for name in shared if simulation.channel(name).role not in _HELD_ROLES]
+        both = [list(part.values(run, moving).T) for part in (recording, simulation)]
+        rows[run] = comparable_rows(at_s, stamps_s, *both)
+        if len(rows[run]) < len(at_s):
+            findings.append(told(run, rows[run], at_s, stamps_s))
+    time = [recording.time_s(run)[rows[run]] for run in reached]
     starts = (0, *np.cumsum([len(part) for part in time]).tolist())
-    recorded = np.concatenate([recording.values(run, recording.names) for run in reached])
-    read = np.concatenate([_read_at(simulation, run, simulation.names, *_times(aligned, run)) for run in reached])
+    recorded = np.concatenate([recording.values(run, recording.names)[rows[run]] for run in reached])
+    read = np.concatenate(
+        [_read_at(simulation, run, simulation.names, *_times(aligned, run))[rows[run]] for run in reached]
+    )
     comparison = Comparison(
         runs=tuple(reached),
         starts=starts,
@@ -85,9 +96,9 @@ def comparison_of(
     )
     comparison = without_extremes(comparison)
     steps = {name: resolution(values) for name, values in comparison.recorded.items()}
-    comparison = at_readings(dataclasses.replace(comparison, resolution=steps))
+    comparison = at_readings(replace(comparison, resolution=steps))
     usable = without_useless(comparison, asked=responses is not None)
-    return dataclasses.replace(usable, findings=(*usable.findings, *exchanged_runs(usable)))
+    return replace(usable, findings=(*usable.findings, *exchanged_runs(usable)))
 
 
 def resolution(values: Vector) -> float:
