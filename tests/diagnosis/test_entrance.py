@@ -126,3 +126,13 @@ def test_what_a_simulation_covers_is_told():
     with pytest.raises(InputError, match="27 of 300") as told:
         comparison_of(recorded(), simulated(rows=27))
     assert "--simulation-time-unit" in told.value.advice
+
+
+@pytest.mark.parametrize("factor", [60.0, 1e3, 3600.0])
+def test_a_simulation_in_another_unit_of_time_is_refused(factor):
+    tables = {run: pd.DataFrame({"Z": warm(k)[0]}, index=pd.Index(factor * TIME)) for k, run in enumerate(RUNS)}
+    with pytest.raises(InputError, match=f"{factor:g} times as long"):
+        comparison_of(recorded(), Recording.from_runs(tables, CHANNELS[2:]))
+    # one long run among others is a longer programme
+    tables |= {run: pd.DataFrame({"Z": warm(k)[0]}, index=pd.Index(TIME)) for k, run in enumerate(RUNS[:3])}
+    comparison_of(recorded(), Recording.from_runs(tables, CHANNELS[2:]))

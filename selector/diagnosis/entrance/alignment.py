@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison, Mask, Vector
 from selector.diagnosis.entrance.coarse import Rows, comparable_rows, told
-from selector.diagnosis.entrance.coverage import partly_simulated
+from selector.diagnosis.entrance.coverage import partly_simulated, require_same_time_unit
 from selector.diagnosis.entrance.exchanged_runs import exchanged_runs
 from selector.diagnosis.entrance.no_readings import without_codes
 from selector.diagnosis.entrance.readings import at_readings, without_extremes
@@ -66,6 +66,9 @@ def comparison_of(
     findings += [
         _left_out(run, "the simulation has no value at any of its times") for run in runs if run not in reached
     ]
+    require_same_time_unit({
+        run: (float(np.ptp(recording.time_s(run))), float(np.ptp(simulation.time_s(run)))) for run in reached
+    })
     findings += partly_simulated({
         run: np.any(np.isfinite(_read_at(simulation, run, shared, *_times(aligned, run))), axis=1) for run in reached
     })

@@ -14,6 +14,38 @@ _LEAST = 0.1
 """Share below which a simulation is not of this run: another unit of time or another programme."""
 
 
+_TIME_UNITS = (60.0, 1e3, 3600.0, 6e4, 3.6e6)
+"""How many times longer a run is in another unit of time."""
+_SAME = 0.03
+"""Part by which runs may differ that are the same in another unit."""
+
+
+def require_same_time_unit(durations_s: Mapping[str, tuple[float, float]]) -> None:
+    """Ends with an error when every simulated run is the recorded one in a smaller unit of time.
+
+    Parameters
+    ----------
+    durations_s : mapping of str to tuple of float
+        Run → duration of what was recorded and of what was simulated [s].
+
+    Raises
+    ------
+    InputError
+        Every run is longer by the same factor between units.
+    """
+    ratios = {run: simulated / recorded for run, (recorded, simulated) in durations_s.items() if recorded > 0.0}
+    for factor in _TIME_UNITS:
+        if ratios and all(abs(ratio / factor - 1.0) < _SAME for ratio in ratios.values()):
+            run = next(iter(ratios))
+            raise InputError(
+                f"run {run} was recorded for {durations_s[run][0]:.6g} s and simulated for {durations_s[run][1]:.6g} s, {factor:g} "
+                "times as long, and so was every other",
+                expected="the same unit of time in both",
+                where="simulation",
+                advice="check the unit of time in both (--time-unit, --simulation-time-unit, the headers)",
+            )
+
+
 def partly_simulated(covered: Mapping[str, Mask]) -> list[Finding]:
     """Findings ``partly-simulated`` of runs that the simulation covers in part.
 
