@@ -130,7 +130,7 @@ def diagnosis(
     left = _left(comparison, found, only_fitted=only_fitted)
     structures = unexplained(comparison, *left, seed=seed, false_alarm=false_alarm)
     effects_found = [*(_confirmed(comparison, found, id_) for id_ in found.named), *late]
-    if structures and not any(_is_physics(effect) and _stands(effect, found, structures) for effect in effects_found):
+    if structures and not any(_stands(effect, found, structures) for effect in effects_found):
         # a fault of the data explains all that it concerns, or it is a proxy of what nothing explains
         effects_found = [effect for effect in effects_found if effect.id == "data.stuck"]
     if not effects_found and not structures:
