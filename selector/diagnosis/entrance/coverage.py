@@ -38,8 +38,8 @@ def require_same_time_unit(durations_s: Mapping[str, tuple[float, float]]) -> No
         if ratios and all(abs(ratio / factor - 1.0) < _SAME for ratio in ratios.values()):
             run = next(iter(ratios))
             raise InputError(
-                f"run {run} was recorded for {durations_s[run][0]:.6g} s and simulated for {durations_s[run][1]:.6g} s, {factor:g} "
-                "times as long, and so was every other",
+                f"run {run} was recorded for {durations_s[run][0]:.6g} s and simulated for {durations_s[run][1]:.6g} s, "
+                f"{factor:g} times as long, and so was every other",
                 expected="the same unit of time in both",
                 where="simulation",
                 advice="check the unit of time in both (--time-unit, --simulation-time-unit, the headers)",
