@@ -37,8 +37,9 @@ def require_same_time_unit(durations_s: Mapping[str, tuple[float, float]]) -> No
     for factor in _TIME_UNITS:
         if ratios and all(abs(ratio / factor - 1.0) < _SAME for ratio in ratios.values()):
             run = next(iter(ratios))
+            recorded_s, simulated_s = durations_s[run]
             raise InputError(
-                f"run {run} was recorded for {durations_s[run][0]:.6g} s and simulated for {durations_s[run][1]:.6g} s, "
+                f"run {run} was recorded for {recorded_s:.6g} s and simulated for {simulated_s:.6g} s, "
                 f"{factor:g} times as long, and so was every other",
                 expected="the same unit of time in both",
                 where="simulation",
