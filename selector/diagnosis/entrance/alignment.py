@@ -66,12 +66,12 @@ def comparison_of(
     findings += [
         _left_out(run, "the simulation has no value at any of its times") for run in runs if run not in reached
     ]
-    require_same_time_unit({
-        run: (float(np.ptp(recording.time_s(run))), float(np.ptp(simulation.time_s(run)))) for run in reached
-    })
-    findings += partly_simulated({
-        run: np.any(np.isfinite(_read_at(simulation, run, shared, *_times(aligned, run))), axis=1) for run in reached
-    })
+    require_same_time_unit(
+        {run: (float(np.ptp(recording.time_s(run))), float(np.ptp(simulation.time_s(run)))) for run in reached}
+    )
+    findings += partly_simulated(
+        {run: np.any(np.isfinite(_read_at(simulation, run, shared, *_times(aligned, run))), axis=1) for run in reached}
+    )
     rows: dict[str, Rows] = {}
     for run in reached:
         at_s, stamps_s = aligned[run][0][0], simulation.time_s(run)

@@ -177,9 +177,7 @@ def _controlled(comparison: Comparison, error: Vector, command: Vector) -> list[
     ]  # fmt: skip
 
 
-def _checked(
-    comparison: Comparison, fit: Vector, yields: float
-) -> tuple[tuple[float, float, float], float, float]:
+def _checked(comparison: Comparison, fit: Vector, yields: float) -> tuple[tuple[float, float, float], float, float]:
     lag = -float(fit[-1])
     possible = 0.0 <= lag <= _LONGEST_LAG_PERIODS * comparison.period_s
     c2, c1, c0 = (-float(value) for value in fit[:3])
