@@ -208,9 +208,9 @@ def test_what_is_told_needs_no_run(warm_only: Comparison) -> None:
     assert next_runs(warm_only, found, [replace(effect, cannot_be_told_from=())]) == ()
 
 
-@pytest.mark.parametrize(("d", "power"), [(0.0, 0.0), (np.sqrt(8.8), 0.5), (20.0, 1.0)])
+@pytest.mark.parametrize(("d", "power"), [(0.0, 0.0), (np.sqrt(2.0 * np.log(0.85 / 0.15)), 0.5), (20.0, 1.0)])
 def test_power_rises_from_nothing_through_a_half_to_one(d: float, power: float) -> None:
-    # at d² = 8.8 the expected lead is just what is asked for; at 20 its spread is 40 and the rest 191 above
+    # at d² = 2·ln(0.85/0.15) the expected lead is just what is asked for; at 20 its spread is 40 and the rest 197 above
     assert Separation("a", "b", d).power == pytest.approx(power, abs=1e-5)
 
 

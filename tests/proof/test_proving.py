@@ -13,7 +13,7 @@ from tests.proof.tiny_cases import BROKEN, CLEAN, SINGLE, by_correlation
 
 @pytest.fixture
 def _tiny(monkeypatch):
-    monkeypatch.setattr("selector.proof.scenarios.scenarios", lambda families=(), names=(): (SINGLE, CLEAN, BROKEN))
+    monkeypatch.setattr("selector.proof.scenarios.scenarios", lambda *_: (SINGLE, CLEAN, BROKEN))
     monkeypatch.setattr("selector.proof.runner.answer_of_selector", by_correlation)
 
 
@@ -80,7 +80,7 @@ def test_names_can_be_listed(capsys):
 
 
 def test_cases_can_be_written_for_others(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("selector.proof.scenarios.scenarios", lambda families=(), names=(): (SINGLE, CLEAN))
+    monkeypatch.setattr("selector.proof.scenarios.scenarios", lambda *_: (SINGLE, CLEAN))
     out = tmp_path / "cases"
     assert exit_status(["prove", "--strengths", "6", "--seeds", "0:1", "--write-cases", str(out), "--json"]) == 0
     result = json.loads(capsys.readouterr().out)

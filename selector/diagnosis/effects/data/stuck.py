@@ -96,7 +96,7 @@ def frozen_stretches(comparison: Comparison, response: str, *, surely: bool = Fa
         moved = float(np.nanmax(part) - np.nanmin(part)) if np.isfinite(part).any() else 0.0
         silent = len(recorded) * chance ** (length - 1) < _SURE
         silent |= (run, first, last) in dead and moved > max(_STEPS * resolution, _DEAD * span)
-        if surely and not silent:
+        if surely and not (silent and moved > _STEPS * resolution):
             continue
         if silent or moved > max(_STEPS * resolution, _OF_SPAN * span, 1e-12 * max(abs(low), abs(high))):
             found.append((length, run, first, last))
