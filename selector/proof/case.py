@@ -77,7 +77,8 @@ class Truth:
     tolerated : tuple of str
         Ids that may stand in the answer without being counted for or against it.
     d_prime : float or None
-        Norm of the whitened effect in the fitted rows, recalibration projected off, all responses together.
+        Norm of the whitened effect in the fitted rows, recalibration projected off, all responses together; of several
+        effects that of the least clear one, the courses of the others projected off as well.
     concealed : tuple of Concealment
     held_out : mapping of str to HeldOut
         Response → errors; empty where the fit is not scored.

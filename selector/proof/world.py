@@ -54,6 +54,8 @@ class World:
         What becomes of readings with their noise (a sensor that freezes reads no noise).
     rival : World or None
         The same machine with another effect in the place of this one, which this record does not tell from it.
+    lacking : tuple of World
+        Of several effects at once: the same world without the first one, without the second one, and so on.
     """
 
     channels: tuple[Channel, ...]
@@ -67,6 +69,7 @@ class World:
     first: float = 1.0
     distorted: Callable[[Runs, float], Runs] | None = None
     rival: World | None = None
+    lacking: tuple[World, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -159,6 +162,7 @@ class _Strength:
         self._seen = {0.0: self.off}
         self._rows = fitted_starts(self.starts)
         self._absorbed = {name: self._basis(name) for name in world.responses}
+        self._lacking = tuple(_Strength(one) for one in world.lacking)
 
     def seen(self, size: float) -> _Seen:
         if size not in self._seen:
@@ -175,6 +179,26 @@ class _Strength:
         for name, course in courses.items():
             total += float(np.sum(self.unabsorbed(name, course) ** 2))
         return float(np.sqrt(total))
+
+    def weakest(self, size: float) -> float:
+        """The d′ of the effect, of several at once that of the one which is least clear beside the others."""
+        if not self._lacking:
+            return self.detected(self.effect(size))
+        missing = self.seen(size).missing
+        courses = np.column_stack(
+            [
+                np.concatenate(
+                    [self.unabsorbed(name, missing[name] - one.seen(size).missing[name]) for name in missing]
+                )
+                for one in self._lacking
+            ]
+        )
+        found = []
+        for k in range(courses.shape[1]):
+            others = np.delete(courses, k, axis=1)
+            course = courses[:, k]
+            found.append(float(np.linalg.norm(course - others @ np.linalg.lstsq(others, course, rcond=None)[0])))
+        return min(found)
 
     def unabsorbed(self, name: str, course: Vector) -> Vector:
         white = self.world.noise[name].whitened(course[: self._rows[-1], None], self._rows)[:, 0]
@@ -201,7 +225,8 @@ class _Strength:
 def case_of(world: World, plan: Plan, generator: np.random.Generator, wanted: float | None) -> Case:
     """A case whose effect an oracle could detect with d′ `wanted` (times the plan's factor).
 
-    With 0 the effect is off; without one it has the `size` of the plan.
+    Of several effects at once each has at least this d′ beside the others. With 0 the effect is off; without one it has
+    the `size` of the plan.
 
     Raises
     ------
@@ -246,8 +271,7 @@ def case_of(world: World, plan: Plan, generator: np.random.Generator, wanted: fl
         if world.rival is not None:
             concealed += (_like_rival(strength, courses, world.rival, strength.detected(courses)),)
         concealed += tuple(measure(*seen) for measure in plan.measures)
-        found = float(np.sqrt(sum(value**2 for value in alone.values())))
-        truth = replace(truth, effects=world.effects(size), d_prime=found, concealed=concealed)
+        truth = replace(truth, effects=world.effects(size), d_prime=strength.weakest(size), concealed=concealed)
     return Case(
         whole.name,
         whole.family,
@@ -271,10 +295,7 @@ def _like_rival(strength: _Strength, courses: Courses, rival: World, wanted: flo
 
 def _size_for(target: float, strength: _Strength, first: float) -> float:
     """The size with this d′: by secants, and where the effect sets in all at once (a limit, a play) by halving."""
-
-    def found(size: float) -> float:
-        return strength.detected(strength.effect(size))
-
+    found = strength.weakest
     try:
         return scale_for(target, found, first=first)
     except ValueError:

@@ -60,7 +60,7 @@ def assert_strong(scenario, case, wanted=6.0):
     """The strength is what was asked for."""
     if not scenario.has_strength:
         return
-    factor = {"several": np.sqrt(len(case.truth.effects)), "out-of-catalogue": HIDDEN_FACTOR}.get(scenario.kind, 1.0)
+    factor = {"out-of-catalogue": HIDDEN_FACTOR}.get(scenario.kind, 1.0)
     # what limits it: effects that set in all at once or freeze whole samples
     assert case.truth.d_prime == pytest.approx(wanted * factor, rel=0.05)
 

@@ -84,6 +84,7 @@ def beside(
             "true": lambda size: changed(size * physics),
             "recorded_as": lambda courses, size: read(courses, size * reading),
             "effects": effects,
+            "lacking": ({"true": lambda size: start}, {"recorded_as": None}),
         }
 
     return prepared
@@ -117,13 +118,13 @@ DRIVES = (
         misread(lambda g: faults.frozen(_END_S, 0.3, _moment(g)), "E"),
     ),
     _entry(
-        plan("data.several/coulomb+step", (), kind="several", verdicts=("missing-physics",), factor=float(np.sqrt(2))),
+        plan("data.several/coulomb+step", (), kind="several", verdicts=("missing-physics",)),
         beside(lambda g: faults.jumped(_END_S, 0.1, _moment(g)), "E", "drive.coulomb", plus("coulomb_n"), 1.0),
         {"friction": False},
         0.3,
     ),
     _entry(
-        plan("data.several/ripple+gain", (), kind="several", verdicts=("missing-physics",), factor=float(np.sqrt(2))),
+        plan("data.several/ripple+gain", (), kind="several", verdicts=("missing-physics",)),
         beside(lambda g: faults.stretched(_END_S, 0.01), "I", "drive.ripple", plus("ripple_n"), 4.0),
         {},
         0.3,

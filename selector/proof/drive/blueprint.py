@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -41,7 +41,8 @@ class Drive:
     rival : (change, first size) or None
         Another effect that this record does not tell from it.
     prepared : callable (bench, generator) -> mapping, or None
-        Further arguments of `axis_world` that depend on the machine; `true` among them replaces `change`.
+        Further arguments of `axis_world` that depend on the machine; `true` among them replaces `change`. Of several
+        effects ``"lacking"`` has the arguments that are otherwise where the first one is lacking, the second one, …
     """
 
     plan: Plan
@@ -72,7 +73,9 @@ class Drive:
             other, first = self.rival
             theirs = {"true": lambda size: other(start, size) if size else start, "first": first}
             arguments["rival"] = axis_world(drawn, **(arguments | theirs))
-        return axis_world(drawn, **arguments)
+        lacking = arguments.pop("lacking", ())
+        world = axis_world(drawn, **arguments)
+        return replace(world, lacking=tuple(axis_world(drawn, **(arguments | other)) for other in lacking))
 
     def shown(self, size: float) -> tuple[TrueEffect, ...]:
         """The true effect, acting always."""

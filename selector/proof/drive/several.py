@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -38,14 +39,18 @@ def together(*parts: Part) -> Any:
         start = bench.axis
         sizes = [_alone(bench, start, part) for part in parts]
 
-        def true(size: float) -> TrueAxis:
+        def without(lacking: int | None, size: float) -> TrueAxis:
             axis = start
-            for part, own in zip(parts, sizes, strict=True):
-                axis = part.change(axis, size * own) if size else axis
+            for number, (part, own) in enumerate(zip(parts, sizes, strict=True)):
+                axis = part.change(axis, size * own) if size and number != lacking else axis
             return axis
 
         effects = tuple(TrueEffect(part.id, (part.id,), part.channels, part.place) for part in parts)
-        return {"true": true, "effects": lambda size: effects}
+        return {
+            "true": partial(without, None),
+            "effects": lambda size: effects,
+            "lacking": tuple({"true": partial(without, k)} for k in range(len(parts))),
+        }
 
     return prepared
 
@@ -60,7 +65,7 @@ def _alone(bench: Bench, start: TrueAxis, part: Part) -> float:
 
 def _drive(name: str, parts: Sequence[Part], bench: dict[str, Any], axis: dict[str, float], note: str = "") -> Drive:
     return Drive(
-        plan(name, (), kind="several", factor=float(np.sqrt(len(parts))), note=note),
+        plan(name, (), kind="several", note=note),
         "several",
         None,
         bench,

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -124,13 +125,17 @@ def falling_in(made: Batches, size: float) -> list[Vector]:
     return made.sizes(groove_um=0.5 * size)
 
 
-def lagging_and_worn(made: Batches, size: float) -> list[Vector]:
-    """Both, the wear as strong as the lag."""
+def as_worn_as_lagging(made: Batches, size: float) -> list[Vector]:
+    """Wear as strong as the lag of the same size."""
     base, late, less = made.sizes(), lagging(made, 10.0), worn(made, 1.0)
     spreads = [float(np.std(np.concatenate(one[:2]) - np.concatenate(base[:2]))) for one in (late, less)]
-    share = 0.1 * size * spreads[0] / spreads[1]
-    now = lagging(made, size)
-    return [part + share * (two - one) for part, one, two in zip(now, base, less, strict=True)]
+    return worn(made, 0.1 * size * spreads[0] / spreads[1])
+
+
+def lagging_and_worn(made: Batches, size: float) -> list[Vector]:
+    """Both, the wear as strong as the lag."""
+    three = zip(lagging(made, size), as_worn_as_lagging(made, size), made.sizes(), strict=True)
+    return [late + less - base for late, less, base in three]
 
 
 def _touched(generator: np.random.Generator) -> Change:
@@ -176,14 +181,14 @@ def _case(
     first: float = 1.0,
     drawing: Callable[[np.random.Generator], Change] | None = None,
     beside: tuple[str, str] | None = None,
+    lacking: tuple[Change, ...] = (),
     **settings: Any,
 ) -> Callable[[np.random.Generator], World]:
     def world(generator: np.random.Generator) -> World:
         made = batches(generator, **settings)
-        changed = drawing(generator) if drawing is not None else change
         time = CYCLE_S * np.arange(PARTS, dtype=np.float64)
 
-        def recorded(size: float) -> Runs:
+        def recorded(changed: Change | None, size: float) -> Runs:
             return {
                 "feed": [0.06 * part for part in made.feeds],
                 "T": made.temperatures,
@@ -195,17 +200,18 @@ def _case(
         effects: tuple[TrueEffect, ...] = (TrueEffect(id, accept or (id,), ("d",), place),) if id else ()
         if beside is not None:
             effects += (TrueEffect(beside[0], (beside[0],), ("d",), beside[1]),)
-        return World(
+        whole = World(
             CHANNELS,
             ("d",),
             dict.fromkeys(RUNS, time),
             dict.fromkeys(RUNS, time),
-            recorded,
+            partial(recorded, drawing(generator) if drawing is not None else change),
             lambda size: {"d": [made.growth(run) for run in range(len(RUNS))]},
             {"d": _noise(colour, float(generator.uniform(0.25, 0.5)))},
             lambda size: effects,
             first,
         )
+        return replace(whole, lacking=tuple(replace(whole, recorded=partial(recorded, other)) for other in lacking))
 
     return world
 
@@ -278,8 +284,13 @@ _PLANS: tuple[tuple[Plan, Callable[[np.random.Generator], World]], ...] = (
         _case("gauging.interrupted", falling_in, first=0.5, grooves=0.03, colour="quantised"),
     ),
     (
-        plan("gauging.several/lag+wear", (), kind="several", factor=float(np.sqrt(2))),
-        _case("gauging.lag", lagging_and_worn, beside=("gauging.wear", "wheel")),
+        plan("gauging.several/lag+wear", (), kind="several"),
+        _case(
+            "gauging.lag",
+            lagging_and_worn,
+            beside=("gauging.wear", "wheel"),
+            lacking=(as_worn_as_lagging, lagging),
+        ),
     ),
     (
         plan("hidden.gauging/zero-touched", (), tolerated=("data.step",), **_OUTSIDE),

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from copy import copy
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +13,7 @@ from scipy.signal import lfilter
 
 from selector.proof.case import TrueEffect, Window
 from selector.proof.noise import Noise
-from selector.proof.strength import d_prime, recalibration
+from selector.proof.strength import d_prime, recalibration, scale_for
 from selector.proof.thermal.conduction import Heat, temperatures
 from selector.proof.thermal.duty import STEP_S, Duty, duty
 from selector.proof.thermal.machine import Machine, machine
@@ -21,6 +23,8 @@ from selector.recording import Channel
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
+_ALONE = 8.0
+"""The d′ at which several effects are made equally strong, each by itself."""
 STRIDE = 2
 GRID_S = STRIDE * STEP_S
 """Grid on which temperatures and displacements are kept before they are sampled [s]."""
@@ -168,7 +172,7 @@ class Stage:
         self.weights = [1.0] * len(omissions)
         self._sample(generator)
         if len(omissions) > 1:
-            self.weights = [1.0 / self._strength_alone(k) for k in range(len(omissions))]
+            self.weights = [scale_for(_ALONE, partial(self._strength_alone, k)) / _ALONE for k in range(len(omissions))]
 
     def _heat(self, one: Duty) -> Heat:
         share = one["speed"] / self.tool.highest_rpm
@@ -256,14 +260,14 @@ class Stage:
         seen = seen + gauge.noise * generator.standard_normal(len(stamps))
         return np.round(np.round(seen / gauge.resolution) * gauge.resolution, 9)
 
-    def _strength_alone(self, k: int) -> float:
+    def _strength_alone(self, k: int, size: float) -> float:
         lengths = [len(stamps) for stamps in self.time_s.values()]
         starts = (0, *np.cumsum(lengths).tolist())
         time = np.concatenate(list(self.time_s.values()))
         effect, free = {}, {}
         for axis in BOTH:
             effect[axis] = np.concatenate(
-                [self._at(run, self.effect(k, run, 1.0)[axis]) for run in range(len(lengths))]
+                [self._at(run, self.effect(k, run, size)[axis]) for run in range(len(lengths))]
             )
             simulated = [self._at(run, self.rises(run) @ self.expansion[axis]) for run in range(len(lengths))]
             free[axis] = recalibration(np.concatenate(simulated), time, starts)
@@ -356,8 +360,20 @@ class Stage:
             found.append(TrueEffect(omission.id, omission.accept or (omission.id,), shown, omission.place, windows))
         return tuple(found)
 
+    def _without(self, k: int) -> Stage:
+        """The same stage with one omission less."""
+        other = copy(self)
+        other.omissions = [one for number, one in enumerate(self.omissions) if number != k]
+        other.weights = [one for number, one in enumerate(self.weights) if number != k]
+        other._truths = {}
+        return other
+
     def world(self) -> World:
         """The world of this stage."""
+        several = range(len(self.omissions)) if len(self.omissions) > 1 else ()
+        return replace(self._world(), lacking=tuple(self._without(k)._world() for k in several))
+
+    def _world(self) -> World:
         return World(
             self.channels(),
             tuple(BOTH),

@@ -17,9 +17,6 @@ from selector.proof.thermal.speed import growth, heating
 from selector.proof.thermal.surroundings import changed, chilled, hall, jets
 from selector.proof.world import Plan, scenario
 
-PAIR, TRIPLE = 2.0**0.5, 3.0**0.5
-"""So that each effect by itself has the wanted d′, if they are orthogonal."""
-
 
 def _always_with_spindle(_generator: np.random.Generator, one: Duty) -> np.ndarray:
     return (one["speed"] > 0.0).astype(np.float64)
@@ -65,7 +62,6 @@ _CASES = (
             "several.thermal/memory and feed",
             "thermal",
             "several",
-            factor=PAIR,
             note="A late member and the heat of a feed drive.",
         ),
         Scene(
@@ -80,7 +76,6 @@ _CASES = (
             "several.thermal/hall and growth",
             "thermal",
             "several",
-            factor=PAIR,
             note="The hall acts slowly, the spindle grows at once.",
         ),
         Scene(
@@ -96,7 +91,6 @@ _CASES = (
             "several.thermal/coolant against law of speed",
             "thermal",
             "several",
-            factor=PAIR,
             note="Coolant takes away heat of which the spindle makes more than the simulation knows.",
         ),
         Scene(
@@ -112,7 +106,6 @@ _CASES = (
             "several.thermal/hall, hydraulics, growth",
             "thermal",
             "several",
-            factor=TRIPLE,
             note="Three at once: hall, hydraulic unit, growth of the spindle.",
         ),
         Scene(
