@@ -37,10 +37,10 @@ _TRIFLE = 0.02
 """Of the share of the mismatch that the largest effect explains: what explains less is not named beside it."""
 _MOST = 0.5
 _HARM = 1.05
-_SUSPECTED = 0.7
+_SUSPECTED = 0.9
 """What is left of a confidence that another programme does not bear out."""
 _DOUBTFUL = 0.45
-"""Confidence below which an effect is no name where structure is left that nothing explains."""
+"""Weight below which an effect is no name where structure is left that nothing explains."""
 
 
 class Progress(Protocol):
@@ -209,7 +209,7 @@ def _stands(effect: NamedEffect, found: Search, structures: Sequence[Structure])
     """
     if effect.share >= _MOST:
         return True
-    if effect.suspected or effect.confidence < _DOUBTFUL:
+    if effect.suspected or found.weights.get(effect.id, {effect.id: 1.0})[effect.id] < _DOUBTFUL:
         return False
     return effect.id not in found.standing or found.standing[effect.id].score >= -2.0 * np.log(structures[0].p_value)
 

@@ -66,7 +66,7 @@ def found_in(comparison: Comparison, ids: Sequence[str], name: str) -> tuple[Sea
     found = search(benches, false_alarm=0.05, seed=0)
     alone = standings(found.benches, {}, {r: bench.white_target for r, bench in found.benches.items()}, seed=0)
     best = {r: alone[name].tested[r].best for r in alone[name].responses}
-    found = replace(found, named={name: best}, standing=alone, rivals={name: ()}, weights={name: 1.0})
+    found = replace(found, named={name: best}, standing=alone, rivals={name: ()}, weights={name: {name: 1.0}})
     effect = named_effect(comparison, found, name)
     return found, replace(effect, cannot_be_told_from=tuple(id_ for id_ in ids if id_ != name))
 

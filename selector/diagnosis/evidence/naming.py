@@ -47,7 +47,7 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
         place=fitted.variant.place,
         statement=reading.statement,
         parameters=reading.parameters,
-        confidence=float(np.clip(found.weights[id_] * (1.0 - standing.p_value), 0.01, 0.99)),
+        confidence=float(np.clip(sum(found.weights[id_].values()) * (1.0 - standing.p_value), 0.01, 0.99)),
         p_value=float(min(1.0, standing.p_value)),
         share=float(np.clip(max(shares), 0.0, 1.0)),
         cannot_be_told_from=found.rivals[id_],

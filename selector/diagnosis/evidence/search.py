@@ -18,7 +18,7 @@ from selector.diagnosis.shapes.machine_cycle import MachineCycle
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 Benches = Mapping[str, Bench]
-SURE = 0.85
+_ENOUGH = 0.65
 """Weight from which an effect, or a set, is told from all others."""
 Named = dict[str, dict[str, int]]
 """Effect id → response → number of the candidate."""
@@ -93,15 +93,15 @@ class Search:
         Of a named effect, how it stood beside the other named ones; of the others, beside all named ones.
     rivals : mapping of str to tuple of str
         Named effect → effects that explain what it explains about as well.
-    weights : mapping of str to float
-        Named effect → its weight against all others in its place, 0 to 1.
+    weights : mapping of str to mapping of str to float
+        Named effect → weights of it and of its rivals against all others in its place, 0 to 1.
     """
 
     benches: Benches
     named: Named
     standing: Mapping[str, Standing]
     rivals: Mapping[str, tuple[str, ...]]
-    weights: Mapping[str, float]
+    weights: Mapping[str, Mapping[str, float]]
 
 
 def numbers(named: Named, response: str) -> list[int]:
@@ -304,13 +304,13 @@ def _retested(benches: Benches, named: Named, noise: Mapping[str, Vector], *, fa
 def _told(benches: Benches, named: Named, noise: Mapping[str, Vector], *, seed: int) -> Search:
     standing = standings(benches, named, noise, seed=seed)
     rivals: dict[str, tuple[str, ...]] = {}
-    weights: dict[str, float] = {}
+    weights: dict[str, Mapping[str, float]] = {}
     for name in named:
         beside = standings(benches, without(named, name), noise, seed=seed)
         standing[name] = beside[name]
         weighed = _weights(beside, name)
-        weights[name] = weighed[name]
         rivals[name] = _rivals(benches, beside, named, name, weighed)
+        weights[name] = {one: weighed[one] for one in (name, *rivals[name])}
     return Search(benches, named, standing, rivals, weights)
 
 
@@ -321,11 +321,11 @@ def _rivals(
     id: str,  # noqa: A002 - the word of the contract
     weights: Mapping[str, float],
 ) -> tuple[str, ...]:
-    """Effects with a like course that are needed until the set is sure (`SURE`), largest first."""
+    """Effects with a like course that are needed until the set is sure (`_ENOUGH`), largest first."""
     found: list[str] = []
     sure = weights[id]
     for other in sorted(weights, key=lambda name: -weights[name]):
-        if sure >= SURE or weights[other] < _RIVAL * weights[id]:
+        if sure >= _ENOUGH or weights[other] < _RIVAL * weights[id]:
             break
         if other != id and _alike(benches, beside, named, id, other):
             found.append(other)

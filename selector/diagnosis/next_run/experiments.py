@@ -16,7 +16,7 @@ from selector.diagnosis.effects.catalogue import effect_of
 from selector.diagnosis.effects.effect import Effect, Variant
 from selector.diagnosis.evidence.bench import Bench, recalibration_columns
 from selector.diagnosis.evidence.noise import NoiseModel, noise_model, stretches, whitened
-from selector.diagnosis.evidence.search import SURE, Search, numbers
+from selector.diagnosis.evidence.search import Search, numbers
 from selector.diagnosis.next_run.emulation import NEW_RUN, extended
 from selector.diagnosis.next_run.planned_runs import PlannedRun, planned_runs
 from selector.diagnosis.shapes.heating import SHORTEST_S
@@ -24,7 +24,9 @@ from selector.diagnosis.shapes.heating import SHORTEST_S
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
-_CLEAR = 2.0 * float(np.log(SURE / (1.0 - SURE)))
+_SURE = 0.85
+"""Weight that the true effect of a pair is to have after the run."""
+_CLEAR = 2.0 * float(np.log(_SURE / (1.0 - _SURE)))
 """Gain by which an effect must lead so that its weight is enough to tell it."""
 _ENOUGH = 0.9
 _INEXACT = 0.05
