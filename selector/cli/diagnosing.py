@@ -119,13 +119,10 @@ def diagnose(
         if model is not None:
             found, improved = _of_model(source, model, response, holdout, seed, false_alarm, say)
         else:
-            from selector.diagnosis.entrance.copied import diagnosis_of_copy
             from selector.diagnosis.workflow import diagnosis
 
             comparison = compared(source, simulation, simulation_time_unit, response, holdout)
-            found = diagnosis_of_copy(comparison, seed=seed) or diagnosis(
-                comparison, seed=seed, false_alarm=false_alarm, progress=say
-            )
+            found = diagnosis(comparison, seed=seed, false_alarm=false_alarm, progress=say)
         found, correction = correction_told(found, improved)
         if out is not None:
             progress("writing", 1.0)

@@ -109,3 +109,10 @@ class Comparison:
     def difference(self, response: str) -> Vector:
         """Recorded minus simulated [unit of the response], shape (n_rows,); NaN where one of them is missing."""
         return self.recorded[response] - self.simulated[response]
+
+
+def read_only(values: Vector) -> Vector:
+    """The values in one piece, which nobody can change."""
+    held = np.ascontiguousarray(values, dtype=np.float64)
+    held.setflags(write=False)
+    return held

@@ -215,9 +215,9 @@ def _stands(effect: NamedEffect, found: Search, structures: Sequence[Structure])
 
 
 def _confirmed(comparison: Comparison, found: Search, id_: str) -> NamedEffect:
-    """The named effect; suspected only, where it shows on held-out rows and gains nothing there."""
-    held, effect = confirmation(comparison, found, id_), named_effect(comparison, found, id_)
-    return _doubted(effect) if held.shows and held.gain <= 0.0 else effect
+    """The named effect; suspected only, where it ought to show on held-out rows and gains nothing there."""
+    effect = named_effect(comparison, found, id_)
+    return _doubted(effect) if confirmation(comparison, found, id_).refutes else effect
 
 
 def _doubted(effect: NamedEffect) -> NamedEffect:

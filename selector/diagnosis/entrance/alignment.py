@@ -9,7 +9,7 @@ from datetime import datetime
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.diagnosis.comparison import Comparison, Mask, Vector
+from selector.diagnosis.comparison import Comparison, Mask, Vector, read_only
 from selector.diagnosis.entrance.coarse import Rows, comparable_rows, told
 from selector.diagnosis.entrance.coverage import partly_simulated, require_same_time_unit
 from selector.diagnosis.entrance.exchanged_runs import exchanged_runs
@@ -89,10 +89,10 @@ def comparison_of(
     comparison = Comparison(
         runs=tuple(reached),
         starts=starts,
-        time_s=_frozen(np.concatenate(time)),
+        time_s=read_only(np.concatenate(time)),
         channels=recording.channels,
-        recorded={name: _frozen(recorded[:, k]) for k, name in enumerate(recording.names)},
-        simulated={name: _frozen(read[:, k]) for k, name in enumerate(simulation.names)},
+        recorded={name: read_only(recorded[:, k]) for k, name in enumerate(recording.names)},
+        simulated={name: read_only(read[:, k]) for k, name in enumerate(simulation.names)},
         responses=tuple(shared),
         held_out=_held_out(reached, time, holdout),
         findings=tuple(findings),
@@ -304,9 +304,3 @@ def _no_overlap(
 
 def _listed(names: Sequence[str]) -> str:
     return ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
-
-
-def _frozen(values: Vector) -> Vector:
-    held = np.ascontiguousarray(values, dtype=np.float64)
-    held.setflags(write=False)
-    return held

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from selector.diagnosis.comparison import Comparison, Mask, Vector
+from selector.diagnosis.comparison import Comparison, Mask, Vector, read_only
 from selector.findings import Finding, Where
 
 LARGEST = 1e30
@@ -119,9 +119,9 @@ def _only(comparison: Comparison, kept: Mask) -> Comparison:
         comparison,
         runs=tuple(run for run, _ in counts),
         starts=(0, *np.cumsum([count for _, count in counts]).tolist()),
-        time_s=_frozen(comparison.time_s[kept]),
-        recorded={name: _frozen(values[kept]) for name, values in comparison.recorded.items()},
-        simulated={name: _frozen(values[kept]) for name, values in comparison.simulated.items()},
+        time_s=read_only(comparison.time_s[kept]),
+        recorded={name: read_only(values[kept]) for name, values in comparison.recorded.items()},
+        simulated={name: read_only(values[kept]) for name, values in comparison.simulated.items()},
         held_out=comparison.held_out[kept],
     )
 
@@ -141,9 +141,3 @@ def _nth(count: float) -> str:
     whole = round(count)
     ending = "th" if 10 <= whole % 100 <= 20 else {1: "st", 2: "nd", 3: "rd"}.get(whole % 10, "th")
     return f"{whole}{ending}"
-
-
-def _frozen(values: Vector) -> Vector:
-    held = np.ascontiguousarray(values, dtype=np.float64)
-    held.setflags(write=False)
-    return held

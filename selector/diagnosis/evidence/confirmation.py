@@ -13,11 +13,11 @@ from selector.diagnosis.evidence.noise import whitened
 from selector.diagnosis.evidence.search import Search, numbers
 
 Vector = NDArray[np.float64]
-_BLOCKS = 12
 _SEEN = 10.0
 """Whitened sum of squares of an effect's course in the held-out rows below which nothing is said by no gain there.
 
-A true effect gains about that much, with a standard deviation of twice its root.
+A true effect gains about that much, with a standard deviation of twice its root. A loss of as much refutes whatever the
+course: there what is left grows by what was taken for the effect.
 """
 
 
@@ -29,37 +29,31 @@ class Confirmation:
     ----------
     gain : float
         Fall of the whitened sum of squares.
-    steadiness : float
-        The gain in units of its spread over blocks of the held-out rows, about normal if it is noise.
-    shows : bool
-        Whether the effect is excited there at all.
+    energy : float
+        Whitened sum of squares of its course there.
     """
 
     gain: float
-    steadiness: float
-    shows: bool
+    energy: float
+
+    @property
+    def refutes(self) -> bool:
+        """Whether it ought to gain there and does not."""
+        return self.gain < -_SEEN or (self.gain <= 0.0 and self.energy > _SEEN)
 
 
 def confirmation(comparison: Comparison, found: Search, id: str) -> Confirmation:  # noqa: A002 - the contract's word
     """Held-out rows without and with an effect, both models fitted to the other rows, all its responses together."""
-    gains: list[Vector] = []
-    energy = 0.0
+    gain = energy = 0.0
     for response, v in found.named[id].items():
         bench = found.benches[response]
-        rows = np.flatnonzero(comparison.held_out & np.isfinite(bench.target))
-        if len(rows) < 2 * _BLOCKS:
-            continue
+        rows = comparison.held_out & np.isfinite(bench.target)
         named = numbers(found.named, response)
-        without = _white(bench, bench.residual([other for other in named if other != v]))
-        with_it = _white(bench, bench.residual(named))
-        energy += float(np.sum((with_it - without)[rows] ** 2))
-        for block in np.array_split(rows, _BLOCKS):
-            gains.append(np.array(np.sum(without[block] ** 2) - np.sum(with_it[block] ** 2)))
-    if not gains:
-        return Confirmation(0.0, 0.0, False)
-    gain = float(np.sum(gains))
-    spread = float(np.sqrt(np.sum(np.square(gains))))
-    return Confirmation(gain, gain / spread if spread > 0.0 else 0.0, energy > _SEEN)
+        without = _white(bench, bench.residual([other for other in named if other != v]))[rows]
+        with_it = _white(bench, bench.residual(named))[rows]
+        energy += float(np.sum((with_it - without) ** 2))
+        gain += float(np.sum(without**2) - np.sum(with_it**2))
+    return Confirmation(gain, energy)
 
 
 def _white(bench: Bench, left: Vector) -> Vector:
