@@ -63,6 +63,26 @@ def test_a_burst_is_found_in_its_window():
     assert overlap > 0.5 * 60 * 30.0
 
 
+def test_what_comes_and_goes_is_found_although_noise_remembers_as_long():
+    rng = np.random.default_rng(7)
+    course = np.zeros(3 * N)
+    for first in rng.integers(10, 3 * N - 20, 25):
+        course[first : first + 5] = rng.choice([-1.0, 1.0])
+    found = found_in(noisy(3.0 * course))
+    assert [(one.kind, one.channel) for one in found] == [("spells", "Z")]
+
+
+def test_what_two_responses_have_in_common_is_found_where_their_noise_has_other_memory():
+    rng = np.random.default_rng(11)
+    course = 2.0 * np.sin(2.0 * np.pi * np.arange(3 * N) / (60.0 + 8.0 * np.cumsum(rng.standard_normal(3 * N)) / N))
+    noise = {"Z": course + coloured("ar", 3 * N, rng), "Y": 0.5 * course + coloured("white", 3 * N, rng)}
+    of = comparison(noise)
+    left, white = residuals(of)
+    white["Z"][:7] = np.nan
+    found = unexplained(of, left, white, seed=0, false_alarm=0.01)
+    assert any(one.kind == "common" for one in found)
+
+
 def test_slow_structure_is_found_in_noise_that_remembers():
     course = np.concatenate([door(N, ((60, 200),), 0.97), door(N, ((150, 330),), 0.97), door(N, ((20, 160),), 0.97)])
     assert found_in(noisy(4.0 * course, kind="ar"))

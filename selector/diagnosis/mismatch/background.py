@@ -82,6 +82,15 @@ class Background:
 def seen_rows(comparison: Comparison, residual: Vector) -> list[NDArray[np.intp]]:
     """Rows of every run in which the residual is there; runs too short for a spectrum are empty."""
     rows = [part.start + np.flatnonzero(np.isfinite(residual[part])) for _, part in comparison.rows_of_runs()]
+    return _long_enough(rows)
+
+
+def seen_in_both(first: Sequence[NDArray[np.intp]], second: Sequence[NDArray[np.intp]]) -> list[NDArray[np.intp]]:
+    """Rows of every run in which two residuals are there."""
+    return _long_enough([np.intersect1d(one, other) for one, other in zip(first, second, strict=True)])
+
+
+def _long_enough(rows: list[NDArray[np.intp]]) -> list[NDArray[np.intp]]:
     return [here if len(here) >= _SHORTEST_RUN else here[:0] for here in rows]
 
 

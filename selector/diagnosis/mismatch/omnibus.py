@@ -10,7 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.mismatch.background import Spectrum, background, innovations, noise_alone, seen_rows, spectrum
+from selector.diagnosis.mismatch.background import (
+    Background,
+    Spectrum,
+    background,
+    innovations,
+    noise_alone,
+    seen_in_both,
+    seen_rows,
+    spectrum,
+)
 from selector.diagnosis.mismatch.regimes import Variable, variables
 from selector.diagnosis.mismatch.structure_tests import (
     Kind,
@@ -20,6 +29,7 @@ from selector.diagnosis.mismatch.structure_tests import (
     in_common,
     jump,
     spectral,
+    spells,
     standardised,
 )
 
@@ -34,9 +44,9 @@ class Structure:
 
     Attributes
     ----------
-    kind : {"slow", "line", "cycle", "jump", "state", "burst", "common"}
-        Slower than noise · one frequency · a band of frequencies · a step · by state of the machine · a burst · slow
-        and seen in several responses.
+    kind : {"slow", "line", "cycle", "jump", "state", "burst", "spells", "common"}
+        Slower than noise · one frequency · a band of frequencies · a step · by state of the machine · a burst · comes
+        and goes in short spells · slow and seen in several responses.
     channel : str
         The response.
     run : str or None
@@ -76,9 +86,10 @@ def unexplained(
 ) -> tuple[Structure, ...]:
     """Structure left in residuals, the surest first; empty with probability 1 − `false_alarm` if all is noise.
 
-    A bank of tests (spectrum, common part of two responses, steps, states of the machine, bursts) on every response;
-    the largest of all statistics is compared with its distribution over `_DRAWS` sets of noise with the spectrum of
-    the residual's short scales and its own innovations in another order (Westfall & Young 1993, single-step maximum).
+    A bank of tests (spectrum, common part of two responses, steps, states of the machine, bursts, spells) on every
+    response; the largest of all statistics is compared with its distribution over `_DRAWS` sets of noise with the
+    spectrum of the residual's short scales and its own innovations in another order (Westfall & Young 1993, single-step
+    maximum).
 
     Parameters
     ----------
@@ -96,14 +107,16 @@ def unexplained(
     stacks = noise_alone(comparison, seen, _DRAWS, rng)
     states = variables(comparison)
     found: list[tuple[str, Tested]] = []
-    spectra: dict[str, Spectrum] = {}
+    rows = {response: seen_rows(comparison, seen[response]) for response in stacks}
+    noises: dict[str, Background] = {}
     spread: dict[str, float] = {}
     for response, stack in stacks.items():
-        tests, spectra[response], spread[response] = _tests(stack, seen_rows(comparison, seen[response]), states)
+        tests, noises[response], spread[response] = _tests(stack, rows[response], states)
         found += [(response, test) for test in tests]
-    for one, other in combinations(spectra, 2):
-        if spectra[one].frequency.shape == spectra[other].frequency.shape:
-            pair = in_common(spectra[one].amplitudes, spectra[other].amplitudes, spectra[one].frequency)
+    for one, other in combinations(stacks, 2):
+        both = seen_in_both(rows[one], rows[other])
+        if any(len(here) for here in both):
+            pair = in_common(*(_white_spectrum(stacks[name], both, noises[name]) for name in (one, other)))
             found.append((max((one, other), key=lambda name: _contrast(stacks[name][0])), pair))
     if not found:
         return ()
@@ -122,8 +135,8 @@ def _tests(
     stack: Matrix,
     rows: Sequence[NDArray[np.intp]],
     states: tuple[Variable, ...],
-) -> tuple[list[Tested], Spectrum, float]:
-    """Tests of one response, its whitened spectra, and the standard deviation of its noise."""
+) -> tuple[list[Tested], Background, float]:
+    """Tests of one response, its noise, and the standard deviation of that."""
     of = spectrum(stack, rows)
     noise = background(of)
     density = noise.density(of.frequency)
@@ -134,8 +147,14 @@ def _tests(
     tests.append(jump(white, noise.phi, rows))
     tests.append(by_state(np.clip(white, -4.0, 4.0), noise.phi[0], rows, states))
     tests.append(burst(white, rows, states))
+    tests.append(spells(stack, white, rows, states))
     spread = float(np.sqrt(noise.density(np.linspace(0.001, 0.5, 500))[0].mean()))
-    return tests, Spectrum(of.frequency, of.run, of.amplitudes / np.sqrt(density)), spread
+    return tests, noise, spread
+
+
+def _white_spectrum(stack: Matrix, rows: Sequence[NDArray[np.intp]], noise: Background) -> Spectrum:
+    of = spectrum(stack, rows)
+    return Spectrum(of.frequency, of.run, of.amplitudes / np.sqrt(noise.density(of.frequency)))
 
 
 def _contrast(residual: Vector) -> float:

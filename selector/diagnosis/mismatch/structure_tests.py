@@ -19,9 +19,8 @@ from selector.diagnosis.mismatch.regimes import Variable
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
-Amplitudes = NDArray[np.complex128]
 Rows = Sequence[NDArray[np.intp]]
-Kind = Literal["slow", "line", "cycle", "jump", "state", "burst", "common"]
+Kind = Literal["slow", "line", "cycle", "jump", "state", "burst", "spells", "common"]
 _BINS = 8
 _WIDEST = 3.0
 """Ends of a band, as a ratio: the noise is fitted to what is wider."""
@@ -92,11 +91,12 @@ def standardised(statistic: Vector) -> Vector:
     return np.asarray((statistic - middle) / max(high - middle, 1e-12))
 
 
-def in_common(first: Amplitudes, second: Amplitudes, frequency: Vector) -> Tested:
-    """More in common between two responses at long scales than their noise has; whitened complex amplitudes."""
+def in_common(first: Spectrum, second: Spectrum) -> Tested:
+    """More in common between two responses at long scales than their noise has; whitened spectra of the same rows."""
+    frequency = first.frequency
     slow = np.flatnonzero(frequency < 2.0 / LONGEST_NOISE_PERIOD)
     slow = slow[np.argsort(frequency[slow], kind="stable")]
-    product = first[:, slow] * np.conj(second[:, slow])
+    product = first.amplitudes[:, slow] * np.conj(second.amplitudes[:, slow])
     sums = np.concatenate([np.zeros((len(product), 1)), np.cumsum(product, axis=1)], axis=1)
     found, width = [], 4
     while width <= len(slow):
@@ -106,7 +106,7 @@ def in_common(first: Amplitudes, second: Amplitudes, frequency: Vector) -> Teste
         band = (float(frequency[slow[at]]), float(frequency[slow[at + width - 1]]))
         found.append(Tested("common", amount.max(axis=1), frequency=band))
         width *= 2
-    return largest(found) if found else Tested("common", np.zeros(len(first)))
+    return largest(found) if found else Tested("common", np.zeros(len(first.amplitudes)))
 
 
 def jump(white: Matrix, phi: Matrix, rows: Rows) -> Tested:
@@ -182,6 +182,40 @@ def burst(white: Matrix, rows: Rows, states: Sequence[Variable]) -> Tested:
             length *= 2
         start += n
     return largest(found) if found else Tested("burst", np.zeros(len(stack)))
+
+
+def spells(stack: Matrix, white: Matrix, rows: Rows, states: Sequence[Variable]) -> Tested:
+    """Something that comes and goes: means over some samples, and their steps, have longer tails than noise's.
+
+    Sums of noise are nearly normal, of whatever colour it is; of what acts now and then many are small and a few large.
+    Means of the whitened residual (for its size by state of the machine is allowed) and steps between adjoining means
+    of the residual itself, over 1 to 64 samples; statistic: logarithm of the kurtosis.
+    """
+    seen = np.concatenate(rows)
+    even = np.zeros_like(white)
+    even[:, seen] = np.clip(white[:, seen] / _size_by_state(np.abs(white[:, seen]), seen, states), -4.0, 4.0)
+    found = []
+    for length in (1, 2, 4, 8, 16, 32, 64):
+        parts = [here for here in rows if len(here) >= 4 * length]
+        if not parts:
+            break
+        if length > 1:
+            found.append(_tails(np.concatenate([_means(even[:, here], length) for here in parts], axis=1)))
+        if length < 64:
+            means = [_means(stack[:, here], length) for here in parts]
+            found.append(_tails(np.concatenate([part[:, length:] - part[:, :-length] for part in means], axis=1)))
+    return largest(found) if found else Tested("spells", np.zeros(len(stack)))
+
+
+def _means(values: Matrix, length: int) -> Matrix:
+    sums = np.concatenate([np.zeros((len(values), 1)), np.cumsum(values, axis=1)], axis=1)
+    return np.asarray(sums[:, length:] - sums[:, :-length]) / length
+
+
+def _tails(values: Matrix) -> Tested:
+    squares = values**2
+    power = np.maximum(np.mean(squares, axis=1), 1e-300)
+    return Tested("spells", np.log(np.maximum(np.mean(squares**2, axis=1) / power**2, 1e-300)))
 
 
 def _size_by_state(size: Matrix, seen: NDArray[np.intp], states: Sequence[Variable]) -> Matrix:
