@@ -221,15 +221,16 @@ class Bench:
     def coefficients(self, named: Sequence[int]) -> tuple[Vector, Matrix]:
         """Generalised least squares on the fitted rows: coefficients and their covariance, shapes (p,), (p, p).
 
-        Offset, gain and delay are then fitted once more by plain least squares: behind the filter of a noise that
-        wanders the level says next to nothing, and may come out anywhere.
+        Those of the recalibration are then fitted once more by plain least squares to what the named candidates leave:
+        behind the filter of a noise that wanders the level says next to nothing, and may come out anywhere; so it may
+        where what comes back with every cycle is taken off.
         """
-        base = self.base(named)
+        base, own = self.base(named), self.nuisance.shape[1]
         gram = base.T @ base
         inverse = inverse_of(gram)
         beta = inverse @ (base.T @ self.white_target)
-        left = (self.target - self.raw_base(named) @ beta)[self.fitted]
-        beta[: self.n_plain] += least_squares(self.nuisance[self.fitted, : self.n_plain], left)
+        rest = (self.target - self.raw_base(named)[:, own:] @ beta[own:])[self.fitted]
+        beta[:own] = least_squares(self.nuisance[self.fitted], rest)
         return beta, inverse
 
     def residual(self, named: Sequence[int]) -> Vector:
@@ -244,13 +245,7 @@ class Bench:
 
     def explained(self, named: Sequence[int]) -> Vector:
         """What recalibration and named candidates explain [unit], all rows."""
-        columns, beta = self.raw_base(named), self.coefficients(named)[0]
-        if self.is_off_cycle:
-            # what does not come back with the cycle says too little about offset, gain and delay
-            plain = self.nuisance.shape[1]
-            rest = np.where(self.fitted, self.target - columns[:, plain:] @ beta[plain:], 0.0)
-            beta[:plain] = least_squares(self.nuisance[self.fitted], rest[self.fitted])
-        return np.asarray(columns @ beta)
+        return np.asarray(self.raw_base(named) @ self.coefficients(named)[0])
 
     def white_residual(self, named: Sequence[int]) -> Vector:
         """The residual behind the noise filter, all rows; NaN where there is none, or no past."""

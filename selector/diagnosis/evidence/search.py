@@ -29,7 +29,7 @@ _NEARLY = 0.6
 _RIVAL = 0.2
 """An effect of less than this share of the weight of the named one is told from it."""
 _TRIFLE = 0.1
-"""What gains less than this share of all that is named may be what their shapes do not fit exactly."""
+"""What gains less than this share of the clearest named effect may be what its shape does not fit exactly."""
 _MOST_LIBERAL = 8
 _SLOW = 0.3
 """Sum of the noise filter's coefficients from which it may have taken an effect for noise."""
@@ -262,15 +262,15 @@ def _left(bench: Bench, chosen: list[int]) -> Vector:
 
 def _selected(benches: Benches, noise: Mapping[str, Vector], *, false_alarm: float, seed: int) -> Named:
     named: Named = {}
-    total = 0.0
+    clearest = 0.0
     for _ in range(_MOST):
         standing = standings(benches, named, noise, seed=seed)
-        floor = _TRIFLE * total
+        floor = _TRIFLE * clearest
         supported = [one for one in standing.values() if is_supported(one, false_alarm) and one.score > floor]
         if not supported:
             break
         best = max(supported, key=lambda one: one.score)
-        total += best.score
+        clearest = max(clearest, best.score)
         named[best.id] = {name: best.tested[name].best for name in best.responses}
         named = _retested(benches, named, noise, false_alarm=false_alarm, seed=seed)
         if best.id not in named:

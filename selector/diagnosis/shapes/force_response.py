@@ -23,6 +23,7 @@ from selector.diagnosis.shapes.simulated_axis import (
     pushed,
     simulated_axis,
     simulated_drive_force,
+    telling_rows,
 )
 
 Vector = NDArray[np.float64]
@@ -216,12 +217,30 @@ def closed_loop(comparison: Comparison, axis: str | None = None) -> ClosedLoop |
     if not outputs:
         return None
     under_way = _under_way(comparison, speed / top)
+    found = (
+        _of_rows(comparison, outputs, inputs, under_way, by_motion if force else None, rows)
+        for rows in telling_rows(comparison)
+    )
+    return next((loop for loop in found if loop is not None), None)
+
+
+def _of_rows(
+    comparison: Comparison,
+    outputs: list[Vector],
+    inputs: list[Vector],
+    under_way: list[Vector],
+    by_motion: float | None,
+    rows: slice,
+) -> ClosedLoop | None:
+    """The loop that some rows show; of a force alone with what mass and friction leave of it (`by_motion`)."""
+    if any(float(np.std(course[rows])) == 0.0 for course in outputs):
+        return None
     with_integral, without = (
         min(
             (
                 loop
                 for start in starts
-                if (loop := _iterated(comparison, outputs, inputs, under_way, start)) is not None
+                if (loop := _iterated(comparison, outputs, inputs, under_way, start, rows)) is not None
             ),
             key=lambda loop: loop.misfit,
             default=None,
@@ -231,9 +250,9 @@ def closed_loop(comparison: Comparison, axis: str | None = None) -> ClosedLoop |
     if with_integral is None or with_integral.misfit >= _NO_LOOP:
         return None
     # a force hardly tells a slow reset
-    if force and (by_motion < _OF_MOTION or with_integral.misfit > _BETTER * by_motion):
+    if by_motion is not None and (by_motion < _OF_MOTION or with_integral.misfit > _BETTER * by_motion):
         return None
-    exact, hardly_more = (np.inf, 1.1) if force else (_EXACT, _HARDLY_MORE)
+    exact, hardly_more = (_EXACT, _HARDLY_MORE) if by_motion is None else (np.inf, 1.1)
     if without is not None and without.misfit < min(exact, hardly_more * with_integral.misfit):
         return without
     # where a pole was held at its bound, what drives the error is not the command (a force from outside)
@@ -287,21 +306,22 @@ def _iterated(
     inputs: list[Vector],
     under_way: list[Vector],
     start: tuple[float, ...],
+    rows: slice,
 ) -> ClosedLoop | None:
     order = len(start)
     polynomial = np.real(np.poly(-np.array(start)))
     best: ClosedLoop | None = None
     for _ in range(ROUNDS):
-        driven = np.stack([b for u in (*inputs, *under_way) for b in _branches(comparison, polynomial, u)])
+        driven = np.stack([b[rows] for u in (*inputs, *under_way) for b in _branches(comparison, polynomial, u)])
         size = np.sqrt(np.mean(driven**2, axis=1))
         basis, _ = np.linalg.qr((driven[size > 0.0] / size[size > 0.0, None]).T)
-        left_over = float(np.mean([1.0 - np.sum((basis.T @ y) ** 2) / (y @ y) for y in outputs]))
+        left_over = float(np.mean([1.0 - np.sum((basis.T @ y[rows]) ** 2) / (y[rows] @ y[rows]) for y in outputs]))
         misfit = float(np.sqrt(max(left_over, 0.0)))
         if best is None or misfit < best.misfit:
             best = ClosedLoop(tuple(float(c) for c in polynomial), misfit)
         left, right = [], []
         for y in outputs:
-            own = np.stack(_branches(comparison, polynomial, y))
+            own = np.stack(_branches(comparison, polynomial, y))[:, rows]
             own = own - (own @ basis) @ basis.T
             left.append(own[:order].T)
             right.append(own[order])

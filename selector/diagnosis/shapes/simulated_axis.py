@@ -116,11 +116,23 @@ def simulated_axis(comparison: Comparison, axis: str | None) -> SimulatedAxis | 
         return None
     if not np.any(moving.position_m - command) or not any(name in comparison.simulated for name in moving.sources):
         return None
-    mechanics = [_of_mechanics(moving, drive[1], distance) for distance in PRESLIDING_M]
-    _, distance, mass, viscous, dry = min(mechanics)
-    if mass == 0.0:
+    found = (_of_rows(comparison, moving, command, drive[1], rows) for rows in telling_rows(comparison))
+    return next((one for one in found if one is not None), None)
+
+
+def telling_rows(comparison: Comparison) -> list[slice]:
+    """All rows, then those of every run by itself: a push from outside in one run hides the control in all."""
+    runs = [rows for _, rows in comparison.rows_of_runs()]
+    return [slice(0, len(comparison.time_s)), *(runs if len(runs) > 1 else [])]
+
+
+def _of_rows(
+    comparison: Comparison, moving: Motion, command: Vector, force: Vector, rows: slice
+) -> SimulatedAxis | None:
+    _, distance, mass, viscous, dry = min(_of_mechanics(moving, force, distance, rows) for distance in PRESLIDING_M)
+    if mass == 0.0 or float(np.std(force[rows])) == 0.0:
         return None
-    told = _of_control(comparison, moving, command, drive[1] / mass)
+    told = _of_control(comparison, moving, command, force / mass, rows)
     if told is None:
         return None
     stiffens, forgets = _linearised(moving, distance)
@@ -128,18 +140,20 @@ def simulated_axis(comparison: Comparison, axis: str | None) -> SimulatedAxis | 
     return found if float(np.max(found.poles_per_s.real)) < 0.0 else None
 
 
-def _of_mechanics(moving: Motion, force: Vector, distance: float) -> tuple[float, float, float, float, float]:
+def _of_mechanics(
+    moving: Motion, force: Vector, distance: float, rows: slice
+) -> tuple[float, float, float, float, float]:
     """What is left of a force, for which presliding distance, and its parts by acceleration, speed, dry friction."""
     columns = np.column_stack([
         moving.acceleration_m_per_s2, moving.velocity_m_per_s, moving.friction_state(distance), np.ones(len(force))
-    ])  # fmt: skip
-    fit = np.linalg.lstsq(columns, force, rcond=None)[0]
-    left = float(np.mean((force - columns @ fit) ** 2))
+    ])[rows]  # fmt: skip
+    fit = np.linalg.lstsq(columns, force[rows], rcond=None)[0]
+    left = float(np.mean((force[rows] - columns @ fit) ** 2))
     return left, distance, float(fit[0]), float(fit[1]), float(fit[2])
 
 
 def _of_control(
-    comparison: Comparison, moving: Motion, command: Vector, force: Vector
+    comparison: Comparison, moving: Motion, command: Vector, force: Vector, rows: slice
 ) -> tuple[tuple[float, float, float], float, float] | None:
     """c₂, c₁, c₀, τ and y by least squares; None where they leave too much.
 
@@ -147,13 +161,13 @@ def _of_control(
     between and the motor's share μ of the mass: how ∫u and x'' count beside ∫e and e tells these two.
     """
     error, acceleration = moving.position_m - command, moving.acceleration_m_per_s2
-    of_table, left = _fit([*_controlled(comparison, error, command), rate(comparison, force)], force)
-    enough = _MOST_LEFT * float(np.std(force))
+    of_table, left = _fit([*_controlled(comparison, error, command), rate(comparison, force)], force, rows)
+    enough = _MOST_LEFT * float(np.std(force[rows]))
     if left < enough:
         return _checked(comparison, of_table, 0.0)
     columns = _controlled(comparison, error, command)
     more = [_summed(comparison, force), acceleration, moving.velocity_m_per_s, rate(comparison, acceleration)]
-    free, _ = _fit([*columns, *more, rate(comparison, force)], force)
+    free, _ = _fit([*columns, *more, rate(comparison, force)], force, rows)
     if not (free[1] < 0.0 and free[2] < 0.0):
         return None
     # all count 1/(1 + c₁y) times, u being on both sides
@@ -164,6 +178,7 @@ def _of_control(
     of_motor, left = _fit(
         [*_controlled(comparison, error + yields * (force - share * acceleration), command), rate(comparison, force)],
         force,
+        rows,
     )
     return _checked(comparison, of_motor, yields) if left < enough else None
 
@@ -193,9 +208,9 @@ def _summed(comparison: Comparison, course: Vector) -> Vector:
     return result
 
 
-def _fit(columns: list[Vector], target: Vector) -> tuple[Vector, float]:
-    """Coefficients of columns of any size, 0 of those that are 0, and the root mean square that they leave."""
-    matrix = np.column_stack(columns)
+def _fit(columns: list[Vector], target: Vector, rows: slice) -> tuple[Vector, float]:
+    """Coefficients of columns of any size in some rows, 0 of those that are 0, and the root mean square left there."""
+    matrix, target = np.column_stack(columns)[rows], target[rows]
     size = np.sqrt(np.mean(matrix**2, axis=0))
     size = np.where(size > 0.0, size, 1.0)
     fit = np.linalg.lstsq(matrix / size, target, rcond=None)[0]
