@@ -10,9 +10,10 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.heat_wording import delay_of, place_of, quantities, with_place, worth
 from selector.diagnosis.shapes.heating import lacking, simulated_rise, sources, switched_on, temperature_rise
-from selector.diagnosis.shapes.signals import course, excited, lagged, scaled, time_constants
+from selector.diagnosis.shapes.signals import course, excited, in_run, lagged, scaled, time_constants
 
 _MOST_SENSORS = 2
+_MOST_LEVELS = 8
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
@@ -22,6 +23,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     taus = time_constants(comparison, 8)
     for name in known.coolant_switches:
         on = switched_on(comparison, name)
+        levels = _levels(comparison, name) if not known.coolant_temperatures else []
         warmth = scaled(simulated_rise(comparison, response))
         for tau_s in taus:
             yield _variant(comparison, name, [(name, on)], tau_s)
@@ -29,6 +31,8 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
                 yield _variant(comparison, name, [(f"{name} × simulated {response}", on * warmth)], tau_s)
                 both = [(name, on), (f"{name} × simulated {response}", on * warmth)]
                 yield _variant(comparison, name, both, tau_s)
+                if levels:
+                    yield _variant(comparison, name, [*both, *levels], tau_s)
         for fluid in known.coolant_temperatures:
             for words, colder in _colder(comparison, response, fluid):
                 for tau_s in taus[::2]:
@@ -37,6 +41,21 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
         for fluid in known.coolant_temperatures:
             for tau_s in (0.0, *taus):
                 yield _variant(comparison, fluid, [(f"rise of {fluid}", temperature_rise(comparison, fluid))], tau_s)
+
+
+def _levels(comparison: Comparison, name: str) -> list[tuple[str, np.ndarray]]:
+    """By how much more the coolant of a run draws than in the fitted runs on average.
+
+    How cold coolant is differs from day to day, and matters as much as that it runs where its temperature is unknown.
+    """
+    on = switched_on(comparison, name)
+    wet = [run for run, rows in comparison.rows_of_runs() if (on * ~comparison.held_out)[rows].any()]
+    if len(wet) > _MOST_LEVELS:
+        return []
+    return [
+        (f"{name} in {run} more than in {wet[-1]}", in_run(comparison, run, on) - in_run(comparison, wet[-1], on))
+        for run in wet[:-1]
+    ]
 
 
 def _colder(comparison: Comparison, response: str, fluid: str) -> Iterator[tuple[str, np.ndarray]]:
