@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -70,6 +70,8 @@ class Variant:
         When it acts, in words of recorded channels, e.g. ``"spindle_speed > 1500 rpm"``; None = always.
     looked_at : float
         Among how many shapes this one was chosen by looking at the residual; 1 = it was not.
+    weight : float
+        How likely it is beforehand against the other shapes of the effect.
     """
 
     columns: Matrix
@@ -81,12 +83,20 @@ class Variant:
     bounds: tuple[tuple[float, float], ...] | None = None
     regime: str | None = None
     looked_at: float = 1.0
+    weight: float = 1.0
 
     def __post_init__(self) -> None:
         if self.columns.ndim != 2 or self.columns.shape[1] != len(self.names):
             raise ValueError(f"columns of shape {self.columns.shape} with {len(self.names)} names")
         if self.bounds is not None and len(self.bounds) != len(self.names):
             raise ValueError(f"{len(self.bounds)} bounds for {len(self.names)} columns")
+
+
+def equally_likely(*kinds: Iterable[Variant]) -> Iterator[Variant]:
+    """The shapes of several kinds of which each is as likely as the others, however many shapes it can take."""
+    for kind in kinds:
+        shapes = list(kind)
+        yield from (replace(shape, weight=shape.weight / len(shapes)) for shape in shapes)
 
 
 @dataclass(frozen=True)

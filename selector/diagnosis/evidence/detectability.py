@@ -14,8 +14,9 @@ from selector.diagnosis.answer import Detectable
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Fitted, Quantity
 from selector.diagnosis.evidence.bench import Bench
+from selector.diagnosis.evidence.jointly import together
 from selector.diagnosis.evidence.moments import solved
-from selector.diagnosis.evidence.search import Search, numbers, together
+from selector.diagnosis.evidence.search import Search, numbers
 from selector.diagnosis.evidence.testing import evidence_of, members_of, prices_of, tail_threshold
 
 Vector = NDArray[np.float64]

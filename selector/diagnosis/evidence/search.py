@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from selector.diagnosis.evidence.bench import Bench
+from selector.diagnosis.evidence.jointly import of_all
 from selector.diagnosis.evidence.moments import solved
 from selector.diagnosis.evidence.noise import NoiseModel
 from selector.diagnosis.evidence.testing import Tested, tail_probability, tests_of
@@ -128,19 +129,15 @@ def standings(benches: Benches, named: Named, noise: Mapping[str, Vector], *, se
                 of_effect.setdefault(name, {})[response] = one
     if not of_effect:
         return {}
-    by_noise = np.max([together([one.noise for one in of.values()]) for of in of_effect.values()], axis=0)
+    jointly = {name: of_all(list(of.values())) for name, of in of_effect.items()}
+    by_noise = np.max([noise for _, noise in jointly.values()], axis=0)
     found = {}
     for name, of in of_effect.items():
-        score = float(together([one.evidence for one in of.values()]))
+        score = jointly[name][0]
         shown = tuple(response for response, one in of.items() if one.evidence > 0.0)
         main = max(of, key=lambda response: of[response].evidence)
         found[name] = Standing(name, score, by_noise, shown or (main,), of)
     return found
-
-
-def together(evidence: Sequence[Vector | float]) -> Vector:
-    """Evidence of responses in each of which the effect is as likely to show as not."""
-    return np.sum([2.0 * np.logaddexp(-np.log(2.0), 0.5 * np.asarray(one) - np.log(2.0)) for one in evidence], axis=0)
 
 
 def search(benches: Benches, *, false_alarm: float, seed: int) -> Search:

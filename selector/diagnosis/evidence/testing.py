@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy import linalg, stats
 from scipy.special import logsumexp
 
+from selector.diagnosis.effects.effect import Variant
 from selector.diagnosis.evidence.bench import Bench
 from selector.diagnosis.evidence.moments import Moments, Solved, inverse_of, scores_of_noise, solved
 
@@ -48,6 +49,10 @@ class Tested:
     largest : float
         Largest amount of the fitted course in the response, over its fitted rows [steps of the reading]; infinite if
         no step was seen.
+    shapes : tuple of Variant
+        All its shapes here.
+    of_shapes, noise_of_shapes : ndarrays of shape (n_shapes,), (n_draws, n_shapes)
+        Evidence of every shape by itself, of the record and of noise alone, however likely it was beforehand.
     """
 
     best: int
@@ -57,6 +62,9 @@ class Tested:
     contrast: float
     freedoms: int
     largest: float
+    shapes: tuple[Variant, ...] = ()
+    of_shapes: Vector = field(default_factory=lambda: np.empty(0))
+    noise_of_shapes: Matrix = field(default_factory=lambda: np.empty((0, 0)))
 
     @property
     def is_the_same_in_all_runs(self) -> bool:
@@ -93,6 +101,7 @@ def tests_of(bench: Bench, named: Sequence[int], noise: Vector, *, seed: int) ->
     sums = bench.moments(base)
     whole = solved(sums)
     numbers = members_of(bench)
+    costs = costs_of(bench)
     prices = prices_of(bench)
     best_of = {name: int(of[np.argmax((whole.gain - prices)[of])]) for name, of in numbers.items()}
     draws = noise_gains(bench, base, sums, noise, seed=seed)
@@ -108,6 +117,9 @@ def tests_of(bench: Bench, named: Sequence[int], noise: Vector, *, seed: int) ->
             contrast=contrast,
             freedoms=freedoms,
             largest=_largest(bench, whole, sums, best),
+            shapes=tuple(bench.candidates[v].variant for v in of),
+            of_shapes=whole.gain[of] - costs[of],
+            noise_of_shapes=draws[:, of] - costs[of],
         )
     return found
 
@@ -121,9 +133,25 @@ def members_of(bench: Bench) -> dict[str, NDArray[np.intp]]:
 
 
 def prices_of(bench: Bench) -> Vector:
-    """What every candidate has to gain to be as likely as nothing: for its coefficients, and a shape picked by eye."""
+    """What every candidate has to gain to be as likely as nothing: more if other shapes of the effect are likelier."""
+    weights = np.array([candidate.variant.weight for candidate in bench.candidates])
+    for of in members_of(bench).values():
+        weights[of] /= np.mean(weights[of])
+    return np.asarray(costs_of(bench) - 2.0 * np.log(weights))
+
+
+def costs_of(bench: Bench) -> Vector:
+    """What the coefficients of every candidate cost that physics does not say already, and a shape picked by eye."""
     looks = np.array([candidate.variant.looked_at for candidate in bench.candidates])
-    return _PRICE * np.array(bench.counts) + 2.0 * np.log(looks)
+    free = np.array([_free_coefficients(candidate.variant) for candidate in bench.candidates])
+    return np.asarray(_PRICE * free + 2.0 * np.log(looks))
+
+
+def _free_coefficients(variant: Variant) -> int:
+    """Coefficients that are not known to a factor of two beforehand."""
+    if variant.bounds is None:
+        return len(variant.names)
+    return sum(not 0.0 < high < 2.0 * low for low, high in variant.bounds)
 
 
 def evidence_of(gains: Matrix | Vector, prices: Vector) -> Vector:

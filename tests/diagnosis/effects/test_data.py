@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 
 import numpy as np
@@ -14,6 +15,7 @@ from selector.diagnosis.effects.catalogue import effect_of
 from selector.diagnosis.effects.data.stuck import frozen_stretches
 from selector.diagnosis.effects.effect import Fitted
 from selector.diagnosis.evidence.frozen_responses import frozen_responses
+from selector.diagnosis.shapes.signals import rise
 from selector.recording import Channel
 
 IDS = ("data.clock", "data.drift", "data.gain", "data.step", "data.stuck", "data.swapped", "data.zero")
@@ -247,8 +249,30 @@ def test_channels_that_changed_places():
     for response, other in (("Z", "Y"), ("Y", "Z")):
         mean_square, variant, reading = best_fit("data.swapped", comparison, response)
         assert mean_square < LEFT
-        assert variant.sources == (other,)
+        assert variant.sources == (response, other)
         assert "changed places" in reading.statement
+
+
+def test_temperatures_that_changed_places_before_the_simulation_read_them():
+    comparison = comparison_with(none)
+    names, time = ["T1", "T2"], comparison.time_s
+    courses = {"T1": 20.0 + 5.0 * (1.0 - np.exp(-time / 900.0)), "T2": 20.0 + 2.0 * np.sin(time / 700.0) ** 2}
+    index = comparison.run_index == comparison.runs.index(comparison.runs[0])
+    read = {own: np.where(index, courses[other], courses[own]) for own, other in (names, names[::-1])}
+    weights = dict(zip(names, (3.0, -1.0), strict=True))
+    simulated, true = (sum(weights[name] * rise(comparison, one[name]) for name in names) for one in (read, courses))
+    noise = 0.01 * np.random.default_rng(0).normal(size=len(time))
+    changed = dataclasses.replace(
+        comparison,
+        channels=(*comparison.channels, *(Channel(name, "temperature", "degC") for name in names)),
+        recorded={**comparison.recorded, **read, "Z": true + noise},
+        simulated={**comparison.simulated, "Z": simulated},
+    )
+    mean_square, variant, reading = best_fit("data.swapped", changed, "Z")
+    assert mean_square < LEFT
+    assert (set(variant.sources), variant.run) == (set(names), comparison.runs[0])
+    assert all(name in reading.statement for name in names)
+    assert reading.parameters["share"].value == pytest.approx(1.0, abs=0.05)
 
 
 def test_an_effect_that_is_not_there_gains_nothing():

@@ -9,6 +9,7 @@ import pytest
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.vibration.back_reaction import EFFECT as BACK_REACTION
+from selector.diagnosis.effects.vibration.imbalance import EFFECT as IMBALANCE
 from selector.diagnosis.effects.vibration.line import EFFECT as LINE
 from selector.diagnosis.shapes.linear_response import LinearResponse, linear_responses, resonances_of, resonator
 from selector.diagnosis.shapes.signals import rate
@@ -104,3 +105,22 @@ def test_a_line_where_the_structure_rings_pays_more() -> None:
         assert found.shape["frequency_hz"].value == pytest.approx(tone, abs=0.1)
         prices[tone] = found.looked_at / tone
     assert prices[40.0] == pytest.approx(25.0 * prices[90.0], rel=0.01)
+
+
+def test_imbalance_through_the_simulated_structure_needs_no_line_of_its_own() -> None:
+    comparison = _shaken_and_turning(1.0, 0.0)
+    noise = np.random.default_rng(1).normal(size=len(comparison.time_s)) * np.std(comparison.simulated["x"])
+    hidden = dataclasses.replace(
+        comparison, recorded=dict(comparison.recorded) | {"x": comparison.simulated["x"] + noise}
+    )
+    laws = [v.names[0].partition(", ")[2] for v in IMBALANCE.variants(hidden, "x")]
+    assert laws.count("through the simulated structure") == 1
+
+
+def test_a_phase_that_was_read_off_the_residual_is_paid_for() -> None:
+    comparison = _shaken_and_turning(1.0, 0.0)
+    noise = np.random.default_rng(1).normal(size=len(comparison.time_s)) * np.std(comparison.simulated["x"])
+    hidden = dataclasses.replace(
+        comparison, recorded=dict(comparison.recorded) | {"x": comparison.simulated["x"] + noise}
+    )
+    assert all(v.looked_at >= np.e for v in IMBALANCE.variants(hidden, "x"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -16,7 +16,16 @@ from selector.diagnosis.effects.data.places import (
     where_of,
     whole_runs,
 )
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, Vector
+from selector.diagnosis.effects.effect import (
+    Effect,
+    Fitted,
+    Quantity,
+    Reading,
+    ShapeParameter,
+    Variant,
+    Vector,
+    equally_likely,
+)
 from selector.diagnosis.shapes.input_faults import input_faults
 from selector.diagnosis.shapes.signals import excited, filled, rate
 
@@ -27,50 +36,72 @@ _FINE_SIZES = (0.1, 0.15, 0.22, 0.33, 0.5, 0.75, 1.1, 1.6)
 _JUMPS, _ALL_JUMPS = 10, 30
 _MANY_RUNS = 4
 _AROUND_ONE = ((0.6, 1.6),)
-_RATE = "time × derivative"
+_LATE, _RATE = "derivative, late positive", "time × derivative"
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     course = filled(comparison, comparison.simulated[response])
     slope = rate(comparison, course)
-    moving_s = float(np.std(course) / max(float(np.sqrt(np.mean(slope**2))), 1e-300))
-    many = len(comparison.runs) > _MANY_RUNS
+    yield from equally_likely(
+        _shifted(comparison, response, course, slope),
+        _jumped(comparison, course, slope),
+        _of_another_rate(comparison, course, slope),
+    )
+
+
+def _shifted(comparison: Comparison, response: str, course: Vector, slope: Vector) -> Iterator[Variant]:
+    """Late or early in all runs, or in whole runs, by little or by much."""
+    parts = list(whole_runs(comparison, lambda rows: _lateness(comparison, response, slope, rows)))
     everywhere = Part(np.ones(len(course), dtype=bool), None, "")
-    shifted = {
-        shift_s: _late(comparison, course, shift_s) - course
-        for shift_s in _tried(comparison, moving_s, _FEW_SIZES if many else _SIZES)
-    }
-    yield _variant(everywhere, -slope, "derivative, late positive")
-    for part in whole_runs(comparison, lambda rows: _lateness(comparison, response, slope, rows)):
-        yield _variant(part, -slope, "derivative, late positive")
-        for shift_s, change in shifted.items():
-            yield _variant(part, change, f"late by {duration(shift_s)}", shift_s=shift_s)
-    shifted = {
-        shift_s: _late(comparison, course, shift_s) - course
-        for shift_s in _tried(comparison, moving_s, () if many else _FEW_SIZES)
-    }
-    for part in later_parts(comparison, _JUMPS, _ALL_JUMPS, (0.06, 0.9)):
-        yield _variant(part, -slope, "derivative, late positive")
-        for shift_s, change in shifted.items():
-            yield _variant(part, change, f"late by {duration(shift_s)}", shift_s=shift_s)
+    sizes = _FEW_SIZES if len(comparison.runs) > _MANY_RUNS else _SIZES
+    yield from equally_likely(
+        (_variant(part, -slope, _LATE) for part in (everywhere, *parts)),
+        _by_sizes(comparison, course, slope, parts, sizes),
+    )
+
+
+def _jumped(comparison: Comparison, course: Vector, slope: Vector) -> Iterator[Variant]:
+    """Late or early from a moment of a run on; where the stamps themselves leap, by as much."""
+    parts = list(later_parts(comparison, _JUMPS, _ALL_JUMPS, (0.06, 0.9)))
+    leaps = []
     for fault in input_faults(comparison):
         if fault.id == "data.clock":
-            # where the stamps themselves leap
             part = Part(fault.course != 0.0, fault.run, f"run {fault.run}", fault.from_s, fault.to_s)
             leap_s = float(np.abs(fault.course).max())
-            yield _variant(part, _late(comparison, course, leap_s) - course, "leap of the stamps", shift_s=leap_s)
-    # a clock of another rate is right at the start of a run and off by more and more
-    for part in [everywhere, *_singles(comparison)]:
-        yield _variant(part, -comparison.time_s * slope, _RATE)
-        sizes = _FINE_SIZES if part.run is None else _FEW_SIZES if many else _SIZES
-        for shift_s in _tried(comparison, moving_s, sizes):
+            leaps.append(_variant(part, _late(comparison, course, leap_s) - course, "leap of the stamps", leap_s))
+    sizes = () if len(comparison.runs) > _MANY_RUNS else _FEW_SIZES
+    yield from equally_likely(
+        (_variant(part, -slope, _LATE) for part in parts),
+        _by_sizes(comparison, course, slope, parts, sizes),
+        leaps,
+    )
+
+
+def _by_sizes(
+    comparison: Comparison, course: Vector, slope: Vector, parts: Sequence[Part], sizes: tuple[float, ...]
+) -> Iterator[Variant]:
+    for shift_s in _tried(comparison, course, slope, sizes):
+        change = _late(comparison, course, shift_s) - course
+        yield from (_variant(part, change, f"late by {duration(shift_s)}", shift_s) for part in parts)
+
+
+def _of_another_rate(comparison: Comparison, course: Vector, slope: Vector) -> Iterator[Variant]:
+    """Right at the start of a run and off by more and more."""
+    everywhere = Part(np.ones(len(course), dtype=bool), None, "")
+    parts = [everywhere, *_singles(comparison)]
+    few = _FEW_SIZES if len(comparison.runs) > _MANY_RUNS else _SIZES
+    large = []
+    for part in parts:
+        for shift_s in _tried(comparison, course, slope, _FINE_SIZES if part.run is None else few):
             error = shift_s / comparison.longest_s
             change = _late(comparison, course, error * comparison.time_s) - course
-            yield _variant(part, change, f"late by {error:.2%} of the time", rate_error=error)
+            large.append(_variant(part, change, f"late by {error:.2%} of the time", rate_error=error))
+    yield from equally_likely((_variant(part, -comparison.time_s * slope, _RATE) for part in parts), large)
 
 
-def _tried(comparison: Comparison, moving_s: float, sizes: tuple[float, ...]) -> list[float]:
+def _tried(comparison: Comparison, course: Vector, slope: Vector, sizes: tuple[float, ...]) -> list[float]:
     """Shifts to be tried [s], both ways; none within what the derivative says, or beyond three tenths of a run."""
+    moving_s = float(np.std(course) / max(float(np.sqrt(np.mean(slope**2))), 1e-300))
     amounts = [size * moving_s for size in sizes]
     kept = [shift_s for shift_s in amounts if 2.0 * comparison.period_s < shift_s < 0.3 * comparison.longest_s]
     return [sign * shift_s for shift_s in kept for sign in (1.0, -1.0)]
@@ -83,7 +114,7 @@ def _singles(comparison: Comparison) -> Iterator[Part]:
 
 
 def _variant(
-    part: Part, values: Vector, name: str, *, shift_s: float | None = None, rate_error: float | None = None
+    part: Part, values: Vector, name: str, shift_s: float | None = None, *, rate_error: float | None = None
 ) -> Variant:
     shift = {} if shift_s is None else {"shift_s": Quantity(shift_s, "s")}
     error = {} if rate_error is None else {"rate_error": Quantity(rate_error, "1")}

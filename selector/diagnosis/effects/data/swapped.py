@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import combinations
+
+import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.data.places import estimate, where_of, whole_runs
-from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant, Vector
+from selector.diagnosis.effects.data.places import estimate, fitted_runs, where_of, whole_runs
+from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant, Vector, equally_likely
 from selector.diagnosis.shapes.input_faults import fault_reading, fault_variants
+from selector.diagnosis.shapes.read_inputs import exchanged, weights_of_readings
 from selector.diagnosis.shapes.signals import excited, filled
 
 _AROUND_ONE = ((0.7, 1.3),)
@@ -31,6 +35,15 @@ def _difference(comparison: Comparison, other: str, response: str) -> Vector:
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
+    yield from equally_likely(
+        _of_response(comparison, response),
+        _of_readings(comparison, response),
+        fault_variants(comparison, response, "data.swapped"),
+    )
+
+
+def _of_response(comparison: Comparison, response: str) -> Iterator[Variant]:
+    """The response stands under the name of another one."""
     for other in _others(comparison, response):
         change = _difference(comparison, other, response)
         for part in whole_runs(comparison):
@@ -38,17 +51,36 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
                 columns=part.over(change)[:, None],
                 names=(f"simulated {other} less simulated {response}",),
                 place="wiring",
-                sources=(other,),
+                sources=(response, other),
                 run=part.run,
                 bounds=_AROUND_ONE,
                 regime=part.regime,
             )
-    yield from fault_variants(comparison, response, "data.swapped")
+
+
+def _of_readings(comparison: Comparison, response: str) -> Iterator[Variant]:
+    """Two readings that the simulation was computed from changed places in a run: how much that makes is known."""
+    weights = weights_of_readings(comparison, response)
+    index = comparison.run_index
+    for one, other in combinations(weights, 2):
+        if comparison.channel(one).role != comparison.channel(other).role:
+            continue
+        change = exchanged(comparison, weights, one, other)
+        for run in fitted_runs(comparison) if len(fitted_runs(comparison)) > 1 else ():
+            yield Variant(
+                columns=np.where(index == comparison.runs.index(run), change, 0.0)[:, None],
+                names=(f"{one} and {other} put back in their places",),
+                place="wiring",
+                sources=(one, other),
+                run=run,
+                bounds=_AROUND_ONE,
+                regime=f"run {run}",
+            )
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
-    if not _others(comparison, response) and not any(fault_variants(comparison, response, "data.swapped")):
-        return "no other channel of the same quantity was recorded and simulated"
+    if not any(True for _ in _variants(comparison, response)):
+        return "no other channel of the same quantity was recorded and simulated, or read by the simulation"
     return None
 
 
@@ -56,7 +88,13 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     of_input = fault_reading(fitted, comparison)
     if of_input is not None:
         return of_input
-    other = fitted.variant.sources[0]
+    one, other = fitted.variant.sources
+    if one != fitted.response:
+        return Reading(
+            f"{one} and {other} have changed places{where_of(fitted)}: so read, the simulation of {fitted.response} is "
+            f"off by up to {fitted.largest:.3g} {fitted.unit}.",
+            {"share": estimate(fitted, "1")},
+        )
     return Reading(
         f"What stands under {fitted.response} is what was simulated for {other}: the two channels have changed places"
         f"{where_of(fitted)}.",
@@ -70,7 +108,8 @@ EFFECT = Effect(
     physics="Two plugs or two columns were exchanged. What is recorded under one name is the course of the other.",
     reference="Definition: recorded less simulated is the simulated course of the other less that of this one",
     enters="measurement",
-    acts_at="two channels of the same quantity, in all runs, in one, or from one run on",
+    acts_at="two channels of the same quantity, in all runs, in one, or from one run on; two temperatures that the "
+    "simulation reads",
     parameters=(ShapeParameter("share", "1", 0.7, 1.3, "how much of the other's course is found; 1 = all"),),
     needs="a second recorded and simulated channel of the same quantity that moves otherwise",
     confounders=("data.gain", "thermal.interaction"),

@@ -9,18 +9,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, equally_likely
 from selector.diagnosis.shapes.leftover import leftover
 from selector.diagnosis.shapes.linear_response import LinearResponse, linear_responses, resonator
 from selector.diagnosis.shapes.record_kind import no_vibration, swept_hz
 from selector.diagnosis.shapes.rotation import is_turning, turns_of
 from selector.diagnosis.shapes.signals import course, filled
-from selector.diagnosis.shapes.spectral_lines import CHANCE, Line, aligned, course_of, lines
+from selector.diagnosis.shapes.spectral_lines import CHANCE, Line, aligned, course_of, fitted_parts, lines
 
 Vector = NDArray[np.float64]
 
 _ROLES = ("displacement", "acceleration", "velocity", "position", "voltage", "force", "current")
 _ORDERS = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0)
+_CHANCE = 0.5
+"""That noise shows a line at all; what is offered pays for the lines that were looked at."""
+_BESIDE_AN_ORDER = 3.0
+"""Lines that are told apart within the width of one order."""
+_SIMULATED = -1.0
 _POWERS = {"displacement": (2.0, 0.0), "position": (2.0, 0.0), "velocity": (3.0, 1.0), "acceleration": (4.0, 2.0)}
 """By which powers of the speed the line grows: of a force n², below the resonance; of run-out 0."""
 
@@ -35,18 +40,26 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
         return
     left = leftover(comparison, response)
     for name in speeds:
-        rpm = np.abs(course(comparison, name))
-        turns = turns_of(comparison, rpm)
-        relative = rpm / float(rpm.max())
-        known: list[Line] = []
-        for power in _POWERS.get(comparison.channel(response).role, (2.0, 0.0)):
-            weight = relative**power
-            for line in lines(comparison, left, turns, weight, near=_ORDERS):
-                known.append(line)
-                yield _variant(comparison, name, line, course_of(line, comparison, turns, weight)[:, None], power)
-        if not known:
-            known = _at_a_resonance(comparison, left, turns, relative)
-        yield from _through_the_structure(comparison, response, name, known[:3], left, turns, relative)
+        turns = turns_of(comparison, np.abs(course(comparison, name)))
+        yield from equally_likely(
+            _through_the_simulated_structure(comparison, response, name, left, turns),
+            _of_lines(comparison, response, name, left, turns),
+        )
+
+
+def _of_lines(comparison: Comparison, response: str, name: str, left: Vector, turns: Vector) -> Iterator[Variant]:
+    """Orders that stand out of what is left, as they are and behind resonances that the speed passes."""
+    rpm = np.abs(course(comparison, name))
+    relative = rpm / float(rpm.max())
+    known: list[Line] = []
+    for power in _POWERS.get(comparison.channel(response).role, (2.0, 0.0)):
+        weight = relative**power
+        for line in lines(comparison, left, turns, weight, near=_ORDERS, chance=_CHANCE):
+            known.append(line)
+            yield _variant(comparison, name, line, course_of(line, comparison, turns, weight)[:, None], power)
+    if not known:
+        known = _at_a_resonance(comparison, left, relative)
+    yield from _through_resonances(comparison, name, known[:3], left, turns, relative)
 
 
 def _variant(
@@ -54,7 +67,7 @@ def _variant(
 ) -> Variant:
     order = min(_ORDERS, key=lambda o: abs(o - line.cycles))
     law = f"grows with speed^{power:g}" if power is not None else f"through the resonance at {hz:.4g} Hz"
-    if hz < 0.0:
+    if hz == _SIMULATED:
         law = "through the simulated structure"
     names = tuple(
         f"order {order:g} of {name}, {law}{', a quarter turn on' if k else ''}" for k in range(columns.shape[1])
@@ -63,38 +76,74 @@ def _variant(
     if power is not None:
         shape["speed_power"] = Quantity(power, "1")
     run = comparison.runs[line.runs[0]] if len(line.runs) == 1 and len(comparison.runs) > 1 else None
-    return Variant(columns, names, shape, sources=(name,), run=run)
+    return Variant(columns, names, shape, sources=(name,), run=run, looked_at=_looked_at(comparison, line))
 
 
-def _through_the_structure(
-    comparison: Comparison, response: str, name: str, found: list[Line], left: Vector, turns: Vector, relative: Vector
+def _looked_at(comparison: Comparison, line: Line) -> float:
+    """Among how many lines this one was found: orders, runs, and a phase in every run that is fitted."""
+    # that the force of imbalance turns with the shaft is as likely as all other orders together
+    orders = _BESIDE_AN_ORDER * (2.0 if abs(line.cycles - 1.0) < 0.25 else 2.0 * (len(_ORDERS) - 1))
+    runs = len(comparison.runs) if len(line.runs) == 1 else 1
+    return _phases(comparison, line) * orders * runs
+
+
+def _phases(comparison: Comparison, line: Line) -> float:
+    """What a phase in every run that is fitted costs, as shapes that were looked at."""
+    n_fitted = sum(part.start < part.stop for part in fitted_parts(comparison))
+    return float(np.exp(min(len(line.runs), n_fitted)))
+
+
+def _through_the_simulated_structure(
+    comparison: Comparison, response: str, name: str, left: Vector, turns: Vector
 ) -> Iterator[Variant]:
-    """The force n²·cos φ behind the identified structure, or behind resonances within the speeds that were run."""
-    if not found:
-        return
-    weight = relative**2
-    paths = [(path, -1.0) for path in linear_responses(comparison, response) if path.source is not None]
-    hz = course(comparison, name) / 60.0
+    """The force n²·cos φ behind the identified structure: only its phase in every run is read off what is left."""
+    rpm = np.abs(course(comparison, name))
+    once = _in_every_run(comparison)
+    for path in linear_responses(comparison, response):
+        if path.source is not None and np.any(left):
+            column, _ = _passed(comparison, path, once, left, turns, (rpm / float(rpm.max())) ** 2)
+            if np.any(column):
+                shape = _variant(comparison, name, once, column[:, None], None, _SIMULATED)
+                yield replace(shape, looked_at=_phases(comparison, once))
+
+
+def _through_resonances(
+    comparison: Comparison, name: str, found: list[Line], left: Vector, turns: Vector, relative: Vector
+) -> Iterator[Variant]:
+    """The force n²·cos φ behind resonances within the speeds that were run."""
+    hz = np.abs(course(comparison, name)) / 60.0
     for line in found:
-        at_rest = replace(line, phases=tuple(None if p is None else 0.0 for p in line.phases))
-        late = replace(line, phases=tuple(None if p is None else -0.5 * np.pi for p in line.phases))
-        quadratures = [course_of(part, comparison, turns, weight) for part in (at_rest, late)]
-        low, high = (line.cycles * float(f(np.abs(hz))) for f in (np.min, np.max))
+        low, high = (line.cycles * float(f(hz)) for f in (np.min, np.max))
         resonances = np.geomspace(max(low, 0.15 * high), 1.3 * high, 8) if high > 1.1 * low else ()
-        ways = paths + [(_resonance(f0, z, comparison.period_s), float(f0)) for f0 in resonances for z in (0.02, 0.08)]
+        ways = [(_resonance(f0, z, comparison.period_s), float(f0)) for f0 in resonances for z in (0.02, 0.08)]
+        offered: list[Variant] = []
         for path, f0 in ways:
-            cosine, sine = (path.passed(comparison, part) for part in quadratures)
-            column, chance = aligned(comparison, left, cosine, sine, line)
+            column, chance = _passed(comparison, path, line, left, turns, relative**2)
             if np.any(column) and (line.strength > 0.0 or chance < CHANCE / len(ways)):
-                yield _variant(comparison, name, line, column[:, None], None, f0)
+                offered.append(_variant(comparison, name, line, column[:, None], None, f0))
+        # those that showed nothing were looked at as well
+        yield from (replace(one, looked_at=one.looked_at * len(ways) / len(offered)) for one in offered)
 
 
-def _at_a_resonance(comparison: Comparison, left: Vector, turns: Vector, relative: Vector) -> list[Line]:
+def _passed(
+    comparison: Comparison, path: LinearResponse, line: Line, left: Vector, turns: Vector, weight: Vector
+) -> tuple[Vector, float]:
+    """A turning force behind a structure, in every run at the angle that this run shows; and the chance of noise."""
+    at_rest = replace(line, phases=tuple(None if p is None else 0.0 for p in line.phases))
+    late = replace(line, phases=tuple(None if p is None else -0.5 * np.pi for p in line.phases))
+    cosine, sine = (path.passed(comparison, course_of(part, comparison, turns, weight)) for part in (at_rest, late))
+    return aligned(comparison, left, cosine, sine, line)
+
+
+def _at_a_resonance(comparison: Comparison, left: Vector, relative: Vector) -> list[Line]:
     """Order 1 without a proof of its own: a run-up through a resonance turns the phase, and no order stays coherent."""
     if float(np.ptp(relative)) < 0.1 or not np.any(left):
         return []
-    phases = tuple(0.0 for _ in comparison.runs)
-    return [Line(1.0, phases, 0.0)]
+    return [_in_every_run(comparison)]
+
+
+def _in_every_run(comparison: Comparison) -> Line:
+    return Line(1.0, tuple(0.0 for _ in comparison.runs), 0.0)
 
 
 def _resonance(frequency_hz: float, damping: float, period_s: float) -> LinearResponse:
