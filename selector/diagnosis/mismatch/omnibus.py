@@ -28,6 +28,7 @@ from selector.diagnosis.mismatch.structure_tests import (
     by_state,
     in_common,
     jump,
+    of_one_size,
     spectral,
     spells,
     standardised,
@@ -146,8 +147,9 @@ def _tests(
     white /= 1.4826 * np.median(np.abs(white[:, seen]), axis=1, keepdims=True) + 1e-300
     tests.append(jump(white, noise.phi, rows))
     tests.append(by_state(np.clip(white, -4.0, 4.0), noise.phi[0], rows, states))
-    tests.append(burst(white, rows, states))
-    tests.append(spells(stack, white, rows, states))
+    even = of_one_size(white, rows, states)
+    tests.append(burst(even, rows))
+    tests.append(spells(stack, even, rows))
     spread = float(np.sqrt(noise.density(np.linspace(0.001, 0.5, 500))[0].mean()))
     return tests, noise, spread
 

@@ -162,11 +162,10 @@ def by_state(white: Matrix, phi: Vector, rows: Rows, states: Sequence[Variable])
     return largest(found) if found else Tested("state", np.zeros(len(white)))
 
 
-def burst(white: Matrix, rows: Rows, states: Sequence[Variable]) -> Tested:
-    """More noise in one window than elsewhere, by ranks; noise that differs by state of the machine is allowed for."""
+def burst(even: Matrix, rows: Rows) -> Tested:
+    """More noise in one window than elsewhere, by ranks; `even` is whitened and of one size in all states."""
     seen = np.concatenate(rows)
-    size = np.abs(white[:, seen])
-    size /= _size_by_state(size, seen, states)
+    size = np.abs(even[:, seen])
     stack = norm.ppf(0.5 + 0.5 * (rankdata(size, axis=1) - 0.5) / len(seen)) ** 2 - 1.0
     found, start = [], 0
     for k, here in enumerate(rows):
@@ -184,38 +183,50 @@ def burst(white: Matrix, rows: Rows, states: Sequence[Variable]) -> Tested:
     return largest(found) if found else Tested("burst", np.zeros(len(stack)))
 
 
-def spells(stack: Matrix, white: Matrix, rows: Rows, states: Sequence[Variable]) -> Tested:
+def spells(residuals: Matrix, even: Matrix, rows: Rows) -> Tested:
     """Something that comes and goes: means over some samples, and their steps, have longer tails than noise's.
 
     Sums of noise are nearly normal, of whatever colour it is; of what acts now and then many are small and a few large.
-    Means of the whitened residual (for its size by state of the machine is allowed) and steps between adjoining means
-    of the residual itself, over 1 to 64 samples; statistic: logarithm of the kurtosis.
+    Means of `even` (whitened and of one size in all states) and steps between adjoining means of the residuals
+    themselves, over 1 to 64 samples; statistic: logarithm of the kurtosis.
     """
-    seen = np.concatenate(rows)
-    even = np.zeros_like(white)
-    even[:, seen] = np.clip(white[:, seen] / _size_by_state(np.abs(white[:, seen]), seen, states), -4.0, 4.0)
+    clipped = [_running(np.clip(even[:, here], -4.0, 4.0)) for here in rows]
+    plain = [_running(residuals[:, here]) for here in rows]
     found = []
-    for length in (1, 2, 4, 8, 16, 32, 64):
-        parts = [here for here in rows if len(here) >= 4 * length]
-        if not parts:
+    for k in (1, 2, 4, 8, 16, 32, 64):
+        long_enough = [j for j, here in enumerate(rows) if len(here) >= 4 * k]
+        if not long_enough:
             break
-        if length > 1:
-            found.append(_tails(np.concatenate([_means(even[:, here], length) for here in parts], axis=1)))
-        if length < 64:
-            means = [_means(stack[:, here], length) for here in parts]
-            found.append(_tails(np.concatenate([part[:, length:] - part[:, :-length] for part in means], axis=1)))
-    return largest(found) if found else Tested("spells", np.zeros(len(stack)))
+        every = max(1, k // 4)
+        if k > 1:
+            found.append(_tails([(s[:, k:] - s[:, :-k])[:, ::every] for s in (clipped[j] for j in long_enough)]))
+        if k < 64:
+            steps = [
+                s[:, 2 * k :: every] - 2.0 * s[:, k:-k:every] + s[:, : -2 * k : every]
+                for s in (plain[j] for j in long_enough)
+            ]
+            found.append(_tails(steps))
+    return largest(found) if found else Tested("spells", np.zeros(len(even)))
 
 
-def _means(values: Matrix, length: int) -> Matrix:
-    sums = np.concatenate([np.zeros((len(values), 1)), np.cumsum(values, axis=1)], axis=1)
-    return np.asarray(sums[:, length:] - sums[:, :-length]) / length
+def _running(values: Matrix) -> Matrix:
+    return np.concatenate([np.zeros((len(values), 1)), np.cumsum(values, axis=1)], axis=1)
 
 
-def _tails(values: Matrix) -> Tested:
-    squares = values**2
-    power = np.maximum(np.mean(squares, axis=1), 1e-300)
-    return Tested("spells", np.log(np.maximum(np.mean(squares**2, axis=1) / power**2, 1e-300)))
+def _tails(parts: Sequence[Matrix]) -> Tested:
+    count = sum(part.shape[1] for part in parts)
+    squares = [part**2 for part in parts]
+    power = np.maximum(np.sum([part.sum(axis=1) for part in squares], axis=0) / count, 1e-300)
+    fourth = np.sum([np.einsum("sr,sr->s", part, part) for part in squares], axis=0) / count
+    return Tested("spells", np.log(np.maximum(fourth / power**2, 1e-300)))
+
+
+def of_one_size(white: Matrix, rows: Rows, states: Sequence[Variable]) -> Matrix:
+    """Whitened residuals whose size is the same in all states of the machine, as noise may differ by state."""
+    seen = np.concatenate(rows)
+    result = np.zeros_like(white)
+    result[:, seen] = white[:, seen] / _size_by_state(np.abs(white[:, seen]), seen, states)
+    return result
 
 
 def _size_by_state(size: Matrix, seen: NDArray[np.intp], states: Sequence[Variable]) -> Matrix:
