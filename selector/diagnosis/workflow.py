@@ -168,10 +168,24 @@ def diagnosis(
 
 
 def _worth_naming(comparison: Comparison, found: Search) -> Search:
-    """Without effects that are a trifle beside the largest: shapes are not exact to the last percent."""
-    shares = {id_: named_effect(comparison, found, id_).share for id_ in found.named}
-    least = _TRIFLE * max(shares.values(), default=0.0)
-    return _only(found, {id_ for id_, share in shares.items() if share >= least})
+    """Without effects that are a trifle beside the largest: shapes are not exact to the last percent.
+
+    In noise that wanders, the mean square hardly falls by what is quick and sure; how large its course is counts, too.
+    """
+    named = {id_: named_effect(comparison, found, id_) for id_ in found.named}
+    least = _TRIFLE * max((effect.share for effect in named.values()), default=0.0)
+    sizes = {id_: max(effect.share, _part(found, effect)) for id_, effect in named.items()}
+    return _only(found, {id_ for id_, size in sizes.items() if size >= least})
+
+
+def _part(found: Search, effect: NamedEffect) -> float:
+    """Mean square of an effect's course in parts of that of the mismatch beside recalibration, fitted rows."""
+    parts = []
+    for name, course in effect.courses.items():
+        rows = found.benches[name].fitted
+        alone = float(np.mean(found.benches[name].residual([])[rows] ** 2))
+        parts.append(float(np.var(course[rows])) / alone if alone > 0.0 else 0.0)
+    return max(parts)
 
 
 def _only(found: Search, ids: set[str]) -> Search:

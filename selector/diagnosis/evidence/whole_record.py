@@ -12,7 +12,9 @@ from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.evidence.recalibration import Recalibrated
 
 _FORCES = ("force", "current", "voltage")
-_HEATED = ("displacement", "size", "temperature", "ambient")
+_NEUTRAL = {"gain": 1.0, "offset": 0.0, "delay": 0.0}
+_OFF, _RIGHT, _APART = 6.0, 3.0, 4.0
+"""Standard errors from which a quantity is off, up to which it is right, and from which two of them differ."""
 
 
 def whole_record_names(comparison: Comparison, again: Mapping[str, Recalibrated]) -> dict[str, dict[str, str]]:
@@ -27,28 +29,46 @@ def whole_record_names(comparison: Comparison, again: Mapping[str, Recalibrated]
         for word in ("gain", "offset", "delay")
     }
     found: dict[str, dict[str, str]] = {}
-    scales = {name: value for name, value in off["gain"].items() if known_factor(value) or _alone(off["gain"], again)}
+    alone = {word: _alone(word, values, again) for word, values in off.items()}
+    scales = {name: value for name, value in off["gain"].items() if known_factor(value) or alone["gain"]}
     if scales:
         found["data.gain"] = dict.fromkeys(scales, "gain")
     forces = {name: value for name, value in off["offset"].items() if comparison.channel(name).role in _FORCES}
     if forces:
         found["drive.offset_force"] = dict.fromkeys(forces, "offset")
-    elif _alone(off["offset"], again):
+    elif alone["offset"]:
         found["data.zero"] = dict.fromkeys(off["offset"], "offset")
-    if _alone(off["delay"], again):
+    if alone["delay"]:
         found["data.clock"] = dict.fromkeys(off["delay"], "delay")
     return found
 
 
-def _alone(off: Mapping[str, Quantity], again: Mapping[str, Recalibrated]) -> bool:
-    """Whether one of several responses is off, and the others are known not to be as much."""
-    return len(off) == 1 < len(again)
+def _alone(word: str, off: Mapping[str, Quantity], again: Mapping[str, Recalibrated]) -> bool:
+    """Whether one of several responses is off, and the others are known to be right, and not as far off as it.
+
+    Others that are off as well, by less than is sure, or not known well enough to say, speak of the simulation.
+    """
+    if len(off) != 1 or len(again) == 1:
+        return False
+    ((name, value),) = off.items()
+    others = [one.quantities.get(word) for key, one in again.items() if key != name]
+    return all(
+        other is not None
+        and abs(other.value - _NEUTRAL[word]) <= _RIGHT * _error(other)
+        and abs(other.value - value.value) >= _APART * np.hypot(_error(other), _error(value))
+        for other in others
+    )
 
 
 def _is_off(one: Recalibrated, word: str) -> bool:
     value = one.quantities.get(word)
-    if value is None or not one.matters or value.low is None or value.high is None:
+    if value is None or not one.matters:
         return False
-    neutral = 1.0 if word == "gain" else 0.0
-    error = (value.high - value.low) / 3.92
-    return abs(value.value - neutral) > 6.0 * max(error, 1e-300) and np.isfinite(value.value)
+    return abs(value.value - _NEUTRAL[word]) > _OFF * _error(value) and bool(np.isfinite(value.value))
+
+
+def _error(value: Quantity) -> float:
+    """Standard error by the interval; infinite without one."""
+    if value.low is None or value.high is None:
+        return np.inf
+    return max((value.high - value.low) / 3.92, 1e-300)

@@ -1,0 +1,45 @@
+"""What is the same in all runs is a fault of the recording only where one response is off and the others are right."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from selector.diagnosis.effects.effect import Quantity
+from selector.diagnosis.evidence.recalibration import Recalibrated
+from selector.diagnosis.evidence.whole_record import whole_record_names
+from tests.diagnosis.made import comparison
+
+
+def recalibrated(*, error: float = 0.002, **values: float) -> Recalibrated:
+    quantities = {
+        word: Quantity(value, "1", value - 1.96 * error, value + 1.96 * error) for word, value in values.items()
+    }
+    return Recalibrated(p_value=1e-9, gain=100.0, share=0.5, quantities=quantities)
+
+
+def names(z: Recalibrated, y: Recalibrated) -> set[str]:
+    nothing = np.zeros(1200)
+    return set(whole_record_names(comparison({"Z": nothing, "Y": nothing}), {"Z": z, "Y": y}))
+
+
+def test_one_response_of_another_scale_than_the_others_is_a_gain():
+    assert names(recalibrated(gain=1.05), recalibrated(gain=1.001)) == {"data.gain"}
+
+
+@pytest.mark.parametrize(
+    ("gain", "error"),
+    [(1.05, 0.002), (1.05, 0.01), (0.99, 0.002), (1.0, 0.02)],
+    ids=["the same", "the same, less sure", "off the other way", "not known"],
+)
+def test_responses_that_are_off_together_or_not_known_are_no_gain(gain, error):
+    assert names(recalibrated(gain=1.05), recalibrated(gain=gain, error=error)) == set()
+
+
+def test_a_simulation_that_comes_late_in_all_responses_is_no_clock():
+    assert names(recalibrated(delay=18.0, error=2.0), recalibrated(delay=19.0, error=5.0)) == set()
+    assert names(recalibrated(delay=18.0, error=2.0), recalibrated(delay=1.0, error=3.0)) == {"data.clock"}
+
+
+def test_the_factor_of_a_unit_is_a_gain_wherever_it_is_seen():
+    assert names(recalibrated(gain=25.4), recalibrated(gain=25.4)) == {"data.gain"}
