@@ -59,6 +59,8 @@ class Bench:
         What the machine repeats.
     is_off_cycle : bool
         Whether what comes back with every cycle is taken for noise, and taken off.
+    pseudo_target : ndarray of shape (len(rows),) or None
+        Takes the place of the whitened target, where its noise has heavy tails.
     scales : ndarray of shape (m,)
         Root mean square of every candidate column over the fitted rows; columns are used divided by it.
     candidates : tuple of Candidate
@@ -85,6 +87,7 @@ class Bench:
     own: Mapping[str, slice]
     cycle: MachineCycle | None = None
     is_off_cycle: bool = False
+    pseudo_target: Vector | None = None
 
     @property
     def n_plain(self) -> int:
@@ -112,7 +115,7 @@ class Bench:
 
     def with_noise(self, noise: NoiseModel) -> Bench:
         """The same with another noise filter."""
-        other = replace(self, noise=noise)
+        other = replace(self, noise=noise, pseudo_target=None)
         if len(noise.phi) == 0 == len(self.noise.phi) and "white_columns" in vars(self):
             # white before and after: only the size differs
             vars(other)["white_columns"] = self.white_columns * (self.noise.sd / noise.sd)
@@ -150,6 +153,8 @@ class Bench:
     @cached_property
     def white_target(self) -> Vector:
         """The target behind the noise filter, fitted rows only; 0 where it is missing."""
+        if self.pseudo_target is not None:
+            return self.pseudo_target
         return self._single(whitened(self.noise, self._whole_target[:, None], self.parts)[self.rows])[:, 0]
 
     @cached_property

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.diagnosis.evidence.bench import Bench
+from selector.diagnosis.evidence.heavy_tails import with_pseudo_target
 from selector.diagnosis.evidence.jointly import of_all
 from selector.diagnosis.evidence.moments import solved
 from selector.diagnosis.evidence.noise import NoiseModel
@@ -147,6 +148,7 @@ def search(benches: Benches, *, false_alarm: float, seed: int) -> Search:
     still holds what is missing would make the noise too large and too slow.
     """
     fitted = {name: _beside_the_cycle(*with_noise_of_full_fit(bench)) for name, bench in benches.items()}
+    fitted = {name: (with_pseudo_target(bench, chosen), chosen) for name, (bench, chosen) in fitted.items()}
     benches = {name: bench for name, (bench, _) in fitted.items()}
     noise = {name: _left(bench, chosen) for name, (bench, chosen) in fitted.items()}
     named = _selected(benches, noise, false_alarm=false_alarm, seed=seed)

@@ -26,6 +26,8 @@ _UNSTEADY = 0.2
 _BESIDE = 0.03
 _UNLIKELY = 0.01
 """Chance that a true line is not taken for one because of noise, in one of the looks at its shape."""
+_STRAY = 3.0
+"""Robust standard deviations of a reading that says no more than a smaller one."""
 _FIRST_PART = 0.2
 """Of a run that nothing may be fitted to only this first part tells its phase, as it would an initial state."""
 
@@ -95,6 +97,9 @@ def lines(
     white = np.zeros(len(left))
     for _, rows in comparison.rows_of_runs():
         white[rows] = filtered(left[rows], noise)
+    # strays of noise with heavy tails hide a line; even a strong sine stays below
+    stray = _STRAY * 1.4826 * float(np.median(np.abs(np.concatenate([white[p] for p in parts]))))
+    white = np.clip(white, -stray, stray) if stray > 0.0 else white
     spectra = [_spectrum(white[p], abscissa[p], weight[p]) for p in parts]
     usable = [k for k, s in enumerate(spectra) if s is not None]
     if not usable:
