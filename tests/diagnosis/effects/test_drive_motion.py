@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._limit import held_back
+from selector.diagnosis.effects.drive.pitch_error import EFFECT as PITCH_ERROR
 from selector.diagnosis.shapes.force_response import ClosedLoop, closed_loop, passed, responds, yields_s2
 from selector.diagnosis.shapes.motion import motion
 from selector.recording import Channel
@@ -177,3 +178,24 @@ def test_a_limit_beyond_the_force_does_nothing_and_one_below_is_made_good(winds_
     assert behind.min() < 0.0
     # forgotten with the slowest pole, near 30 1/s, after one second
     assert np.abs(behind[comparison.time_s > 2.0]).max() < 1e-6 * np.abs(behind).max()
+
+
+def test_a_pitch_error_may_be_counted_from_where_each_run_began():
+    lead_m, begins = 0.010, (0.100, 0.103, 0.109)
+    command = np.concatenate([begin + COMMAND - COMMAND[0] for begin in begins])
+    n = len(COMMAND)
+    wave = 0.3 * np.sin(2.0 * np.pi * command / lead_m + 1.0)
+    error = wave - np.repeat(wave[::n], n)
+    recorded = {"r": command, "E": error + 0.02 * np.random.default_rng(0).standard_normal(len(command))}
+    channels = (Channel("r", "position_command", "m"), Channel("E", "displacement", "um"))
+    one = comparison_with(channels, recorded, E=0.1 * np.tile(SPEED, 3))
+    runs = replace(one, runs=("r1", "r2", "r3"), starts=(0, n, 2 * n, 3 * n), time_s=np.tile(one.time_s[:n], 3))
+    left = {}
+    for variant in PITCH_ERROR.variants(runs, "E"):
+        if "lead_mm" in variant.shape and variant.shape["harmonics"].value == 1.0:
+            base = np.column_stack([variant.columns, np.ones(3 * n), runs.simulated["E"]])
+            rest = error - base @ np.linalg.lstsq(base, error)[0]
+            kind = "from_start" in variant.shape
+            left[kind] = min(left.get(kind, np.inf), float(np.std(rest) / np.std(error)))
+    assert left[True] < 0.25
+    assert left[False] > 0.3

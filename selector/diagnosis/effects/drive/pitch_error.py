@@ -28,13 +28,19 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     for n in (1, 2, 3):
         columns = dict(list(powers.items())[:n])
         yield direct(comparison, response, columns, {"power": Quantity(float(n), "1")})
+    starts = [rows.start for _, rows in comparison.rows_of_runs()]
     for lead in leads(comparison, comparison.channel(response).axis, of_force=False):
         turn = 2.0 * np.pi * moving.position_m / lead
         shape = {"lead_mm": Quantity(1e3 * lead, "mm")}
         once = {"sine of the lead": np.sin(turn), "cosine of the lead": np.cos(turn)}
-        yield direct(comparison, response, once, shape | {"harmonics": Quantity(1.0, "1")})
         twice = {"sine of half the lead": np.sin(2.0 * turn), "cosine of half the lead": np.cos(2.0 * turn)}
-        yield direct(comparison, response, once | twice, shape | {"harmonics": Quantity(2.0, "1")})
+        for harmonics, waves in ((1.0, once), (2.0, once | twice)):
+            of_waves = shape | {"harmonics": Quantity(harmonics, "1")}
+            yield direct(comparison, response, waves, of_waves)
+            if len(starts) > 1:
+                # a reading that is set to zero where a run begins lacks the error of that place
+                from_start = {what: wave - wave[starts][comparison.run_index] for what, wave in waves.items()}
+                yield direct(comparison, response, from_start, of_waves | {"from_start": Quantity(1.0, "1")})
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
@@ -70,6 +76,7 @@ EFFECT = Effect(
         ShapeParameter("amplitude", "unit of the response", 0.0, 1e3, "half of its swing"),
         ShapeParameter("power", "1", 1.0, 3.0, "of the cumulative course over position"),
         ShapeParameter("harmonics", "1", 1.0, 2.0, "parts of a turn that it has"),
+        ShapeParameter("from_start", "1", 0.0, 1.0, "1: counted from where each run began"),
     ),
     needs="displacement or position of an axis, with three turns of the lead at least",
     # at one speed a ripple that has passed the loop is the same sine
