@@ -11,6 +11,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.vibration.back_reaction import EFFECT as BACK_REACTION
 from selector.diagnosis.effects.vibration.imbalance import EFFECT as IMBALANCE
 from selector.diagnosis.effects.vibration.line import EFFECT as LINE
+from selector.diagnosis.effects.vibration.mode import EFFECT as MODE
 from selector.diagnosis.shapes.linear_response import LinearResponse, linear_responses, resonances_of, resonator
 from selector.diagnosis.shapes.signals import rate
 from tests.diagnosis.effects.concealed_truths import F1, Z1, comparison_of, structure
@@ -124,3 +125,20 @@ def test_a_phase_that_was_read_off_the_residual_is_paid_for() -> None:
         comparison, recorded=dict(comparison.recorded) | {"x": comparison.simulated["x"] + noise}
     )
     assert all(v.looked_at >= np.e for v in IMBALANCE.variants(hidden, "x"))
+
+
+def test_a_mode_where_the_structure_rings_pays_more_and_every_mode_for_its_frequency() -> None:
+    comparison = _shaken_and_turning(1.0, 0.0)
+    prices = {}
+    for hz in (40.0, 120.0):
+        b, a = resonator(hz, 0.02, 1e-3)
+        added = LinearResponse("F", b[0], a, 0.0).passed(comparison, comparison.recorded["F"])
+        noise = 0.3 * np.std(added) * np.random.default_rng(1).normal(size=len(added))
+        hidden = dataclasses.replace(
+            comparison, recorded=dict(comparison.recorded) | {"x": comparison.simulated["x"] + added + noise}
+        )
+        offered = [v for v in MODE.variants(hidden, "x") if v.sources == ("F",)]
+        found = min(offered, key=lambda v: abs(v.shape["frequency_hz"].value - hz))
+        prices[hz] = found.looked_at
+    assert prices[120.0] > 50.0
+    assert prices[40.0] > 5.0 * prices[120.0]

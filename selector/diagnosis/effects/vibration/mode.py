@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.even_clock import even_runs
 from selector.diagnosis.shapes.leftover import leftover
-from selector.diagnosis.shapes.linear_response import LinearResponse, inputs, resonator
+from selector.diagnosis.shapes.linear_response import LinearResponse, inputs, resonances_of, resonator
 from selector.diagnosis.shapes.record_kind import no_vibration, of_a_drive, swept_hz
 from selector.diagnosis.shapes.resonance_scan import resonances
 from selector.diagnosis.shapes.response_curve import resonance
@@ -20,6 +21,10 @@ from selector.diagnosis.shapes.signals import course, filled
 Vector = NDArray[np.float64]
 
 _MOST_SOURCES = 3
+_OCTAVES, _NARROWEST = 5.0, 0.005
+"""Natural logarithm of the range of frequencies that a record shows, and the lowest damping that it tells."""
+_RINGS = 25.0
+"""What a mode pays at a resonance that the simulation has: there a structure rings by itself at every knock."""
 _NEIGHBOURS = ((1.0, 1.0), (0.985, 1.0), (1.015, 1.0), (1.0, 0.5), (1.0, 2.0))
 
 
@@ -36,10 +41,15 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     if not sources:
         sources = {f"simulated {response}": simulated}
     accelerations = comparison.channel(response).role == "acceleration"
+    own = resonances_of(comparison, response)
     for name, source in sources.items():
         for frequency_hz, damping in resonances(comparison, left, source):
+            # a frequency of many, as likely in one octave as in another, told to the width of the resonance
+            looked_at = _OCTAVES / max(damping, _NARROWEST) * len(sources)
+            looked_at *= _RINGS if any(abs(frequency_hz - f0) < 2.0 * z0 * f0 for f0, z0 in own) else 1.0
             for times_f, times_z in _NEIGHBOURS:
-                yield _variant(comparison, name, source, frequency_hz * times_f, damping * times_z, accelerations)
+                shape = _variant(comparison, name, source, frequency_hz * times_f, damping * times_z, accelerations)
+                yield replace(shape, looked_at=looked_at)
 
 
 def _variant(
