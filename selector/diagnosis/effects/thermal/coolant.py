@@ -25,14 +25,14 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
         on = switched_on(comparison, name)
         levels = _levels(comparison, name) if not known.coolant_temperatures else []
         warmth = scaled(simulated_rise(comparison, response))
+        drawn = f"{name} × simulated {response}", on * warmth
         for tau_s in taus:
             yield _variant(comparison, name, [(name, on)], tau_s)
             if excited(warmth):
-                yield _variant(comparison, name, [(f"{name} × simulated {response}", on * warmth)], tau_s)
-                both = [(name, on), (f"{name} × simulated {response}", on * warmth)]
-                yield _variant(comparison, name, both, tau_s)
-                if levels:
-                    yield _variant(comparison, name, [*both, *levels], tau_s)
+                yield _variant(comparison, name, [drawn], tau_s)
+                yield _variant(comparison, name, [(name, on), drawn], tau_s)
+        for tau_s in taus[1::2] if levels and excited(warmth) else ():
+            yield _variant(comparison, name, [(name, on), drawn, *levels], tau_s)
         for fluid in known.coolant_temperatures:
             for words, colder in _colder(comparison, response, fluid):
                 for tau_s in taus[::2]:
