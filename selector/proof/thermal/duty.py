@@ -128,3 +128,11 @@ def duty(
         "hall": hall,
     }
     return Duty(run, style, np.asarray(STEP_S * np.arange(n), dtype=np.float64), courses)
+
+
+def lagged(course: Vector, lag_s: float, step_s: float) -> Vector:
+    """A course behind a first-order lag, from its first value; as it is without one."""
+    if lag_s <= 0.0:
+        return course
+    e = float(np.exp(-step_s / lag_s))
+    return np.asarray(lfilter([1.0 - e], [1.0, -e], course, zi=[e * course[0]])[0])

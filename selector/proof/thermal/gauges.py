@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
-from selector.proof.thermal.duty import STEP_S, Duty, held, wandering
+from selector.proof.thermal.duty import STEP_S, Duty, held, lagged, wandering
 from selector.proof.thermal.scene import Gauge
 from selector.recording import Channel
 
@@ -20,8 +19,7 @@ def of(name: str) -> Gauge:
 
 def warmed(course: Vector, tau_s: float) -> Vector:
     """A course behind a first-order lag, from its first value."""
-    e = float(np.exp(-STEP_S / tau_s))
-    return np.asarray(lfilter([1.0 - e], [1.0, -e], course, zi=[e * course[0]])[0])
+    return lagged(course, tau_s, STEP_S)
 
 
 def _cabinet(tau_s: float, swing_k: float, load_k: float) -> Gauge:

@@ -9,13 +9,12 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from selector.proof.case import TrueEffect, Window
 from selector.proof.noise import Noise
 from selector.proof.strength import d_prime, recalibration, scale_for
 from selector.proof.thermal.conduction import Heat, temperatures
-from selector.proof.thermal.duty import STEP_S, Duty, duty
+from selector.proof.thermal.duty import STEP_S, Duty, duty, lagged
 from selector.proof.thermal.machine import Machine, machine
 from selector.proof.thermal.omission import BOTH, Maker, Omission, with_bath, with_power
 from selector.proof.world import World
@@ -251,7 +250,7 @@ class Stage:
         }
 
     def _gauged(self, gauge: Gauge, one: Duty, generator: np.random.Generator) -> Vector:
-        course = _lagged(gauge.course(one, generator), gauge.lag_s, STEP_S)
+        course = lagged(gauge.course(one, generator), gauge.lag_s, STEP_S)
         stamps = self.time_s[one.run]
         if gauge.held:
             seen = course[np.minimum((stamps / STEP_S).astype(int), len(course) - 1)]
@@ -287,8 +286,8 @@ class Stage:
         result = {}
         for k, name in enumerate(self.felt):
             _, weights, lag_s = self.tool.sensors[name]
-            result[name] = np.round(self._at(run, _lagged(now @ weights, lag_s, GRID_S)) + errors[:, k], 1)
-        hall = _lagged(self.duties[run]["hall"], 40.0, STEP_S)[::STRIDE]
+            result[name] = np.round(self._at(run, lagged(now @ weights, lag_s, GRID_S)) + errors[:, k], 1)
+        hall = lagged(self.duties[run]["hall"], 40.0, STEP_S)[::STRIDE]
         result["Tamb"] = np.round(20.0 * (self._at(run, hall) + errors[:, -1])) / 20.0
         return result
 
@@ -398,10 +397,3 @@ def _windows(duties: Sequence[Duty], courses: Sequence[Vector]) -> tuple[Window,
             for a, b in zip(edges[::2], edges[1::2], strict=True)
         ]
     return tuple(found)
-
-
-def _lagged(course: Vector, lag_s: float, step_s: float) -> Vector:
-    if lag_s <= 0.0:
-        return course
-    e = float(np.exp(-step_s / lag_s))
-    return np.asarray(lfilter([1.0 - e], [1.0, -e], course, zi=[e * course[0]])[0])
