@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Variant
@@ -21,6 +22,8 @@ from selector.diagnosis.shapes.signals import filled, rate
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 _BLOCKS = 24
+_ROUNDS = 4
+_MOST_SAMPLES = 2.0
 OF_MODEL = "model: "
 """Begins the name of a column that is a parameter of a simulation that can be run again."""
 
@@ -350,7 +353,7 @@ def recalibration_columns(
     """
     simulated = filled(comparison, comparison.simulated[response])
     found, names = [np.ones(len(simulated))], ["offset"]
-    for name, column in (("gain", simulated), ("delay", -rate(comparison, simulated))):
+    for name, column in (("gain", simulated), ("delay", _delayed(comparison, response, simulated, fitted))):
         spread = float(np.std(column[fitted]))
         if spread > 1e-9 * max(float(np.abs(column[fitted]).max()), 1e-300):
             found.append(column)
@@ -361,3 +364,28 @@ def recalibration_columns(
             found.append(column / size)
             names.append(f"{OF_MODEL}{name}")
     return np.column_stack(found), tuple(names)
+
+
+def _delayed(comparison: Comparison, response: str, simulated: Vector, fitted: NDArray[np.bool_]) -> Vector:
+    """What a delay changes in the simulated course, per second of it; a derivative where none of a few samples fits.
+
+    Where a course bends within a sample its derivative is not what a delay by a part of the sample makes of it.
+    """
+    slope, difference = -rate(comparison, simulated), comparison.difference(response)[fitted]
+    column = slope
+    for _ in range(_ROUNDS):
+        columns = np.column_stack([np.ones(len(simulated)), simulated, column])
+        delay_s = float(least_squares(columns[fitted], difference)[-1])
+        if not 1e-3 < abs(delay_s) / comparison.period_s < _MOST_SAMPLES:
+            return slope
+        column = (_late_by(comparison, simulated, delay_s) - simulated) / delay_s
+    return column
+
+
+def _late_by(comparison: Comparison, course: Vector, delay_s: float) -> Vector:
+    result = np.array(course)
+    for _, rows in comparison.rows_of_runs():
+        time = comparison.time_s[rows]
+        if len(time) > 1:
+            result[rows] = CubicSpline(time, course[rows])(np.clip(time - delay_s, time[0], time[-1]))
+    return result

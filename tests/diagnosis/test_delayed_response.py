@@ -1,0 +1,29 @@
+"""A delay by a part of a sample is recalibration, also where the course bends within the sample."""
+
+import numpy as np
+import pytest
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.evidence.bench import recalibration_columns
+from selector.diagnosis.shapes.leftover import least_squares
+from selector.recording import Channel
+
+
+@pytest.mark.parametrize("delay_s", [7e-4, -7e-4])
+def test_a_quick_course_that_comes_late_is_recalibrated(delay_s: float) -> None:
+    time = 2e-3 * np.arange(3000)
+
+    def course(at: np.ndarray) -> np.ndarray:
+        return np.sum([np.tanh((at - turn) / 5e-3) for turn in (0.5, 1.7, 3.1, 4.4)], axis=0)
+
+    comparison = Comparison(
+        runs=("r1",), starts=(0, len(time)), time_s=time, channels=(Channel("I", "current", "A"),),
+        recorded={"I": course(time - delay_s)}, simulated={"I": course(time)}, responses=("I",),
+        held_out=np.zeros(len(time), dtype=bool),
+    )  # fmt: skip
+    seen = np.ones(len(time), dtype=bool)
+    columns, names = recalibration_columns(comparison, "I", seen)
+    difference = comparison.difference("I")
+    found = least_squares(columns, difference)
+    assert found[names.index("delay")] == pytest.approx(delay_s, rel=0.02)
+    assert np.std(difference - columns @ found) < 0.02 * np.std(difference)
