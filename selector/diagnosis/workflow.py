@@ -16,7 +16,7 @@ from selector.diagnosis.effects.effect import Effect, Variant
 from selector.diagnosis.entrance.copied import diagnosis_of_copy, fit_of_copy
 from selector.diagnosis.entrance.unusable import identical_responses
 from selector.diagnosis.evidence.bench import Bench, bench_of
-from selector.diagnosis.evidence.confirmation import confirmation
+from selector.diagnosis.evidence.confirmation import confirmation, not_ruinous
 from selector.diagnosis.evidence.detectability import detectability
 from selector.diagnosis.evidence.held_out_faults import held_out_faults
 from selector.diagnosis.evidence.naming import input_fault_effect, named_effect, unit_of, whole_record_effect
@@ -37,7 +37,7 @@ _TRIFLE = 0.02
 """Of the share of the mismatch that the largest effect explains: what explains less is not named beside it."""
 _MOST = 0.5
 _HARM = 1.05
-_SUSPECTED = 0.9
+_SUSPECTED = 0.8
 """What is left of a confidence that another programme does not bear out."""
 _DOUBTFUL = 0.45
 """Weight below which an effect is no name where structure is left that nothing explains."""
@@ -103,7 +103,8 @@ def diagnosis(
         say(k, steps, f"shapes of all effects in {name}")
         benches[name], untested[name] = bench_of(comparison, name, known, (through_model or {}).get(name))
     say(steps - 3, steps, "testing effects")
-    found = _worth_naming(comparison, search(benches, false_alarm=false_alarm, seed=seed))
+    found = search(benches, false_alarm=false_alarm, seed=seed)
+    found = not_ruinous(comparison, _worth_naming(comparison, found))
     frozen = frozen_and_unnamed(comparison, found)
     if frozen:
         # what stands still says nothing about the machine, and would be fitted as if it did

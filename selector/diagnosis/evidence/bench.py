@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Variant
-from selector.diagnosis.evidence.moments import Moments, beside, inverse_of, moments
+from selector.diagnosis.evidence.moments import Moments, beside, inverse_of, moderated, moments
 from selector.diagnosis.evidence.noise import NoiseModel, noise_model, stretches, whitened
 from selector.diagnosis.shapes.leftover import least_squares
 from selector.diagnosis.shapes.machine_cycle import MachineCycle, machine_cycle
@@ -229,7 +229,7 @@ class Bench:
     def coefficients(self, named: Sequence[int]) -> tuple[Vector, Matrix]:
         """Generalised least squares on the fitted rows: coefficients and their covariance, shapes (p,), (p, p).
 
-        Those of the recalibration are then fitted once more by plain least squares to what the named candidates leave:
+        Those of a candidate with several columns are `moderated`. Those of the recalibration are then fitted once more by plain least squares to what the named candidates leave:
         behind the filter of a noise that wanders the level says next to nothing, and may come out anywhere; so it may
         where what comes back with every cycle is taken off.
         """
@@ -237,6 +237,11 @@ class Bench:
         gram = base.T @ base
         inverse = inverse_of(gram)
         beta = inverse @ (base.T @ self.white_target)
+        first = own
+        for v in named:
+            here = slice(first, first + self.counts[v])
+            beta[here] = moderated(beta[here], inverse[here, here])
+            first = here.stop
         rest = (self.target - self.raw_base(named)[:, own:] @ beta[own:])[self.fitted]
         beta[:own] = least_squares(self.nuisance[self.fitted], rest)
         return beta, inverse

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,8 @@ _SEEN = 10.0
 A true effect gains about that much, with a standard deviation of twice its root. A loss of as much refutes whatever the
 course: there what is left grows by what was taken for the effect.
 """
+_RUINED = 1.5
+"""Times the held-out error without an effect from which on it is another thing that was taken for it."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,28 @@ def confirmation(comparison: Comparison, found: Search, id: str) -> Confirmation
         energy += float(np.sum((with_it - without) ** 2))
         gain += float(np.sum(without**2) - np.sum(with_it**2))
     return Confirmation(gain, energy)
+
+
+def not_ruinous(comparison: Comparison, found: Search) -> Search:
+    """The search without names that an unseen run contradicts, and in which they make the error far larger."""
+    kept = {
+        id_: of
+        for id_, of in found.named.items()
+        if not (_growth(comparison, found, id_) > _RUINED and confirmation(comparison, found, id_).refutes)
+    }
+    return replace(found, named=kept)
+
+
+def _growth(comparison: Comparison, found: Search, id: str) -> float:  # noqa: A002 - the contract's word
+    """By how much the held-out error grows with an effect, in the response in which it does so most."""
+    ratios = [0.0]
+    for response, v in found.named[id].items():
+        bench, named = found.benches[response], numbers(found.named, response)
+        without = bench.residual([other for other in named if other != v])[comparison.held_out]
+        if np.isfinite(without).any() and np.nanmean(without**2) > 0.0:
+            with_it = bench.residual(named)[comparison.held_out]
+            ratios.append(float(np.sqrt(np.nanmean(with_it**2) / np.nanmean(without**2))))
+    return max(ratios)
 
 
 def _white(bench: Bench, left: Vector) -> Vector:

@@ -182,3 +182,27 @@ def scores_of_noise(sums: Moments, noise_base: Matrix, noise_target: Matrix) -> 
         root = np.where(kept, 1.0 / np.sqrt(np.where(kept, values, 1.0)), 0.0)
         found.append((score, np.einsum("vj,vij,vi->vji", root, vectors, scale)))
     return found
+
+
+def moderated(beta: Vector, covariance: Matrix) -> Vector:
+    """Coefficients of one shape, drawn towards 0 in the directions that the record hardly tells.
+
+    They are means after the record if each direction beforehand was normal around 0 with one spread τ, ln τ² being the
+    mean of ln β² over the directions, weighted by what each gains (ridge regression with an empirical prior: A. Hoerl,
+    R. Kennard, Technometrics 12, 1970). Columns that nearly are one another then do not cancel where the record was
+    fitted and run away where it was not.
+
+    Parameters
+    ----------
+    beta : ndarray of shape (k,)
+        Generalised least squares, of columns of about one size.
+    covariance : ndarray of shape (k, k)
+    """
+    variances, directions = np.linalg.eigh(covariance)
+    told = variances > 1e-12 * variances.max(initial=0.0)
+    along = directions.T @ beta
+    gains = np.where(told, along**2 / np.where(told, variances, 1.0), 0.0)
+    if len(beta) < 2 or gains.sum() <= 0.0:
+        return beta
+    spread = np.exp(np.sum(gains * np.log(np.maximum(along**2, 1e-300))) / gains.sum())
+    return np.asarray(directions @ (along * spread / (spread + np.maximum(variances, 0.0))))
