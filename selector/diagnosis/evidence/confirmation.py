@@ -59,11 +59,11 @@ def confirmation(comparison: Comparison, found: Search, id: str) -> Confirmation
 
 
 def not_ruinous(comparison: Comparison, found: Search) -> Search:
-    """The search without names that an unseen run contradicts, and in which they make the error far larger."""
+    """The search without names that make the error of unseen rows far larger."""
     kept = {
         id_: of
         for id_, of in found.named.items()
-        if not (_growth(comparison, found, id_) > _RUINED and confirmation(comparison, found, id_).refutes)
+        if _growth(comparison, found, id_) < _RUINED
     }
     return replace(found, named=kept)
 
