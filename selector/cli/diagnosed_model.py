@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import tomllib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -12,15 +11,11 @@ from typing import TYPE_CHECKING, Any
 from selector.errors import ModelFileError, OptionError
 
 if TYPE_CHECKING:
-    from selector.controllers.model_file import ModelFile
-    from selector.diagnosis.answer import Diagnosis, NamedEffect
     from selector.diagnosis.open_model.modelled import Improved, Modelled
     from selector.diagnosis.open_model.runnable import Kind, Runnable
     from selector.recording import Recording
 
 _HEAD = "Written by `selector diagnose --model`: the model with what the recordings say was left out."
-_CORRECTION = "selector.correction/1"
-_BEGINNING_BYTES = 400
 _THERMAL_ROLES = {"spindle_speed_rpm": "spindle_speed", "ambient_degc": "ambient", "coolant_degc": "temperature"}
 
 
@@ -140,83 +135,3 @@ def _physics(model: Path) -> Kind:
             advice='begin the file with [model], kind = "drive" and name = "…"',
         )
     return FAMILY_OF_KIND[found]  # type: ignore[return-value]
-
-
-def correction_told(found: Diagnosis, improved: Improved | None) -> tuple[Diagnosis, ModelFile | None]:
-    """The answer with what is to be said of its correction, and the model file of that if a control can compute it."""
-    from selector.controllers.from_diagnosis import correction_of
-
-    if not _is_corrected(found, improved):
-        return found, None
-    model, findings = correction_of(found)
-    return dataclasses.replace(found, findings=(*found.findings, *findings)), model
-
-
-def write_correction(
-    found: Diagnosis, improved: Improved | None, model: ModelFile | None, folder: Path
-) -> tuple[str, ...]:
-    """correction.json, what the effects add to the simulation run by run, and model.json if there is a `model`.
-
-    Neither where nothing of physics was named, or where all of it is in the improved model.
-
-    Returns
-    -------
-    tuple of str
-        Names of what was written.
-    """
-    from selector.cli.showing import json_text
-    from selector.controllers import write_model
-
-    if not _is_corrected(found, improved):
-        return ()
-    physics = _physics_of(found)
-    comparison = found.comparison
-    courses = {name: sum(effect.courses[name] for effect in physics if name in effect.courses) for name in found.fit}
-    runs = {
-        run: {
-            "time_s": comparison.time_s[rows].tolist(),
-            "add": {name: course[rows].tolist() for name, course in courses.items() if not isinstance(course, int)},
-        }
-        for run, rows in comparison.rows_of_runs()
-    }
-    text = json_text({
-        "schema": _CORRECTION,
-        "effects": [effect.id for effect in physics],
-        "units": {name: comparison.channel(name).unit for name in courses},
-        "runs": runs,
-    })  # fmt: skip
-    (folder / "correction.json").write_text(text + "\n", encoding="utf-8", newline="\n")
-    if model is None:
-        return ("correction.json",)
-    write_model(model, folder / "model.json")
-    return ("correction.json", "model.json")
-
-
-def earlier_answer(folder: Path) -> tuple[str, ...]:
-    """Files beside an answer that an earlier diagnosis wrote into this folder, and that not every one writes.
-
-    A file of the same name that something else wrote is none of them.
-    """
-    written: dict[str, Callable[[str], bool]] = {
-        "correction.json": lambda text: f'"schema": "{_CORRECTION}"' in text,
-        "model.json": lambda text: '"name": "correction of ' in text,
-        "improved.toml": lambda text: text.startswith(f"# {_HEAD}"),
-    }
-    if not (folder / "diagnosis.json").is_file():
-        return ()
-    return tuple(name for name, is_ours in written.items() if is_ours(_beginning(folder / name)))
-
-
-def _beginning(path: Path) -> str:
-    if not path.is_file():
-        return ""
-    with path.open("rb") as file:
-        return file.read(_BEGINNING_BYTES).decode("utf-8", errors="replace")
-
-
-def _is_corrected(found: Diagnosis, improved: Improved | None) -> bool:
-    return bool(_physics_of(found)) and (improved is None or bool(improved.not_in_it))
-
-
-def _physics_of(found: Diagnosis) -> list[NamedEffect]:
-    return [effect for effect in found.effects if not effect.id.startswith("data.")]

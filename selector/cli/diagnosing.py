@@ -109,8 +109,10 @@ def diagnose(
     )
     if out is not None:
         require_writable_folder(out, "--out")
-    from selector.cli.diagnosed_model import correction_told, earlier_answer
+    from selector.cli.diagnosis_files import correction_told, earlier_answer, require_replaceable
 
+    if out is not None:
+        require_replaceable(out, with_model=model is not None)
     console = showing.screen(as_json)
     with progress_bar(as_json) as progress:
         progress("reading", 0.0)
@@ -126,6 +128,7 @@ def diagnose(
         found, correction = correction_told(found, improved)
         if out is not None:
             progress("writing", 1.0)
+            require_replaceable(out, with_model=model is not None)
             with folder_written_whole(out, earlier_answer(out)) as folder:
                 written = write_results(found, folder, improved, correction)
     if as_json:
@@ -174,7 +177,8 @@ def write_results(
     found: Diagnosis, folder: Path, improved: Improved | None = None, correction: ModelFile | None = None
 ) -> list[str]:
     """diagnosis.json, report.html, and the improved model or a correction, into a folder; their names."""
-    from selector.cli.diagnosed_model import write_correction, write_improved
+    from selector.cli.diagnosed_model import write_improved
+    from selector.cli.diagnosis_files import write_correction
     from selector.report.diagnosis_report import write_diagnosis_report
 
     written = ["diagnosis.json", "report.html"]
@@ -207,9 +211,11 @@ def _of_model(
 
 def show_diagnosis(console: Console, found: Diagnosis) -> None:
     """The answer for people: what was left out, where, how sure, and what it is worth."""
+    from selector.diagnosis.wording import suspicion_words
+
     console.print(found.headline or _HEADLINES[found.verdict], style="bold", markup=False)
     for effect in found.effects:
-        sure = f"{effect.confidence:.0%} sure" + (", not confirmed on another programme" if effect.suspected else "")
+        sure = f"{effect.confidence:.0%} sure" + (f", {suspicion_words(found, effect)}" if effect.suspected else "")
         console.print(f"{effect.id}: {effect.statement} ({sure}; {effect.share:.0%} of the difference)", markup=False)
         if effect.cannot_be_told_from:
             console.print(f"    cannot be told from {', '.join(effect.cannot_be_told_from)}", markup=False)

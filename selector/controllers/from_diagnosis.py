@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
@@ -13,8 +13,10 @@ from scipy.optimize import minimize_scalar
 from selector import __version__
 from selector.controllers.model_file import Guard, Input, ModelFile, Output, OutputLimits, Provenance, State, Term
 from selector.controllers.self_check import check_vectors
-from selector.diagnosis.answer import Diagnosis
+from selector.diagnosis.answer import Diagnosis, recalibration_of
 from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.correction import Correction, corrections
+from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.shapes.signals import filled
 from selector.findings import Finding
 from selector.models.memory import Lag, lagged
@@ -37,6 +39,8 @@ class _Fit:
     terms: tuple[tuple[str, float], ...]
     coefficients: Vector
     missed: float
+    is_whole: bool = True
+    """Whether the recalibration of the simulation is in it."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -48,7 +52,8 @@ def correction_of(found: Diagnosis) -> tuple[ModelFile | None, tuple[Finding, ..
     """The model file whose outputs, added to the simulation, hold the thermal effects that were named.
 
     Its terms are temperatures, hall and spindle speed, at once and behind first-order lags, as a control computes them.
-    They are fitted to the courses of the effects, not to the recordings again.
+    They are fitted to the courses of the correction, not to the recordings again. Where they can follow it the
+    recalibration of the simulation is in them; where they cannot, only its offset is, and that is said.
 
     Returns
     -------
@@ -67,17 +72,43 @@ def correction_of(found: Diagnosis) -> tuple[ModelFile | None, tuple[Finding, ..
         channel.name for channel in comparison.channels
         if channel.role in _ROLES and channel.name not in names and np.ptp(_x(comparison, channel.name)) > 0.0
     ]  # fmt: skip
-    findings, fits = [], {}
+    whole, refused, fits = corrections(found), [], {}
     for name in names:
         course = np.sum([effect.courses[name] for effect in effects if name in effect.courses], axis=0)
-        fit = _fitted(comparison, sources, np.asarray(course, dtype=np.float64)) if sources else None
+        fit = _of_response(comparison, sources, course, whole.get(name), found.recalibration.get(name, {}))
         if fit is None or fit.missed > WORST:
-            findings.append(_not_expressible(name, [effect.id for effect in effects], fit))
+            refused.append(_not_expressible(name, [effect.id for effect in effects], fit))
         else:
             fits[name] = fit
     if not fits:
-        return None, tuple(findings)
-    return _file(comparison, fits, found), tuple(findings)
+        return None, tuple(refused)
+    partly = [_partly(comparison, name, found.recalibration[name]) for name, fit in fits.items() if not fit.is_whole]
+    return _file(comparison, fits, found, " ".join(one.statement for one in partly)), (*refused, *partly)
+
+
+def _of_response(
+    comparison: Comparison,
+    sources: Sequence[str],
+    course: Vector,
+    whole: Correction | None,
+    recalibration: Mapping[str, Quantity],
+) -> _Fit | None:
+    """Terms that follow the whole correction; where none do, those of the effects alone with the offset beside them."""
+    if not sources:
+        return None
+    size = float(np.sqrt(np.mean(course**2)))
+    if whole is None:
+        return _fitted(comparison, sources, course)
+    fit = _fitted(comparison, sources, whole.add)
+    missed = fit.missed * float(np.sqrt(np.mean(whole.add**2))) / max(size, 1e-300)
+    if missed <= WORST:
+        return replace(fit, missed=missed)
+    fit = _fitted(comparison, sources, course)
+    offset = recalibration["offset"].value if "offset" in recalibration else 0.0
+    coefficients = np.array(fit.coefficients)
+    coefficients[0] += offset
+    without = float(np.sqrt(np.mean((whole.add - course - offset) ** 2))) / max(size, 1e-300)
+    return replace(fit, coefficients=coefficients, is_whole=without <= WORST)
 
 
 def _x(comparison: Comparison, name: str) -> Vector:
@@ -145,7 +176,7 @@ def _missed(columns: Sequence[Vector], course: Vector) -> float:
     return float(np.sqrt(np.mean(left**2)) / max(float(np.sqrt(np.mean(course**2))), 1e-300))
 
 
-def _file(comparison: Comparison, fits: dict[str, _Fit], found: Diagnosis) -> ModelFile:
+def _file(comparison: Comparison, fits: dict[str, _Fit], found: Diagnosis, partly: str) -> ModelFile:
     terms = list(dict.fromkeys(term for fit in fits.values() for term in fit.terms))
     sources = list(dict.fromkeys(name for name, _ in terms))
     lags = [Lag(name, tau_s) for name, tau_s in terms if tau_s > 0.0]
@@ -176,8 +207,7 @@ def _file(comparison: Comparison, fits: dict[str, _Fit], found: Diagnosis) -> Mo
                 ),
             )
         )
-        largest = max(float(np.abs(e.courses[name]).max()) for e in found.effects if name in e.courses)
-        limits.append(OutputLimits(output=name, clamp_um=float(np.ceil(largest)) or None))
+        limits.append(OutputLimits(output=name, clamp_um=float(np.ceil(_largest(comparison, fit))) or None))
     model = ModelFile(
         name=f"correction of {' and '.join(fits)}",
         inputs=tuple(inputs),
@@ -188,18 +218,43 @@ def _file(comparison: Comparison, fits: dict[str, _Fit], found: Diagnosis) -> Mo
             version=__version__,
             seed=found.seed,
             method=", ".join(effect.id for effect in found.effects if effect.id.startswith("thermal.")),
-            note="To be added to what the simulation says: it holds what the simulation left out.",
+            note=partly or "To be added to what the simulation says: it holds what the simulation left out.",
         ),
     )
     return model.model_copy(update={"test_vectors": check_vectors(model)})
 
 
+def _largest(comparison: Comparison, fit: _Fit) -> float:
+    """Largest amount of what the terms give in the record."""
+    columns = [np.ones(len(comparison.time_s)), *(_behind(comparison, name, tau) for name, tau in fit.terms)]
+    return float(np.abs(np.column_stack(columns) @ fit.coefficients).max())
+
+
 def _not_expressible(name: str, effects: Sequence[str], fit: _Fit | None) -> Finding:
-    why = "no temperature or speed was recorded" if fit is None else f"its best terms miss {fit.missed:.0%} of it"
+    why = "no temperature or speed was recorded" if fit is None else f"the best terms miss {fit.missed:.0%} of it"
     return Finding(
         "correction-not-in-model-file",
         "warning",
-        f"The correction of {name} ({', '.join(effects)}) cannot be written as readings and lags: {why}.",
+        f"No model.json holds the correction of {name} ({', '.join(effects)}); as readings and lags it cannot be "
+        f"written: {why}.",
         evidence={"channel": name, "missed": None if fit is None else fit.missed},
         suggestion="use the course in correction.json, or put the effect into the simulation",
+    )
+
+
+def _partly(comparison: Comparison, name: str, recalibration: Mapping[str, Quantity]) -> Finding:
+    """That gain and delay of the simulation are not in the file, with their numbers."""
+    numbers = recalibration_of(recalibration)
+    gain = numbers["gain"].value if "gain" in numbers else 1.0
+    delay = numbers["delay"].value if "delay" in numbers else 0.0
+    offset = numbers["offset"].value if "offset" in numbers else 0.0
+    late = f"{'−' if delay >= 0.0 else '+'} {abs(delay):.4g}"
+    return Finding(
+        "correction-of-recalibrated",
+        "warning",
+        f"model.json is to be added to the recalibrated simulation: {name} = {gain:.4g} · s(t {late} s) + its output, "
+        f"where s is what the simulation says of {name} now. The offset of {offset:.4g} "
+        f"{comparison.channel(name).unit} is in its intercept; gain and delay cannot be written as readings and lags.",
+        evidence={"channel": name, "gain": gain, "delay_s": delay, "offset": offset},
+        suggestion="give the simulation this gain and delay, or use correction.json, which holds them",
     )

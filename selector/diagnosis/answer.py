@@ -16,6 +16,8 @@ from selector.findings import Finding
 Vector = NDArray[np.float64]
 Verdict = Literal["missing-physics", "nothing-missing", "data-fault", "miscalibrated", "unexplained"]
 SCHEMA = "selector.diagnosis/1"
+_LEAST_GAIN = 0.1
+"""Of the simulated course: of less than that no delay can be told."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,8 @@ class NamedEffect:
         Response → the effect's fitted course [unit of the response].
     acts : tuple of (str, float or None, float or None), or None
         Run, begin and end [s from its start; None: of the run] of what acts in a part of one run only.
+    is_fitted : bool
+        Whether the improved model of `Fit` holds its courses; a fault that is only told, or left out, is not in it.
     """
 
     id: str
@@ -69,6 +73,7 @@ class NamedEffect:
     suspected: bool = False
     courses: Mapping[str, Vector] = field(default_factory=dict)
     acts: tuple[str, float | None, float | None] | None = None
+    is_fitted: bool = False
 
     def __post_init__(self) -> None:
         real = {name: quantity.with_real_interval() for name, quantity in self.parameters.items()}
@@ -77,7 +82,7 @@ class NamedEffect:
 
 @dataclass(frozen=True)
 class Errors:
-    """Root mean square errors of one part of the data [unit]; `noise_floor` where it is known."""
+    """Root mean square errors of one part of the data [unit], NaN without readings there; `noise_floor` if known."""
 
     rmse_before: float
     rmse_after: float
@@ -164,9 +169,27 @@ class Diagnosis:
             "where": [_place(place) for place in self.where],
             "effects": [_effect(effect) for effect in self.effects],
             "fit": {name: _fit(fit) for name, fit in self.fit.items()},
+            "recalibration": {
+                name: {key: dict(vars(one)) for key, one in recalibration_of(quantities).items()}
+                for name, quantities in self.recalibration.items()
+            },
             "next_runs": [{**vars(run), "separates": list(run.separates)} for run in self.next_runs],
             "findings": [finding.as_dict() for finding in self.findings],
         }
+
+
+def recalibration_of(quantities: Mapping[str, Quantity]) -> dict[str, Quantity]:
+    """Offset, gain and delay of one response as they stand in gain · s(t − delay) + offset, s being its simulation.
+
+    The fit adds what a delay changes in the course as it was simulated, which is of another size.
+    """
+    result = dict(quantities)
+    gain, delay = result.get("gain"), result.get("delay")
+    if gain is not None and delay is not None and abs(gain.value) > _LEAST_GAIN:
+        ends = [None if end is None else end / gain.value for end in (delay.low, delay.high)]
+        low, high = ends if gain.value > 0.0 else ends[::-1]
+        result["delay"] = Quantity(delay.value / gain.value, delay.unit, low, high)
+    return result
 
 
 def _place(place: Place) -> dict[str, Any]:
@@ -191,12 +214,20 @@ def _effect(effect: NamedEffect) -> dict[str, Any]:
 
 
 def _fit(fit: Fit) -> dict[str, Any]:
-    floor = {"noise_floor": fit.heldout.noise_floor}
+    train, held = fit.train, fit.heldout
     return {
-        "train": {"rmse_before": fit.train.rmse_before, "rmse_after": fit.train.rmse_after},
-        "heldout": {"rmse_before": fit.heldout.rmse_before, "rmse_after": fit.heldout.rmse_after} | floor,
-        "recalibrated_heldout_rmse": fit.recalibrated_heldout,
+        "train": {"rmse_before": _known(train.rmse_before), "rmse_after": _known(train.rmse_after)},
+        "heldout": {
+            "rmse_before": _known(held.rmse_before),
+            "rmse_after": _known(held.rmse_after),
+            "noise_floor": held.noise_floor,
+        },
+        "recalibrated_heldout_rmse": _known(fit.recalibrated_heldout),
         "gap_closed": None if fit.gap_closed is None else dict(vars(fit.gap_closed)),
         "placebo_gain": None if fit.placebo_gain is None else dict(vars(fit.placebo_gain)),
         "unit": fit.unit,
     }
+
+
+def _known(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

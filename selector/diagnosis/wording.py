@@ -115,6 +115,14 @@ def what_to_do(found: Diagnosis) -> tuple[str, ...]:
     return tuple(steps)
 
 
+def suspicion_words(found: Diagnosis, effect: NamedEffect) -> str:
+    """Why an effect is only suspected."""
+    fits = [found.fit[name] for name in effect.channels if name in found.fit]
+    if fits and not any(np.isfinite(fit.heldout.rmse_after) for fit in fits):
+        return f"nothing of {listed(list(effect.channels), 'or')} was held out to check it on"
+    return "not confirmed on another programme"
+
+
 def main_effect(found: Diagnosis) -> NamedEffect:
     """The effect that the answer is about: the largest of physics, else the largest fault of the data."""
     return next((effect for effect in found.effects if not is_data(effect.id)), found.effects[0])
@@ -209,7 +217,7 @@ def _named(found: Diagnosis, effect: NamedEffect) -> str:
     if effect.cannot_be_told_from:
         what += " that it is one of them; this record cannot tell them apart"
     elif effect.suspected:
-        what += ", not confirmed on another programme"
+        what += f", {suspicion_words(found, effect)}"
     text = f"{what}); with it {_gain(found, effect)}."
     if effect.cannot_be_told_from:
         text += f" To tell them apart: {_sentence(effect.experiment)}"
@@ -223,6 +231,11 @@ def _gain(found: Diagnosis, effect: NamedEffect) -> str:
     unseen = held_out_words(found.comparison)
     before, after = fit.heldout.rmse_before, fit.heldout.rmse_after
     unit = unit_words(fit.unit)
+    if not np.isfinite(after):
+        before, after = fit.train.rmse_before, fit.train.rmse_after
+        there = f"falls from {_digits(before)} to {_digits(after)} {unit} where it was fitted"
+        check = "" if effect.suspected else "; nothing of it was held out to check that on"
+        return f"the error of {effect.channel} {there}{check}"
     if _is_left_out(effect):
         return f"without that stretch the error of {effect.channel} on {unseen} is {_digits(after)} {unit}"
     if after < (1.0 - _LEAST_FALL) * before:
@@ -270,7 +283,8 @@ def _nothing(found: Diagnosis) -> str:
     for response in found.comparison.responses:
         fit = found.fit.get(response)
         if fit is not None:
-            parts.append(f"{response} ({amount(fit.heldout.rmse_after, fit.unit)} rms)")
+            held = fit.heldout.rmse_after
+            parts.append(f"{response} ({amount(held if np.isfinite(held) else fit.train.rmse_after, fit.unit)} rms)")
     left = f"what is left in {listed(parts)} is noise" if parts else "what is left is noise"
     return f"Nothing is missing: {left}."
 
@@ -330,6 +344,8 @@ def _sentence(text: str) -> str:
 
 def _digits(value: float) -> str:
     """Three digits, a true minus sign, no exponent for what a machine has."""
+    if not np.isfinite(value):
+        return "–"
     if value == 0.0:
         return "0"
     if not 1e-4 <= abs(value) < 1e7:

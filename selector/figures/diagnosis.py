@@ -43,9 +43,12 @@ def before_after(found: Diagnosis, response: str) -> go.Figure:
             for line in _lines(axis, effect.id, effect.courses[response], style.GROUPS[(k + 2) % len(style.GROUPS)])
         ]
         panels.append(Panel(f"found [{unit}]", lines, 110, least=0.0))
-    change = f"{style.number(fit.heldout.rmse_before)} to {style.number(error)} {unit}"
-    fallen = "falls" if error < fit.heldout.rmse_before else "goes"
-    title = f"The error of {style.label(response)} on what was held out {fallen} from {change}"
+    if np.isfinite(error):
+        change = f"{style.number(fit.heldout.rmse_before)} to {style.number(error)} {unit}"
+        fallen = "falls" if error < fit.heldout.rmse_before else "goes"
+        title = f"The error of {style.label(response)} on what was held out {fallen} from {change}"
+    else:
+        title = f"{style.label(response)}: nothing of it was held out to check the fit on"
     drawn = stacked(title, panels, axis.end_s, spans_s=axis.held_out_s())
     _, seconds = style.time_unit(axis.end_s)
     last = "" if len(panels) == 1 else str(len(panels))

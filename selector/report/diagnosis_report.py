@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from selector.diagnosis.wording import (
     name_of,
     quantity_words,
     sure_words,
+    suspicion_words,
     unit_words,
     what_to_do,
 )
@@ -154,7 +156,7 @@ def _effect(found: Diagnosis, effect: NamedEffect) -> dict[str, Any]:
     told = [f"{sure_words(effect.confidence)}, p = {number_text(effect.p_value, 2)}"]
     told.append(f"{share_text(effect.share)} of the mismatch")
     if effect.suspected:
-        told.append("suspected: not confirmed on another programme")
+        told.append(f"suspected: {suspicion_words(found, effect)}")
     return {
         "id": effect.id,
         "name": name_of(effect.id),
@@ -184,7 +186,7 @@ def _errors(found: Diagnosis) -> Table | None:
 def _error_rows(name: str, fit: Fit) -> list[list[str]]:
     def cells(errors: Errors, recalibrated: float | None) -> list[str]:
         shown = (errors.rmse_before, recalibrated, errors.rmse_after, errors.noise_floor)
-        return [NONE if value is None else amount(value, fit.unit) for value in shown]
+        return [NONE if value is None or not isfinite(value) else amount(value, fit.unit) for value in shown]
 
     shares = [
         NONE if one is None else _share(one.value, one.low, one.high) for one in (fit.gap_closed, fit.placebo_gain)

@@ -70,15 +70,34 @@ def test_an_answer_takes_the_place_of_an_earlier_one(folder, answers, capsys):
     assert names(out) == ["diagnosis.json", "notes.txt", "report.html"]
 
 
-def test_what_something_else_wrote_stays(folder, answers):
+@pytest.mark.parametrize("name", ["diagnosis.json", "report.html", "correction.json", "model.json"])
+def test_what_something_else_wrote_is_not_replaced(folder, answers, capsys, name):
     out = folder / "answer"
     out.mkdir()
-    for name in ("diagnosis.json", "correction.json", "model.json", "improved.toml"):
-        (out / name).write_text("mine", encoding="utf-8")
-    answers.append(None)
+    (out / name).write_text('{"schema": "selector.model/1", "name": "mine"}', encoding="utf-8")
+    said = refused(capsys, command(folder, "--out", str(out)))
+    assert name in said
+    assert "another folder" in said
+    assert (out / name).read_text(encoding="utf-8").endswith('"mine"}')
+    assert names(out) == [name]
+
+
+def test_a_folder_in_the_place_of_a_file_is_not_replaced(folder, answers, capsys):
+    (folder / "answer" / "report.html").mkdir(parents=True)
+    assert "report.html" in refused(capsys, command(folder, "--out", str(folder / "answer")))
+
+
+def test_an_improved_model_of_an_earlier_answer_goes_and_one_of_yours_stays(folder, answers):
+    out = folder / "answer"
+    out.mkdir()
+    improved = out / "improved.toml"
+    improved.write_text("# Written by `selector diagnose --model`: the model with …\n", encoding="utf-8")
+    answers += [None, None]
     assert exit_status(command(folder, "--out", str(out))) == 0
-    for name in ("correction.json", "model.json", "improved.toml"):
-        assert (out / name).read_text(encoding="utf-8") == "mine"
+    assert names(out) == ["diagnosis.json", "report.html"]
+    improved.write_text("mine", encoding="utf-8")
+    assert exit_status(command(folder, "--out", str(out))) == 0
+    assert improved.read_text(encoding="utf-8") == "mine"
 
 
 def test_what_is_told_of_the_correction_is_told_everywhere(folder, answers, capsys):

@@ -206,6 +206,7 @@ def test_without_a_menu_the_own_experiment_of_the_effect_is_named(warm_only: Com
 def test_what_is_told_needs_no_run(warm_only: Comparison) -> None:
     found, effect = found_in(warm_only, HEAT, "thermal.memory")
     assert next_runs(warm_only, found, [replace(effect, cannot_be_told_from=())]) == ()
+    assert next_runs(warm_only, found, [replace(effect, cannot_be_told_from=(), suspected=True)]) == ()
 
 
 @pytest.mark.parametrize(("d", "power"), [(0.0, 0.0), (np.sqrt(2.0 * np.log(0.85 / 0.15)), 0.5), (20.0, 1.0)])

@@ -59,6 +59,20 @@ def test_an_error_that_does_not_fall_is_said_so():
     assert "does not fall (1.00 and 1.01 µm)" in headline(replace(found, fit=fit))
 
 
+def test_nothing_held_out_is_said_and_promises_nothing():
+    found = answer(effects=(memory_effect(ZERO, names=("Z", "Y"), channels=("Z",), suspected=True),))
+    fit = dict(found.fit)
+    fit["Z"] = replace(fit["Z"], heldout=Errors(np.nan, np.nan, 0.4), recalibrated_heldout=np.nan)
+    found = replace(found, fit=fit)
+    text = headline(found)
+    assert "may leave out" in text
+    assert "nothing of Z was held out to check it on" in text
+    assert text.endswith("where it was fitted.")
+    held = found.as_dict()["fit"]["Z"]
+    assert held["heldout"]["rmse_after"] is None
+    assert held["recalibrated_heldout_rmse"] is None
+
+
 def test_physics_comes_before_faults_of_the_recording():
     found = answer(effects=(zero_effect(ZERO), memory_effect(ZERO)))
     text = headline(found)

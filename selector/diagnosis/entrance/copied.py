@@ -50,4 +50,4 @@ def fit_of_copy(comparison: Comparison, response: str) -> Fit:
 
 def _rmse(values: NDArray[np.float64]) -> float:
     seen = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(seen**2))) if len(seen) else 0.0
+    return float(np.sqrt(np.mean(seen**2))) if len(seen) else float("nan")

@@ -44,7 +44,8 @@ def held_out_faults(
         result = search({response: there}, false_alarm=0.1 * false_alarm, seed=seed)
         chosen = numbers(result.named, response)
         if chosen and _rms(result.benches[response].residual(chosen)[held]) < _AS_QUIET * quiet:
-            named += [named_effect(rest, result, id_) for id_ in result.named if _in_one_run(result, id_, response)]
+            local_names = [id_ for id_ in result.named if _in_one_run(result, id_, response)]
+            named += [replace(named_effect(rest, result, id_), is_fitted=False) for id_ in local_names]
     return tuple(named)
 
 

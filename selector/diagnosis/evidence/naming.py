@@ -18,6 +18,8 @@ from selector.diagnosis.evidence.search import Search, numbers
 from selector.diagnosis.shapes.input_faults import InputFault
 
 Vector = NDArray[np.float64]
+_UNCHECKED = 0.9
+"""What is left of a confidence that nothing held out could bear out."""
 _INPUT_FAULT = 0.9
 """Confidence of a fault that a channel's own course shows and nothing else explains."""
 
@@ -41,21 +43,31 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
     fitted = _fitted(comparison, found, id_, main, courses[main])
     effect = found.benches[main].candidates[by_response[main]].effect
     reading = effect.reading(fitted, comparison)
+    confidence = sum(found.weights[id_].values()) * (1.0 - standing.p_value)
+    is_checked = fitted.variant.run is not None or any(_is_held_out(comparison, name) for name in by_response)
     return NamedEffect(
         id=id_,
         channel=main,
         place=fitted.variant.place,
         statement=reading.statement,
         parameters=reading.parameters,
-        confidence=float(np.clip(sum(found.weights[id_].values()) * (1.0 - standing.p_value), 0.01, 0.99)),
+        confidence=float(np.clip(confidence, 0.01, 0.99)) * (1.0 if is_checked else _UNCHECKED),
         p_value=float(min(1.0, standing.p_value)),
         share=float(np.clip(max(shares), 0.0, 1.0)),
         cannot_be_told_from=found.rivals[id_],
         experiment=effect.experiment,
         channels=tuple(sorted(gains, key=lambda name: -gains[name])),
+        suspected=not is_checked,
         courses=courses,
         acts=_acts(fitted.variant),
+        is_fitted=True,
     )
+
+
+def _is_held_out(comparison: Comparison, name: str) -> bool:
+    """Whether any reading of a response was kept for the proof; with nothing meant to be kept nothing is lacking."""
+    held = comparison.held_out
+    return not held.any() or bool(np.isfinite(comparison.difference(name)[held]).any())
 
 
 def _acts(variant: Variant) -> tuple[str, float | None, float | None] | None:
@@ -164,6 +176,7 @@ def whole_record_effect(
         experiment=effect.experiment,
         channels=tuple(sorted(shown, key=lambda name: -again[name].gain)),
         courses=courses,
+        is_fitted=True,
     )
 
 

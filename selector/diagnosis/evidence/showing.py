@@ -110,5 +110,6 @@ def _placebo(
 
 
 def _rms(values: Vector) -> float:
+    """Root mean square of what is not missing; NaN where all is."""
     values = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
+    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")

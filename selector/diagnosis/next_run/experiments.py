@@ -55,7 +55,7 @@ class Separation:
 
 
 def next_runs(comparison: Comparison, found: Search, named: Sequence[NamedEffect]) -> tuple[NextRun, ...]:
-    """Runs that would tell apart what cannot be told, for every effect with rivals and every suspected one.
+    """Runs that would tell apart what cannot be told, for every effect with rivals; none without any.
 
     Each run of a menu is emulated (`selector.diagnosis.next_run.emulation`), the fitted effect and its rivals are made
     there anew, each with the shape that it has in the record, and the rival is fitted to the effect on old and new rows
@@ -65,17 +65,9 @@ def next_runs(comparison: Comparison, found: Search, named: Sequence[NamedEffect
     """
     result: list[NextRun] = []
     for effect in named:
-        rivals = effect.cannot_be_told_from or _confounders(effect, found)
-        if rivals:
-            result += _for_effect(comparison, found, effect, rivals[:_MOST_RIVALS], named)
+        if effect.cannot_be_told_from:
+            result += _for_effect(comparison, found, effect, effect.cannot_be_told_from[:_MOST_RIVALS], named)
     return tuple(result)
-
-
-def _confounders(effect: NamedEffect, found: Search) -> tuple[str, ...]:
-    """What a suspected effect may be instead."""
-    if not effect.suspected:
-        return ()
-    return tuple(id_ for id_ in effect_of(effect.id).confounders if id_ in found.standing and id_ not in found.named)
 
 
 def _for_effect(
