@@ -31,11 +31,6 @@ class Correction:
     of_effects: Vector
     of_recording: Vector
 
-    @property
-    def of_recalibration(self) -> Vector:
-        """The part of offset, gain and delay."""
-        return self.add - self.of_effects
-
 
 def corrections(found: Diagnosis) -> dict[str, Correction]:
     """Response → correction, of every response in which the improved model differs from the simulation."""
