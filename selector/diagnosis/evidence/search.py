@@ -202,7 +202,7 @@ def with_noise_of_full_fit(bench: Bench) -> tuple[Bench, list[int]]:
         likelier = _likelier(added, bench) if worth >= clear else 0.0
         if bench.noise.phi.sum() > _SLOW:
             other, _ = _proposed(bare, chosen)
-            with_other = bench.refitted_noise([*chosen, other])
+            with_other = bare.refitted_noise([*chosen, other])
             price = np.log(len(bench.rows)) * (bench.counts[other] - 1.0)
             if _likelier(with_other, bench) > max(likelier, clear + price):
                 best, added, worth = other, with_other, np.inf
