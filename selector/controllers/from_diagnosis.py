@@ -99,11 +99,13 @@ def _of_response(
     size = float(np.sqrt(np.mean(course**2)))
     if whole is None:
         return _fitted(comparison, sources, course)
-    fit = _fitted(comparison, sources, whole.add)
-    missed = fit.missed * float(np.sqrt(np.mean(whole.add**2))) / max(size, 1e-300)
-    if missed <= WORST:
-        return replace(fit, missed=missed)
     fit = _fitted(comparison, sources, course)
+    rest = _fitted(comparison, sources, whole.add - course)
+    for terms in (_fitted(comparison, sources, whole.add).terms, (*fit.terms, *rest.terms)):
+        both = _of_terms(comparison, terms, whole.add)
+        missed = both.missed * float(np.sqrt(np.mean(whole.add**2))) / max(size, 1e-300)
+        if missed <= WORST:
+            return replace(both, missed=missed)
     offset = recalibration["offset"].value if "offset" in recalibration else 0.0
     coefficients = np.array(fit.coefficients)
     coefficients[0] += offset
@@ -151,8 +153,17 @@ def _fitted(comparison: Comparison, sources: Sequence[str], course: Vector) -> _
         base.append(column)
         chosen.append((name, tau_s))
         missed = after
-    coefficients = np.linalg.lstsq(np.column_stack(base), course, rcond=None)[0]
-    return _Fit(tuple(chosen), np.asarray(coefficients, dtype=np.float64), missed)
+    return _of_terms(comparison, chosen, course)
+
+
+def _of_terms(comparison: Comparison, terms: Sequence[tuple[str, float]], course: Vector) -> _Fit:
+    """These terms, each once, with the coefficients that follow a course best."""
+    terms = tuple(dict.fromkeys(terms))
+    columns = [np.ones(len(course)), *(_behind(comparison, name, tau_s) for name, tau_s in terms)]
+    size = np.maximum([float(np.sqrt(np.mean(column**2))) for column in columns], 1e-300)
+    matrix = np.column_stack(columns) / size
+    coefficients = np.linalg.lstsq(matrix, course, rcond=1e-10)[0] / size
+    return _Fit(terms, np.asarray(coefficients, dtype=np.float64), _missed(columns, course))
 
 
 def _refined(

@@ -11,7 +11,8 @@ import pytest
 from selector.controllers import evaluate, parsed_model
 from selector.controllers.from_diagnosis import WORST, correction_of
 from selector.controllers.model_io import model_text
-from selector.diagnosis.answer import Diagnosis, NamedEffect
+from selector.diagnosis.answer import Diagnosis, Errors, Fit, NamedEffect
+from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.entrance.alignment import comparison_of
 from selector.diagnosis.shapes.signals import course, lagged, rise
 from selector.recording import Channel, Recording
@@ -80,6 +81,23 @@ def test_a_course_that_no_reading_goes_with_is_refused_by_a_finding():
     model, findings = correction_of(found)
     assert model is None
     assert [finding.id for finding in findings] == ["correction-not-in-model-file"]
+
+
+def test_a_gain_that_no_reading_follows_is_told_with_its_numbers():
+    found, shape = answer(memory)
+    before = 20.0 * np.sin(found.comparison.time_s / 300.0) ** 2
+    after = before + shape + 0.1 * before + 2.0
+    errors = Errors(2.0, 0.2, 0.2)
+    fit = Fit("um", errors, errors, 1.0, None, None, before, after - shape, after)
+    numbers = {"offset": Quantity(2.0, "um"), "gain": Quantity(1.1, "1"), "delay": Quantity(0.0, "s")}
+    model, findings = correction_of(dataclasses.replace(found, fit={"Z": fit}, recalibration={"Z": numbers}))
+    assert model is not None
+    assert [finding.id for finding in findings] == ["correction-of-recalibrated"]
+    assert "1.1 · s(t − 0 s)" in findings[0].statement
+    assert model.provenance.note == findings[0].statement
+    alone, _ = correction_of(found)
+    assert alone is not None
+    assert model.outputs[0].intercept == pytest.approx(alone.outputs[0].intercept + 2.0)
 
 
 def test_effects_that_are_not_thermal_have_no_model_file():
