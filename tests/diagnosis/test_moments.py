@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selector.diagnosis.evidence.moments import beside, moments, solved
+from selector.diagnosis.evidence.moments import beside, moderated, moments, solved
 
 
 @pytest.fixture
@@ -51,3 +51,35 @@ def test_bounds_hold(problem):
     assert free.coefficients[0][1, 0] == pytest.approx(1.0, abs=0.03)  # the truth is 1, noise 0.1 in 300 samples
     assert bound.coefficients[0][1, 0] == 0.5
     assert 0.0 < bound.gain[2] < free.gain[2]
+
+
+def test_what_is_told_well_stays_as_it_is():
+    assert moderated(np.array([3.0]), np.array([[4.0]])) == pytest.approx([3.0])
+    fourier = moderated(np.array([6.0, -8.0]), np.eye(2))
+    assert fourier == pytest.approx([6.0, -8.0], rel=0.02)
+
+
+def test_columns_that_nearly_are_one_another_do_not_run_away_elsewhere():
+    generator = np.random.default_rng(8)
+    squares, shrunk = 0.0, 0.0
+    for _ in range(50):
+        one = generator.standard_normal(200)
+        alike = one + 0.02 * generator.standard_normal(200)
+        columns = np.column_stack([one, alike])
+        gram = columns.T @ columns
+        beta = np.linalg.solve(gram, columns.T @ (one + generator.standard_normal(200)))
+        apart = generator.standard_normal((100, 2))  # where the two part company
+        truth = apart[:, 0]
+        squares += np.mean((apart @ beta - truth) ** 2)
+        shrunk += np.mean((apart @ moderated(beta, np.linalg.inv(gram)) - truth) ** 2)
+    assert shrunk < 0.1 * squares
+
+
+def test_an_effect_that_is_in_their_difference_alone_is_kept():
+    one = np.linspace(-1.0, 1.0, 400)
+    alike = one + 0.05 * np.sin(40.0 * one)
+    columns = np.column_stack([one, alike])
+    gram = columns.T @ columns
+    beta = np.array([-20.0, 20.0])
+    assert beta @ gram @ beta > 36.0
+    assert moderated(beta, np.linalg.inv(gram)) == pytest.approx(beta, rel=0.05)

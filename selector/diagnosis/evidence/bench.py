@@ -229,9 +229,9 @@ class Bench:
     def coefficients(self, named: Sequence[int]) -> tuple[Vector, Matrix]:
         """Generalised least squares on the fitted rows: coefficients and their covariance, shapes (p,), (p, p).
 
-        Those of a candidate with several columns are `moderated`. Those of the recalibration are then fitted once more by plain least squares to what the named candidates leave:
-        behind the filter of a noise that wanders the level says next to nothing, and may come out anywhere; so it may
-        where what comes back with every cycle is taken off.
+        Those of a candidate with several columns are `moderated`. Those of the recalibration are then fitted once more
+        by plain least squares to what the named candidates leave: behind the filter of a noise that wanders the level
+        says next to nothing, and may come out anywhere; so it may where what comes back with every cycle is taken off.
         """
         base, own = self.base(named), self.nuisance.shape[1]
         gram = base.T @ base

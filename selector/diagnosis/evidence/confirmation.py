@@ -60,24 +60,24 @@ def confirmation(comparison: Comparison, found: Search, id: str) -> Confirmation
 
 def not_ruinous(comparison: Comparison, found: Search) -> Search:
     """The search without names that make the error of unseen rows far larger."""
-    kept = {
-        id_: of
-        for id_, of in found.named.items()
-        if _growth(comparison, found, id_) < _RUINED
-    }
+    kept = {id_: of for id_, of in found.named.items() if _growth(comparison, found, id_) < _RUINED}
     return replace(found, named=kept)
 
 
 def _growth(comparison: Comparison, found: Search, id: str) -> float:  # noqa: A002 - the contract's word
-    """By how much the held-out error grows with an effect, in the response in which it does so most."""
-    ratios = [0.0]
+    """By how much the held-out error grows with an effect, in the response in which it does so most.
+
+    Compared with the simulation without it, recalibrated or as it was given, whichever is nearer.
+    """
+    growth = 0.0
     for response, v in found.named[id].items():
         bench, named = found.benches[response], numbers(found.named, response)
-        without = bench.residual([other for other in named if other != v])[comparison.held_out]
-        if np.isfinite(without).any() and np.nanmean(without**2) > 0.0:
-            with_it = bench.residual(named)[comparison.held_out]
-            ratios.append(float(np.sqrt(np.nanmean(with_it**2) / np.nanmean(without**2))))
-    return max(ratios)
+        without = bench.residual([other for other in named if other != v])
+        rows = comparison.held_out & np.isfinite(without)
+        squares = [float(np.sum(left[rows] ** 2)) for left in (bench.residual(named), without, bench.target)]
+        if min(squares[1:]) > 0.0:
+            growth = max(growth, float(np.sqrt(squares[0] / min(squares[1:]))))
+    return growth
 
 
 def _white(bench: Bench, left: Vector) -> Vector:

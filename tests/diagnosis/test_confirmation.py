@@ -1,0 +1,64 @@
+"""What an unseen run says of a name."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from selector.diagnosis.effects.catalogue import effect_of
+from selector.diagnosis.evidence.bench import bench_of
+from selector.diagnosis.evidence.confirmation import confirmation, not_ruinous
+from selector.diagnosis.evidence.search import search
+from tests.diagnosis.made import comparison
+
+N = 3 * 600
+EFFECTS = tuple(effect_of(name) for name in ("thermal.memory", "thermal.instant_speed"))
+
+
+@pytest.fixture(scope="module")
+def slow():
+    """The heat once more, behind a long lag."""
+    made = comparison({"Z": np.zeros(N)})
+    return np.concatenate([lfilter([0.01], [1.0, -0.99], part) for part in made.simulated["Z"].reshape(3, -1)])
+
+
+def found(slow, unseen):
+    """What is found where the unseen run has this many times the slow course of the fitted ones."""
+    noise = np.random.default_rng(5).standard_normal(N)
+    times = np.repeat([1.0, 1.0, unseen], N // 3)
+    course = 8.0 * slow / np.std(slow)
+    made = comparison({"Z": noise + times * course})
+    benches = {"Z": bench_of(made, "Z", EFFECTS)[0]}
+    return made, search(benches, false_alarm=0.02, seed=0)
+
+
+def test_a_name_that_holds_in_the_unseen_run_gains_there_and_stays(slow):
+    made, result = found(slow, 1.0)
+    assert list(not_ruinous(made, result).named) == ["thermal.memory"]
+    held = confirmation(made, result, "thermal.memory")
+    assert held.gain > 0.5 * held.energy
+    assert not held.refutes
+
+
+def test_what_is_far_smaller_there_is_suspected_and_stays(slow):
+    made, result = found(slow, 0.4)
+    assert confirmation(made, result, "thermal.memory").refutes
+    assert list(not_ruinous(made, result).named) == ["thermal.memory"]
+
+
+def test_a_name_that_ruins_the_unseen_run_is_none(slow):
+    made, result = found(slow, -0.6)
+    assert list(result.named) == ["thermal.memory"]
+    assert confirmation(made, result, "thermal.memory").refutes
+    assert not not_ruinous(made, result).named
+
+
+def test_nothing_is_said_where_nothing_was_seen(slow):
+    made, result = found(slow, 1.0)
+    blind = replace(made, held_out=np.zeros(N, dtype=bool))
+    held = confirmation(blind, result, "thermal.memory")
+    assert held.energy == 0.0
+    assert not held.refutes
