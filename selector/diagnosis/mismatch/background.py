@@ -1,24 +1,20 @@
-"""What in a residual is noise, judged at short scales only; what such noise alone would look like.
+"""What in a residual is noise: its spectrum, and the filters that make it white and back.
 
-The noise model of `noise` follows whatever is in the residual, slow structure too: after it nothing slow stands out.
-Here noise may have any smooth spectrum at short scales, but at long ones only a memory of a few samples, seen
-beside a white part; what the long scales hold beyond that is structure. Noise that itself remembers longer cannot be
-told from structure by one record.
+Noise may have any smooth spectrum at short scales. At long ones it may wander: a sum of independent autoregressions
+of all memories, from white to a random walk. A memory of minutes, a random walk under white noise and 1/f noise are
+all of that kind, and none of them can be told from a slow effect by its spectrum.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 from scipy.signal.windows import tukey
-from scipy.stats import norm, rankdata
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.shapes.signals import filled, rate
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -30,10 +26,16 @@ _FREE = (0.03, 0.045)
 """Cycles per sample: below the first the noise has the memory that was fitted, above the second any smooth spectrum."""
 _MEMORY = (0.0, 0.3, 0.5, 0.6, 0.7, 0.75, 0.8, 0.83, 0.86, 0.88)
 _WHITE = (0.0, 0.01, 0.03, 0.1, 0.2, 0.4, 0.8, 1.5, 3.0)
+_BAND = 1.05
+"""Frequencies whose ratio is below this are one band where the noise that wanders is fitted."""
+_STEPS = 60
+_ROUNDS = 3
+_CLIPPED = 6.0
 _OCTAVE_PART = 1.15
 _MARGIN = 1.0
 """Logarithm of the likelihood that a shape may be short of the best."""
-_ORDER = 12
+_UNTOLD = 12
+"""First samples of a run, whose past is not known."""
 _SHORTEST_RUN = 48
 
 
@@ -64,12 +66,9 @@ class Background:
     ----------
     levels : ndarray of shape (n_sets, n_points)
         Power at n_points frequencies, even from 0 to 1/2 cycle per sample.
-    phi : ndarray of shape (n_sets, order)
-        The autoregression e_t = Σ φ_i·e_(t−i) + w_t with nearly this spectrum.
     """
 
     levels: Matrix
-    phi: Matrix
 
     def density(self, frequency: Vector) -> Matrix:
         """Power at these frequencies [cycles per sample], shape (n_sets, n_frequencies)."""
@@ -77,6 +76,46 @@ class Background:
         low = np.minimum(at.astype(np.intp), self.levels.shape[1] - 2)
         part = at - low
         return np.asarray(self.levels[:, low] * (1.0 - part) + self.levels[:, low + 1] * part)
+
+    def first(self) -> Background:
+        """That of the first residual alone, for any number of them."""
+        return Background(self.levels[:1])
+
+    def innovations(self, residuals: Matrix, rows: Sequence[NDArray[np.intp]]) -> Matrix:
+        """What each reading brings that those before it do not say, shape as `residuals`.
+
+        The past of a run is its mirror image; its first samples, of which that says too little, are 0.
+        """
+        result = np.zeros_like(residuals)
+        for here in rows:
+            n = len(here)
+            if n <= _UNTOLD:
+                continue
+            part = residuals[:, here]
+            bins = np.fft.rfft(np.concatenate([part[:, ::-1], part], axis=1), axis=1) / self._response(2 * n)
+            left = np.fft.irfft(bins, 2 * n, axis=1)[:, n:]
+            left[:, :_UNTOLD] = 0.0
+            result[:, here] = left
+        return result
+
+    def coloured(self, innovations: Matrix) -> Matrix:
+        """Noise that is made of these innovations, shape (n_sets, n); before the first of them come the last."""
+        n = innovations.shape[1]
+        return np.asarray(np.fft.irfft(np.fft.rfft(innovations, axis=1) * self._response(n), n, axis=1))
+
+    def after_a_step(self, length: int) -> Vector:
+        """Mean innovation over `length` samples after a step of 1 and its own sample, shape (n_sets,)."""
+        weights = np.fft.irfft(1.0 / self._response(4 * length), 4 * length, axis=1)
+        return np.asarray(np.cumsum(weights, axis=1)[:, 1 : length + 1].mean(axis=1))
+
+    def _response(self, n: int) -> NDArray[np.complex128]:
+        """Transfer function of minimum phase from innovations to noise at the frequencies of n samples (n even)."""
+        logs = 0.5 * np.log(self.density(np.arange(n // 2 + 1) / n))
+        cepstrum = np.fft.irfft(logs, n, axis=1)
+        cepstrum[:, 0] = 0.0
+        cepstrum[:, 1 : n // 2] *= 2.0
+        cepstrum[:, n // 2 + 1 :] = 0.0
+        return np.asarray(np.exp(np.fft.rfft(cepstrum, axis=1)))
 
 
 def seen_rows(comparison: Comparison, residual: Vector) -> list[NDArray[np.intp]]:
@@ -110,36 +149,79 @@ def spectrum(residuals: Matrix, rows: Sequence[NDArray[np.intp]]) -> Spectrum:
     return Spectrum(np.concatenate(frequency), np.concatenate(run), np.concatenate(amplitudes, axis=1))
 
 
-def background(of: Spectrum) -> Background:
+def background(of: Spectrum, *, wanders: bool = True) -> Background:
     """Noise of every set of a spectrum.
 
-    At long scales σ²·((1 − φ)²/|1 − φ·e^(−iω)|² + w), the φ and w of a grid that are likeliest (Whittle 1953) for the
-    periods between 6.5 and 45 samples; at short ones the smoothed periodogram. Lines are clipped first.
+    Periods below 22 samples: the smoothed periodogram, lines clipped. Above 33: the noise that wanders, as fitted to
+    all periods above 6.5 samples (`wandering`); or else what has a memory of a few samples beside a white part, as
+    fitted to periods of 6.5 to 45 samples, and beside which all that is slower stands out.
     """
     order = np.argsort(of.frequency, kind="stable")
     frequency, power = of.frequency[order], np.abs(of.amplitudes[:, order]) ** 2
     smooth = _smooth(frequency, power, frequency)
     smooth = _smooth(frequency, np.minimum(power, 4.0 * smooth), frequency)
-    clipped = np.minimum(power, 6.0 * smooth)
+    longest = 1.0 / max(float(frequency[0]), 1e-9)
+    grid = np.linspace(0.0, 0.5, 1 + 2 ** max(9, int(np.ceil(np.log2(longest)))))
+    if wanders:
+        weights, memories = wandering(of)
+        slow = weights @ _memories(memories, grid)
+    else:
+        slow = _remembered(frequency, np.minimum(power, _CLIPPED * smooth), grid)
+    free = np.clip((grid - _FREE[0]) / (_FREE[1] - _FREE[0]), 0.0, 1.0)
+    measured = _smooth(frequency, np.minimum(power, 4.0 * smooth), grid)
+    floor = 1e-6 * np.maximum(measured.mean(axis=1, keepdims=True), 1e-300)
+    logs = (1.0 - free) * np.log(np.maximum(slow, floor)) + free * np.log(np.maximum(measured, floor))
+    return Background(np.exp(logs))
+
+
+def wandering(of: Spectrum) -> tuple[Matrix, Vector]:
+    """(variance of every part, its memory [samples]): noise as a sum of white (memory 0) and first-order wanderings.
+
+    Shapes (n_sets, n_parts), (n_parts,). The likeliest variances (Whittle 1953) by multiplicative updates that never
+    lower the likelihood (Itakura–Saito divergence; C. Févotte, J. Idier, Neural Computation 23, 2011). Lines are
+    clipped.
+    """
+    order = np.argsort(of.frequency, kind="stable")
+    frequency, power = of.frequency[order], np.abs(of.amplitudes[:, order]) ** 2
+    fitted = frequency <= 1.0 / _SHORTEST_FITTED
+    if fitted.sum() < 12:
+        fitted = frequency > 0.0
+    frequency, power = frequency[fitted], power[:, fitted]
+    longest = max(1, int(np.ceil(np.log2(1.0 / float(frequency[0])))))
+    memories = np.concatenate([[0.0], 2.0 ** np.arange(longest + 1)])
+    parts = _memories(memories, frequency)
+    edges = np.flatnonzero(np.diff(np.floor(np.log(frequency) / np.log(_BAND)), prepend=-np.inf))
+    count = np.diff([*edges, len(frequency)])
+    banded = np.add.reduceat(parts, edges, axis=1) / count
+    weights = np.full((len(power), len(memories)), 1.0 / len(memories)) * power.mean(axis=1, keepdims=True)
+    clipped = power
+    for _ in range(_ROUNDS):
+        mean = np.add.reduceat(clipped, edges, axis=1)
+        for _ in range(_STEPS):
+            level = np.maximum(weights @ banded, 1e-300)
+            weights = weights * ((mean / level**2) @ banded.T) / np.maximum((count / level) @ banded.T, 1e-300)
+        clipped = np.minimum(power, _CLIPPED * np.maximum(weights @ parts, 1e-300))
+    return weights, memories
+
+
+def _memories(samples: Vector, frequency: Vector) -> Matrix:
+    """Spectra of variance 1 that forget within so many samples, shape (n_parts, n_frequencies)."""
+    kept = np.where(samples > 0.0, np.exp(-1.0 / np.maximum(samples, 1e-9)), 0.0)[:, None]
+    return np.asarray((1.0 - kept**2) / np.abs(1.0 - kept * np.exp(-2j * np.pi * frequency)) ** 2)
+
+
+def _remembered(frequency: Vector, power: Matrix, grid: Vector) -> Matrix:
+    """σ²·((1 − φ)²/|1 − φ·e^(−iω)|² + w) at the frequencies of `grid`, the φ and w of a grid that are likeliest."""
     fitted = (frequency >= 1.0 / LONGEST_NOISE_PERIOD) & (frequency <= 1.0 / _SHORTEST_FITTED)
     if fitted.sum() < 12:
         fitted = frequency >= 1.0 / LONGEST_NOISE_PERIOD
-    grid = np.linspace(0.0, 0.5, 513)
     shapes = _shapes(frequency[fitted])
-    level = clipped[:, fitted] @ (1.0 / shapes).T / max(int(fitted.sum()), 1)
+    level = power[:, fitted] @ (1.0 / shapes).T / max(int(fitted.sum()), 1)
     likely = fitted.sum() * np.log(np.maximum(level, 1e-300)) + np.log(shapes).sum(axis=1)
     # Of the shapes that are about as likely the one with most power at long scales: what it leaves over is structure.
     plateau = level * _shapes(np.zeros(1))[:, 0]
     best = np.argmax(np.where(likely <= likely.min(axis=1, keepdims=True) + _MARGIN, plateau, 0.0), axis=1)
-    remembered = _shapes(grid)[best] * np.take_along_axis(level, best[:, None], axis=1)
-    free = np.clip((grid - _FREE[0]) / (_FREE[1] - _FREE[0]), 0.0, 1.0)
-    measured = _smooth(frequency, np.minimum(power, 4.0 * smooth), grid)
-    floor = 1e-6 * np.maximum(measured.mean(axis=1, keepdims=True), 1e-300)
-    logs = (1.0 - free) * np.log(np.maximum(remembered, floor)) + free * np.log(np.maximum(measured, floor))
-    levels = np.exp(logs)
-    waves = np.cos(2.0 * np.pi * np.outer(grid, np.arange(_ORDER + 1)))
-    waves[[0, -1]] *= 0.5
-    return Background(levels, _autoregression(levels @ waves / (len(grid) - 1)))
+    return np.asarray(_shapes(grid)[best] * np.take_along_axis(level, best[:, None], axis=1))
 
 
 def _shapes(frequency: Vector) -> Matrix:
@@ -161,87 +243,3 @@ def _smooth(frequency: Vector, power: Matrix, at: Vector) -> Matrix:
     low, high = np.where(narrow, middle - least // 2, low), np.where(narrow, middle - least // 2 + least, high)
     sums = np.concatenate([np.zeros((len(power), 1)), np.cumsum(power, axis=1)], axis=1)
     return np.asarray((sums[:, high] - sums[:, low]) / (high - low))
-
-
-def _autoregression(lags: Matrix) -> Matrix:
-    order = lags.shape[1] - 1
-    at = np.abs(np.subtract.outer(np.arange(order), np.arange(order)))
-    toeplitz = lags[:, at] + 1e-6 * lags[:, :1, None] * np.eye(order)
-    return np.asarray(np.linalg.solve(toeplitz, lags[:, 1:, None])[:, :, 0])
-
-
-def innovations(phi: Matrix, residuals: Matrix, rows: Sequence[NDArray[np.intp]]) -> Matrix:
-    """What each reading brings that those before it do not say, shape as `residuals`; 0 in the first rows of a run."""
-    result = np.zeros_like(residuals)
-    order = phi.shape[1]
-    for here in rows:
-        part = residuals[:, here]
-        left = part.copy()
-        for lag in range(1, order + 1):
-            left[:, lag:] -= phi[:, lag - 1 : lag] * part[:, :-lag]
-        left[:, :order] = 0.0
-        result[:, here] = left
-    return result
-
-
-def recalibrated_away(comparison: Comparison, response: str, rows: Sequence[NDArray[np.intp]]) -> Matrix:
-    """Orthonormal columns of what a recalibration takes: an offset a run, gain and delay; shape (n_rows, p)."""
-    n = len(comparison.time_s)
-    seen = np.concatenate(rows)
-    simulated = filled(comparison, comparison.simulated[response])
-    columns = [(comparison.run_index == k).astype(np.float64) for k in range(len(comparison.runs))]
-    columns += [simulated, rate(comparison, simulated)]
-    table = np.zeros((n, len(columns)))
-    table[seen] = np.column_stack(columns)[seen]
-    size = np.linalg.norm(table, axis=0)
-    left, values, _ = np.linalg.svd(table[:, size > 0] / size[size > 0], full_matrices=False)
-    return np.asarray(left[:, values > 1e-6])
-
-
-def noise_alone(
-    comparison: Comparison, residuals: Mapping[str, Vector], n_sets: int, rng: np.random.Generator
-) -> dict[str, Matrix]:
-    """Residuals as noise alone would make them: innovations in another order, the same for all responses.
-
-    Response → shape (1 + n_sets, n_rows): the first is the residual itself, all with the recalibration taken off.
-    Readings are rounded as the recorded ones are (`Comparison.resolution`). Missing rows are 0. A response without
-    enough readings, or without any residual, is not in the result.
-    """
-    order = [np.tile(np.arange(part.start, part.stop), (n_sets, 1)) for _, part in comparison.rows_of_runs()]
-    mixed = np.concatenate([rng.permuted(part, axis=1) for part in order], axis=1)
-    found = {}
-    for response, residual in residuals.items():
-        rows = seen_rows(comparison, residual)
-        seen = np.concatenate(rows)
-        taken = recalibrated_away(comparison, response, rows) if len(seen) else np.zeros((len(residual), 0))
-        own = _without(np.where(np.isin(np.arange(len(residual)), seen), residual, 0.0)[None, :], taken, seen)
-        spread = float(np.std(own[0, seen])) if len(seen) else 0.0
-        if spread <= 1e-9 * float(np.nanmax(np.abs(comparison.recorded[response]), initial=0.0)) or spread == 0.0:
-            continue
-        model = background(spectrum(own, rows))
-        bringing = innovations(model.phi, own, rows)[0]
-        unseen = np.setdiff1d(np.arange(len(residual)), seen)
-        bringing[unseen] = rng.choice(bringing[seen], len(unseen))
-        step = comparison.resolution.get(response, 0.0)
-        if step > 0.7 * spread:
-            # Readings of a few steps say little of the noise before it was rounded: normal values in the same order.
-            ranks = rankdata(bringing + 1e-6 * spread * rng.standard_normal(len(bringing)))
-            bringing = float(np.std(bringing)) * norm.ppf((ranks - 0.5) / len(ranks))
-        shaped = np.empty((n_sets, len(residual)))
-        for part in (np.arange(rows.start, rows.stop) for _, rows in comparison.rows_of_runs()):
-            drawn = bringing[mixed[:, part]]
-            course = np.concatenate([drawn[:, -200:], drawn], axis=1)
-            shaped[:, part] = lfilter([1.0], np.concatenate([[1.0], -model.phi[0]]), course, axis=1)[:, -len(part) :]
-        if step > 0.0:
-            shaped *= np.sqrt(max(1.0 - step**2 / 12.0 / spread**2, 0.05))
-            course = filled(comparison, comparison.recorded[response] - residual)
-            shaped = step * np.round((course + shaped) / step) - course
-        shaped[:, unseen] = 0.0
-        found[response] = np.concatenate([own, _without(shaped, taken, seen)])
-    return found
-
-
-def _without(values: Matrix, taken: Matrix, seen: NDArray[np.intp]) -> Matrix:
-    result = np.zeros_like(values)
-    result[:, seen] = values[:, seen] - (values[:, seen] @ taken[seen]) @ taken[seen].T
-    return result

@@ -14,12 +14,11 @@ from selector.diagnosis.mismatch.background import (
     Background,
     Spectrum,
     background,
-    innovations,
-    noise_alone,
     seen_in_both,
     seen_rows,
     spectrum,
 )
+from selector.diagnosis.mismatch.noise_sets import noise_alone
 from selector.diagnosis.mismatch.regimes import Variable, variables
 from selector.diagnosis.mismatch.structure_tests import (
     Kind,
@@ -59,7 +58,7 @@ class Structure:
     regime : str or None
         State of the machine in words.
     size : float
-        Root mean square of what exceeds the noise [unit of the response].
+        Root mean square of what exceeds noise of short memory [unit of the response].
     unit : str
     p_value : float
         Adjusted for all tests on all responses.
@@ -88,9 +87,8 @@ def unexplained(
     """Structure left in residuals, the surest first; empty with probability 1 − `false_alarm` if all is noise.
 
     A bank of tests (spectrum, common part of two responses, steps, states of the machine, bursts, spells) on every
-    response; the largest of all statistics is compared with its distribution over `_DRAWS` sets of noise with the
-    spectrum of the residual's short scales and its own innovations in another order (Westfall & Young 1993, single-step
-    maximum).
+    response; the largest of all statistics is compared with its distribution over `_DRAWS` sets of noise that wanders
+    as the residual does, with its own innovations in another order (Westfall & Young 1993, single-step maximum).
 
     Parameters
     ----------
@@ -137,20 +135,21 @@ def _tests(
     rows: Sequence[NDArray[np.intp]],
     states: tuple[Variable, ...],
 ) -> tuple[list[Tested], Background, float]:
-    """Tests of one response, its noise, and the standard deviation of that."""
+    """Tests of one response, its noise, and the standard deviation of noise with the memory of its short scales."""
     of = spectrum(stack, rows)
     noise = background(of)
     density = noise.density(of.frequency)
     tests = spectral(of, np.abs(of.amplitudes) ** 2 / density)
     seen = np.concatenate(rows)
-    white = innovations(noise.phi, stack, rows)
+    white = noise.innovations(stack, rows)
     white /= 1.4826 * np.median(np.abs(white[:, seen]), axis=1, keepdims=True) + 1e-300
-    tests.append(jump(white, noise.phi, rows))
-    tests.append(by_state(np.clip(white, -4.0, 4.0), noise.phi[0], rows, states))
+    tests.append(jump(white, noise, rows))
+    tests.append(by_state(np.clip(white, -4.0, 4.0), noise, rows, states))
     even = of_one_size(white, rows, states)
     tests.append(burst(even, rows))
     tests.append(spells(stack, even, rows))
-    spread = float(np.sqrt(noise.density(np.linspace(0.001, 0.5, 500))[0].mean()))
+    short = background(Spectrum(of.frequency, of.run, of.amplitudes[:1]), wanders=False)
+    spread = float(np.sqrt(short.density(np.linspace(0.001, 0.5, 500))[0].mean()))
     return tests, noise, spread
 
 

@@ -126,7 +126,7 @@ def _viterbi(logs, switch, change):  # type: ignore[no-untyped-def]
 def _memory(residual: Vector, parts: list[Rows]) -> float:
     """Samples after which squares of the noise say something new, from its spectrum at short scales."""
     values = np.where(np.isfinite(residual), residual, 0.0)[None, :]
-    levels = background(spectrum(values, parts)).levels[0]
+    levels = background(spectrum(values, parts), wanders=False).levels[0]
     ends = np.ones(len(levels))
     ends[[0, -1]] = 0.5
     lags = np.cos(np.outer(np.arange(60), np.linspace(0.0, np.pi, len(levels)))) @ (levels * ends)

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm, rankdata
 
-from selector.diagnosis.mismatch.background import LONGEST_NOISE_PERIOD, Spectrum
+from selector.diagnosis.mismatch.background import LONGEST_NOISE_PERIOD, Background, Spectrum
 from selector.diagnosis.mismatch.regimes import Variable
 
 Vector = NDArray[np.float64]
@@ -96,12 +96,17 @@ def in_common(first: Spectrum, second: Spectrum) -> Tested:
     frequency = first.frequency
     slow = np.flatnonzero(frequency < 2.0 / LONGEST_NOISE_PERIOD)
     slow = slow[np.argsort(frequency[slow], kind="stable")]
-    product = first.amplitudes[:, slow] * np.conj(second.amplitudes[:, slow])
-    sums = np.concatenate([np.zeros((len(product), 1)), np.cumsum(product, axis=1)], axis=1)
+    one, other = first.amplitudes[:, slow], second.amplitudes[:, slow]
+    product, own, others = (_running(of) for of in (one * np.conj(other), np.abs(one) ** 2, np.abs(other) ** 2))
     found, width = [], 4
     while width <= len(slow):
         start = np.arange(0, len(slow) - width + 1, max(1, width // 4))
-        amount = np.abs(sums[:, start + width] - sums[:, start]) / np.sqrt(width)
+        powers = [of[:, start + width] - of[:, start] for of in (own, others)]
+        coherence = np.abs(product[:, start + width] - product[:, start]) ** 2 / np.maximum(
+            powers[0] * powers[1], 1e-300
+        )
+        # Of noise, 1 less the coherence of n bins has the distribution of the (n − 1)th root of a uniform value.
+        amount = -(width - 1.0) * np.log(np.maximum(1.0 - coherence, 1e-12))
         at = start[int(np.argmax(amount[0]))]
         band = (float(frequency[slow[at]]), float(frequency[slow[at + width - 1]]))
         found.append(Tested("common", amount.max(axis=1), frequency=band))
@@ -109,12 +114,12 @@ def in_common(first: Spectrum, second: Spectrum) -> Tested:
     return largest(found) if found else Tested("common", np.zeros(len(first.amplitudes)))
 
 
-def jump(white: Matrix, phi: Matrix, rows: Rows) -> Tested:
+def jump(white: Matrix, noise: Background, rows: Rows) -> Tested:
     """A step that stays: the innovation at the step, and the shifted mean after it against that before it."""
-    drift = np.maximum(1.0 - phi.sum(axis=1, keepdims=True), 1e-3)
     found = []
     clipped = np.clip(white, -4.0, 4.0)
     for length in (8, 32, 128):
+        drift = np.maximum(noise.after_a_step(length), 1e-3)[:, None]
         for k, here in enumerate(rows):
             n = len(here)
             if n < 4 * length:
@@ -131,7 +136,7 @@ def jump(white: Matrix, phi: Matrix, rows: Rows) -> Tested:
     return largest(found) if found else Tested("jump", np.zeros(len(white)))
 
 
-def by_state(white: Matrix, phi: Vector, rows: Rows, states: Sequence[Variable]) -> Tested:
+def by_state(white: Matrix, noise: Background, rows: Rows, states: Sequence[Variable]) -> Tested:
     """Means that differ between states of the machine: largest over the variables of the sum of squares explained."""
     found = []
     seen = np.concatenate(rows)
@@ -142,10 +147,7 @@ def by_state(white: Matrix, phi: Vector, rows: Rows, states: Sequence[Variable])
             continue
         table = np.zeros((len(bins), count))
         table[np.arange(len(bins)), bins] = 1.0
-        filtered = table.copy()
-        for here in rows:
-            for lag, weight in enumerate(phi, start=1):
-                filtered[here[lag:]] -= weight * table[here[:-lag]]
+        filtered = noise.first().innovations(table.T, rows).T
         filtered = filtered[seen] - filtered[seen].mean(axis=0)
         left, values, _ = np.linalg.svd(filtered, full_matrices=False)
         left = left[:, values > 1e-6 * values[0]] if values[0] > 0 else left[:, :0]
@@ -209,7 +211,7 @@ def spells(residuals: Matrix, even: Matrix, rows: Rows) -> Tested:
     return largest(found) if found else Tested("spells", np.zeros(len(even)))
 
 
-def _running(values: Matrix) -> Matrix:
+def _running(values: Any) -> Any:
     return np.concatenate([np.zeros((len(values), 1)), np.cumsum(values, axis=1)], axis=1)
 
 
