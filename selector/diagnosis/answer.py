@@ -16,6 +16,7 @@ from selector.findings import Finding
 Vector = NDArray[np.float64]
 Verdict = Literal["missing-physics", "nothing-missing", "data-fault", "miscalibrated", "unexplained"]
 SCHEMA = "selector.diagnosis/1"
+_ENDS = ("low", "high")
 _LEAST_GAIN = 0.1
 """Of the simulated course: of less than that no delay can be told."""
 
@@ -170,7 +171,7 @@ class Diagnosis:
             "effects": [_effect(effect) for effect in self.effects],
             "fit": {name: _fit(fit) for name, fit in self.fit.items()},
             "recalibration": {
-                name: {key: dict(vars(one)) for key, one in recalibration_of(quantities).items()}
+                name: {key: _quantity(one) for key, one in recalibration_of(quantities).items()}
                 for name, quantities in self.recalibration.items()
             },
             "next_runs": [{**vars(run), "separates": list(run.separates)} for run in self.next_runs],
@@ -203,7 +204,7 @@ def _effect(effect: NamedEffect) -> dict[str, Any]:
         "channels": list(effect.channels),
         "place": effect.place,
         "statement": effect.statement,
-        "parameters": {name: dict(vars(quantity)) for name, quantity in effect.parameters.items()},
+        "parameters": {name: _quantity(quantity) for name, quantity in effect.parameters.items()},
         "confidence": effect.confidence,
         "p_value": effect.p_value,
         "share": effect.share,
@@ -227,6 +228,12 @@ def _fit(fit: Fit) -> dict[str, Any]:
         "placebo_gain": None if fit.placebo_gain is None else dict(vars(fit.placebo_gain)),
         "unit": fit.unit,
     }
+
+
+def _quantity(quantity: Quantity) -> dict[str, Any]:
+    """As the contract has it: an end of the interval that is open is null."""
+    ends = {end: None if value is None else _known(value) for end, value in vars(quantity).items() if end in _ENDS}
+    return {**vars(quantity), **ends}
 
 
 def _known(value: float) -> float | None:

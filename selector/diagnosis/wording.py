@@ -161,6 +161,10 @@ def quantity_words(quantity: Quantity) -> str:
     text = amount(quantity.value, quantity.unit)
     if quantity.low is None or quantity.high is None:
         return text
+    if np.isinf(quantity.high):
+        return f"{text} (at least {_digits(quantity.low)})" if quantity.low > 0.0 else text
+    if quantity.low == 0.0 < quantity.value:
+        return f"{text} (at most {_digits(quantity.high)})"
     return f"{text} ({_digits(quantity.low)} to {_digits(quantity.high)})"
 
 

@@ -19,7 +19,7 @@ Entry = Literal["force", "heat flow", "displacement", "measurement", "state", "l
 
 @dataclass(frozen=True)
 class Quantity:
-    """A number with its unit; `low` and `high` are its 95 % interval where it was fitted.
+    """A number with its unit; `low` and `high` are its 95 % interval where it was fitted, infinite at an open end.
 
     An interval without width is none: the value is one of a grid whose neighbours fit worse, and is known no better
     than the grid's step.
@@ -112,9 +112,12 @@ class Fitted:
     coefficients, standard_errors : ndarrays of shape (n_columns,)
         In the unit of the response per unit of the column.
     shape_intervals : mapping of str to (float, float)
-        95 % interval of each shape parameter, from the profile over the variants; without those of no width.
+        95 % interval of each shape parameter, from the profile over the variants; without those of no width. An end of
+        0 or infinity says that the record sets no limit there.
     rms, largest : float
         Root mean square and largest amount of the effect's course in the response [unit].
+    extremes : (float, float)
+        Lowest and highest value of the course since the start of a run [unit]; both 0 where they are not known.
     """
 
     response: str
@@ -125,6 +128,7 @@ class Fitted:
     shape_intervals: Mapping[str, tuple[float, float]]
     rms: float
     largest: float
+    extremes: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         wide = {name: (low, high) for name, (low, high) in self.shape_intervals.items() if low != high}

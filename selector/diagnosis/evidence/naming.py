@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +13,9 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import effect_of
 from selector.diagnosis.effects.effect import Fitted, Quantity, Variant
 from selector.diagnosis.evidence.bench import Bench
-from selector.diagnosis.evidence.moments import solved
 from selector.diagnosis.evidence.recalibration import Recalibrated
 from selector.diagnosis.evidence.search import Search, numbers
+from selector.diagnosis.evidence.shape_intervals import shape_intervals
 from selector.diagnosis.shapes.input_faults import InputFault
 
 Vector = NDArray[np.float64]
@@ -101,35 +102,27 @@ def _fitted(comparison: Comparison, found: Search, id_: str, response: str, cour
     here = slice(first, first + bench.counts[v])
     candidate = bench.candidates[v]
     scale = bench.scales[candidate.columns]
+    shape, intervals = shape_intervals(bench, named, v)
+    risen = _since_start(comparison, course)[bench.fitted]
     return Fitted(
         response=response,
         unit=unit_of(comparison, response),
-        variant=candidate.variant,
+        variant=replace(candidate.variant, shape=shape),
         coefficients=beta[here] / scale,
         standard_errors=np.sqrt(np.diag(covariance)[here]) / scale,
-        shape_intervals=_shape_intervals(bench, named, v),
+        shape_intervals=intervals,
         rms=float(np.sqrt(np.mean(course[bench.fitted] ** 2))),
         largest=float(np.abs(course[bench.fitted] - np.median(course[bench.fitted])).max()),
+        extremes=(float(risen.min()), float(risen.max())),
     )
 
 
-def _shape_intervals(bench: Bench, named: Sequence[int], v: int) -> dict[str, tuple[float, float]]:
-    """Range of every shape parameter over the shapes that fit within χ² = 3.84 as well."""
-    others = [other for other in named if other != v]
-    gains = solved(bench.moments(bench.base(others))).gain
-    own = bench.candidates[v]
-    alike = [
-        candidate.variant.shape
-        for k, candidate in enumerate(bench.candidates)
-        if candidate.effect.id == own.effect.id
-        and candidate.variant.sources == own.variant.sources
-        and candidate.variant.shape.keys() == own.variant.shape.keys()
-        and gains[k] >= gains[v] - 3.84
-    ]
-    return {
-        key: (min(shape[key].value for shape in alike), max(shape[key].value for shape in alike))
-        for key in own.variant.shape
-    }
+def _since_start(comparison: Comparison, course: Vector) -> Vector:
+    """A course less its value at the start of each run."""
+    result = np.array(course)
+    for _, rows in comparison.rows_of_runs():
+        result[rows] -= result[rows.start]
+    return result
 
 
 def whole_record_effect(
