@@ -26,7 +26,7 @@ def profiled(tau_s, seed):
     of = comparison({"Z": rng.normal(size=900)})
     speed = np.repeat(rng.choice([0.0, 1.0], 45), 20)
     of = replace(of, recorded={**of.recorded, "spindle_speed": speed})
-    z = of.recorded["Z"] + 12.0 * lagged(of, course(of, "spindle_speed"), tau_s)
+    z = of.recorded["Z"] + 4.0 * lagged(of, course(of, "spindle_speed"), tau_s)
     of = replace(of, recorded={**of.recorded, "Z": z})
     effect = replace(
         effect_of("thermal.memory"),
@@ -37,7 +37,10 @@ def profiled(tau_s, seed):
         ],
     )
     bench, _ = bench_of(of, "Z", [effect])
-    best = int(np.argmax(solved(bench.moments(bench.base([]))).gain))
+    for _ in range(2):
+        best = int(np.argmax(solved(bench.moments(bench.base([]))).gain))
+        # the noise is what is left beside the effect, as in a search
+        bench = bench.refitted_noise([best])
     shape, intervals = shape_intervals(bench, [best], best)
     return shape["tau_s"].value, *intervals["tau_s"]
 
@@ -48,7 +51,7 @@ def test_nine_of_ten_intervals_hold_a_truth_between_the_points_of_the_grid():
         for tau_s in (310.0, 660.0, 1410.0):
             value, low, high = profiled(tau_s, seed)
             assert low < value < high
-            assert high < 6.0 * low
+            assert high < 4.0 * low
             inside.append(low <= tau_s <= high)
     assert np.mean(inside) >= 0.9
 
