@@ -27,6 +27,7 @@ from selector.diagnosis.evidence.whole_record import whole_record_names
 from selector.diagnosis.evidence.without_frozen import diagnosis_without_frozen, frozen_and_unnamed
 from selector.diagnosis.mismatch.location import active_windows
 from selector.diagnosis.mismatch.omnibus import Structure, unexplained
+from selector.diagnosis.mismatch.wanders import told_of_wandering
 from selector.diagnosis.next_run.experiments import next_runs
 from selector.diagnosis.shapes.input_faults import input_faults, told_of_inputs
 from selector.diagnosis.shapes.leftover import least_squares
@@ -35,6 +36,8 @@ from selector.diagnosis.wording import headline
 Vector = NDArray[np.float64]
 _TRIFLE = 0.02
 """Of the share of the mismatch that the largest effect explains: what explains less is not named beside it."""
+_LEAST = 0.005
+"""Of the mismatch: what is smaller is not named unless held-out rows bear it out."""
 _MOST = 0.5
 _HARM = 1.05
 _SUSPECTED = 0.8
@@ -131,7 +134,11 @@ def diagnosis(
     left = _left(comparison, found, only_fitted=only_fitted)
     structures = unexplained(comparison, *left, seed=seed, false_alarm=false_alarm)
     effects_found = [*(_confirmed(comparison, found, id_) for id_ in found.named), *late]
-    if structures and not any(_stands(effect, found, structures) for effect in effects_found):
+    doubts = structures
+    if effects_found and not structures:
+        # what wanders may be noise, but a name must be clearer than it
+        doubts = unexplained(comparison, *left, seed=seed, false_alarm=false_alarm, wanders=False)
+    if doubts and not any(_stands(effect, found, doubts) for effect in effects_found):
         # a fault of the data explains all that it concerns, or it is a proxy of what nothing explains
         effects_found = [effect for effect in effects_found if effect.id == "data.stuck"]
     if not effects_found and not structures:
@@ -144,7 +151,7 @@ def diagnosis(
     fit = {
         name: fit_of(
             comparison, bench, numbers(found.named, name), unit_of(comparison, name),
-            recalibrate=verdict in ("missing-physics", "data-fault", "miscalibrated"), seed=seed,
+            recalibrate=verdict not in ("nothing-missing", "unexplained") or again[name].matters, seed=seed,
         )
         for name, bench in benches.items()
     }  # fmt: skip
@@ -162,7 +169,11 @@ def diagnosis(
         detectable=detectability(comparison, found, false_alarm=false_alarm),
         next_runs=next_runs(comparison, found, named),
         recalibration={name: one.quantities for name, one in again.items()},
-        findings=(*comparison.findings, *told_of_inputs(comparison, _channels_at_fault(named))),
+        findings=(
+            *comparison.findings,
+            *told_of_inputs(comparison, _channels_at_fault(named)),
+            *told_of_wandering(comparison, left[0], structures),
+        ),
         seed=seed,
     )
     return replace(answer, headline=headline(answer))
@@ -172,11 +183,16 @@ def _worth_naming(comparison: Comparison, found: Search) -> Search:
     """Without effects that are a trifle beside the largest: shapes are not exact to the last percent.
 
     In noise that wanders, the mean square hardly falls by what is quick and sure; how large its course is counts, too.
+    Nor what is a trifle beside the mismatch and gains nothing on held-out rows, where it ought to.
     """
     named = {id_: named_effect(comparison, found, id_) for id_ in found.named}
     least = _TRIFLE * max((effect.share for effect in named.values()), default=0.0)
     sizes = {id_: max(effect.share, _part(found, effect)) for id_, effect in named.items()}
-    return _only(found, {id_ for id_, size in sizes.items() if size >= least})
+    worth = {id_ for id_, size in sizes.items() if size >= least}
+    return _only(
+        found,
+        {id_ for id_ in worth if sizes[id_] >= _LEAST or not confirmation(comparison, found, id_).refutes},
+    )
 
 
 def _part(found: Search, effect: NamedEffect) -> float:

@@ -31,13 +31,18 @@ def recalibrated_away(comparison: Comparison, response: str, rows: Sequence[NDAr
 
 
 def noise_alone(
-    comparison: Comparison, residuals: Mapping[str, Vector], n_sets: int, rng: np.random.Generator
+    comparison: Comparison,
+    residuals: Mapping[str, Vector],
+    n_sets: int,
+    rng: np.random.Generator,
+    *,
+    wanders: bool = True,
 ) -> dict[str, Matrix]:
     """Residuals as noise alone would make them: innovations in another order, the same for all responses.
 
     Response → shape (1 + n_sets, n_rows): the first is the residual itself, all with the recalibration taken off.
     Readings are rounded as the recorded ones are (`Comparison.resolution`). Missing rows are 0. A response without
-    enough readings, or without any residual, is not in the result.
+    enough readings, or without any residual, is not in the result. `wanders`: as of `background`.
     """
     parts = [np.arange(part.start, part.stop) for _, part in comparison.rows_of_runs()]
     mixed = [rng.permuted(np.tile(part, (n_sets, 1)), axis=1) for part in parts]
@@ -51,7 +56,7 @@ def noise_alone(
         spread = float(np.std(own[0, seen])) if len(seen) else 0.0
         if spread <= 1e-9 * float(np.nanmax(np.abs(comparison.recorded[response]), initial=0.0)) or spread == 0.0:
             continue
-        model = background(spectrum(own, rows))
+        model = background(spectrum(own, rows), wanders=wanders)
         bringing = model.innovations(own, rows)[0]
         unseen, untold = np.setdiff1d(np.arange(len(residual)), seen), bringing == 0.0
         bringing[untold] = rng.choice(bringing[~untold], int(untold.sum()))

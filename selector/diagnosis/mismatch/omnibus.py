@@ -83,6 +83,7 @@ def unexplained(
     *,
     seed: int,
     false_alarm: float,
+    wanders: bool = True,
 ) -> tuple[Structure, ...]:
     """Structure left in residuals, the surest first; empty with probability 1 − `false_alarm` if all is noise.
 
@@ -100,17 +101,19 @@ def unexplained(
     seed : int
     false_alarm : float
         Probability of any structure where all is noise.
+    wanders : bool
+        Whether noise may wander slowly. Without, all that is slower than a memory of a few samples is structure.
     """
     rng = np.random.default_rng(seed)
     seen = {name: np.where(np.isfinite(whitened[name]), values, np.nan) for name, values in residuals.items()}
-    stacks = noise_alone(comparison, seen, _DRAWS, rng)
+    stacks = noise_alone(comparison, seen, _DRAWS, rng, wanders=wanders)
     states = variables(comparison)
     found: list[tuple[str, Tested]] = []
     rows = {response: seen_rows(comparison, seen[response]) for response in stacks}
     noises: dict[str, Background] = {}
     spread: dict[str, float] = {}
     for response, stack in stacks.items():
-        tests, noises[response], spread[response] = _tests(stack, rows[response], states)
+        tests, noises[response], spread[response] = _tests(stack, rows[response], states, wanders=wanders)
         found += [(response, test) for test in tests]
     for one, other in combinations(stacks, 2):
         both = seen_in_both(rows[one], rows[other])
@@ -134,10 +137,12 @@ def _tests(
     stack: Matrix,
     rows: Sequence[NDArray[np.intp]],
     states: tuple[Variable, ...],
+    *,
+    wanders: bool,
 ) -> tuple[list[Tested], Background, float]:
     """Tests of one response, its noise, and the standard deviation of noise with the memory of its short scales."""
     of = spectrum(stack, rows)
-    noise = background(of)
+    noise = background(of, wanders=wanders)
     density = noise.density(of.frequency)
     tests = spectral(of, np.abs(of.amplitudes) ** 2 / density)
     seen = np.concatenate(rows)
