@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from selector.diagnosis.answer import Diagnosis, NamedEffect, Place
+from selector.diagnosis.answer import Diagnosis, Fit, NamedEffect, Place, recalibration_of
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Quantity
+from selector.diagnosis.shown_units import displayed
 
-_UNITS = {"um": "µm", "degC": "°C", "1": "", "m/s^2": "m/s²", "um/s": "µm/s"}
 _NOUNS = {
     "data.clock": "the clock of a channel",
     "data.gain": "the scale of a channel",
@@ -59,7 +59,7 @@ _LEAST_FALL = 0.02
 def headline(found: Diagnosis) -> str:
     """The answer in one or two sentences: verdict, what, where, how sure, and what it is worth."""
     if found.verdict == "miscalibrated":
-        return _miscalibrated(found)
+        return " ".join([_miscalibrated(found), *_turned(found)])
     if found.verdict == "nothing-missing":
         return _nothing(found)
     if found.verdict == "unexplained" or not found.effects:
@@ -74,12 +74,23 @@ def headline(found: Diagnosis) -> str:
     if faults:
         also = "The recording is at fault too" if not is_data(first.id) else "Also at fault"
         sentences.append(f"{also}: {listed(list(dict.fromkeys(_short(effect) for effect in faults)))}.")
-    return " ".join(sentences)
+    return " ".join([*sentences, *_turned(found)])
+
+
+def _turned(found: Diagnosis) -> list[str]:
+    """Responses that were simulated with the other sign."""
+    said = []
+    for response in found.comparison.responses:
+        gain = recalibration_of(found.recalibration.get(response, {})).get("gain")
+        if gain is not None and gain.high is not None and gain.value < 0.0 > gain.high:
+            said.append(f"{response} is simulated with the opposite sign: its gain should be {_digits(gain.value)}.")
+    return said
 
 
 def what_to_do(found: Diagnosis) -> tuple[str, ...]:
     """What the user should do now, the most urgent first; a sentence each."""
-    steps = [
+    steps = [f"Turn the sign of the simulation before anything else: {said}" for said in _turned(found)]
+    steps += [
         f"Correct the recording before anything else: {_sentence(effect.statement)}"
         for effect in found.effects
         if is_data(effect.id)
@@ -161,21 +172,19 @@ def quantity_words(quantity: Quantity) -> str:
     text = amount(quantity.value, quantity.unit)
     if quantity.low is None or quantity.high is None:
         return text
-    if np.isinf(quantity.high):
-        return f"{text} (at least {_digits(quantity.low)})" if quantity.low > 0.0 else text
-    if quantity.low == 0.0 < quantity.value:
-        return f"{text} (at most {_digits(quantity.high)})"
-    return f"{text} ({_digits(quantity.low)} to {_digits(quantity.high)})"
+    factor = displayed(quantity.unit, quantity.value)[0]
+    low, high = factor * quantity.low, factor * quantity.high
+    if np.isinf(high):
+        return f"{text} (at least {_digits(low)})" if low > 0.0 else text
+    if low == 0.0 < quantity.value:
+        return f"{text} (at most {_digits(high)})"
+    return f"{text} ({_digits(low)} to {_digits(high)})"
 
 
 def amount(value: float, unit: str) -> str:
     """A number of three digits with its unit as people write it."""
-    return f"{_digits(value)} {unit_words(unit)}".strip()
-
-
-def unit_words(unit: str) -> str:
-    """A unit as people write it."""
-    return _UNITS.get(unit, unit)
+    factor, shown = displayed(unit, value)
+    return f"{_digits(factor * value)} {shown}".strip()
 
 
 def duration_words(seconds: float) -> str:
@@ -222,7 +231,7 @@ def _named(found: Diagnosis, effect: NamedEffect) -> str:
         what += " that it is one of them; this record cannot tell them apart"
     elif effect.suspected:
         what += f", {suspicion_words(found, effect)}"
-    text = f"{what}); with it {_gain(found, effect)}."
+    text = f"{what}); with it {_gain(found, effect)}.{_elsewhere(found, effect)}"
     if effect.cannot_be_told_from:
         text += f" To tell them apart: {_sentence(effect.experiment)}"
     return text
@@ -233,21 +242,40 @@ def _gain(found: Diagnosis, effect: NamedEffect) -> str:
     if fit is None:
         return "the rest is noise"
     unseen = held_out_words(found.comparison)
-    before, after = fit.heldout.rmse_before, fit.heldout.rmse_after
-    unit = unit_words(fit.unit)
+    factor, unit = displayed(fit.unit, fit.train.rmse_before)
+    before, after = factor * fit.heldout.rmse_before, factor * fit.heldout.rmse_after
     if not np.isfinite(after):
-        before, after = fit.train.rmse_before, fit.train.rmse_after
+        before, after = factor * fit.train.rmse_before, factor * fit.train.rmse_after
         there = f"falls from {_digits(before)} to {_digits(after)} {unit} where it was fitted"
         check = "" if effect.suspected else "; nothing of it was held out to check that on"
         return f"the error of {effect.channel} {there}{check}"
     if _is_left_out(effect):
         return f"without that stretch the error of {effect.channel} on {unseen} is {_digits(after)} {unit}"
     if after < (1.0 - _LEAST_FALL) * before:
-        alone = fit.recalibrated_heldout
+        alone = factor * fit.recalibrated_heldout
         also = f"; recalibration alone gives {_digits(alone)}" if alone < (1.0 - _LEAST_FALL) * before else ""
         fall = f"falls from {_digits(before)} to {_digits(after)} {unit}{also}"
         return f"the error of {effect.channel} on {unseen} {fall}"
     return f"the error of {effect.channel} on {unseen} does not fall ({_digits(before)} and {_digits(after)} {unit})"
+
+
+def _elsewhere(found: Diagnosis, effect: NamedEffect) -> str:
+    """The other responses that show the same effect, and what it is worth there."""
+    parts = []
+    for name in effect.channels:
+        fit = found.fit.get(name)
+        if name == effect.channel or fit is None or not _falls(fit):
+            continue
+        factor, unit = displayed(fit.unit, fit.heldout.rmse_before)
+        before, after = factor * fit.heldout.rmse_before, factor * fit.heldout.rmse_after
+        parts.append((name, f"of {name} falls from {_digits(before)} to {_digits(after)} {unit}"))
+    if not parts:
+        return ""
+    return f" It shows in {listed([name for name, _ in parts])} too: the error {listed([text for _, text in parts])}."
+
+
+def _falls(fit: Fit) -> bool:
+    return fit.heldout.rmse_after < (1.0 - _LEAST_FALL) * fit.heldout.rmse_before
 
 
 def _is_left_out(effect: NamedEffect) -> bool:
@@ -274,7 +302,9 @@ def _miscalibrated(found: Diagnosis) -> str:
         ]
         fit = found.fit.get(response)
         if said and fit is not None and fit.recalibrated_heldout < (1.0 - _LEAST_FALL) * fit.heldout.rmse_before:
-            fall = f"{_digits(fit.heldout.rmse_before)} to {_digits(fit.recalibrated_heldout)} {unit_words(fit.unit)}"
+            factor, unit = displayed(fit.unit, fit.heldout.rmse_before)
+            before, after = factor * fit.heldout.rmse_before, factor * fit.recalibrated_heldout
+            fall = f"{_digits(before)} to {_digits(after)} {unit}"
             parts.append(f"{response} needs {listed(said)}, and its error falls from {fall}")
     unseen = held_out_words(found.comparison)
     if not parts:

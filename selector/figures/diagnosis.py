@@ -7,7 +7,8 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from selector.diagnosis.answer import Detectable, Diagnosis
-from selector.diagnosis.wording import listed, unit_words
+from selector.diagnosis.shown_units import displayed, p_words
+from selector.diagnosis.wording import amount, listed
 from selector.figures import style
 from selector.figures.log_axis import log_ticks
 from selector.figures.panels import Line, Panel, stacked
@@ -23,28 +24,35 @@ _LONGEST_ID = 34
 def before_after(found: Diagnosis, response: str) -> go.Figure:
     """A response as recorded, as simulated, and with what was found; the error below; held-out parts shaded."""
     comparison, fit = found.comparison, found.fit[response]
-    axis, unit = RunAxis(comparison), unit_words(fit.unit)
+    axis = RunAxis(comparison)
+    factor, unit = displayed(fit.unit, float(np.nanmax(np.abs(fit.before - np.nanmean(fit.before)), initial=0.0)))
+    fine, fine_unit = displayed(fit.unit, fit.train.rmse_before)
     recorded = comparison.recorded[response]
     is_better = any(response in effect.courses for effect in found.effects)
     after, name = (fit.after, "with it") if is_better else (fit.recalibrated, "recalibrated")
     error = fit.heldout.rmse_after if is_better else fit.recalibrated_heldout
-    courses = [("simulated", fit.before, style.BEFORE), ("recorded", recorded, style.MEASURED)]
-    courses.append((name, after, style.PREDICTED))
-    errors = [("before", recorded - fit.before, style.BEFORE), ("after", recorded - after, style.RESIDUAL)]
+    courses = [("simulated", factor * fit.before, style.BEFORE), ("recorded", factor * recorded, style.MEASURED)]
+    courses.append((name, factor * after, style.PREDICTED))
+    errors = [
+        ("before", fine * (recorded - fit.before), style.BEFORE),
+        ("after", fine * (recorded - after), style.RESIDUAL),
+    ]
     panels = [
         Panel(f"{style.label(response, 12)} [{unit}]", [line for one in courses for line in _lines(axis, *one)], 220),
-        Panel(f"error [{unit}]", [line for one in errors for line in _lines(axis, *one)], 130),
+        Panel(f"error [{fine_unit}]", [line for one in errors for line in _lines(axis, *one)], 130),
     ]
     shown = [effect for effect in found.effects if response in effect.courses][:_MOST_EFFECTS]
     if shown:
         lines = [
             line
             for k, effect in enumerate(shown)
-            for line in _lines(axis, effect.id, effect.courses[response], style.GROUPS[(k + 2) % len(style.GROUPS)])
+            for line in _lines(
+                axis, effect.id, fine * effect.courses[response], style.GROUPS[(k + 2) % len(style.GROUPS)]
+            )
         ]
-        panels.append(Panel(f"found [{unit}]", lines, 110, least=0.0))
+        panels.append(Panel(f"found [{fine_unit}]", lines, 110, least=0.0))
     if np.isfinite(error):
-        change = f"{style.number(fit.heldout.rmse_before)} to {style.number(error)} {unit}"
+        change = f"{style.number(fine * fit.heldout.rmse_before)} to {style.number(fine * error)} {fine_unit}"
         fallen = "falls" if error < fit.heldout.rmse_before else "goes"
         title = f"The error of {style.label(response)} on what was held out {fallen} from {change}"
     else:
@@ -88,7 +96,7 @@ def evidence(found: Diagnosis) -> go.Figure:
                 orientation="h",
                 name=text,
                 marker={"color": colour},
-                text=[f" p = {style.number(one.p_value, 2)}" for one in part],
+                text=[p_words(one.p_value, " p = ").replace("<", "&lt;") for one in part],
                 textposition="outside",
                 cliponaxis=False,
                 customdata=[[style.label(one.channel), style.label(one.note, 60)] for one in part],
@@ -194,4 +202,4 @@ def _relative(found: Diagnosis, one: Detectable) -> float | None:
 
 
 def _size(one: Detectable) -> str:
-    return f"{style.number(one.size)} {unit_words(one.unit)}"
+    return amount(one.size, one.unit)

@@ -12,6 +12,7 @@ from selector import __version__
 from selector.controllers.atomic_file import write_whole
 from selector.diagnosis.answer import Diagnosis, Errors, Fit, NamedEffect, Place
 from selector.diagnosis.effects.catalogue import catalogue
+from selector.diagnosis.shown_units import displayed, p_words
 from selector.diagnosis.wording import (
     amount,
     duration_words,
@@ -21,7 +22,6 @@ from selector.diagnosis.wording import (
     quantity_words,
     sure_words,
     suspicion_words,
-    unit_words,
     what_to_do,
 )
 from selector.figures.diagnosis import before_after, detectability, evidence, next_runs, told_apart
@@ -34,6 +34,7 @@ from selector.report.tables import Table, remarks_of, table
 from selector.report.wording import label_of
 
 MOST_PLACES = 60
+_UNTESTED = "not testable here"
 _MAP = (
     "Orange: more was recorded than simulated; blue: less. In grey what the machine did, from its lowest (light) "
     "to its highest value (dark)."
@@ -100,7 +101,7 @@ def diagnosis_html(
         for one in found.findings
     )
     apart, runs, missed = told_apart(found), next_runs(found), detectability(found)
-    is_tested = bool(found.evidence)
+    is_tested = any(not one.note.startswith(_UNTESTED) for one in found.evidence)
     values: dict[str, Any] = {
         "title": title or ": ".join(["What the simulation left out", *([str(machine)] if machine else [])]),
         "version": __version__,
@@ -119,6 +120,7 @@ def diagnosis_html(
         "recalibration": _recalibration(found),
         "evidence": pictures.add(evidence(found), _EVIDENCE) if is_tested else None,
         "tested": _tested(found),
+        "untested": _untested(found),
         "apart": None if apart is None else pictures.add(apart),
         "runs": None if runs is None else pictures.add(runs),
         "next": _next(found),
@@ -153,7 +155,7 @@ def _effect(found: Diagnosis, effect: NamedEffect) -> dict[str, Any]:
     """What is said of one effect that was named."""
     known = next((one for one in catalogue() if one.id == effect.id), None)
     rows = [[name, quantity_words(quantity)] for name, quantity in effect.parameters.items()]
-    told = [f"{sure_words(effect.confidence)}, p = {number_text(effect.p_value, 2)}"]
+    told = [f"{sure_words(effect.confidence)}, {p_words(effect.p_value, 'p = ')}"]
     told.append(f"{share_text(effect.share)} of the mismatch")
     if effect.suspected:
         told.append(f"suspected: {suspicion_words(found, effect)}")
@@ -217,15 +219,32 @@ def _tested(found: Diagnosis) -> Table | None:
     if not found.evidence:
         return None
     rows, marked = [], []
-    for k, one in enumerate(sorted(found.evidence, key=lambda one: (not one.named, -one.gain))):
-        is_testable = not one.note.startswith("not testable")
-        cells = [number_text(one.gain), number_text(one.p_value, 2)] if is_testable else [NONE, NONE]
+    tested = [one for one in found.evidence if not one.note.startswith(_UNTESTED)]
+    for k, one in enumerate(sorted(tested, key=lambda one: (not one.named, -one.gain))):
+        cells = [number_text(one.gain), p_words(one.p_value)]
         rows.append(
             [one.id, _visible(one.channel), *cells, "named" if one.named else _visible(one.note) or "not named"]
         )
         if one.named:
             marked.append(k)
+    if not rows:
+        return None
     return table(["effect", "response", ">gain", ">p", "what came of it"], rows, marked=marked)
+
+
+def _untested(found: Diagnosis) -> Table | None:
+    """Effects that this record says nothing of, by the reason."""
+    by_reason: dict[tuple[str, str], list[str]] = {}
+    for one in found.evidence:
+        if one.note.startswith(_UNTESTED):
+            by_reason.setdefault((one.note.removeprefix(_UNTESTED).lstrip(" :"), one.id), []).append(one.channel)
+    effects: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+    for (reason, id_), channels in by_reason.items():
+        effects.setdefault((reason, tuple(channels)), []).append(id_)
+    rows = [
+        [_visible(reason), ", ".join(ids), _visible(listed(channels))] for (reason, channels), ids in effects.items()
+    ]
+    return table(["why not", "effects", "response"], rows) if rows else None
 
 
 def _next(found: Diagnosis) -> Table | None:
@@ -250,7 +269,7 @@ def _detectable(found: Diagnosis) -> Table | None:
         [one.id, _visible(one.channel), amount(one.size, one.unit), share_text(one.chance), _visible(one.note)]
         for one in found.detectable
     ]
-    units = listed(sorted({unit_words(one.unit) for one in found.detectable}))
+    units = listed(sorted({displayed(one.unit, one.size)[1] for one in found.detectable}))
     return table(
         ["effect", "response", ">smallest size", ">found in", "remark"], rows, f"Sizes are rms of the course [{units}]."
     )

@@ -59,6 +59,23 @@ def test_an_error_that_does_not_fall_is_said_so():
     assert "does not fall (1.00 and 1.01 µm)" in headline(replace(found, fit=fit))
 
 
+def test_what_another_response_shows_has_its_own_sentence():
+    found = answer()
+    held = found.fit["Y"].heldout
+    assert f"It shows in Y too: the error of Y falls from {held.rmse_before:.2f} to " in headline(found)
+    assert "It shows" not in headline(replace(found, fit={"Z": found.fit["Z"]}))
+
+
+@pytest.mark.parametrize("verdict", ["missing-physics", "miscalibrated"])
+def test_a_simulation_of_the_opposite_sign_is_told_first(verdict):
+    gain = {"gain": Quantity(-1.0, "1", -1.1, -0.9)}
+    found = answer(verdict, recalibration={"Z": gain})
+    assert headline(found).endswith("Z is simulated with the opposite sign: its gain should be −1.00.")
+    assert what_to_do(found)[0].startswith("Turn the sign of the simulation before anything else: Z is")
+    unsure = answer(verdict, recalibration={"Z": {"gain": Quantity(-1.0, "1", -2.1, 0.1)}})
+    assert "sign" not in headline(unsure)
+
+
 def test_nothing_held_out_is_said_and_promises_nothing():
     found = answer(effects=(memory_effect(ZERO, names=("Z", "Y"), channels=("Z",), suspected=True),))
     fit = dict(found.fit)
@@ -144,6 +161,9 @@ def test_durations(seconds, text):
         (9.996, "N", "10.0 N"),
         (1234.5, "rpm", "1230 rpm"),
         (0.05, "1", "0.0500"),
+        (1.97e-6, "m", "1.97 µm"),
+        (0.0123, "m", "12.3 mm"),
+        (2.5, "um/K", "2.50 µm/K"),
     ],
 )
 def test_amounts(value, unit, text):

@@ -38,7 +38,8 @@ def test_the_page_holds_where_what_how_much_why_and_what_is_missed():
         assert heading in text
     for cell in ("2460 s (2100 to 2900)", "30 min", "91 % (80 to 97)", "1 % (−2 to 3)", "0.800 µm"):
         assert cell in page.cells
-    assert "not testable here: no velocity is recorded" in page.cells
+    assert "no velocity is recorded" in page.cells
+    assert "Not testable with this record" in text
     figures = [one for tag, name, one in page.attributes if tag == "div" and name == "id" and one.startswith("figure-")]
     assert len(figures) == 6  # map, two responses, evidence, next run, detectability
 
