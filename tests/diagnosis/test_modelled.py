@@ -10,6 +10,7 @@ import pytest
 from selector.diagnosis.open_model.modelled import Improved, diagnosis_of_model, improved_errors
 from selector.diagnosis.open_model.refitting import refitted
 from selector.diagnosis.open_model.runnable import FunctionModel, OwnModel
+from selector.diagnosis.open_model.step_choice import with_longest_steps
 from selector.errors import InputError
 from selector.physics.drive.model_file import parsed_model_file
 from selector.physics.model_parameters import Parameter
@@ -134,3 +135,15 @@ def test_a_recording_without_a_command_drives_no_axis(axis):
     )
     with pytest.raises(InputError, match="commanded position"):
         diagnosis_of_model(OwnModel("drive", axis_model(AXIS, axis).file, bare), bare)
+
+
+def test_a_model_of_heat_is_searched_with_the_longest_steps_that_nobody_tells():
+    recording = heat_recording()
+    model = heat_model(heat_without("pump"), recording)
+    found = with_longest_steps(model, recording)
+    assert found.step_s >= 2.0 * model.file.run.step_s
+    there, here = found.simulated({}), model.simulated({})
+    for name in ("T1", "T2"):
+        # thermometers rustle by 0.02 K
+        assert np.abs(there.frame[name] - here.frame[name]).max() < 2e-3
+    assert found.text() == model.text()

@@ -16,6 +16,7 @@ from selector.diagnosis.mismatch.location import active_windows
 from selector.diagnosis.open_model.refit_problem import simulated_rows
 from selector.diagnosis.open_model.refitting import Refitted, Say, refitted
 from selector.diagnosis.open_model.runnable import OwnModel, Runnable
+from selector.diagnosis.open_model.step_choice import with_longest_steps
 from selector.diagnosis.open_model.switches import Switch
 from selector.diagnosis.open_model.through_model import ThroughModel, through_model
 from selector.diagnosis.workflow import diagnosis
@@ -123,8 +124,10 @@ def diagnosis_of_model(
         The recordings cannot drive the model, or nothing can be compared.
     """
     say = progress or (lambda done, total, text: None)
-    model, found, starts = runnable, list[_Found](), list[dict[str, float]]()
-    start: Mapping[str, float] = {}
+    say(0, 1000, "steps of the simulation")
+    model = with_longest_steps(runnable, recording, responses=responses, holdout=holdout)
+    found, starts = list[_Found](), list[dict[str, float]]()
+    start: Refitted | None = None
     turns: list[_Turn] = []
     for number in range(_MOST):
         part = _part(say, number / _MOST, (number + 1) / _MOST)
@@ -153,7 +156,7 @@ def diagnosis_of_model(
         model = made[0]
         names = [name for name in switch.parameters if name in model.parameters]
         starts = [earlier | {name: one.parameters[name].value for name in names} for one in made]
-        start = again.values
+        start = again
     return _answer(runnable, turns, found, seed)
 
 
@@ -227,12 +230,13 @@ def _answer(runnable: Runnable, turns: Sequence[_Turn], found: Sequence[_Found],
         verdict = last.answer.verdict if last.answer.verdict == "unexplained" else "nothing-missing"
         if _is_recalibrated(first.refit) or last.answer.verdict == "miscalibrated":
             verdict = "miscalibrated"
+    lacking = [effect.id for effect in beside if not effect.id.startswith("data.")]
     improved = None
     if found and isinstance(last.model, OwnModel):
         improved = Improved(
-            model=last.model.with_values(last.refit.values),
+            model=replace(last.model.with_values(last.refit.values), step_s=None),
             added=tuple(one.effect.id for one in found),
-            not_in_it=tuple(e.id for e in beside if not e.id.startswith("data.")),
+            not_in_it=tuple(lacking),
             refit=last.refit,
         )
     own = {} if first.through is None else first.through.own
@@ -240,8 +244,8 @@ def _answer(runnable: Runnable, turns: Sequence[_Turn], found: Sequence[_Found],
     evidence += [Evidence(id_, mismatch_of, 0.0, 1.0, False, f"not testable here: fitted as {name}")
                  for id_, name in own.items() for mismatch_of in list(mismatch)[:1]]  # fmt: skip
     findings = [*last.answer.findings, _mode(runnable, turns), *first.refit.findings]
-    if beside and runnable.mode == "C":
-        findings.append(_not_in_file([effect.id for effect in beside if not effect.id.startswith("data.")]))
+    if lacking and runnable.mode == "C":
+        findings.append(_not_in_file(lacking))
     where = [
         replace(place, place=effect.place, share=place.share * effect.share)
         for effect in effects

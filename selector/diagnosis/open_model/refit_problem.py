@@ -71,10 +71,19 @@ class RefitProblem:
         kept = ~self.comparison.held_out
         return np.concatenate([part[kept] for part in parts])
 
-    def tangents(self, z: Vector, at: Mapping[str, Vector]) -> dict[str, Matrix]:
-        """Response → change of its course with every parameter, by finite differences, shape (n_rows, n_parameters)."""
+    def tangents(
+        self, z: Vector, at: Mapping[str, Vector], known: Mapping[str, Mapping[str, Vector]] | None = None
+    ) -> dict[str, Matrix]:
+        """Response → change of its course with every parameter, by finite differences, shape (n_rows, n_parameters).
+
+        Those that are `known` (response → parameter) are taken as they are.
+        """
         found = {name: np.zeros((len(self.comparison.time_s), len(self.names))) for name in self.comparison.responses}
-        for k in range(len(self.names)):
+        for k, parameter in enumerate(self.names):
+            if known and all(parameter in known[name] for name in found):
+                for name, columns in found.items():
+                    columns[:, k] = known[name][parameter]
+                continue
             for step in (STEP, -STEP):
                 moved = np.array(z)
                 moved[k] += step

@@ -13,7 +13,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.entrance.alignment import comparison_of
 from selector.diagnosis.evidence.noise import stretches
-from selector.diagnosis.open_model.refit_problem import RefitProblem, noise_of, simulated_rows
+from selector.diagnosis.open_model.refit_problem import RefitProblem, noise_of
 from selector.diagnosis.open_model.runnable import Runnable
 from selector.errors import InputError
 from selector.findings import Finding
@@ -23,6 +23,7 @@ from selector.recording import Recording
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 Say = Callable[[int, int, str], None]
+_Start = tuple[Vector, "_Slopes"]
 
 NAMEPLATE = 0.2
 """Standard deviation of a parameter about what the file says, as a share of it: what name plates are worth."""
@@ -34,6 +35,11 @@ _ROUNDS = 10
 _SETTLED = 0.02
 """Change of a parameter in nameplate units that a new estimate of the noise may make without being followed."""
 _STEPS = 12
+_WITHOUT_SLOPES = 5
+"""Rounds after which finite differences are taken anew, if the fit has not settled before."""
+_USUAL_SLOPES = 2
+_NEAR = 0.1
+"""Way from where finite differences were taken, in nameplate units, within which they hold."""
 _MOST_DIRECTIONS = 8
 
 
@@ -56,6 +62,8 @@ class Refitted:
     runs : int
         How often the simulation was run.
     findings : tuple of Finding
+    slopes : mapping of str to mapping of str to ndarray of shape (n_rows,)
+        Response → parameter → change of its course with the parameter, per unit of the parameter.
     """
 
     nominal: Comparison
@@ -65,6 +73,7 @@ class Refitted:
     left_alone: tuple[str, ...]
     runs: int
     findings: tuple[Finding, ...]
+    slopes: Mapping[str, Mapping[str, Vector]]
 
 
 def refitted(
@@ -74,7 +83,7 @@ def refitted(
     responses: Sequence[str] | None = None,
     holdout: str = "last",
     added: Sequence[Mapping[str, float]] = (),
-    start: Mapping[str, float] | None = None,
+    start: Refitted | None = None,
     progress: Say | None = None,
 ) -> Refitted:
     """The simulation with its own parameters fitted to the recordings, by Levenberg–Marquardt on weighted residuals.
@@ -92,8 +101,8 @@ def refitted(
     added : sequence of mapping of str to float
         Parameters to be fitted beyond those that recalibration changes, of which nothing is known but their bounds:
         where the search may begin. The best one is taken, for the way from one to another may lead uphill.
-    start : mapping of str to float, optional
-        Where to begin with the others; default: where they are.
+    start : Refitted, optional
+        Of the model without what was added: where to begin with the others, and how they change it there.
     progress : callable, optional
         Told how often the simulation was run, how often it may have to be, and what is done.
 
@@ -106,27 +115,31 @@ def refitted(
     starts = [dict(one) for one in added] or [{}]
     extra = starts[0]
     names = tuple(dict.fromkeys([*runnable.refitted, *extra]))
-    most = 1 + 2 * (_STEPS // 2 + 1) * (len(names) + 1)
+    usual = 1 + len(starts) + (_USUAL_SLOPES + 1) * len(names) + 2 * _STEPS
 
     def counted() -> None:
         nonlocal done
         done += 1
         if progress is not None:
-            progress(min(done, most), most, f"run {done} of the simulation, {len(names)} parameters")
+            what = f"fitting {len(names)} parameters: run {done} of about {max(usual, done)} of the simulation"
+            progress(min(done, usual), usual, what)
 
     counted()
     nominal = comparison_of(recording, runnable.simulated({}), responses=responses, holdout=holdout)
     fit = _fit(runnable, nominal, names, extra, counted)
-    z = _best_start(fit, [{**(start or {}), **one} for one in starts])
+    earlier = {} if start is None else start.values
+    z, slopes = _best_start(fit, [{**earlier, **one} for one in starts], start)
     for turn in range(_ROUNDS):
-        courses = fit.courses(z) if names else simulated_rows(nominal, runnable.simulated({}))
+        courses = slopes.courses
         fit = replace(fit, noise=noise_of(fit, courses))
-        before, z = z, _fitted(fit, z, courses)
-        if turn > 0 and np.all(np.abs(z - before) < _SETTLED):
+        before, (z, slopes) = z, _fitted(fit, z, slopes)
+        settled = bool(np.all(np.abs(z - before) < _SETTLED))
+        if settled and bool(np.all(np.abs(z - slopes.taken_at) < _NEAR)):
             break
-    courses = fit.courses(z)
+        if settled or turn % _WITHOUT_SLOPES == _WITHOUT_SLOPES - 1:
+            slopes = _slopes(fit, z, slopes.courses)
+    courses, tangents = slopes.courses, slopes.taken
     fit = replace(fit, noise=noise_of(fit, courses))
-    tangents = fit.tangents(z, courses)
     white = fit.white_tangents(tangents)
     inner = white.T @ white + np.diag(np.where(fit.free, 1e-12, 1.0))
     covariance = np.linalg.pinv(inner, hermitian=True)
@@ -143,7 +156,10 @@ def refitted(
         tangents=_directions(fit, tangents, white, sd < _UNDETERMINED),
     )
     findings = [*_pulled(fit, z, sd, extra), *_told(left_alone, runnable)]
-    return Refitted(nominal, comparison, values, quantities, left_alone, done, tuple(findings))
+    by_name = {
+        response: dict(zip(names, (columns / fit.spread).T, strict=True)) for response, columns in tangents.items()
+    }
+    return Refitted(nominal, comparison, values, quantities, left_alone, done, tuple(findings), by_name)
 
 
 def _fit(
@@ -179,44 +195,105 @@ def _spread(one: Parameter, name: str, runnable: Runnable, extra: Mapping[str, f
     return NAMEPLATE * abs(one.value)
 
 
-def _best_start(fit: RefitProblem, starts: Sequence[Mapping[str, float]]) -> Vector:
+@dataclass(frozen=True, eq=False)
+class _Slopes:
+    """Courses at a point, and how they change there: by finite differences elsewhere, mended by every step since.
+
+    Attributes
+    ----------
+    at, taken_at : ndarrays of shape (n_parameters,)
+        Where the courses are; where the finite differences were taken.
+    courses : mapping of str to ndarray of shape (n_rows,)
+    taken, tangents : mapping of str to ndarray of shape (n_rows, n_parameters)
+        Finite differences, and the same as mended since.
+    """
+
+    at: Vector
+    taken_at: Vector
+    courses: Mapping[str, Vector]
+    taken: Mapping[str, Matrix]
+    tangents: Mapping[str, Matrix]
+
+    def moved(self, z: Vector, courses: Mapping[str, Vector]) -> _Slopes:
+        """At another point, so that they say what the step did (C. G. Broyden 1965, Math. Comp. 19, 577–593)."""
+        step = z - self.at
+        length = float(step @ step)
+        if length == 0.0:
+            return replace(self, courses=courses)
+        tangents = {
+            name: columns + np.outer(courses[name] - self.courses[name] - columns @ step, step / length)
+            for name, columns in self.tangents.items()
+        }
+        return replace(self, at=z, courses=courses, tangents=tangents)
+
+
+def _slopes(
+    fit: RefitProblem, z: Vector, courses: Mapping[str, Vector], known: Mapping[str, Mapping[str, Vector]] | None = None
+) -> _Slopes:
+    taken = fit.tangents(z, courses, known)
+    return _Slopes(z, z, courses, taken, taken)
+
+
+def _best_start(fit: RefitProblem, starts: Sequence[Mapping[str, float]], earlier: Refitted | None) -> _Start:
     """The start from which one step of all parameters that are not `free` leads lowest."""
     found = [
         np.clip([(one.get(name, c) - c) / s for name, c, s in zip(fit.names, fit.centre, fit.spread, strict=True)],
                 *fit.limits)
         for one in starts
     ]  # fmt: skip
+    courses = fit.courses(found[0])
+    slopes = _slopes(fit, found[0], courses, _known(fit, earlier))
     if len(found) == 1:
-        return np.asarray(found[0])
-    weighed = replace(fit, noise=noise_of(fit, fit.courses(found[0])))
-    best, least = found[0], np.inf
+        return found[0], slopes
+    weighed = replace(fit, noise=noise_of(fit, courses))
+    columns = weighed.white_tangents(slopes.tangents)[:, ~fit.free]
+    best, least = slopes, np.inf
     for z in found:
         try:
-            courses = weighed.courses(z)
-            columns = weighed.white_tangents(weighed.tangents(z, courses))[:, ~fit.free]
             held = z[~fit.free]
             inner = columns.T @ columns + np.eye(len(held))
+            courses = weighed.courses(z)
             z[~fit.free] += np.linalg.solve(inner, columns.T @ weighed.white(courses) - held)
             z = np.clip(z, *fit.limits)
-            cost = float((weighed.white(weighed.courses(z)) ** 2).sum() + (z[~fit.free] ** 2).sum())
+            courses = weighed.courses(z)
         except InputError:
             continue
+        cost = float((weighed.white(courses) ** 2).sum() + (z[~fit.free] ** 2).sum())
         if cost < least:
-            best, least = z, cost
-    return np.asarray(best)
+            best, least = replace(slopes, at=z, courses=courses), cost
+    # what was added changes the courses elsewhere in another way
+    known = {
+        name: {parameter: columns[:, k] for k, parameter in enumerate(fit.names) if not fit.free[k]}
+        for name, columns in best.taken.items()
+    }
+    return best.at, _slopes(fit, best.at, best.courses, known)
 
 
-def _fitted(fit: RefitProblem, z: Vector, courses: Mapping[str, Vector]) -> Vector:
-    """Parameters with the smallest weighted residual, in standard deviations of the nameplate."""
+def _known(fit: RefitProblem, earlier: Refitted | None) -> dict[str, dict[str, Vector]]:
+    """Response → parameter → how an earlier fit changed with it, in standard deviations of the nameplate."""
+    if earlier is None or any(
+        name not in earlier.slopes or len(fit.comparison.time_s) != len(earlier.comparison.time_s)
+        for name in fit.comparison.responses
+    ):
+        return {}
+    return {
+        name: {n: earlier.slopes[name][n] * s for n, s in zip(fit.names, fit.spread, strict=True)
+               if n in earlier.slopes[name]}
+        for name in fit.comparison.responses
+    }  # fmt: skip
+
+
+def _fitted(fit: RefitProblem, z: Vector, slopes: _Slopes) -> _Start:
+    """Parameters with the smallest weighted residual, in standard deviations of the nameplate, and slopes there."""
     if not fit.names:
-        return z
+        return z, slopes
     held = np.where(fit.free, 0.0, 1.0)
-    large = 1e3 * float(np.sqrt(np.mean(fit.white(courses) ** 2)) + 1.0)
-    n = len(fit.white(courses))
+    white = fit.white(slopes.courses)
+    large = 1e3 * float(np.sqrt(np.mean(white**2)) + 1.0)
+    latest = {slopes.at.tobytes(): slopes.courses}
+    mended = slopes
 
-    latest: dict[bytes, dict[str, Vector]] = {}
-
-    def at(x: Vector) -> dict[str, Vector]:
+    def at(x: Vector) -> Mapping[str, Vector]:
         if x.tobytes() not in latest:
             courses = fit.courses(x)
             latest.clear()
@@ -228,27 +305,27 @@ def _fitted(fit: RefitProblem, z: Vector, courses: Mapping[str, Vector]) -> Vect
             return np.r_[fit.white(at(x)), held * x]
         except InputError:
             # it runs away there
-            return np.full(n + len(x), large)
+            return np.full(len(white) + len(x), large)
 
-    def slopes(x: Vector) -> Matrix:
-        white = fit.white_tangents(fit.tangents(x, at(x)))
-        return np.vstack([-white, np.diag(held)])
+    def slopes_at(x: Vector) -> Matrix:
+        nonlocal mended
+        mended = mended.moved(np.array(x), at(x))
+        return np.vstack([-fit.white_tangents(mended.tangents), np.diag(held)])
 
     low, high = fit.limits
     inside = np.clip(z, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
-    return np.asarray(
-        least_squares(
-            left,
-            inside,
-            slopes,
-            bounds=(low, high),
-            x_scale="jac",
-            max_nfev=_STEPS,
-            xtol=1e-4,
-            ftol=1e-6,
-            gtol=1e-12,
-        ).x
-    )
+    x = least_squares(
+        left,
+        inside,
+        slopes_at,
+        bounds=(low, high),
+        x_scale="jac",
+        max_nfev=_STEPS,
+        xtol=1e-4,
+        ftol=1e-6,
+        gtol=1e-12,
+    ).x
+    return np.asarray(x), mended.moved(np.asarray(x), at(x))
 
 
 def _directions(

@@ -72,12 +72,15 @@ class OwnModel:
         The runs that drive it.
     columns : mapping
         Values of the columns of files beside it that it refers to.
+    step_s : float, optional
+        Longest internal step of a network or field of heat [s]; default: that of its file.
     """
 
     kind: Kind
     file: Any
     recording: Recording
     columns: Columns = field(default_factory=dict)
+    step_s: float | None = None
 
     @property
     def mode(self) -> Mode:
@@ -155,7 +158,12 @@ class OwnModel:
 
     @cached_property
     def _quiet(self) -> Any:
-        return self._model(_without_noise(self.kind, self.file))
+        file = _without_noise(self.kind, self.file)
+        if self.step_s is not None:
+            plain = copy.deepcopy(plain_values(file))
+            _put(plain, ("run", "step_s"), self.step_s)
+            file = _checked(self.kind, plain, self.name)
+        return self._model(file)
 
     def _model(self, file: Any) -> Any:
         return _built(self.kind, file, self.columns)

@@ -10,6 +10,7 @@ which holds like a spring until it has turned over within the presliding distanc
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -26,6 +27,11 @@ Vector = NDArray[np.float64]
 FORCE_ROLES = ("current", "force", "voltage")
 PRESLIDING_M = (1e-6, 2e-6, 4e-6, 8e-6, 1.6e-5, 3.2e-5)
 _STEP_PER_POLE = 0.4
+MOST_SUBSTEPS = 100
+"""Steps within a period. What is so quick that it would need more is over before the next sample, and none shows it."""
+_QUICK_LAG = 1.0 / MOST_SUBSTEPS
+"""Part of a period below which a lag is none: the force is where it settles."""
+_PIECE_ROWS = 100_000
 _MOST_LEFT = 0.06
 """A simulated force of which control and mechanics leave more than this (rms) is made in another way."""
 _NO_INTEGRAL = 1e-3
@@ -76,10 +82,27 @@ class SimulatedAxis:
         return np.asarray(np.roots(polynomial), dtype=np.complex128)
 
     def substeps(self, period_s: float) -> int:
-        """Steps within a period that follow its poles, and the spring that friction is."""
+        """Steps within a period that follow its poles, and the spring that friction is; no more than MOST_SUBSTEPS.
+
+        A stiffer spring is taken at the end of the step, so that it holds as if it did not give way.
+        """
         holds = float(np.sqrt(self.dry_m_per_s2 * self.stiffens_per_m.max()))
-        fastest = max(float(np.sort(np.abs(self.poles_per_s))[:3].max()), holds)
-        return max(1, int(np.ceil(fastest * period_s / _STEP_PER_POLE)))
+        fastest = max(self.fastest_per_s, holds)
+        return int(np.clip(np.ceil(fastest * period_s / _STEP_PER_POLE), 1, MOST_SUBSTEPS))
+
+    @property
+    def fastest_per_s(self) -> float:
+        """Pace of its fastest pole, but for the lag behind a control with an integral part, which needs no steps."""
+        return float(np.sort(np.abs(self.poles_per_s))[:3].max())
+
+    def is_shown(self, period_s: float) -> bool:
+        """Whether samples a period apart can have told it: it comes to rest, and not long before the next sample."""
+        poles = self.poles_per_s
+        return (
+            len(poles) > 0
+            and float(poles.real.max()) < 0.0
+            and self.fastest_per_s * period_s <= _STEP_PER_POLE * MOST_SUBSTEPS
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +160,7 @@ def _of_rows(
         return None
     stiffens, forgets = _linearised(moving, distance)
     found = SimulatedAxis(*told, viscous / mass, max(dry / mass, 0.0), distance, stiffens, forgets)
-    return found if float(np.max(found.poles_per_s.real)) < 0.0 else None
+    return found if found.is_shown(comparison.period_s) else None
 
 
 def _of_mechanics(
@@ -194,7 +217,7 @@ def _controlled(comparison: Comparison, error: Vector, command: Vector) -> list[
 
 def _checked(comparison: Comparison, fit: Vector, yields: float) -> tuple[tuple[float, float, float], float, float]:
     lag = -float(fit[-1])
-    possible = 0.0 <= lag <= _LONGEST_LAG_PERIODS * comparison.period_s
+    possible = _QUICK_LAG <= lag / comparison.period_s <= _LONGEST_LAG_PERIODS
     c2, c1, c0 = (-float(value) for value in fit[:3])
     has_integral = abs(c0 * c2) > _NO_INTEGRAL * c1**2
     return (c2, c1, c0 if has_integral else 0.0), lag if possible else 0.0, yields
@@ -231,19 +254,32 @@ def pushed(comparison: Comparison, axis: SimulatedAxis, push: Vector, yield_s2: 
     """
     way, speed, acceleration, countered = np.zeros((4, len(push)))
     for _, rows in comparison.rows_of_runs():
-        _stepped(
-            push[rows], comparison.time_s[rows], np.array(axis.control), axis.lag_s, axis.viscous_per_s,
-            axis.dry_m_per_s2, axis.stiffens_per_m[rows], axis.forgets_per_s[rows], yield_s2,
-            axis.substeps(comparison.period_s), way[rows], speed[rows], acceleration[rows], countered[rows],
-        )  # fmt: skip
+        state = np.zeros(5)
+        for piece in pieces(rows):
+            _stepped(
+                push[piece], comparison.time_s[piece], np.array(axis.control), axis.lag_s, axis.viscous_per_s,
+                axis.dry_m_per_s2, axis.stiffens_per_m[piece], axis.forgets_per_s[piece], yield_s2,
+                axis.substeps(comparison.period_s), state, way[piece], speed[piece], acceleration[piece],
+                countered[piece],
+            )  # fmt: skip
     return Pushed((way, speed, acceleration), countered)
+
+
+def pieces(rows: slice) -> Iterator[slice]:
+    """The rows of a run in pieces of which each begins with the last row of the one before.
+
+    Compiled code does not hear Ctrl-C.
+    """
+    for start in range(rows.start, max(rows.stop - 1, rows.start + 1), _PIECE_ROWS):
+        yield slice(start, min(start + _PIECE_ROWS + 1, rows.stop))
 
 
 @njit(cache=True, nogil=True)
 def _stepped(  # type: ignore[no-untyped-def]
-    push, time_s, control, lag, viscous, dry, stiffens, forgets, yields, substeps, way, speed, acceleration, countered
-):
-    x = v = integral = bent = given = 0.0
+    push, time_s, control, lag, viscous, dry, stiffens, forgets, yields, substeps, state,
+    way, speed, acceleration, countered,
+):  # fmt: skip
+    x, v, integral, bent, given = state
     for k in range(1, len(push)):
         h = (time_s[k] - time_s[k - 1]) / substeps
         half = 0.5 * h
@@ -272,3 +308,4 @@ def _stepped(  # type: ignore[no-untyped-def]
             v = 2.0 * middle - v
         way[k], speed[k], countered[k] = x + yields * (push[k] - dry * bent), v, given
         acceleration[k] = push[k] - given - viscous * v - dry * bent
+    state[:] = x, v, integral, bent, given

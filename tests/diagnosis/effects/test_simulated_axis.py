@@ -7,10 +7,10 @@ import pytest
 
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.drive._leads import leads
-from selector.diagnosis.effects.drive._limit import held_back_axis
-from selector.diagnosis.shapes.force_response import closed_loop, felt, passed
+from selector.diagnosis.effects.drive._limit import held_back, held_back_axis
+from selector.diagnosis.shapes.force_response import ClosedLoop, closed_loop, felt, passed
 from selector.diagnosis.shapes.motion import motion
-from selector.diagnosis.shapes.simulated_axis import pushed, simulated_axis
+from selector.diagnosis.shapes.simulated_axis import MOST_SUBSTEPS, pushed, simulated_axis
 from tests.diagnosis.effects.drive_axis import PAIRS, VISCOUS_ONLY, WITH_FRICTION, Noise, compared, replace
 
 QUIET = Noise(0.0, 0.0, 0.0)
@@ -153,3 +153,33 @@ def test_a_current_alone_tells_the_loop_unless_it_is_worked_out_from_the_motion(
     moving = motion(alone, "X")
     worked_out = 0.9 * moving.acceleration_m_per_s2 + 2.4 * moving.velocity_m_per_s
     assert closed_loop(replace(alone, simulated={"I": worked_out}), "X") is None
+
+
+def test_what_is_far_quicker_than_the_samples_costs_no_more_than_they_can_show():
+    comparison = compared(WITH_FRICTION, WITH_FRICTION, seed=1, noise=QUIET)
+    axis, period = simulated_axis(comparison, "X"), comparison.period_s
+    assert axis.is_shown(period)
+    # a control without reset, whose lag of 5 ps made 5e8 steps of every sample
+    quick = replace(axis, control=(*axis.control[:2], 0.0), lag_s=5e-12)
+    assert not quick.is_shown(period)
+    stiff = replace(axis, dry_m_per_s2=1e12)
+    assert quick.substeps(period) == stiff.substeps(period) == MOST_SUBSTEPS
+    push = np.sin(20.0 * comparison.time_s)
+    held, loose = (np.abs(pushed(comparison, one, push).motion[0]).max() for one in (stiff, axis))
+    assert held < 1e-3 * loose
+    for found in held_back_axis(comparison, stiff, push, 0.8, winds_up=False):
+        assert np.isfinite(found).all()
+    fast = ClosedLoop((1.0, 1e9, 1e15), 0.0)
+    for found in held_back(comparison, fast, push, 0.8, winds_up=True):
+        assert np.isfinite(found).all()
+
+
+def test_a_run_in_pieces_is_the_run(monkeypatch):
+    comparison = compared(WITH_FRICTION, WITH_FRICTION, seed=1, noise=QUIET)
+    axis, push = simulated_axis(comparison, "X"), np.sin(20.0 * comparison.time_s)
+    whole = pushed(comparison, axis, push), held_back_axis(comparison, axis, push, 0.8, winds_up=True)
+    monkeypatch.setattr("selector.diagnosis.shapes.simulated_axis._PIECE_ROWS", 333)
+    parts = pushed(comparison, axis, push), held_back_axis(comparison, axis, push, 0.8, winds_up=True)
+    np.testing.assert_array_equal(parts[0].motion, whole[0].motion)
+    np.testing.assert_array_equal(parts[0].countered, whole[0].countered)
+    np.testing.assert_array_equal(parts[1], whole[1])

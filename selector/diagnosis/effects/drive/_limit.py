@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.shapes.force_response import ClosedLoop
 from selector.diagnosis.shapes.signals import rate
-from selector.diagnosis.shapes.simulated_axis import SimulatedAxis
+from selector.diagnosis.shapes.simulated_axis import MOST_SUBSTEPS, SimulatedAxis, pieces
 
 Vector = NDArray[np.float64]
 
@@ -30,13 +30,22 @@ def held_back(
 
     With `winds_up` the integral part of the control runs on while the force is at its limit, else it waits.
     """
+    # what is over long before the next sample may as well take a part of that time
+    quickest = MOST_SUBSTEPS * _SUBSTEPS_PER_POLE / comparison.period_s
+    poles = np.roots(loop.polynomial)
+    poles = poles * np.minimum(1.0, quickest / np.maximum(np.abs(poles), 1e-300))
     # a loop without an integral part has no α₀
-    alpha = np.array([*loop.polynomial[1:], *[0.0] * (3 - loop.order)])
-    fastest = float(np.max(np.abs(np.roots(loop.polynomial))))
-    substeps = max(1, int(np.ceil(fastest * comparison.period_s / _SUBSTEPS_PER_POLE)))
+    alpha = np.array([*np.real(np.poly(poles))[1:], *[0.0] * (3 - loop.order)])
+    fastest = float(np.max(np.abs(poles)))
+    substeps = int(np.clip(np.ceil(fastest * comparison.period_s / _SUBSTEPS_PER_POLE), 1, MOST_SUBSTEPS))
     lacking, behind = np.zeros(len(force)), np.zeros(len(force))
     for _, rows in comparison.rows_of_runs():
-        _stepped(force[rows], comparison.time_s[rows], alpha, limit, winds_up, substeps, lacking[rows], behind[rows])
+        state = np.zeros(3)
+        for part in pieces(rows):
+            _stepped(
+                force[part], comparison.time_s[part], alpha, limit, winds_up, substeps, state, lacking[part],
+                behind[part],
+            )  # fmt: skip
     return lacking, behind
 
 
@@ -57,19 +66,21 @@ def held_back_axis(
     control = np.array([c2, position_gain, reset, axis.lag_s, axis.viscous_per_s, axis.dry_m_per_s2])
     lacking, behind = np.zeros(len(asked)), np.zeros(len(asked))
     for _, rows in comparison.rows_of_runs():
-        _held(
-            asked[rows], comparison.time_s[rows], control, axis.stiffens_per_m[rows],
-            axis.forgets_per_s[rows], limit, winds_up, axis.substeps(comparison.period_s), lacking[rows], behind[rows],
-        )  # fmt: skip
+        state = np.zeros(5)
+        for part in pieces(rows):
+            _held(
+                asked[part], comparison.time_s[part], control, axis.stiffens_per_m[part], axis.forgets_per_s[part],
+                limit, winds_up, axis.substeps(comparison.period_s), state, lacking[part], behind[part],
+            )  # fmt: skip
     return lacking, behind
 
 
 @njit(cache=True, nogil=True)
 def _held(  # type: ignore[no-untyped-def]
-    asked, time_s, control, stiffens, forgets, limit, winds_up, substeps, lacking, behind
+    asked, time_s, control, stiffens, forgets, limit, winds_up, substeps, state, lacking, behind
 ):
     gain, position_gain, reset, lag, viscous, dry = control
-    way = speed = integral = given = bent = 0.0
+    way, speed, integral, given, bent = state
     for k in range(1, len(asked)):
         step = (time_s[k] - time_s[k - 1]) / substeps
         quick = step / (lag + step)
@@ -86,16 +97,25 @@ def _held(  # type: ignore[no-untyped-def]
             turned = bent + step * (stiffens[k] * speed - forgets[k] * bent)
             if forgets[k] * step > 0.5:
                 turned = (bent + step * stiffens[k] * speed) / (1.0 + step * forgets[k])
-            bent = turned
-            speed += step * (given - viscous * speed - dry * bent)
+            spring = dry * stiffens[k] * step**2
+            if spring > 0.25:
+                # stiffer than the steps can follow: taken at the end of the step, where it holds
+                soft = 1.0 / (1.0 + step * forgets[k])
+                pushed = speed + step * (given - viscous * speed - dry * soft * bent)
+                speed = pushed / (1.0 + soft * spring)
+                bent = soft * (bent + step * stiffens[k] * speed)
+            else:
+                bent = turned
+                speed += step * (given - viscous * speed - dry * bent)
             way += step * speed
         lacking[k] = given
         behind[k] = way
+    state[:] = way, speed, integral, given, bent
 
 
 @njit(cache=True, nogil=True)
-def _stepped(force, time_s, alpha, limit, winds_up, substeps, lacking, behind):  # type: ignore[no-untyped-def]
-    way = speed = integral = 0.0
+def _stepped(force, time_s, alpha, limit, winds_up, substeps, state, lacking, behind):  # type: ignore[no-untyped-def]
+    way, speed, integral = state
     for k in range(1, len(force)):
         step = (time_s[k] - time_s[k - 1]) / substeps
         for j in range(substeps):
@@ -108,3 +128,4 @@ def _stepped(force, time_s, alpha, limit, winds_up, substeps, lacking, behind): 
             way += speed * step
             lacking[k] = given - asked
         behind[k] = way
+    state[:] = way, speed, integral
