@@ -118,7 +118,8 @@ def unexplained(
     for one, other in combinations(stacks, 2):
         both = seen_in_both(rows[one], rows[other])
         if any(len(here) for here in both):
-            pair = in_common(*(_white_spectrum(stacks[name], both, noises[name]) for name in (one, other)))
+            spectra = (_white_spectrum(stacks[name], both, noises[name]) for name in (one, other))
+            pair = in_common(*spectra, wanders=wanders)
             found.append((max((one, other), key=lambda name: _contrast(stacks[name][0])), pair))
     if not found:
         return ()

@@ -91,8 +91,11 @@ def standardised(statistic: Vector) -> Vector:
     return np.asarray((statistic - middle) / max(high - middle, 1e-12))
 
 
-def in_common(first: Spectrum, second: Spectrum) -> Tested:
-    """More in common between two responses at long scales than their noise has; whitened spectra of the same rows."""
+def in_common(first: Spectrum, second: Spectrum, *, wanders: bool) -> Tested:
+    """More in common between two responses at long scales than their noise has; whitened spectra of the same rows.
+
+    Where noise `wanders` its power says nothing, and it is the coherence that does; otherwise the common power.
+    """
     frequency = first.frequency
     slow = np.flatnonzero(frequency < 2.0 / LONGEST_NOISE_PERIOD)
     slow = slow[np.argsort(frequency[slow], kind="stable")]
@@ -101,12 +104,12 @@ def in_common(first: Spectrum, second: Spectrum) -> Tested:
     found, width = [], 4
     while width <= len(slow):
         start = np.arange(0, len(slow) - width + 1, max(1, width // 4))
-        powers = [of[:, start + width] - of[:, start] for of in (own, others)]
-        coherence = np.abs(product[:, start + width] - product[:, start]) ** 2 / np.maximum(
-            powers[0] * powers[1], 1e-300
-        )
-        # Of noise, 1 less the coherence of n bins has the distribution of the (n − 1)th root of a uniform value.
-        amount = -(width - 1.0) * np.log(np.maximum(1.0 - coherence, 1e-12))
+        amount = np.abs(product[:, start + width] - product[:, start]) / np.sqrt(width)
+        if wanders:
+            powers = [of[:, start + width] - of[:, start] for of in (own, others)]
+            coherence = width * amount**2 / np.maximum(powers[0] * powers[1], 1e-300)
+            # Of noise, 1 less the coherence of n bins has the distribution of the (n − 1)th root of a uniform value.
+            amount = -(width - 1.0) * np.log(np.maximum(1.0 - coherence, 1e-12))
         at = start[int(np.argmax(amount[0]))]
         band = (float(frequency[slow[at]]), float(frequency[slow[at + width - 1]]))
         found.append(Tested("common", amount.max(axis=1), frequency=band))
