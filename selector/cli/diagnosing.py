@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from selector.diagnosis.answer import Diagnosis, Fit, NamedEffect, Place
     from selector.diagnosis.comparison import Comparison
     from selector.diagnosis.open_model.modelled import Improved
+    from selector.readers import Reading
 
 _SIMULATION = "What it is compared with"
 
@@ -109,7 +110,7 @@ def diagnose(
     )
     if out is not None:
         require_writable_folder(out, "--out")
-    from selector.cli.diagnosis_files import correction_told, earlier_answer, require_replaceable
+    from selector.cli.diagnosis_files import correction_told, earlier_answer, provenance, require_replaceable
 
     if out is not None:
         require_replaceable(out, with_model=model is not None)
@@ -117,20 +118,23 @@ def diagnose(
     with progress_bar(as_json) as progress:
         progress("reading", 0.0)
         say = _in_steps(progress)
-        improved = None
+        improved, simulated = None, None
+        recorded = source.reading()
         if model is not None:
-            found, improved = _of_model(source, model, response, holdout, seed, false_alarm, say)
+            found, improved = _of_model(recorded, model, response, holdout, seed, false_alarm, say)
         else:
             from selector.diagnosis.workflow import diagnosis
 
-            comparison = compared(source, simulation, simulation_time_unit, response, holdout)
+            comparison, simulated = compared(source, recorded, simulation, simulation_time_unit, response, holdout)
             found = diagnosis(comparison, seed=seed, false_alarm=false_alarm, progress=say)
         found, correction = correction_told(found, improved)
         if out is not None:
             progress("writing", 1.0)
             require_replaceable(out, with_model=model is not None)
             with folder_written_whole(out, earlier_answer(out)) as folder:
-                written = write_results(found, folder, improved, correction)
+                asked = {"holdout": holdout, "false alarm": f"{false_alarm:g}", "response": response}
+                told = provenance(recorded, simulated, model, asked)
+                written = write_results(found, folder, improved, correction, told, recorded.description())
     if as_json:
         showing.print_json(found.as_dict())
     else:
@@ -141,12 +145,13 @@ def diagnose(
 
 def compared(
     source: Source,
+    recorded: Reading,
     simulation: list[Path] | None,
     time_unit: str | None = None,
     responses: list[str] | None = None,
     holdout: str = "last",
-) -> Comparison:
-    """The recordings of a command line beside their simulation.
+) -> tuple[Comparison, Reading]:
+    """The recordings of a command line beside their simulation, and how that was read.
 
     Raises
     ------
@@ -163,18 +168,23 @@ def compared(
             where="--simulation",
             advice="add --simulation PATH with a folder, or once for each file; or --model MODEL.toml",
         )
-    recorded = source.reading()
     simulated = simulated_reading(simulation, recorded, source.overrides(), time_unit)
     comparison = comparison_of(recorded.recording, simulated.recording, responses=responses or None, holdout=holdout)
     told = [dataclasses.replace(f, statement=f"Simulation: {f.statement}") for f in simulated.findings]
     said = [finding for finding in told if finding.id not in ("columns-ignored", "channels-lacking")]
     if not responses:
         said += not_simulated(recorded.recording, simulated.recording, comparison.responses)
-    return dataclasses.replace(comparison, findings=(*recorded.findings, *said, *comparison.findings))
+    findings = (*recorded.findings, *said, *comparison.findings)
+    return dataclasses.replace(comparison, findings=findings), simulated
 
 
 def write_results(
-    found: Diagnosis, folder: Path, improved: Improved | None = None, correction: ModelFile | None = None
+    found: Diagnosis,
+    folder: Path,
+    improved: Improved | None = None,
+    correction: ModelFile | None = None,
+    provenance: dict[str, Any] | None = None,
+    description: dict[str, Any] | None = None,
 ) -> list[str]:
     """diagnosis.json, report.html, and the improved model or a correction, into a folder; their names."""
     from selector.cli.diagnosed_model import write_improved
@@ -187,12 +197,12 @@ def write_results(
     written += write_correction(found, improved, correction, folder)
     text = showing.json_text(found.as_dict()) + "\n"
     (folder / "diagnosis.json").write_text(text, encoding="utf-8", newline="\n")
-    write_diagnosis_report(found, folder / "report.html")
+    write_diagnosis_report(found, folder / "report.html", provenance=provenance, description=description)
     return written
 
 
 def _of_model(
-    source: Source,
+    reading: Reading,
     model: Path,
     responses: list[str] | None,
     holdout: str,
@@ -203,7 +213,6 @@ def _of_model(
     """The diagnosis of a model that can be run again, and the improved one."""
     from selector.cli.diagnosed_model import diagnosed_model
 
-    reading = source.reading()
     done = diagnosed_model(model, reading.recording, responses, holdout, seed, false_alarm, say)
     answer = dataclasses.replace(done.answer, findings=(*reading.findings, *done.answer.findings))
     return answer, done.improved

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
     from selector.controllers.model_file import ModelFile
     from selector.diagnosis.answer import Diagnosis
     from selector.diagnosis.open_model.modelled import Improved
+    from selector.readers import Reading
 
 _CORRECTION = "selector.correction/1"
 _BEGINNING_BYTES = 4000
@@ -86,6 +88,23 @@ def _correction(found: Diagnosis) -> dict[str, Any]:
         },
         "runs": runs,
     }
+
+
+def provenance(
+    recorded: Reading, simulated: Reading | None, model: Path | None, options: dict[str, Any]
+) -> dict[str, Any]:
+    """Files with their SHA-256, and what was asked, as the report shows them."""
+    from selector.cli.material import provenance_of
+    from selector.readers.names import printable_name
+
+    told = provenance_of(recorded)
+    if simulated is not None:
+        told["runs"] |= {f"{run}, simulated": entry for run, entry in provenance_of(simulated)["runs"].items()}
+    asked = {name: value for name, value in options.items() if value}
+    if model is not None:
+        asked["model"] = printable_name(model.name)
+        asked["SHA-256 of the model"] = hashlib.sha256(model.read_bytes()).hexdigest()
+    return told | asked
 
 
 def require_replaceable(folder: Path, *, with_model: bool) -> None:

@@ -58,6 +58,8 @@ class NamedEffect:
         Run, begin and end [s from its start; None: of the run] of what acts in a part of one run only.
     is_fitted : bool
         Whether the improved model of `Fit` holds its courses; a fault that is only told, or left out, is not in it.
+    sources : tuple of str
+        Channels that its courses were made of.
     """
 
     id: str
@@ -75,6 +77,7 @@ class NamedEffect:
     courses: Mapping[str, Vector] = field(default_factory=dict)
     acts: tuple[str, float | None, float | None] | None = None
     is_fitted: bool = False
+    sources: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         real = {name: quantity.with_real_interval() for name, quantity in self.parameters.items()}

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from selector.diagnosis.answer import Diagnosis
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.shapes.signals import course
+from selector.diagnosis.wording import amount
 from selector.figures import style
 from selector.figures.run_axis import RunAxis
 
@@ -36,25 +37,28 @@ def mismatch_map(found: Diagnosis) -> go.Figure:
     axis = RunAxis(comparison)
     unit, seconds = style.time_unit(axis.end_s)
     responses = [name for name in comparison.responses if name in found.fit]
-    states = _states(comparison)
+    causes = [name for effect in found.effects for name in effect.sources]
+    states = _states(comparison, causes)
     height = _ROW_PX * max(len(responses), 1) + (24 + 20 * len(states) if states else 0)
     drawn = style.figure(_title(found), height)
     top = int(drawn.layout.margin.t)
     drawn.update_layout(height=top + height + 50, margin={"b": 50, "r": 90}, showlegend=False)
     edges = _edges(comparison, axis)
-    cells, texts = [], []
+    cells, texts, labels = [], [], []
     for name in responses:
         left = comparison.recorded[name] - found.fit[name].recalibrated
         scale = float(np.sqrt(np.nanmean(left**2))) or 1.0
         values = _binned(axis, left, edges)
         cells.append(np.clip(values / scale, -_LIMIT, _LIMIT))
         texts.append(values)
+        labels.append(f"{style.label(name, 16)}<br>{amount(scale, found.fit[name].unit)} rms")
     split = 0.0 if not states else (20 * len(states)) / height
+    scale_part = 1.0 - split if len(responses) > 1 else 1.0
     middles = 0.5 * (edges[1:] + edges[:-1]) / seconds
     drawn.add_heatmap(
         x=middles, y=list(range(len(responses))), z=np.array(cells), customdata=np.array(texts), zmin=-_LIMIT,
         zmax=_LIMIT, colorscale=[list(stop) for stop in _SCALE], ygap=3, yaxis="y",
-        colorbar={"title": {"text": "× rms", "side": "top"}, "len": 1.0 - split, "y": 1.0, "yanchor": "top",
+        colorbar={"title": {"text": "× rms", "side": "top"}, "len": scale_part, "y": 1.0, "yanchor": "top",
                   "thickness": 12, "tickvals": [-2, 0, 2], "ticktext": ["−2", "0", "+2"], "x": 1.01},
         hovertemplate="%{customdata:.4g}: recorded − simulated<extra></extra>",
     )  # fmt: skip
@@ -70,7 +74,7 @@ def mismatch_map(found: Diagnosis) -> go.Figure:
         "domain": [split + (24 / height if states else 0.0), 1.0],
         "anchor": "x",
         "tickvals": list(range(len(responses))),
-        "ticktext": [style.label(name, 16) for name in responses],
+        "ticktext": labels,
         "range": [len(responses) - 0.5, -0.5],
         "showgrid": False,
     }
@@ -100,8 +104,8 @@ def _title(found: Diagnosis) -> str:
     return f"The mismatch sits in {style.listed(channels)}; windows that are named are framed"
 
 
-def _states(comparison: Comparison) -> list[str]:
-    """Channels that say what the machine was doing, the most telling first."""
+def _states(comparison: Comparison, causes: list[str]) -> list[str]:
+    """Channels that say what the machine was doing, the most telling first; the causes that were named are kept."""
     moving = [
         channel
         for channel in comparison.channels
@@ -111,7 +115,11 @@ def _states(comparison: Comparison) -> list[str]:
         > 0
     ]
     moving.sort(key=lambda channel: _STATES.index(channel.role))
-    return [channel.name for channel in moving[:_MOST_STATES]]
+    names = [channel.name for channel in moving]
+    shown = [*(name for name in names if name in causes), *(name for name in names if name not in causes)][
+        :_MOST_STATES
+    ]
+    return [name for name in names if name in shown]
 
 
 def _edges(comparison: Comparison, axis: RunAxis) -> Vector:

@@ -10,7 +10,7 @@ from typing import Any
 
 from selector import __version__
 from selector.controllers.atomic_file import write_whole
-from selector.diagnosis.answer import Diagnosis, Errors, Fit, NamedEffect, Place
+from selector.diagnosis.answer import Diagnosis, Errors, Fit, NamedEffect, Place, recalibration_of
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.shown_units import displayed, p_words
 from selector.diagnosis.wording import (
@@ -36,8 +36,8 @@ from selector.report.wording import label_of
 MOST_PLACES = 60
 _UNTESTED = "not testable here"
 _MAP = (
-    "Orange: more was recorded than simulated; blue: less. In grey what the machine did, from its lowest (light) "
-    "to its highest value (dark)."
+    "Orange: more was recorded than simulated; blue: less; 1 is the rms that stands beside the response. In grey what "
+    "the machine did, from its lowest (light) to its highest value (dark)."
 )
 _BEFORE_AFTER = "The shaded part was held out: nothing was fitted to it, and the error in the title is that part's."
 _EVIDENCE = (
@@ -210,7 +210,7 @@ def _recalibration(found: Diagnosis) -> Table | None:
     rows = [
         [_visible(response), name, quantity_words(quantity)]
         for response, quantities in found.recalibration.items()
-        for name, quantity in quantities.items()
+        for name, quantity in recalibration_of(quantities).items()
     ]
     return table(["response", "of the simulation", ">should be (95 % interval)"], rows) if rows else None
 

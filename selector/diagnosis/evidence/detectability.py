@@ -18,6 +18,7 @@ from selector.diagnosis.evidence.jointly import together
 from selector.diagnosis.evidence.moments import solved
 from selector.diagnosis.evidence.search import Search, numbers
 from selector.diagnosis.evidence.testing import evidence_of, members_of, prices_of, tail_threshold
+from selector.diagnosis.wording import amount
 
 Vector = NDArray[np.float64]
 _LEFT = 1e-3
@@ -99,4 +100,4 @@ def _weakest(shared: Vector, prices: Vector, threshold: float) -> float:
 
 
 def _in_words(parameters: Mapping[str, Quantity]) -> str:
-    return ", ".join(f"{name} {quantity.value:.3g} {quantity.unit}" for name, quantity in parameters.items())
+    return ", ".join(f"{name} {amount(quantity.value, quantity.unit)}" for name, quantity in parameters.items())

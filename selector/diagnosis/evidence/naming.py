@@ -62,6 +62,7 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
         courses=courses,
         acts=_acts(fitted.variant),
         is_fitted=True,
+        sources=fitted.variant.sources,
     )
 
 

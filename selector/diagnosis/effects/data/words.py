@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from selector.diagnosis.shown_units import displayed
+
 _SHOWN = {"um": "µm", "degC": "K", "1": ""}
 
 
@@ -12,4 +14,5 @@ def step_unit(unit: str) -> str:
 
 def amount(value: float, unit: str) -> str:
     """The size of a difference with its unit."""
-    return f"{abs(value):.3g} {_SHOWN.get(unit, unit)}".strip()
+    factor, shown = displayed(_SHOWN.get(unit, unit), value)
+    return f"{abs(factor * value):.3g} {shown}".strip()

@@ -12,6 +12,7 @@ from selector.diagnosis.effects.effect import Fitted, Quantity, ShapeParameter, 
 from selector.diagnosis.shapes.force_response import PLACE_ROLES, guesses, passed, responds, yields_s2
 from selector.diagnosis.shapes.motion import Motion, motion
 from selector.diagnosis.shapes.simulated_axis import FORCE_ROLES, simulated_axis
+from selector.diagnosis.shown_units import displayed
 
 Vector = NDArray[np.float64]
 
@@ -130,17 +131,19 @@ def shape_quantity(fitted: Fitted, name: str) -> Quantity:
 
 def size_of(fitted: Fitted) -> str:
     """How large the effect's course is, in words."""
-    rms, largest = _number(fitted.rms), _number(fitted.largest)
-    return f"{rms} {fitted.unit} rms and up to {largest} {fitted.unit} in {fitted.response}"
+    factor, unit = displayed(fitted.unit, fitted.largest)
+    rms, largest = _number(factor * fitted.rms), _number(factor * fitted.largest)
+    return f"{rms} {unit} rms and up to {largest} {unit} in {fitted.response}"
 
 
 def with_interval(quantity: Quantity, *, amount: bool = False) -> str:
     """Value, interval and unit in words; with `amount` without its sign."""
-    value = abs(quantity.value) if amount else quantity.value
-    unit = "" if quantity.unit == "1" else f" {quantity.unit}"
+    factor, unit = displayed(quantity.unit, quantity.value)
+    value = factor * (abs(quantity.value) if amount else quantity.value)
+    unit = f" {unit}" if unit else ""
     if quantity.low is None or quantity.high is None:
         return f"{_number(value)}{unit}"
-    low, high = quantity.low, quantity.high
+    low, high = factor * quantity.low, factor * quantity.high
     if amount and quantity.value < 0.0:
         low, high = -high, -low
     return f"{_number(value)} ({_number(low)} to {_number(high)}){unit}"

@@ -17,6 +17,7 @@ from selector.diagnosis.effects.drive._forces import (
 )
 from selector.diagnosis.effects.drive._leads import leads
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.shown_units import displayed
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
@@ -48,11 +49,11 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
         lead = shape_quantity(fitted, "lead_mm")
         amount = float(np.hypot(fitted.coefficients[0], fitted.coefficients[1]))
         half = 1.96 * float(np.hypot(fitted.standard_errors[0], fitted.standard_errors[1]))
+        factor, unit = displayed(fitted.unit, amount)
         amplitude = Quantity(amount, fitted.unit, max(amount - half, 0.0), amount + half)
         return Reading(
-            f"The position error repeats every {lead.value:.4g} mm with an amplitude of {amount:.3g} {fitted.unit}, "
-            f"whatever the "
-            f"speed: {size_of(fitted)}.",
+            f"The position error repeats every {lead.value:.4g} mm with an amplitude of {factor * amount:.3g} {unit}, "
+            f"whatever the speed: {size_of(fitted)}.",
             {"lead_mm": lead, "amplitude": amplitude},
         )
     return Reading(
