@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+import threading
+import time
 import tomllib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,7 +18,10 @@ if TYPE_CHECKING:
     from selector.diagnosis.open_model.runnable import Kind, Runnable
     from selector.recording import Recording
 
+Progress = Callable[[int, int, str], None]
+
 _HEAD = "Written by `selector diagnose --model`: the model with what the recordings say was left out."
+_LINE_S = 10.0
 _THERMAL_ROLES = {"spindle_speed_rpm": "spindle_speed", "ambient_degc": "ambient", "coolant_degc": "temperature"}
 
 
@@ -26,7 +32,7 @@ def diagnosed_model(
     holdout: str,
     seed: int,
     false_alarm: float,
-    progress: Callable[[int, int, str], None],
+    progress: Progress,
 ) -> Modelled:
     """The diagnosis of a model file of ours (mode C) or of an FMU (mode B) that the recordings drive.
 
@@ -38,7 +44,7 @@ def diagnosed_model(
     from selector.cli.simulating import named
     from selector.diagnosis.open_model.modelled import diagnosis_of_model
 
-    with named(model), _runnable(model, recording) as runnable:
+    with named(model), _runnable(model, recording) as runnable, _told(progress) as say:
         return diagnosis_of_model(
             runnable,
             recording,
@@ -46,8 +52,34 @@ def diagnosed_model(
             holdout=holdout,
             seed=seed,
             false_alarm=false_alarm,
-            progress=progress,
+            progress=say,
         )
+
+
+@contextmanager
+def _told(progress: Progress) -> Iterator[Progress]:
+    """The progress, and on a stderr that is no terminal, which shows no bar, a line of it every ten seconds."""
+    if sys.stderr.isatty():
+        yield progress
+        return
+    begun, done, latest = time.monotonic(), threading.Event(), ["beginning"]
+
+    def say(step: int, total: int, text: str) -> None:
+        progress(step, total, text)
+        latest[0] = f"about {step / max(total, 1):.0%} done, {text}"
+
+    def write() -> None:
+        while not done.wait(_LINE_S):
+            sys.stderr.write(f"selector: {time.monotonic() - begun:.0f} s: {latest[0]}\n")
+            sys.stderr.flush()
+
+    writer = threading.Thread(target=write, daemon=True)
+    writer.start()
+    try:
+        yield say
+    finally:
+        done.set()
+        writer.join(1.0)
 
 
 def write_improved(improved: Improved, folder: Path) -> Path:

@@ -43,6 +43,7 @@ def test_deleted_friction_is_named_and_its_size_is_found(without_coulomb):
     # 20 N; voltage noise of 0.02 V over some thousand samples leaves 0.1 N
     assert answer.effects[0].parameters["coulomb_n"].value == pytest.approx(20.0, abs=0.3)
     assert answer.verdict == "missing-physics"
+    assert "friction" in answer.headline
     # the whole gap, but for a tenth: everything that was deleted can be put back
     assert all(fit.gap_closed is not None and fit.gap_closed.value > 0.9 for fit in answer.fit.values())
 

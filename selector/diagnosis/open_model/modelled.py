@@ -19,6 +19,7 @@ from selector.diagnosis.open_model.runnable import OwnModel, Runnable
 from selector.diagnosis.open_model.step_choice import with_longest_steps
 from selector.diagnosis.open_model.switches import Switch
 from selector.diagnosis.open_model.through_model import ThroughModel, through_model
+from selector.diagnosis.wording import headline
 from selector.diagnosis.workflow import diagnosis
 from selector.findings import Finding
 from selector.recording import Recording
@@ -263,6 +264,9 @@ def _answer(runnable: Runnable, turns: Sequence[_Turn], found: Sequence[_Found],
         recalibration={**last.answer.recalibration, "model": dict(last.refit.quantities)},
         findings=tuple(findings),
     )
+    if found:
+        # that of the last turn knows nothing of what was put in
+        answer = replace(answer, headline=headline(answer))
     return Modelled(answer, first.refit, improved)
 
 

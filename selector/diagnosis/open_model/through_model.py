@@ -32,7 +32,7 @@ class ThroughModel:
     variants : mapping of str to mapping of str to list of Variant
         Response → effect → shapes.
     switch_of : mapping of int to Switch
-        `id` of a shape → what makes it.
+        `id` of the columns of a shape, which copies of it share → what makes it.
     own : mapping of str to str
         Effects that are parameters which recalibration fits → that parameter.
     """
@@ -62,7 +62,7 @@ class ThroughModel:
 
     def switch(self, variant: Variant) -> Switch | None:
         """What makes this shape; None if it is not of the model."""
-        return self.switch_of.get(id(variant))
+        return self.switch_of.get(id(variant.columns))
 
     def _reading(self, effect: Effect) -> Callable[[Fitted, Comparison], Reading]:
         def reading(fitted: Fitted, comparison: Comparison) -> Reading:
@@ -100,7 +100,7 @@ def through_model(model: OwnModel, fitted: Refitted, *, progress: Say | None = N
             limits = tuple((0.0, np.inf) for _ in switch.sizes) if switch.is_amount else None
             variant = Variant(one, switch.amounts, switch.shape, switch.place, bounds=limits)
             found[name].setdefault(switch.id, []).append(variant)
-            switch_of[id(variant)] = switch
+            switch_of[id(variant.columns)] = switch
     return ThroughModel(at, found, switch_of, own_effects(model))
 
 
