@@ -15,7 +15,7 @@ from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Effect
 from selector.diagnosis.entrance.alignment import comparison_of
 from selector.diagnosis.shapes.signals import filled
-from selector.diagnosis.wording import unit_words
+from selector.diagnosis.shown_units import unit_words
 from selector.figures.panels import shown_samples
 from selector.figures.style import number, time_unit
 from selector.proof.case import Case, Scenario

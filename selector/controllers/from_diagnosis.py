@@ -101,11 +101,11 @@ def _of_response(
         return _fitted(comparison, sources, course)
     fit = _fitted(comparison, sources, course)
     rest = _fitted(comparison, sources, whole.add - course)
-    for terms in (_fitted(comparison, sources, whole.add).terms, (*fit.terms, *rest.terms)):
-        both = _of_terms(comparison, terms, whole.add)
-        missed = both.missed * float(np.sqrt(np.mean(whole.add**2))) / max(size, 1e-300)
-        if missed <= WORST:
-            return replace(both, missed=missed)
+    tried = (_fitted(comparison, sources, whole.add).terms, (*fit.terms, *rest.terms))
+    both = min((_of_terms(comparison, terms, whole.add) for terms in tried), key=lambda one: one.missed)
+    missed = both.missed * float(np.sqrt(np.mean(whole.add**2))) / max(size, 1e-300)
+    if missed <= WORST:
+        return replace(both, missed=missed)
     offset = recalibration["offset"].value if "offset" in recalibration else 0.0
     coefficients = np.array(fit.coefficients)
     coefficients[0] += offset
