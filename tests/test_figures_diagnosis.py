@@ -14,6 +14,7 @@ from selector.figures import style
 from selector.figures.diagnosis import before_after, detectability, evidence, next_runs, told_apart
 from selector.figures.mismatch_map import mismatch_map
 from selector.figures.run_axis import RunAxis
+from selector.recording import Channel
 from tests.diagnosis.answers import END_S, N, answer, memory_effect
 from tests.report.studies import HOSTILE
 from tests.test_figures_thermal import drawn_values, strings_of
@@ -92,6 +93,19 @@ def test_the_runner_up_stands_beside_what_is_named():
     assert style.title_text(drawn) == "thermal.memory gains 212; the runner-up thermal.ambient 31.0"
     bars = {trace.name: list(trace.y) for trace in drawn.data}
     assert bars == {"named": ["thermal.memory"], "not named": ["thermal.ambient", "thermal.convection"]}
+
+
+def test_the_map_draws_what_an_effect_was_made_of_and_says_how_large_its_unit_is():
+    of = FOUND.comparison
+    sensors = [f"S{k}" for k in range(9)]
+    channels = (*of.channels, *(Channel(name, "temperature", "degC") for name in sensors))
+    drift = np.linspace(20.0, 25.0, 3 * N)
+    of = replace(of, channels=channels, recorded={**of.recorded, **dict.fromkeys(sensors, drift)})
+    found = replace(FOUND, comparison=of)
+    assert "S8" not in mismatch_map(found).layout.yaxis2.ticktext
+    named = replace(found, effects=(replace(FOUND.effects[0], sources=("S8",)),))
+    assert "S8" in mismatch_map(named).layout.yaxis2.ticktext
+    assert all(text.endswith("µm rms") for text in mismatch_map(named).layout.yaxis.ticktext)
 
 
 def test_what_can_all_be_told_apart_needs_no_matrix():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from dataclasses import replace
@@ -136,3 +137,15 @@ def test_a_device_and_a_file_too_large_are_no_machine_file(folder, answers, caps
     assert "10 MB" in refused(capsys, [*files, str(large)])
     if Path("/dev/zero").exists():
         assert "device" in refused(capsys, [*files, "/dev/zero"])
+
+
+def test_the_report_tells_files_with_hashes_and_what_was_asked(folder, answers):
+    answers.append(None)
+    out = folder / "answer"
+    assert exit_status(command(folder, "--out", str(out), "--holdout", "r2", "--false-alarm", "0.03")) == 0
+    page = (out / "report.html").read_text(encoding="utf-8")
+    for path in (folder / "r1.csv", folder / "sim" / "r1.csv"):
+        assert hashlib.sha256(path.read_bytes()).hexdigest() in page
+    for part in ("r1, simulated", "r1.csv", "holdout", "0.03"):
+        assert part in page
+    assert str(folder) not in page

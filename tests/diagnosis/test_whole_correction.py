@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import numpy as np
@@ -95,6 +96,17 @@ def test_the_simulation_with_model_json_has_the_promised_error(saved):
         assert "recalibrated" in str(model.provenance.note)
     left = recorded["Z"] - simulated["Z"] - course
     assert rms(left) == pytest.approx(found.fit["Z"].heldout.rmse_after, rel=0.1)
+
+
+def test_what_nothing_held_out_can_check_is_suspected_only(saved):
+    whole = saved[0].comparison
+    z = np.where(whole.held_out, np.nan, whole.recorded["Z"])
+    comparison = dataclasses.replace(whole, recorded={**whole.recorded, "Z": z})
+    found = diagnosis(comparison, effects=[effect_of("thermal.memory")])
+    assert [(effect.id, effect.suspected) for effect in found.effects] == [("thermal.memory", True)]
+    assert found.effects[0].confidence < saved[0].effects[0].confidence
+    assert found.as_dict()["fit"]["Z"]["heldout"]["rmse_after"] is None
+    assert "nothing of Z was held out to check it on" in found.headline
 
 
 def test_the_delay_is_that_of_the_course_of_its_size():
