@@ -59,9 +59,13 @@ def confirmation(comparison: Comparison, found: Search, id: str) -> Confirmation
 
 
 def not_ruinous(comparison: Comparison, found: Search) -> Search:
-    """The search without names that make the error of unseen rows far larger."""
-    kept = {id_: of for id_, of in found.named.items() if _growth(comparison, found, id_) < _RUINED}
-    return replace(found, named=kept)
+    """The search without names that make the error of unseen rows far larger; the least clear one goes first."""
+    while True:
+        ruinous = [id_ for id_ in found.named if _growth(comparison, found, id_) > _RUINED]
+        if not ruinous:
+            return found
+        least = min(ruinous, key=lambda id_: found.standing[id_].score)
+        found = replace(found, named={id_: of for id_, of in found.named.items() if id_ != least})
 
 
 def _growth(comparison: Comparison, found: Search, id: str) -> float:  # noqa: A002 - the contract's word

@@ -70,10 +70,11 @@ SCENARIOS: tuple[Scenario, ...] = (
     _scenario(
         "emps/symmetric",
         "single",
-        "the same with dry friction that is alike in both directions",
+        "the same with dry friction alike in both directions; wind-up and dead time, which its makers saw, may show",
         partial(emps, "symmetric"),
         _truth(
             TrueEffect("drive.asymmetric_friction", ("drive.asymmetric_friction",), _OF_LOOP),
+            *("drive.elasticity", "drive.delay"),
             *_FRICTION_LAW,
         ),
     ),
