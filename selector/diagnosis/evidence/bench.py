@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Variant
-from selector.diagnosis.evidence.moments import Moments, beside, inverse_of, moderated, moments
+from selector.diagnosis.evidence.moments import Moments, all_moderated, beside, inverse_of, moments
 from selector.diagnosis.evidence.noise import NoiseModel, noise_model, stretches, whitened
 from selector.diagnosis.shapes.leftover import least_squares
 from selector.diagnosis.shapes.machine_cycle import MachineCycle, machine_cycle
@@ -237,11 +237,7 @@ class Bench:
         gram = base.T @ base
         inverse = inverse_of(gram)
         beta = inverse @ (base.T @ self.white_target)
-        first = own
-        for v in named:
-            here = slice(first, first + self.counts[v])
-            beta[here] = moderated(beta[here], inverse[here, here])
-            first = here.stop
+        beta = all_moderated(beta, inverse, own, [self.counts[v] for v in named])
         rest = (self.target - self.raw_base(named)[:, own:] @ beta[own:])[self.fitted]
         beta[:own] = least_squares(self.nuisance[self.fitted], rest)
         return beta, inverse

@@ -206,3 +206,13 @@ def moderated(beta: Vector, covariance: Matrix) -> Vector:
         return beta
     spread = np.exp(np.sum(gains * np.log(np.maximum(along**2, 1e-300))) / gains.sum())
     return np.asarray(directions @ (along * spread / (spread + np.maximum(variances, 0.0))))
+
+
+def all_moderated(beta: Vector, covariance: Matrix, own: int, counts: Sequence[int]) -> Vector:
+    """The first `own` coefficients as they are, then those of shapes with so many columns each, `moderated`."""
+    result, first = np.array(beta), own
+    for count in counts:
+        here = slice(first, first + count)
+        result[here] = moderated(beta[here], covariance[here, here])
+        first = here.stop
+    return result

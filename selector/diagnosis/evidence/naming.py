@@ -17,6 +17,7 @@ from selector.diagnosis.evidence.recalibration import Recalibrated
 from selector.diagnosis.evidence.search import Search, numbers
 from selector.diagnosis.evidence.shape_intervals import shape_intervals
 from selector.diagnosis.shapes.input_faults import InputFault
+from selector.diagnosis.shapes.read_inputs import read_by
 
 Vector = NDArray[np.float64]
 _UNCHECKED = 0.9
@@ -50,7 +51,7 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
         id=id_,
         channel=main,
         place=fitted.variant.place,
-        statement=reading.statement,
+        statement=reading.statement + _or_what_it_reads(comparison, id_, main, fitted.variant.sources),
         parameters=reading.parameters,
         confidence=float(np.clip(confidence, 0.01, 0.99)) * (1.0 if is_checked else _UNCHECKED),
         p_value=float(min(1.0, standing.p_value)),
@@ -64,6 +65,17 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
         is_fitted=True,
         sources=fitted.variant.sources,
     )
+
+
+def _or_what_it_reads(comparison: Comparison, id_: str, response: str, sources: Sequence[str]) -> str:
+    """A fault in a reading that drives the simulation looks like one of the response."""
+    if not id_.startswith("data.") or any(name != response for name in sources):
+        return ""
+    read = read_by(comparison, response)
+    if not read:
+        return ""
+    names = ", ".join(read)
+    return f" The simulation of {response} follows {names}: the fault may be in one of these readings instead."
 
 
 def _is_held_out(comparison: Comparison, name: str) -> bool:

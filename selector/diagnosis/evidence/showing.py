@@ -11,6 +11,7 @@ from selector.diagnosis.answer import Errors, Fit
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.evidence.bench import Bench
+from selector.diagnosis.evidence.moments import all_moderated, inverse_of
 from selector.diagnosis.shapes.leftover import least_squares
 
 Vector = NDArray[np.float64]
@@ -87,7 +88,11 @@ def _placebo(
     comparison: Comparison, bench: Bench, named: Sequence[int], middle: Vector, floor: float,
     held: NDArray[np.bool_], seed: int,
 ) -> Quantity | None:  # fmt: skip
-    """Share of the gap that the same columns close when they are shifted in time, several shifts of every run."""
+    """Share of the gap that the same columns close when they are shifted in time, several shifts of every run.
+
+    Median and range of the shifts: one that hardly shows where it is fitted may do any harm elsewhere. They are fitted
+    by plain least squares, their coefficients moderated as those of the named shapes are.
+    """
     gap = _rms(middle[held]) - floor
     if gap <= 0.02 * floor or not held.any():
         return None
@@ -101,12 +106,18 @@ def _placebo(
             base[rows, own:] = np.roll(
                 base[rows, own:], int(generator.integers(n // 4, max(3 * n // 4, n // 4 + 1))), axis=0
             )
-        fitted = np.flatnonzero(bench.fitted)
-        beta = least_squares(base[fitted], bench.target[fitted])
+        beta = _placebo_fit(base[bench.fitted], bench.target[bench.fitted], own, [bench.counts[v] for v in named])
         gains.append((_rms(middle[held]) - _rms((bench.target - base @ beta)[held])) / gap)
-    spread = float(np.std(gains, ddof=1))
-    mean = float(np.mean(gains))
-    return Quantity(mean, "1", mean - 2.0 * spread, mean + 2.0 * spread)
+    low, value, high = (float(share) for share in np.quantile(gains, (0.025, 0.5, 0.975)))
+    return Quantity(value, "1", low, high)
+
+
+def _placebo_fit(base: Matrix, target: Vector, own: int, counts: Sequence[int]) -> Vector:
+    beta = least_squares(base, target)
+    spread = float(np.mean((target - base @ beta) ** 2))
+    beta = all_moderated(beta, spread * inverse_of(base.T @ base), own, counts)
+    beta[:own] = least_squares(base[:, :own], target - base[:, own:] @ beta[own:])
+    return beta
 
 
 def _rms(values: Vector) -> float:

@@ -15,6 +15,8 @@ Vector = NDArray[np.float64]
 _ROLES = ("temperature", "ambient")
 _EXACT = 0.02
 """Misfit over the spread of the simulated course, below which it is a sum of the readings."""
+_NOTICED = 0.05
+"""Of what the reading does that does most: a weight that makes less may be none."""
 _MOST = 40
 """So many readings are not told apart by a few runs."""
 
@@ -42,3 +44,13 @@ def exchanged(comparison: Comparison, weights: Mapping[str, float], one: str, ot
     """What the response would have more, had these two readings not changed places [its unit], from every start."""
     apart = rise(comparison, course(comparison, other)) - rise(comparison, course(comparison, one))
     return np.asarray((weights[one] - weights[other]) * apart)
+
+
+def read_by(comparison: Comparison, response: str) -> tuple[str, ...]:
+    """The temperatures that a simulated response is computed from, those that move it most first; none if unknown."""
+    moves = {
+        name: abs(weight) * float(np.std(course(comparison, name)))
+        for name, weight in weights_of_readings(comparison, response).items()
+    }
+    told = [name for name, size in moves.items() if size > _NOTICED * max(moves.values())]
+    return tuple(sorted(told, key=lambda name: -moves[name]))
