@@ -149,20 +149,20 @@ class NextRun:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The answer; every array has the rows of `comparison`."""
+    """The answer; every array has the rows of `comparison`. What was not looked for is empty."""
 
     comparison: Comparison
     verdict: Verdict
-    headline: str
-    where: tuple[Place, ...]
-    effects: tuple[NamedEffect, ...]
-    fit: Mapping[str, Fit]
-    evidence: tuple[Evidence, ...]
-    detectable: tuple[Detectable, ...]
-    next_runs: tuple[NextRun, ...]
-    recalibration: Mapping[str, Mapping[str, Quantity]]
-    findings: tuple[Finding, ...]
-    seed: int
+    headline: str = ""
+    where: tuple[Place, ...] = ()
+    effects: tuple[NamedEffect, ...] = ()
+    fit: Mapping[str, Fit] = field(default_factory=dict)
+    evidence: tuple[Evidence, ...] = ()
+    detectable: tuple[Detectable, ...] = ()
+    next_runs: tuple[NextRun, ...] = ()
+    recalibration: Mapping[str, Mapping[str, Quantity]] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
+    seed: int = 0
 
     def as_dict(self) -> dict[str, Any]:
         """The JSON of the contract `selector.diagnosis/1`."""

@@ -135,8 +135,8 @@ def diagnosis(
     structures = unexplained(comparison, *left, seed=seed, false_alarm=false_alarm)
     effects_found = [*(_confirmed(comparison, found, id_) for id_ in found.named), *late]
     doubts = structures
-    if effects_found and not structures:
-        # what wanders may be noise, but a name must be clearer than it
+    if effects_found and not structures and max(effect.share for effect in effects_found) < _MOST:
+        # what wanders may be noise, but a name must be clearer than it, or explain most
         doubts = unexplained(comparison, *left, seed=seed, false_alarm=false_alarm, wanders=False)
     if doubts and not any(_stands(effect, found, doubts) for effect in effects_found):
         # a fault of the data explains all that it concerns, or it is a proxy of what nothing explains

@@ -64,6 +64,15 @@ def test_a_response_of_which_nothing_is_left_is_not_compared_any_further():
     assert answer.fit["Y"].heldout.noise_floor == pytest.approx(0.5, rel=0.1)
 
 
+def test_where_nothing_is_left_of_any_response_the_frozen_readings_are_the_answer():
+    dead = frozen_from(frozen_from(clean(), (12, 12, 12)), (12, 12, 12), "Y")
+    answer = diagnosis(dead)
+    assert answer.verdict == "data-fault"
+    assert {(effect.id, effect.channel) for effect in answer.effects} == {("data.stuck", "Z"), ("data.stuck", "Y")}
+    assert sorted(f.where.channel for f in answer.findings if f.id == "not-compared") == ["Y", "Z"]
+    assert answer.headline
+
+
 @pytest.mark.parametrize("leap", [0.0, 8.0])
 def test_what_moves_on_from_where_it_rested_was_not_frozen(leap):
     given, random = clean(), np.random.default_rng(3)

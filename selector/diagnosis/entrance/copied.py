@@ -18,13 +18,7 @@ def diagnosis_of_copy(comparison: Comparison, *, seed: int = 0) -> Diagnosis | N
         comparison=comparison,
         verdict="nothing-missing",
         headline="The simulation is the recording to within its rounding: there is no difference to explain.",
-        where=(),
-        effects=(),
         fit={name: fit_of_copy(comparison, name) for name in comparison.responses},
-        evidence=(),
-        detectable=(),
-        next_runs=(),
-        recalibration={},
         findings=comparison.findings,
         seed=seed,
     )

@@ -45,7 +45,7 @@ def diagnosis_without_frozen(
     lost = [name for name in comparison.responses if name not in kept]
     findings = (*comparison.findings, *(_too_little_left(name) for name in lost))
     rest = replace(rest, responses=kept, findings=findings)
-    answer = diagnosed(rest) if kept else _nothing_else(rest, seed)
+    answer = diagnosed(rest) if kept else Diagnosis(rest, "data-fault", findings=findings, seed=seed)
     effects = [_effect(comparison, fault) for fault in frozen]
     answer = replace(
         answer,
@@ -97,21 +97,4 @@ def _too_little_left(name: str) -> Finding:
         Where(channel=name),
         {},
         "record it again with a sensor that works",
-    )
-
-
-def _nothing_else(comparison: Comparison, seed: int) -> Diagnosis:
-    return Diagnosis(
-        comparison=comparison,
-        verdict="data-fault",
-        headline="",
-        where=(),
-        effects=(),
-        fit={},
-        evidence=(),
-        detectable=(),
-        next_runs=(),
-        recalibration={},
-        findings=comparison.findings,
-        seed=seed,
     )
