@@ -59,9 +59,9 @@ _LEAST_FALL = 0.02
 def headline(found: Diagnosis) -> str:
     """The answer in one or two sentences: verdict, what, where, how sure, and what it is worth."""
     if found.verdict == "miscalibrated":
-        return " ".join([_miscalibrated(found), *_turned(found)])
+        return " ".join([_miscalibrated(found), *_turned(found), *_wandering(found)])
     if found.verdict == "nothing-missing":
-        return _nothing(found)
+        return " ".join([_nothing(found), *_wandering(found)])
     if found.verdict == "unexplained" or not found.effects:
         return _unexplained(found)
     first = main_effect(found)
@@ -75,6 +75,12 @@ def headline(found: Diagnosis) -> str:
         also = "The recording is at fault too" if not is_data(first.id) else "Also at fault"
         sentences.append(f"{also}: {listed(list(dict.fromkeys(_short(effect) for effect in faults)))}.")
     return " ".join([*sentences, *_turned(found)])
+
+
+def _wandering(found: Diagnosis) -> list[str]:
+    """Responses in which noise may be a slow effect."""
+    names = [one.where.channel or "" for one in found.findings if one.id == "slow-remainder"]
+    return [f"What wanders slowly in {listed(names)} may be more than noise: see the findings."] if names else []
 
 
 def _turned(found: Diagnosis) -> list[str]:

@@ -20,6 +20,7 @@ from selector.diagnosis.wording import (
     quantity_words,
     what_to_do,
 )
+from selector.findings import Finding, Where
 from tests.diagnosis.answers import answer, memory_effect, zero_effect
 
 ZERO = np.zeros(900)
@@ -116,6 +117,14 @@ def test_nothing_missing_says_how_large_the_noise_is():
         f"Nothing is missing: what is left in Z ({amount(found.fit['Z'].heldout.rmse_after, 'um')} rms) and "
         f"Y ({amount(found.fit['Y'].heldout.rmse_after, 'um')} rms) is noise."
     )
+
+
+def test_noise_that_may_be_a_slow_effect_is_not_passed_off_as_noise():
+    slow = Finding("slow-remainder", "info", "…", where=Where(channel="Z"))
+    for verdict in ("nothing-missing", "miscalibrated"):
+        text = headline(replace(answer(verdict), findings=(slow,)))
+        assert text.endswith("What wanders slowly in Z may be more than noise: see the findings.")
+        assert "wanders" not in headline(answer(verdict))
 
 
 def test_the_unexplained_has_place_time_and_size_but_no_name():
