@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import fft
 from scipy.signal.windows import tukey
 
 from selector.diagnosis.comparison import Comparison
@@ -87,35 +88,49 @@ class Background:
         The past of a run is its mirror image; its first samples, of which that says too little, are 0.
         """
         result = np.zeros_like(residuals)
+        responses = {
+            length: self._response(length)
+            for length in {_even_length(len(here)) for here in rows if len(here) > _UNTOLD}
+        }
         for here in rows:
             n = len(here)
             if n <= _UNTOLD:
                 continue
+            length = _even_length(n)
             part = residuals[:, here]
-            bins = np.fft.rfft(np.concatenate([part[:, ::-1], part], axis=1), axis=1) / self._response(2 * n)
-            left = np.fft.irfft(bins, 2 * n, axis=1)[:, n:]
+            bins = fft.rfft(np.concatenate([part[:, length - n - 1 :: -1], part], axis=1), axis=1) / responses[length]
+            left = fft.irfft(bins, length, axis=1)[:, length - n :]
             left[:, :_UNTOLD] = 0.0
             result[:, here] = left
         return result
 
-    def coloured(self, innovations: Matrix) -> Matrix:
-        """Noise that is made of these innovations, shape (n_sets, n); before the first of them come the last."""
-        n = innovations.shape[1]
-        return np.asarray(np.fft.irfft(np.fft.rfft(innovations, axis=1) * self._response(n), n, axis=1))
+    def coloured(self, innovations: Matrix, length: int) -> Matrix:
+        """The last `length` samples of noise that is made of these innovations, shape (n_sets, length).
+
+        The first innovations are its past; as many as a fast transform has no use for are left out.
+        """
+        n = _even_length(length)
+        bins = fft.rfft(innovations[:, -n:], axis=1) * self._response(n)
+        return np.asarray(fft.irfft(bins, n, axis=1)[:, n - length :])
 
     def after_a_step(self, length: int) -> Vector:
         """Mean innovation over `length` samples after a step of 1 and its own sample, shape (n_sets,)."""
-        weights = np.fft.irfft(1.0 / self._response(4 * length), 4 * length, axis=1)
+        weights = fft.irfft(1.0 / self._response(4 * length), 4 * length, axis=1)
         return np.asarray(np.cumsum(weights, axis=1)[:, 1 : length + 1].mean(axis=1))
 
     def _response(self, n: int) -> NDArray[np.complex128]:
         """Transfer function of minimum phase from innovations to noise at the frequencies of n samples (n even)."""
         logs = 0.5 * np.log(self.density(np.arange(n // 2 + 1) / n))
-        cepstrum = np.fft.irfft(logs, n, axis=1)
+        cepstrum = fft.irfft(logs, n, axis=1)
         cepstrum[:, 0] = 0.0
         cepstrum[:, 1 : n // 2] *= 2.0
         cepstrum[:, n // 2 + 1 :] = 0.0
-        return np.asarray(np.exp(np.fft.rfft(cepstrum, axis=1)))
+        return np.asarray(np.exp(fft.rfft(cepstrum, axis=1)))
+
+
+def _even_length(n: int) -> int:
+    """Length of a run and of a past that is nearly as long, such that its transform is fast."""
+    return 2 * fft.prev_fast_len(n, real=True)
 
 
 def seen_rows(comparison: Comparison, residual: Vector) -> list[NDArray[np.intp]]:
@@ -134,16 +149,20 @@ def _long_enough(rows: list[NDArray[np.intp]]) -> list[NDArray[np.intp]]:
 
 
 def spectrum(residuals: Matrix, rows: Sequence[NDArray[np.intp]]) -> Spectrum:
-    """Spectra of residuals of shape (n_sets, n_rows), run by run, ends tapered; frequency 0 is left out."""
+    """Spectra of residuals of shape (n_sets, n_rows), run by run, ends tapered; frequency 0 is left out.
+
+    A run loses its last few samples where its length has no fast transform.
+    """
     frequency, run, amplitudes = [], [], []
     for k, here in enumerate(rows):
         if len(here) == 0:
             continue
-        window = tukey(len(here), 0.2)
-        part = residuals[:, here]
+        n = fft.prev_fast_len(len(here), real=True)
+        window = tukey(n, 0.2)
+        part = residuals[:, here[:n]]
         part = (part - part.mean(axis=1, keepdims=True)) * window
-        bins = np.fft.rfft(part, axis=1)[:, 1 : (len(here) + 1) // 2] / np.sqrt(np.sum(window**2))
-        frequency.append(np.arange(1, bins.shape[1] + 1) / len(here))
+        bins = fft.rfft(part, axis=1)[:, 1 : (n + 1) // 2] / np.sqrt(np.sum(window**2))
+        frequency.append(np.arange(1, bins.shape[1] + 1) / n)
         run.append(np.full(bins.shape[1], k))
         amplitudes.append(bins)
     return Spectrum(np.concatenate(frequency), np.concatenate(run), np.concatenate(amplitudes, axis=1))

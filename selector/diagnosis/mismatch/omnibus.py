@@ -18,15 +18,19 @@ from selector.diagnosis.mismatch.background import (
     seen_rows,
     spectrum,
 )
-from selector.diagnosis.mismatch.noise_sets import noise_alone
+from selector.diagnosis.mismatch.noise_sets import blocks, noise_alone
 from selector.diagnosis.mismatch.regimes import Variable, variables
 from selector.diagnosis.mismatch.structure_tests import (
+    ColumnsOfState,
     Kind,
     Tested,
     burst,
     by_state,
+    columns_of_states,
     in_common,
+    joined,
     jump,
+    largest_of_each_kind,
     of_one_size,
     spectral,
     spells,
@@ -35,7 +39,10 @@ from selector.diagnosis.mismatch.structure_tests import (
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
-_DRAWS = 199
+_DRAWS = (99, 199)
+"""Sets of noise: the fewest, and as many as there are where readings are not too many."""
+_READINGS = 4_000_000
+"""Of all sets of a response."""
 
 
 @dataclass(frozen=True)
@@ -88,8 +95,9 @@ def unexplained(
     """Structure left in residuals, the surest first; empty with probability 1 − `false_alarm` if all is noise.
 
     A bank of tests (spectrum, common part of two responses, steps, states of the machine, bursts, spells) on every
-    response; the largest of all statistics is compared with its distribution over `_DRAWS` sets of noise that wanders
-    as the residual does, with its own innovations in another order (Westfall & Young 1993, single-step maximum).
+    response; the largest of all statistics is compared with its distribution over 199 sets (of records beyond 20 000
+    samples fewer, 99 at least) of noise that wanders as the residual does, with its own innovations in another order
+    (Westfall & Young 1993, single-step maximum).
 
     Parameters
     ----------
@@ -105,8 +113,9 @@ def unexplained(
         Whether noise may wander slowly. Without, all that is slower than a memory of a few samples is structure.
     """
     rng = np.random.default_rng(seed)
+    draws = int(np.clip(_READINGS // len(comparison.time_s), *_DRAWS))
     seen = {name: np.where(np.isfinite(whitened[name]), values, np.nan) for name, values in residuals.items()}
-    stacks = noise_alone(comparison, seen, _DRAWS, rng, wanders=wanders)
+    stacks = noise_alone(comparison, seen, draws, rng, wanders=wanders)
     states = variables(comparison)
     found: list[tuple[str, Tested]] = []
     rows = {response: seen_rows(comparison, seen[response]) for response in stacks}
@@ -142,21 +151,36 @@ def _tests(
     wanders: bool,
 ) -> tuple[list[Tested], Background, float]:
     """Tests of one response, its noise, and the standard deviation of noise with the memory of its short scales."""
+    own = spectrum(stack[:1], rows)
+    columns = columns_of_states(background(own, wanders=wanders), rows, states)
+    parts, levels = [], []
+    for block in blocks(0, len(stack), stack.shape[1]):
+        part, noise = _tests_of(stack[block], rows, columns, wanders=wanders)
+        parts.append(part)
+        levels.append(noise.levels)
+    tests = [joined(same) for same in zip(*parts, strict=True)]
+    short = background(own, wanders=False)
+    spread = float(np.sqrt(short.density(np.linspace(0.001, 0.5, 500))[0].mean()))
+    return largest_of_each_kind(tests), Background(np.concatenate(levels)), spread
+
+
+def _tests_of(
+    stack: Matrix,
+    rows: Sequence[NDArray[np.intp]],
+    states: Sequence[ColumnsOfState],
+    *,
+    wanders: bool,
+) -> tuple[list[Tested], Background]:
     of = spectrum(stack, rows)
     noise = background(of, wanders=wanders)
-    density = noise.density(of.frequency)
-    tests = spectral(of, np.abs(of.amplitudes) ** 2 / density)
+    tests = spectral(of, np.abs(of.amplitudes) ** 2 / noise.density(of.frequency))
     seen = np.concatenate(rows)
     white = noise.innovations(stack, rows)
     white /= 1.4826 * np.median(np.abs(white[:, seen]), axis=1, keepdims=True) + 1e-300
-    tests.append(jump(white, noise, rows))
-    tests.append(by_state(np.clip(white, -4.0, 4.0), noise, rows, states))
+    clipped = np.clip(white, -4.0, 4.0)
     even = of_one_size(white, rows, states)
-    tests.append(burst(even, rows))
-    tests.append(spells(stack, even, rows))
-    short = background(Spectrum(of.frequency, of.run, of.amplitudes[:1]), wanders=False)
-    spread = float(np.sqrt(short.density(np.linspace(0.001, 0.5, 500))[0].mean()))
-    return tests, noise, spread
+    tests += [*jump(clipped, noise, rows), *by_state(clipped, rows, states), *burst(even, rows)]
+    return [*tests, *spells(stack, even, rows)], noise
 
 
 def _white_spectrum(stack: Matrix, rows: Sequence[NDArray[np.intp]], noise: Background) -> Spectrum:

@@ -1,18 +1,18 @@
 """Tests for structure of no particular kind in residuals: slow, periodic, stepwise, by state of the machine, in bursts.
 
-Each takes a stack of residuals (the one in question first, noise alone after it) and gives its statistic of each, and
-where the first is most unusual.
+Each takes a stack of residuals (the one in question first, noise alone after it) and gives, of every place, frequency
+or length of time that it looks at, its statistic of each residual, and where the first is most unusual.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm, rankdata
+from scipy.stats import norm
 
 from selector.diagnosis.mismatch.background import LONGEST_NOISE_PERIOD, Background, Spectrum
 from selector.diagnosis.mismatch.regimes import Variable
@@ -55,7 +55,7 @@ def spectral(of: Spectrum, ratio: Matrix) -> list[Tested]:
     groups: list[tuple[int | None, NDArray[np.intp]]] = [(None, order)]
     if len(runs) > 1:
         groups += [(int(k), order[of.run[order] == k]) for k in runs]
-    best: dict[Kind, list[Tested]] = {"slow": [], "line": [], "cycle": []}
+    found: list[Tested] = []
     for run, bins in groups:
         frequency, power = of.frequency[bins], ratio[:, bins]
         narrow = len(runs) if run is None else 1
@@ -73,12 +73,23 @@ def spectral(of: Spectrum, ratio: Matrix) -> list[Tested]:
                 if part.any():
                     here = first[part][int(np.argmax(unusual[0, part]))]
                     band = (float(frequency[here]), float(frequency[here + width - 1]))
-                    best[kind].append(Tested(kind, unusual[:, part].max(axis=1), run=run, frequency=band))
+                    found.append(Tested(kind, unusual[:, part].max(axis=1), run=run, frequency=band))
             width *= 2
-    return [largest(found) for found in best.values() if found]
+    return found
 
 
-def largest(found: list[Tested]) -> Tested:
+def joined(parts: Sequence[Tested]) -> Tested:
+    """The same test of several blocks of a stack, the first block of which has the residual in question."""
+    return replace(parts[0], statistic=np.concatenate([part.statistic for part in parts]))
+
+
+def largest_of_each_kind(found: Sequence[Tested]) -> list[Tested]:
+    """One statistic of each kind that there is."""
+    kinds = dict.fromkeys(one.kind for one in found)
+    return [largest([one for one in found if one.kind == kind]) for kind in kinds]
+
+
+def largest(found: Sequence[Tested]) -> Tested:
     """One statistic of several of the same kind: the largest, each measured by its own spread under noise."""
     score = np.array([standardised(one.statistic) for one in found])
     first = found[int(np.argmax(score[:, 0]))]
@@ -117,17 +128,19 @@ def in_common(first: Spectrum, second: Spectrum, *, wanders: bool) -> Tested:
     return largest(found) if found else Tested("common", np.zeros(len(first.amplitudes)))
 
 
-def jump(white: Matrix, noise: Background, rows: Rows) -> Tested:
-    """A step that stays: the innovation at the step, and the shifted mean after it against that before it."""
+def jump(clipped: Matrix, noise: Background, rows: Rows) -> list[Tested]:
+    """A step that stays: the innovation at the step, and the shifted mean after it against that before it.
+
+    `clipped` is whitened, far values clipped.
+    """
     found = []
-    clipped = np.clip(white, -4.0, 4.0)
     for length in (8, 32, 128):
         drift = np.maximum(noise.after_a_step(length), 1e-3)[:, None]
         for k, here in enumerate(rows):
             n = len(here)
             if n < 4 * length:
                 continue
-            sums = np.concatenate([np.zeros((len(white), 1)), np.cumsum(clipped[:, here], axis=1)], axis=1)
+            sums = np.concatenate([np.zeros((len(clipped), 1)), np.cumsum(clipped[:, here], axis=1)], axis=1)
             at = np.arange(length, n - length)
             after = sums[:, at + length] - sums[:, at + 1]
             before = sums[:, at] - sums[:, at - length]
@@ -136,11 +149,31 @@ def jump(white: Matrix, noise: Background, rows: Rows) -> Tested:
             peak = int(np.argmax(score[0]))
             window = (int(here[at[peak]]), int(here[-1]))
             found.append(Tested("jump", score.max(axis=1), run=k, rows=window))
-    return largest(found) if found else Tested("jump", np.zeros(len(white)))
+    return found
 
 
-def by_state(white: Matrix, noise: Background, rows: Rows, states: Sequence[Variable]) -> Tested:
-    """Means that differ between states of the machine: largest over the variables of the sum of squares explained."""
+@dataclass(frozen=True, eq=False)
+class ColumnsOfState:
+    """One variable of the machine's state on the n_seen rows with a reading.
+
+    Attributes
+    ----------
+    variable : Variable
+    bins : ndarray of int of shape (n_seen,)
+    members : ndarray of shape (n_seen, n_bins)
+        1 in the column of a row's bin.
+    columns : ndarray of shape (n_seen, p)
+        Orthonormal: bins behind the noise filter.
+    """
+
+    variable: Variable
+    bins: NDArray[np.intp]
+    members: Matrix
+    columns: Matrix
+
+
+def columns_of_states(noise: Background, rows: Rows, states: Sequence[Variable]) -> list[ColumnsOfState]:
+    """What means that differ by state can look like behind the filter of a single residual's noise."""
     found = []
     seen = np.concatenate(rows)
     for variable in states:
@@ -148,30 +181,40 @@ def by_state(white: Matrix, noise: Background, rows: Rows, states: Sequence[Vari
         count = int(bins.max()) + 1
         if count < 2:
             continue
-        table = np.zeros((len(bins), count))
-        table[np.arange(len(bins)), bins] = 1.0
-        filtered = noise.first().innovations(table.T, rows).T
-        filtered = filtered[seen] - filtered[seen].mean(axis=0)
-        left, values, _ = np.linalg.svd(filtered, full_matrices=False)
+        table = (np.arange(count)[:, None] == bins[None, :]).astype(np.float64)
+        filtered = noise.innovations(table, rows)[:, seen].T
+        left, values, _ = np.linalg.svd(filtered - filtered.mean(axis=0), full_matrices=False)
         left = left[:, values > 1e-6 * values[0]] if values[0] > 0 else left[:, :0]
-        if left.shape[1] == 0:
-            continue
-        explained = np.sum((white[:, seen] @ left) ** 2, axis=1)
-        means = [
-            float(np.mean(white[0, seen][bins[seen] == b])) if (bins[seen] == b).any() else 0.0 for b in range(count)
-        ]
-        worst = int(np.argmax(np.abs(means)))
-        values_there = variable.values[seen][bins[seen] == worst]
-        words = f"{variable.words} {values_there.min():.4g} to {values_there.max():.4g} {variable.unit}".strip()
-        found.append(Tested("state", _normal_of_squares(explained, left.shape[1]), words=words))
-    return largest(found) if found else Tested("state", np.zeros(len(white)))
+        if left.shape[1]:
+            found.append(ColumnsOfState(variable, bins[seen], np.ascontiguousarray(table.T[seen]), left))
+    return found
 
 
-def burst(even: Matrix, rows: Rows) -> Tested:
+def by_state(clipped: Matrix, rows: Rows, states: Sequence[ColumnsOfState]) -> list[Tested]:
+    """Means that differ between states of the machine: largest over the variables of the sum of squares explained.
+
+    `clipped` is whitened, far values clipped.
+    """
+    found = []
+    seen = np.concatenate(rows)
+    readings = clipped[:, seen]
+    for state in states:
+        explained = np.sum((readings @ state.columns) ** 2, axis=1)
+        count = np.bincount(state.bins)
+        means = np.bincount(state.bins, weights=readings[0]) / np.maximum(count, 1)
+        there = state.variable.values[seen][state.bins == int(np.argmax(np.abs(means)))]
+        words = f"{state.variable.words} {there.min():.4g} to {there.max():.4g} {state.variable.unit}".strip()
+        found.append(Tested("state", _normal_of_squares(explained, state.columns.shape[1]), words=words))
+    return found
+
+
+def burst(even: Matrix, rows: Rows) -> list[Tested]:
     """More noise in one window than elsewhere, by ranks; `even` is whitened and of one size in all states."""
     seen = np.concatenate(rows)
     size = np.abs(even[:, seen])
-    stack = norm.ppf(0.5 + 0.5 * (rankdata(size, axis=1) - 0.5) / len(seen)) ** 2 - 1.0
+    of_ranks = norm.ppf(0.5 + 0.5 * (np.arange(len(seen)) + 0.5) / len(seen)) ** 2 - 1.0
+    stack = np.empty_like(size)
+    np.put_along_axis(stack, np.argsort(size, axis=1), of_ranks[None, :], axis=1)
     found, start = [], 0
     for k, here in enumerate(rows):
         n = len(here)
@@ -185,10 +228,10 @@ def burst(even: Matrix, rows: Rows) -> Tested:
             found.append(Tested("burst", score.max(axis=1), run=k, rows=window))
             length *= 2
         start += n
-    return largest(found) if found else Tested("burst", np.zeros(len(stack)))
+    return found
 
 
-def spells(residuals: Matrix, even: Matrix, rows: Rows) -> Tested:
+def spells(residuals: Matrix, even: Matrix, rows: Rows) -> list[Tested]:
     """Something that comes and goes: means over some samples, and their steps, have longer tails than noise's.
 
     Sums of noise are nearly normal, of whatever colour it is; of what acts now and then many are small and a few large.
@@ -211,7 +254,7 @@ def spells(residuals: Matrix, even: Matrix, rows: Rows) -> Tested:
                 for s in (plain[j] for j in long_enough)
             ]
             found.append(_tails(steps))
-    return largest(found) if found else Tested("spells", np.zeros(len(even)))
+    return found
 
 
 def _running(values: Any) -> Any:
@@ -226,27 +269,26 @@ def _tails(parts: Sequence[Matrix]) -> Tested:
     return Tested("spells", np.log(np.maximum(fourth / power**2, 1e-300)))
 
 
-def of_one_size(white: Matrix, rows: Rows, states: Sequence[Variable]) -> Matrix:
+def of_one_size(white: Matrix, rows: Rows, states: Sequence[ColumnsOfState]) -> Matrix:
     """Whitened residuals whose size is the same in all states of the machine, as noise may differ by state."""
     seen = np.concatenate(rows)
     result = np.zeros_like(white)
-    result[:, seen] = white[:, seen] / _size_by_state(np.abs(white[:, seen]), seen, states)
+    readings = white[:, seen]
+    result[:, seen] = readings / _size_by_state(np.abs(readings), states)
     return result
 
 
-def _size_by_state(size: Matrix, seen: NDArray[np.intp], states: Sequence[Variable]) -> Matrix:
+def _size_by_state(size: Matrix, states: Sequence[ColumnsOfState]) -> Matrix:
     """Mean size in each bin of the one variable that tells most about it, set by set; 1 where none tells anything."""
     level, spread = size.mean(axis=1, keepdims=True), np.maximum(size.var(axis=1), 1e-300)
     best, scale = np.full(len(size), _TELLING), np.ones_like(size)
-    for variable in states:
-        bins = variable.bins(_BINS)[seen]
-        table = (bins[:, None] == np.unique(bins)[None, :]).astype(np.float64)
-        count = table.sum(axis=0)
-        mean = size @ table / count
+    for state in states:
+        count = state.members.sum(axis=0)
+        mean = size @ state.members / np.maximum(count, 1.0)
         between = ((mean - level) ** 2 @ count) / spread
         better = between > best
         best[better] = between[better]
-        scale[better] = np.maximum((mean / np.maximum(level, 1e-300))[better] @ table.T, 0.05)
+        scale[better] = np.maximum(mean / np.maximum(level, 1e-300), 0.05)[better][:, state.bins]
     return scale
 
 
