@@ -1,0 +1,95 @@
+"""Limits of the correction that every program needs: as the model file decides them, or cautious ones that are told."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from selector.controllers.model_file import ModelFile, Output, OutputLimits
+from selector.controllers.self_check import output_bound_um
+from selector.findings import Finding
+
+CAUTIOUS_SLEW_UM_PER_S = 1.0
+"""As HEIDENHAIN's controls follow an external correction: below what a finishing cut shows."""
+
+
+@dataclass(frozen=True)
+class DecidedLimits:
+    """Limits of the correction of one output.
+
+    Attributes
+    ----------
+    clamp_um : float
+        Largest magnitude of the correction at the reference position, and of the whole.
+    slew_um_per_s : float
+        Largest change of the correction at any place that the axis stands at.
+    dead_band_um : float
+        Smaller changes are not passed on.
+    slope_clamp_um_per_m : float
+        Largest magnitude of the slope; 0 without a position-dependent part.
+    reach_m : float
+        Largest distance of a valid position from the reference; 0 without a position-dependent part.
+    """
+
+    clamp_um: float
+    slew_um_per_s: float
+    dead_band_um: float = 0.0
+    slope_clamp_um_per_m: float = 0.0
+    reach_m: float = 0.0
+
+    @property
+    def slope_slew_um_per_m_s(self) -> float:
+        """Largest change of the slope: at the far end of the axis it takes half of the slew limit."""
+        return 0.5 * self.slew_um_per_s / self.reach_m if self.reach_m > 0.0 else 0.0
+
+    @property
+    def own_slew_um_per_s(self) -> float:
+        """Largest change of the position-independent part: what the slope leaves."""
+        return 0.5 * self.slew_um_per_s if self.reach_m > 0.0 else self.slew_um_per_s
+
+
+def decided_limits(model: ModelFile) -> tuple[dict[str, DecidedLimits], tuple[Finding, ...]]:
+    """Limits per output, and a finding for each that the model file leaves open.
+
+    An open clamp is what the model can give within its valid ranges; an open slew is `CAUTIOUS_SLEW_UM_PER_S`.
+    """
+    given = {limits.output: limits for limits in model.guard.limits}
+    decided, findings = {}, []
+    for output in model.outputs:
+        limits = given.get(output.name, OutputLimits(output=output.name))
+        part = output.position
+        reach_m = 0.0
+        if part is not None:
+            reach_m = max(abs(part.valid_min_m - part.reference_m), abs(part.valid_max_m - part.reference_m))
+        clamp_um = limits.clamp_um or _open_clamp_um(model, output)
+        slope_clamp = 0.0 if reach_m == 0.0 else limits.slope_clamp_um_per_m or clamp_um / reach_m
+        slew = limits.slew_um_per_s or CAUTIOUS_SLEW_UM_PER_S
+        decided[output.name] = DecidedLimits(clamp_um, slew, limits.dead_band_um, slope_clamp, reach_m)
+        open_ones = [
+            text
+            for is_open, text in (
+                (limits.clamp_um is None, f"largest correction ±{clamp_um:g} µm"),
+                (limits.slew_um_per_s is None, f"largest change {slew:g} µm/s"),
+                (reach_m > 0.0 and limits.slope_clamp_um_per_m is None, f"largest slope ±{slope_clamp:.4g} µm/m"),
+            )
+            if is_open
+        ]
+        if open_ones:
+            findings.append(
+                Finding(
+                    "limit-not-decided",
+                    "warning",
+                    f"The model file leaves limits of the correction of {output.name} open; the program has: "
+                    + ", ".join(open_ones)
+                    + ".",
+                    evidence={"output": output.name, "clamp_um": clamp_um, "slew_um_per_s": slew},
+                    suggestion=f"decide with --clamp {output.name}=… and --slew {output.name}=…, or in guard.limits of "
+                    "the model file",
+                )
+            )
+    return decided, tuple(findings)
+
+
+def _open_clamp_um(model: ModelFile, output: Output) -> float:
+    bound_um = output_bound_um(model, output)
+    return float(max(1.0, math.ceil(bound_um))) if bound_um < 1e6 else 1e6

@@ -1,0 +1,310 @@
+"""A model behind its guard, call by call: the executable meaning of every program that `selector export` writes.
+
+Only + − × ÷ and comparisons, in the order written here, in one number type. A program that keeps the order computes the
+same bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from selector.controllers.evaluator import Equations
+from selector.controllers.guard.codes import LARGEST_NUMBER, LONGEST_S, LONGEST_STEP_S, SAMPLE_S, Mode, SensorCode
+from selector.controllers.guard.decided import DecidedLimits, decided_limits
+from selector.controllers.guard.sensor_watch import SensorWatch
+from selector.controllers.model_file import ModelFile, Output, Term
+
+Number = Callable[[float], Any]
+
+
+@dataclass(frozen=True)
+class Corrected:
+    """What one call gives.
+
+    Attributes
+    ----------
+    correction_um : dict of str to number
+        Per output: what is to be added to the axis where it stands.
+    k0_um, slope_um_per_m : dict of str to number
+        The same as a straight line: correction = k0 + slope · (P − P0), before the clamp of the whole.
+    mode : int
+        `Mode`; FALLBACK + k for the k-th fallback.
+    sensors : tuple of SensorCode
+        In the order of the model's inputs.
+    """
+
+    correction_um: dict[str, Any]
+    k0_um: dict[str, Any]
+    slope_um_per_m: dict[str, Any]
+    mode: int
+    sensors: tuple[SensorCode, ...]
+
+
+class GuardedModel:
+    """A model with its guard and its state.
+
+    Parameters
+    ----------
+    model : ModelFile
+        Ranges and references of its own inputs hold in its fallbacks, too.
+    number : callable
+        ``float`` (IEEE 754 binary64) or ``numpy.float32`` (binary32).
+    start_readings : mapping of str to float, optional
+        Start readings that the control kept; default: the first reading that is believed.
+    """
+
+    def __init__(
+        self, model: ModelFile, number: Number = float, start_readings: Mapping[str, float] | None = None
+    ) -> None:
+        self._number = number
+        self._zero = number(0.0)
+        self._guard = model.guard
+        starts = start_readings or {}
+        everything: tuple[Equations, ...] = (model, *model.fallbacks)
+        self._watches = {
+            item.name: SensorWatch(item, model.guard, number, starts.get(item.name)) for item in model.inputs
+        }
+        self._equations = [_Scaled(of, number) for of in everything]
+        # memory is of a sensor and a time constant: model and fallbacks share it
+        self._lagged: dict[tuple[str, float], Any] = {}
+        self._taus = sorted({(state.source, state.tau_s) for of in everything for state in of.states})
+        limits, _ = decided_limits(model)
+        self._axes = {
+            output.position.axis: number(output.position.reference_m) for output in model.outputs if output.position
+        }
+        self._outputs = [_Correction(output, limits[output.name], number) for output in model.outputs]
+        self._largest, self._longest_s = number(LARGEST_NUMBER), number(LONGEST_S)
+        self._longest_step_s, self._sample_s = number(LONGEST_STEP_S), number(SAMPLE_S)
+        hold = model.guard.hold_at_most_s
+        self._hold_at_most_s = None if hold is None else number(hold)
+        self._since_sample_s = self._held_s = self._zero
+        self._is_first = True
+        self._follows = int(Mode.HOLD)
+
+    def step(
+        self,
+        dt_s: float,
+        readings: Mapping[str, float],
+        positions_m: Mapping[str, float] | None = None,
+        *,
+        is_ready: bool = True,
+        is_wanted: bool = True,
+    ) -> Corrected:
+        """The correction after `dt_s` more seconds.
+
+        Parameters
+        ----------
+        dt_s : float
+            Since the last call [s]; what is no time counts as 0.
+        readings : mapping of str to float
+            Per input, [unit of the input]; anything, NaN and infinity included.
+        positions_m : mapping of str to float, optional
+            Per axis [m]; default: where it was last.
+        is_ready : bool
+            Drives on and axis referenced. Without, there is no correction at once.
+        is_wanted : bool
+            The operator's switch. Without, the correction is ramped to zero.
+        """
+        number = self._number
+        with np.errstate(all="ignore"):
+            dt = number(dt_s)
+            if not (dt > self._zero):
+                dt = self._zero
+            dt = min(dt, self._longest_s)
+            for axis, value in (positions_m or {}).items():
+                position = number(value)
+                if axis in self._axes and -self._largest <= position <= self._largest:
+                    self._axes[axis] = position
+            self._since_sample_s = min(self._since_sample_s + dt, self._longest_s)
+            if self._is_first or self._since_sample_s >= self._sample_s:
+                self._sample(readings)
+                self._is_first = False
+                self._since_sample_s = self._zero
+            mode = Mode.OFF if not is_ready else self._follows if is_wanted else Mode.SWITCHED_OFF
+            slewed_s = min(dt, self._longest_step_s)
+            for output in self._outputs:
+                output.move(int(mode), slewed_s, self._axes)
+        return Corrected(
+            {output.name: output.correction for output in self._outputs},
+            {output.name: output.k0 for output in self._outputs},
+            {output.name: output.slope for output in self._outputs},
+            int(mode),
+            tuple(watch.code for watch in self._watches.values()),
+        )
+
+    def restart(self, standstill_s: float) -> None:
+        """The control was off for so long: memory goes on, the correction begins at zero.
+
+        Start readings are kept or taken anew, as the guard of the model file says.
+        """
+        number = self._number
+        off = number(standstill_s)
+        if not (off > self._zero):
+            off = self._zero
+        off = min(off, self._longest_s)
+        limit = self._guard.new_start_after_s
+        anew = self._guard.restart == "new-start" or (limit is not None and off > number(limit))
+        for watch in self._watches.values():
+            watch.passed(off)
+            if anew:
+                watch.forget_start()
+        if anew:
+            self._lagged.clear()
+        self._is_first = True
+        self._since_sample_s = self._held_s = self._zero
+        self._follows = int(Mode.HOLD)
+        for output in self._outputs:
+            output.stop()
+
+    @property
+    def start_readings(self) -> dict[str, float]:
+        """Start readings so far, for the control to keep."""
+        return {name: float(watch.start) for name, watch in self._watches.items() if watch.start is not None}
+
+    def _sample(self, readings: Mapping[str, float]) -> None:
+        number = self._number
+        for name, watch in self._watches.items():
+            watch.sample(self._since_sample_s, number(readings[name]))
+        for source, tau_s in self._taus:
+            watch = self._watches[source]
+            if not watch.is_believed:
+                continue
+            level = self._lagged.get((source, tau_s))
+            if level is None:
+                level = watch.x
+            else:
+                level = level + watch.since_s / (number(tau_s) + watch.since_s) * (watch.x - level)
+            self._lagged[source, tau_s] = level
+        for watch in self._watches.values():
+            if watch.is_believed:
+                watch.since_s = self._zero
+        self._follows = self._followed()
+        if self._follows == Mode.RAMP_TO_ZERO:
+            for output in self._outputs:
+                output.aim_at_zero()
+        elif self._follows != Mode.HOLD:
+            at = max(0, self._follows - Mode.FALLBACK + 1)
+            z = self._equations[at].z(self._watches, self._lagged)
+            for output, equations in zip(self._outputs, self._equations[at].outputs, strict=True):
+                output.aim(*equations.displacement(z))
+
+    def _followed(self) -> int:
+        if self._equations[0].can_be_used(self._watches):
+            self._held_s = self._zero
+            return int(Mode.MODEL)
+        on_fault: str = self._guard.on_fault
+        if on_fault == "fallback":
+            for k, equations in enumerate(self._equations[1:]):
+                if equations.can_be_used(self._watches):
+                    self._held_s = self._zero
+                    return Mode.FALLBACK + k
+            on_fault = self._guard.without_fallback
+        if on_fault == "ramp-to-zero":
+            return int(Mode.RAMP_TO_ZERO)
+        self._held_s = min(self._held_s + self._since_sample_s, self._longest_s)
+        if self._hold_at_most_s is not None and self._held_s > self._hold_at_most_s:
+            return int(Mode.RAMP_TO_ZERO)
+        return int(Mode.HOLD)
+
+
+class _Scaled:
+    """The numbers of a model or a fallback in one number type."""
+
+    def __init__(self, of: Equations, number: Number) -> None:
+        self._inputs = [(item.name, number(item.centre), number(item.scale)) for item in of.inputs]
+        self._states = [(s.name, (s.source, s.tau_s), number(s.centre), number(s.scale)) for s in of.states]
+        self.outputs = [_Displacement(output, number) for output in of.outputs]
+
+    def can_be_used(self, watches: Mapping[str, SensorWatch]) -> bool:
+        return all(watches[name].is_believed for name, _, _ in self._inputs)
+
+    def z(self, watches: Mapping[str, SensorWatch], lagged: Mapping[tuple[str, float], Any]) -> dict[str, Any]:
+        z = {name: (watches[name].x - centre) / scale for name, centre, scale in self._inputs}
+        for name, key, centre, scale in self._states:
+            z[name] = (lagged[key] - centre) / scale
+        return z
+
+
+class _Displacement:
+    def __init__(self, output: Output, number: Number) -> None:
+        part = output.position
+        self._zero = number(0.0)
+        self._own = number(output.intercept), _numbers(output.terms, number)
+        self._slope = None if part is None else (number(part.intercept), _numbers(part.terms, number))
+
+    def displacement(self, z: Mapping[str, Any]) -> tuple[Any, Any]:
+        """(at the reference position, slope)."""
+        return _sum(*self._own, z), self._zero if self._slope is None else _sum(*self._slope, z)
+
+
+class _Correction:
+    """From the displacement of one output to its correction: sign, clamp, dead band, slew."""
+
+    def __init__(self, output: Output, limits: DecidedLimits, number: Number) -> None:
+        self.name = output.name
+        self._zero = number(0.0)
+        self._largest = number(LARGEST_NUMBER)
+        self._clamp, self._slope_clamp = number(limits.clamp_um), number(limits.slope_clamp_um_per_m)
+        self._slew, self._slope_slew = number(limits.own_slew_um_per_s), number(limits.slope_slew_um_per_m_s)
+        self._dead_band = number(limits.dead_band_um)
+        part = output.position
+        self._axis = None if part is None else part.axis
+        if part is not None:
+            self._reference = number(part.reference_m)
+            self._from, self._to = number(part.valid_min_m), number(part.valid_max_m)
+        self.stop()
+
+    def stop(self) -> None:
+        self.k0 = self.slope = self.correction = self._zero
+        self._aim = self._slope_aim = self._zero
+
+    def aim(self, displacement: Any, slope: Any) -> None:
+        own, steep = -displacement, -slope
+        if not (-self._largest <= own <= self._largest) or not (-self._largest <= steep <= self._largest):
+            return
+        own = min(max(own, -self._clamp), self._clamp)
+        change = own - self._aim
+        if change >= self._dead_band or change <= -self._dead_band:
+            self._aim = own
+        self._slope_aim = min(max(steep, -self._slope_clamp), self._slope_clamp)
+
+    def aim_at_zero(self) -> None:
+        self._aim = self._slope_aim = self._zero
+
+    def move(self, mode: int, slewed_s: Any, axes: Mapping[str, Any]) -> None:
+        if mode == Mode.OFF:
+            self.k0 = self.slope = self.correction = self._zero
+            return
+        own, steep = self._aim, self._slope_aim
+        if mode == Mode.SWITCHED_OFF:
+            own = steep = self._zero
+        self.k0 = _moved(self.k0, own, self._slew * slewed_s)
+        self.correction = self.k0
+        if self._axis is not None:
+            self.slope = _moved(self.slope, steep, self._slope_slew * slewed_s)
+            position = min(max(axes[self._axis], self._from), self._to)
+            whole = self.k0 + self.slope * (position - self._reference)
+            self.correction = min(max(whole, -self._clamp), self._clamp)
+
+
+def _numbers(terms: Sequence[Term], number: Number) -> list[tuple[Any, list[tuple[str, int]]]]:
+    return [(number(term.coefficient), list(term.powers.items())) for term in terms]
+
+
+def _sum(intercept: Any, terms: Sequence[tuple[Any, list[tuple[str, int]]]], z: Mapping[str, Any]) -> Any:
+    total = intercept
+    for coefficient, powers in terms:
+        product = coefficient
+        for name, power in powers:
+            for _ in range(power):
+                product = product * z[name]
+        total = total + product
+    return total
+
+
+def _moved(now: Any, aim: Any, most: Any) -> Any:
+    return min(max(aim, now - most), now + most)

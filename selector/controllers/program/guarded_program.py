@@ -1,0 +1,302 @@
+"""The guard and the model as a program; statement by statement what `GuardedModel` does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from selector.controllers.evaluator import Equations
+from selector.controllers.guard.codes import LARGEST_NUMBER, LONGEST_S, LONGEST_STEP_S, SAMPLE_S, Mode
+from selector.controllers.guard.decided import DecidedLimits, decided_limits
+from selector.controllers.model_file import ModelFile, Output, Term
+from selector.controllers.program.language import Expression, Flag, Program, Real, Variable, Writing, is_code
+from selector.controllers.program.watched_sensor import WatchedSensor
+
+NAMES_OF_CALL = ("dt_s", "is_ready", "is_wanted", "is_restart", "standstill_s")
+"""Inputs of every program beside readings and positions."""
+
+
+def guarded_program(model: ModelFile) -> Program:
+    """The program of a model with its guard.
+
+    Inputs ``dt_s``, ``reading_1`` …, ``position_1`` …, ``is_ready``, ``is_wanted``, ``is_restart``, ``standstill_s``;
+    outputs ``correction_1`` …, ``k0_1`` …, ``slope_1`` …, ``mode``, ``sensor_1`` …. Readings and sensors are numbered
+    as the model's inputs, corrections as its outputs, positions as `axes_of`.
+    """
+    return _Guarded(model).program()
+
+
+def axes_of(model: ModelFile) -> tuple[str, ...]:
+    """The axes whose position a model needs, in the order of their numbers."""
+    return tuple(dict.fromkeys(output.position.axis for output in model.outputs if output.position is not None))
+
+
+@dataclass(frozen=True, eq=False)
+class _Corrected:
+    """Variables of one output."""
+
+    output: Output
+    limits: DecidedLimits
+    correction: Variable
+    k0: Variable
+    aim: Variable
+    slope: Variable | None
+    slope_aim: Variable | None
+
+
+class _Guarded:
+    def __init__(self, model: ModelFile) -> None:
+        self._model = model
+        self._w = w = Writing()
+        self._dt = w.variable("dt_s", "real", "input", "time since the last call [s]")
+        self._sensors = {
+            item.name: WatchedSensor(w, item, model.guard, k) for k, item in enumerate(model.inputs, start=1)
+        }
+        axes = axes_of(model)
+        reference = {o.position.axis: o.position.reference_m for o in model.outputs if o.position is not None}
+        self._wired = [
+            w.variable(f"position_{k}", "real", "input", f"position of axis {axis} [m]", reference[axis])
+            for k, axis in enumerate(axes, start=1)
+        ]
+        self._ready = w.variable("is_ready", "flag", "input", "drives on and axis referenced", 1.0)
+        self._wanted = w.variable("is_wanted", "flag", "input", "the operator's switch", 1.0)
+        self._restart = w.variable("is_restart", "flag", "input", "true in the first call after the control was off")
+        self._standstill = w.variable("standstill_s", "real", "input", "with is_restart: off for so long [s]")
+        limits, _ = decided_limits(model)
+        self._outputs = [
+            self._variables_of(output, limits[output.name], k) for k, output in enumerate(model.outputs, 1)
+        ]
+        self._mode = w.variable(
+            "mode", "code", "output",
+            "0 off, 1 model, 2 hold, 3 ramp to zero, 4 switched off, 10 and more: fallback", float(Mode.OFF),
+        )  # fmt: skip
+        self._at = {
+            axis: w.variable(f"at_{k}", "real", "kept", f"last known position of axis {axis} [m]", reference[axis])
+            for k, axis in enumerate(axes, start=1)
+        }
+        everything: tuple[Equations, ...] = (model, *model.fallbacks)
+        taus = sorted({(state.source, state.tau_s) for of in everything for state in of.states})
+        self._levels = {
+            key: w.variable(f"level_{k}", "real", "retained", f"memory of {key[0]} over {key[1]:g} s")
+            for k, key in enumerate(taus, start=1)
+        }
+        self._first = w.variable("is_first", "flag", "kept", "no sample yet", 1.0)
+        self._since = w.variable("since_sample_s", "real", "kept", "since the last sample [s]")
+        self._held = w.variable("held_s", "real", "kept", "held for so long [s]")
+        self._follows = w.variable("follows", "code", "kept", "as mode, while ready and wanted", float(Mode.HOLD))
+
+    def _variables_of(self, output: Output, limits: DecidedLimits, k: int) -> _Corrected:
+        w = self._w
+        has_slope = output.position is not None
+        return _Corrected(
+            output,
+            limits,
+            w.variable(f"correction_{k}", "real", "output", f"to be added to the axis for {output.name} [um]"),
+            w.variable(f"k0_{k}", "real", "output", "the same at the reference position [um]"),
+            w.variable(f"aim_{k}", "real", "kept", "where it moves to [um]"),
+            w.variable(f"slope_{k}", "real", "output", "and its slope [um/m]") if has_slope else None,
+            w.variable(f"slope_aim_{k}", "real", "kept", "where the slope moves to [um/m]") if has_slope else None,
+        )
+
+    def program(self) -> Program:
+        w = self._w
+        with w.when(self._restart):
+            self._restarted()
+        dt = w.variable("dt")
+        w.remark("time: what is no time counts as 0")
+        _duration(w, dt, self._dt)
+        for wired, at in zip(self._wired, self._at.values(), strict=True):
+            with w.when((wired >= -LARGEST_NUMBER) & (wired <= LARGEST_NUMBER)):
+                w.assign(at, wired)
+        w.assign(self._since, self._since + dt)
+        w.at_most(self._since, LONGEST_S)
+        with w.when(self._first | (self._since >= SAMPLE_S)):
+            self._sample()
+            w.assign(self._first, False)
+            w.assign(self._since, 0.0)
+        w.assign(self._mode, self._follows)
+        with w.when(~self._wanted):
+            w.assign(self._mode, Mode.SWITCHED_OFF)
+        with w.when(~self._ready):
+            w.assign(self._mode, Mode.OFF)
+        slewed = w.variable("slewed_s")
+        w.assign(slewed, dt)
+        w.at_most(slewed, LONGEST_STEP_S)
+        for one in self._outputs:
+            self._moved(one, slewed)
+        return w.program(self._model.name)
+
+    def _restarted(self) -> None:
+        w, guard = self._w, self._model.guard
+        w.remark("the control was off: memory goes on, the correction begins at zero")
+        off = w.variable("off_s")
+        _duration(w, off, self._standstill)
+        for sensor in self._sensors.values():
+            sensor.passed(off)
+        anew: Expression | None = None
+        if guard.restart == "new-start":
+            anew = Flag(True)
+        elif guard.new_start_after_s is not None:
+            anew = off > guard.new_start_after_s
+        if anew is not None:
+            with w.when(anew):
+                for sensor in self._sensors.values():
+                    sensor.begins_anew()
+        w.assign(self._first, True)
+        w.assign(self._since, 0.0)
+        w.assign(self._held, 0.0)
+        w.assign(self._follows, Mode.HOLD)
+        for one in self._outputs:
+            for variable in (one.k0, one.aim, one.correction, one.slope, one.slope_aim):
+                if variable is not None:
+                    w.assign(variable, 0.0)
+
+    def _sample(self) -> None:
+        w = self._w
+        for sensor in self._sensors.values():
+            sensor.sampled(self._since)
+        w.remark("memory: first-order lags of what is believed")
+        sources = dict.fromkeys(source for source, _ in self._levels)
+        for source in sources:
+            sensor = self._sensors[source]
+            with w.when(sensor.is_believed):
+                for (of, tau_s), level in self._levels.items():
+                    if of == source:
+                        with w.when(sensor.has_memory):
+                            gain = sensor.since / (Real(tau_s) + sensor.since)
+                            w.assign(level, level + gain * (sensor.x - level))
+                        with w.otherwise():
+                            w.assign(level, sensor.x)
+                w.assign(sensor.has_memory, True)
+        for sensor in self._sensors.values():
+            with w.when(sensor.is_believed):
+                w.assign(sensor.since, 0.0)
+        w.remark("which model")
+        self._choose()
+        self._follow()
+
+    def _choose(self) -> None:
+        w, guard, model = self._w, self._model.guard, self._model
+        w.assign(self._follows, Mode.MODEL)
+        with w.when(~self._can_be_used(model)):
+            on_fault: str = guard.on_fault
+            if on_fault == "fallback":
+                on_fault = guard.without_fallback
+            w.assign(self._follows, Mode.RAMP_TO_ZERO if on_fault == "ramp-to-zero" else Mode.HOLD)
+            if guard.on_fault == "fallback":
+                for k in reversed(range(len(model.fallbacks))):
+                    with w.when(self._can_be_used(model.fallbacks[k])):
+                        w.assign(self._follows, Mode.FALLBACK + k)
+        with w.when(is_code(self._follows, Mode.HOLD)):
+            w.assign(self._held, self._held + self._since)
+            w.at_most(self._held, LONGEST_S)
+            if guard.hold_at_most_s is not None:
+                with w.when(self._held > guard.hold_at_most_s):
+                    w.assign(self._follows, Mode.RAMP_TO_ZERO)
+        with w.otherwise():
+            if guard.hold_at_most_s is None:
+                w.assign(self._held, 0.0)
+            else:
+                with w.when(~is_code(self._follows, Mode.RAMP_TO_ZERO)):
+                    w.assign(self._held, 0.0)
+
+    def _follow(self) -> None:
+        w, model = self._w, self._model
+        with w.when(is_code(self._follows, Mode.RAMP_TO_ZERO)):
+            for one in self._outputs:
+                w.assign(one.aim, 0.0)
+                if one.slope_aim is not None:
+                    w.assign(one.slope_aim, 0.0)
+        with w.when(is_code(self._follows, Mode.MODEL)):
+            self._aimed(model)
+        if model.guard.on_fault == "fallback":
+            for k, fallback in enumerate(model.fallbacks):
+                with w.when(is_code(self._follows, Mode.FALLBACK + k)):
+                    w.remark(f"without {', '.join(fallback.without)}")
+                    self._aimed(fallback)
+
+    def _can_be_used(self, of: Equations) -> Expression:
+        condition: Expression = self._sensors[of.inputs[0].name].is_believed
+        for item in of.inputs[1:]:
+            condition = condition & self._sensors[item.name].is_believed
+        return condition
+
+    def _aimed(self, of: Equations) -> None:
+        w = self._w
+        z: dict[str, Variable] = {}
+        for item in of.inputs:
+            z[item.name] = w.variable(f"z_{len(z) + 1}")
+            w.assign(z[item.name], (self._sensors[item.name].x - item.centre) / item.scale)
+        for state in of.states:
+            z[state.name] = w.variable(f"z_{len(z) + 1}")
+            w.assign(z[state.name], (self._levels[state.source, state.tau_s] - state.centre) / state.scale)
+        own, change = w.variable("own"), w.variable("change")
+        for one, output in zip(self._outputs, of.outputs, strict=True):
+            _polynomial(w, own, output.intercept, output.terms, z)
+            w.assign(own, -own)
+            is_number = (own >= -LARGEST_NUMBER) & (own <= LARGEST_NUMBER)
+            if one.slope_aim is not None:
+                part, steep = output.position, w.variable("steep")
+                _polynomial(w, steep, part.intercept if part else 0.0, part.terms if part else (), z)
+                w.assign(steep, -steep)
+                is_number = is_number & (steep >= -LARGEST_NUMBER) & (steep <= LARGEST_NUMBER)
+            with w.when(is_number):
+                w.limit(own, -one.limits.clamp_um, one.limits.clamp_um)
+                w.assign(change, own - one.aim)
+                with w.when((change >= one.limits.dead_band_um) | (change <= -one.limits.dead_band_um)):
+                    w.assign(one.aim, own)
+                if one.slope_aim is not None:
+                    steep, most = w.variable("steep"), one.limits.slope_clamp_um_per_m
+                    w.limit(steep, -most, most)
+                    w.assign(one.slope_aim, steep)
+
+    def _moved(self, one: _Corrected, slewed: Variable) -> None:
+        w = self._w
+        off, switched_off = is_code(self._mode, Mode.OFF), is_code(self._mode, Mode.SWITCHED_OFF)
+        w.remark(f"correction of {one.output.name}: no faster than the slew limit")
+        with w.when(off):
+            for variable in (one.k0, one.slope, one.correction):
+                if variable is not None:
+                    w.assign(variable, 0.0)
+        with w.otherwise():
+            _towards(w, one.k0, one.aim, switched_off, slewed, one.limits.own_slew_um_per_s)
+            w.assign(one.correction, one.k0)
+            part = one.output.position
+            if part is not None and one.slope is not None and one.slope_aim is not None:
+                _towards(w, one.slope, one.slope_aim, switched_off, slewed, one.limits.slope_slew_um_per_m_s)
+                where = w.variable("where")
+                w.assign(where, self._at[part.axis])
+                w.limit(where, part.valid_min_m, part.valid_max_m)
+                w.assign(one.correction, one.k0 + one.slope * (where - part.reference_m))
+                w.limit(one.correction, -one.limits.clamp_um, one.limits.clamp_um)
+
+
+def _duration(w: Writing, to: Variable, of: Variable) -> None:
+    w.assign(to, 0.0)
+    with w.when(of > 0.0):
+        w.assign(to, of)
+    w.at_most(to, LONGEST_S)
+
+
+def _towards(
+    w: Writing, now: Variable, aim: Variable, is_switched_off: Expression, slewed: Variable, slew: float
+) -> None:
+    to, most, low, high = (w.variable(name) for name in ("towards", "most", "low", "high"))
+    w.assign(to, aim)
+    with w.when(is_switched_off):
+        w.assign(to, 0.0)
+    w.assign(most, Real(slew) * slewed)
+    w.assign(low, now - most)
+    w.assign(high, now + most)
+    w.limit(to, low, high)
+    w.assign(now, to)
+
+
+def _polynomial(w: Writing, total: Variable, intercept: float, terms: Sequence[Term], z: dict[str, Variable]) -> None:
+    w.assign(total, intercept)
+    for term in terms:
+        product: Expression = Real(term.coefficient)
+        for name, power in term.powers.items():
+            for _ in range(power):
+                product = product * z[name]
+        w.assign(total, total + product)

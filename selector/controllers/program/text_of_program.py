@@ -1,0 +1,135 @@
+"""What printed programs have in common: indented lines, parentheses only where a reader needs them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from selector.controllers.program.language import (
+    Assign,
+    Code,
+    Expression,
+    Flag,
+    If,
+    Negative,
+    Not,
+    Operation,
+    Real,
+    Remark,
+    Statement,
+    Variable,
+)
+
+_RANK = {"or": 1, "and": 2, "<": 4, "<=": 4, ">": 4, ">=": 4, "==": 4, "+": 5, "-": 5, "*": 6, "/": 6}
+_OF_COMPARISON, _OF_NAME = 4, 8
+
+
+@dataclass(frozen=True)
+class Language:
+    """Words of a language in which a program is printed.
+
+    Attributes
+    ----------
+    signs : mapping of str to str
+        Of the operations, where they differ from the program's own.
+    negation : str
+        Before a condition.
+    assignment : str
+        Format with ``{to}`` and ``{value}``.
+    condition, otherwise, end : str
+        Lines around the branches of an IF; ``{condition}``. An empty `end` is left out.
+    nothing : str
+        The statement of an empty branch; empty where none is needed.
+    remark : str
+        Format with ``{text}``.
+    prefixes : mapping of str to str
+        Place of a variable → what goes before its name.
+    """
+
+    signs: Mapping[str, str]
+    negation: str
+    assignment: str
+    condition: str
+    otherwise: str
+    end: str
+    nothing: str
+    remark: str
+    prefixes: Mapping[str, str]
+    indent: str = "    "
+
+    def real(self, value: float) -> str:
+        """A real literal."""
+        return repr(value)
+
+    def flag(self, value: bool) -> str:
+        """True or false."""
+        return str(value)
+
+    def name(self, variable: Variable) -> str:
+        """A variable as it is written inside the program."""
+        return self.prefixes.get(variable.place, "") + variable.name
+
+    def lines(self, body: tuple[Statement, ...], depth: int = 0) -> Iterator[str]:
+        """Statements as lines without line ends."""
+        before = self.indent * depth
+        for one in body:
+            if isinstance(one, Assign):
+                yield before + self.assignment.format(to=self.name(one.to), value=self.expression(one.value))
+            elif isinstance(one, Remark):
+                yield before + self.remark.format(text=plain(one.text))
+            else:
+                yield from self._branches(one, depth)
+
+    def expression(self, of: Expression, outer: int = 0, *, is_right: bool = False) -> str:
+        """An expression with the parentheses that keep its tree: all sums and products group from the left."""
+        if isinstance(of, Variable):
+            return self.name(of)
+        if isinstance(of, Flag):
+            return self.flag(of.value)
+        if isinstance(of, Code):
+            return str(of.value)
+        if isinstance(of, Real):
+            text = self.real(of.value)
+            return f"({text})" if text.startswith("-") and outer > _OF_COMPARISON else text
+        if isinstance(of, Negative):
+            text = "-" + self.expression(of.of, _OF_NAME)
+            return f"({text})" if outer > _OF_COMPARISON else text
+        if isinstance(of, Not):
+            return self.negation + "(" + self.expression(of.of) + ")"
+        if not isinstance(of, Operation):
+            raise TypeError(of)
+        rank = _RANK[of.sign]
+        left = self.expression(of.left, rank)
+        right = self.expression(of.right, rank, is_right=True)
+        text = f"{left} {self.signs.get(of.sign, of.sign)} {right}"
+        # every language has its own order of AND, OR and comparison
+        is_condition_inside = rank <= _OF_COMPARISON and 0 < outer != rank
+        needs = rank < outer or (rank == outer and is_right) or is_condition_inside
+        return f"({text})" if needs else text
+
+    def _branches(self, one: If, depth: int) -> Iterator[str]:
+        before = self.indent * depth
+        yield before + self.condition.format(condition=self.expression(one.condition))
+        yield from self._branch(one.then, depth)
+        if one.otherwise:
+            yield before + self.otherwise
+            yield from self._branch(one.otherwise, depth)
+        if self.end:
+            yield before + self.end
+
+    def _branch(self, body: tuple[Statement, ...], depth: int) -> Iterator[str]:
+        if self.nothing and all(isinstance(one, Remark) for one in body):
+            yield self.indent * (depth + 1) + self.nothing
+        yield from self.lines(body, depth + 1)
+
+
+_SPELLED = str.maketrans({"µ": "u", "°": "deg ", "Δ": "d", "−": "-", "·": "*", "²": "^2", "³": "^3", "⁻": "^-"})
+
+
+def plain(text: str) -> str:
+    """ASCII without anything that would end a remark in any language."""
+    spelled = text.translate(_SPELLED)
+    ascii_text = spelled.encode("ascii", "replace").decode("ascii")
+    for end in ("*/", "/*", "*)", "(*", "//", "\\", "{", "}", "]]>", "\x00"):
+        ascii_text = ascii_text.replace(end, "_")
+    return "".join(character if character.isprintable() else " " for character in ascii_text)

@@ -1,0 +1,166 @@
+"""The check of one sensor as statements; statement by statement what `SensorWatch` does."""
+
+from __future__ import annotations
+
+from selector.controllers.guard.codes import ANCHOR_S, LARGEST_NUMBER, LONGEST_S, SensorCode
+from selector.controllers.model_file import Guard, Input
+from selector.controllers.program.language import Expression, Real, Variable, Writing, is_code
+from selector.controllers.sensor_check import CODE_SLACK, RANGE_SLACK
+
+
+class WatchedSensor:
+    """Variables and statements of the k-th sensor (from 1)."""
+
+    def __init__(self, w: Writing, item: Input, guard: Guard, k: int) -> None:
+        self._w = w
+        self._item = item
+        self._guard = guard
+        self._codes = guard.break_codes if item.unit == "degC" else ()
+        self._stuck_after_s = guard.stuck_after_s if item.unit == "degC" else None
+        self._reading = w.variable(f"reading_{k}", "real", "input", f"{item.name} [{item.unit}]")
+        about = "0 ok, 1 limited, 2 recovering, 3 missing, 4 break code, 5 out of limits, 6 jump, 7 stuck, 8 range"
+        self.code = w.variable(
+            f"sensor_{k}", "code", "output", f"{item.name}: {about}" if k == 1 else item.name, float(SensorCode.MISSING)
+        )
+        self.x = w.variable(f"x_{k}", "real", "kept", f"{item.name} as the model gets it")
+        self.since = w.variable(f"since_{k}", "real", "kept", "since it was believed last [s]")
+        self._good_for = w.variable(f"good_for_{k}", "real", "kept", "good for so long [s]", guard.recover_after_s)
+        self.has_memory = w.variable(f"has_memory_{k}", "flag", "retained", "memory has begun")
+        if item.reference == "rise":
+            self._start = w.variable(f"start_{k}", "real", "retained", f"start reading of {item.name}")
+            self._has_start = w.variable(f"has_start_{k}", "flag", "retained", "start reading is taken")
+        if item.rate_limit_per_min is not None:
+            self._anchor = w.variable(f"anchor_{k}", "real", "kept", "reading about a minute ago")
+            self._has_anchor = w.variable(f"has_anchor_{k}", "flag", "kept")
+            self._anchor_age = w.variable(f"anchor_age_{k}", "real", "kept", "[s]")
+        if self._stuck_after_s is not None:
+            self._last = w.variable(f"last_{k}", "real", "kept", "last reading that differed")
+            self._has_last = w.variable(f"has_last_{k}", "flag", "kept")
+            self._unchanged = w.variable(f"unchanged_{k}", "real", "kept", "has not changed for so long [s]")
+
+    @property
+    def is_believed(self) -> Expression:
+        """Condition: the model may use x."""
+        return is_code(self.code, SensorCode.OK) | is_code(self.code, SensorCode.LIMITED)
+
+    def passed(self, standstill: Variable) -> None:
+        """Time went by without samples."""
+        self._add(self.since, standstill)
+        if self._item.rate_limit_per_min is not None:
+            self._w.assign(self._has_anchor, False)
+        if self._stuck_after_s is not None:
+            self._w.assign(self._has_last, False)
+
+    def begins_anew(self) -> None:
+        """The next reading that is believed is the start reading, and memory begins with it."""
+        self._w.assign(self.has_memory, False)
+        if self._item.reference == "rise":
+            self._w.assign(self._has_start, False)
+
+    def sampled(self, elapsed: Variable) -> None:
+        """The next reading is judged."""
+        w, item = self._w, self._item
+        w.remark(f"sensor {item.name}")
+        if item.rate_limit_per_min is not None:
+            self._add(self._anchor_age, elapsed)
+        if self._stuck_after_s is not None:
+            self._add(self._unchanged, elapsed)
+        self._add(self.since, elapsed)
+        self._verdict()
+        with w.when(is_code(self.code, SensorCode.OK)):
+            self._add(self._good_for, elapsed)
+            with w.when(self._good_for < self._guard.recover_after_s):
+                w.assign(self.code, SensorCode.RECOVERING)
+            with w.otherwise():
+                self._believe()
+        with w.otherwise():
+            w.assign(self._good_for, 0.0)
+
+    def _verdict(self) -> None:
+        w, r, code = self._w, self._reading, self.code
+        w.assign(code, SensorCode.OK)
+        # written so that NaN fails
+        with w.when(~((r >= -LARGEST_NUMBER) & (r <= LARGEST_NUMBER))):
+            w.assign(code, SensorCode.MISSING)
+        for value in self._codes:
+            slack = CODE_SLACK * abs(value)
+            with w.when(is_code(code, SensorCode.OK) & (r >= value - slack) & (r <= value + slack)):
+                w.assign(code, SensorCode.BREAK_CODE)
+        low_limit, high_limit = self._item.reading_min, self._item.reading_max
+        if low_limit is not None:
+            with w.when(is_code(code, SensorCode.OK) & (r < low_limit)):
+                w.assign(code, SensorCode.OUT_OF_LIMITS)
+        if high_limit is not None:
+            with w.when(is_code(code, SensorCode.OK) & (r > high_limit)):
+                w.assign(code, SensorCode.OUT_OF_LIMITS)
+        if self._item.rate_limit_per_min is not None:
+            with w.when(is_code(code, SensorCode.OK)):
+                self._jump(self._item.rate_limit_per_min / 60.0)
+        if self._stuck_after_s is not None:
+            with w.when(is_code(code, SensorCode.OK)):
+                self._stuck(self._stuck_after_s)
+        if self._guard.outside_valid_range == "fault":
+            with w.when(is_code(code, SensorCode.OK)):
+                x = self._fresh_x()
+                with w.when(self._is_outside(x)):
+                    w.assign(code, SensorCode.OUTSIDE_VALID_RANGE)
+
+    def _jump(self, rate_per_s: float) -> None:
+        w, r = self._w, self._reading
+        allowed, change = w.variable("allowed"), w.variable("change")
+        with w.when(~self._has_anchor):
+            self._take_anchor()
+        with w.otherwise():
+            w.assign(allowed, self._anchor_age)
+            w.at_least(allowed, ANCHOR_S)
+            w.assign(allowed, Real(rate_per_s) * allowed)
+            w.assign(change, r - self._anchor)
+            with w.when((change > allowed) | (change < -allowed)):
+                w.assign(self.code, SensorCode.JUMP)
+            with w.otherwise(), w.when(self._anchor_age >= ANCHOR_S):
+                self._take_anchor()
+
+    def _take_anchor(self) -> None:
+        self._w.assign(self._anchor, self._reading)
+        self._w.assign(self._has_anchor, True)
+        self._w.assign(self._anchor_age, 0.0)
+
+    def _stuck(self, after_s: float) -> None:
+        w, r = self._w, self._reading
+        with w.when(~self._has_last | (r < self._last) | (r > self._last)):
+            w.assign(self._last, r)
+            w.assign(self._has_last, True)
+            w.assign(self._unchanged, 0.0)
+        with w.when(self._unchanged > after_s):
+            w.assign(self.code, SensorCode.STUCK)
+
+    def _fresh_x(self) -> Variable:
+        w = self._w
+        x = w.variable("x")
+        if self._item.reference == "absolute":
+            w.assign(x, self._reading)
+            return x
+        w.assign(x, 0.0)
+        with w.when(self._has_start):
+            w.assign(x, self._reading - self._start)
+        return x
+
+    def _is_outside(self, x: Variable) -> Expression:
+        slack = RANGE_SLACK * (self._item.valid_max - self._item.valid_min)
+        return (x < self._item.valid_min - slack) | (x > self._item.valid_max + slack)
+
+    def _believe(self) -> None:
+        w = self._w
+        if self._item.reference == "rise":
+            with w.when(~self._has_start):
+                w.assign(self._start, self._reading)
+                w.assign(self._has_start, True)
+        x = self._fresh_x()
+        with w.when(self._is_outside(x)):
+            w.assign(self.code, SensorCode.LIMITED)
+        w.limit(x, self._item.valid_min, self._item.valid_max)
+        w.assign(self.x, x)
+
+    def _add(self, clock: Variable, elapsed: Variable) -> None:
+        self._w.assign(clock, clock + elapsed)
+        self._w.at_most(clock, LONGEST_S)

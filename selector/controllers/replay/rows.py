@@ -1,0 +1,91 @@
+"""What a program is called with, row by row, and what it gives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.controllers.guard.guarded_model import GuardedModel, Number
+from selector.controllers.model_file import ModelFile
+from selector.controllers.program.guarded_program import axes_of
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Calls of a program.
+
+    Attributes
+    ----------
+    dt_s : ndarray of shape (n_rows,)
+    readings : ndarray of shape (n_rows, n_inputs)
+        [unit of the input].
+    positions_m : ndarray of shape (n_rows, n_axes)
+        As `axes_of`.
+    is_ready, is_wanted, is_restart : ndarray of bool of shape (n_rows,)
+    standstill_s : ndarray of shape (n_rows,)
+    """
+
+    dt_s: Array
+    readings: Array
+    positions_m: Array
+    is_ready: Flags
+    is_wanted: Flags
+    is_restart: Flags
+    standstill_s: Array
+
+    def __len__(self) -> int:
+        return len(self.dt_s)
+
+
+@dataclass(frozen=True, eq=False)
+class Answers:
+    """What the calls gave.
+
+    Attributes
+    ----------
+    correction_um, k0_um, slope_um_per_m : ndarray of shape (n_rows, n_outputs)
+    mode : ndarray of int of shape (n_rows,)
+    sensors : ndarray of int of shape (n_rows, n_inputs)
+    """
+
+    correction_um: Array
+    k0_um: Array
+    slope_um_per_m: Array
+    mode: NDArray[np.int64]
+    sensors: NDArray[np.int64]
+
+    @classmethod
+    def empty(cls, n_rows: int, n_outputs: int, n_inputs: int) -> Answers:
+        """Zeros, to be filled."""
+        real = np.zeros((3, n_rows, n_outputs))
+        codes = np.zeros((n_rows, 1 + n_inputs), dtype=np.int64)
+        return cls(real[0], real[1], real[2], codes[:, 0], codes[:, 1:])
+
+
+def reference_answers(model: ModelFile, rows: Rows, number: Number = float) -> Answers:
+    """What `GuardedModel` gives in this number type."""
+    guarded = GuardedModel(model, number)
+    names, axes = [item.name for item in model.inputs], axes_of(model)
+    outputs = [output.name for output in model.outputs]
+    answers = Answers.empty(len(rows), len(outputs), len(names))
+    table, where = rows.readings.tolist(), rows.positions_m.tolist()
+    for k, dt_s in enumerate(rows.dt_s.tolist()):
+        if rows.is_restart[k]:
+            guarded.restart(float(rows.standstill_s[k]))
+        found = guarded.step(
+            dt_s,
+            dict(zip(names, table[k], strict=True)),
+            dict(zip(axes, where[k], strict=True)),
+            is_ready=bool(rows.is_ready[k]),
+            is_wanted=bool(rows.is_wanted[k]),
+        )
+        answers.correction_um[k] = [found.correction_um[name] for name in outputs]
+        answers.k0_um[k] = [found.k0_um[name] for name in outputs]
+        answers.slope_um_per_m[k] = [found.slope_um_per_m[name] for name in outputs]
+        answers.mode[k], answers.sensors[k] = found.mode, found.sensors
+    return answers

@@ -1,0 +1,1 @@
+"""One writer a control: a model file becomes the files that the control or its programmer takes."""

@@ -1,0 +1,159 @@
+"""Plain C99 without any library: a header and a source file, in double or single precision."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from selector.controllers.model_file import ModelFile
+from selector.controllers.program.guarded_program import guarded_program
+from selector.controllers.program.language import Program, Variable
+from selector.controllers.program.text_of_program import Language, plain
+from selector.controllers.writers.exported import Exported
+from selector.controllers.writers.heading import heading
+
+Precision = Literal["double", "float"]
+NAME = "thermal_correction"
+
+
+class _C(Language):
+    def __init__(self, precision: Precision) -> None:
+        place = "m->"
+        super().__init__(
+            signs={"and": "&&", "or": "||"},
+            negation="!",
+            assignment="{to} = {value};",
+            condition="if ({condition}) {{",
+            otherwise="} else {",
+            end="}",
+            nothing="",
+            remark="/* {text} */",
+            prefixes={"input": place, "output": place, "kept": place, "retained": place},
+        )
+        object.__setattr__(self, "precision", precision)
+
+    precision: Precision
+
+    def real(self, value: float) -> str:
+        if self.precision == "double":
+            return repr(float(value))
+        text = str(np.float32(value))
+        return (text if "." in text or "e" in text else f"{text}.0") + "f"
+
+    def flag(self, value: bool) -> str:
+        return "1" if value else "0"
+
+
+def c_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
+    """Double precision in ``thermal_correction.*``, single in ``thermal_correction_f.*``."""
+    single = f"{NAME}_f"
+    return Exported(
+        files={
+            **c_files(model, is_sign_verified=is_sign_verified),
+            **c_files(model, precision="float", name=single, is_sign_verified=is_sign_verified),
+        },
+        install=(
+            f"Compile {NAME}.c ({single}.c where the processor has single precision only) with "
+            "cc -std=c99 -O2 -ffp-contract=off, without -ffast-math. It needs no library.",
+            f"Call {NAME}_init once. If the control kept the members under 'to be kept', put them back after it and "
+            "set is_restart and standstill_s for the first call.",
+            "Every cycle set dt_s [s], the readings and positions in the units that the header names, is_ready and "
+            f"is_wanted; call {NAME}_step; add correction_1 … [um] to the axes.",
+            "A sensor without a reading is passed on as NaN or as the code of its amplifier, never as its last value.",
+        ),
+        silently=(
+            "A compiler that contracts a * b + c to one rounding changes the last bit of the results.",
+            "Called with dt_s = 0 or NaN for ever, the correction stands still: dt_s must be the real cycle time.",
+        ),
+    )
+
+
+def c_files(
+    model: ModelFile, *, precision: Precision = "double", name: str = NAME, is_sign_verified: bool = False
+) -> dict[str, str]:
+    """``<name>.h`` and ``<name>.c``: a struct with inputs, outputs and state, ``<name>_init`` and ``<name>_step``."""
+    program = guarded_program(model)
+    head = [f" * {line}" for line in heading(model, is_sign_verified=is_sign_verified)]
+    return {
+        f"{name}.h": "\n".join(["/*", *head, " */", *_header(program, precision, name)]) + "\n",
+        f"{name}.c": "\n".join(["/*", *head, *_compiling(), " */", *_source(program, precision, name)]) + "\n",
+    }
+
+
+def c_core(program: Program, precision: Precision) -> tuple[list[str], list[str], list[str]]:
+    """(declarations of temporaries, initial assignments, body) for a struct pointer ``m``."""
+    language = _C(precision)
+    temporaries = [f"    {_type(one, precision)} {one.name};" for one in program.of("temporary")]
+    initial = [f"    m->{one.name} = {_initial(one, language)};" for one in _members(program)]
+    return temporaries, initial, list(language.lines(program.body, 1))
+
+
+def c_members(program: Program, precision: Precision) -> list[str]:
+    """Members of the struct, one a line, with what they mean."""
+    titles = {"input": "inputs", "output": "outputs", "retained": "to be kept when the control is off", "kept": "state"}
+    lines = []
+    for place, title in titles.items():
+        lines.append(f"    /* {title} */")
+        for one in _members(program):
+            if one.place == place:
+                about = f" /* {plain(one.about)} */" if one.about else ""
+                lines.append(f"    {_type(one, precision)} {one.name};{about}")
+    return lines
+
+
+def _members(program: Program) -> Sequence[Variable]:
+    return [one for one in program.variables if one.place != "temporary"]
+
+
+def _type(variable: Variable, precision: Precision) -> str:
+    return precision if variable.kind == "real" else "int"
+
+
+def _initial(variable: Variable, language: _C) -> str:
+    return language.real(variable.initial) if variable.kind == "real" else str(int(variable.initial))
+
+
+def _header(program: Program, precision: Precision, name: str) -> list[str]:
+    guard = f"{name.upper()}_H"
+    return [
+        f"#ifndef {guard}",
+        f"#define {guard}",
+        "",
+        f"typedef struct {name} {{",
+        *c_members(program, precision),
+        f"}} {name};",
+        "",
+        "/* Once, before the first call. */",
+        f"void {name}_init({name} *m);",
+        "/* Every cycle, after the inputs are set; the outputs are in the struct. */",
+        f"void {name}_step({name} *m);",
+        "",
+        "#endif",
+    ]
+
+
+def _compiling() -> list[str]:
+    return [
+        " * Compile without contraction and without fast mathematics (cc -std=c99 -ffp-contract=off): then it computes",
+        " * what the model file means, to the last bit.",
+    ]
+
+
+def _source(program: Program, precision: Precision, name: str) -> list[str]:
+    temporaries, initial, body = c_core(program, precision)
+    return [
+        f'#include "{name}.h"',
+        "",
+        f"void {name}_init({name} *m)",
+        "{",
+        *initial,
+        "}",
+        "",
+        f"void {name}_step({name} *m)",
+        "{",
+        *temporaries,
+        *body,
+        "}",
+    ]

@@ -1,0 +1,79 @@
+"""A Python module without any import, for edge computers and for controls that run Python."""
+
+from __future__ import annotations
+
+from selector.controllers.model_file import ModelFile
+from selector.controllers.program.guarded_program import guarded_program
+from selector.controllers.program.language import Program, Variable
+from selector.controllers.program.text_of_program import Language, plain
+from selector.controllers.writers.exported import Exported
+from selector.controllers.writers.heading import heading
+
+NAME = "thermal_correction"
+CLASS = "ThermalCorrection"
+
+
+class _Python(Language):
+    def __init__(self) -> None:
+        place = "self."
+        super().__init__(
+            signs={},
+            negation="not ",
+            assignment="{to} = {value}",
+            condition="if {condition}:",
+            otherwise="else:",
+            end="",
+            nothing="pass",
+            remark="# {text}",
+            prefixes={"input": place, "output": place, "kept": place, "retained": place},
+        )
+
+
+def python_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
+    """``thermal_correction.py``."""
+    return Exported(
+        files=python_files(model, is_sign_verified=is_sign_verified),
+        install=(
+            f"Copy {NAME}.py to the computer that reads the sensors; it imports nothing and runs on any Python 3.",
+            "If start readings and memory were kept, put them back and set is_restart and standstill_s for the first "
+            "call.",
+            "Every cycle set dt_s [s], readings and positions in the units named there, is_ready and is_wanted; call "
+            "step(); send correction_1 … [um] to the control.",
+            "If this computer stops, the control keeps the last correction: let the control ramp to zero when no new "
+            "value has come for some seconds.",
+        ),
+        silently=("A reading that is passed on late or twice looks like a sensor that stands still.",),
+    )
+
+
+def python_files(model: ModelFile, *, is_sign_verified: bool = False) -> dict[str, str]:
+    """``thermal_correction.py`` with one class: set its inputs, call ``step()``, read its outputs."""
+    program = guarded_program(model)
+    head = [f"# {line}" for line in heading(model, is_sign_verified=is_sign_verified)]
+    return {f"{NAME}.py": "\n".join([*head, *_class(program)]) + "\n"}
+
+
+def _class(program: Program) -> list[str]:
+    language = _Python()
+    lines = [
+        "",
+        "",
+        f"class {CLASS}:",
+        '    """Set the inputs, call step() every cycle, read the outputs."""',
+        "",
+        "    def __init__(self):",
+    ]
+    titles = {"input": "inputs", "output": "outputs", "retained": "to be kept when the control is off", "kept": "state"}
+    for place, title in titles.items():
+        lines.append(f"        # {title}")
+        for one in program.variables:
+            if one.place == place:
+                about = f"  # {plain(one.about)}" if one.about else ""
+                lines.append(f"        self.{one.name} = {_initial(one)}{about}")
+    return [*lines, "", "    def step(self):", *language.lines(program.body, 2)]
+
+
+def _initial(variable: Variable) -> str:
+    if variable.kind == "flag":
+        return str(bool(variable.initial))
+    return str(int(variable.initial)) if variable.kind == "code" else repr(float(variable.initial))
