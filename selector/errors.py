@@ -8,6 +8,7 @@
         ├── RecordingError      the tables are readable but do not make a recording
         ├── UnitError           a unit is unknown, or has the wrong dimension for its role
         ├── OptionError         an option has a value that cannot be used with this recording
+        │   └── NotExecutableError  what runs a program (a compiler, a control) is not on this machine
         └── ModelFileError      a model file does not follow its schema
     CancelledError              the user stopped long work; nothing was written
 
@@ -63,6 +64,10 @@ class UnitError(InputError):
 
 class OptionError(InputError):
     """An option has a value that cannot be used with this recording."""
+
+
+class NotExecutableError(OptionError):
+    """What runs a generated program (a compiler, a control) is not on this machine, or refuses it."""
 
 
 class ModelFileError(InputError):

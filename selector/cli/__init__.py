@@ -18,6 +18,7 @@ from selector.cli import (
     demo,
     diagnosing,
     effects,
+    exporting,
     models,
     patent,
     predicting,
@@ -76,6 +77,7 @@ _command("convert", reading.convert)
 _command("select", selecting.select)
 _command("demo", demo.demo)
 _command("apply", applying.apply)
+_command("export", exporting.export)
 _command("predict", predicting.predict)
 _simulate = typer.Typer(help="Write a recording of a machine that a model file describes.")
 _command("thermal", simulating_thermal.thermal, _simulate)

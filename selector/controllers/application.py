@@ -111,7 +111,7 @@ def apply_model(
     OptionError
         A start value names a run or a channel that does not exist, or is not a finite number.
     """
-    _require_channels(model, recording)
+    require_channels(model, recording)
     _require_starts(start_readings, recording.runs, [item.name for item in model.inputs], "start_readings")
     _require_starts(displacement_start, recording.runs, [item.name for item in model.outputs], "displacement_start")
     findings: list[Finding] = []
@@ -125,8 +125,8 @@ def apply_model(
         findings.extend(about_run)
         per_run[run] = {}
         for output in model.outputs:
-            zero = _zero(output, recording, run, (displacement_start or {}).get(run, {}).get(output.name))
-            recorded[output.name].append(_displacement(output, recording, run) - zero)
+            zero = zero_of(output, recording, run, (displacement_start or {}).get(run, {}).get(output.name))
+            recorded[output.name].append(displacement_of(output, recording, run) - zero)
             modelled[output.name].append(predicted[output.name])
             per_run[run][output.name] = Accuracy.of(predicted[output.name], recorded[output.name][-1])
             predicted[output.name] = predicted[output.name] + zero
@@ -173,7 +173,7 @@ def _predictions(
     readings, findings = usable_readings(model, run, time_s, dict(zip(names, table.T, strict=True)))
     starts = {name: start.get(name, first_finite(readings[name])) for name in names}
     positions = {
-        axis: recording.values(run, [channel])[:, 0] for axis, channel in _position_channels(model, recording).items()
+        axis: recording.values(run, [channel])[:, 0] for axis, channel in position_channels(model, recording).items()
     }
     predicted = evaluate(model, time_s, readings, starts, positions or None)
     found = [*findings, *outside_valid_range(model, run, time_s, readings, starts)]
@@ -194,21 +194,31 @@ def _predictions(
     return predicted, found
 
 
-def _displacement(output: Output, recording: Recording, run: str) -> Array:
+def displacement_of(output: Output, recording: Recording, run: str) -> Array:
+    """The recorded displacement of an output [µm], NaN throughout where there is none."""
     if output.name not in recording.names:
         return np.full(len(recording.time_s(run)), np.nan)
     return recording.values(run, [output.name])[:, 0]
 
 
-def _zero(output: Output, recording: Recording, run: str, given: float | None) -> float:
+def zero_of(output: Output, recording: Recording, run: str, given: float | None) -> float:
     """What the recorded displacement counts from; 0 where there is none."""
     if given is not None:
         return given
-    first = first_finite(_displacement(output, recording, run)) if output.reference == "rise" else 0.0
+    first = first_finite(displacement_of(output, recording, run)) if output.reference == "rise" else 0.0
     return first if math.isfinite(first) else 0.0
 
 
-def _require_channels(model: ModelFile, recording: Recording) -> None:
+def require_channels(model: ModelFile, recording: Recording) -> None:
+    """Ends with an error where a recording lacks what the model needs, or has it in another role.
+
+    Raises
+    ------
+    RecordingError
+        No readings of an input, or no position of an axis.
+    UnitError
+        A channel has another role than in the model.
+    """
     names = set(recording.names)
     present = [item.name for item in model.inputs if item.name in names]
     seen = {name for name in present if bool(recording.frame[name].notna().any())}
@@ -226,7 +236,7 @@ def _require_channels(model: ModelFile, recording: Recording) -> None:
     for output in model.outputs:
         if output.name in names and recording.channel(output.name).role != "displacement":
             raise _role_error(output.name, recording.channel(output.name).role, "displacement")
-    _position_channels(model, recording)
+    position_channels(model, recording)
 
 
 def _require_role(item: Input, recording: Recording) -> None:
@@ -245,7 +255,14 @@ def _role_error(name: str, found: str, expected: str) -> UnitError:
     )
 
 
-def _position_channels(model: ModelFile, recording: Recording) -> dict[str, str]:
+def position_channels(model: ModelFile, recording: Recording) -> dict[str, str]:
+    """Axis → channel of its position, for the axes whose position the model needs.
+
+    Raises
+    ------
+    RecordingError
+        There is no such channel.
+    """
     channels = {}
     for output in model.outputs:
         if output.position is None:

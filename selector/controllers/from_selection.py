@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, cast
 
 import numpy as np
 
 from selector import __version__
 from selector.controllers.model_file import (
+    Fallback,
     Guard,
     Input,
     ModelFile,
@@ -20,8 +22,11 @@ from selector.controllers.model_file import (
 )
 from selector.controllers.self_check import check_vectors
 from selector.models.least_squares import FittedModel
+from selector.models.terms import Scaling
 from selector.recording import Channel, RunSource
 from selector.selection import Selection
+from selector.selection import fallbacks as selection_fallbacks
+from selector.selection.fitting import Recipe
 
 RATE_MARGIN = 5.0
 LEAST_RATE_PER_MIN = 1.0
@@ -66,17 +71,8 @@ def model_file_of(
             place=channel.place,
         )
 
-    states = tuple(
-        State(
-            name=lag.name,
-            source=lag.source,
-            tau_s=lag.tau_s,
-            centre=scaling.centre[position[lag.name]],
-            scale=scaling.scale[position[lag.name]],
-        )
-        for lag in recipe.design.lags
-    )
-    outputs = tuple(_output(model, by_name[name], rise=rise) for name, model in selection.models.items())
+    inputs = tuple(input_of(name) for name in recipe.design.inputs)
+    fallbacks = tuple(_fallback(one, inputs, by_name, rise=rise) for one in selection.fallbacks)
     hashes = {
         str(run): str(entry["sha256"])
         for run, entry in selection.provenance.get("runs", {}).items()
@@ -84,10 +80,14 @@ def model_file_of(
     }
     model = ModelFile(
         name=f"displacement {' and '.join(selection.models)}",
-        inputs=tuple(input_of(name) for name in recipe.design.inputs),
-        states=states,
-        outputs=outputs,
-        guard=Guard(limits=tuple(_limits(selection, name) for name in selection.models)),
+        inputs=inputs,
+        states=_states(recipe, scaling),
+        outputs=_outputs(selection.models, by_name, rise=rise),
+        guard=Guard(
+            limits=tuple(_limits(selection, name) for name in selection.models),
+            on_fault="fallback" if fallbacks else "hold",
+        ),
+        fallbacks=fallbacks,
         provenance=Provenance(
             machine=selection.provenance.get("machine"),
             data_sha256=hashes,
@@ -116,6 +116,42 @@ def fastest_changes(source: RunSource, sensors: tuple[str, ...]) -> dict[str, fl
             if len(change):
                 found = np.fmax(found, np.nan_to_num(change, nan=0.0).max(axis=0))
     return dict(zip(sensors, map(float, found), strict=True))
+
+
+def _fallback(
+    of: selection_fallbacks.Fallback, inputs: tuple[Input, ...], channels: dict[str, Channel], *, rise: bool
+) -> Fallback:
+    """A fallback of a selection, with the ranges of the model's own inputs."""
+    scaling = next(iter(of.models.values())).scaling
+    at = {name: i for i, name in enumerate(scaling.variables)}
+    return Fallback(
+        without=(of.without,),
+        inputs=tuple(
+            item.model_copy(update={"centre": scaling.centre[at[item.name]], "scale": scaling.scale[at[item.name]]})
+            for item in inputs
+            if item.name in of.recipe.design.inputs
+        ),
+        states=_states(of.recipe, scaling),
+        outputs=_outputs(of.models, channels, rise=rise),
+    )
+
+
+def _states(recipe: Recipe, scaling: Scaling) -> tuple[State, ...]:
+    at = {name: i for i, name in enumerate(scaling.variables)}
+    return tuple(
+        State(
+            name=lag.name,
+            source=lag.source,
+            tau_s=lag.tau_s,
+            centre=scaling.centre[at[lag.name]],
+            scale=scaling.scale[at[lag.name]],
+        )
+        for lag in recipe.design.lags
+    )
+
+
+def _outputs(models: Mapping[str, FittedModel], channels: dict[str, Channel], *, rise: bool) -> tuple[Output, ...]:
+    return tuple(_output(model, channels[name], rise=rise) for name, model in models.items())
 
 
 def _output(model: FittedModel, channel: Channel, *, rise: bool) -> Output:

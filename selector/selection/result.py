@@ -16,6 +16,7 @@ from selector.models.hull import ValidityHull
 from selector.models.least_squares import FittedModel
 from selector.models.validation import ErrorCurvePoint
 from selector.selection.candidates import Grouping
+from selector.selection.fallbacks import Fallback
 from selector.selection.fitting import Recipe
 from selector.selection.options import Options
 
@@ -131,6 +132,8 @@ class Selection:
         Share of bootstrap resamples of the runs in which each sensor (or a group mate) was chosen.
     findings : tuple of Finding
     provenance : mapping
+    fallbacks : tuple of Fallback
+        The model without each of its inputs, for the time when that one is broken.
     """
 
     options: Options
@@ -149,6 +152,7 @@ class Selection:
     stability: Mapping[str, float]
     findings: tuple[Finding, ...]
     provenance: Mapping[str, Any]
+    fallbacks: tuple[Fallback, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
         """JSON form (`selector.selection/1`); numbers that do not exist are null."""
@@ -204,6 +208,9 @@ class Selection:
                 "baselines_um": {name: dict(values) for name, values in self.proof.baselines_um.items()},
             },
             "faults": [{**vars(gain), "worst_um": gain.worst_um} for gain in self.faults],
+            "fallbacks": [
+                {"without": one.without, "heldout_rmse_um": dict(one.heldout_rmse_um)} for one in self.fallbacks
+            ],
             "stability": dict(self.stability),
             "options": self.options.as_dict(),
             "provenance": dict(self.provenance),

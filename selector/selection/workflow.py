@@ -21,6 +21,7 @@ from selector.recording import RunSource, thinned
 from selector.selection.candidates import LINEAR, Candidates, candidates
 from selector.selection.choice import Offer, Tested, library_requests, offers, shapes_on_offer, tested
 from selector.selection.doubts import doubts
+from selector.selection.fallbacks import fallbacks_of
 from selector.selection.fitting import MAX_ROWS, Part, final_models, refined, ridge_penalty
 from selector.selection.library import Bench, Library, Shape, library_of
 from selector.selection.options import Options, Progress, Question, question_of
@@ -110,6 +111,7 @@ def select(
     parts = [folds.part(group) for group in folds.outer]
     ridge = ridge_penalty(recipe, rows, parts) if question.options.ridge else NO_RIDGE
     models = final_models(recipe, rows, ridge=ridge[0])
+    fallbacks = fallbacks_of(question, recipe, fitted, surveyed.runs, parts, ridge[0])
     say("proving on unseen runs", 0.85)
     proof = Proof(
         folds.left_out,
@@ -153,6 +155,7 @@ def select(
         stability=stability,
         findings=(),
         provenance=dict(provenance or {}),
+        fallbacks=fallbacks,
     )
     say("looking for doubts", 0.95)
     doubted = doubts(selection, surveyed, datum, rows, ridge, offer_errors, offer, stride)

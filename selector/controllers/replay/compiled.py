@@ -17,7 +17,7 @@ from selector.controllers.model_file import ModelFile
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.replay.rows import Answers, Rows
 from selector.controllers.writers.c99 import NAME, Precision, c_files
-from selector.errors import OptionError
+from selector.errors import NotExecutableError
 
 OPTIONS = ("-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror", "-fPIC", "-shared")
 
@@ -41,12 +41,12 @@ def c_answers(model: ModelFile, rows: Rows, precision: Precision = "double", cc:
 
     Raises
     ------
-    OptionError
+    NotExecutableError
         There is no compiler, or it refuses the program.
     """
     cc = cc or compiler()
     if cc is None:
-        raise OptionError(
+        raise NotExecutableError(
             "no C compiler",
             expected="cc, gcc or clang on the path, or its name in the environment variable CC",
             where="--replay",
@@ -62,7 +62,7 @@ def c_answers(model: ModelFile, rows: Rows, precision: Precision = "double", cc:
         command = [cc, *OPTIONS, "-o", str(library), str(folder / "replay.c"), str(folder / f"{NAME}.c")]
         done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603
         if done.returncode != 0:
-            raise OptionError(
+            raise NotExecutableError(
                 f"{cc} refuses the generated program: {(done.stderr.strip().splitlines() or ['?'])[0]}",
                 expected="a C99 compiler for this machine",
                 where="--replay",

@@ -1,0 +1,240 @@
+"""`export`: a model file becomes the program of a control, with its commissioning sheet and the proof of it."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from selector.cli import showing
+from selector.cli.files import folder_written_whole, require_writable_folder, written_folder
+from selector.cli.models import Model
+from selector.cli.showing import AsJson
+from selector.cli.source import MachineFile, Source, pairs
+from selector.errors import ModelFileError, OptionError
+from selector.findings import Finding
+
+if TYPE_CHECKING:
+    from selector.controllers.model_file import ModelFile
+    from selector.controllers.replay.replayed import Replay
+    from selector.controllers.writers.targets import Target
+
+SCHEMA = "selector.export/1"
+SHEET = "commissioning.html"
+MODEL = "model.json"
+
+For = Annotated[
+    str,
+    typer.Option(
+        "--for", metavar="TARGET", help="c, st, tcpou, linuxcnc, sinumerik, beckhoff, fanuc, rexroth, python."
+    ),
+]
+Out = Annotated[Path, typer.Option("--out", metavar="DIR", parser=written_folder, help="Folder for the files.")]
+ReplayOf = Annotated[
+    list[Path] | None,
+    typer.Option("--replay", metavar="PATH", help="Run recordings through the generated program; repeat."),
+]
+SignVerified = Annotated[
+    bool, typer.Option("--sign-verified", metavar="", help="You have done the sign test of the commissioning sheet.")
+]
+Clamps = Annotated[
+    list[str] | None, typer.Option("--clamp", metavar="OUTPUT=µm", help="Largest correction of an output; repeat.")
+]
+Slews = Annotated[
+    list[str] | None, typer.Option("--slew", metavar="OUTPUT=µm/s", help="Largest change of a correction; repeat.")
+]
+
+
+def export(
+    model: Model,
+    target: For,
+    out: Out,
+    replay: ReplayOf = None,
+    machine: MachineFile = None,
+    clamp: Clamps = None,
+    slew: Slews = None,
+    sign_verified: SignVerified = False,
+    as_json: AsJson = False,
+) -> None:
+    """Writes the program of a model for a control, guarded against broken sensors, and a commissioning sheet.
+
+    With --replay the generated program is executed on recordings and compared with the model, sample by sample.
+    """
+    from selector.controllers.guard.decided import decided_limits
+    from selector.controllers.self_check import model_findings
+    from selector.controllers.writers.targets import TARGETS
+
+    if target not in TARGETS:
+        raise OptionError(repr(target), expected="one of " + ", ".join(TARGETS), where="--for", advice="choose one")
+    chosen = TARGETS[target]
+    require_writable_folder(out, "--out")
+    read = _with_limits(_usable(model), pairs(clamp, "--clamp"), pairs(slew, "--slew"))
+    exported = chosen.write(read, is_sign_verified=sign_verified)
+    _, of_limits = decided_limits(read)
+    findings = [*model_findings(read), *of_limits, *exported.findings]
+    proof = None
+    if replay:
+        proof, of_replay = _replayed(read, chosen, replay, machine)
+        findings += of_replay
+    if not sign_verified:
+        findings.append(_unverified())
+    files = [*exported.files, MODEL, SHEET]
+    _write(out, read, chosen, exported, proof, findings, sign_verified)
+    answer: dict[str, Any] = {
+        "schema": SCHEMA,
+        "target": target,
+        "files": files,
+        "sign_verified": sign_verified,
+        "replay": None if proof is None else proof.as_dict(),
+        "findings": findings,
+    }
+    if as_json:
+        showing.print_json(answer)
+        return
+    _show(chosen, proof, findings, out, files)
+
+
+def _usable(path: Path) -> ModelFile:
+    from selector.controllers.model_io import read_model
+    from selector.controllers.self_check import model_findings
+
+    read = read_model(path)
+    wrong = [finding.statement for finding in model_findings(read) if finding.level == "error"]
+    if wrong:
+        raise ModelFileError(
+            "; ".join(wrong),
+            expected="a model file whose test vectors and numbers agree with each other",
+            where=str(path),
+            advice="do not export this file; make it again with `selector select --out DIR`",
+        )
+    return read
+
+
+def _with_limits(model: ModelFile, clamps: dict[str, str], slews: dict[str, str]) -> ModelFile:
+    from selector.controllers.model_file import OutputLimits
+
+    names = [output.name for output in model.outputs]
+    given = {limits.output: limits for limits in model.guard.limits}
+    for option, field, values in (("--clamp", "clamp_um", clamps), ("--slew", "slew_um_per_s", slews)):
+        for name, text in values.items():
+            if name not in names:
+                raise OptionError(
+                    f"no output {name!r}",
+                    expected="one of " + ", ".join(names),
+                    where=option,
+                    advice="correct the name",
+                )
+            limits = given.get(name, OutputLimits(output=name))
+            given[name] = limits.model_copy(update={field: _positive(text, f"{option} {name}")})
+    guard = model.guard.model_copy(update={"limits": tuple(given[name] for name in names if name in given)})
+    return model.model_copy(update={"guard": guard})
+
+
+def _positive(text: str, where: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value < 1e6:
+        raise OptionError(text, expected="a number above 0", where=where, advice="e.g. --clamp Z=50 --slew Z=1")
+    return value
+
+
+def _replayed(
+    model: ModelFile, target: Target, runs: list[Path], machine: Path | None
+) -> tuple[Replay | None, list[Finding]]:
+    from selector.controllers.replay.replayed import replayed
+    from selector.controllers.writers.targets import NotExecutableError
+
+    reading = Source(runs=runs, machine=machine).reading()
+    total = len(reading.recording.runs)
+    with showing.progress("replaying") as say:
+        done = iter(range(total))
+        try:
+            proof = replayed(
+                model,
+                reading.recording,
+                target.execute,
+                target.executed_by(),
+                lambda run: say(next(done), total, f"run {run}"),
+            )
+        except NotExecutableError as error:
+            return None, [
+                Finding(
+                    "replay-not-run",
+                    "warning",
+                    f"The program was not executed: {error.found}.",
+                    suggestion=error.advice,
+                )
+            ]
+    findings = list(reading.findings)
+    largest = proof.max_abs_difference_um
+    if not largest <= target.tolerance_um:
+        findings.append(
+            Finding(
+                "replay-differs",
+                "error",
+                f"The generated program and the reference differ by up to {largest:.3g} µm; "
+                f"{target.tolerance_um:g} µm is what its numbers explain.",
+                evidence={"max_abs_difference_um": largest, "tolerance_um": target.tolerance_um},
+                suggestion="do not use this program: other rules of arithmetic were at work, or it is a defect of ours",
+            )
+        )
+    return proof, findings
+
+
+def _unverified() -> Finding:
+    return Finding(
+        "sign-unverified",
+        "warning",
+        "SIGN UNVERIFIED: nobody has said that the sign test was passed.",
+        suggestion="do the sign test of the commissioning sheet, then export again with --sign-verified",
+    )
+
+
+def _write(
+    out: Path,
+    model: ModelFile,
+    target: Target,
+    exported: Any,
+    proof: Replay | None,
+    findings: list[Finding],
+    sign_verified: bool,
+) -> None:
+    from selector.controllers.model_io import write_model
+    from selector.report.commissioning import write_commissioning_sheet
+
+    with folder_written_whole(out) as part:
+        for name, text in exported.files.items():
+            (part / name).write_text(text, encoding="utf-8", newline="\n")
+        write_model(model, part / MODEL)
+        write_commissioning_sheet(
+            part / SHEET,
+            model,
+            exported,
+            target.title,
+            replay=proof,
+            findings=findings,
+            is_sign_verified=sign_verified,
+        )
+
+
+def _show(target: Target, proof: Replay | None, findings: list[Finding], out: Path, files: list[str]) -> None:
+    from selector.report.commissioning import verdict_of
+
+    console = showing.screen()
+    console.print(f"{target.title}: {', '.join(files)}", style="bold", markup=False)
+    if proof is not None:
+        console.print(verdict_of(proof), markup=False)
+        for run in proof.runs:
+            for name, of in run.accuracy.items():
+                if of.rmse_um is not None:
+                    console.print(
+                        f"run {run.run}, {name}: {of.before_rmse_um:.3g} µm rms as recorded, {of.rmse_um:.3g} µm with "
+                        "this correction",
+                        markup=False,
+                    )
+    showing.show_findings(console, findings)
+    console.print(f"wrote {out}", markup=False)

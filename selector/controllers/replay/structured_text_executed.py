@@ -1,0 +1,272 @@
+"""Generated Structured Text or SCL, executed row by row as a parser of IEC 61131-3 reads it.
+
+The syntax tree of the text becomes a Python class once; nothing of the program that the text was printed from is used.
+"""
+
+from __future__ import annotations
+
+import importlib
+import re
+from collections.abc import Iterator
+from typing import Any, Literal, NoReturn
+
+import numpy as np
+
+from selector.controllers.model_file import ModelFile
+from selector.controllers.replay.rows import Answers, Rows
+from selector.errors import OptionError
+
+Kind = Literal["real", "code", "flag"]
+_KINDS: dict[str, Kind] = {"LREAL": "real", "REAL": "real", "INT": "code", "BOOL": "flag"}
+_COMPARISONS = {"<": "<", "<=": "<=", ">": ">", ">=": ">=", "=": "==", "<>": "!="}
+_LARGEST_INT = 32767
+_PASSED_OVER = ("comment", "empty_statement")
+
+
+def st_answers(model: ModelFile, rows: Rows, text: str) -> Answers:
+    """What the function block of a text gives.
+
+    LREAL is calculated in binary64, REAL in binary32: every reading, literal and operation is rounded to it.
+
+    Raises
+    ------
+    OptionError
+        The parser is not installed, or the text has something that an exported program does not have.
+    """
+    block = executable(text)
+    n, outputs, inputs = len(rows), len(model.outputs), len(model.inputs)
+    found = Answers.empty(n, outputs, inputs)
+    with np.errstate(all="ignore"):
+        number = block.number
+        for k in range(n):
+            block.v_dt_s, block.v_standstill_s = number(rows.dt_s[k]), number(rows.standstill_s[k])
+            for name in ("is_ready", "is_wanted", "is_restart"):
+                setattr(block, f"v_{name}", bool(getattr(rows, name)[k]))
+            for i, value in enumerate(rows.readings[k]):
+                setattr(block, f"v_reading_{i + 1}", number(value))
+            for i, value in enumerate(rows.positions_m[k]):
+                setattr(block, f"v_position_{i + 1}", number(value))
+            block.call()
+            for i in range(outputs):
+                found.correction_um[k, i] = getattr(block, f"v_correction_{i + 1}")
+                found.k0_um[k, i] = getattr(block, f"v_k0_{i + 1}")
+                found.slope_um_per_m[k, i] = getattr(block, f"v_slope_{i + 1}", 0.0)
+            found.mode[k] = block.v_mode
+            found.sensors[k] = [getattr(block, f"v_sensor_{i + 1}") for i in range(inputs)]
+    return found
+
+
+def executable(text: str) -> Any:
+    """An instance of the function block: ``v_<name>`` for every variable, ``call()``, and its real type ``number``.
+
+    Raises
+    ------
+    OptionError
+        As `st_answers`.
+    """
+    tree = _parser().parse(_standard(text).encode("ascii"))
+    if tree.root_node.has_error:
+        _refuse(_first_error(tree.root_node), "what is no Structured Text")
+    blocks = [node for node in tree.root_node.children if node.type != "comment"]
+    if len(blocks) != 1 or blocks[0].type != "function_block_declaration":
+        _refuse(tree.root_node, "more or less than one function block")
+    return _Translated(blocks[0]).instance()
+
+
+def _standard(text: str) -> str:
+    """The text without what SCL has and IEC 61131-3 has not: a block name in quotes and the line BEGIN."""
+    text = re.sub(r'^FUNCTION_BLOCK "(\w+)"$', r"FUNCTION_BLOCK \1", text, count=1, flags=re.M)
+    return re.sub(r"^BEGIN$", "", text, count=1, flags=re.M)
+
+
+def _parser() -> Any:
+    try:
+        tree_sitter = importlib.import_module("tree_sitter")
+        grammar = importlib.import_module("tree_sitter_iec61131_3_st")
+    except ImportError as error:
+        raise OptionError(
+            f"the package {error.name} is not installed",
+            expected="tree-sitter and tree-sitter-iec61131-3-st, which read the exported Structured Text",
+            where="--replay",
+            advice='pip install "selector[controls]", or export without --replay',
+        ) from error
+    return tree_sitter.Parser(tree_sitter.Language(grammar.language()))
+
+
+def _refuse(node: Any, what: str) -> NoReturn:
+    raise OptionError(
+        f"{what}: {_text(node)[:60]!r}",
+        expected="REAL or LREAL, INT and BOOL; assignments and IF, as in an exported program",
+        where=f"Structured Text, line {node.start_point[0] + 1}",
+        advice="replay the file as it was exported",
+    )
+
+
+def _text(node: Any) -> str:
+    return str(node.text.decode("ascii"))
+
+
+def _first_error(node: Any) -> Any:
+    while not (node.type == "ERROR" or node.is_missing):
+        node = next(child for child in node.children if child.has_error)
+    return node
+
+
+class _Translated:
+    """A function block as the source of a Python class.
+
+    Temporaries become local variables of its method, so that one which is read before it is set is found out.
+    """
+
+    def __init__(self, block: Any) -> None:
+        self._kinds: dict[str, Kind] = {}
+        self._temporary: set[str] = set()
+        self._constants: dict[str, Any] = {}
+        self._real_types: set[str] = set()
+        self._block = block
+        self._initial: list[str] = []
+        statements = []
+        for node in block.named_children[1:]:
+            if node.type in ("var_input", "var_output", "var_block", "var_temp"):
+                for one in node.named_children:
+                    if one.type == "variable_declaration":
+                        self._declare(one, is_temporary=node.type == "var_temp")
+                    elif one.type not in ("comment", "var_qualifier_list"):
+                        _refuse(one, f"a {one.type}")
+            else:
+                statements.append(node)
+        if len(self._real_types) != 1:
+            _refuse(block, f"{len(self._real_types)} types of real numbers in one block")
+        self._is_single = self._real_types == {"REAL"}
+        self._number: Any = np.float32 if self._is_single else float
+        self._lines = [line for node in statements for line in self._statement(node, 2)]
+
+    def instance(self) -> Any:
+        source = [
+            "class Block:",
+            "    number = number",
+            "    def __init__(self):",
+            *self._initial,
+            "        pass",
+            "    def call(self):",
+            *self._lines,
+            "        pass",
+        ]
+        names = {name: self._number(value) for name, value in self._constants.items()} | {"number": self._number}
+        # nothing of the text gets here but names of letters, digits and underscores, and literals as numbers
+        exec(compile("\n".join(source), "structured text", "exec"), names)  # noqa: S102
+        return names["Block"]()
+
+    def _declare(self, node: Any, *, is_temporary: bool) -> None:
+        name, type_, *initial = [child for child in node.named_children if child.type != "comment"]
+        kind = _KINDS.get(_text(type_))
+        if kind is None or name.type != "identifier" or len(initial) > 1:
+            _refuse(node, "a declaration")
+        own = self._own(name)
+        if own in self._kinds:
+            _refuse(node, "a second declaration")
+        self._kinds[own] = kind
+        if kind == "real":
+            self._real_types.add(_text(type_))
+        if is_temporary:
+            self._temporary.add(own)
+            if initial:
+                _refuse(node, "a temporary variable with an initial value")
+            return
+        value = self._of_kind(initial[0], kind) if initial else {"real": "number(0.0)", "code": "0", "flag": "False"}[kind]
+        self._initial.append(f"        self.{own} = {value}")
+
+    @staticmethod
+    def _own(identifier: Any) -> str:
+        name = _text(identifier).lower()
+        if not re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", name):
+            _refuse(identifier, "a name")
+        return f"v_{name}"
+
+    def _statement(self, node: Any, depth: int) -> Iterator[str]:
+        before = "    " * depth
+        if node.type in _PASSED_OVER:
+            return
+        if node.type == "assignment_statement":
+            to, value = _operands(node)
+            name, kind = self._variable(to)
+            text = self._of_kind(value, kind)
+            yield f"{before}{name} = " + (f"number({text})" if kind == "real" and self._is_single else text)
+        elif node.type == "if_statement":
+            condition, *rest = _operands(node)
+            yield f"{before}if {self._of_kind(condition, 'flag')}:"
+            yield f"{before}    pass"
+            for one in rest:
+                if one.type != "else_clause":
+                    yield from self._statement(one, depth + 1)
+            for one in rest:
+                if one.type == "else_clause":
+                    yield f"{before}else:"
+                    yield f"{before}    pass"
+                    for inner in one.named_children:
+                        yield from self._statement(inner, depth + 1)
+        else:
+            _refuse(node, f"a {node.type}")
+
+    def _variable(self, node: Any) -> tuple[str, Kind]:
+        if node.type != "identifier":
+            _refuse(node, f"a {node.type}")
+        name = self._own(node)
+        if name not in self._kinds:
+            _refuse(node, "a variable that is not declared")
+        return name if name in self._temporary else f"self.{name}", self._kinds[name]
+
+    def _of_kind(self, node: Any, kind: Kind) -> str:
+        text, found = self._expression(node)
+        if found != kind:
+            _refuse(node, f"a {found} where a {kind} belongs")
+        return text
+
+    def _expression(self, node: Any) -> tuple[str, Kind]:
+        if node.type == "identifier":
+            return self._variable(node)
+        if node.type == "real_literal":
+            name = f"c_{len(self._constants)}"
+            self._constants[name] = float(_text(node))
+            return name, "real"
+        if node.type == "integer_literal":
+            value = int(_text(node))
+            if abs(value) > _LARGEST_INT:
+                _refuse(node, "an INT of more than 16 bits")
+            return f"({value})", "code"
+        if node.type == "boolean_literal":
+            return str(_text(node).upper() == "TRUE"), "flag"
+        if node.type == "parenthesized_expression":
+            (inner,) = _operands(node)
+            text, kind = self._expression(inner)
+            return f"({text})", kind
+        if node.type == "unary_expression":
+            return self._signed(node)
+        if node.type == "binary_expression":
+            return self._combined(node)
+        _refuse(node, f"a {node.type}")
+
+    def _signed(self, node: Any) -> tuple[str, Kind]:
+        (inner,) = _operands(node)
+        sign = _text(node.children[0]).upper()
+        if sign == "NOT":
+            return f"(not {self._of_kind(inner, 'flag')})", "flag"
+        if sign == "-":
+            return f"(-{self._of_kind(inner, 'real')})", "real"
+        _refuse(node, f"the sign {sign}")
+
+    def _combined(self, node: Any) -> tuple[str, Kind]:
+        left, right = _operands(node)
+        (sign,) = [_text(child).upper() for child in node.children if not child.is_named]
+        if sign in ("+", "-", "*", "/"):
+            return f"({self._of_kind(left, 'real')} {sign} {self._of_kind(right, 'real')})", "real"
+        if sign in ("AND", "OR"):
+            return f"({self._of_kind(left, 'flag')} {sign.lower()} {self._of_kind(right, 'flag')})", "flag"
+        if sign in _COMPARISONS:
+            first, kind = self._expression(left)
+            return f"({first} {_COMPARISONS[sign]} {self._of_kind(right, kind)})", "flag"
+        _refuse(node, f"the operation {sign}")
+
+
+def _operands(node: Any) -> list[Any]:
+    return [child for child in node.named_children if child.type != "comment"]

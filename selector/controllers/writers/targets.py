@@ -1,0 +1,61 @@
+"""Every control that a model can be exported to, and how its program is executed for the proof."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from selector.controllers.model_file import ModelFile
+from selector.controllers.replay.compiled import c_answers, compiler, compiler_version
+from selector.controllers.replay.python_executed import python_answers
+from selector.controllers.replay.replayed import Executor
+from selector.controllers.writers.c99 import c_export
+from selector.controllers.writers.exported import Exported
+from selector.controllers.writers.python_module import python_export
+from selector.errors import NotExecutableError
+
+__all__ = ["TARGETS", "NotExecutableError", "Target", "Writer"]
+
+
+class Writer(Protocol):
+    """Writes the files for one control."""
+
+    def __call__(self, model: ModelFile, /, *, is_sign_verified: bool = False) -> Exported:
+        """Files, and what to do with them."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """One control.
+
+    Attributes
+    ----------
+    title : str
+        For people.
+    write : Writer
+    execute : Executor
+        Runs the generated program.
+    executed_by : callable
+        Name and version of what runs it.
+    tolerance_um : float
+        Largest difference to the reference that its number type explains, 0 = to the last bit.
+    """
+
+    title: str
+    write: Writer
+    execute: Executor
+    executed_by: Callable[[], str]
+    tolerance_um: float = 0.0
+
+
+def _cc() -> str:
+    name = compiler()
+    return "no compiler" if name is None else compiler_version(name)
+
+
+TARGETS: Mapping[str, Target] = {
+    "c": Target("C99", c_export, c_answers, _cc),
+    "python": Target("Python", python_export, python_answers, lambda: f"Python {platform.python_version()}"),
+}

@@ -1,0 +1,127 @@
+"""The sheet that goes to the machine with an exported program: wiring, sign test, limits, restart, proof."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from selector import __version__
+from selector.controllers.atomic_file import write_whole
+from selector.controllers.formula import formula_text, legend_text
+from selector.controllers.model_file import ModelFile
+from selector.controllers.replay.replayed import Replay
+from selector.controllers.writers.exported import Exported
+from selector.figures.replay import replayed_run
+from selector.findings import Finding
+from selector.report.model_card import limits_table, model_card, sensors_table
+from selector.report.numbers import NONE, number_text, share_text
+from selector.report.page import Picture, Pictures, rendered
+from selector.report.tables import Table, remarks_of, table
+
+MOST_RUNS_DRAWN = 3
+TEST_UM = 10.0
+
+
+def write_commissioning_sheet(
+    path: str | Path,
+    model: ModelFile,
+    exported: Exported,
+    title: str,
+    *,
+    replay: Replay | None,
+    findings: Sequence[Finding],
+    is_sign_verified: bool,
+) -> Path:
+    """Write the sheet as one HTML file that needs no network, to be printed and signed.
+
+    Parameters
+    ----------
+    path : path
+    model : ModelFile
+    exported : Exported
+    title : str
+        Of the control.
+    replay : Replay or None
+        The proof; None if none was asked for, or possible.
+    findings : sequence of Finding
+    is_sign_verified : bool
+
+    Raises
+    ------
+    OptionError
+        The file cannot be written.
+    """
+    pictures = Pictures()
+    values: dict[str, Any] = {
+        "title": f"Thermal correction: {title}",
+        "version": __version__,
+        "is_sign_verified": is_sign_verified,
+        "test_um": f"{TEST_UM:g}",
+        "name": model.name,
+        "formulas": formula_text(model),
+        "legend": legend_text(model).splitlines(),
+        "files": list(exported.files),
+        "install": list(exported.install),
+        "silently": list(exported.silently),
+        "outputs": [(output.name, output.axis or NONE) for output in model.outputs],
+        "sensors": sensors_table(model),
+        "limits": limits_table(model),
+        "replay": None if replay is None else replay_table(replay),
+        "verdict": None if replay is None else verdict_of(replay),
+        "courses": [] if replay is None else _courses(pictures, model, replay),
+        "card": model_card(model),
+        "remarks": remarks_of(findings),
+    }
+    target = Path(path)
+    write_whole(target, rendered("commissioning.html", values).encode("utf-8", "replace"))
+    return target
+
+
+def verdict_of(replay: Replay) -> str:
+    """The result of a replay in a sentence."""
+    largest = replay.max_abs_difference_um
+    told = "not at all: every bit is the same" if largest == 0.0 else f"by {number_text(largest)} µm at most"
+    return (
+        f"{replay.rows} recorded samples went through the generated program ({replay.executed_by}) and through the "
+        f"reference: they differ {told}."
+    )
+
+
+def replay_table(replay: Replay) -> Table:
+    """One row per run and output."""
+    rows = []
+    for run in replay.runs:
+        for name, of in run.accuracy.items():
+            rows.append(
+                (
+                    run.run,
+                    name,
+                    str(len(run.time_s)),
+                    number_text(run.max_abs_difference_um) if run.max_abs_difference_um else "0",
+                    number_text(of.before_rmse_um),
+                    number_text(of.rmse_um),
+                    number_text(of.max_um),
+                    share_text(run.faulty_share),
+                )
+            )
+    return table(
+        ["run", "output", ">samples", ">program − reference [µm]", ">recorded: rms [µm]", ">with correction: rms [µm]",
+         ">largest [µm]", ">not the whole model"],
+        rows,
+        "With correction: recorded displacement and the correction that this program gave, limits and guard included.",
+    )  # fmt: skip
+
+
+def _courses(pictures: Pictures, model: ModelFile, replay: Replay) -> list[Picture]:
+    drawn = []
+    for run in replay.runs[:MOST_RUNS_DRAWN]:
+        for k, output in enumerate(model.outputs):
+            recorded = run.recorded_um[:, k]
+            text = "" if np.isfinite(recorded).any() else "This run has no recorded displacement."
+            drawn.append(
+                pictures.add(replayed_run(run.run, output.name, run.time_s, run.correction_um[:, k], recorded), text)
+            )
+    return drawn
