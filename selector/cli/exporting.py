@@ -62,7 +62,7 @@ def export(
 
     With --replay the generated program is executed on recordings and compared with the model, sample by sample.
     """
-    from selector.controllers.guard.decided import decided_limits
+    from selector.controllers.guard import decided_limits, with_decided_limits
     from selector.controllers.self_check import model_findings
     from selector.controllers.writers.targets import TARGETS
 
@@ -71,8 +71,9 @@ def export(
     chosen = TARGETS[target]
     require_writable_folder(out, "--out")
     read = _with_limits(_usable(model), pairs(clamp, "--clamp"), pairs(slew, "--slew"))
-    exported = chosen.write(read, is_sign_verified=sign_verified)
     _, of_limits = decided_limits(read)
+    read = with_decided_limits(read)
+    exported = chosen.write(read, is_sign_verified=sign_verified)
     findings = [*model_findings(read), *of_limits, *exported.findings]
     proof = None
     if replay:

@@ -27,7 +27,7 @@ def replayed_run(
     """
     stride = max(1, -(-len(time_s) // MOST_POINTS))
     hours, correction, recorded = (of[::stride] for of in (time_s / 3600.0, correction_um, recorded_um))
-    drawn = style.figure(style.label(f"{output} in run {run}: as recorded, and with this program"), 380)
+    drawn = style.figure(f"{style.label(output)} in run {style.label(run)}: as recorded, and with this program", 380)
     if np.isfinite(recorded).any():
         drawn.add_scatter(x=hours, y=recorded, name="recorded", line={"color": style.MEASURED, "width": 1.5})
         drawn.add_scatter(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from selector.controllers.formula import physical_coefficients
 from selector.controllers.model_file import Input, ModelFile
 from selector.controllers.model_io import model_sha256
 from selector.report.numbers import NONE, number_text, span_text, uncertain_text
@@ -128,7 +127,6 @@ def _method(model: ModelFile) -> Table:
 
 
 def _coefficients(model: ModelFile) -> Table:
-    physical = physical_coefficients(model)
     rows = []
     for output in model.outputs:
         rows.append((output.name, "intercept", _uncertain(output.intercept, output.intercept_standard_error)))
@@ -139,11 +137,10 @@ def _coefficients(model: ModelFile) -> Table:
             rows.append(
                 (output.name, f"slope over {output.position.axis} [µm/m]", number_text(output.position.intercept))
             )
-    unscaled = "; ".join(f"{name}: intercept {number_text(of[0], 5)}" for name, of in physical.items())
     return table(
         ["output", "term", ">coefficient ± standard error [µm]"],
         rows,
-        f"Of centred and scaled inputs, as the model file holds them. In readings and rises: {unscaled} µm.",
+        "Of centred and scaled inputs, as the model file holds them; the formula is in readings and rises.",
     )
 
 

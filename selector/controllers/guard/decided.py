@@ -90,6 +90,22 @@ def decided_limits(model: ModelFile) -> tuple[dict[str, DecidedLimits], tuple[Fi
     return decided, tuple(findings)
 
 
+def with_decided_limits(model: ModelFile) -> ModelFile:
+    """The model with nothing left open in the limits of its corrections: what its programs have."""
+    decided, _ = decided_limits(model)
+    limits = tuple(
+        OutputLimits(
+            output=name,
+            clamp_um=of.clamp_um,
+            slew_um_per_s=of.slew_um_per_s,
+            dead_band_um=of.dead_band_um,
+            slope_clamp_um_per_m=of.slope_clamp_um_per_m or None,
+        )
+        for name, of in decided.items()
+    )
+    return model.model_copy(update={"guard": model.guard.model_copy(update={"limits": limits})})
+
+
 def _open_clamp_um(model: ModelFile, output: Output) -> float:
     bound_um = output_bound_um(model, output)
     return float(max(1.0, math.ceil(bound_um))) if bound_um < 1e6 else 1e6

@@ -111,10 +111,7 @@ class GuardedModel:
         """
         number = self._number
         with np.errstate(all="ignore"):
-            dt = number(dt_s)
-            if not (dt > self._zero):
-                dt = self._zero
-            dt = min(dt, self._longest_s)
+            dt = self._duration(dt_s)
             for axis, value in (positions_m or {}).items():
                 position = number(value)
                 if axis in self._axes and -self._largest <= position <= self._largest:
@@ -141,13 +138,9 @@ class GuardedModel:
 
         Start readings are kept or taken anew, as the guard of the model file says.
         """
-        number = self._number
-        off = number(standstill_s)
-        if not (off > self._zero):
-            off = self._zero
-        off = min(off, self._longest_s)
+        off = self._duration(standstill_s)
         limit = self._guard.new_start_after_s
-        anew = self._guard.restart == "new-start" or (limit is not None and off > number(limit))
+        anew = self._guard.restart == "new-start" or (limit is not None and off > self._number(limit))
         for watch in self._watches.values():
             watch.passed(off)
             if anew:
@@ -164,6 +157,12 @@ class GuardedModel:
     def start_readings(self) -> dict[str, float]:
         """Start readings so far, for the control to keep."""
         return {name: float(watch.start) for name, watch in self._watches.items() if watch.start is not None}
+
+    def _duration(self, seconds: float) -> Any:
+        """What is no time counts as 0."""
+        with np.errstate(all="ignore"):
+            duration = self._number(seconds)
+        return min(duration, self._longest_s) if duration > self._zero else self._zero
 
     def _sample(self, readings: Mapping[str, float]) -> None:
         number = self._number

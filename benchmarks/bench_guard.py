@@ -1,0 +1,90 @@
+"""A million hostile rows through the guard, in Python and as generated C; and how many rows a second generated C does.
+
+    python benchmarks/bench_guard.py [--rows 1000000]
+
+The rows are those of tests/controllers/hostile.py: NaN, infinities, break codes, jumps, sensors that stand still, drop
+out and return, any time step, switches and restarts. Every correction, mode and sensor code is compared.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from selector.controllers import read_model
+from selector.controllers.guard import decided_limits
+from selector.controllers.program.guarded_program import axes_of
+from selector.controllers.replay.compiled import c_answers, compiler, compiler_version
+from selector.controllers.replay.rows import Answers, Rows, reference_answers
+from tests.controllers import hostile
+
+MODEL = Path(__file__).parents[1] / "fixtures" / "models" / "patent-three-sensors.json"
+PIECE = 100_000
+
+
+def agreement(n: int) -> None:
+    model = hostile.model()
+    limits, _ = decided_limits(model)
+    unequal, beyond, worst, started = 0, 0, 0.0, time.perf_counter()
+    for seed in range(n // PIECE):
+        rows = hostile.rows(PIECE, 1000 + seed, len(axes_of(model)))
+        guard, compiled = reference_answers(model, rows), c_answers(model, rows)
+        for field in fields(Answers):
+            # NaN would be unequal to itself
+            unequal += int(np.sum(getattr(guard, field.name) != getattr(compiled, field.name)))
+        for k, limit in enumerate(limits.values()):
+            beyond += int(np.sum(~(np.abs(guard.correction_um[:, k]) <= limit.clamp_um)))
+            step = np.abs(np.diff(guard.k0_um[:, k]))
+            passed_s = np.clip(np.nan_to_num(rows.dt_s[1:], nan=0.0, posinf=10.0), 0.0, 10.0)
+            free = (guard.mode[1:] != 0) & ~rows.is_restart[1:]
+            worst = max(worst, float(np.max((step - limit.own_slew_um_per_s * passed_s)[free])))
+    print(f"{n} rows, {time.perf_counter() - started:.0f} s: {unequal} values differ between Python guard and C;")
+    print(
+        f"{beyond} corrections are not finite or beyond their clamp; slew exceeded by {max(worst, 0.0):.1e} um at most"
+    )
+
+
+def throughput(n: int) -> None:
+    model = read_model(MODEL)
+    rng, yes, no = np.random.default_rng(0), np.ones(n, dtype=bool), np.zeros(n, dtype=bool)
+    low, high = (np.array([getattr(item, key) for item in model.inputs]) for key in ("valid_min", "valid_max"))
+    readings = 20.0 + low + (high - low) * rng.random((n, len(low)))
+    rows = Rows(np.ones(n), readings, np.zeros((n, len(axes_of(model)))), yes, yes, no, np.zeros(n))
+    for precision in ("double", "float"):
+        few = _seconds(model, _part(rows, n // 10), precision)
+        many = _seconds(model, rows, precision)
+        per_row_s = (many - few) / (n - n // 10)
+        print(f"{len(model.inputs)} sensors, {precision}: {1.0 / per_row_s:.3g} rows/s, {1e9 * per_row_s:.0f} ns a row")
+
+
+def _part(rows: Rows, n: int) -> Rows:
+    return Rows(*(getattr(rows, field.name)[:n] for field in fields(Rows)))
+
+
+def _seconds(model, rows: Rows, precision) -> float:
+    best = np.inf
+    for _ in range(5):
+        started = time.perf_counter()
+        c_answers(model, rows, precision)
+        best = min(best, time.perf_counter() - started)
+    return float(best)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rows", type=int, default=1_000_000)
+    options = parser.parse_args()
+    print(compiler_version(compiler() or "cc"))
+    throughput(options.rows)
+    agreement(options.rows)
+
+
+if __name__ == "__main__":
+    main()

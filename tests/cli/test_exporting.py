@@ -1,0 +1,125 @@
+"""`selector export`: whole jobs on the command line, and everything that it refuses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from selector.cli import exit_status
+from selector.controllers.replay.compiled import compiler
+
+ROOT = Path(__file__).parents[2]
+PATENT = ROOT / "fixtures" / "models" / "patent-two-sensors.json"
+PATENT8 = ROOT / "fixtures" / "patent8"
+needs_cc = pytest.mark.skipif(compiler() is None, reason="no C compiler; Debian: apt install gcc")
+
+
+def export(*arguments: object) -> int:
+    return exit_status(["export", *map(str, arguments)])
+
+
+def answer(capsys) -> dict:
+    return json.loads(capsys.readouterr().out)
+
+
+def test_python_with_a_replay(tmp_path, capsys):
+    out = tmp_path / "out"
+    status = export(
+        PATENT, "--for", "python", "--out", out, "--replay", PATENT8 / "recording.csv", "--machine",
+        PATENT8 / "machine.toml", "--json",
+    )  # fmt: skip
+    assert status == 0
+    said = answer(capsys)
+    assert said["schema"] == "selector.export/1"
+    assert (said["target"], said["sign_verified"]) == ("python", False)
+    assert said["replay"]["max_abs_difference_um"] == 0.0
+    assert said["replay"]["rows"] > 0
+    assert said["replay"]["executed_by"].startswith("Python 3")
+    assert sorted(path.name for path in out.iterdir()) == sorted(said["files"])
+    assert {"limit-not-decided", "sign-unverified"} <= {finding["id"] for finding in said["findings"]}
+    page = (out / "commissioning.html").read_text(encoding="utf-8")
+    assert "SIGN UNVERIFIED" in page
+    assert "every bit is the same" in page
+    assert "http://" not in page.split("<script>")[0]
+
+
+@needs_cc
+def test_c_with_a_replay_for_people(tmp_path, capsys):
+    status = export(
+        PATENT, "--for", "c", "--out", tmp_path / "out", "--replay", PATENT8 / "recording.csv", "--machine",
+        PATENT8 / "machine.toml", "--sign-verified", "--slew", "Z=2", "--clamp", "Z=80", "--slew", "Y=2", "--clamp",
+        "Y=80",
+    )  # fmt: skip
+    assert status == 0
+    said = capsys.readouterr().out
+    assert "every bit is the same" in said
+    assert "sign-unverified" not in said
+    assert "limit-not-decided" not in said
+    assert "UNVERIFIED" not in (tmp_path / "out" / "thermal_correction.c").read_text()
+    written = json.loads((tmp_path / "out" / "model.json").read_text(encoding="utf-8"))
+    assert written["guard"]["limits"][0]["clamp_um"] == 80.0
+
+
+def test_without_a_replay_it_is_null(tmp_path, capsys):
+    assert export(PATENT, "--for", "c", "--out", tmp_path / "out", "--json") == 0
+    assert answer(capsys)["replay"] is None
+
+
+def test_without_a_compiler_the_program_is_written_and_the_lack_told(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("selector.controllers.replay.compiled.compiler", lambda: None)
+    status = export(
+        PATENT, "--for", "c", "--out", tmp_path / "out", "--replay", PATENT8 / "recording.csv", "--machine",
+        PATENT8 / "machine.toml", "--json",
+    )  # fmt: skip
+    said = answer(capsys)
+    assert (status, said["replay"]) == (0, None)
+    assert [finding["suggestion"] for finding in said["findings"] if finding["id"] == "replay-not-run"] == [
+        "install one (Debian: apt install gcc), or export without --replay"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--for", "siemens"], "one of c"),
+        (["--for", "c", "--clamp", "X=3"], "no output 'X'"),
+        (["--for", "c", "--clamp", "Z=0"], "a number above 0"),
+        (["--for", "c", "--slew", "Z=nan"], "a number above 0"),
+        (["--for", "c", "--slew", "Z"], "--slew"),
+        (["--for", "c", "--replay", "nowhere.csv"], "nowhere.csv"),
+    ],
+)
+def test_what_cannot_be_used_ends_with_2_and_leaves_nothing(tmp_path, capsys, arguments, told):
+    assert export(PATENT, "--out", tmp_path / "out", *arguments) == 2
+    error = capsys.readouterr().err
+    assert told in error
+    assert "Traceback" not in error
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "place"),
+    [
+        (lambda text: text.replace("selector.model/1", "selector.model/9"), "schema"),
+        (lambda text: text.replace('"name":', '"secret": 1, "name":', 1), "secret"),
+        (lambda text: text[: len(text) // 2], "cut off"),
+        (lambda text: text.replace('"intercept":', '"intercept": 1e400, "was":', 1), "1e400"),
+    ],
+)
+def test_a_malformed_model_ends_with_2_names_the_place_and_writes_nothing(tmp_path, capsys, change, place):
+    broken = tmp_path / "model.json"
+    broken.write_text(change(PATENT.read_text(encoding="utf-8")), encoding="utf-8")
+    assert export(broken, "--for", "c", "--out", tmp_path / "out") == 2
+    assert place in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_model_whose_numbers_were_changed_is_not_exported(tmp_path, capsys):
+    document = json.loads(PATENT.read_text(encoding="utf-8"))
+    document["outputs"][0]["intercept"] += 1.0
+    changed = tmp_path / "model.json"
+    changed.write_text(json.dumps(document), encoding="utf-8")
+    assert export(changed, "--for", "c", "--out", tmp_path / "out") == 2
+    assert "was changed after it was exported" in capsys.readouterr().err

@@ -1,0 +1,347 @@
+/*
+ * SIGN UNVERIFIED: command +10 um and read the indicator before cutting; see the commissioning sheet.
+ * Model: patent CN1868666, two sensors
+ *   Z = -1.871 + 6.0476*dT1 + 2.6667*dT3 [um]
+ *   Y = 0.5703 + 4.7292*dT1 - 0.5908*dT3 [um]
+ * The correction of an axis is the negative of its displacement.
+ * Model file SHA-256 3946372678c1a614053cb0a1bd8c95ee7ed87ef93de925fcc783b46f27b9a0a0
+ * Written by selector
+ * Compile without contraction and without fast mathematics (cc -std=c99 -ffp-contract=off): then it computes
+ * what the model file means, to the last bit.
+ */
+#include "thermal_correction.h"
+
+void thermal_correction_init(thermal_correction *m)
+{
+    m->dt_s = 0.0;
+    m->reading_1 = 0.0;
+    m->sensor_1 = 3;
+    m->x_1 = 0.0;
+    m->since_1 = 0.0;
+    m->good_for_1 = 60.0;
+    m->has_memory_1 = 0;
+    m->start_1 = 0.0;
+    m->has_start_1 = 0;
+    m->reading_2 = 0.0;
+    m->sensor_2 = 3;
+    m->x_2 = 0.0;
+    m->since_2 = 0.0;
+    m->good_for_2 = 60.0;
+    m->has_memory_2 = 0;
+    m->start_2 = 0.0;
+    m->has_start_2 = 0;
+    m->is_ready = 1;
+    m->is_wanted = 1;
+    m->is_restart = 0;
+    m->standstill_s = 0.0;
+    m->correction_1 = 0.0;
+    m->k0_1 = 0.0;
+    m->aim_1 = 0.0;
+    m->correction_2 = 0.0;
+    m->k0_2 = 0.0;
+    m->aim_2 = 0.0;
+    m->mode = 0;
+    m->is_first = 1;
+    m->since_sample_s = 0.0;
+    m->held_s = 0.0;
+    m->follows = 2;
+}
+
+void thermal_correction_step(thermal_correction *m)
+{
+    double off_s;
+    double dt;
+    double x;
+    double z_1;
+    double z_2;
+    double own;
+    double change;
+    double slewed_s;
+    double towards;
+    double most;
+    double low;
+    double high;
+    if (m->is_restart) {
+        /* the control was off: memory goes on, the correction begins at zero */
+        off_s = 0.0;
+        if (m->standstill_s > 0.0) {
+            off_s = m->standstill_s;
+        }
+        if (off_s > 1000000.0) {
+            off_s = 1000000.0;
+        }
+        m->since_1 = m->since_1 + off_s;
+        if (m->since_1 > 1000000.0) {
+            m->since_1 = 1000000.0;
+        }
+        m->since_2 = m->since_2 + off_s;
+        if (m->since_2 > 1000000.0) {
+            m->since_2 = 1000000.0;
+        }
+        m->is_first = 1;
+        m->since_sample_s = 0.0;
+        m->held_s = 0.0;
+        m->follows = 2;
+        m->k0_1 = 0.0;
+        m->aim_1 = 0.0;
+        m->correction_1 = 0.0;
+        m->k0_2 = 0.0;
+        m->aim_2 = 0.0;
+        m->correction_2 = 0.0;
+    }
+    /* time: what is no time counts as 0 */
+    dt = 0.0;
+    if (m->dt_s > 0.0) {
+        dt = m->dt_s;
+    }
+    if (dt > 1000000.0) {
+        dt = 1000000.0;
+    }
+    m->since_sample_s = m->since_sample_s + dt;
+    if (m->since_sample_s > 1000000.0) {
+        m->since_sample_s = 1000000.0;
+    }
+    if (m->is_first || (m->since_sample_s >= 1.0)) {
+        /* sensor T1 */
+        m->since_1 = m->since_1 + m->since_sample_s;
+        if (m->since_1 > 1000000.0) {
+            m->since_1 = 1000000.0;
+        }
+        m->sensor_1 = 0;
+        if (!((m->reading_1 >= -1000000000.0) && (m->reading_1 <= 1000000000.0))) {
+            m->sensor_1 = 3;
+        }
+        if ((m->sensor_1 == 0) && (m->reading_1 >= 849.99915) && (m->reading_1 <= 850.00085)) {
+            m->sensor_1 = 4;
+        }
+        if ((m->sensor_1 == 0) && (m->reading_1 >= -9999.009999) && (m->reading_1 <= -9998.990001)) {
+            m->sensor_1 = 4;
+        }
+        if ((m->sensor_1 == 0) && (m->reading_1 >= 9998.990001) && (m->reading_1 <= 9999.009999)) {
+            m->sensor_1 = 4;
+        }
+        if ((m->sensor_1 == 0) && (m->reading_1 >= -999.000999) && (m->reading_1 <= -998.999001)) {
+            m->sensor_1 = 4;
+        }
+        if ((m->sensor_1 == 0) && (m->reading_1 >= 32766.967233) && (m->reading_1 <= 32767.032767)) {
+            m->sensor_1 = 4;
+        }
+        if ((m->sensor_1 == 0) && (m->reading_1 >= -32768.032768) && (m->reading_1 <= -32767.967232)) {
+            m->sensor_1 = 4;
+        }
+        if ((m->sensor_1 == 0) && (m->reading_1 >= 3276.6967233) && (m->reading_1 <= 3276.7032766999996)) {
+            m->sensor_1 = 4;
+        }
+        if ((m->sensor_1 == 0) && (m->reading_1 >= -3276.8032768000003) && (m->reading_1 <= -3276.7967232)) {
+            m->sensor_1 = 4;
+        }
+        if (m->sensor_1 == 0) {
+            m->good_for_1 = m->good_for_1 + m->since_sample_s;
+            if (m->good_for_1 > 1000000.0) {
+                m->good_for_1 = 1000000.0;
+            }
+            if (m->good_for_1 < 60.0) {
+                m->sensor_1 = 2;
+            } else {
+                if (!(m->has_start_1)) {
+                    m->start_1 = m->reading_1;
+                    m->has_start_1 = 1;
+                }
+                x = 0.0;
+                if (m->has_start_1) {
+                    x = m->reading_1 - m->start_1;
+                }
+                if ((x < -1e-08) || (x > 10.00000001)) {
+                    m->sensor_1 = 1;
+                }
+                if (x < 0.0) {
+                    x = 0.0;
+                }
+                if (x > 10.0) {
+                    x = 10.0;
+                }
+                m->x_1 = x;
+            }
+        } else {
+            m->good_for_1 = 0.0;
+        }
+        /* sensor T3 */
+        m->since_2 = m->since_2 + m->since_sample_s;
+        if (m->since_2 > 1000000.0) {
+            m->since_2 = 1000000.0;
+        }
+        m->sensor_2 = 0;
+        if (!((m->reading_2 >= -1000000000.0) && (m->reading_2 <= 1000000000.0))) {
+            m->sensor_2 = 3;
+        }
+        if ((m->sensor_2 == 0) && (m->reading_2 >= 849.99915) && (m->reading_2 <= 850.00085)) {
+            m->sensor_2 = 4;
+        }
+        if ((m->sensor_2 == 0) && (m->reading_2 >= -9999.009999) && (m->reading_2 <= -9998.990001)) {
+            m->sensor_2 = 4;
+        }
+        if ((m->sensor_2 == 0) && (m->reading_2 >= 9998.990001) && (m->reading_2 <= 9999.009999)) {
+            m->sensor_2 = 4;
+        }
+        if ((m->sensor_2 == 0) && (m->reading_2 >= -999.000999) && (m->reading_2 <= -998.999001)) {
+            m->sensor_2 = 4;
+        }
+        if ((m->sensor_2 == 0) && (m->reading_2 >= 32766.967233) && (m->reading_2 <= 32767.032767)) {
+            m->sensor_2 = 4;
+        }
+        if ((m->sensor_2 == 0) && (m->reading_2 >= -32768.032768) && (m->reading_2 <= -32767.967232)) {
+            m->sensor_2 = 4;
+        }
+        if ((m->sensor_2 == 0) && (m->reading_2 >= 3276.6967233) && (m->reading_2 <= 3276.7032766999996)) {
+            m->sensor_2 = 4;
+        }
+        if ((m->sensor_2 == 0) && (m->reading_2 >= -3276.8032768000003) && (m->reading_2 <= -3276.7967232)) {
+            m->sensor_2 = 4;
+        }
+        if (m->sensor_2 == 0) {
+            m->good_for_2 = m->good_for_2 + m->since_sample_s;
+            if (m->good_for_2 > 1000000.0) {
+                m->good_for_2 = 1000000.0;
+            }
+            if (m->good_for_2 < 60.0) {
+                m->sensor_2 = 2;
+            } else {
+                if (!(m->has_start_2)) {
+                    m->start_2 = m->reading_2;
+                    m->has_start_2 = 1;
+                }
+                x = 0.0;
+                if (m->has_start_2) {
+                    x = m->reading_2 - m->start_2;
+                }
+                if ((x < -1e-08) || (x > 10.00000001)) {
+                    m->sensor_2 = 1;
+                }
+                if (x < 0.0) {
+                    x = 0.0;
+                }
+                if (x > 10.0) {
+                    x = 10.0;
+                }
+                m->x_2 = x;
+            }
+        } else {
+            m->good_for_2 = 0.0;
+        }
+        /* memory: first-order lags of what is believed */
+        if ((m->sensor_1 == 0) || (m->sensor_1 == 1)) {
+            m->since_1 = 0.0;
+        }
+        if ((m->sensor_2 == 0) || (m->sensor_2 == 1)) {
+            m->since_2 = 0.0;
+        }
+        /* which model */
+        m->follows = 1;
+        if (!(((m->sensor_1 == 0) || (m->sensor_1 == 1)) && ((m->sensor_2 == 0) || (m->sensor_2 == 1)))) {
+            m->follows = 2;
+        }
+        if (m->follows == 2) {
+            m->held_s = m->held_s + m->since_sample_s;
+            if (m->held_s > 1000000.0) {
+                m->held_s = 1000000.0;
+            }
+        } else {
+            m->held_s = 0.0;
+        }
+        if (m->follows == 3) {
+            m->aim_1 = 0.0;
+            m->aim_2 = 0.0;
+        }
+        if (m->follows == 1) {
+            z_1 = (m->x_1 - 0.0) / 1.0;
+            z_2 = (m->x_2 - 0.0) / 1.0;
+            own = -1.871;
+            own = own + 6.0476 * z_1;
+            own = own + 2.6667 * z_2;
+            own = -own;
+            if ((own >= -1000000000.0) && (own <= 1000000000.0)) {
+                if (own < -90.0) {
+                    own = -90.0;
+                }
+                if (own > 90.0) {
+                    own = 90.0;
+                }
+                change = own - m->aim_1;
+                if ((change >= 0.0) || (change <= -0.0)) {
+                    m->aim_1 = own;
+                }
+            }
+            own = 0.5703;
+            own = own + 4.7292 * z_1;
+            own = own + (-0.5908) * z_2;
+            own = -own;
+            if ((own >= -1000000000.0) && (own <= 1000000000.0)) {
+                if (own < -54.0) {
+                    own = -54.0;
+                }
+                if (own > 54.0) {
+                    own = 54.0;
+                }
+                change = own - m->aim_2;
+                if ((change >= 0.0) || (change <= -0.0)) {
+                    m->aim_2 = own;
+                }
+            }
+        }
+        m->is_first = 0;
+        m->since_sample_s = 0.0;
+    }
+    m->mode = m->follows;
+    if (!(m->is_wanted)) {
+        m->mode = 4;
+    }
+    if (!(m->is_ready)) {
+        m->mode = 0;
+    }
+    slewed_s = dt;
+    if (slewed_s > 10.0) {
+        slewed_s = 10.0;
+    }
+    /* correction of Z: no faster than the slew limit */
+    if (m->mode == 0) {
+        m->k0_1 = 0.0;
+        m->correction_1 = 0.0;
+    } else {
+        towards = m->aim_1;
+        if (m->mode == 4) {
+            towards = 0.0;
+        }
+        most = 1.0 * slewed_s;
+        low = m->k0_1 - most;
+        high = m->k0_1 + most;
+        if (towards < low) {
+            towards = low;
+        }
+        if (towards > high) {
+            towards = high;
+        }
+        m->k0_1 = towards;
+        m->correction_1 = m->k0_1;
+    }
+    /* correction of Y: no faster than the slew limit */
+    if (m->mode == 0) {
+        m->k0_2 = 0.0;
+        m->correction_2 = 0.0;
+    } else {
+        towards = m->aim_2;
+        if (m->mode == 4) {
+            towards = 0.0;
+        }
+        most = 1.0 * slewed_s;
+        low = m->k0_2 - most;
+        high = m->k0_2 + most;
+        if (towards < low) {
+            towards = low;
+        }
+        if (towards > high) {
+            towards = high;
+        }
+        m->k0_2 = towards;
+        m->correction_2 = m->k0_2;
+    }
+}

@@ -1,0 +1,57 @@
+/*
+ * SIGN UNVERIFIED: command +10 um and read the indicator before cutting; see the commissioning sheet.
+ * Model: patent CN1868666, two sensors
+ *   Z = -1.871 + 6.0476*dT1 + 2.6667*dT3 [um]
+ *   Y = 0.5703 + 4.7292*dT1 - 0.5908*dT3 [um]
+ * The correction of an axis is the negative of its displacement.
+ * Model file SHA-256 3946372678c1a614053cb0a1bd8c95ee7ed87ef93de925fcc783b46f27b9a0a0
+ * Written by selector
+ */
+#ifndef THERMAL_CORRECTION_H
+#define THERMAL_CORRECTION_H
+
+typedef struct thermal_correction {
+    /* inputs */
+    double dt_s; /* time since the last call [s] */
+    double reading_1; /* T1 [degC] */
+    double reading_2; /* T3 [degC] */
+    int is_ready; /* drives on and axis referenced */
+    int is_wanted; /* the operator's switch */
+    int is_restart; /* true in the first call after the control was off */
+    double standstill_s; /* with is_restart: off for so long [s] */
+    /* outputs */
+    int sensor_1; /* T1: 0 ok, 1 limited, 2 recovering, 3 missing, 4 break code, 5 out of limits, 6 jump, 7 stuck, 8 range */
+    int sensor_2; /* T3 */
+    double correction_1; /* to be added to the axis for Z [um] */
+    double k0_1; /* the same at the reference position [um] */
+    double correction_2; /* to be added to the axis for Y [um] */
+    double k0_2; /* the same at the reference position [um] */
+    int mode; /* 0 off, 1 model, 2 hold, 3 ramp to zero, 4 switched off, 10 and more: fallback */
+    /* to be kept when the control is off */
+    int has_memory_1; /* memory has begun */
+    double start_1; /* start reading of T1 */
+    int has_start_1; /* start reading is taken */
+    int has_memory_2; /* memory has begun */
+    double start_2; /* start reading of T3 */
+    int has_start_2; /* start reading is taken */
+    /* state */
+    double x_1; /* T1 as the model gets it */
+    double since_1; /* since it was believed last [s] */
+    double good_for_1; /* good for so long [s] */
+    double x_2; /* T3 as the model gets it */
+    double since_2; /* since it was believed last [s] */
+    double good_for_2; /* good for so long [s] */
+    double aim_1; /* where it moves to [um] */
+    double aim_2; /* where it moves to [um] */
+    int is_first; /* no sample yet */
+    double since_sample_s; /* since the last sample [s] */
+    double held_s; /* held for so long [s] */
+    int follows; /* as mode, while ready and wanted */
+} thermal_correction;
+
+/* Once, before the first call. */
+void thermal_correction_init(thermal_correction *m);
+/* Every cycle, after the inputs are set; the outputs are in the struct. */
+void thermal_correction_step(thermal_correction *m);
+
+#endif
