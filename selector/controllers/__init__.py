@@ -3,6 +3,7 @@
 from selector.controllers.application import Accuracy, Application, apply_model, write_predictions
 from selector.controllers.evaluator import Evaluator, evaluate
 from selector.controllers.formula import formula_text, legend_text, physical_coefficients, physical_slopes
+from selector.controllers.guard import Corrected, DecidedLimits, GuardedModel, Mode, SensorCode, decided_limits
 from selector.controllers.model_file import (
     CheckVector,
     Fallback,
@@ -25,21 +26,27 @@ __all__ = [
     "Accuracy",
     "Application",
     "CheckVector",
+    "Corrected",
+    "DecidedLimits",
     "Evaluator",
     "Fallback",
     "Guard",
+    "GuardedModel",
     "Input",
+    "Mode",
     "ModelFile",
     "Output",
     "OutputLimits",
     "PositionPart",
     "Provenance",
+    "SensorCode",
     "State",
     "Term",
     "Validation",
     "apply_model",
     "check_model",
     "check_vectors",
+    "decided_limits",
     "evaluate",
     "formula_text",
     "legend_text",
