@@ -1,4 +1,4 @@
-"""`model show`, `model check` and `apply`: what a model file says, whether it keeps its word, how good it is."""
+"""`model show`, `model check` and `model card`: what a model file says, whether it keeps its word, how good it is."""
 
 from __future__ import annotations
 
@@ -64,6 +64,21 @@ def check(model: Model, as_json: AsJson = False) -> None:
             where=str(model),
             advice="do not use this file; export the model again with `selector select --out DIR`",
         )
+
+
+def card(
+    model: Model,
+    out: Annotated[Path, typer.Option("--out", metavar="FILE.html", help="Where to write the card.")],
+) -> None:
+    """Writes the card of a model: machine, data, method, ranges, coefficients, limits, validation, identity."""
+    from selector.cli.files import refuse_to_replace_input
+    from selector.controllers.model_io import read_model
+    from selector.report.model_card import write_model_card
+
+    read = read_model(model)
+    refuse_to_replace_input(out, [model], "--out")
+    write_model_card(out, read)
+    showing.screen().print(f"wrote {out}", markup=False)
 
 
 def _particulars(model: ModelFile) -> list[str]:

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
+from selector import __version__
+from selector.controllers.atomic_file import write_whole
+from selector.controllers.formula import formula_text, legend_text
 from selector.controllers.model_file import Input, ModelFile
 from selector.controllers.model_io import model_sha256
+from selector.controllers.self_check import model_findings
 from selector.report.numbers import NONE, number_text, span_text, uncertain_text
-from selector.report.tables import Table, table
+from selector.report.page import rendered
+from selector.report.tables import Table, remarks_of, table
 
 
 @dataclass(frozen=True)
@@ -29,6 +35,27 @@ def model_card(model: ModelFile) -> tuple[CardPart, ...]:
         CardPart("Validation", _validation(model)),
         CardPart("Identity", table(["", ""], [("model file SHA-256", model_sha256(model)), ("schema", model.schema_)])),
     )
+
+
+def write_model_card(path: str | Path, model: ModelFile) -> Path:
+    """Write the card as one HTML file that needs no network; whole or not at all.
+
+    Raises
+    ------
+    OptionError
+        The file cannot be written.
+    """
+    values = {
+        "title": model.name,
+        "version": __version__,
+        "formulas": formula_text(model),
+        "legend": legend_text(model).splitlines(),
+        "card": model_card(model),
+        "remarks": remarks_of(model_findings(model)),
+    }
+    target = Path(path)
+    write_whole(target, rendered("model_card.html", values).encode("utf-8", "replace"))
+    return target
 
 
 def sensors_table(model: ModelFile) -> Table:

@@ -102,7 +102,7 @@ class _Guarded:
         w = self._w
         with w.when(self._restart):
             self._restarted()
-        dt = w.variable("dt")
+        dt = w.variable("passed_s")
         w.remark("time: what is no time counts as 0")
         _duration(w, dt, self._dt)
         for wired, at in zip(self._wired, self._at.values(), strict=True):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
@@ -44,6 +45,8 @@ class Language:
         Format with ``{text}``.
     prefixes : mapping of str to str
         Place of a variable → what goes before its name.
+    signed_above : int
+        What has a sign of its own stands in parentheses inside operations of a higher rank than this.
     """
 
     signs: Mapping[str, str]
@@ -56,6 +59,7 @@ class Language:
     remark: str
     prefixes: Mapping[str, str]
     indent: str = "    "
+    signed_above: int = _OF_COMPARISON
 
     def real(self, value: float) -> str:
         """A real literal."""
@@ -90,10 +94,10 @@ class Language:
             return str(of.value)
         if isinstance(of, Real):
             text = self.real(of.value)
-            return f"({text})" if text.startswith("-") and outer > _OF_COMPARISON else text
+            return f"({text})" if text.startswith("-") and outer > self.signed_above else text
         if isinstance(of, Negative):
             text = "-" + self.expression(of.of, _OF_NAME)
-            return f"({text})" if outer > _OF_COMPARISON else text
+            return f"({text})" if outer > self.signed_above else text
         if isinstance(of, Not):
             return self.negation + "(" + self.expression(of.of) + ")"
         if not isinstance(of, Operation):
@@ -123,12 +127,13 @@ class Language:
         yield from self.lines(body, depth + 1)
 
 
-_SPELLED = str.maketrans({"µ": "u", "°": "deg ", "Δ": "d", "−": "-", "·": "*", "²": "^2", "³": "^3", "⁻": "^-"})
+_SPELLED = str.maketrans({"µ": "u", "°": "deg ", "Δ": "d", "−": "-", "·": "*"})
+_SUPERSCRIPTS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 
 
 def plain(text: str) -> str:
     """ASCII without anything that would end a remark in any language."""
-    spelled = text.translate(_SPELLED)
+    spelled = re.sub("[⁻⁰¹²³⁴-⁹]+", lambda power: "^" + power[0].translate(_SUPERSCRIPTS), text.translate(_SPELLED))
     ascii_text = spelled.encode("ascii", "replace").decode("ascii")
     for end in ("*/", "/*", "*)", "(*", "//", "\\", "{", "}", "]]>", "\x00"):
         ascii_text = ascii_text.replace(end, "_")

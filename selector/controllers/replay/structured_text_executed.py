@@ -8,13 +8,17 @@ from __future__ import annotations
 import importlib
 import re
 from collections.abc import Iterator
+from importlib.metadata import PackageNotFoundError, version
 from typing import Any, Literal, NoReturn
 
 import numpy as np
 
 from selector.controllers.model_file import ModelFile
 from selector.controllers.replay.rows import Answers, Rows
-from selector.errors import OptionError
+from selector.controllers.writers.sinumerik import scl_text
+from selector.controllers.writers.structured_text import st_text
+from selector.controllers.writers.twincat import tcpou_export
+from selector.errors import NotExecutableError
 
 Kind = Literal["real", "code", "flag"]
 _KINDS: dict[str, Kind] = {"LREAL": "real", "REAL": "real", "INT": "code", "BOOL": "flag"}
@@ -23,17 +27,17 @@ _LARGEST_INT = 32767
 _PASSED_OVER = ("comment", "empty_statement")
 
 
-def st_answers(model: ModelFile, rows: Rows, text: str) -> Answers:
-    """What the function block of a text gives.
+def st_answers(model: ModelFile, rows: Rows, text: str | None = None) -> Answers:
+    """What the function block of a text gives; default: the exported Structured Text.
 
     LREAL is calculated in binary64, REAL in binary32: every reading, literal and operation is rounded to it.
 
     Raises
     ------
-    OptionError
+    NotExecutableError
         The parser is not installed, or the text has something that an exported program does not have.
     """
-    block = executable(text)
+    block = executable(st_text(model) if text is None else text)
     n, outputs, inputs = len(rows), len(model.outputs), len(model.inputs)
     found = Answers.empty(n, outputs, inputs)
     with np.errstate(all="ignore"):
@@ -56,15 +60,41 @@ def st_answers(model: ModelFile, rows: Rows, text: str) -> Answers:
     return found
 
 
+def scl_answers(model: ModelFile, rows: Rows) -> Answers:
+    """What the exported SCL gives, in REAL."""
+    return st_answers(model, rows, scl_text(model))
+
+
+def tcpou_answers(model: ModelFile, rows: Rows) -> Answers:
+    """What the exported file for TwinCAT gives."""
+    (text,) = tcpou_export(model).files.values()
+    return st_answers(model, rows, text_of_tcpou(text))
+
+
+def text_of_tcpou(text: str) -> str:
+    """Declaration and implementation of a TwinCAT file as one function block."""
+    parts = re.findall(r"<(?:Declaration|ST)><!\[CDATA\[(.*?)\]\]></", text, re.S)
+    return "".join([*parts, "END_FUNCTION_BLOCK\n"])
+
+
+def parser_name() -> str:
+    """What reads the text, with its version."""
+    try:
+        return f"tree-sitter-iec61131-3-st {version('tree-sitter-iec61131-3-st')}"
+    except PackageNotFoundError:
+        return "no parser of Structured Text"
+
+
 def executable(text: str) -> Any:
     """An instance of the function block: ``v_<name>`` for every variable, ``call()``, and its real type ``number``.
 
     Raises
     ------
-    OptionError
+    NotExecutableError
         As `st_answers`.
     """
-    tree = _parser().parse(_standard(text).encode("ascii"))
+    # what is not ASCII becomes a question mark, which only a comment may have
+    tree = _parser().parse(_standard(text).encode("ascii", "replace"))
     if tree.root_node.has_error:
         _refuse(_first_error(tree.root_node), "what is no Structured Text")
     blocks = [node for node in tree.root_node.children if node.type != "comment"]
@@ -74,9 +104,14 @@ def executable(text: str) -> Any:
 
 
 def _standard(text: str) -> str:
-    """The text without what SCL has and IEC 61131-3 has not: a block name in quotes and the line BEGIN."""
-    text = re.sub(r'^FUNCTION_BLOCK "(\w+)"$', r"FUNCTION_BLOCK \1", text, count=1, flags=re.M)
-    return re.sub(r"^BEGIN$", "", text, count=1, flags=re.M)
+    """The text as the grammar knows it: in SCL a block name has quotes and BEGIN a line, in TwinCAT RETAIN a rival."""
+    for own, standard in (
+        (r'^FUNCTION_BLOCK "(\w+)"$', r"FUNCTION_BLOCK \1"),
+        (r"^BEGIN$", ""),
+        (r"^VAR PERSISTENT$", "VAR RETAIN"),
+    ):
+        text = re.sub(own, standard, text, count=1, flags=re.M)
+    return text
 
 
 def _parser() -> Any:
@@ -84,7 +119,7 @@ def _parser() -> Any:
         tree_sitter = importlib.import_module("tree_sitter")
         grammar = importlib.import_module("tree_sitter_iec61131_3_st")
     except ImportError as error:
-        raise OptionError(
+        raise NotExecutableError(
             f"the package {error.name} is not installed",
             expected="tree-sitter and tree-sitter-iec61131-3-st, which read the exported Structured Text",
             where="--replay",
@@ -94,7 +129,7 @@ def _parser() -> Any:
 
 
 def _refuse(node: Any, what: str) -> NoReturn:
-    raise OptionError(
+    raise NotExecutableError(
         f"{what}: {_text(node)[:60]!r}",
         expected="REAL or LREAL, INT and BOOL; assignments and IF, as in an exported program",
         where=f"Structured Text, line {node.start_point[0] + 1}",
@@ -173,7 +208,9 @@ class _Translated:
             if initial:
                 _refuse(node, "a temporary variable with an initial value")
             return
-        value = self._of_kind(initial[0], kind) if initial else {"real": "number(0.0)", "code": "0", "flag": "False"}[kind]
+        value = (
+            self._of_kind(initial[0], kind) if initial else {"real": "number(0.0)", "code": "0", "flag": "False"}[kind]
+        )
         self._initial.append(f"        self.{own} = {value}")
 
     @staticmethod
@@ -257,15 +294,29 @@ class _Translated:
 
     def _combined(self, node: Any) -> tuple[str, Kind]:
         left, right = _operands(node)
-        (sign,) = [_text(child).upper() for child in node.children if not child.is_named]
+        sign = _sign(node)
         if sign in ("+", "-", "*", "/"):
             return f"({self._of_kind(left, 'real')} {sign} {self._of_kind(right, 'real')})", "real"
         if sign in ("AND", "OR"):
-            return f"({self._of_kind(left, 'flag')} {sign.lower()} {self._of_kind(right, 'flag')})", "flag"
+            return self._chain(node, sign), "flag"
         if sign in _COMPARISONS:
             first, kind = self._expression(left)
             return f"({first} {_COMPARISONS[sign]} {self._of_kind(right, kind)})", "flag"
         _refuse(node, f"the operation {sign}")
+
+    def _chain(self, node: Any, sign: str) -> str:
+        """All conditions of a AND b AND c …: of hundreds of sensors, too deep a tree to descend."""
+        parts = []
+        while node.type == "binary_expression" and _sign(node) == sign:
+            node, right = _operands(node)
+            parts.append(self._of_kind(right, "flag"))
+        parts.append(self._of_kind(node, "flag"))
+        return "(" + f" {sign.lower()} ".join(reversed(parts)) + ")"
+
+
+def _sign(node: Any) -> str:
+    (sign,) = [_text(child).upper() for child in node.children if not child.is_named]
+    return sign
 
 
 def _operands(node: Any) -> list[Any]:

@@ -13,6 +13,7 @@ from selector.controllers.program.language import Program, Variable
 from selector.controllers.program.text_of_program import Language, plain
 from selector.controllers.writers.exported import Exported
 from selector.controllers.writers.heading import heading
+from selector.errors import OptionError
 
 Precision = Literal["double", "float"]
 NAME = "thermal_correction"
@@ -39,7 +40,16 @@ class _C(Language):
     def real(self, value: float) -> str:
         if self.precision == "double":
             return repr(float(value))
-        text = str(np.float32(value))
+        with np.errstate(over="ignore"):
+            rounded = np.float32(value)
+        if not np.isfinite(rounded):
+            raise OptionError(
+                f"a number of the model, {value:g}, does not fit single precision",
+                expected="numbers below 3.4e38",
+                where="model file",
+                advice="centre and scale the inputs: make the model again with `selector select`",
+            )
+        text = str(rounded)
         return (text if "." in text or "e" in text else f"{text}.0") + "f"
 
     def flag(self, value: bool) -> str:

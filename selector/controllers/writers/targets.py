@@ -11,9 +11,13 @@ from selector.controllers.model_file import ModelFile
 from selector.controllers.replay.compiled import c_answers, compiler, compiler_version
 from selector.controllers.replay.python_executed import python_answers
 from selector.controllers.replay.replayed import Executor
+from selector.controllers.replay.structured_text_executed import parser_name, scl_answers, st_answers, tcpou_answers
 from selector.controllers.writers.c99 import c_export
 from selector.controllers.writers.exported import Exported
 from selector.controllers.writers.python_module import python_export
+from selector.controllers.writers.sinumerik import sinumerik_export
+from selector.controllers.writers.structured_text import st_export
+from selector.controllers.writers.twincat import tcpou_export
 from selector.errors import NotExecutableError
 
 __all__ = ["TARGETS", "NotExecutableError", "Target", "Writer"]
@@ -55,7 +59,13 @@ def _cc() -> str:
     return "no compiler" if name is None else compiler_version(name)
 
 
+SINGLE_UM = 0.01
+"""What single precision explains over the valid range; 6e-6 um was seen."""
+
 TARGETS: Mapping[str, Target] = {
     "c": Target("C99", c_export, c_answers, _cc),
+    "st": Target("IEC 61131-3 Structured Text", st_export, st_answers, parser_name),
+    "tcpou": Target("Beckhoff TwinCAT 3", tcpou_export, tcpou_answers, parser_name),
+    "sinumerik": Target("Siemens SINUMERIK 840D sl", sinumerik_export, scl_answers, parser_name, SINGLE_UM),
     "python": Target("Python", python_export, python_answers, lambda: f"Python {platform.python_version()}"),
 }

@@ -50,7 +50,7 @@ void thermal_correction_init(thermal_correction *m)
 void thermal_correction_step(thermal_correction *m)
 {
     double off_s;
-    double dt;
+    double passed_s;
     double x;
     double z_1;
     double z_2;
@@ -90,14 +90,14 @@ void thermal_correction_step(thermal_correction *m)
         m->correction_2 = 0.0;
     }
     /* time: what is no time counts as 0 */
-    dt = 0.0;
+    passed_s = 0.0;
     if (m->dt_s > 0.0) {
-        dt = m->dt_s;
+        passed_s = m->dt_s;
     }
-    if (dt > 1000000.0) {
-        dt = 1000000.0;
+    if (passed_s > 1000000.0) {
+        passed_s = 1000000.0;
     }
-    m->since_sample_s = m->since_sample_s + dt;
+    m->since_sample_s = m->since_sample_s + passed_s;
     if (m->since_sample_s > 1000000.0) {
         m->since_sample_s = 1000000.0;
     }
@@ -298,7 +298,7 @@ void thermal_correction_step(thermal_correction *m)
     if (!(m->is_ready)) {
         m->mode = 0;
     }
-    slewed_s = dt;
+    slewed_s = passed_s;
     if (slewed_s > 10.0) {
         slewed_s = 10.0;
     }

@@ -73,12 +73,12 @@ class ThermalCorrection:
             self.aim_2 = 0.0
             self.correction_2 = 0.0
         # time: what is no time counts as 0
-        dt = 0.0
+        passed_s = 0.0
         if self.dt_s > 0.0:
-            dt = self.dt_s
-        if dt > 1000000.0:
-            dt = 1000000.0
-        self.since_sample_s = self.since_sample_s + dt
+            passed_s = self.dt_s
+        if passed_s > 1000000.0:
+            passed_s = 1000000.0
+        self.since_sample_s = self.since_sample_s + passed_s
         if self.since_sample_s > 1000000.0:
             self.since_sample_s = 1000000.0
         if self.is_first or (self.since_sample_s >= 1.0):
@@ -224,7 +224,7 @@ class ThermalCorrection:
             self.mode = 4
         if not (self.is_ready):
             self.mode = 0
-        slewed_s = dt
+        slewed_s = passed_s
         if slewed_s > 10.0:
             slewed_s = 10.0
         # correction of Z: no faster than the slew limit

@@ -1,0 +1,273 @@
+"""SINUMERIK 840D sl: the model in SCL for its PLC, and what the NC's own temperature compensation needs of it.
+
+The NC adds a straight line per axis, dK = K0 + tan(beta) (P - P0): K0, tan(beta) and P0 are setting data 43900, 43910
+and 43920 (Siemens, Function Manual K3 "Compensations"). The PLC (S7-300) has no LREAL.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping
+
+from selector.controllers.guard.decided import decided_limits
+from selector.controllers.model_file import ModelFile, Output
+from selector.controllers.program.guarded_program import guarded_program
+from selector.controllers.program.language import Place, Program, Real, Writing
+from selector.controllers.program.text_of_program import plain
+from selector.controllers.writers.exported import Exported
+from selector.controllers.writers.structured_text import (
+    BLOCK,
+    NAME,
+    SECTIONS,
+    StructuredText,
+    declaration_lines,
+    head_lines,
+    joined,
+)
+from selector.findings import Finding
+
+BLOCK_OF_SETTING_DATA = "FB_ThermalToSD"
+SETTINGS = "sinumerik_settings.csv"
+ADD_VELO_FACTOR = 0.01
+"""Default of MD32760 $MA_COMP_ADD_VELO_FACTOR: share of the axis velocity, and largest slope [mm/mm]."""
+VELOCITY_MM_PER_MIN = 10_000.0
+"""MD32000 $MA_MAX_AX_VELO of the manual's worked example."""
+IPO_S = 0.012
+"""Interpolation cycle of the manual's worked example."""
+
+MM_PER_UM, MM_PER_MM_PER_UM_PER_M, MM_PER_M = 0.001, 1e-6, 1000.0
+# an instance data block is retentive as a whole
+_SECTIONS: Mapping[Place, str] = {**SECTIONS, "retained": "VAR"}
+
+
+def step_mm(
+    velocity_mm_per_min: float = VELOCITY_MM_PER_MIN, factor: float = ADD_VELO_FACTOR, ipo_s: float = IPO_S
+) -> float:
+    """Largest change of the compensation in one interpolation cycle [mm]; what is more waits for the next cycles."""
+    return velocity_mm_per_min * factor / 60.0 * ipo_s
+
+
+def largest_slope(
+    velocity_mm_per_min: float = VELOCITY_MM_PER_MIN, factor: float = ADD_VELO_FACTOR, ipo_s: float = IPO_S
+) -> float:
+    """Largest tan(beta) [mm/mm]: the largest step over the way of the axis in one cycle at its full velocity."""
+    return step_mm(velocity_mm_per_min, factor, ipo_s) / (velocity_mm_per_min / 60.0 * ipo_s)
+
+
+def sinumerik_export(
+    model: ModelFile,
+    *,
+    is_sign_verified: bool = False,
+    velocity_mm_per_min: float = VELOCITY_MM_PER_MIN,
+    factor: float = ADD_VELO_FACTOR,
+) -> Exported:
+    """SCL in REAL, the setting data in their units, and a table of what to set on the control.
+
+    Parameters
+    ----------
+    model : ModelFile
+    is_sign_verified : bool
+        A person has seen that a positive correction moves the axis towards +.
+    velocity_mm_per_min : float
+        MD32000 of the slowest corrected axis [mm/min].
+    factor : float
+        MD32760, from 0 to 0.1.
+    """
+    head = head_lines(model, is_sign_verified=is_sign_verified)
+    step, slope = step_mm(velocity_mm_per_min, factor), largest_slope(velocity_mm_per_min, factor)
+    return Exported(
+        files={
+            f"{NAME}.scl": scl_text(model, is_sign_verified=is_sign_verified),
+            "thermal_to_sd.scl": _scl(setting_data_program(model), BLOCK_OF_SETTING_DATA, head),
+            SETTINGS: _settings(model, step, slope, factor),
+        },
+        install=(
+            f"STEP 7: enter {BLOCK} and {BLOCK_OF_SETTING_DATA} with free FB numbers in the symbol table; import both "
+            ".scl files as SCL sources, compile, give each an instance data block (retentive).",
+            f"Call {BLOCK} in OB1 or a cyclic interrupt with dt_s = the real time since the last call [s]; readings in "
+            "the units of the comments, positions in m (the NC has mm), is_ready = drive on and axis referenced.",
+            "In the first call after OB100 set is_restart to TRUE and standstill_s to how long the PLC was off [s]; "
+            "without a clock, to 0.",
+            f"Pass its outputs to {BLOCK_OF_SETTING_DATA} and write sd43900_1 ... [mm], sd43910_1 ... [mm/mm], "
+            f"sd43920_1 ... [mm] with FB3 PUT to the setting data of the axes that {SETTINGS} names.",
+            "Set MD32750 $MA_TEMP_COMP_TYPE and MD32760 $MA_COMP_ADD_VELO_FACTOR as in the table, MD36200 (velocity "
+            "limit of the axis) so much higher, then power on; MD32750 takes effect only then.",
+            "Prove the sign: with the axis standing, write +0.010 mm into SD43900, read the indicator; does the axis "
+            "move by 10 um towards +? If it moves towards -, stop: no value may be written before that is settled.",
+        ),
+        silently=(
+            f"A step of more than {step:.4g} mm in an interpolation cycle of {IPO_S:g} s (axis of "
+            f"{velocity_mm_per_min:g} mm/min, MD32760 = {factor:g}) is spread over several cycles without an alarm.",
+            f"A slope above {slope:.4g} mm/mm ({slope * 1e6:.0f} um/m) is clipped without an alarm.",
+            "Whether a positive value moves the axis towards + or - is decided by its machine data: the sign must be "
+            "proved on the machine.",
+            "When the PLC stops, the NC goes on with the last values written.",
+            "Beyond the positions that the model has seen, the NC goes on along the straight line, whereas the model "
+            "stops there; and it clamps neither the sum of both parts nor K0.",
+        ),
+        findings=(*_limit_findings(model, step, slope, velocity_mm_per_min, factor), *_axis_findings(model)),
+    )
+
+
+def scl_text(model: ModelFile, *, is_sign_verified: bool = False) -> str:
+    """The text of ``thermal_correction.scl``."""
+    return _scl(guarded_program(model), BLOCK, head_lines(model, is_sign_verified=is_sign_verified))
+
+
+def setting_data_program(model: ModelFile) -> Program:
+    """From the outputs of the guarded program to setting data: um to mm, um/m to mm/mm, m to mm."""
+    w = Writing()
+    for k, output in enumerate(model.outputs, start=1):
+        axis = _axis(output)
+        source = "k0" if _has_own_line(output) or output.position is None else "correction"
+        value = w.variable(f"{source}_{k}", "real", "input", f"as {BLOCK} gives it [um]")
+        steep = w.variable(f"slope_{k}", "real", "input", "[um/m]") if _has_own_line(output) else None
+        k0 = w.variable(f"sd43900_{k}", "real", "output", f"axis {axis}: K0 [mm]")
+        tan_beta = w.variable(f"sd43910_{k}", "real", "output", f"axis {axis}: tan(beta) [mm/mm]")
+        reference = w.variable(f"sd43920_{k}", "real", "output", f"axis {axis}: P0 [mm]")
+        w.assign(k0, value * MM_PER_UM)
+        w.assign(tan_beta, Real(0.0) if steep is None else steep * MM_PER_MM_PER_UM_PER_M)
+        w.assign(reference, _reference_mm(output))
+    return w.program(model.name)
+
+
+def _scl(program: Program, block: str, head: list[str]) -> str:
+    language = StructuredText(real_type="REAL")
+    lines = [
+        *head,
+        *declaration_lines(program, language, f'"{block}"', _SECTIONS),
+        "BEGIN",
+        *language.lines(program.body),
+        "END_FUNCTION_BLOCK",
+    ]
+    return joined(lines)
+
+
+def _axis(output: Output) -> str:
+    return output.axis or output.name
+
+
+def _has_own_line(output: Output) -> bool:
+    """Whether the slope is over the position of the corrected axis itself, as the NC calculates it."""
+    return output.position is not None and output.position.axis == _axis(output)
+
+
+def _reference_mm(output: Output) -> float:
+    part = output.position
+    return part.reference_m * MM_PER_M if part is not None and _has_own_line(output) else 0.0
+
+
+def _settings(model: ModelFile, step: float, slope: float, factor: float) -> str:
+    """One line per datum: comma separated, ASCII."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(("axis", "datum", "value", "unit", "meaning"))
+    sign = "SIGN: prove on the machine that +0.010 mm in SD43900 moves the axis 10 um towards +"
+    for k, output in enumerate(model.outputs, start=1):
+        axis = _cell(_axis(output))
+        has_line = _has_own_line(output)
+        source = "k0" if has_line or output.position is None else "correction"
+        rows = (
+            ("MD32750 $MA_TEMP_COMP_TYPE", "3" if has_line else "1", "",
+             "bit 0: position-independent; bit 1: position-dependent; takes effect at power on"),
+            ("MD32760 $MA_COMP_ADD_VELO_FACTOR", f"{factor:g}", "",
+             f"more than {step:.4g} mm per interpolation cycle is spread without alarm; a slope above {slope:.4g} "
+             "mm/mm is clipped without alarm; MD36200 (velocity limit) must allow for it"),
+            ("SD43900 $SA_TEMP_COMP_ABS_VALUE", f"sd43900_{k}", "mm", f"K0 = {source}_{k} [um] x 0.001; {sign}"),
+            ("SD43910 $SA_TEMP_COMP_SLOPE", f"sd43910_{k}", "mm/mm",
+             f"tan(beta) = slope_{k} [um/m] x 0.000001" if has_line else "0"),
+            ("SD43920 $SA_TEMP_COMP_REF_POSITION", f"{_reference_mm(output):.10g}", "mm", "P0"),
+        )  # fmt: skip
+        table.writerows((axis, *row) for row in rows)
+    return text.getvalue()
+
+
+def _cell(name: str) -> str:
+    """A name that no spreadsheet takes for a formula."""
+    text = plain(name)
+    return f"'{text}" if text.startswith(("=", "+", "-", "@")) else text
+
+
+def _limit_findings(
+    model: ModelFile, step: float, slope: float, velocity_mm_per_min: float, factor: float
+) -> list[Finding]:
+    findings = []
+    for name, limits in decided_limits(model)[0].items():
+        fastest_um_per_s = velocity_mm_per_min * factor / 60.0 / MM_PER_UM
+        if limits.slew_um_per_s > fastest_um_per_s:
+            findings.append(
+                Finding(
+                    "step-spread-silently",
+                    "warning",
+                    f"The correction of {name} may change by {limits.slew_um_per_s:g} um/s; the control passes on "
+                    f"{fastest_um_per_s:g} um/s ({step:.4g} mm per interpolation cycle) at an axis velocity of "
+                    f"{velocity_mm_per_min:g} mm/min and spreads the rest over later cycles without an alarm.",
+                    evidence={
+                        "output": name,
+                        "slew_um_per_s": limits.slew_um_per_s,
+                        "passed_um_per_s": fastest_um_per_s,
+                    },
+                    suggestion=f"decide with --slew {name}=… below it; a thermal correction needs about 1 um/s",
+                )
+            )
+        if limits.slope_clamp_um_per_m > slope * 1e6:
+            findings.append(
+                Finding(
+                    "slope-clipped-silently",
+                    "warning",
+                    f"The slope of the correction of {name} may be {limits.slope_clamp_um_per_m:g} um/m; the control "
+                    f"clips at {slope * 1e6:g} um/m (MD32760 = {factor:g}) without an alarm.",
+                    evidence={
+                        "output": name,
+                        "slope_clamp_um_per_m": limits.slope_clamp_um_per_m,
+                        "passed_um_per_m": slope * 1e6,
+                    },
+                    suggestion="decide slope_clamp_um_per_m in guard.limits of the model file, or raise MD32760 "
+                    "(to 0.1 at most)",
+                )
+            )
+    return findings
+
+
+def _axis_findings(model: ModelFile) -> list[Finding]:
+    findings = []
+    taken: dict[str, str] = {}
+    for output in model.outputs:
+        axis, part = _axis(output), output.position
+        if output.axis is None:
+            findings.append(
+                Finding(
+                    "axis-not-named",
+                    "warning",
+                    f"The model file does not say which axis the displacement {output.name} belongs to; the table "
+                    f"takes {axis} for its name.",
+                    evidence={"output": output.name},
+                    suggestion="name the axis in the model file",
+                )
+            )
+        if axis in taken:
+            findings.append(
+                Finding(
+                    "axis-corrected-twice",
+                    "error",
+                    f"{taken[axis]} and {output.name} both correct axis {axis}, but it has one K0 and one slope: what "
+                    "is written last wins.",
+                    evidence={"axis": axis, "outputs": [taken[axis], output.name]},
+                    suggestion="leave one of them out, or add them up before writing the setting data",
+                )
+            )
+        taken.setdefault(axis, output.name)
+        if part is not None and not _has_own_line(output):
+            findings.append(
+                Finding(
+                    "position-of-another-axis",
+                    "warning",
+                    f"The correction of {axis} depends on the position of {part.axis}; the control's straight line "
+                    f"knows only the position of {axis}. The whole correction goes into SD43900 and follows "
+                    f"{part.axis} no faster than the PLC writes it and the slew limit allows.",
+                    evidence={"output": output.name, "position_axis": part.axis},
+                    suggestion="use a sag compensation table (CEC) for this part",
+                )
+            )
+    return findings

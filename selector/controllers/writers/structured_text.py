@@ -1,0 +1,203 @@
+"""Structured Text of IEC 61131-3: one function block, in LREAL or REAL; no function, no array, no loop."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from selector.controllers.model_file import ModelFile
+from selector.controllers.program.guarded_program import guarded_program
+from selector.controllers.program.language import Code, Expression, Flag, Place, Program, Real, Variable
+from selector.controllers.program.text_of_program import Language, plain
+from selector.controllers.writers.exported import Exported
+from selector.controllers.writers.heading import heading
+from selector.errors import OptionError
+
+RealType = Literal["LREAL", "REAL"]
+NAME = "thermal_correction"
+BLOCK = "FB_ThermalCorrection"
+LONGEST_NAME = 24
+"""Characters: more are refused by STEP 7 before TIA Portal."""
+LONGEST_LINE = 120
+
+SECTIONS: Mapping[Place, str] = {
+    "input": "VAR_INPUT",
+    "output": "VAR_OUTPUT",
+    "retained": "VAR RETAIN",
+    "kept": "VAR",
+    "temporary": "VAR_TEMP",
+}
+"""Place of a variable → what opens its declarations."""
+
+_WORDS = """
+ABS ABSTRACT ACOS ACTION ADD ADR AND AND_THEN ANY ANY_NUM ANY_REAL ARRAY ASIN AT ATAN ATAN2 AUTHOR BEGIN BLOCK_DB
+BLOCK_FB BLOCK_FC BLOCK_SDB BLOCK_SFB BLOCK_SFC BOOL BY BYTE CAL CASE CEIL CHAR CLASS CLK CONCAT CONFIGURATION
+CONST CONSTANT CONTINUE COS COUNTER CTD CTU CTUD CV DATA_BLOCK DATE DATE_AND_TIME DB DELETE DINT DIV DO DT DWORD
+ELSE ELSIF EN END END_ACTION END_CASE END_CONFIGURATION END_CONST END_DATA_BLOCK END_FOR END_FUNCTION
+END_FUNCTION_BLOCK END_IF END_LABEL END_METHOD END_PROGRAM END_REPEAT END_STEP END_STRUCT END_TRANSITION END_TYPE
+END_VAR END_WHILE ENO EQ ET EXIT EXP EXPT EXTENDS FALSE FAMILY FB FC FINAL FIND FLOOR FOR FROM FUNCTION
+FUNCTION_BLOCK F_EDGE F_TRIG GE GOTO GT IF IMPLEMENTS IN INI INSERT INT INTERFACE INTERNAL INTERVAL JMP LABEL LD
+LDATE LE LEFT LEN LIMIT LINT LN LOG LREAL LT LTIME LTOD LWORD MAX METHOD MID MIN MOD MOVE MUL MUX NAMESPACE NE NIL
+NON_RETAIN NOT NULL OB OF OK ON OR ORGANIZATION_BLOCK OR_ELSE OVERLAP OVERRIDE PERSISTENT POINTER PRIORITY PRIVATE
+PROGRAM PROPERTY PROTECTED PT PUBLIC PV QD QU R READ_ONLY READ_WRITE REAL REF REFERENCE REF_TO REPEAT REPLACE
+RESOURCE RET RETAIN RETURN RIGHT ROL ROR ROUND RS R_EDGE R_TRIG S S5TIME SCALE SEL SEMA SHL SHR SIN SINGLE SINT
+SIZEOF SQR SQRT SR ST STEP STN STRING STRUCT SUB SUPER TAN TASK THEN THIS TIME TIMER TIME_OF_DAY TITLE TO TOD TOF
+TON TP TRANSITION TRUE TRUNC TYPE UDINT UINT ULINT UNION UNTIL USING USINT VAR VARIANT VAR_ACCESS VAR_CONFIG
+VAR_EXTERNAL VAR_GLOBAL VAR_INPUT VAR_IN_OUT VAR_OUTPUT VAR_TEMP VERSION VOID WCHAR WHILE WITH WORD WSTRING XOR
+XORN
+"""
+_RESERVED = frozenset(_WORDS.split())
+# what STEP 7 takes for an address, a block, a timer or a counter: DB7, MW10, T1, and in German E0, A0, Z1
+_ADDRESS = re.compile(r"(D|DI|M|I|Q|E|A|L|P|PI|PQ|PE|PA)[XBWD]?\d+|(DB|DI|FB|FC|OB|SFB|SFC|SDB|UDT|VAT|T|C|Z)\d+", re.I)
+
+
+def is_reserved(name: str) -> bool:
+    """Whether a name means something else in one of the dialects, in whatever letters."""
+    return name.upper() in _RESERVED or _ADDRESS.fullmatch(name) is not None
+
+
+@dataclass(frozen=True)
+class StructuredText(Language):
+    """Words of Structured Text and of SCL.
+
+    Attributes
+    ----------
+    real_type : {"LREAL", "REAL"}
+        IEEE 754 binary64, or binary32 with every literal rounded to it.
+    """
+
+    signs: Mapping[str, str] = field(default_factory=lambda: {"and": "AND", "or": "OR", "==": "="})
+    negation: str = "NOT "
+    assignment: str = "{to} := {value};"
+    condition: str = "IF {condition} THEN"
+    otherwise: str = "ELSE"
+    end: str = "END_IF;"
+    nothing: str = ";"
+    remark: str = "(* {text} *)"
+    prefixes: Mapping[str, str] = field(default_factory=dict)
+    # SCL has no two signs in a row
+    signed_above: int = 0
+    real_type: RealType = "LREAL"
+
+    def real(self, value: float) -> str:
+        """A literal with a digit on both sides of its point, exponent or not."""
+        if self.real_type == "LREAL":
+            text = repr(float(value))
+        else:
+            with np.errstate(over="ignore"):
+                text = str(np.float32(value))
+        if not np.isfinite(float(text)):
+            raise OptionError(
+                f"the number {value:g}",
+                expected=f"numbers that {self.real_type} can hold (up to 3.4e38)",
+                where="model file",
+                advice="correct the model, or export it for a control that calculates in LREAL",
+            )
+        mantissa, _, exponent = text.partition("e")
+        if "." not in mantissa:
+            mantissa += ".0"
+        return f"{mantissa}E{int(exponent):+d}" if exponent else mantissa
+
+    def flag(self, value: bool) -> str:
+        """TRUE or FALSE."""
+        return "TRUE" if value else "FALSE"
+
+    def name(self, variable: Variable) -> str:
+        """The name of the program, unless the language has it for itself (DT: DATE_AND_TIME)."""
+        return f"v_{variable.name}" if is_reserved(variable.name) else variable.name
+
+    def type(self, variable: Variable) -> str:
+        """The type of a variable."""
+        return {"real": self.real_type, "flag": "BOOL", "code": "INT"}[variable.kind]
+
+    def initial(self, variable: Variable) -> str:
+        """The literal of its initial value."""
+        value = variable.initial
+        kinds: dict[str, Expression] = {"real": Real(value), "flag": Flag(bool(value)), "code": Code(int(value))}
+        return self.expression(kinds[variable.kind])
+
+
+def st_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
+    """``thermal_correction.st``: the function block FB_ThermalCorrection in LREAL."""
+    return Exported(
+        files={f"{NAME}.st": st_text(model, is_sign_verified=is_sign_verified)},
+        install=(
+            f"Import {NAME}.st and declare one instance of {BLOCK} in a program or a global list, not in a function.",
+            "Call it in a cyclic task of 1 s or faster. Wire dt_s to the real cycle time [s], the readings and "
+            "positions in the units that stand behind them (positions in m), is_ready and is_wanted.",
+            "After a start of the control set is_restart to TRUE in the first call only, and standstill_s to how long "
+            "it was off [s]; without a clock, to 0.",
+            "Add correction_1 ... [um] to the axes, or hand on k0_1 ... [um] and slope_1 ... [um/m] where the control "
+            "takes a straight line.",
+        ),
+        silently=(
+            "VAR RETAIN is lost where the control has no retentive memory for the instance: then start readings are "
+            "taken anew after every power failure, on a warm machine too.",
+            "A runtime that calculates LREAL in single precision, or reorders products, changes the last digits.",
+            "Called with dt_s = 0 for ever, the correction stands still: dt_s must be the real cycle time.",
+        ),
+    )
+
+
+def st_text(model: ModelFile, *, is_sign_verified: bool = False) -> str:
+    """The text of ``thermal_correction.st``."""
+    program = guarded_program(model)
+    language = StructuredText()
+    lines = [
+        *head_lines(model, is_sign_verified=is_sign_verified),
+        *declaration_lines(program, language, BLOCK),
+        "",
+        *language.lines(program.body),
+        "END_FUNCTION_BLOCK",
+    ]
+    return joined(lines)
+
+
+def head_lines(model: ModelFile, *, is_sign_verified: bool) -> list[str]:
+    """A comment for the person who opens the file."""
+    return ["(*", *(f" * {line}" for line in heading(model, is_sign_verified=is_sign_verified)), " *)"]
+
+
+def declaration_lines(
+    program: Program, language: StructuredText, block: str, sections: Mapping[Place, str] = SECTIONS
+) -> list[str]:
+    """``FUNCTION_BLOCK`` and its variables.
+
+    Raises
+    ------
+    ValueError
+        Two names differ in nothing but capital letters, or one is too long.
+    """
+    names = [language.name(one).lower() for one in program.variables]
+    if len(set(names)) < len(names) or max(map(len, names)) > LONGEST_NAME:
+        raise ValueError(f"names that no control takes: {names}")
+    lines = [f"FUNCTION_BLOCK {block}"]
+    for opening in dict.fromkeys(sections.values()):
+        declared = [_declared(one, language) for one in program.variables if sections[one.place] == opening]
+        if declared:
+            lines += [opening, *declared, "END_VAR"]
+    return lines
+
+
+def joined(lines: Sequence[str]) -> str:
+    """One text; long lines go on in the next, which means the same everywhere outside of literals."""
+    short = []
+    for line in lines:
+        before = " " * (len(line) - len(line.lstrip()) + 8)
+        short += textwrap.wrap(
+            line, LONGEST_LINE, subsequent_indent=before, break_long_words=False, break_on_hyphens=False
+        ) or [""]
+    return "\n".join(short) + "\n"
+
+
+def _declared(one: Variable, language: StructuredText) -> str:
+    text = f"{language.indent}{language.name(one)} : {language.type(one)}"
+    if one.place != "temporary":
+        text += f" := {language.initial(one)}"
+    about = f" (* {plain(one.about)} *)" if one.about else ""
+    return f"{text};{about}"
