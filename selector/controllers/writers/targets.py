@@ -9,11 +9,13 @@ from typing import Protocol
 
 from selector.controllers.model_file import ModelFile
 from selector.controllers.replay.compiled import c_answers, compiler, compiler_version
+from selector.controllers.replay.halrun_executed import RESOLUTION_UM, halrun_answers, linuxcnc_version
 from selector.controllers.replay.python_executed import python_answers
 from selector.controllers.replay.replayed import Executor
 from selector.controllers.replay.structured_text_executed import parser_name, scl_answers, st_answers, tcpou_answers
 from selector.controllers.writers.c99 import c_export
 from selector.controllers.writers.exported import Exported
+from selector.controllers.writers.linuxcnc import linuxcnc_export
 from selector.controllers.writers.python_module import python_export
 from selector.controllers.writers.sinumerik import sinumerik_export
 from selector.controllers.writers.structured_text import st_export
@@ -66,6 +68,7 @@ TARGETS: Mapping[str, Target] = {
     "c": Target("C99", c_export, c_answers, _cc),
     "st": Target("IEC 61131-3 Structured Text", st_export, st_answers, parser_name),
     "tcpou": Target("Beckhoff TwinCAT 3", tcpou_export, tcpou_answers, parser_name),
+    "linuxcnc": Target("LinuxCNC", linuxcnc_export, halrun_answers, linuxcnc_version, RESOLUTION_UM),
     "sinumerik": Target("Siemens SINUMERIK 840D sl", sinumerik_export, scl_answers, parser_name, SINGLE_UM),
     "python": Target("Python", python_export, python_answers, lambda: f"Python {platform.python_version()}"),
 }

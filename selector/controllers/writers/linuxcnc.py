@@ -1,0 +1,342 @@
+"""LinuxCNC 2.9: a HAL component with the generated C inside, its wiring, and what keeps its memory over a shutdown."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+from selector.controllers.model_file import ModelFile, Output
+from selector.controllers.model_io import model_sha256
+from selector.controllers.program.guarded_program import axes_of, guarded_program
+from selector.controllers.program.language import Program, Variable
+from selector.controllers.program.text_of_program import plain
+from selector.controllers.writers.c99 import c_core, c_members
+from selector.controllers.writers.exported import Exported
+from selector.controllers.writers.heading import heading
+from selector.controllers.writers.linuxcnc_memory import memory_files
+from selector.findings import Finding
+
+NAME = "thermcorr"
+
+COUNTS_PER_UM = 10
+"""``axis.L.eoffset-counts`` are tenths of a micrometre; ``axis.L.eoffset-scale`` is this in mm."""
+
+READY_PERIODS = 10
+"""So many calls nothing is corrected after machine on and homed: LinuxCNC adds up differences of counts since then."""
+
+UNWIRED = 1e30
+"""What an input for a reading has while nothing is wired to it: no reading, and so the sensor is missing."""
+
+_LINEAR_AXES, _AXES = "xyzuvw", "xyzabcuvw"
+_HAL_TYPES = {"real": "float", "flag": "bit", "code": "s32"}
+
+
+@dataclass(frozen=True)
+class Pin:
+    """A pin or parameter of the component, as it is called in C; HAL has ``-`` for ``_``."""
+
+    name: str
+    hal_type: str
+    about: str
+    default: float | None = None
+
+
+def linuxcnc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
+    """The component, its wiring, and two files that keep start readings while LinuxCNC is closed."""
+    wired, findings = _wired_axes(model)
+    axes = "".join(f" [AXIS_{letter.upper()}]" for letter in wired.values())
+    inputs = ", ".join(f"reading-{k}" for k in range(1, len(model.inputs) + 1))
+    return Exported(
+        files={
+            f"{NAME}.comp": component(model, is_sign_verified=is_sign_verified),
+            f"{NAME}.hal": _wiring(model, wired, is_sign_verified=is_sign_verified),
+            **memory_files(NAME, [one.name for one in _kept_pins(guarded_program(model))], model_sha256(model)),
+        },
+        install=(
+            "apt-get install -y linuxcnc-uspace linuxcnc-uspace-dev, if halcompile is missing.",
+            f"sudo halcompile --install {NAME}.comp; copy the other files beside the INI file of the machine.",
+            f"In the INI file, sections{axes or ' [AXIS_...]'}: OFFSET_AV_RATIO = 0.1 (0 would switch the correction "
+            "off, more than 0.9 becomes 0.1). The planner keeps 0.9 of the velocity and acceleration of the axis.",
+            f"In the INI file, [HAL]: HALFILE = {NAME}.hal as the last HALFILE, and SHUTDOWN = {NAME}_shutdown.hal (or "
+            "its one line in the SHUTDOWN file that is there).",
+            f"In {NAME}.hal wire the sensors ({inputs}) at the lines with >>>>. A sensor without a reading comes as "
+            "NaN or as the code of its amplifier, never as its last value.",
+            f"Wire {NAME}.new-start to what is true until the driver of the sensors has read them once: a signal that "
+            "nobody has written yet is 0.0, and a believed 0.0 becomes the start reading.",
+            f"Where a pin of motion or of an axis is linked already, put its signal into the net line of {NAME}.hal.",
+            f"A machine in inches ([TRAJ]LINEAR_UNITS = inch): eoffset-scale {0.0001 / 25.4:.12f} instead of 0.0001, "
+            "and positions times 25.4 before they reach position-1 ...",
+            f"Start, machine on, home; halcmd show pin {NAME}: mode 1, sensor-1 ... 0, counts-1 ... = ten times "
+            "correction-1 ... [um], and axis.L.eoffset the same in mm.",
+        ),
+        silently=(
+            "While LinuxCNC is not ready, correction and counts are 0. At machine off the axis stays where it is and "
+            "LinuxCNC calls that place uncorrected; after machine on the correction is applied again on top, so the "
+            "axis moves by itself by the whole correction, at the slew limit of the program. Each "
+            "axis is right again from its own next absolute move on.",
+            "eoffset-counts: LinuxCNC adds up differences since machine-on. A component whose counts were not 0 then "
+            "stays wrong for ever; this one holds them at 0 until machine on and homed for "
+            f"{READY_PERIODS} servo periods.",
+            "External offsets that meet a soft limit stop the machine without deceleration: keep as much distance from "
+            "the soft limits as the correction can be large.",
+            "LinuxCNC itself limits the offset only by OFFSET_AV_RATIO: 78 um took 60 ms. The slew limit of the "
+            "program is what keeps it out of the cut.",
+            "Do not use moveoff for the same: it works behind the back of the soft limits.",
+            "Positions on the display contain the correction: at Z-30 corrected by -18.4 um it shows Z-30.0184.",
+            f"After a power cut, or without {NAME}_shutdown.hal, the start readings are those of the last orderly "
+            "shutdown, or the first ones after the start.",
+        ),
+        findings=findings,
+    )
+
+
+def component(model: ModelFile, *, name: str = NAME, is_sign_verified: bool = False) -> str:
+    """Source of the component for halcompile; `name` must be that of its file."""
+    program = guarded_program(model)
+    head = [f" * {line}" for line in heading(model, is_sign_verified=is_sign_verified)]
+    kept = _kept_pins(program)
+    lines = [
+        "/*",
+        *head,
+        f" * Install: sudo halcompile --install {name}.comp",
+        " */",
+        f'component {name} "Thermal correction of axes, by axis.L.eoffset-counts";',
+        *(f"pin in {_declared(one)}" for one in input_pins(model)),
+        *(f"pin out {_declared(one)}" for one in output_pins(model)),
+        f'param rw s32 ready_after = {READY_PERIODS} "so many calls nothing is corrected after machine on and homed";',
+        *(f"param rw {_declared(one)}" for one in kept),
+        "option singleton yes;",
+        "option extra_setup yes;",
+        "option no_convenience_defines yes;",
+        "function _ fp;",
+        'license "Dual MIT/GPL";',
+        'author "selector";',
+        ";;",
+        *_c_of(program, model, kept),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def input_pins(model: ModelFile) -> list[Pin]:
+    """In the order of the component."""
+    program = guarded_program(model)
+    known = {one.name: one for one in program.variables}
+    pins = [
+        Pin("dt", "float", "time since the last call [s]; 0: the period of the thread", 0.0),
+        Pin("is_enabled", "bit", "wire motion.motion-enabled", 0),
+        Pin("is_homed", "bit", "wire motion.is-all-homed", 0),
+        Pin("is_wanted", "bit", "the operator's switch; false ramps the correction to zero", 1),
+        Pin("restart", "s32", "every change of this number: the control was off for standstill seconds", 0),
+        Pin("standstill", "float", "[s]", 0.0),
+        Pin("new_start", "bit", "while true, start readings and memory are taken anew", 0),
+    ]
+    for k in range(1, len(model.inputs) + 1):
+        pins.append(Pin(f"reading_{k}", "float", known[f"reading_{k}"].about, UNWIRED))
+    for k, axis in enumerate(axes_of(model), start=1):
+        reference = known[f"position_{k}"].initial
+        pins.append(Pin(f"position_{k}", "float", f"position of axis {axis} [mm]", 1000.0 * reference))
+    return pins
+
+
+def output_pins(model: ModelFile) -> list[Pin]:
+    """In the order of the component."""
+    pins = [Pin(one.name, _HAL_TYPES[one.kind], one.about) for one in guarded_program(model).of("output")]
+    for k, output in enumerate(model.outputs, start=1):
+        pins.append(Pin(f"counts_{k}", "s32", f"for axis.L.eoffset-counts, {output.name} [0.1 um]"))
+    return pins
+
+
+def _kept_pins(program: Program) -> list[Pin]:
+    """What has to outlive LinuxCNC; a change of ``restart`` takes it over."""
+    return [_kept_pin(one) for one in program.of("retained")]
+
+
+def _kept_pin(one: Variable) -> Pin:
+    return Pin(one.name, _HAL_TYPES[one.kind], f"{one.about}; set it, with restart, before the thread starts")
+
+
+def _declared(pin: Pin) -> str:
+    about = plain(pin.about).replace('"', "'")
+    default = "" if pin.default is None else f" = {pin.default!r}"
+    return f'{pin.hal_type} {pin.name}{default} "{about}";'
+
+
+def _c_of(program: Program, model: ModelFile, kept: list[Pin]) -> list[str]:
+    temporaries, initial, body = c_core(program, "double")
+    at = "__comp_inst->"
+    inputs = [f"    m->reading_{k} = *{at}reading_{k};" for k in range(1, len(model.inputs) + 1)]
+    inputs += [f"    m->position_{k} = *{at}position_{k} / 1000.0;" for k in range(1, len(axes_of(model)) + 1)]
+    return [
+        "/* a * b + c is rounded twice: what the model file means, to the last bit */",
+        '#pragma GCC optimize ("fp-contract=off")',
+        "",
+        "struct correction {",
+        *c_members(program, "double"),
+        "};",
+        "",
+        "static struct correction memory;",
+        "static int ready_for;",
+        "static int last_restart;",
+        "",
+        "static void begin(struct correction *m)",
+        "{",
+        *initial,
+        "}",
+        "",
+        "static void step(struct correction *m)",
+        "{",
+        *temporaries,
+        *body,
+        "}",
+        "",
+        "/* to the nearest count */",
+        "static int counts_of(double correction_um)",
+        "{",
+        f"    double counts = correction_um * {COUNTS_PER_UM}.0;",
+        "    if (counts > 2.0e9) counts = 2.0e9;",
+        "    if (counts < -2.0e9) counts = -2.0e9;",
+        "    return (int)(counts < 0.0 ? counts - 0.5 : counts + 0.5);",
+        "}",
+        "",
+        "#define FUNCTION(name) static void name(struct __comp_state *__comp_inst, long period)",
+        "",
+        "static int extra_setup(struct __comp_state *inst, char *prefix, long extra_arg)",
+        "{",
+        "    (void)inst;",
+        "    (void)prefix;",
+        "    (void)extra_arg;",
+        "    begin(&memory);",
+        "    ready_for = 0;",
+        "    last_restart = 0;",
+        "    return 0;",
+        "}",
+        "",
+        "FUNCTION(_) {",
+        "    struct correction *m = &memory;",
+        f"    m->dt_s = *{at}dt;",
+        "    if (m->dt_s == 0.0) m->dt_s = period * 1e-9;",
+        *inputs,
+        "    /* LinuxCNC adds up differences of counts from machine on: they are 0 then, and some calls longer */",
+        f"    if (ready_for <= {at}ready_after) ready_for++;",
+        f"    if (!(*{at}is_enabled && *{at}is_homed)) ready_for = 0;",
+        f"    m->is_ready = ready_for > {at}ready_after;",
+        f"    m->is_wanted = *{at}is_wanted ? 1 : 0;",
+        f"    m->is_restart = *{at}restart != last_restart;",
+        f"    m->standstill_s = *{at}standstill;",
+        f"    last_restart = *{at}restart;",
+        *_given_back(kept, at),
+        "    step(m);",
+        *(f"    *{at}{one.name} = m->{one.name};" for one in program.of("output")),
+        *(f"    *{at}counts_{k} = counts_of(m->correction_{k});" for k in range(1, len(model.outputs) + 1)),
+        *(f"    {at}{one.name} = m->{one.name};" for one in kept),
+        "}",
+    ]
+
+
+def _given_back(kept: list[Pin], at: str) -> list[str]:
+    if not kept:
+        return []
+    lines = ["    if (m->is_restart) {", *(f"        m->{one.name} = {at}{one.name};" for one in kept), "    }"]
+    flags = [f"        m->{one.name} = 0;" for one in kept if one.hal_type == "bit"]
+    return [*lines, f"    if (*{at}new_start) {{", *flags, "    }"]
+
+
+def _wired_axes(model: ModelFile) -> tuple[dict[int, str], tuple[Finding, ...]]:
+    """Number of the output → letter of its axis in LinuxCNC; a finding for each that is not wired."""
+    letters = {k: (output.axis or "").lower() for k, output in enumerate(model.outputs, start=1)}
+    often = Counter(letters.values())
+    wired, findings = {}, []
+    for (k, letter), output in zip(letters.items(), model.outputs, strict=True):
+        if len(letter) == 1 and letter in _LINEAR_AXES and often[letter] == 1:
+            wired[k] = letter
+            continue
+        findings.append(_not_wired(k, output, is_double=letter in _LINEAR_AXES and often[letter] > 1))
+    for k, axis in enumerate(axes_of(model), start=1):
+        if not _is_axis(axis):
+            findings.append(
+                Finding(
+                    "position-not-wired",
+                    "warning",
+                    f"LinuxCNC has no axis {axis!r}: position-{k} is not wired and stays at its reference.",
+                    evidence={"axis": axis},
+                    suggestion=f"wire thermcorr.position-{k} [mm] in {NAME}.hal by hand",
+                )
+            )
+    return wired, tuple(findings)
+
+
+def _not_wired(k: int, output: Output, *, is_double: bool) -> Finding:
+    if not output.axis:
+        why = "the model names no axis for it"
+    elif is_double:
+        why = f"several outputs of the model are for axis {output.axis}"
+    else:
+        why = f"{output.axis!r} is no linear axis of LinuxCNC"
+    return Finding(
+        "axis-not-wired",
+        "warning",
+        f"The correction for {output.name} is on the pin correction-{k}, but moves nothing: {why}.",
+        evidence={"output": output.name, "axis": output.axis},
+        suggestion=f"name one of X Y Z U V W as its axis in the model file, or wire counts-{k} in {NAME}.hal by hand",
+    )
+
+
+def _is_axis(axis: str) -> bool:
+    return len(axis) == 1 and axis.lower() in _AXES
+
+
+def _wiring(model: ModelFile, wired: dict[int, str], *, is_sign_verified: bool) -> str:
+    lines = [f"# {line}" for line in heading(model, is_sign_verified=is_sign_verified)]
+    lines += [
+        "",
+        "# After the HALFILE that adds motion-controller to servo-thread.",
+        f"loadrt {NAME}",
+        f"addf {NAME} servo-thread",
+        "",
+        "# Ready: machine on and all joints homed.",
+        f"net {NAME}-enabled motion.motion-enabled => {NAME}.is-enabled",
+        f"net {NAME}-homed motion.is-all-homed => {NAME}.is-homed",
+        "",
+        "# The operator's switch (default: on), e.g.",
+        f"#net {NAME}-wanted pyvcp.thermal-correction => {NAME}.is-wanted",
+    ]
+    for k, item in enumerate(model.inputs, start=1):
+        lines += [
+            "",
+            f"# >>>> WIRE THE SENSOR {plain(item.name)} [{plain(item.unit)}] HERE; until then it counts as missing.",
+            f"#net {NAME}-reading-{k} PIN-OF-THE-SENSOR => {NAME}.reading-{k}",
+        ]
+    lines += [
+        "",
+        "# >>>> True until the driver of the sensors has read them once (a signal that nobody has written is 0.0, and",
+        "# 0.0 would become the start reading); or a push button for a new start.",
+        f"#net {NAME}-new-start PIN-OF-THE-DRIVER => {NAME}.new-start",
+    ]
+    for k, axis in enumerate(axes_of(model), start=1):
+        mark, letter = ("", axis.lower()) if _is_axis(axis) else ("#", "L")
+        lines += [
+            "",
+            f"# Position of axis {plain(axis)} [mm].",
+            f"{mark}net {NAME}-position-{k} axis.{letter}.pos-cmd => {NAME}.position-{k}",
+        ]
+    for k, output in enumerate(model.outputs, start=1):
+        if k in wired:
+            lines += _offset_lines(k, output, wired[k])
+        else:
+            lines += ["", f"# >>>> NOT WIRED: correction for {plain(output.name)}, {NAME}.counts-{k} [0.1 um]"]
+    lines += [
+        "",
+        "# Start readings and memory of the last time LinuxCNC ran.",
+        f"loadusr -w sh {NAME}_memory.sh restore",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _offset_lines(k: int, output: Output, letter: str) -> list[str]:
+    return [
+        "",
+        f"# Correction for {plain(output.name)}: [AXIS_{letter.upper()}]OFFSET_AV_RATIO = 0.1 in the INI.",
+        f"setp axis.{letter}.eoffset-scale 0.0001",
+        f"setp axis.{letter}.eoffset-enable 1",
+        f"net {NAME}-counts-{k} {NAME}.counts-{k} => axis.{letter}.eoffset-counts",
+    ]

@@ -1,0 +1,36 @@
+#!/bin/sh
+# thermcorr_memory.sh save | restore: start readings and memory while LinuxCNC is closed.
+# They are in thermcorr_kept.txt beside the INI file; delete it to take new start readings.
+kept=thermcorr_kept.txt
+model=3946372678c1a614053cb0a1bd8c95ee7ed87ef93de925fcc783b46f27b9a0a0
+case "$1" in
+save)
+    {
+        echo "model $model"
+        echo "saved-at $(date +%s)"
+        for name in has-memory-1 start-1 has-start-1 has-memory-2 start-2 has-start-2; do
+            value=$(halcmd -s getp "thermcorr.$name") || exit 1
+            echo "$name $value"
+        done
+    } > "$kept.new" && mv "$kept.new" "$kept"
+    ;;
+restore)
+    [ -r "$kept" ] || exit 0
+    if [ "$(head -n 1 "$kept")" != "model $model" ]; then
+        echo "$kept is of another model: start readings are taken anew" >&2
+        exit 0
+    fi
+    while read -r name value; do
+        case "$name" in
+        model) ;;
+        saved-at) halcmd setp thermcorr.standstill $(($(date +%s) - value)) ;;
+        *) halcmd setp "thermcorr.$name" "$value" ;;
+        esac || exit 1
+    done < "$kept"
+    halcmd setp thermcorr.restart 1
+    ;;
+*)
+    echo "usage: $0 save | restore" >&2
+    exit 2
+    ;;
+esac
