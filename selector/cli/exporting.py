@@ -172,7 +172,17 @@ def _replayed(
             ]
     findings = list(reading.findings)
     largest = proof.max_abs_difference_um
-    if not largest <= target.tolerance_um:
+    if not largest <= target.tolerance_um and not target.has_whole_guard:
+        findings.append(
+            Finding(
+                "guard-differs",
+                "warning",
+                f"This control and the guard differ by up to {largest:.3g} µm on these runs: it has a smaller guard.",
+                evidence={"max_abs_difference_um": largest},
+                suggestion="see in the sheet which run it is, and whether a sensor failed there or a limit acted",
+            )
+        )
+    elif not largest <= target.tolerance_um:
         findings.append(
             Finding(
                 "replay-differs",

@@ -224,10 +224,11 @@ class _Guarded:
     def _aimed(self, of: Equations) -> None:
         w = self._w
         z: dict[str, Variable] = {}
-        for item in of.inputs:
+        used = {name for output in of.outputs for term in _terms(output) for name in term.powers}
+        for item in (one for one in of.inputs if one.name in used):
             z[item.name] = w.variable(f"z_{len(z) + 1}")
             w.assign(z[item.name], (self._sensors[item.name].x - item.centre) / item.scale)
-        for state in of.states:
+        for state in (one for one in of.states if one.name in used):
             z[state.name] = w.variable(f"z_{len(z) + 1}")
             w.assign(z[state.name], (self._levels[state.source, state.tau_s] - state.centre) / state.scale)
         own, change = w.variable("own"), w.variable("change")
@@ -269,6 +270,10 @@ class _Guarded:
                 w.limit(where, part.valid_min_m, part.valid_max_m)
                 w.assign(one.correction, one.k0 + one.slope * (where - part.reference_m))
                 w.limit(one.correction, -one.limits.clamp_um, one.limits.clamp_um)
+
+
+def _terms(output: Output) -> tuple[Term, ...]:
+    return output.terms if output.position is None else (*output.terms, *output.position.terms)
 
 
 def _duration(w: Writing, to: Variable, of: Variable) -> None:

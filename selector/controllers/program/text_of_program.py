@@ -135,6 +135,6 @@ def plain(text: str) -> str:
     """ASCII without anything that would end a remark in any language."""
     spelled = re.sub("[⁻⁰¹²³⁴-⁹]+", lambda power: "^" + power[0].translate(_SUPERSCRIPTS), text.translate(_SPELLED))
     ascii_text = spelled.encode("ascii", "replace").decode("ascii")
-    for end in ("*/", "/*", "*)", "(*", "//", "\\", "{", "}", "]]>", "\x00"):
+    for end in ("*/", "/*", "*)", "(*", "//", "\\", "{", "}", "]]>", "??", "\x00"):
         ascii_text = ascii_text.replace(end, "_")
     return "".join(character if character.isprintable() else " " for character in ascii_text)

@@ -63,12 +63,17 @@ def c_answers(model: ModelFile, rows: Rows, precision: Precision = "double", cc:
         done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603
         if done.returncode != 0:
             raise NotExecutableError(
-                f"{cc} refuses the generated program: {(done.stderr.strip().splitlines() or ['?'])[0]}",
+                f"{cc} refuses the generated program: {_first_error(done.stderr)}",
                 expected="a C99 compiler for this machine",
                 where="--replay",
                 advice="name another compiler in the environment variable CC",
             )
         return _called(library, model, rows)
+
+
+def _first_error(said: str) -> str:
+    lines = said.strip().splitlines() or ["?"]
+    return next((line for line in lines if "error" in line), lines[0])
 
 
 def _called(library: Path, model: ModelFile, rows: Rows) -> Answers:

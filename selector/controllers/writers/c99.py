@@ -12,8 +12,11 @@ from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import Program, Variable
 from selector.controllers.program.text_of_program import Language, plain
 from selector.controllers.writers.exported import Exported
+from selector.controllers.writers.fixed_point import fixed_point_files, fixed_point_findings
 from selector.controllers.writers.heading import heading
+from selector.controllers.writers.refused import ExportRefusedError
 from selector.errors import OptionError
+from selector.findings import Finding
 
 Precision = Literal["double", "float"]
 NAME = "thermal_correction"
@@ -57,13 +60,27 @@ class _C(Language):
 
 
 def c_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
-    """Double precision in ``thermal_correction.*``, single in ``thermal_correction_f.*``."""
+    """Double precision in ``thermal_correction.*``, single in ``thermal_correction_f.*``, and fixed point if it can."""
     single = f"{NAME}_f"
+    try:
+        fixed, findings = fixed_point_files(model, is_sign_verified=is_sign_verified), fixed_point_findings(model)
+    except ExportRefusedError as error:
+        fixed = {}
+        findings = (
+            Finding(
+                "no-fixed-point",
+                "info",
+                f"There is no fixed-point program: {error.found}.",
+                suggestion=error.advice,
+            ),
+        )
     return Exported(
         files={
             **c_files(model, is_sign_verified=is_sign_verified),
             **c_files(model, precision="float", name=single, is_sign_verified=is_sign_verified),
+            **fixed,
         },
+        findings=findings,
         install=(
             f"Compile {NAME}.c ({single}.c where the processor has single precision only) with "
             "cc -std=c99 -O2 -ffp-contract=off, without -ffast-math. It needs no library.",

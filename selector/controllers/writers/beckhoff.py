@@ -1,0 +1,180 @@
+"""Beckhoff TwinCAT CNC TF5200: the native compensation ds(T, s) = offset_0 + coefficient · (s − position_0).
+
+The axis list switches it on with a reference position and nothing to correct; while the machine runs, the PLC program
+``FB_ThermalCorrection`` gives offset and coefficient, which go to the CNC by ADS. Remarks in lists begin with ``#``
+(as in the examples of infosys.beckhoff.com/content/1033/tf5200_tool_data/104785803.html).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from fractions import Fraction
+
+from selector.controllers.model_file import ModelFile, Output
+from selector.controllers.program.text_of_program import plain
+from selector.controllers.writers.exported import Exported
+from selector.controllers.writers.heading import heading
+from selector.controllers.writers.refused import ExportRefusedError
+from selector.controllers.writers.twincat import tcpou_export
+
+ADS_PORT = 551
+ADS_INDEX_GROUP = 0x120300
+ADS_ACTIVE, ADS_ACTUAL_OFFSET, ADS_COEFFICIENT = 0x41, 0x42, 0x43
+SMOOTHING_CYCLES = 10
+"""P-AXIS-00275: a step of the offset is spread over so many interpolation cycles; 0 < n < 20."""
+
+TENTHS_PER_UM, TENTHS_PER_M, UM_PER_MM = 10, 10**7, 1000
+_LARGEST_SGN32 = 2**31 - 1
+_LINE = re.compile(r"lr_param\.temp_comp(_\w+)?\s+(-?\d+)\s*(#.*)?")
+
+
+def beckhoff_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
+    """An axis list per output, the table of what the PLC writes by ADS, and the function block that it comes from.
+
+    Raises
+    ------
+    ExportRefusedError
+        An output has no axis, two outputs share one, or a position does not fit into the list.
+    """
+    axes = _axes(model)
+    head = [f"# {line}" for line in heading(model, is_sign_verified=is_sign_verified)]
+    files = {
+        f"temp_comp_{k}.lis": "\n".join([*head, *_axis_list(output)]) + "\n"
+        for k, output in enumerate(model.outputs, 1)
+    }
+    files["temp_comp_ads.txt"] = "\n".join([*head, *_ads_table(model)]) + "\n"
+    files |= tcpou_export(model, is_sign_verified=is_sign_verified).files
+    return Exported(
+        files=files,
+        install=(
+            "Copy the lines lr_param.temp_comp… of "
+            + ", ".join(f"temp_comp_{k}.lis into the axis list of {axis}" for k, axis in enumerate(axes, 1))
+            + "; take out older lines of the same names; start the CNC again.",
+            "Load the function block FB_ThermalCorrection.TcPOU into the PLC, wire its readings and "
+            "is_ready = compensation enabled and axis homed.",
+            "Every cycle write, as temp_comp_ads.txt says: offset_0 = k0 in steps of 0.1 µm, coefficient = slope.",
+            "Without the enabling in the axis list, an NC program switches with X[COMP ON TEMP] and X[COMP OFF TEMP].",
+            "Command +10 µm (offset_0 = 100) and read the indicator before cutting.",
+        ),
+        silently=(
+            "The compensation acts only when it is enabled and the axis is homed.",
+            "X[COMP OFF TEMP] survives the end of the NC program: the next one runs without correction.",
+            "offset_0 has steps of 0.1 µm; a jump is filtered over "
+            f"{SMOOTHING_CYCLES} interpolation cycles only, so that the slew limit is that of the function block.",
+            "Reading V.A.TEMP_COMP_ACTIVE in an NC program empties the channel and breaks G41/G42 (error 20651).",
+            "If the PLC stops, the CNC keeps the last offset and coefficient.",
+            "Beyond the valid positions of the model the straight line goes on, past the clamp of the whole.",
+        ),
+    )
+
+
+def temp_comp_mm(position_mm: float, *, position_0: int, offset_0: int, coefficient_um_per_m: float) -> float:
+    """What the CNC adds at a position [mm]; `position_0` and `offset_0` in 0.1 µm as in the axis list."""
+    from_reference_mm = position_mm - position_0 / (TENTHS_PER_UM * UM_PER_MM)
+    return offset_0 / (TENTHS_PER_UM * UM_PER_MM) + coefficient_um_per_m * 1e-6 * from_reference_mm
+
+
+def tenths_of_um(length_um: float) -> int:
+    """A length in steps of 0.1 µm, as the axis list and ADS take it (SGN32).
+
+    Raises
+    ------
+    ExportRefusedError
+        It does not fit into 32 bits.
+    """
+    return _sgn32(Fraction(length_um) * TENTHS_PER_UM, f"{length_um:g} um")
+
+
+def list_values(text: str) -> dict[str, int]:
+    """Values of the lines ``lr_param.temp_comp…`` of an axis list, by what follows ``temp_comp`` (``"_offset_0"``)."""
+    found = (_LINE.fullmatch(line) for line in text.splitlines())
+    return {match[1] or "": int(match[2]) for match in found if match}
+
+
+def ads_offset(axis_id: int, number: int) -> int:
+    """Index offset 0x<AID><number> of an object of an axis; `axis_id` from 1 to 65535."""
+    return axis_id << 16 | number
+
+
+def written_values(k0_um: float, slope_um_per_m: float) -> Mapping[str, float]:
+    """What goes to the CNC for the outputs of the function block: 0.1 µm (SGN32) and µm/m (REAL64)."""
+    return {"offset_0": tenths_of_um(k0_um), "coefficient": slope_um_per_m}
+
+
+def _axes(model: ModelFile) -> list[str]:
+    axes: list[str] = []
+    for output in model.outputs:
+        axis = output.axis
+        if axis is None or axis in axes:
+            raise ExportRefusedError(
+                f"output {output.name} has " + ("no axis" if axis is None else f"the axis {axis}, as another"),
+                expected="one axis for one output",
+                where="TwinCAT CNC axis lists, outputs",
+                advice="name the axis of the output in the model file, or leave the output out",
+            )
+        if output.position is not None and output.position.axis != axis:
+            raise ExportRefusedError(
+                f"output {output.name} of axis {axis} depends on the position of axis {output.position.axis}",
+                expected="the position of the corrected axis itself",
+                where="TwinCAT CNC axis lists, outputs",
+                advice="use the PLC program alone (target tcpou) with a compensation that takes both axes",
+            )
+        axes.append(plain(axis))
+    return axes
+
+
+def _sgn32(value: Fraction, what: str) -> int:
+    whole = round(value)
+    if abs(whole) > _LARGEST_SGN32:
+        raise ExportRefusedError(
+            what,
+            expected=f"at most {_LARGEST_SGN32 / TENTHS_PER_M:.1f} m, the range of SGN32 in 0.1 um",
+            where="TwinCAT CNC axis list",
+            advice="correct the reference position of the model file",
+        )
+    return whole
+
+
+def _axis_list(output: Output) -> Iterator[str]:
+    part = output.position
+    reference_m = 0.0 if part is None else part.reference_m
+    position_0 = _sgn32(Fraction(reference_m) * TENTHS_PER_M, f"reference position {reference_m:g} m")
+    yield f"# Output {plain(output.name)}, axis {plain(output.axis or '')}"
+    lines = (
+        ("", "1", "P-AXIS-00271 on"),
+        ("_position_0", str(position_0), f"P-AXIS-00272 reference position [0.1 um]: {reference_m * 1000:g} mm"),
+        ("_offset_0", "0", "P-AXIS-00273 [0.1 um], written by the PLC"),
+        ("_coefficient", "0", "P-AXIS-00274 [um/m], written by the PLC"),
+        ("_n_cycles", str(SMOOTHING_CYCLES), "P-AXIS-00275 interpolation cycles, 0 < n < 20"),
+    )
+    yield from (f"lr_param.temp_comp{name:13s} {value:>11s}  # {about}" for name, value, about in lines)
+
+
+def _ads_table(model: ModelFile) -> Iterator[str]:
+    group = f"0x{ADS_INDEX_GROUP:X}"
+    yield ""
+    yield f"ADS, GEO task, port {ADS_PORT}, index group {group} (TwinCAT 2: 0x{ADS_INDEX_GROUP & 0xFFFFF:X})"
+    yield "Index offset 0x<AID>nnnn; <AID> = axis id in hexadecimal, e.g."
+    yield f"0x{ads_offset(1, ADS_COEFFICIENT):X} for the coefficient of axis 1."
+    yield ""
+    yield "object         offset        type    unit       direction   value"
+    yield f"active         0x<AID>{ADS_ACTIVE:04X}   BOOL    -          read/write  TRUE"
+    yield f"actual_offset  0x<AID>{ADS_ACTUAL_OFFSET:04X}   SGN32   increments read        what acts at present"
+    yield f"coefficient    0x<AID>{ADS_COEFFICIENT:04X}   REAL64  um/m       read/write  slope of the function block"
+    yield "offset_0       (manual)      SGN32   0.1 um     read/write  10 * k0 of the function block, rounded"
+    yield "position_0     (manual)      SGN32   0.1 um     read/write  leave as in the axis list"
+    yield ""
+    yield "offset_0 and position_0 follow the coefficient; look up their offsets in the CNC objects of your build."
+    yield "Write the coefficient and offset_0 in the same PLC cycle."
+    yield ""
+    yield "output  axis  offset_0            coefficient"
+    for k, output in enumerate(model.outputs, 1):
+        slope = "0 (no position-dependent part)" if output.position is None else f"slope_{k}"
+        yield f"{plain(output.name)}  {plain(output.axis or '')}  10 * k0_{k}, rounded  {slope}"
+    yield ""
+    yield "In Structured Text, fb = FB_ThermalCorrection:"
+    for k, output in enumerate(model.outputs, 1):
+        slope = "0.0" if output.position is None else f"fb.slope_{k}"
+        yield f"  offset_0_{k} := LREAL_TO_DINT(10.0 * fb.k0_{k});   // axis {plain(output.axis or '')}, 0.1 um"
+        yield f"  coefficient_{k} := {slope};   // um/m"

@@ -1,0 +1,297 @@
+"""Bosch Rexroth IndraDrive: the axis correction in the drive, one temperature and straight lines only.
+
+With the reference temperature T0 (P-0-0402) the drive computes from its temperature T and the position x
+    correction value = P-0-0407 · (T − T0) + P-0-0406 · (T − T0) · (x − x0).
+A correction value is measured position − actual position, so that it has the sign of the displacement, not of the
+correction of the axis. Units, and the parameters of T and x0, are to be looked up in the manual.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from selector.controllers.evaluator import Equations
+from selector.controllers.formula import Polynomial, physical_coefficients, physical_slopes
+from selector.controllers.model_file import Input, ModelFile, Output
+from selector.controllers.program.text_of_program import plain
+from selector.controllers.writers.exported import Exported
+from selector.controllers.writers.heading import heading
+from selector.controllers.writers.refused import ExportRefusedError
+from selector.errors import RecordingError
+from selector.findings import Finding
+
+FILE = "indradrive_axis_correction.txt"
+LARGEST_LOSS_UM = 0.1
+"""What the drive's formula may leave of the model at most inside its valid ranges."""
+
+_NEGLIGIBLE = 1e-12
+
+
+@dataclass(frozen=True)
+class ExpansionSeries:
+    """Deviations over the positions of an axis at one temperature.
+
+    Attributes
+    ----------
+    temperature_degc : float
+    points_mm : sequence of (position, deviation)
+        Deviation = measured position − actual position, both [mm].
+    """
+
+    temperature_degc: float
+    points_mm: Sequence[tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class StraightLine:
+    """Least squares of one series: deviation = slope · position + offset, zero at `zero_mm` = −offset/slope."""
+
+    slope: float
+    offset_mm: float
+    zero_mm: float
+
+
+@dataclass(frozen=True)
+class AxisExpansion:
+    """What the wizard finds.
+
+    Attributes
+    ----------
+    lines : tuple of StraightLine
+        Per series.
+    reference_degc : float
+        P-0-0402.
+    zero_mm : float
+        x0, the arithmetic mean of the series.
+    per_k : float
+        P-0-0406 [1/K]: expansion per length, least squares through zero over the series.
+    mm_per_k : float
+        P-0-0407 [mm/K]: what is left at x0, least squares through zero; 0 with one series.
+    """
+
+    lines: tuple[StraightLine, ...]
+    reference_degc: float
+    zero_mm: float
+    per_k: float
+    mm_per_k: float
+
+    def deviation_mm(self, temperature_degc: float, position_mm: float) -> float:
+        """The correction value of the drive."""
+        rise_k = temperature_degc - self.reference_degc
+        return self.mm_per_k * rise_k + self.per_k * rise_k * (position_mm - self.zero_mm)
+
+
+@dataclass(frozen=True)
+class DriveParameters:
+    """The drive's formula for one output.
+
+    Attributes
+    ----------
+    source : str
+        Name of the temperature.
+    shift_k : float
+        T0 − start reading (a rise), or T0 itself (absolute).
+    um_per_k : float
+        P-0-0407.
+    um_per_m_k : float
+        P-0-0406; 0 without a position-dependent part.
+    zero_m : float
+        x0.
+    loss_um : float
+        Largest difference to the model inside the valid ranges.
+    """
+
+    source: str
+    shift_k: float
+    um_per_k: float
+    um_per_m_k: float
+    zero_m: float
+    loss_um: float
+
+
+def rexroth_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
+    """``indradrive_axis_correction.txt``.
+
+    Raises
+    ------
+    ExportRefusedError
+        The model is not a straight line in one temperature, or not zero at one reference temperature.
+    """
+    found = {output.name: drive_parameters(model, output) for output in model.outputs}
+    lines = [f"; {line}" for line in heading(model, is_sign_verified=is_sign_verified)]
+    for output in model.outputs:
+        lines += _table(model, output, found[output.name])
+    return Exported(
+        files={FILE: "\n".join(lines) + "\n"},
+        install=(
+            "Check in the manual of the drive: units and resolution of P-0-0406 and P-0-0407, and which parameters "
+            "take the temperature and the position x0.",
+            f"Enter the values of {FILE} for each axis; 0 in a factor switches its part off.",
+            "Let the control or a sensor at the drive pass on the temperature that is named there; a sensor without a "
+            "reading must not be passed on.",
+            "The factors have the sign of a correction value = measured position − actual position. Warm the axis, "
+            "read the indicator, and turn both signs round if the error grows.",
+        ),
+        silently=(
+            "The drive has no check of the temperature, no clamp and no slew limit: a broken sensor moves the axis.",
+            "Beyond the temperatures and positions of the model the straight lines go on.",
+        ),
+        findings=tuple(_findings(model, found)),
+    )
+
+
+def drive_parameters(model: ModelFile, output: Output) -> DriveParameters:
+    """The drive's formula for one output of a model.
+
+    Raises
+    ------
+    ExportRefusedError
+        The model is not a straight line in one temperature, or not zero at one reference temperature.
+    """
+    item = _only_temperature(model, output)
+    own = _line(output, item, physical_coefficients(model)[output.name])
+    part = output.position
+    slope = (0.0, 0.0) if part is None else _line(output, item, physical_slopes(model)[output.name])
+    reach_m = 0.0
+    if part is not None:
+        if output.axis is not None and part.axis != output.axis:
+            raise _refused(
+                output, f"axis {output.axis} depends on the position of {part.axis}", "the position of the same axis"
+            )
+        reach_m = max(abs(part.valid_min_m - part.reference_m), abs(part.valid_max_m - part.reference_m))
+    # the reference temperature is where the larger of the two parts is zero
+    constant, gain = own if abs(own[1]) >= abs(slope[1]) * reach_m else slope
+    if gain == 0.0:
+        raise _refused(output, "a correction that does not depend on the temperature", "a straight line in it")
+    zero = -constant / gain
+    loss_um = abs(own[0] + own[1] * zero) + abs(slope[0] + slope[1] * zero) * reach_m
+    if loss_um > LARGEST_LOSS_UM:
+        raise _refused(
+            output,
+            f"{loss_um:.3g} um that stay where the temperature is at its reference, at a part of the axis",
+            f"all parts zero at one reference temperature, within {LARGEST_LOSS_UM:g} um",
+        )
+    return DriveParameters(item.name, zero, own[1], slope[1], 0.0 if part is None else part.reference_m, loss_um)
+
+
+def axis_expansion(series: Sequence[ExpansionSeries], reference_degc: float) -> AxisExpansion:
+    """Straight lines through the deviations of an axis: slope a, offset b, x0 = −b/a; x0 of several series is the mean.
+
+    Raises
+    ------
+    RecordingError
+        No series, fewer than two positions, the reference temperature itself, or a line without a slope.
+    """
+    if not series:
+        raise _unusable("no series", "at least one series of positions and deviations")
+    lines = tuple(_fitted(one, reference_degc) for one in series)
+    rises = np.array([one.temperature_degc - reference_degc for one in series])
+    slopes = np.array([line.slope for line in lines])
+    offsets = np.array([line.offset_mm for line in lines])
+    if len(lines) == 1:
+        return AxisExpansion(lines, reference_degc, lines[0].zero_mm, float(slopes[0] / rises[0]), 0.0)
+    zero_mm = float(np.mean([line.zero_mm for line in lines]))
+    squares = float(rises @ rises)
+    at_zero = slopes * zero_mm + offsets
+    return AxisExpansion(
+        lines, reference_degc, zero_mm, float(slopes @ rises) / squares, float(at_zero @ rises) / squares
+    )
+
+
+def _fitted(one: ExpansionSeries, reference_degc: float) -> StraightLine:
+    points = np.asarray(one.points_mm, dtype=np.float64)
+    at = f"series at {one.temperature_degc:g} °C"
+    if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all() or not np.ptp(points[:, 0]) > 0.0:
+        raise _unusable(f"{at}: no two positions with a deviation", "deviations at two positions at least")
+    if not np.isfinite(one.temperature_degc) or one.temperature_degc == reference_degc:
+        raise _unusable(f"{at}: that is the reference temperature", "a temperature that differs from the reference")
+    position, deviation = points.T
+    centred = position - position.mean()
+    slope = float(centred @ (deviation - deviation.mean()) / (centred @ centred))
+    offset = float(deviation.mean() - slope * position.mean())
+    if abs(slope) * np.ptp(position) <= _NEGLIGIBLE * max(1.0, float(np.abs(deviation).max())):
+        raise _unusable(f"{at}: the deviation is the same at every position", "a deviation that grows with position")
+    return StraightLine(slope, offset, -offset / slope)
+
+
+def _unusable(found: str, expected: str) -> RecordingError:
+    return RecordingError(
+        found,
+        expected=expected,
+        where="axis expansion",
+        advice="measure the axis warm at several positions, and again at another temperature",
+    )
+
+
+def _refused(output: Output, found: str, expected: str) -> ExportRefusedError:
+    return ExportRefusedError(
+        f"output {output.name}: {found}",
+        expected=expected,
+        where="IndraDrive axis correction",
+        advice="fit a model with one sensor, of degree 1 and without memory (selector select --max-sensors 1 "
+        "--degree 1), or compute the correction in the control",
+    )
+
+
+def _only_temperature(model: Equations, output: Output) -> Input:
+    terms = (*output.terms, *(output.position.terms if output.position is not None else ()))
+    names = dict.fromkeys(name for term in terms for name in term.powers)
+    used = [item for item in model.inputs if item.name in names]
+    if len(used) != 1 or len(names) != 1:
+        raise _refused(output, f"it depends on {', '.join(names) or 'nothing'}", "one temperature, without memory")
+    if used[0].unit != "degC":
+        raise _refused(output, f"{used[0].name} is in {used[0].unit}", "a temperature")
+    return used[0]
+
+
+def _line(output: Output, item: Input, of: Polynomial) -> tuple[float, float]:
+    """(constant, factor of the temperature)."""
+    constant, terms = of
+    reach = max(abs(item.valid_min), abs(item.valid_max))
+    curved = sum(
+        abs(value) * reach ** sum(power for _, power in key) for key, value in terms.items() if key != ((item.name, 1),)
+    )
+    if curved > _NEGLIGIBLE * sum(abs(value) for value in terms.values()) * max(1.0, reach):
+        raise _refused(output, f"powers of {item.name} worth {curved:.3g} um", "a straight line in the temperature")
+    return constant, terms.get(((item.name, 1),), 0.0)
+
+
+def _table(model: ModelFile, output: Output, found: DriveParameters) -> Iterator[str]:
+    item = next(item for item in model.inputs if item.name == found.source)
+    name = plain(found.source)
+    reference = f"{found.shift_k:.4f} degC"
+    if item.reference == "rise":
+        reference = f"start reading of {name} {'+' if found.shift_k >= 0.0 else '-'} {abs(found.shift_k):.4f} K"
+    yield ""
+    yield f"; output {plain(output.name)}, axis {plain(output.axis or 'not named')}, temperature {name}"
+    yield f"P-0-0402  reference temperature           {reference}"
+    steep, own = found.um_per_m_k, found.um_per_k
+    yield f"P-0-0406  position-dependent factor       {steep:.6g} um/(m*K)  = {steep * 1e-6:.6g} 1/K"
+    yield f"P-0-0407  position-independent factor     {own:.6g} um/K  = {own * 1e-3:.6g} mm/K"
+    if found.um_per_m_k != 0.0:
+        yield f"x0        there the first part is zero    {found.zero_m * 1000.0:.4f} mm"
+    yield f"; valid for x of {name} from {item.valid_min:g} to {item.valid_max:g}, loss {found.loss_um:.2g} um"
+
+
+def _findings(model: ModelFile, found: dict[str, DriveParameters]) -> Iterator[Finding]:
+    yield Finding(
+        "guard-missing",
+        "warning",
+        "The drive has nothing of the guard: no check of the sensor, no valid range, no clamp, no slew limit.",
+        suggestion="watch the temperature in the control and pass on the reference temperature when it is bad",
+    )
+    for item, (name, parameters) in itertools.product(model.inputs, found.items()):
+        if item.name == parameters.source and item.reference == "rise":
+            yield Finding(
+                "reference-is-start-reading",
+                "warning",
+                f"{name} follows the rise of {item.name} since the start: P-0-0402 is the start reading "
+                f"{'+' if parameters.shift_k >= 0.0 else '−'} {abs(parameters.shift_k):.3g} K, to be written anew at "
+                "every cold start.",
+                evidence={"output": name, "input": item.name, "shift_k": parameters.shift_k},
+                suggestion="let the control write P-0-0402, or fit a model of absolute readings",
+            )

@@ -1,0 +1,237 @@
+"""The FANUC macro, executed as text, equals the model; what is not there is said."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from selector.controllers import Fallback, Guard, Input, ModelFile, Output, OutputLimits, PositionPart, State, Term
+from selector.controllers.model_io import read_model
+from selector.controllers.replay.macro_b_executed import MacroB, MacroError, macro_b_corrections_um
+from selector.controllers.replay.rows import Rows, reference_answers
+from selector.controllers.writers.fanuc import FILE, LONGEST_BLOCK, fanuc_export, literal, macro_variables, remarks
+from selector.controllers.writers.refused import ExportRefusedError
+from tests.controllers import hostile
+
+ROOT = Path(__file__).resolve().parents[2]
+GOLDEN = Path(__file__).with_name("golden")
+PATENT = ROOT / "fixtures/models/patent-two-sensors.json"
+
+
+def rich(**guard):
+    """Rise, absolute, speed, memory, cubes and a dead band; the guard is one that the macro has."""
+    decided = {
+        "recover_after_s": 0.0,
+        "limits": (OutputLimits(output="Z", clamp_um=42.0, slew_um_per_s=0.7, dead_band_um=0.2),),
+    }
+    return ModelFile(
+        name="rich",
+        inputs=(
+            Input(name="T1", centre=4.1, scale=2.3, valid_min=-0.7, valid_max=10.0),
+            Input(name="amb", role="ambient", reference="absolute", centre=-21.7, scale=1.1, valid_min=18.0,
+                  valid_max=26.0, reading_min=-20.0, reading_max=70.0),
+            Input(name="n", role="spindle_speed", unit="rpm", reference="absolute", centre=1500.0, scale=0.009,
+                  valid_min=0.0, valid_max=3000.0),
+        ),
+        states=(
+            State(name="late", source="T1", tau_s=1800.0, centre=2.2, scale=1.7),
+            State(name="n late", source="n", tau_s=300.0, scale=1000.0),
+        ),
+        outputs=(
+            Output(
+                name="Z", axis="Z", intercept=-1.871,
+                terms=(
+                    Term(powers={"T1": 3}, coefficient=0.137), Term(powers={"T1": 1, "amb": 2}, coefficient=-0.000331),
+                    Term(powers={"late": 1}, coefficient=11.3),
+                    Term(powers={"late": 3, "n late": 3, "T1": 3, "amb": 3}, coefficient=1.0 / 3e7),
+                ),
+            ),
+            Output(name="Y", axis="Y", intercept=0.1, terms=(Term(powers={"n": 1}, coefficient=2e-5 / 3.0),)),
+        ),
+        guard=Guard(**(decided | guard)),
+    )  # fmt: skip
+
+
+def warm_up(n=400, seed=2):
+    """Calls of uneven rhythm through a warm-up; the first takes no time, as in the macro."""
+    rng = np.random.default_rng(seed)
+    dt_s = rng.choice([1.0, 7.3, 30.0, 61.0], n)
+    dt_s[0] = 0.0
+    time_s = np.cumsum(dt_s)
+    readings = np.column_stack(
+        [
+            20.0 + 9.0 * (1.0 - np.exp(-time_s / 3000.0)) + rng.normal(0.0, 0.05, n),
+            22.0 + 5.0 * np.sin(time_s / 5000.0),
+            rng.choice([0.0, 1200.0, 3000.0, 3100.0], n),
+        ]
+    )
+    always = np.ones(n, dtype=bool)
+    return Rows(dt_s, readings, np.zeros((n, 0)), always, always, ~always, np.zeros(n))
+
+
+def test_macro_equals_the_reference_over_a_warm_up():
+    rows = warm_up()
+    expected = reference_answers(rich(), rows)
+    assert set(expected.mode) == {1}
+    assert np.all(np.ptp(expected.correction_um, axis=0) > [40.0, 2.0])
+    found = macro_b_corrections_um(rich(), rows)
+    # literals of 12 digits: 1e-10 µm
+    np.testing.assert_allclose(found, expected.correction_um, rtol=0.0, atol=1e-9)
+
+
+def test_macro_equals_the_patent_formula():
+    model = read_model(PATENT)
+    rows = warm_up()
+    rows = Rows(**{**vars(rows), "readings": rows.readings[:, :2]})
+    np.testing.assert_allclose(
+        macro_b_corrections_um(model, rows), reference_answers(model, rows).correction_um, rtol=0.0, atol=1e-9
+    )
+
+
+@pytest.mark.parametrize("bad", [np.nan, -9999.0, 70.1, -20.1])
+def test_fault_keeps_the_last_value_and_says_which_reading(bad):
+    rows = warm_up()
+    rows.readings[200:300, 1] = bad
+    rows.readings[195:200] = rows.readings[195]
+    rows.dt_s[195:200] = 61.0
+    found = macro_b_corrections_um(rich(), rows)
+    settled = found[199]
+    np.testing.assert_array_equal(found[200:300], np.tile(settled, (100, 1)))
+    assert np.abs(found[301] - settled).max() > 0.5
+    macro = MacroB(fanuc_export(rich()).files[FILE])
+    macro.variables |= {100: 0.0, 101: 20.0, 102: 850.0, 103: 0.0}
+    macro.call()
+    assert (macro.variables[503], macro.variables[504]) == (2.0, 2.0)
+
+
+def test_fault_ramps_to_zero_where_the_model_file_says_so():
+    rows = warm_up()
+    rows.readings[300:, 2] = np.nan
+    found = macro_b_corrections_um(rich(on_fault="ramp-to-zero"), rows)
+    step = np.abs(np.diff(found[300:, 0]))
+    assert found[299, 0] != 0.0
+    assert np.all(step <= 0.7 * np.minimum(rows.dt_s[301:], 10.0) + 1e-12)
+    np.testing.assert_array_equal(found[-1], [0.0, 0.0])
+
+
+def test_outside_the_valid_range_is_a_fault_where_the_model_file_says_so():
+    rows = warm_up()
+    rows.readings[:, 2] = np.minimum(rows.readings[:, 2], 3000.0)
+    rows.readings[400:, 0] = 31.0
+    model = rich(outside_valid_range="fault")
+    np.testing.assert_allclose(
+        macro_b_corrections_um(model, rows), reference_answers(model, rows).correction_um, rtol=0.0, atol=1e-9
+    )
+
+
+def test_time_that_stands_still_or_runs_backwards_moves_nothing():
+    macro = MacroB(fanuc_export(read_model(PATENT)).files[FILE])
+    for time_s in (50.0, 60.0):
+        macro.variables |= {100: time_s, 101: 20.0, 102: 20.0}
+        macro.call()
+    before = dict(macro.offsets_mm)
+    assert before == pytest.approx({"Z": 0.001871, "Y": -0.0005703}, abs=1e-12)
+    for time_s in (60.0, 5.0, -7.0):
+        macro.variables |= {100: time_s, 101: 28.0, 102: 27.0}
+        macro.call()
+        assert macro.offsets_mm == before
+
+
+def test_vacant_time_ends_the_program_before_it_writes_anything():
+    macro = MacroB(fanuc_export(read_model(PATENT)).files[FILE])
+    macro.call()
+    assert macro.offsets_mm == {}
+    assert macro.variables == {}
+
+
+def test_state_of_another_model_is_not_taken_over():
+    text = fanuc_export(read_model(PATENT)).files[FILE]
+    macro = MacroB(text)
+    macro.variables = dict.fromkeys(range(500, 512), 77.0) | {100: 0.0, 101: 20.0, 102: 20.0}
+    macro.call()
+    assert macro.offsets_mm == {"Z": 0.0, "Y": 0.0}
+
+
+def test_golden_file():
+    assert fanuc_export(read_model(PATENT)).files[FILE] == (GOLDEN / "fanuc" / FILE).read_text(encoding="ascii")
+
+
+@pytest.mark.parametrize("name", ["T1)", "(", "T;1 %", "T1*/ \"'", "µ°温度", "a" * 99, "%", "M99", "T[#1]"])
+def test_names_stay_in_their_comments(name):
+    model = ModelFile(
+        name=name,
+        inputs=(Input(name=name, valid_min=0.0, valid_max=10.0),),
+        outputs=(Output(name=name, axis="x", intercept=1.0, terms=(Term(powers={name: 1}, coefficient=2.0),)),),
+    )
+    text = fanuc_export(model).files[FILE]
+    assert re.fullmatch(r"[A-Z0-9 .,+\-*/=%#()\[\]\n]*", text)
+    assert max(map(len, text.split("\n"))) <= LONGEST_BLOCK
+    # outside its comments the program is that of a model with other names
+    plain = model.model_copy(update={"name": "m", "outputs": (
+        Output(name="Z", axis="X", intercept=1.0, terms=(Term(powers={"T": 1}, coefficient=2.0),)),
+    ), "inputs": (Input(name="T", valid_min=0.0, valid_max=10.0),)})  # fmt: skip
+    codes = [
+        [line for line in re.sub(r"\(.*?\)", "", file).split("\n") if line and not re.search(r"#500E|#500=", line)]
+        for file in (text, fanuc_export(plain).files[FILE])
+    ]
+    assert codes[0] == codes[1]
+    MacroB(text)
+
+
+def test_literals_have_no_exponent_and_no_more_than_twelve_digits():
+    for value in (6.0476, 10.0, -1e-5, 1.23456789012345e-13, 1e12, 1.0 / 3.0, 0.05, 3e-20, 123456789.123456, 9.99e19):
+        text = literal(value)
+        assert "E" not in text.upper()
+        assert all(len(d.replace(".", "").lstrip("0")) <= 12 for d in re.findall(r"[\d.]+", text))
+        macro = MacroB(f"%\nO0001()\n#1={text}\nM99\n%\n")
+        macro.call()
+        assert macro.variables[1] == pytest.approx(value, rel=5e-12)
+    assert literal(0.0) == "0."
+    with pytest.raises(ExportRefusedError, match="1e-20"):
+        literal(1e-30)
+
+
+def test_what_macro_b_cannot_do_is_refused():
+    many = tuple(Input(name=f"T{k}", valid_min=0.0, valid_max=1.0) for k in range(60))
+    with pytest.raises(ExportRefusedError, match="#220"):
+        fanuc_export(ModelFile(name="many", inputs=many, outputs=(Output(name="Z", axis="Z", intercept=0.0),)))
+    for outputs in (
+        (Output(name="Z", intercept=0.0),),
+        (Output(name="Z", axis="spindle", intercept=0.0),),
+        (Output(name="Z", axis="Z", intercept=0.0), Output(name="tilt", axis="z", intercept=0.0)),
+    ):
+        with pytest.raises(ExportRefusedError, match="linear axis"):
+            fanuc_export(ModelFile(name="axes", inputs=many[:1], outputs=outputs))
+
+
+def test_everything_that_is_missing_is_said():
+    model = hostile.model()
+    found = {finding.id: finding for finding in fanuc_export(model).findings}
+    assert set(found) == {"guard-reduced", "position-part-left-out", "limit-not-decided"}
+    assert len(found["guard-reduced"].evidence["left_out"]) == 8
+    assert found["position-part-left-out"].evidence["lost_um"] > 0.0
+    assert isinstance(model.fallbacks[0], Fallback)
+    assert isinstance(model.outputs[0].position, PositionPart)
+
+
+def test_variables_are_as_the_installation_says():
+    model = read_model(PATENT)
+    assert macro_variables(model).readings == {"T1": 101, "T3": 102}
+    assert "#101 = T1 [degC], #102 = T3 [degC]" in fanuc_export(model).install[1]
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["#1=1.5e3", "#1=1;", "#1=[1.", "IF[#1GT2.]#2=3.", "(a)", "((A))", "#1=[[[[[[1.]]]]]]", "G0Z1.", "#1=" + "1" * 80,
+     "#1=SIN[1.]", "#1=2.+*3."],
+)  # fmt: skip
+def test_executor_refuses_what_is_not_in_the_subset(line):
+    with pytest.raises(MacroError):
+        MacroB(f"%\nO0001()\n{line}\nM99\n%\n").call()
+
+
+def test_comments_are_cut_into_blocks():
+    assert list(remarks("a:b " + "c" * 80)) == [f"(A,B {'C' * 66})", f"({'C' * 14})"]
