@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from selector.cli import showing
-from selector.cli.files import folder_written_whole, require_writable_folder, written_folder
+from selector.cli.files import folder_written_whole, refuse_to_replace_input, require_writable_folder, written_folder
 from selector.cli.models import Model
 from selector.cli.showing import AsJson
 from selector.cli.source import MachineFile, Source, pairs
 from selector.errors import ModelFileError, OptionError
-from selector.findings import Finding
+from selector.findings import Finding, Where
 
 if TYPE_CHECKING:
     from selector.controllers.model_file import ModelFile
     from selector.controllers.replay.replayed import Replay
     from selector.controllers.writers.targets import Target
+    from selector.readers import Reading
 
 SCHEMA = "selector.export/1"
 SHEET = "commissioning.html"
@@ -75,14 +77,21 @@ def export(
     read = with_decided_limits(read)
     exported = chosen.write(read, is_sign_verified=sign_verified)
     findings = [*model_findings(read), *of_limits, *exported.findings]
-    proof = None
+    proof, reading = None, None
+    inputs: list[str | Path] = [model, *([] if machine is None else [machine])]
     if replay:
-        proof, of_replay = _replayed(read, chosen, replay, machine)
+        reading = Source(runs=replay, machine=machine).reading()
+        inputs += [run.file for run in reading.runs]
+        proof, of_replay = _replayed(read, chosen, exported.files, reading)
         findings += of_replay
     if not sign_verified:
         findings.append(_unverified())
-    files = [*exported.files, MODEL, SHEET]
-    _write(out, read, chosen, exported, proof, findings, sign_verified)
+    # the model itself may lie there: it stays as it is
+    own = [] if (out / MODEL).exists() and (out / MODEL).samefile(model) else [MODEL]
+    files = [*exported.files, *own, SHEET]
+    for name in exported.files.keys() | {*own, SHEET}:
+        refuse_to_replace_input(out / name, inputs, "--out")
+    _write(out, files, read, chosen, exported, proof, findings, sign_verified)
     answer: dict[str, Any] = {
         "schema": SCHEMA,
         "target": target,
@@ -144,18 +153,18 @@ def _positive(text: str, where: str) -> float:
 
 
 def _replayed(
-    model: ModelFile, target: Target, runs: list[Path], machine: Path | None
+    model: ModelFile, target: Target, files: Mapping[str, str], reading: Reading
 ) -> tuple[Replay | None, list[Finding]]:
     from selector.controllers.replay.replayed import replayed
     from selector.controllers.writers.targets import NotExecutableError
 
-    reading = Source(runs=runs, machine=machine).reading()
     total = len(reading.recording.runs)
     with showing.progress("replaying") as say:
         done = iter(range(total))
         try:
             proof = replayed(
                 model,
+                files,
                 reading.recording,
                 target.execute,
                 target.executed_by(),
@@ -170,7 +179,7 @@ def _replayed(
                     suggestion=error.advice,
                 )
             ]
-    findings = list(reading.findings)
+    findings = [*reading.findings, *_of_runs(proof)]
     largest = proof.max_abs_difference_um
     if not largest <= target.tolerance_um and not target.has_whole_guard:
         findings.append(
@@ -196,6 +205,32 @@ def _replayed(
     return proof, findings
 
 
+def _of_runs(proof: Replay) -> Iterator[Finding]:
+    """Runs in which the program did not follow the whole model, or made the error larger."""
+    for run in proof.runs:
+        if run.faulty_share > 0.0:
+            yield Finding(
+                "not-the-whole-model",
+                "warning",
+                f"Run {run.run}: a sensor was not believed in {run.faulty_share:.1%} of the samples; the program held, "
+                "ramped to zero or fell back to a model without it.",
+                Where(run=run.run),
+                {"share_of_samples": run.faulty_share},
+                "see `selector apply` for the sensor, and the sheet for what the correction did there",
+            )
+        for name, of in run.accuracy.items():
+            if of.rmse_um is not None and of.before_rmse_um is not None and of.rmse_um > of.before_rmse_um:
+                yield Finding(
+                    "worse-than-nothing",
+                    "error",
+                    f"Run {run.run}: the program makes {name} worse: RMS error {of.rmse_um:.3g} µm with it, "
+                    f"{of.before_rmse_um:.3g} µm without.",
+                    Where(channel=name, run=run.run),
+                    of.as_dict(),
+                    "do not use it like this; check the sign, the first readings and the sensors",
+                )
+
+
 def _unverified() -> Finding:
     return Finding(
         "sign-unverified",
@@ -207,6 +242,7 @@ def _unverified() -> Finding:
 
 def _write(
     out: Path,
+    files: list[str],
     model: ModelFile,
     target: Target,
     exported: Any,
@@ -220,7 +256,8 @@ def _write(
     with folder_written_whole(out) as part:
         for name, text in exported.files.items():
             (part / name).write_text(text, encoding="utf-8", newline="\n")
-        write_model(model, part / MODEL)
+        if MODEL in files:
+            write_model(model, part / MODEL)
         write_commissioning_sheet(
             part / SHEET,
             model,

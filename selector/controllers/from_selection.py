@@ -30,6 +30,8 @@ from selector.selection.fitting import Recipe
 
 RATE_MARGIN = 5.0
 LEAST_RATE_PER_MIN = 1.0
+READING_MARGIN_K = 15.0
+"""Beyond what was recorded: a colder or warmer hall is no fault, an input of 0 that nobody has written is one."""
 
 
 def model_file_of(
@@ -52,12 +54,14 @@ def model_file_of(
     position = {name: i for i, name in enumerate(scaling.variables)}
     rise = selection.options.reference == "rise"
     rates = {} if source is None else fastest_changes(source, recipe.sensors)
+    seen = {} if source is None else extremes(source, recipe.sensors)
 
     def input_of(name: str) -> Input:
         channel, i = by_name[name], position[name]
         ranges = [model.valid_range[i] for model in selection.models.values()]
         is_sensor = name in recipe.sensors
         limit = max(RATE_MARGIN * rates[name], LEAST_RATE_PER_MIN) if name in rates else None
+        lowest, highest = seen.get(name, (None, None)) if channel.unit == "degC" else (None, None)
         return Input(
             name=name,
             role=cast(Any, channel.role),
@@ -68,6 +72,8 @@ def model_file_of(
             valid_min=min(low for low, _ in ranges),
             valid_max=max(high for _, high in ranges),
             rate_limit_per_min=limit,
+            reading_min=None if lowest is None else lowest - READING_MARGIN_K,
+            reading_max=None if highest is None else highest + READING_MARGIN_K,
             place=channel.place,
         )
 
@@ -116,6 +122,18 @@ def fastest_changes(source: RunSource, sensors: tuple[str, ...]) -> dict[str, fl
             if len(change):
                 found = np.fmax(found, np.nan_to_num(change, nan=0.0).max(axis=0))
     return dict(zip(sensors, map(float, found), strict=True))
+
+
+def extremes(source: RunSource, sensors: tuple[str, ...]) -> dict[str, tuple[float, float]]:
+    """Lowest and highest reading of each sensor [its unit]; a sensor without any is not in the result."""
+    low, high = np.full(len(sensors), np.inf), np.full(len(sensors), -np.inf)
+    for run in source.runs:
+        for _, values in source.chunks(run, sensors):
+            if len(values):
+                low = np.fmin(low, np.nan_to_num(values, nan=np.inf).min(axis=0))
+                high = np.fmax(high, np.nan_to_num(values, nan=-np.inf).max(axis=0))
+    ends = zip(sensors, map(float, low), map(float, high), strict=True)
+    return {name: (lowest, highest) for name, lowest, highest in ends if lowest <= highest}
 
 
 def _fallback(

@@ -123,3 +123,46 @@ def test_a_model_whose_numbers_were_changed_is_not_exported(tmp_path, capsys):
     changed.write_text(json.dumps(document), encoding="utf-8")
     assert export(changed, "--for", "c", "--out", tmp_path / "out") == 2
     assert "was changed after it was exported" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("target", "wrong"),
+    [("python", ("self.correction_1 = self.k0_1", "self.correction_1 = -self.k0_1")),
+     pytest.param("c", ("m->correction_1 = m->k0_1", "m->correction_1 = -m->k0_1"), marks=needs_cc)],
+)  # fmt: skip
+def test_the_replay_executes_what_is_written(tmp_path, capsys, monkeypatch, target, wrong):
+    from dataclasses import replace
+
+    from selector.controllers.writers import targets
+
+    honest = targets.TARGETS[target]
+
+    def lying(model, *, is_sign_verified=False):
+        exported = honest.write(model, is_sign_verified=is_sign_verified)
+        return replace(exported, files={name: text.replace(*wrong) for name, text in exported.files.items()})
+
+    monkeypatch.setattr(targets, "TARGETS", {target: replace(honest, write=lying)})
+    status = export(
+        PATENT, "--for", target, "--out", tmp_path / "out", "--replay", PATENT8 / "recording.csv", "--machine",
+        PATENT8 / "machine.toml", "--json",
+    )  # fmt: skip
+    said = answer(capsys)
+    assert status == 0
+    assert said["replay"]["max_abs_difference_um"] > 10.0
+    assert {"replay-differs", "worse-than-nothing"} <= {
+        one["id"] for one in said["findings"] if one["level"] == "error"
+    }
+
+
+def test_no_input_is_lost(tmp_path, capsys):
+    own = tmp_path / "model.json"
+    own.write_bytes(PATENT.read_bytes())
+    assert export(own, "--for", "python", "--out", tmp_path, "--slew", "Z=3", "--json") == 0
+    assert own.read_bytes() == PATENT.read_bytes()
+    assert "model.json" not in answer(capsys)["files"]
+    named = tmp_path / "other" / "thermal_correction.py"
+    named.parent.mkdir()
+    named.write_bytes(PATENT.read_bytes())
+    assert export(named, "--for", "python", "--out", named.parent) == 2
+    assert "would be lost" in capsys.readouterr().err
+    assert named.read_bytes() == PATENT.read_bytes()

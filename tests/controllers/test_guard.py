@@ -202,3 +202,49 @@ def test_hostile_rows_stay_finite_and_inside(seed):
     assert np.abs(answers.correction_um).max(axis=0) == pytest.approx(answers.correction_um.max(), abs=20.0)
     assert len(np.unique(answers.mode)) >= 6
     assert len(np.unique(answers.sensors)) >= 7
+
+
+def test_what_jumped_too_far_is_never_believed_again():
+    item = rise_model().inputs[0].model_copy(update={"rate_limit_per_min": 2.0})
+    model = GuardedModel(rise_model(inputs=(item, rise_model().inputs[1]), guard=Guard(limits=(FAST,))))
+    after(model, 20.0, 20.0)
+    codes = {after(model, 80.0, 20.0).sensors[0] for _ in range(600)}
+    assert codes == {SensorCode.JUMP}
+
+
+def test_the_straight_line_keeps_the_clamp_at_the_end_of_the_axis():
+    model = hostile.model(limits=(OutputLimits(output="Z", clamp_um=6.0, slew_um_per_s=1e5),))
+    guard, limit = GuardedModel(model), decided_limits(model)[0]["Z"]
+    for k in range(200):
+        found = guard.step(10.0, {"T1": 22.0 + 0.04 * k, "T2": 26.0 + 0.08 * k, "n": 3000.0}, {"Z": 0.5})
+        assert abs(found.k0_um["Z"]) + abs(found.slope_um_per_m["Z"]) * limit.reach_m <= limit.clamp_um + 1e-9
+    assert found.slope_um_per_m["Z"] != 0.0
+
+
+def test_memory_over_a_standstill_is_nearly_what_it_would_have_been():
+    model = hostile.model(on_fault="hold", has_slope=False, new_start_after_s=None, stuck_after_s=None)
+    readings = {"T1": 22.0, "T2": 26.0, "n": 3000.0}
+    through, stopped = GuardedModel(model), GuardedModel(model)
+    for guard in (through, stopped):
+        guard.step(0.0, readings)
+        for k in range(100):
+            guard.step(60.0, {**readings, "T1": 22.0 + 0.03 * k})
+    for _ in range(60):
+        there = through.step(60.0, readings)
+    stopped.restart(3540.0)
+    for _ in range(60):
+        here = stopped.step(1.0, readings)
+    # tau 900 s: of the memory 2 % are left, 4 % in 16 steps; 10 % of it in one
+    assert here.k0_um["Y"] == pytest.approx(there.k0_um["Y"], abs=0.5)
+    assert here.k0_um["Z"] == pytest.approx(there.k0_um["Z"], abs=0.5)
+
+
+def test_an_input_that_nobody_has_written_is_missing_and_no_start_reading():
+    from selector.controllers.writers.python_module import CLASS, python_files
+
+    names: dict = {}
+    exec(python_files(rise_model())["thermal_correction.py"], names)
+    program = names[CLASS]()
+    program.dt_s = 1.0
+    program.step()
+    assert (program.sensor_1, program.has_start_1) == (SensorCode.MISSING, False)

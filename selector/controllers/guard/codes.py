@@ -20,6 +20,13 @@ ANCHOR_S = 60.0
 """The rate of a reading is judged over a minute, so that noise and resolution are no jumps."""
 
 
+FORGIVEN_S = 600.0
+"""A changed reading is believed again when it could have got there within this time; what jumped further never is."""
+
+GAP_STEPS_LOG2 = 4
+"""Over a standstill a memory is filled in 2^4 equal steps: one step would keep a fifth of it where 2 % are left."""
+
+
 class SensorCode(IntEnum):
     """State of one sensor; up to LIMITED its reading is used."""
 

@@ -13,7 +13,15 @@ from typing import Any
 import numpy as np
 
 from selector.controllers.evaluator import Equations
-from selector.controllers.guard.codes import LARGEST_NUMBER, LONGEST_S, LONGEST_STEP_S, SAMPLE_S, Mode, SensorCode
+from selector.controllers.guard.codes import (
+    GAP_STEPS_LOG2,
+    LARGEST_NUMBER,
+    LONGEST_S,
+    LONGEST_STEP_S,
+    SAMPLE_S,
+    Mode,
+    SensorCode,
+)
 from selector.controllers.guard.decided import DecidedLimits, decided_limits
 from selector.controllers.guard.sensor_watch import SensorWatch
 from selector.controllers.model_file import ModelFile, Output, Term
@@ -173,11 +181,9 @@ class GuardedModel:
             if not watch.is_believed:
                 continue
             level = self._lagged.get((source, tau_s))
-            if level is None:
-                level = watch.x
-            else:
-                level = level + watch.since_s / (number(tau_s) + watch.since_s) * (watch.x - level)
-            self._lagged[source, tau_s] = level
+            if level is not None:
+                level = level + self._gain(number(tau_s), watch.since_s) * (watch.x - level)
+            self._lagged[source, tau_s] = watch.x if level is None else level
         for watch in self._watches.values():
             if watch.is_believed:
                 watch.since_s = self._zero
@@ -190,6 +196,16 @@ class GuardedModel:
             z = self._equations[at].z(self._watches, self._lagged)
             for output, equations in zip(self._outputs, self._equations[at].outputs, strict=True):
                 output.aim(*equations.displacement(z))
+
+    def _gain(self, tau_s: Any, since_s: Any) -> Any:
+        """Share of the way to x that a memory goes (backward Euler)."""
+        if not self._is_first:
+            return since_s / (tau_s + since_s)
+        one, steps = self._number(1.0), self._number(float(2**GAP_STEPS_LOG2))
+        left = one / (one + since_s / (steps * tau_s))
+        for _ in range(GAP_STEPS_LOG2):
+            left = left * left
+        return one - left
 
     def _followed(self) -> int:
         if self._equations[0].can_be_used(self._watches):
@@ -253,6 +269,7 @@ class _Correction:
         part = output.position
         self._axis = None if part is None else part.axis
         if part is not None:
+            self._reach = number(limits.reach_m)
             self._reference = number(part.reference_m)
             self._from, self._to = number(part.valid_min_m), number(part.valid_max_m)
         self.stop()
@@ -269,7 +286,11 @@ class _Correction:
         change = own - self._aim
         if change >= self._dead_band or change <= -self._dead_band:
             self._aim = own
-        self._slope_aim = min(max(steep, -self._slope_clamp), self._slope_clamp)
+        if self._axis is not None and self._reach > self._zero:
+            # the straight line keeps the clamp at the far end of the axis, too
+            size = -self._aim if self._aim < self._zero else self._aim
+            most = min((self._clamp - size) / self._reach, self._slope_clamp)
+            self._slope_aim = min(max(steep, -most), most)
 
     def aim_at_zero(self) -> None:
         self._aim = self._slope_aim = self._zero

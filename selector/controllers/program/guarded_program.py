@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from selector.controllers.evaluator import Equations
-from selector.controllers.guard.codes import LARGEST_NUMBER, LONGEST_S, LONGEST_STEP_S, SAMPLE_S, Mode
+from selector.controllers.guard.codes import GAP_STEPS_LOG2, LARGEST_NUMBER, LONGEST_S, LONGEST_STEP_S, SAMPLE_S, Mode
 from selector.controllers.guard.decided import DecidedLimits, decided_limits
 from selector.controllers.model_file import ModelFile, Output, Term
 from selector.controllers.program.language import Expression, Flag, Program, Real, Variable, Writing, is_code
@@ -80,6 +80,7 @@ class _Guarded:
             key: w.variable(f"level_{k}", "real", "retained", f"memory of {key[0]} over {key[1]:g} s")
             for k, key in enumerate(taus, start=1)
         }
+        self._was_restart = w.variable("was_restart", "flag", "kept", "is_restart in the call before")
         self._first = w.variable("is_first", "flag", "kept", "no sample yet", 1.0)
         self._since = w.variable("since_sample_s", "real", "kept", "since the last sample [s]")
         self._held = w.variable("held_s", "real", "kept", "held for so long [s]")
@@ -100,8 +101,9 @@ class _Guarded:
 
     def program(self) -> Program:
         w = self._w
-        with w.when(self._restart):
+        with w.when(self._restart & ~self._was_restart):
             self._restarted()
+        w.assign(self._was_restart, self._restart)
         dt = w.variable("passed_s")
         w.remark("time: what is no time counts as 0")
         _duration(w, dt, self._dt)
@@ -163,7 +165,11 @@ class _Guarded:
                 for (of, tau_s), level in self._levels.items():
                     if of == source:
                         with w.when(sensor.has_memory):
-                            gain = sensor.since / (Real(tau_s) + sensor.since)
+                            gain = w.variable("gain")
+                            with w.when(self._first):
+                                self._gain_of_gap(gain, sensor.since, tau_s)
+                            with w.otherwise():
+                                w.assign(gain, sensor.since / (Real(tau_s) + sensor.since))
                             w.assign(level, level + gain * (sensor.x - level))
                         with w.otherwise():
                             w.assign(level, sensor.x)
@@ -174,6 +180,13 @@ class _Guarded:
         w.remark("which model")
         self._choose()
         self._follow()
+
+    def _gain_of_gap(self, gain: Variable, since: Variable, tau_s: float) -> None:
+        w, left = self._w, self._w.variable("left")
+        w.assign(left, Real(1.0) / (Real(1.0) + since / (Real(float(2**GAP_STEPS_LOG2)) * Real(tau_s))))
+        for _ in range(GAP_STEPS_LOG2):
+            w.assign(left, left * left)
+        w.assign(gain, Real(1.0) - left)
 
     def _choose(self) -> None:
         w, guard, model = self._w, self._model.guard, self._model
@@ -246,8 +259,13 @@ class _Guarded:
                 w.assign(change, own - one.aim)
                 with w.when((change >= one.limits.dead_band_um) | (change <= -one.limits.dead_band_um)):
                     w.assign(one.aim, own)
-                if one.slope_aim is not None:
-                    steep, most = w.variable("steep"), one.limits.slope_clamp_um_per_m
+                if one.slope_aim is not None and one.limits.reach_m > 0.0:
+                    steep, size, most = w.variable("steep"), w.variable("size"), w.variable("most")
+                    w.assign(size, one.aim)
+                    with w.when(one.aim < 0.0):
+                        w.assign(size, -one.aim)
+                    w.assign(most, (Real(one.limits.clamp_um) - size) / one.limits.reach_m)
+                    w.at_most(most, one.limits.slope_clamp_um_per_m)
                     w.limit(steep, -most, most)
                     w.assign(one.slope_aim, steep)
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from selector.controllers.guard.codes import ANCHOR_S, LARGEST_NUMBER, LONGEST_S, SensorCode
+from selector.controllers.guard.codes import ANCHOR_S, FORGIVEN_S, LARGEST_NUMBER, LONGEST_S, SensorCode
 from selector.controllers.model_file import Guard, Input
 from selector.controllers.program.language import Expression, Real, Variable, Writing, is_code
 from selector.controllers.sensor_check import CODE_SLACK, RANGE_SLACK
+
+NO_READING = 1e30
+"""What an input holds that nobody has wired or read yet: missing, never a temperature of 0."""
 
 
 class WatchedSensor:
@@ -17,7 +20,7 @@ class WatchedSensor:
         self._guard = guard
         self._codes = guard.break_codes if item.unit == "degC" else ()
         self._stuck_after_s = guard.stuck_after_s if item.unit == "degC" else None
-        self._reading = w.variable(f"reading_{k}", "real", "input", f"{item.name} [{item.unit}]")
+        self._reading = w.variable(f"reading_{k}", "real", "input", f"{item.name} [{item.unit}]", NO_READING)
         about = "0 ok, 1 limited, 2 recovering, 3 missing, 4 break code, 5 out of limits, 6 jump, 7 stuck, 8 range"
         self.code = w.variable(
             f"sensor_{k}", "code", "output", f"{item.name}: {about}" if k == 1 else item.name, float(SensorCode.MISSING)
@@ -62,7 +65,7 @@ class WatchedSensor:
         w, item = self._w, self._item
         w.remark(f"sensor {item.name}")
         if item.rate_limit_per_min is not None:
-            self._add(self._anchor_age, elapsed)
+            self._add(self._anchor_age, elapsed, FORGIVEN_S)
         if self._stuck_after_s is not None:
             self._add(self._unchanged, elapsed)
         self._add(self.since, elapsed)
@@ -161,6 +164,6 @@ class WatchedSensor:
         w.limit(x, self._item.valid_min, self._item.valid_max)
         w.assign(self.x, x)
 
-    def _add(self, clock: Variable, elapsed: Variable) -> None:
+    def _add(self, clock: Variable, elapsed: Variable, longest_s: float = LONGEST_S) -> None:
         self._w.assign(clock, clock + elapsed)
-        self._w.at_most(clock, LONGEST_S)
+        self._w.at_most(clock, longest_s)

@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -36,15 +37,17 @@ def compiler_version(of: str) -> str:
     return (said.splitlines() or [of])[0].strip()
 
 
-def c_answers(model: ModelFile, rows: Rows, precision: Precision = "double", cc: str | None = None) -> Answers:
-    """What the generated C gives.
+def c_answers(
+    model: ModelFile, rows: Rows, precision: Precision = "double", files: Mapping[str, str] | None = None
+) -> Answers:
+    """What the generated C gives; default of the files: as exported.
 
     Raises
     ------
     NotExecutableError
         There is no compiler, or it refuses the program.
     """
-    cc = cc or compiler()
+    cc = compiler()
     if cc is None:
         raise NotExecutableError(
             "no C compiler",
@@ -52,10 +55,11 @@ def c_answers(model: ModelFile, rows: Rows, precision: Precision = "double", cc:
             where="--replay",
             advice="install one (Debian: apt install gcc), or export without --replay",
         )
-    files = c_files(model, precision=precision)
+    exported = files or c_files(model, precision=precision)
+    texts = {f"{NAME}.{ending}": exported[f"{NAME}.{ending}"] for ending in ("h", "c")}
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
         folder = Path(name)
-        for file, text in files.items():
+        for file, text in texts.items():
             (folder / file).write_text(text, encoding="ascii")
         (folder / "replay.c").write_text(_driver(model, precision), encoding="ascii")
         library = folder / "replay.so"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -21,13 +22,13 @@ _BLOCK = re.compile(
 )
 
 
-def drive_answers(model: ModelFile, rows: Rows) -> Answers:
+def drive_answers(model: ModelFile, rows: Rows, files: Mapping[str, str] | None = None) -> Answers:
     """What a drive with these parameters adds; it has no guard, so that mode and sensor codes are 0.
 
     The numbers are read from the exported text. A reading that is missing is passed on as the reference temperature.
     """
     found = Answers.empty(len(rows), len(model.outputs), len(model.inputs))
-    blocks = _BLOCK.findall(rexroth_export(model).files[FILE])
+    blocks = _BLOCK.findall((files or rexroth_export(model).files)[FILE])
     names, axes = [item.name for item in model.inputs], axes_of(model)
     for k, (output, block) in enumerate(zip(model.outputs, blocks, strict=True)):
         reference, steep, own, zero_mm = (float(text.replace(" ", "") or "0") for text in block)

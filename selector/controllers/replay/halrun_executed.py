@@ -11,7 +11,7 @@ import shutil
 import signal
 import subprocess
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from itertools import islice
 from pathlib import Path
@@ -21,7 +21,7 @@ import numpy as np
 from selector.controllers.model_file import ModelFile
 from selector.controllers.program.guarded_program import axes_of
 from selector.controllers.replay.rows import Answers, Array, Rows
-from selector.controllers.writers.linuxcnc import Pin, component, input_pins, output_pins
+from selector.controllers.writers.linuxcnc import NAME, Pin, component, input_pins, output_pins
 from selector.errors import NotExecutableError, OptionError
 
 INSTALL = "apt-get install -y --no-install-recommends linuxcnc-uspace linuxcnc-uspace-dev"
@@ -52,7 +52,7 @@ def linuxcnc_version() -> str:
     return f"LinuxCNC {said.strip()}".strip()
 
 
-def halrun_answers(model: ModelFile, rows: Rows) -> Answers:
+def halrun_answers(model: ModelFile, rows: Rows, files: Mapping[str, str] | None = None) -> Answers:
     """What the component gives, in steps of `RESOLUTION_UM`.
 
     Raises
@@ -62,7 +62,7 @@ def halrun_answers(model: ModelFile, rows: Rows) -> Answers:
     OptionError
         Too many rows or sensors for one session, or LinuxCNC refuses the component.
     """
-    columns = halrun_columns(model, rows)
+    columns = halrun_columns(model, rows, files=files)
     found = Answers.empty(len(rows), len(model.outputs), len(model.inputs))
     for k in range(len(model.outputs)):
         found.correction_um[:, k] = columns[f"correction_{k + 1}"]
@@ -74,7 +74,9 @@ def halrun_answers(model: ModelFile, rows: Rows) -> Answers:
     return found
 
 
-def halrun_columns(model: ModelFile, rows: Rows, ready_after: int = 0) -> dict[str, Array]:
+def halrun_columns(
+    model: ModelFile, rows: Rows, ready_after: int = 0, files: Mapping[str, str] | None = None
+) -> dict[str, Array]:
     """Every output pin of the component, by its name in C; errors as `halrun_answers`.
 
     `ready_after` calls nothing is corrected after ready; on a machine it is `READY_PERIODS`.
@@ -101,7 +103,9 @@ def halrun_columns(model: ModelFile, rows: Rows, ready_after: int = 0) -> dict[s
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name, single_session():
         folder = Path(name)
         folder.chmod(0o777)  # for root, the realtime part of LinuxCNC runs as nobody
-        with installed(component(model, name=_NAME), _NAME, folder):
+        own = component(model) if files is None else files[f"{NAME}.comp"]
+        renamed = own.replace(f"\ncomponent {NAME} ", f"\ncomponent {_NAME} ", 1)
+        with installed(renamed, _NAME, folder):
             _write_streams(model, rows, streamed, folder)
             text = _session(streamed, outputs, len(rows), folder, ready_after)
             halrun(text, folder, timeout_s=60.0 + 1e-3 * len(rows))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import operator
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 
 import numpy as np
@@ -160,12 +160,12 @@ class MacroB:
         return float(word)
 
 
-def macro_b_corrections_um(model: ModelFile, rows: Rows) -> NDArray[np.float64]:
+def macro_b_corrections_um(model: ModelFile, rows: Rows, files: Mapping[str, str] | None = None) -> NDArray[np.float64]:
     """What the generated macro leaves in the external work offset, of shape (n_rows, n_outputs) [µm].
 
     Only `dt_s` and `readings` of the rows are looked at; a reading that is not finite is vacant.
     """
-    macro = MacroB(fanuc_export(model).files[FILE])
+    macro = MacroB((files or fanuc_export(model).files)[FILE])
     numbers = list(macro_variables(model).readings.values())
     found = np.zeros((len(rows), len(model.outputs)))
     for k, time_s in enumerate(np.cumsum(rows.dt_s).tolist()):
@@ -179,10 +179,10 @@ def macro_b_corrections_um(model: ModelFile, rows: Rows) -> NDArray[np.float64]:
     return found
 
 
-def macro_b_answers(model: ModelFile, rows: Rows) -> Answers:
+def macro_b_answers(model: ModelFile, rows: Rows, files: Mapping[str, str] | None = None) -> Answers:
     """As `macro_b_corrections_um`; the macro tells no mode and no sensor codes: they are 0."""
     found = Answers.empty(len(rows), len(model.outputs), len(model.inputs))
-    found.correction_um[:] = found.k0_um[:] = macro_b_corrections_um(model, rows)
+    found.correction_um[:] = found.k0_um[:] = macro_b_corrections_um(model, rows, files)
     return found
 
 

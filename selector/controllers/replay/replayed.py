@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -16,10 +16,10 @@ from selector.recording import Recording
 
 
 class Executor(Protocol):
-    """Runs the generated program of a model."""
+    """Runs the exported program of a model."""
 
-    def __call__(self, model: ModelFile, rows: Rows, /) -> Answers:
-        """What the program gives, row by row."""
+    def __call__(self, model: ModelFile, rows: Rows, *, files: Mapping[str, str]) -> Answers:
+        """What the program in these files (name → text) gives, row by row."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +83,7 @@ class Replay:
 
 def replayed(
     model: ModelFile,
+    files: Mapping[str, str],
     recording: Recording,
     execute: Executor,
     executed_by: str,
@@ -103,7 +104,7 @@ def replayed(
         if progress is not None:
             progress(run)
         rows = rows_of_run(model, recording, run)
-        answers, reference = execute(model, rows), reference_answers(model, rows)
+        answers, reference = execute(model, rows, files=files), reference_answers(model, rows)
         recorded = np.column_stack(
             [displacement_of(of, recording, run) - zero_of(of, recording, run, None) for of in model.outputs]
         )

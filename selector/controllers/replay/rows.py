@@ -75,7 +75,8 @@ def reference_answers(model: ModelFile, rows: Rows, number: Number = float) -> A
     answers = Answers.empty(len(rows), len(outputs), len(names))
     table, where = rows.readings.tolist(), rows.positions_m.tolist()
     for k, dt_s in enumerate(rows.dt_s.tolist()):
-        if rows.is_restart[k]:
+        # a switch that stays on is one restart
+        if rows.is_restart[k] and not (k and rows.is_restart[k - 1]):
             guarded.restart(float(rows.standstill_s[k]))
         found = guarded.step(
             dt_s,

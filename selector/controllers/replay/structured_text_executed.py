@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import importlib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any, Literal, NoReturn
 
@@ -60,14 +60,15 @@ def st_answers(model: ModelFile, rows: Rows, text: str | None = None) -> Answers
     return found
 
 
-def scl_answers(model: ModelFile, rows: Rows) -> Answers:
+def scl_answers(model: ModelFile, rows: Rows, files: Mapping[str, str] | None = None) -> Answers:
     """What the exported SCL gives, in REAL."""
-    return st_answers(model, rows, scl_text(model))
+    return st_answers(model, rows, scl_text(model) if files is None else files["thermal_correction.scl"])
 
 
-def tcpou_answers(model: ModelFile, rows: Rows) -> Answers:
+def tcpou_answers(model: ModelFile, rows: Rows, files: Mapping[str, str] | None = None) -> Answers:
     """What the exported file for TwinCAT gives."""
-    (text,) = tcpou_export(model).files.values()
+    exported = files or tcpou_export(model).files
+    (text,) = (text for name, text in exported.items() if name.endswith(".TcPOU"))
     return st_answers(model, rows, text_of_tcpou(text))
 
 

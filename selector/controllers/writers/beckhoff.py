@@ -64,7 +64,7 @@ def beckhoff_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expo
             f"{SMOOTHING_CYCLES} interpolation cycles only, so that the slew limit is that of the function block.",
             "Reading V.A.TEMP_COMP_ACTIVE in an NC program empties the channel and breaks G41/G42 (error 20651).",
             "If the PLC stops, the CNC keeps the last offset and coefficient.",
-            "Beyond the valid positions of the model the straight line goes on, past the clamp of the whole.",
+            "Beyond the valid positions of the model the straight line goes on, past the clamp.",
         ),
     )
 

@@ -45,10 +45,10 @@ class _C(Language):
             return repr(float(value))
         with np.errstate(over="ignore"):
             rounded = np.float32(value)
-        if not np.isfinite(rounded):
+        if not np.isfinite(rounded) or (rounded == 0.0 and value != 0.0):
             raise OptionError(
                 f"a number of the model, {value:g}, does not fit single precision",
-                expected="numbers below 3.4e38",
+                expected="numbers between 1e-45 and 3.4e38",
                 where="model file",
                 advice="centre and scale the inputs: make the model again with `selector select`",
             )
@@ -74,10 +74,17 @@ def c_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
                 suggestion=error.advice,
             ),
         )
+    try:
+        in_single = c_files(model, precision="float", name=single, is_sign_verified=is_sign_verified)
+    except OptionError as error:
+        in_single = {}
+        findings += (
+            Finding("no-single-precision", "warning", f"No single precision: {error.found}.", suggestion=error.advice),
+        )
     return Exported(
         files={
             **c_files(model, is_sign_verified=is_sign_verified),
-            **c_files(model, precision="float", name=single, is_sign_verified=is_sign_verified),
+            **in_single,
             **fixed,
         },
         findings=findings,

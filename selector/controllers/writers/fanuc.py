@@ -87,7 +87,8 @@ def fanuc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
             + ", ".join(f"#{number} = {plain(name)} [{_unit(model, name)}]" for name, number in names.readings.items())
             + "; a sensor without a reading is written as the code of its amplifier, never as its last value.",
             f"Load {FILE}, call it with M98 P{PROGRAM} in millimetres (G21) between cuts, at most once a second; it "
-            "leaves G90 on.",
+            "leaves G90 on. On a lathe with G-code system A, G90 is a turning cycle: take G90 out there. Programs "
+            "O9000 to O9999 may be protected, and X may be a diameter: check in the manual.",
             f"After each call #{_STATUS} says 1 model, 2 hold, 3 ramp to zero, and #{_FAULTY} which reading is bad.",
             f"Set #{_HAS_BEGUN} = 0 to take new start readings at a cold start.",
         ),

@@ -88,7 +88,7 @@ def sinumerik_export(
             f"Call {BLOCK} in OB1 or a cyclic interrupt with dt_s = the real time since the last call [s]; readings in "
             "the units of the comments, positions in m (the NC has mm), is_ready = drive on and axis referenced.",
             "In the first call after OB100 set is_restart to TRUE and standstill_s to how long the PLC was off [s]; "
-            "without a clock, to 0.",
+            "without a clock, to 1.0E6.",
             f"Pass its outputs to {BLOCK_OF_SETTING_DATA} and write sd43900_1 ... [mm], sd43910_1 ... [mm/mm], "
             f"sd43920_1 ... [mm] with FB3 PUT to the setting data of the axes that {SETTINGS} names.",
             "Set MD32750 $MA_TEMP_COMP_TYPE and MD32760 $MA_COMP_ADD_VELO_FACTOR as in the table, MD36200 (velocity "
@@ -265,7 +265,7 @@ def _axis_findings(model: ModelFile) -> list[Finding]:
                     "warning",
                     f"The correction of {axis} depends on the position of {part.axis}; the control's straight line "
                     f"knows only the position of {axis}. The whole correction goes into SD43900 and follows "
-                    f"{part.axis} no faster than the PLC writes it and the slew limit allows.",
+                    f"{part.axis} as often as the PLC writes it, without a slew limit of its own.",
                     evidence={"output": output.name, "position_axis": part.axis},
                     suggestion="use a sag compensation table (CEC) for this part",
                 )

@@ -91,10 +91,10 @@ class StructuredText(Language):
         else:
             with np.errstate(over="ignore"):
                 text = str(np.float32(value))
-        if not np.isfinite(float(text)):
+        if not np.isfinite(float(text)) or (float(text) == 0.0 and value != 0.0):
             raise OptionError(
                 f"the number {value:g}",
-                expected=f"numbers that {self.real_type} can hold (up to 3.4e38)",
+                expected=f"numbers that {self.real_type} can hold (REAL: 1e-45 to 3.4e38)",
                 where="model file",
                 advice="correct the model, or export it for a control that calculates in LREAL",
             )
@@ -131,7 +131,7 @@ def st_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
             "Call it in a cyclic task of 1 s or faster. Wire dt_s to the real cycle time [s], the readings and "
             "positions in the units that stand behind them (positions in m), is_ready and is_wanted.",
             "After a start of the control set is_restart to TRUE in the first call only, and standstill_s to how long "
-            "it was off [s]; without a clock, to 0.",
+            "it was off [s]; without a clock, to 1.0E6.",
             "Add correction_1 ... [um] to the axes, or hand on k0_1 ... [um] and slope_1 ... [um/m] where the control "
             "takes a straight line.",
         ),

@@ -15,6 +15,7 @@ from selector.controllers.replay.halrun_executed import RESOLUTION_UM, halrun_an
 from selector.controllers.replay.macro_b_executed import macro_b_answers
 from selector.controllers.replay.python_executed import python_answers
 from selector.controllers.replay.replayed import Executor
+from selector.controllers.replay.rows import Answers, Rows
 from selector.controllers.replay.structured_text_executed import parser_name, scl_answers, st_answers, tcpou_answers
 from selector.controllers.writers.beckhoff import beckhoff_export
 from selector.controllers.writers.c99 import c_export
@@ -65,6 +66,11 @@ class Target:
     has_whole_guard: bool = True
 
 
+def _st(model: ModelFile, rows: Rows, *, files: Mapping[str, str]) -> Answers:
+    (text,) = files.values()
+    return st_answers(model, rows, text)
+
+
 def _own(what: str) -> str:
     return f"selector {__version__}, {what}"
 
@@ -79,7 +85,7 @@ SINGLE_UM = 0.01
 
 TARGETS: Mapping[str, Target] = {
     "c": Target("C99", c_export, c_answers, _cc),
-    "st": Target("IEC 61131-3 Structured Text", st_export, st_answers, parser_name),
+    "st": Target("IEC 61131-3 Structured Text", st_export, _st, parser_name),
     "tcpou": Target("Beckhoff TwinCAT 3", tcpou_export, tcpou_answers, parser_name),
     "linuxcnc": Target("LinuxCNC", linuxcnc_export, halrun_answers, linuxcnc_version, RESOLUTION_UM),
     "sinumerik": Target("Siemens SINUMERIK 840D sl", sinumerik_export, scl_answers, parser_name, SINGLE_UM),

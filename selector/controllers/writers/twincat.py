@@ -51,7 +51,7 @@ def tcpou_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
             "Call it in a cyclic task. Wire dt_s to the real cycle time [s], the readings and positions in the units "
             "that stand behind them (positions in m), is_ready and is_wanted.",
             "After a start of TwinCAT set is_restart to TRUE in the first call only, and standstill_s to how long it "
-            "was off [s]; without a clock, to 0.",
+            "was off [s]; without a clock, to 1.0E6.",
             "Persistent variables are written when TwinCAT shuts down: have a UPS, or call FB_WritePersistentData "
             "every few minutes.",
             "Hand k0_1 ... [um] and slope_1 ... [um/m] to the axis, or add correction_1 ... [um].",

@@ -14,7 +14,7 @@
 void thermal_correction_init(thermal_correction *m)
 {
     m->dt_s = 0.0;
-    m->reading_1 = 0.0;
+    m->reading_1 = 1e+30;
     m->sensor_1 = 3;
     m->x_1 = 0.0;
     m->since_1 = 0.0;
@@ -22,7 +22,7 @@ void thermal_correction_init(thermal_correction *m)
     m->has_memory_1 = 0;
     m->start_1 = 0.0;
     m->has_start_1 = 0;
-    m->reading_2 = 0.0;
+    m->reading_2 = 1e+30;
     m->sensor_2 = 3;
     m->x_2 = 0.0;
     m->since_2 = 0.0;
@@ -41,6 +41,7 @@ void thermal_correction_init(thermal_correction *m)
     m->k0_2 = 0.0;
     m->aim_2 = 0.0;
     m->mode = 0;
+    m->was_restart = 0;
     m->is_first = 1;
     m->since_sample_s = 0.0;
     m->held_s = 0.0;
@@ -61,7 +62,7 @@ void thermal_correction_step(thermal_correction *m)
     double most;
     double low;
     double high;
-    if (m->is_restart) {
+    if (m->is_restart && !(m->was_restart)) {
         /* the control was off: memory goes on, the correction begins at zero */
         off_s = 0.0;
         if (m->standstill_s > 0.0) {
@@ -89,6 +90,7 @@ void thermal_correction_step(thermal_correction *m)
         m->aim_2 = 0.0;
         m->correction_2 = 0.0;
     }
+    m->was_restart = m->is_restart;
     /* time: what is no time counts as 0 */
     passed_s = 0.0;
     if (m->dt_s > 0.0) {

@@ -43,6 +43,7 @@ typedef struct thermal_correction {
     double good_for_2; /* good for so long [s] */
     double aim_1; /* where it moves to [um] */
     double aim_2; /* where it moves to [um] */
+    int was_restart; /* is_restart in the call before */
     int is_first; /* no sample yet */
     double since_sample_s; /* since the last sample [s] */
     double held_s; /* held for so long [s] */

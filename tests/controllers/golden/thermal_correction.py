@@ -13,8 +13,8 @@ class ThermalCorrection:
     def __init__(self):
         # inputs
         self.dt_s = 0.0  # time since the last call [s]
-        self.reading_1 = 0.0  # T1 [degC]
-        self.reading_2 = 0.0  # T3 [degC]
+        self.reading_1 = 1e+30  # T1 [degC]
+        self.reading_2 = 1e+30  # T3 [degC]
         self.is_ready = True  # drives on and axis referenced
         self.is_wanted = True  # the operator's switch
         self.is_restart = False  # true in the first call after the control was off
@@ -43,13 +43,14 @@ class ThermalCorrection:
         self.good_for_2 = 60.0  # good for so long [s]
         self.aim_1 = 0.0  # where it moves to [um]
         self.aim_2 = 0.0  # where it moves to [um]
+        self.was_restart = False  # is_restart in the call before
         self.is_first = True  # no sample yet
         self.since_sample_s = 0.0  # since the last sample [s]
         self.held_s = 0.0  # held for so long [s]
         self.follows = 2  # as mode, while ready and wanted
 
     def step(self):
-        if self.is_restart:
+        if self.is_restart and not (self.was_restart):
             # the control was off: memory goes on, the correction begins at zero
             off_s = 0.0
             if self.standstill_s > 0.0:
@@ -72,6 +73,7 @@ class ThermalCorrection:
             self.k0_2 = 0.0
             self.aim_2 = 0.0
             self.correction_2 = 0.0
+        self.was_restart = self.is_restart
         # time: what is no time counts as 0
         passed_s = 0.0
         if self.dt_s > 0.0:

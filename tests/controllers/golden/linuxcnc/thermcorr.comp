@@ -77,6 +77,7 @@ struct correction {
     double good_for_2; /* good for so long [s] */
     double aim_1; /* where it moves to [um] */
     double aim_2; /* where it moves to [um] */
+    int was_restart; /* is_restart in the call before */
     int is_first; /* no sample yet */
     double since_sample_s; /* since the last sample [s] */
     double held_s; /* held for so long [s] */
@@ -90,7 +91,7 @@ static int last_restart;
 static void begin(struct correction *m)
 {
     m->dt_s = 0.0;
-    m->reading_1 = 0.0;
+    m->reading_1 = 1e+30;
     m->sensor_1 = 3;
     m->x_1 = 0.0;
     m->since_1 = 0.0;
@@ -98,7 +99,7 @@ static void begin(struct correction *m)
     m->has_memory_1 = 0;
     m->start_1 = 0.0;
     m->has_start_1 = 0;
-    m->reading_2 = 0.0;
+    m->reading_2 = 1e+30;
     m->sensor_2 = 3;
     m->x_2 = 0.0;
     m->since_2 = 0.0;
@@ -117,6 +118,7 @@ static void begin(struct correction *m)
     m->k0_2 = 0.0;
     m->aim_2 = 0.0;
     m->mode = 0;
+    m->was_restart = 0;
     m->is_first = 1;
     m->since_sample_s = 0.0;
     m->held_s = 0.0;
@@ -137,7 +139,7 @@ static void step(struct correction *m)
     double most;
     double low;
     double high;
-    if (m->is_restart) {
+    if (m->is_restart && !(m->was_restart)) {
         /* the control was off: memory goes on, the correction begins at zero */
         off_s = 0.0;
         if (m->standstill_s > 0.0) {
@@ -165,6 +167,7 @@ static void step(struct correction *m)
         m->aim_2 = 0.0;
         m->correction_2 = 0.0;
     }
+    m->was_restart = m->is_restart;
     /* time: what is no time counts as 0 */
     passed_s = 0.0;
     if (m->dt_s > 0.0) {
