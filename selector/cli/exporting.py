@@ -65,32 +65,31 @@ def export(
     With --replay the generated program is executed on recordings and compared with the model, sample by sample.
     """
     from selector.controllers.guard import decided_limits, with_decided_limits
-    from selector.controllers.self_check import model_findings
     from selector.controllers.writers.targets import TARGETS
 
     if target not in TARGETS:
         raise OptionError(repr(target), expected="one of " + ", ".join(TARGETS), where="--for", advice="choose one")
     chosen = TARGETS[target]
     require_writable_folder(out, "--out")
-    read = _with_limits(_usable(model), pairs(clamp, "--clamp"), pairs(slew, "--slew"))
+    usable, of_model = _usable(model)
+    read = _with_limits(usable, pairs(clamp, "--clamp"), pairs(slew, "--slew"))
     _, of_limits = decided_limits(read)
     read = with_decided_limits(read)
     exported = chosen.write(read, is_sign_verified=sign_verified)
-    findings = [*model_findings(read), *of_limits, *exported.findings]
-    proof, reading = None, None
-    inputs: list[str | Path] = [model, *([] if machine is None else [machine])]
-    if replay:
-        reading = Source(runs=replay, machine=machine).reading()
-        inputs += [run.file for run in reading.runs]
+    findings = [*of_model, *of_limits, *exported.findings]
+    # the model itself may lie there: it stays as it is
+    own = [] if (out / MODEL).exists() and (out / MODEL).samefile(model) else [MODEL]
+    files = [*exported.files, *own, SHEET]
+    reading = Source(runs=replay, machine=machine).reading() if replay else None
+    recorded = [] if reading is None else [run.file for run in reading.runs]
+    for name in files:
+        refuse_to_replace_input(out / name, [model, *([] if machine is None else [machine]), *recorded], "--out")
+    proof = None
+    if reading is not None:
         proof, of_replay = _replayed(read, chosen, exported.files, reading)
         findings += of_replay
     if not sign_verified:
         findings.append(_unverified())
-    # the model itself may lie there: it stays as it is
-    own = [] if (out / MODEL).exists() and (out / MODEL).samefile(model) else [MODEL]
-    files = [*exported.files, *own, SHEET]
-    for name in exported.files.keys() | {*own, SHEET}:
-        refuse_to_replace_input(out / name, inputs, "--out")
     _write(out, files, read, chosen, exported, proof, findings, sign_verified)
     answer: dict[str, Any] = {
         "schema": SCHEMA,
@@ -106,12 +105,13 @@ def export(
     _show(chosen, proof, findings, out, files)
 
 
-def _usable(path: Path) -> ModelFile:
+def _usable(path: Path) -> tuple[ModelFile, tuple[Finding, ...]]:
     from selector.controllers.model_io import read_model
     from selector.controllers.self_check import model_findings
 
     read = read_model(path)
-    wrong = [finding.statement for finding in model_findings(read) if finding.level == "error"]
+    findings = model_findings(read)
+    wrong = [finding.statement for finding in findings if finding.level == "error"]
     if wrong:
         raise ModelFileError(
             "; ".join(wrong),
@@ -119,7 +119,7 @@ def _usable(path: Path) -> ModelFile:
             where=str(path),
             advice="do not export this file; make it again with `selector select --out DIR`",
         )
-    return read
+    return read, findings
 
 
 def _with_limits(model: ModelFile, clamps: dict[str, str], slews: dict[str, str]) -> ModelFile:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
@@ -53,15 +54,14 @@ def model_file_of(
     scaling = next(iter(selection.models.values())).scaling
     position = {name: i for i, name in enumerate(scaling.variables)}
     rise = selection.options.reference == "rise"
-    rates = {} if source is None else fastest_changes(source, recipe.sensors)
-    seen = {} if source is None else extremes(source, recipe.sensors)
+    seen = {} if source is None else seen_readings(source, recipe.sensors)
 
     def input_of(name: str) -> Input:
         channel, i = by_name[name], position[name]
         ranges = [model.valid_range[i] for model in selection.models.values()]
         is_sensor = name in recipe.sensors
-        limit = max(RATE_MARGIN * rates[name], LEAST_RATE_PER_MIN) if name in rates else None
-        lowest, highest = seen.get(name, (None, None)) if channel.unit == "degC" else (None, None)
+        of = seen.get(name)
+        has_range = of is not None and channel.unit == "degC" and of.lowest <= of.highest
         return Input(
             name=name,
             role=cast(Any, channel.role),
@@ -71,9 +71,9 @@ def model_file_of(
             scale=scaling.scale[i],
             valid_min=min(low for low, _ in ranges),
             valid_max=max(high for _, high in ranges),
-            rate_limit_per_min=limit,
-            reading_min=None if lowest is None else lowest - READING_MARGIN_K,
-            reading_max=None if highest is None else highest + READING_MARGIN_K,
+            rate_limit_per_min=None if of is None else max(RATE_MARGIN * of.fastest_per_min, LEAST_RATE_PER_MIN),
+            reading_min=of.lowest - READING_MARGIN_K if of is not None and has_range else None,
+            reading_max=of.highest + READING_MARGIN_K if of is not None and has_range else None,
             place=channel.place,
         )
 
@@ -108,32 +108,35 @@ def model_file_of(
     return model.model_copy(update={"test_vectors": check_vectors(model)})
 
 
-def fastest_changes(source: RunSource, sensors: tuple[str, ...]) -> dict[str, float]:
-    """Largest change of each sensor over one minute [unit/min]; over one sample where samples are further apart."""
-    found = np.zeros(len(sensors))
+@dataclass(frozen=True)
+class SeenReadings:
+    """What a sensor did in all runs [its unit, and per minute]; infinite ends where it has no reading."""
+
+    lowest: float
+    highest: float
+    fastest_per_min: float
+
+
+def seen_readings(source: RunSource, sensors: tuple[str, ...]) -> dict[str, SeenReadings]:
+    """Lowest and highest reading of each sensor, and its largest change over a minute; the source is read once.
+
+    Where samples are further apart than a minute, it is the change from one to the next.
+    """
+    low, high, rate = np.full(len(sensors), np.inf), np.full(len(sensors), -np.inf), np.zeros(len(sensors))
     for run in source.runs:
         for time_s, values in source.chunks(run, sensors):
-            if len(time_s) < 2:
+            if len(time_s) == 0:
                 continue
+            low = np.fmin(low, np.nan_to_num(values, nan=np.inf).min(axis=0))
+            high = np.fmax(high, np.nan_to_num(values, nan=-np.inf).max(axis=0))
             later = np.minimum(np.searchsorted(time_s, time_s + 60.0), len(time_s) - 1)
             minutes = (time_s[later] - time_s) / 60.0
             whole = minutes > 0
             change = np.abs(values[later[whole]] - values[whole]) / np.maximum(minutes[whole], 1.0)[:, None]
             if len(change):
-                found = np.fmax(found, np.nan_to_num(change, nan=0.0).max(axis=0))
-    return dict(zip(sensors, map(float, found), strict=True))
-
-
-def extremes(source: RunSource, sensors: tuple[str, ...]) -> dict[str, tuple[float, float]]:
-    """Lowest and highest reading of each sensor [its unit]; a sensor without any is not in the result."""
-    low, high = np.full(len(sensors), np.inf), np.full(len(sensors), -np.inf)
-    for run in source.runs:
-        for _, values in source.chunks(run, sensors):
-            if len(values):
-                low = np.fmin(low, np.nan_to_num(values, nan=np.inf).min(axis=0))
-                high = np.fmax(high, np.nan_to_num(values, nan=-np.inf).max(axis=0))
-    ends = zip(sensors, map(float, low), map(float, high), strict=True)
-    return {name: (lowest, highest) for name, lowest, highest in ends if lowest <= highest}
+                rate = np.fmax(rate, np.nan_to_num(change, nan=0.0).max(axis=0))
+    ends = zip(low, high, rate, strict=True)
+    return {name: SeenReadings(*map(float, of)) for name, of in zip(sensors, ends, strict=True)}
 
 
 def _fallback(

@@ -246,9 +246,10 @@ class Source:
             yield f"    /* displacement {plain(output.name)} */"
             yield from self._sum(self.fixed.own[output.name])
             yield f"    own = limited(-own, -{clamp}, {clamp});"
-            yield f"    change = own - m->aim_{k};"
-            yield f"    if (change >= {band} || change <= -{band})"
-            yield f"        m->aim_{k} = (int32_t)own;"
+            if band > 0:
+                yield f"    change = own - m->aim_{k};"
+                yield f"    if (change >= {band} || change <= -{band})"
+            yield f"    {'    ' if band > 0 else ''}m->aim_{k} = (int32_t)own;"
             if output.position is not None:
                 most = _nm(limits.slope_clamp_um_per_m)
                 yield from self._sum(self.fixed.slopes[output.name])

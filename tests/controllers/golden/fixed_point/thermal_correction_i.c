@@ -175,18 +175,14 @@ static void aimed(thermal_correction_i *m)
     sum += 873824256LL * v_2;
     own = shifted(sum, 45);
     own = limited(-own, -90000, 90000);
-    change = own - m->aim_1;
-    if (change >= 0 || change <= -0)
-        m->aim_1 = (int32_t)own;
+    m->aim_1 = (int32_t)own;
     /* displacement Y */
     sum = 40131294804521781LL;
     sum += 3099328512LL * v_1;
     sum += (-387186688LL) * v_2;
     own = shifted(sum, 46);
     own = limited(-own, -54000, 54000);
-    change = own - m->aim_2;
-    if (change >= 0 || change <= -0)
-        m->aim_2 = (int32_t)own;
+    m->aim_2 = (int32_t)own;
     (void)p;
     (void)change;
 }
