@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +67,41 @@ class Answers:
         real = np.zeros((3, n_rows, n_outputs))
         codes = np.zeros((n_rows, 1 + n_inputs), dtype=np.int64)
         return cls(real[0], real[1], real[2], codes[:, 0], codes[:, 1:])
+
+
+def called(
+    program: Any, call: Callable[[], None], model: ModelFile, rows: Rows, prefix: str, number: Number
+) -> Answers:
+    """What an object gives whose attributes are the inputs and outputs of a program, called row by row.
+
+    Parameters
+    ----------
+    program, call
+        The object, and what runs it once.
+    prefix : str
+        Before the names of the attributes.
+    number : callable
+        Type of its real inputs.
+    """
+    found = Answers.empty(len(rows), len(model.outputs), len(model.inputs))
+    readings, positions = rows.readings.tolist(), rows.positions_m.tolist()
+    for k in range(len(rows)):
+        for name in ("dt_s", "standstill_s"):
+            setattr(program, prefix + name, number(getattr(rows, name)[k]))
+        for name in ("is_ready", "is_wanted", "is_restart"):
+            setattr(program, prefix + name, bool(getattr(rows, name)[k]))
+        for i, value in enumerate(readings[k], 1):
+            setattr(program, f"{prefix}reading_{i}", number(value))
+        for i, value in enumerate(positions[k], 1):
+            setattr(program, f"{prefix}position_{i}", number(value))
+        call()
+        for i in range(len(model.outputs)):
+            found.correction_um[k, i] = getattr(program, f"{prefix}correction_{i + 1}")
+            found.k0_um[k, i] = getattr(program, f"{prefix}k0_{i + 1}")
+            found.slope_um_per_m[k, i] = getattr(program, f"{prefix}slope_{i + 1}", 0.0)
+        found.mode[k] = getattr(program, f"{prefix}mode")
+        found.sensors[k] = [getattr(program, f"{prefix}sensor_{i + 1}") for i in range(len(model.inputs))]
+    return found
 
 
 def reference_answers(model: ModelFile, rows: Rows, number: Number = float) -> Answers:

@@ -14,7 +14,7 @@ from typing import Any, Literal, NoReturn
 import numpy as np
 
 from selector.controllers.model_file import ModelFile
-from selector.controllers.replay.rows import Answers, Rows
+from selector.controllers.replay.rows import Answers, Rows, called
 from selector.controllers.writers.sinumerik import scl_text
 from selector.controllers.writers.structured_text import st_text
 from selector.controllers.writers.twincat import tcpou_export
@@ -38,26 +38,8 @@ def st_answers(model: ModelFile, rows: Rows, text: str | None = None) -> Answers
         The parser is not installed, or the text has something that an exported program does not have.
     """
     block = executable(st_text(model) if text is None else text)
-    n, outputs, inputs = len(rows), len(model.outputs), len(model.inputs)
-    found = Answers.empty(n, outputs, inputs)
     with np.errstate(all="ignore"):
-        number = block.number
-        for k in range(n):
-            block.v_dt_s, block.v_standstill_s = number(rows.dt_s[k]), number(rows.standstill_s[k])
-            for name in ("is_ready", "is_wanted", "is_restart"):
-                setattr(block, f"v_{name}", bool(getattr(rows, name)[k]))
-            for i, value in enumerate(rows.readings[k]):
-                setattr(block, f"v_reading_{i + 1}", number(value))
-            for i, value in enumerate(rows.positions_m[k]):
-                setattr(block, f"v_position_{i + 1}", number(value))
-            block.call()
-            for i in range(outputs):
-                found.correction_um[k, i] = getattr(block, f"v_correction_{i + 1}")
-                found.k0_um[k, i] = getattr(block, f"v_k0_{i + 1}")
-                found.slope_um_per_m[k, i] = getattr(block, f"v_slope_{i + 1}", 0.0)
-            found.mode[k] = block.v_mode
-            found.sensors[k] = [getattr(block, f"v_sensor_{i + 1}") for i in range(inputs)]
-    return found
+        return called(block, block.call, model, rows, "v_", block.number)
 
 
 def scl_answers(model: ModelFile, rows: Rows, files: Mapping[str, str] | None = None) -> Answers:
