@@ -22,9 +22,9 @@ from selector.controllers.writers.beckhoff import (
 from selector.controllers.writers.refused import ExportRefusedError
 from selector.controllers.writers.twincat import tcpou_export
 from tests.controllers import hostile
+from tests.controllers.golden_text import GOLDEN, golden, without_version
 
 ROOT = Path(__file__).resolve().parents[2]
-GOLDEN = Path(__file__).with_name("golden")
 PATENT = ROOT / "fixtures/models/patent-two-sensors.json"
 WORKED_EXAMPLE = """\
 lr_param.temp_comp 1
@@ -113,7 +113,7 @@ def test_golden_files():
     ).files
     assert sorted(files) == sorted(path.name for path in (GOLDEN / "beckhoff").iterdir())
     for name, text in files.items():
-        assert text == (GOLDEN / "beckhoff" / name).read_text(encoding="ascii")
+        assert without_version(text) == golden(f"beckhoff/{name}")
 
 
 def test_sign_is_said_at_the_head_of_every_file():

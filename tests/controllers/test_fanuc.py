@@ -15,9 +15,9 @@ from selector.controllers.replay.rows import Rows, reference_answers
 from selector.controllers.writers.fanuc import FILE, LONGEST_BLOCK, fanuc_export, literal, macro_variables, remarks
 from selector.controllers.writers.refused import ExportRefusedError
 from tests.controllers import hostile
+from tests.controllers.golden_text import golden, without_version
 
 ROOT = Path(__file__).resolve().parents[2]
-GOLDEN = Path(__file__).with_name("golden")
 PATENT = ROOT / "fixtures/models/patent-two-sensors.json"
 
 
@@ -156,7 +156,7 @@ def test_state_of_another_model_is_not_taken_over():
 
 
 def test_golden_file():
-    assert fanuc_export(read_model(PATENT)).files[FILE] == (GOLDEN / "fanuc" / FILE).read_text(encoding="ascii")
+    assert without_version(fanuc_export(read_model(PATENT)).files[FILE]) == golden(f"fanuc/{FILE}")
 
 
 @pytest.mark.parametrize("name", ["T1)", "(", "T;1 %", "T1*/ \"'", "µ°温度", "a" * 99, "%", "M99", "T[#1]"])

@@ -25,9 +25,9 @@ from selector.controllers.writers.fixed_point_source import NAME
 from selector.controllers.writers.refused import ExportRefusedError
 from selector.errors import InputError
 from tests.controllers import hostile
+from tests.controllers.golden_text import golden, without_version
 
 ROOT = Path(__file__).resolve().parents[2]
-GOLDEN = Path(__file__).with_name("golden")
 PATENT = ROOT / "fixtures/models/patent-two-sensors.json"
 MISSING = -(2**31)
 
@@ -308,7 +308,7 @@ def test_less_than_a_nanometre_a_call_is_not_lost(tmp_path):
 
 def test_golden_files():
     for name, text in fixed_point_files(read_model(PATENT), is_sign_verified=False).items():
-        assert text == (GOLDEN / "fixed_point" / name).read_text(encoding="ascii")
+        assert without_version(text) == golden(f"fixed_point/{name}")
 
 
 def test_bound_is_printed_and_told():

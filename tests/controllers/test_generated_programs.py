@@ -19,9 +19,9 @@ from selector.controllers.writers.c99 import c_export, c_files
 from selector.controllers.writers.python_module import python_export
 from selector.errors import NotExecutableError
 from tests.controllers import hostile
+from tests.controllers.golden_text import golden, without_version
 from tests.controllers.model_builders import rise_model
 
-GOLDEN = Path(__file__).with_name("golden")
 PATENT = Path(__file__).parents[2] / "fixtures" / "models" / "patent-two-sensors.json"
 needs_cc = pytest.mark.skipif(compiler() is None, reason="no C compiler; Debian: apt install gcc")
 
@@ -109,8 +109,7 @@ def test_variables_are_short_ascii_and_declared_once():
 def test_golden_files(name):
     model = read_model(PATENT)
     text = {**c_export(model).files, **python_export(model).files}[name]
-    # the version of selector is no part of what is compared
-    assert re.sub(r"selector \S+", "selector", text) == (GOLDEN / name).read_text(encoding="ascii")
+    assert without_version(text) == golden(name)
 
 
 def test_the_head_says_that_the_sign_is_unverified_until_somebody_verified_it():

@@ -32,8 +32,8 @@ from selector.controllers.replay.rows import Rows, reference_answers
 from selector.controllers.writers.linuxcnc import READY_PERIODS, component, linuxcnc_export
 from selector.errors import NotExecutableError, OptionError
 from tests.controllers import hostile
+from tests.controllers.golden_text import golden, without_version
 
-GOLDEN = Path(__file__).parent / "golden" / "linuxcnc"
 PATENT = Path(__file__).parents[2] / "fixtures" / "models" / "patent-two-sensors.json"
 NAMES = ("T1 */ \"; ;; ' //", "№2 °C {x} [HAL]A $(B) \\", "(* 温度 *) #")
 
@@ -80,8 +80,7 @@ def calls(n: int, inputs: int, dt_s: float = 1.0) -> Rows:
 @pytest.mark.parametrize("name", sorted(linuxcnc_export(read_model(PATENT)).files))
 def test_golden_files(name):
     text = linuxcnc_export(read_model(PATENT)).files[name]
-    # the version of selector is no part of what is compared
-    assert re.sub(r"selector \d\S+", "selector", text) == (GOLDEN / name).read_text(encoding="ascii")
+    assert without_version(text) == golden(f"linuxcnc/{name}")
 
 
 def test_the_head_says_that_the_sign_is_unverified_until_somebody_verified_it():

@@ -23,9 +23,9 @@ from selector.controllers.writers.rexroth import (
 )
 from selector.errors import InputError, RecordingError
 from tests.controllers import hostile
+from tests.controllers.golden_text import golden, without_version
 
 ROOT = Path(__file__).resolve().parents[2]
-GOLDEN = Path(__file__).with_name("golden")
 WORKED_EXAMPLE = ExpansionSeries(45.0, ((10.0, -0.030), (70.0, 0.010), (105.0, 0.025)))
 
 
@@ -178,7 +178,7 @@ def test_missing_guard_and_moving_reference_are_said():
 
 
 def test_golden_file():
-    assert rexroth_export(screw()).files[FILE] == (GOLDEN / "rexroth" / FILE).read_text(encoding="ascii")
+    assert without_version(rexroth_export(screw()).files[FILE]) == golden(f"rexroth/{FILE}")
 
 
 @pytest.mark.parametrize("name", [")", "*/", '"; P-0-0402 1', "温度 µ", "P-0-0407  99", ";"])

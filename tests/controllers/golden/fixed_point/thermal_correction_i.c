@@ -5,7 +5,7 @@
  *   Y = 0.5703 + 4.7292*dT1 - 0.5908*dT3 [um]
  * The correction of an axis is the negative of its displacement.
  * Model file SHA-256 3946372678c1a614053cb0a1bd8c95ee7ed87ef93de925fcc783b46f27b9a0a0
- * Written by selector 0.1.0
+ * Written by selector
  * Whole numbers only. Times in ms, corrections in nm, slopes in nm/m, positions in um.
  * T1: 1 degC = 1000 counts, valid 0 ... 10000 counts
  * T3: 1 degC = 1000 counts, valid 0 ... 10000 counts
