@@ -18,6 +18,7 @@ import pandas as pd
 import pytest
 
 from selector.cli import exit_status
+from selector.physics.gauging import gauging_summary
 from selector.readers import read
 from tests.interruptible import INTERRUPTIBLE
 
@@ -55,6 +56,12 @@ upper_um = 1.5
 """
 ONE = LINE.replace("parts = 3", "parts = 1")
 QUIET = ONE.replace("sd_um = 0.3", "sd_um = 0.0").replace("feed_sd = 0.03", "feed_sd = 0.0")
+
+
+@pytest.fixture
+def few_sizes(monkeypatch) -> None:
+    """A tenth of the parts: what is told is looked at here, how exact it is in tests/physics/gauging."""
+    monkeypatch.setattr(gauging_summary, "FEWEST_SIZES", 200)
 
 
 @pytest.fixture
@@ -171,6 +178,7 @@ def test_the_settings_are_those_of_the_curve(folder, capfd):
     assert both["sd_um"] <= min(one["sd_um"]) * 1.064
 
 
+@pytest.mark.usefixtures("few_sizes")
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
 def test_every_example_runs_and_is_read_back(example, folder, capfd):
     # few files; batches with wear stay as they are
@@ -196,6 +204,7 @@ def test_the_seed_decides_the_parts(folder, capfd):
     assert a["gauge"].iloc[5] != c["gauge"].iloc[5]
 
 
+@pytest.mark.usefixtures("few_sizes")
 def test_recorded_allowances_drive_the_gauge_and_what_it_showed_is_laid_beside(folder, capfd):
     simulated(capfd, "quiet.toml", "--out", "r1.csv")
     shown = simulated(
@@ -328,6 +337,7 @@ def test_ctrl_c_leaves_nothing_behind(folder):
     assert sorted(path.name for path in folder.iterdir()) == before
 
 
+@pytest.mark.usefixtures("few_sizes")
 def test_recorded_columns_are_what_the_model_file_says_whatever_was_guessed(folder, capfd):
     simulated(capfd, "quiet.toml", "--out", "r1.csv")
     table = pd.read_csv("r1.csv")
@@ -345,6 +355,7 @@ def test_recorded_columns_are_what_the_model_file_says_whatever_was_guessed(fold
         assert (one["channel"], one["largest"] < 0.003) == ("Uhr", True), heads
 
 
+@pytest.mark.usefixtures("few_sizes")
 def test_where_only_the_feed_was_recorded_the_gauge_says_where_it_begins(folder, capfd):
     simulated(capfd, "quiet.toml", "--out", "r1.csv")
     table = pd.read_csv("r1.csv")[["time_s", "feed", "gauge"]]
