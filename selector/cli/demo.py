@@ -10,7 +10,8 @@ import typer
 
 from selector.cli import showing
 from selector.cli.files import folder_written_whole
-from selector.cli.selecting import progress_bar, show_selection, study, write_results
+from selector.cli.progress import progress_bar
+from selector.cli.selecting import show_selection, study, write_results
 from selector.cli.source import Source
 
 
@@ -41,7 +42,7 @@ def demo(
     selections, descriptions = [], []
     with folder_written_whole(out) as folder:
         for name, options in studies.items():
-            with progress_bar(True) as progress:
+            with progress_bar() as progress:
                 selection, material = study(Source(runs=[shipped(name)]), options, progress)
             console.rule(headings[name])
             show_selection(console, selection)

@@ -11,7 +11,7 @@ import typer
 
 from selector.cli import showing
 from selector.cli.files import folder_written_whole, require_writable_folder, written_folder
-from selector.cli.selecting import progress_bar
+from selector.cli.progress import progress_bar
 from selector.cli.showing import AsJson
 from selector.cli.source import Source, with_source
 from selector.errors import OptionError
@@ -115,7 +115,7 @@ def diagnose(
     if out is not None:
         require_replaceable(out, with_model=model is not None)
     console = showing.screen(as_json)
-    with progress_bar(as_json) as progress:
+    with progress_bar() as progress:
         progress("reading", 0.0)
         say = _in_steps(progress)
         improved, simulated = None, None

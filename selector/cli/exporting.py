@@ -12,6 +12,7 @@ import typer
 from selector.cli import showing
 from selector.cli.files import folder_written_whole, refuse_to_replace_input, require_writable_folder, written_folder
 from selector.cli.models import Model
+from selector.cli.progress import counted_progress
 from selector.cli.showing import AsJson
 from selector.cli.source import MachineFile, Source, pairs
 from selector.errors import ModelFileError, OptionError
@@ -159,7 +160,7 @@ def _replayed(
     from selector.controllers.writers.targets import NotExecutableError
 
     total = len(reading.recording.runs)
-    with showing.progress("replaying") as say:
+    with counted_progress("replaying") as say:
         done = iter(range(total))
         try:
             proof = replayed(

@@ -12,6 +12,7 @@ import typer
 
 from selector.cli import showing
 from selector.cli.files import folder_written_whole, require_writable_folder
+from selector.cli.progress import counted_progress
 from selector.cli.showing import AsJson
 from selector.errors import OptionError
 
@@ -199,7 +200,7 @@ def _show_list(scenarios: Sequence[Scenario], as_json: bool) -> None:
 def _write_cases(folder: Path, asked: Sequence[Any], console: Console, as_json: bool) -> None:
     from selector.proof.bundles import write_bundles
 
-    with folder_written_whole(folder) as part, showing.progress("writing cases") as say:
+    with folder_written_whole(folder) as part, counted_progress("writing cases") as say:
         sealed = write_bundles(asked, part, progress=say)
     if as_json:
         showing.print_json({"cases": len(asked), "answers_sha256": sealed})

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import datetime
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,6 +11,7 @@ import typer
 
 from selector.cli import showing
 from selector.cli.files import folder_written_whole, require_writable_folder
+from selector.cli.progress import progress_bar
 from selector.cli.showing import AsJson
 from selector.cli.source import Source, pairs, with_source
 from selector.errors import OptionError
@@ -183,7 +182,7 @@ def select(
     if out is not None:
         require_writable_folder(out, "--out")
     console = showing.screen(as_json)
-    with progress_bar(as_json) as progress:
+    with progress_bar() as progress:
         selection, material = study(source, options, progress)
         if out is not None:
             from selector.report import write_report
@@ -289,23 +288,6 @@ def show_selection(console: Console, selection: Selection) -> None:
     columns = ["sensors", *selection.models]
     console.print(showing.table("Unseen RMS error against number of sensors [µm]", columns, points, numeric=columns))
     showing.show_findings(console, selection.findings)
-
-
-@contextmanager
-def progress_bar(quiet_stdout: bool) -> Iterator[Progress]:
-    """A progress bar on stderr while the block runs; nothing when stderr is not a terminal."""
-    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
-    from rich.progress import Progress as Bar
-
-    console = showing.screen(True)
-    if not console.is_terminal:
-        yield lambda _what, _share: None
-        return
-    with Bar(
-        TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=console, transient=True
-    ) as bar:
-        task = bar.add_task("", total=1.0)
-        yield lambda what, share: bar.update(task, description=what, completed=share)
 
 
 def _levels(given: list[str] | None, rounds: int) -> float | tuple[float, ...] | None:

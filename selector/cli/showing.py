@@ -8,8 +8,7 @@ import json
 import math
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -155,29 +154,6 @@ def duration_text(seconds: float) -> str:
     if minutes < 60:
         return f"{seconds / 60:.3g} min"
     return f"{minutes // 60} h {minutes % 60} min" if minutes % 60 else f"{minutes // 60} h"
-
-
-@contextmanager
-def progress(title: str) -> Iterator[Callable[[float, float, str], None]]:
-    """A line on stderr that shows how far long work has come; silent when stderr is not a terminal.
-
-    Yields
-    ------
-    callable
-        ``report(done, total, text)``, to be called as often as one likes.
-    """
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("{task.fields[now]}"))
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(title, total=None, now="")
-
-        def report(done: float, total: float, text: str = "") -> None:
-            bar.update(task, completed=done, total=total, now=text)
-
-        yield report
 
 
 def _plain(value: Any) -> Any:

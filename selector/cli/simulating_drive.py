@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from selector.cli import showing
 from selector.cli.drive_analysis import drive_object, show_analysis
 from selector.cli.drive_comparison import comparison_object, show_comparison
+from selector.cli.progress import counted_progress
 from selector.cli.showing import AsJson
 from selector.cli.simulating import (
     Destination,
@@ -103,7 +103,7 @@ def drive(
             where="--open-loop",
             advice="add --inputs RUN, or leave --open-loop out",
         )
-    with showing.progress("simulating") as say, named(model):
+    with counted_progress("simulating") as say, named(model):
         built, columns_findings, read = _model(file, model)
         work = (
             _driven(built, model, out, inputs, open_loop, machine, seed, report, read, say)

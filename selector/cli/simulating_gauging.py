@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from selector.cli import showing
 from selector.cli.channel_comparison import comparison_object, show_comparison
 from selector.cli.gauging_analysis import gauging_object, show_analysis
+from selector.cli.progress import counted_progress
 from selector.cli.showing import AsJson
 from selector.cli.simulating import (
     Destination,
@@ -96,7 +96,7 @@ def gauging(
     if report is not None:
         require_page_place(report)
     require_inputs_for_machine(machine, inputs)
-    with showing.progress("simulating") as say, named(model):
+    with counted_progress("simulating") as say, named(model):
         built = gauging_model(file)
         work = (
             _driven(built, model, out, inputs, machine, seed, report, say)

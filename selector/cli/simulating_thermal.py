@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from selector.cli import showing
+from selector.cli.progress import counted_progress
 from selector.cli.showing import AsJson
 from selector.cli.simulating import (
     Destination,
@@ -91,7 +91,7 @@ def thermal(
             advice="leave one out",
         )
     require_inputs_for_machine(machine, inputs)
-    with showing.progress("simulating") as say, named(model):
+    with counted_progress("simulating") as say, named(model):
         work = (
             _driven(file, model, out, inputs, machine, seed, report, say)
             if inputs

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from selector.cli import showing
 from selector.cli.channel_comparison import comparison_object, show_comparison
+from selector.cli.progress import counted_progress
 from selector.cli.showing import AsJson
 from selector.cli.simulating import (
     Destination,
@@ -94,7 +94,7 @@ def vibration(
     if report is not None:
         require_page_place(report)
     require_inputs_for_machine(machine, inputs)
-    with showing.progress("simulating") as say, named(model, type(file).model_fields):
+    with counted_progress("simulating") as say, named(model, type(file).model_fields):
         built = vibration_model(file)
         work = (
             _driven(built, model, out, inputs, machine, seed, report, say)

@@ -123,13 +123,6 @@ def test_cell_text(value, text):
     assert showing.cell_text(value) == text
 
 
-def test_progress_says_nothing_without_a_terminal(capfd):
-    with showing.progress("search") as report:
-        report(1, 10, "first")
-        report(10, 10)
-    assert capfd.readouterr() == ("", "")
-
-
 def test_signs_survive_a_code_page_that_lacks_them():
     assert "Z = −1.9 + 6·ΔT1".encode("ascii", "selector.spelt-out") == b"Z = -1.9 + 6*dT1"
     assert "漢".encode("cp1252", "selector.spelt-out") == b"?"

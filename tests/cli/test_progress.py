@@ -1,0 +1,62 @@
+"""How far long work has come is told to programs line by line, and to nobody who did not ask."""
+
+from __future__ import annotations
+
+import json
+
+from selector.cli import exit_status
+from selector.cli.progress import VARIABLE, counted_progress, progress_bar
+from selector.shipped import shipped
+
+
+def lines(text: str) -> list[dict]:
+    return [json.loads(line) for line in text.splitlines() if line.startswith("{")]
+
+
+def test_nothing_is_said_without_a_terminal(capfd, monkeypatch):
+    monkeypatch.delenv(VARIABLE, raising=False)
+    with counted_progress("search") as report, progress_bar() as say:
+        report(1, 10, "first")
+        report(10, 10)
+        say("folds", 0.5)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_programs_get_lines(capfd, monkeypatch):
+    monkeypatch.setenv(VARIABLE, "lines")
+    with progress_bar() as say:
+        say("reading", 0.0)
+        say("folds", 0.5)
+        say("folds", 0.500001)  # too soon after the last one
+        say("writing", 1.5)
+    out, err = capfd.readouterr()
+    assert out == ""
+    assert lines(err) == [
+        {"doing": "reading", "share": 0.0},
+        {"doing": "folds", "share": 0.5},
+        {"doing": "writing", "share": 1.0},
+    ]
+
+
+def test_counted_work_gets_lines_too(capfd, monkeypatch):
+    monkeypatch.setenv(VARIABLE, "lines")
+    with counted_progress("replaying") as report:
+        report(1, 4, "run r1")
+        report(0, 0)
+    assert lines(capfd.readouterr().err) == [
+        {"doing": "replaying, run r1", "share": 0.25},
+        {"doing": "replaying", "share": None},
+    ]
+
+
+def test_a_selection_says_what_it_does(capfd, monkeypatch):
+    monkeypatch.setenv(VARIABLE, "lines")
+    patent = shipped("patent8")
+    recording = [str(patent / "recording.csv"), "--machine", str(patent / "machine.toml")]
+    assert exit_status(["select", *recording, "--response", "Z", "--max-sensors", "2", "--json"]) == 0
+    out, err = capfd.readouterr()
+    assert json.loads(out)["schema"] == "selector.selection/1"
+    shares = [line["share"] for line in lines(err)]
+    assert lines(err)[0] == {"doing": "reading", "share": 0.0}
+    assert len(shares) > 2
+    assert all(0.0 <= share <= 1.0 for share in shares)
