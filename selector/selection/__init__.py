@@ -1,7 +1,8 @@
 """Which sensors to keep, which model to use, and how far to trust it: the workflow over `sensors` and `models`."""
 
+from selector.selection.exploration import Exploration
 from selector.selection.options import Options
 from selector.selection.result import Selection
 from selector.selection.workflow import select
 
-__all__ = ["Options", "Selection", "select"]
+__all__ = ["Exploration", "Options", "Selection", "select"]

@@ -170,7 +170,7 @@ def _screenings(
     options = question.options
     must = tuple(question.sensors.index(name) for name in options.must)
     if options.levels is not None:
-        levels: Iterable[tuple[float, ...]] = [tuple(_snapped(level, axis) for level in options.levels)]
+        levels: Iterable[tuple[float, ...]] = [tuple(snapped(level, axis) for level in options.levels)]
     else:
         levels = [
             _round_levels(axis, k, options.rounds)
@@ -201,7 +201,7 @@ def _per_size(pool: Sequence[str]) -> int:
     return 20 if len(pool) <= 6 else PER_SIZE
 
 
-def _snapped(level: float, axis: LambdaAxis) -> float:
+def snapped(level: float, axis: LambdaAxis) -> float:
     """The closure level that a given λ means, where the two differ by the rounding of correlations only.
 
     A correlation of 0.9970 comes out of samples as 0.99699999999983; a cut "at 0.9970" is a cut at this level.

@@ -9,31 +9,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.errors import OptionError
 from selector.findings import Finding
-from selector.models.design import Datum, datum_of
+from selector.models.design import datum_of
 from selector.models.faults import fault_gains
 from selector.models.hull import validity_hull
 from selector.models.rows import Rows, rows_of
-from selector.models.validation import Grouping as FoldGrouping
-from selector.models.validation import grouping_by_condition, grouping_by_run
 from selector.recording import RunSource, thinned
-from selector.selection.candidates import LINEAR, Candidates, candidates
-from selector.selection.choice import Offer, Tested, library_requests, offers, shapes_on_offer, tested
+from selector.selection.candidates import candidates
+from selector.selection.choice import Offer, Tested, offers, shapes_on_offer, tested
 from selector.selection.doubts import doubts
 from selector.selection.fallbacks import fallbacks_of
-from selector.selection.fitting import MAX_ROWS, Part, final_models, refined, ridge_penalty
-from selector.selection.library import Bench, Library, Shape, library_of
+from selector.selection.fitting import MAX_ROWS, final_models, refined, ridge_penalty
+from selector.selection.folds import Folds, blocks_per_run
+from selector.selection.library import Bench
 from selector.selection.options import Options, Progress, Question, question_of
 from selector.selection.proving import baselines, error_curve, left_out_errors, relative_error
 from selector.selection.reasons import because_of, combinations_of, reasons_of, stability_of
 from selector.selection.result import Proof, Selection
 from selector.selection.survey import RunsOf, survey
 
-BLOCKS_OF_A_SINGLE_RUN = 8
-BLOCKS_OF_FEW_RUNS = 5
-FEWEST_SAMPLES = 4
-"""Samples that a choice needs to tell any two sensors apart: two coefficients, an error, and one to spare."""
 WORTH_A_RICHER_MODEL = 1.02
 """Richer terms must lower the error on unseen parts by more than this; a hundredth is luck of the days."""
 LEVELS = {"error": 0, "warning": 1, "info": 2}
@@ -81,8 +75,8 @@ def select(
     surveyed = survey(source, asked, datum)
     question = surveyed.question
     runs = RunsOf(source, surveyed.runs)
-    n_blocks = _blocks(len(surveyed.runs), surveyed.n_samples)
-    folds = _Folds(question, runs, datum, n_blocks)
+    n_blocks = blocks_per_run(len(surveyed.runs), surveyed.n_samples)
+    folds = Folds(question, runs, datum, n_blocks)
 
     say("grouping sensors", 0.1)
     found_all = candidates(question, folds.linear_bench(None))
@@ -164,69 +158,6 @@ def select(
     return replace(selection, findings=tuple(everything))
 
 
-class _Folds:
-    """Which folds are left out together, and the cross-products that every choice starts from."""
-
-    def __init__(self, question: Question, runs: RunSource, datum: Datum, n_blocks: int) -> None:
-        self.question, self.runs, self.datum, self.n_blocks = question, runs, datum, n_blocks
-        self.linear = self._library([(question.sensors, LINEAR)])
-        conditions = question.options.conditions
-        by_run = grouping_by_run(self.linear.moments)
-        self.outer: FoldGrouping
-        if conditions and len(set(conditions.values()) | (set(runs.runs) - set(conditions))) > 1:
-            self.outer = grouping_by_condition(self.linear.moments, dict(conditions))
-            self.left_out = "condition"
-        elif len(by_run) > 1:
-            self.outer, self.left_out = by_run, "run"
-        else:
-            self.outer, self.left_out = tuple((i,) for i in self.all), "block"
-        samples = self.linear.moments.n_samples
-        fewest = min((samples[list(self.without(group))].sum() for group in self.outer), default=0.0)
-        if fewest < FEWEST_SAMPLES:
-            raise OptionError(
-                f"{int(fewest)} complete samples to learn from when the longest part is left out to prove the model",
-                expected=f"at least {FEWEST_SAMPLES} samples at which no sensor and no displacement is missing",
-                where="recordings",
-                advice="record longer, or leave out sensors that are often missing (--never)",
-            )
-
-    @property
-    def all(self) -> tuple[int, ...]:
-        return tuple(range(len(self.linear.moments.folds)))
-
-    def without(self, group: Sequence[int]) -> tuple[int, ...]:
-        return tuple(i for i in self.all if i not in group)
-
-    def part(self, group: Sequence[int]) -> Part:
-        folds = [self.linear.moments.folds[i] for i in group]
-        runs = tuple(dict.fromkeys(fold.runs[0] for fold in folds))
-        if self.left_out == "block":
-            return Part(folds[0].name, runs, folds[0].block, self.n_blocks)
-        return Part(self.question.options.conditions.get(runs[0], runs[0]) if len(runs) > 1 else runs[0], runs)
-
-    def linear_bench(self, group: Sequence[int] | None) -> Bench:
-        return Bench.of(self.linear, self.all if group is None else self.without(group))
-
-    def library(self, found: Sequence[Candidates], static: Sequence[Shape], lagged: Sequence[Shape]) -> Library:
-        if list(static) == [LINEAR] and not lagged:
-            return self.linear
-        full = self._library(library_requests(self.question, found, static, lagged))
-        # fewer sensors leave more complete samples, and perhaps a fold that the comparison of all sensors had lost
-        at = {fold: i for i, fold in enumerate(full.moments.folds)}
-        kept = full.moments.only([at[fold] for fold in self.linear.moments.folds])
-        return replace(full, moments=kept)
-
-    def _library(self, requests: Sequence[tuple[tuple[str, ...], Shape]]) -> Library:
-        return library_of(
-            self.runs,
-            requests,
-            responses=self.question.responses,
-            speeds=self.question.speeds,
-            datum=self.datum,
-            n_blocks=self.n_blocks,
-        )
-
-
 def _best_offer(question: Question, errors: Mapping[Offer, float]) -> Offer:
     """The poorest offer whose whole procedure predicts unseen parts about as well as the best one does.
 
@@ -235,14 +166,6 @@ def _best_offer(question: Question, errors: Mapping[Offer, float]) -> Offer:
     if question.options.tolerance is not None:
         return list(errors)[-1]
     return next(offer for offer, error in errors.items() if error <= WORTH_A_RICHER_MODEL * min(errors.values()))
-
-
-def _blocks(n_runs: int, n_samples: int) -> int:
-    """Blocks per run: with four runs or more a choice inside a fold still has three whole runs to leave out."""
-    if n_runs >= 4:
-        return 1
-    wanted = BLOCKS_OF_A_SINGLE_RUN if n_runs == 1 else BLOCKS_OF_FEW_RUNS
-    return max(2, min(wanted, n_samples // (10 * n_runs)))
 
 
 def _fit_per_run(
