@@ -30,6 +30,7 @@ from selector.cli import (
     simulating_gauging,
     simulating_thermal,
     simulating_vibration,
+    workbench,
 )
 
 __all__ = ["app", "exit_status", "main"]
@@ -93,6 +94,7 @@ app.add_typer(_model, name="model")
 _command("diagnose", diagnosing.diagnose)
 _command("effects", effects.effects)
 _command("prove", proving.prove)
+_command("workbench", workbench.workbench)
 _command("audit-patent", patent.audit_patent)
 
 

@@ -1,0 +1,48 @@
+"""`workbench`: the local web page of a study."""
+
+from __future__ import annotations
+
+import webbrowser
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from selector.cli.source import MachineFile
+
+Files = Annotated[
+    list[Path] | None, typer.Argument(metavar="FILE...", help="Recordings to begin with; they are read where they are.")
+]
+Folder = Annotated[
+    Path | None,
+    typer.Option(
+        "--folder",
+        metavar="DIR",
+        help="Study folder: recordings, corrections and results. One that exists is taken up. Default: a new "
+        "`selector-study` in the current folder.",
+    ),
+]
+Port = Annotated[int, typer.Option("--port", metavar="N", min=0, max=65535, help="Port; 0: any that is free.")]
+NoBrowser = Annotated[bool, typer.Option("--no-browser", metavar="", help="Print the address only.")]
+
+
+def workbench(
+    files: Files = None,
+    machine: MachineFile = None,
+    folder: Folder = None,
+    port: Port = 0,
+    no_browser: NoBrowser = False,
+) -> None:
+    """Opens the workbench in the browser: load recordings, correct what was guessed, select, diagnose, export.
+
+    Only this computer can open it, with the address that is printed. Everything it does is a command line, which it
+    shows. Ctrl-C ends it.
+    """
+    from selector.workbench import serve
+
+    def opened(address: str) -> None:
+        typer.echo(f"The workbench is at {address}\nCtrl-C ends it.")
+        if not no_browser:
+            webbrowser.open(address)
+
+    serve(files or (), machine=machine, folder=folder, port=port, opened=opened)

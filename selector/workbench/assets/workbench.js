@@ -1,0 +1,68 @@
+// Tabs by the address, files by drop or choice, copying: what the browser does without the server.
+"use strict";
+
+window.dash_clientside = Object.assign({}, window.dash_clientside, {
+  workbench: {
+    // which page is hidden, and the class of its tab
+    turned(hash) {
+      const tabs = Array.from(document.querySelectorAll("header a.tab"));
+      const ids = tabs.map((tab) => tab.getAttribute("href"));
+      const shown = ids.includes(hash) ? hash : ids[0];
+      // what was drawn while it was hidden has no width yet
+      setTimeout(() => window.dispatchEvent(new Event("resize")), 50);
+      return [ids.map((id) => id !== shown), ids.map((id) => (id === shown ? "tab here" : "tab"))].flat();
+    },
+  },
+});
+
+(() => {
+  // the server looks at the bench at once, instead of at its next beat
+  const look = () => window.dash_clientside.set_props("look", { n_intervals: Date.now() });
+
+  // one file after the other, so that the order is the user's and the memory of the browser holds none of them
+  async function send(zone, files) {
+    const said = zone.querySelector(".uploads");
+    for (const file of files) {
+      const line = said.appendChild(document.createElement("p"));
+      line.textContent = `${file.name}: sending …`;
+      try {
+        const address = `/upload/${zone.dataset.uploads}?name=${encodeURIComponent(file.name)}`;
+        const answer = await fetch(address, { method: "POST", body: file });
+        if (answer.ok) line.remove();
+        else line.textContent = (await answer.text()).trim();
+      } catch (error) {
+        line.textContent = `${file.name}: not sent; is the workbench still running, and the file still there?`;
+      }
+      look();
+    }
+  }
+
+  document.addEventListener("click", (event) => {
+    const copies = event.target.closest("[data-copies]");
+    if (copies) {
+      const text = document.getElementById(copies.dataset.copies).textContent;
+      navigator.clipboard.writeText(text).then(() => {
+        copies.textContent = "Copied";
+        setTimeout(() => { copies.textContent = "Copy"; }, 1500);
+      });
+    }
+    const chooses = event.target.closest("[data-chooses]");
+    if (chooses) {
+      const input = document.createElement("input");
+      input.type = "file";
+      input.multiple = true;
+      input.onchange = () => send(chooses.closest("[data-uploads]"), input.files);
+      input.click();
+    }
+  });
+  // a file that is dropped beside the zone must not replace the page
+  for (const kind of ["dragover", "drop"]) {
+    document.addEventListener(kind, (event) => {
+      event.preventDefault();
+      const zone = event.target.closest && event.target.closest("[data-uploads]");
+      for (const one of document.querySelectorAll(".drop.over")) one.classList.remove("over");
+      if (zone && kind === "dragover") zone.classList.add("over");
+      if (zone && kind === "drop") send(zone, event.dataTransfer.files);
+    });
+  }
+})();

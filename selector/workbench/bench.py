@@ -1,0 +1,250 @@
+"""What is on the bench: the state of one study on the server, and what can be done to it.
+
+Pages read it and change it; none of them keeps a state of its own. It may be used by several threads.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import threading
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from selector.errors import InputError
+from selector.findings import Finding
+from selector.quality import inspect
+from selector.readers import Machine, Overrides, Reading, read, write_machine_file
+from selector.selection import Options
+from selector.workbench import commands
+from selector.workbench.jobs import Job, Jobs
+from selector.workbench.study_folder import MACHINE, RECORDINGS, SIMULATION
+
+
+@dataclasses.dataclass(frozen=True)
+class Loaded:
+    """A recording on the bench: where it is, whether it is used, and what the reader said when it refused it."""
+
+    path: Path
+    is_used: bool = True
+    problem: InputError | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Material:
+    """What was read from the recordings in use, and what was found on the way; `problem` where nothing was."""
+
+    reading: Reading | None = None
+    findings: tuple[Finding, ...] = ()
+    problem: InputError | None = None
+
+
+class Bench:
+    """The state of one study.
+
+    Parameters
+    ----------
+    folder : Path
+        The study folder; it exists. Recordings, machine file and results that are in it are taken up.
+    files : sequence of Path
+        Recordings elsewhere, which are read where they are.
+    machine : Path or None
+        Machine file; None: that of the folder, if there is one.
+    """
+
+    def __init__(self, folder: Path, files: Sequence[Path] = (), machine: Path | None = None) -> None:
+        self.folder = folder
+        self.jobs = Jobs(folder, on_end=lambda _: self.changed())
+        self._lock = threading.RLock()
+        self._revision = 0
+        self._asked = 0
+        self._is_reading = False
+        uploaded = _files_in(folder / RECORDINGS)
+        self._loaded = [Loaded(path) for path in dict.fromkeys([*(file.resolve() for file in files), *uploaded])]
+        own = folder / MACHINE
+        self._machine = machine.resolve() if machine is not None else own if own.is_file() else None
+        self._overrides = Overrides()
+        self._options = Options()
+        self._material = Material()
+        self._results: dict[Path, tuple[float, dict[str, Any]]] = {}
+
+    @property
+    def revision(self) -> int:
+        """Grows with every change of what pages show, jobs' progress excepted."""
+        return self._revision
+
+    @property
+    def loaded(self) -> tuple[Loaded, ...]:
+        """The recordings."""
+        with self._lock:
+            return tuple(self._loaded)
+
+    @property
+    def simulated(self) -> tuple[Path, ...]:
+        """The simulated runs in the study folder."""
+        return _files_in(self.folder / SIMULATION)
+
+    @property
+    def machine(self) -> Path | None:
+        """The machine file."""
+        return self._machine
+
+    @property
+    def overrides(self) -> Overrides:
+        """What the user decides instead of the reader."""
+        return self._overrides
+
+    @property
+    def options(self) -> Options:
+        """What is asked of a selection."""
+        return self._options
+
+    @property
+    def material(self) -> Material:
+        """What was read, and found."""
+        return self._material
+
+    @property
+    def is_reading(self) -> bool:
+        """Whether recordings are being read; `material` is that of before."""
+        return self._is_reading
+
+    def add(self, path: Path) -> None:
+        """Takes a recording up and reads all of them."""
+        with self._lock:
+            if all(one.path != path for one in self._loaded):
+                self._loaded.append(Loaded(path))
+        self.read()
+
+    def use(self, paths: Iterable[Path]) -> None:
+        """These recordings are used and no others; all of them are read."""
+        used = set(paths)
+        with self._lock:
+            self._loaded = [dataclasses.replace(one, is_used=one.path in used, problem=None) for one in self._loaded]
+        self.read()
+
+    def choose(self, **changes: Any) -> None:
+        """Changes options of the selection.
+
+        Raises
+        ------
+        OptionError
+            An option has a value that cannot be used.
+        """
+        with self._lock:
+            self._options = dataclasses.replace(self._options, **changes)
+            self.changed()
+
+    def read_as(self, overrides: Overrides) -> None:
+        """Reads the recordings again, with other decisions about encoding, separator, clock and the like."""
+        with self._lock:
+            self._overrides = overrides
+        self.read()
+
+    def correct(self, machine: Machine) -> None:
+        """Reads the recordings with this machine file; only if that succeeds it is written into the study folder.
+
+        Raises
+        ------
+        InputError
+            The recordings cannot be read like that; nothing has changed.
+        """
+        paths = [one.path for one in self.loaded if one.is_used]
+        reading = read(paths, machine=machine, overrides=self._overrides)
+        own = self.folder / MACHINE
+        if own.exists():
+            own.replace(own.with_name("machine.before.toml"))
+        write_machine_file(machine, own)
+        reading = dataclasses.replace(reading, machine_file=str(own))
+        with self._lock:
+            self._asked += 1
+            self._machine = own
+            self._is_reading = False
+            self._material = Material(reading, (*reading.findings, *inspect(reading.recording)))
+            self.changed()
+
+    def read(self) -> None:
+        """Reads the recordings in use, in a thread of its own; an earlier reading that still runs is forgotten."""
+        with self._lock:
+            self._asked += 1
+            self._is_reading = True
+            self.changed()
+            threading.Thread(target=self._read, args=(self._asked,), name="selector-read", daemon=True).start()
+
+    def _read(self, number: int) -> None:
+        loaded = {one.path: one for one in self.loaded}
+        used = [path for path, one in loaded.items() if one.is_used]
+        material = self._read_together(used)
+        if material.problem is not None and len(used) > 0:
+            refused = self._refused(used)
+            for path, problem in refused.items():
+                loaded[path] = Loaded(path, is_used=False, problem=problem)
+            rest = [path for path in used if path not in refused]
+            if refused:
+                material = self._read_together(rest)
+        with self._lock:
+            if number != self._asked:
+                return
+            self._loaded = [loaded.get(one.path, one) for one in self._loaded]
+            self._material = material
+            self._is_reading = False
+            self.changed()
+
+    def _read_together(self, paths: Sequence[Path]) -> Material:
+        if not paths:
+            return Material()
+        try:
+            reading = read(paths, machine=self._machine, overrides=self._overrides)
+            return Material(reading, (*reading.findings, *inspect(reading.recording)))
+        except InputError as problem:
+            return Material(problem=problem)
+        except (OSError, MemoryError) as error:
+            return Material(problem=_input_error(error))
+
+    def _refused(self, paths: Sequence[Path]) -> Mapping[Path, InputError]:
+        """Those that cannot be read even alone, and why."""
+        found = {path: self._read_together([path]).problem for path in paths}
+        return {path: problem for path, problem in found.items() if problem is not None}
+
+    def source_arguments(self) -> tuple[str, ...]:
+        """The recordings in use, as the words of a command line."""
+        used = [one.path for one in self.loaded if one.is_used]
+        return commands.source_arguments(self.folder, used, self._machine, self._overrides)
+
+    def start(self, title: str, command: Sequence[str], out: Path | None = None) -> Job:
+        """Runs a command, the words after ``selector``, in the study folder; `out` is the folder it writes."""
+        return self.jobs.start(title, command, out)
+
+    def result(self, relative: str) -> dict[str, Any] | None:
+        """A JSON file of the study folder, e.g. ``"selection/selection.json"``; None: it is not there."""
+        path = self.folder / relative
+        try:
+            stamp = path.stat().st_mtime
+            known = self._results.get(path)
+            if known is None or known[0] != stamp:
+                known = stamp, json.loads(path.read_text(encoding="utf-8"))
+                self._results[path] = known
+            return known[1]
+        except (OSError, ValueError):
+            return None
+
+    def changed(self) -> None:
+        """Something that pages show is different now, e.g. a file of the study folder."""
+        with self._lock:
+            self._revision += 1
+
+
+def _files_in(folder: Path) -> tuple[Path, ...]:
+    if not folder.is_dir():
+        return ()
+    return tuple(sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith(".")))
+
+
+def _input_error(error: Exception) -> InputError:
+    return InputError(
+        str(error) or type(error).__name__,
+        expected="recordings that can be opened and that fit into memory",
+        where="recordings",
+        advice="close the program that holds them open, or give fewer of them",
+    )

@@ -1,0 +1,96 @@
+"""Which command line does the same as a page: words after ``selector``, and the text that a person copies."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import subprocess
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from selector.readers import Overrides
+from selector.selection import Options
+
+SELECTION = "selection"
+"""Folder of the selection in the study folder."""
+
+_READING = {
+    "encoding": "--encoding",
+    "separator": "--separator",
+    "decimal": "--decimal",
+    "header_row": "--header-row",
+    "sheet": "--sheet",
+    "time_column": "--time-column",
+    "time_unit": "--time-unit",
+    "date_order": "--date-order",
+    "period_s": "--period-s",
+}
+_FLAGS = {
+    "interactions": "--interactions",
+    "memory": "--memory",
+    "absolute_similarity": "--absolute-similarity",
+    "ridge": "--ridge",
+}
+_VALUES = {
+    "max_sensors": "--max-sensors",
+    "degree": "--degree",
+    "reference": "--reference",
+    "tolerance": "--tolerance",
+    "seed": "--seed",
+}
+
+
+def source_arguments(
+    folder: Path, paths: Sequence[Path], machine: Path | None, overrides: Overrides
+) -> tuple[str, ...]:
+    """The recordings, and how they are read; paths in `folder` are told from there."""
+    words = [_told(folder, path) for path in paths]
+    if machine is not None:
+        words += ["--machine", _told(folder, machine)]
+    for field, option in _READING.items():
+        value = getattr(overrides, field)
+        if value is not None:
+            words += [option, f"{value:g}" if isinstance(value, float) else str(value)]
+    words += [word for name, unit in overrides.units.items() for word in ("--unit", f"{name}={unit}")]
+    words += [word for name, role in overrides.roles.items() for word in ("--role", f"{name}={role}")]
+    return tuple(words)
+
+
+def option_arguments(options: Options) -> tuple[str, ...]:
+    """What is asked of a selection; what is left at its default is not said."""
+    return tuple(_option_words(options))
+
+
+def _option_words(options: Options) -> Iterator[str]:
+    default = Options()
+    for name in options.responses:
+        yield from ("--response", name)
+    for level in options.levels or ():
+        yield from ("--lambda", repr(level))
+    if options.rounds > max(1, len(options.levels or ())):
+        yield from ("--rounds", str(options.rounds))
+    for field, option in _VALUES.items():
+        value = getattr(options, field)
+        if value != getattr(default, field):
+            yield from (option, repr(value) if isinstance(value, float) else str(value))
+    for field, option in _FLAGS.items():
+        if getattr(options, field):
+            yield option
+    for name in options.must:
+        yield from ("--must", name)
+    for name in options.never:
+        yield from ("--never", name)
+    for name, cost in options.cost.items():
+        yield from ("--cost", f"{name}={cost:g}")
+    for run, condition in options.conditions.items():
+        yield from ("--condition", f"{run}={condition}")
+
+
+def command_text(command: Sequence[str]) -> str:
+    """The command as a person types it in the shell of this system, with ``selector`` before it."""
+    words = ["selector", *command]
+    return subprocess.list2cmdline(words) if os.name == "nt" else shlex.join(words)
+
+
+def _told(folder: Path, path: Path) -> str:
+    return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else str(path)

@@ -1,0 +1,201 @@
+"""The page as a whole: its frame with tabs, status line and command, and the routes beside it."""
+
+from __future__ import annotations
+
+import mimetypes
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import dash
+import flask
+from dash import ClientsideFunction, Input, Output, State, dcc, html, no_update
+from dash.development.base_component import Component
+
+from selector import __version__
+from selector.errors import InputError
+from selector.workbench import parts
+from selector.workbench.access import RESULT_POLICY, Access, guard
+from selector.workbench.bench import Bench
+from selector.workbench.commands import command_text
+from selector.workbench.pages import recordings
+from selector.workbench.study_folder import RECORDINGS, UPLOADS, inside, stored
+
+PAGES: tuple[ModuleType, ...] = (recordings,)
+"""The tabs, from left to right. What a page is: see `selector.workbench.pages`."""
+
+_LOOK_MS = 700
+_SHOWN_RESULTS = (".html", ".json", ".toml", ".csv", ".txt")
+
+
+def page(bench: Bench, access: Access) -> dash.Dash:
+    """The application: ``page(…).server`` answers requests that `access` lets in."""
+    app = dash.Dash(
+        "selector.workbench",
+        assets_folder=str(Path(__file__).with_name("assets")),
+        serve_locally=True,
+        title="selector workbench",
+        update_title=None,  # type: ignore[arg-type]
+        on_error=_said,
+        enable_mcp=False,
+    )
+    app.layout = lambda: _frame(bench)
+    _register(app, bench)
+    for one in PAGES:
+        one.register(app, bench)
+    _add_routes(app.server, bench)
+    guard(app.server, access, app.csp_hashes())
+    return app
+
+
+def _frame(bench: Bench) -> Component:
+    tabs = [html.A(one.TITLE, href=f"#{one.ID}", id=f"to-{one.ID}", className="tab") for one in PAGES]
+    sheets = [
+        html.Div(one.layout(bench), id=f"page-{one.ID}", hidden=position > 0) for position, one in enumerate(PAGES)
+    ]
+    return html.Div(
+        [
+            dcc.Location(id="address", refresh=False),
+            dcc.Store(id=parts.REVISION, data=bench.revision),
+            dcc.Store(id="tick", data=-1),
+            dcc.Interval(id="look", interval=_LOOK_MS),
+            html.Header(
+                [
+                    html.Div(
+                        [html.Strong("selector"), html.Span(" workbench"), html.Span(__version__, className="about")]
+                    ),
+                    html.Nav(tabs, **parts.marks(aria_label="Pages")),
+                    html.Div(["Study folder ", html.Code(str(bench.folder))], className="about folder"),
+                ]
+            ),
+            html.Main([html.Div(id=parts.NOTICE), *sheets]),
+            html.Footer(
+                [
+                    html.Div(id="status", role="status", **parts.marks(aria_live="polite")),
+                    html.Div(
+                        [
+                            html.Span("The same by hand", className="title"),
+                            html.Code(id="command", tabIndex=0),
+                            html.Button("Copy", **parts.marks(data_copies="command")),
+                        ],
+                        id="by-hand",
+                    ),
+                ]
+            ),
+        ],
+        id="workbench",
+    )
+
+
+def _register(app: dash.Dash, bench: Bench) -> None:
+    app.clientside_callback(
+        ClientsideFunction("workbench", "turned"),
+        [Output(f"page-{one.ID}", "hidden") for one in PAGES],
+        [Output(f"to-{one.ID}", "className") for one in PAGES],
+        Input("address", "hash"),
+    )
+
+    @app.callback(
+        Output(parts.REVISION, "data"),
+        Output("tick", "data"),
+        Output("status", "children"),
+        Input("look", "n_intervals"),
+        State(parts.REVISION, "data"),
+        State("tick", "data"),
+        # otherwise the first calls of all that hear of the revision would wait for this one, and be dropped with it
+        prevent_initial_call=True,
+    )
+    def _look(_: int | None, revision: int, tick: int) -> tuple[Any, Any, Any]:
+        now = 2 * bench.jobs.ticks + bench.is_reading
+        if bench.revision == revision and now == tick:
+            raise dash.exceptions.PreventUpdate
+        return (
+            no_update if bench.revision == revision else bench.revision,
+            now,
+            no_update if now == tick else _status(bench),
+        )
+
+    @app.callback(
+        Output("command", "children"),
+        Output("by-hand", "hidden"),
+        Input(parts.REVISION, "data"),
+        Input("address", "hash"),
+    )
+    def _command(_: int, address: str | None) -> tuple[str, bool]:
+        shown = next((one for one in PAGES if f"#{one.ID}" == address), PAGES[0])
+        command = shown.command(bench)
+        return ("", True) if command is None else (command_text(command), False)
+
+    @app.callback(
+        Input({"type": "cancel", "job": dash.ALL}, "n_clicks"),
+        prevent_initial_call=True,
+    )
+    def _cancel(clicks: list[int | None]) -> None:
+        if any(clicks):
+            bench.jobs.cancel(dash.ctx.triggered_id["job"])
+
+    @app.callback(Output(parts.NOTICE, "children"), Input(parts.REVISION, "data"), prevent_initial_call=True)
+    def _clear(_: int) -> None:
+        return None
+
+
+def _status(bench: Bench) -> list[Component]:
+    """What is being done now, how far it is, and what waits."""
+    if bench.is_reading:
+        return [html.Span("Reading recordings …"), html.Progress()]
+    job = bench.jobs.current
+    if job is None:
+        last = bench.jobs.all[-1] if bench.jobs.all else None
+        return [html.Span("Ready." if last is None else f"{last.title}: {last.state}.")]
+    waiting = sum(not one.is_over for one in bench.jobs.all) - 1
+    known: dict[str, Any] = {} if job.share is None else {"value": f"{job.share:.4f}"}
+    return [
+        html.Span(f"{job.title}: {job.doing or job.state}"),
+        html.Progress(max="1", **known),
+        html.Button("Cancel", id={"type": "cancel", "job": job.number}),
+        html.Span(f"{waiting} waiting" if waiting else "", className="about"),
+    ]
+
+
+def _said(error: Exception) -> None:
+    """Shows what a callback could not do; a defect of ours says so."""
+    if not isinstance(error, InputError):
+        error = InputError(
+            f"this is a defect of the workbench, not of your data: {type(error).__name__}: {error}",
+            expected="",
+            where="",
+            advice="report it, with what you did; the files of the study are as they were",
+        )
+    dash.set_props(parts.NOTICE, {"children": parts.problem(error)})
+
+
+def _add_routes(server: flask.Flask, bench: Bench) -> None:
+    @server.post("/upload/<kind>")
+    def _upload(kind: str) -> flask.Response:
+        """Stores the body of the request; the answer says the name, or why it is refused."""
+        if kind not in UPLOADS:
+            return flask.Response("no such folder\n", 404)
+        said = flask.request.args.get("name", "")
+        length = flask.request.content_length
+        try:
+            path = stored(bench.folder / kind, said, flask.request.stream.read, length)
+        except InputError as refused:
+            return flask.Response(f"{refused}\n", 413, mimetype="text/plain")
+        if kind == RECORDINGS:
+            bench.add(path)
+        else:
+            bench.changed()
+        return flask.Response(f"{path.name}\n", 201, mimetype="text/plain")
+
+    @server.get("/results/<path:relative>")
+    def _result(relative: str) -> flask.Response:
+        """A file of the study folder that a command wrote; pages run in an origin of their own."""
+        path = inside(bench.folder, relative)
+        if path is None or path.relative_to(bench.folder).parts[0] in UPLOADS:
+            return flask.Response("There is no such result.\n", 404, mimetype="text/plain")
+        is_shown = path.suffix in _SHOWN_RESULTS and "download" not in flask.request.args
+        kind = mimetypes.types_map.get(path.suffix, "text/plain") if path.suffix == ".html" else "text/plain"
+        answer = flask.send_file(path, mimetype=kind, as_attachment=not is_shown, download_name=path.name)
+        answer.headers["Content-Security-Policy"] = RESULT_POLICY
+        answer.headers["X-Frame-Options"] = "SAMEORIGIN"
+        return answer

@@ -1,0 +1,111 @@
+"""What pages are made of: small components that look alike everywhere, and the names that the frame gives them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from dash import html, set_props
+from dash.development.base_component import Component
+
+from selector.errors import InputError
+from selector.findings import Finding
+from selector.workbench.bench import Bench
+from selector.workbench.jobs import Job
+
+REVISION = "revision"
+"""Store of the frame: `Bench.revision` as the page shows it. ``Input(REVISION, "data")`` hears of every change."""
+
+NOTICE = "notice"
+"""Place of the frame for what a callback could not do."""
+
+
+def tell(bench: Bench) -> None:
+    """At the end of a callback that changed the bench: shows it at once, not when the frame looks the next time."""
+    set_props(REVISION, {"data": bench.revision})
+
+
+def marks(**attributes: str) -> dict[str, Any]:
+    """Attributes of HTML whose names have hyphens: ``marks(aria_label="Pages")`` is ``{"aria-label": "Pages"}``."""
+    return {name.replace("_", "-"): value for name, value in attributes.items()}
+
+
+def problem(error: InputError) -> Component:
+    """What the reader, or an option, says about unusable input."""
+    rows = (("Where", error.where), ("Expected", error.expected), ("What to do", error.advice))
+    lines = [html.P([html.Strong(f"{name}: "), text]) for name, text in rows if text]
+    return html.Div([html.P(error.found, className="first"), *lines], className="advice bad", role="alert")
+
+
+def remarks(findings: Iterable[Finding]) -> Component:
+    """Findings as the report shows them: level, statement, where, what can be done."""
+    return html.Ul([_remark(finding) for finding in findings], className="remarks")
+
+
+def _remark(finding: Finding) -> Component:
+    where = finding.where
+    place = ", ".join(part for part in (where.run, where.channel) if part)
+    first: list[Any] = [html.Span(finding.level, className="level"), f" {place}: " if place else " ", finding.statement]
+    more = [html.P(f"→ {finding.suggestion}", className="about")] if finding.suggestion else []
+    return html.Li([html.P(first), *more], className=finding.level)
+
+
+def table(
+    columns: Sequence[str],
+    rows: Iterable[Sequence[Any]],
+    numeric: Sequence[str] = (),
+    caption: str | None = None,
+    name: str = "",
+) -> Component:
+    """A table of texts and components in a frame that scrolls sideways; columns in `numeric` stand to the right."""
+    classes = ["number" if column in numeric else "" for column in columns]
+    head = html.Tr(
+        [html.Th(column, className=kind, scope="col") for column, kind in zip(columns, classes, strict=True)]
+    )
+    body = [html.Tr([html.Td(cell, className=kind) for cell, kind in zip(row, classes, strict=True)]) for row in rows]
+    above = [html.Caption(caption)] if caption else []
+    return html.Div(html.Table([*above, html.Thead(head), html.Tbody(body)], className=name), className="scroll")
+
+
+def field(title: str, control: Component, note: str = "") -> Component:
+    """A control with its title, and a note below it."""
+    below = [html.Span(note, className="about")] if note else []
+    return html.Label([html.Span(title, className="title"), control, *below], className="field")
+
+
+def section(title: str, *children: Any, note: str = "") -> Component:
+    """A part of a page with a heading."""
+    below = [html.P(note, className="about")] if note else []
+    return html.Section([html.H2(title), *below, *children])
+
+
+def framed(relative: str, title: str) -> Component:
+    """A page that a command wrote, e.g. ``"selection/report.html"``: shown in an origin of its own."""
+    return html.Iframe(
+        src=result_address(relative), title=title, sandbox="allow-scripts allow-downloads", className="sheet"
+    )
+
+
+def download(relative: str, text: str) -> Component:
+    """A link that saves a file of the study folder."""
+    return html.A(text, href=f"{result_address(relative)}?download=1", download=relative.rpartition("/")[2])
+
+
+def result_address(relative: str) -> str:
+    """Where the server gives a result of the study folder."""
+    from urllib.parse import quote
+
+    return f"/results/{quote(relative)}"
+
+
+def job_answer(job: Job) -> Component:
+    """What a job that is over said; nothing while it runs."""
+    if not job.is_over or job.state == "cancelled":
+        return html.Div()
+    if job.state == "failed":
+        return html.Div(
+            [html.P(f"{job.title}: not done", className="first"), html.Pre(job.said.removeprefix("selector: "))],
+            className="advice bad",
+            role="alert",
+        )
+    return html.Details([html.Summary("What the command said"), html.Pre(job.said)])

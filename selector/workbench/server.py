@@ -1,0 +1,129 @@
+"""How is the page served: by this computer to this computer only, until Ctrl-C."""
+
+from __future__ import annotations
+
+import logging
+import signal
+import threading
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from flask import Flask
+from werkzeug.serving import BaseWSGIServer, make_server
+
+from selector.errors import OptionError
+from selector.readers import machine as machine_at
+from selector.readers.files import recording_files
+from selector.workbench.access import Access
+from selector.workbench.bench import Bench
+from selector.workbench.page import page
+from selector.workbench.study_folder import new_folder, require_usable
+
+HOST = "127.0.0.1"
+
+
+def serve(
+    files: Sequence[Path] = (),
+    *,
+    machine: Path | None = None,
+    folder: Path | None = None,
+    port: int = 0,
+    opened: Callable[[str], None],
+) -> None:
+    """Serves the workbench at 127.0.0.1 until Ctrl-C or SIGTERM; then jobs are ended, and nothing is half written.
+
+    Parameters
+    ----------
+    files : sequence of Path
+        Recordings that are loaded at the start, or folders of them; they are read where they are.
+    machine : Path or None
+        Machine file.
+    folder : Path or None
+        Study folder; None: a new one in the current folder. What is in it is taken up.
+    port : int
+        Port; 0: any that is free.
+    opened : callable
+        Called with the address, token included, when the page can be opened.
+
+    Raises
+    ------
+    InputError
+        A recording or the machine file is not there, or the folder or the port cannot be used.
+    """
+    if machine is not None:
+        machine_at(machine)
+    found = recording_files(files) if files else None
+    own = new_folder(Path.cwd()) if folder is None else folder
+    bench = Bench(
+        require_usable(own),
+        () if found is None else found.files,
+        machine if machine is not None or found is None else found.machine,
+    )
+    server = started(bench, port)
+    # the thread that a Ctrl-C interrupts waits here; the server runs in another
+    over = threading.Event()
+    earlier = signal.signal(signal.SIGTERM, lambda *_: over.set())
+    try:
+        opened(server.access.address)
+        while not over.wait(0.5):
+            pass
+    except KeyboardInterrupt:
+        pass
+    finally:
+        signal.signal(signal.SIGTERM, earlier)
+        server.close()
+        if folder is None:
+            _remove_if_empty(own)
+
+
+class Served:
+    """A server that runs in a thread of its own: who is let in, and its end."""
+
+    def __init__(self, server: BaseWSGIServer, access: Access, bench: Bench) -> None:
+        self.access = access
+        self._server = server
+        self._bench = bench
+        self._thread = threading.Thread(target=server.serve_forever, name="selector-server", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Ends the jobs, then the server."""
+        self._bench.jobs.close()
+        self._server.shutdown()
+        self._thread.join()
+        self._server.server_close()
+
+
+def started(bench: Bench, port: int = 0) -> Served:
+    """The page of a bench, served at this port.
+
+    Raises
+    ------
+    OptionError
+        The port is in use.
+    """
+    # it says every request, the token in the first one
+    logging.getLogger("werkzeug").setLevel(logging.ERROR)
+    try:
+        # the page needs to know the port, which is known when the server is there; it answers nothing until then
+        server = make_server(HOST, port, Flask("selector.workbench.closed"), threaded=True)
+    except (OSError, SystemExit, OverflowError) as error:
+        raise OptionError(
+            f"port {port} cannot be used",
+            expected="a port that no other program uses",
+            where="--port",
+            advice="leave --port out: a free one is taken",
+        ) from error
+    access = Access(server.port)
+    server.app = page(bench, access).server
+    if bench.loaded:
+        bench.read()
+    return Served(server, access, bench)
+
+
+def _remove_if_empty(folder: Path) -> None:
+    """Removes a study folder in which nothing was done."""
+    try:
+        folder.rmdir()
+    except OSError:
+        return

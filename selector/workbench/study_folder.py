@@ -1,0 +1,152 @@
+"""Where the files of a study are: one folder, safe names in it, and no way out of it."""
+
+from __future__ import annotations
+
+import os
+import re
+import secrets
+import unicodedata
+from collections.abc import Callable
+from pathlib import Path
+
+from selector.errors import OptionError, ReadError
+
+RECORDINGS, SIMULATION, MACHINE = "recordings", "simulation", "machine.toml"
+UPLOADS = (RECORDINGS, SIMULATION)
+MOST_UPLOADED_BYTES = 200_000_000
+
+_LONGEST_NAME = 120
+_PIECE_BYTES = 1 << 20
+_RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
+
+
+def new_folder(place: Path) -> Path:
+    """``selector-study`` in `place`, with a number where that exists: an earlier study is never written into."""
+    folder, count = place / "selector-study", 1
+    while folder.exists():
+        count += 1
+        folder = place / f"selector-study-{count}"
+    return folder
+
+
+def safe_name(said: str) -> str:
+    r"""The name under which a file that a browser sent is stored: letters, digits, ``.``, ``-``, ``_``, blanks.
+
+    A path loses its folders; what no file system takes becomes ``_``; a name that Windows reserves gets a ``_``.
+
+    >>> safe_name("..\\..\\etc/passwd"), safe_name("día 1 (warm).csv"), safe_name("con.csv"), safe_name("...")
+    ('passwd', 'día 1 _warm_.csv', '_con.csv', 'recording')
+    """
+    last = re.split(r"[/\\]", unicodedata.normalize("NFC", said))[-1]
+    kept = re.sub(r"[^\w.\- ]", "_", last).strip(" .")
+    stem, dot, ending = kept.rpartition(".")
+    if dot and len(ending) <= 10:
+        kept = stem[: _LONGEST_NAME - len(ending)].rstrip(" .") + dot + ending
+    kept = kept[: _LONGEST_NAME + 1].lstrip(".-~ ") or "recording"
+    return f"_{kept}" if _RESERVED.fullmatch(kept) else kept
+
+
+def free_name(folder: Path, name: str) -> str:
+    """`name`, or with a number before its ending where a file of that name is in the folder, whatever its case."""
+    taken = {entry.name.casefold() for entry in folder.iterdir()} if folder.is_dir() else set()
+    stem, dot, ending = name.rpartition(".")
+    free, count = name, 1
+    while free.casefold() in taken:
+        count += 1
+        free = f"{stem}_{count}{dot}{ending}" if dot else f"{name}_{count}"
+    return free
+
+
+def inside(folder: Path, relative: str) -> Path | None:
+    """The file that `relative` names in `folder`, all links followed; None: it is not there, or not in it."""
+    if "\0" in relative:
+        return None
+    try:
+        root, path = folder.resolve(), (folder / relative).resolve()
+        return path if path.is_relative_to(root) and path.is_file() else None
+    except OSError:
+        return None
+
+
+def stored(folder: Path, said: str, read: Callable[[int], bytes], length: int | None) -> Path:
+    """Writes a file that a browser sends into `folder` under a safe, free name; whole or not at all.
+
+    Parameters
+    ----------
+    folder : Path
+    said : str
+        The name that the browser says.
+    read : callable
+        Gives the next bytes, at most so many; none at the end.
+    length : int or None
+        Bytes that were announced.
+
+    Raises
+    ------
+    ReadError
+        There are more bytes than `MOST_UPLOADED_BYTES`, or fewer than were announced.
+    """
+    name = safe_name(said)
+    if length is not None and length > MOST_UPLOADED_BYTES:
+        raise _too_large(name)
+    folder.mkdir(parents=True, exist_ok=True)
+    part = folder / f".{secrets.token_hex(8)}.part"
+    received = 0
+    try:
+        with part.open("xb") as stream:
+            while piece := read(_PIECE_BYTES):
+                received += len(piece)
+                if received > MOST_UPLOADED_BYTES:
+                    raise _too_large(name)
+                stream.write(piece)
+        if length is not None and received != length:
+            raise ReadError(
+                f"only {received} of {length} bytes arrived",
+                expected="the whole file",
+                where=name,
+                advice="send it again",
+            )
+        while True:
+            path = folder / free_name(folder, name)
+            try:
+                # a link fails where the name was taken meanwhile, a move would replace that file
+                os.link(part, path)
+            except FileExistsError:
+                continue
+            except OSError:
+                part.rename(path)
+            return path
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _too_large(name: str) -> ReadError:
+    return ReadError(
+        f"a file of more than {MOST_UPLOADED_BYTES // 1_000_000} MB",
+        expected="a smaller file, or one that is named on the command line",
+        where=name,
+        advice="start the workbench with it: selector workbench FILE; then it is read where it is",
+    )
+
+
+def require_usable(folder: Path) -> Path:
+    """The folder, made if it is missing.
+
+    Raises
+    ------
+    OptionError
+        It is a file, or cannot be written to.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / f".{secrets.token_hex(8)}.part"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise OptionError(
+            f"{folder} cannot be used ({error.strerror})",
+            expected="a folder in which files can be made, or a name that is free",
+            where="--folder",
+            advice="choose another folder",
+        ) from error
+    return folder.resolve()
