@@ -2,64 +2,92 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 import plotly.graph_objects as go
 
 from selector.figures import style
+from selector.figures.changes import Changes, changed
+from selector.models.faults import FaultGain
 from selector.models.terms import Term
 from selector.selection import Selection
 
 COLLINEAR_VIF = 10.0
-_NORMAL_95 = 1.96
+NORMAL_95 = 1.96
 _LONGEST_FACTOR = 18
 _FAULTS = (("per_kelvin_um", "+1 K"), ("stuck_um", "stuck"), ("open_um", "open"))
+
+
+@dataclass(frozen=True)
+class TermShown:
+    """A term of a model as a picture shows it: label, value [µm], half of its 95 % interval [µm], VIF."""
+
+    label: str
+    value_um: float
+    half_um: float
+    vif: float
+
+    @property
+    def is_unsure(self) -> bool:
+        """Whether zero is within the interval."""
+        return abs(self.value_um) <= self.half_um
 
 
 def coefficient_intervals(selection: Selection, response: str) -> go.Figure:
     """Every coefficient with its 95 % interval, per standard deviation of the variables, and its VIF."""
     model = selection.models[response]
-    values = model.coefficients[1:]
-    halves = _NORMAL_95 * np.sqrt(np.maximum(np.diag(model.covariance)[1:], 0.0))
-    unsure = np.abs(values) <= halves
-    n = len(values)
-    if unsure.any():
-        which = [term_label(selection, term) for term, doubtful in zip(model.terms, unsure, strict=True) if doubtful]
-        listed = ", ".join(which[:5]) + (f" and {len(which) - 5} more" if len(which) > 5 else "")
-        title = f"{style.label(response)}: {len(which)} of {n} terms cannot be told from zero: {listed}"
-    else:
+    halves = NORMAL_95 * np.sqrt(np.maximum(np.diag(model.covariance)[1:], 0.0))
+    terms = [
+        TermShown(term_label(selection, term), float(value), float(half), float(vif))
+        for term, value, half, vif in zip(model.terms, model.coefficients[1:], halves, model.vif, strict=True)
+    ]
+    height = 150 + max(100, 26 * len(terms))
+    return changed(
+        coefficients_picture(response, height, coefficients_title(response, terms)), coefficient_changes(terms)
+    )
+
+
+def coefficients_title(response: str, terms: Sequence[TermShown]) -> str:
+    """Which terms cannot be told from zero."""
+    n = len(terms)
+    which = [term.label for term in terms if term.is_unsure]
+    if not which:
         which_terms = "the only term is" if n == 1 else f"all {n} terms are"
-        title = f"{style.label(response)}: {which_terms} clearly different from zero"
-    drawn = style.figure(title, 150 + max(100, 26 * n))
-    rows = np.arange(n)
-    names = [term_label(selection, term) for term in model.terms]
-    for mask, text, colour in (
-        (~unsure, "coefficient, 95 % interval", style.PREDICTED),
-        (unsure, "cannot be told from zero", style.MUTED),
-    ):
-        if not mask.any():
-            continue
+        return f"{style.label(response)}: {which_terms} clearly different from zero"
+    listed = ", ".join(which[:5]) + (f" and {len(which) - 5} more" if len(which) > 5 else "")
+    return f"{style.label(response)}: {len(which)} of {n} terms cannot be told from zero: {listed}"
+
+
+def coefficients_picture(response: str, height: int, title: str) -> go.Figure:
+    """The frame of the coefficients of one response; `coefficient_changes` fills it.
+
+    Parameters
+    ----------
+    response : str
+    height : int
+        Height of the picture [px].
+    title : str
+        Plain text, as `style.label` makes it.
+    """
+    drawn = style.figure(title, height)
+    for text, colour in (("coefficient, 95 % interval", style.PREDICTED), ("cannot be told from zero", style.MUTED)):
         drawn.add_scatter(
-            x=values[mask],
-            y=rows[mask],
-            error_x={"type": "data", "array": halves[mask], "thickness": 2, "width": 5},
+            error_x={"type": "data", "thickness": 2, "width": 5},
             mode="markers",
             name=text,
             marker={"color": colour, "size": 9},
             hovertemplate="%{x:.4g} ± %{error_x.array:.2g} µm<extra></extra>",
         )
-    vif = np.where(np.isfinite(model.vif), model.vif, np.nan)
     drawn.add_bar(
-        x=np.maximum(vif, 1.0),
-        y=rows,
         orientation="h",
         xaxis="x2",
-        marker={"color": np.where(vif > COLLINEAR_VIF, style.RESIDUAL, style.BEFORE).tolist()},
-        text=[style.number(float(value), 2) for value in vif],
         textposition="auto",
         hovertemplate="VIF %{x:.3g}<extra></extra>",
         showlegend=False,
     )
-    top = max(12.0, float(np.nanmax(vif, initial=1.0)) * 1.3)
     drawn.update_layout(
         bargap=0.45,
         xaxis={
@@ -68,19 +96,8 @@ def coefficient_intervals(selection: Selection, response: str) -> go.Figure:
             "zeroline": True,
             "zerolinecolor": style.INK,
         },
-        xaxis2={
-            "domain": [0.74, 1.0],
-            "title": {"text": "VIF [–]"},
-            "type": "log",
-            "range": [0, float(np.log10(top))],
-            "dtick": 1 if top > 30 else "D2",
-        },
-        yaxis={
-            "range": [n - 0.5, -0.5],
-            "tickvals": rows.tolist(),
-            "ticktext": names,
-            "showgrid": True,
-        },
+        xaxis2={"domain": [0.74, 1.0], "title": {"text": "VIF [–]"}, "type": "log"},
+        yaxis={"showgrid": True},
     )
     drawn.add_shape(
         type="line",
@@ -95,52 +112,101 @@ def coefficient_intervals(selection: Selection, response: str) -> go.Figure:
     return drawn
 
 
+def coefficient_changes(terms: Sequence[TermShown]) -> Changes:
+    """Coefficients, intervals and VIF in the frame of `coefficients_picture`."""
+    n = len(terms)
+    changes: dict[tuple[str | int, ...], object] = {}
+    for k, unsure in enumerate((False, True)):
+        rows = [row for row, term in enumerate(terms) if term.is_unsure == unsure]
+        changes["data", k, "x"] = [terms[row].value_um for row in rows]
+        changes["data", k, "y"] = rows
+        changes["data", k, "error_x", "array"] = [terms[row].half_um for row in rows]
+        changes["data", k, "showlegend"] = bool(rows)
+    vif = [term.vif if math.isfinite(term.vif) else math.nan for term in terms]
+    changes["data", 2, "x"] = [max(value, 1.0) if math.isfinite(value) else None for value in vif]
+    changes["data", 2, "y"] = list(range(n))
+    changes["data", 2, "text"] = [style.number(value, 2) for value in vif]
+    changes["data", 2, "marker", "color"] = [style.RESIDUAL if value > COLLINEAR_VIF else style.BEFORE for value in vif]
+    top = max(12.0, max((value for value in vif if math.isfinite(value)), default=1.0) * 1.3)
+    changes["layout", "xaxis2", "range"] = [0, math.log10(top)]
+    changes["layout", "xaxis2", "dtick"] = 1 if top > 30 else "D2"
+    changes["layout", "yaxis", "range"] = [n - 0.5, -0.5]
+    changes["layout", "yaxis", "tickvals"] = list(range(n))
+    changes["layout", "yaxis", "ticktext"] = [term.label for term in terms]
+    return changes
+
+
 def fault_table(selection: Selection) -> go.Figure:
     """What a fault of each sensor does to each prediction, as a table in colours."""
-    responses = list(selection.models)
-    gain = {(one.sensor, one.response): one for one in selection.faults}
-    columns = [(response, key, text) for response in responses for key, text in _FAULTS]
-    z = np.array(
-        [[getattr(gain[sensor, response], key) for response, key, _ in columns] for sensor in selection.chosen],
-        dtype=np.float64,
-    )
-    worst = max(selection.faults, key=lambda one: one.worst_um)
+    responses, sensors = tuple(selection.models), selection.chosen
+    height = 160 + 36 * max(len(sensors), 2)
+    drawn = faults_picture(responses, height, faults_title(selection.faults))
+    return changed(drawn, fault_changes(sensors, responses, selection.faults))
+
+
+def faults_title(faults: Sequence[FaultGain]) -> str:
+    """The worst fault of a single sensor."""
+    worst = max(faults, key=lambda one: one.worst_um)
     how = "open" if worst.open_um >= worst.stuck_um else "stuck"
-    title = (
+    return (
         f"The worst single sensor fault, {style.label(worst.sensor)} {how}, "
         f"moves the correction of {style.label(worst.response)} by {style.number(worst.worst_um)} µm"
     )
-    n = len(selection.chosen)
-    drawn = style.figure(title, 160 + 36 * max(n, 2))
-    names = [style.label(sensor) for sensor in selection.chosen]
+
+
+def faults_picture(responses: Sequence[str], height: int, title: str) -> go.Figure:
+    """The frame of the faults of sensors; `fault_changes` fills it.
+
+    Parameters
+    ----------
+    responses : sequence of str
+    height : int
+        Height of the picture [px].
+    title : str
+        Plain text, as `style.label` makes it.
+    """
+    drawn = style.figure(title, height)
+    columns = [(response, text) for response in responses for _, text in _FAULTS]
     drawn.add_heatmap(
-        z=z,
         x=list(range(len(columns))),
-        y=list(range(n)),
         zmin=0.0,
-        zmax=max(float(z.max(initial=0.0)), 1e-9),
         colorscale=style.HARM_SCALE,
-        text=[[style.number(float(value)) for value in row] for row in z],
         texttemplate="%{text}",
         textfont={"size": 13},
         xgap=2,
         ygap=2,
-        customdata=[[f"{name}, {text}" for _, _, text in columns] for name in names],
         hovertemplate="%{customdata}: %{z:.4g} µm<extra></extra>",
         showscale=False,
     )
     drawn.update_xaxes(
         tickvals=list(range(len(columns))),
-        ticktext=[f"{style.label(response, 12)} [µm]<br>{text}" for response, _, text in columns],
+        ticktext=[f"{style.label(response, 12)} [µm]<br>{text}" for response, text in columns],
         side="bottom",
         showgrid=False,
         showline=False,
         ticks="",
     )
-    drawn.update_yaxes(
-        range=[n - 0.5, -0.5], tickvals=list(range(n)), ticktext=names, showgrid=False, showline=False, ticks=""
-    )
+    drawn.update_yaxes(showgrid=False, showline=False, ticks="")
     return drawn
+
+
+def fault_changes(sensors: Sequence[str], responses: Sequence[str], faults: Sequence[FaultGain]) -> Changes:
+    """The faults of some sensors in the frame of `faults_picture`."""
+    gain = {(one.sensor, one.response): one for one in faults}
+    names = [style.label(sensor) for sensor in sensors]
+    columns = [(response, key, text) for response in responses for key, text in _FAULTS]
+    z = [[float(getattr(gain[sensor, response], key)) for response, key, _ in columns] for sensor in sensors]
+    n = len(names)
+    return {
+        ("data", 0, "z"): z,
+        ("data", 0, "y"): list(range(n)),
+        ("data", 0, "zmax"): max(1e-9, *(value for row in z for value in row)),
+        ("data", 0, "text"): [[style.number(value) for value in row] for row in z],
+        ("data", 0, "customdata"): [[f"{name}, {text}" for _, _, text in columns] for name in names],
+        ("layout", "yaxis", "range"): [n - 0.5, -0.5],
+        ("layout", "yaxis", "tickvals"): list(range(n)),
+        ("layout", "yaxis", "ticktext"): names,
+    }
 
 
 def term_label(selection: Selection, term: Term) -> str:

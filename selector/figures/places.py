@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from selector.figures import style
-from selector.figures.grouping import first_partition, group_colours
+from selector.figures.changes import Changes, changed
+from selector.figures.sensor_tree import cut_of, group_colours
 from selector.selection import Selection
 from selector.sensors.groups import dendrogram
 
-_VIEWS = (("x", "front view", "X [m]", 0), ("x2", "side view", "Y [m]", 1))
+VIEWS = (("x", "front view", "X [m]", 0), ("x2", "side view", "Y [m]", 1))
 _HEIGHTS = (360, 900)
 _PLOT_WIDTH = 870
 _ROOM = 0.08
@@ -42,7 +44,6 @@ def sensor_places(
     there = [i for i in known if _at_the_machine(places_m[selection.sensors[i]], outline_m)]
     there.sort(key=lambda i: selection.sensors[i] in selection.chosen)  # the kept ones on top
     apart = [selection.sensors[i] for i in known if i not in there]
-    chosen = [i for i in there if selection.sensors[i] in selection.chosen]
     n = len(selection.sensors)
     title = (
         f"{len(selection.chosen)} of {n} sensors are kept: "
@@ -50,58 +51,87 @@ def sensor_places(
         + (f"; beside the machine, not drawn: {style.listed(apart)}" if apart else "")
         + (f"; the place of {n - len(known)} is not known" if len(known) < n else "")
     )
-    points = np.array([places_m[selection.sensors[i]] for i in there], dtype=np.float64).reshape(-1, 3)
-    everything = np.vstack([points, *outline_m]) if len(points) or outline_m else np.zeros((1, 3))
+    tree = dendrogram(selection.grouping.similarity.matrix)
+    colours = group_colours(tree, cut_of(selection).groups)
+    names = [selection.sensors[i] for i in there]
+    points = np.array([places_m[name] for name in names], dtype=np.float64).reshape(-1, 3)
+    drawn = machine_picture(names, points, outline_m, title)
+    return changed(
+        drawn, machine_changes(names, points, [colours.get(i, style.MUTED) for i in there], selection.chosen)
+    )
+
+
+def machine_picture(
+    names: Sequence[str],
+    points_m: NDArray[np.float64],
+    outline_m: Sequence[NDArray[np.float64]],
+    title: str,
+    photos: Mapping[str, str] = MappingProxyType({}),
+) -> go.Figure:
+    """Front and side view of a machine with places of sensors; `machine_changes` colours them.
+
+    Parameters
+    ----------
+    names : sequence of str
+    points_m : ndarray of shape (n_sensors, 3)
+        Coordinates [m], Z upwards.
+    outline_m : sequence of ndarray of shape (n_points, 3)
+        Lines of the machine's body [m].
+    title : str
+        Plain text, as `style.label` makes it; none: room for the legend only.
+    photos : mapping of str to str
+        ``"front view"``, ``"side view"`` → address of a picture that fills this view.
+    """
+    everything = np.vstack([points_m, *outline_m]) if len(points_m) or outline_m else np.zeros((1, 3))
     low, high = everything.min(axis=0), everything.max(axis=0)
     room = _ROOM * max(float((high - low).max()), 0.1)
     low, high = low - room, high + np.array([2 * room, 2 * room, room])
     wide = (high - low)[:2]
     height = int(np.clip(_PLOT_WIDTH * (high - low)[2] / wide.sum(), *_HEIGHTS)) + 150
     drawn = style.figure(title, height)
-    tree = dendrogram(selection.grouping.similarity.matrix)
-    colours = group_colours(tree, first_partition(selection))
-    names = [style.label(selection.sensors[i]) for i in there]
     # one trace for the whole body: lines end at a gap
     gap = np.full((1, 3), np.nan)
     lines = np.vstack([part for line in outline_m for part in (line, gap)] or [gap])[:-1]
-    for axis, _, _, across in _VIEWS:
-        if lines.size:
-            drawn.add_scatter(
-                x=lines[:, across],
-                y=lines[:, 2],
-                xaxis=axis,
-                mode="lines",
-                line={"color": style.BEFORE, "width": 1},
-                hoverinfo="skip",
-                showlegend=False,
-            )
+    shown = [style.label(name) for name in names]
+    for axis, view, _, across in VIEWS:
+        body = lines[:0] if view in photos else lines
         drawn.add_scatter(
-            x=points[:, across],
-            y=points[:, 2],
+            x=body[:, across],
+            y=body[:, 2],
+            xaxis=axis,
+            mode="lines",
+            line={"color": style.BEFORE, "width": 1},
+            hoverinfo="skip",
+            showlegend=False,
+        )
+        drawn.add_scatter(
+            x=points_m[:, across],
+            y=points_m[:, 2],
             xaxis=axis,
             mode="markers",
-            marker={"size": 9, "color": [colours.get(i, style.MUTED) for i in there]},
-            text=names,
+            marker={"size": 9},
+            text=shown,
             hovertemplate="%{text}<extra></extra>",
             name="sensor, coloured as its group (grey: alone)",
             showlegend=axis == "x",
         )
-        kept = [there.index(i) for i in chosen]
         drawn.add_scatter(
-            x=points[kept, across],
-            y=points[kept, 2],
             xaxis=axis,
             mode="markers+text",
             marker={"size": 17, "symbol": "circle-open", "color": style.INK, "line": {"width": 2.5}},
-            text=[f"<b>{names[k]}</b>" for k in kept],
-            textposition=_label_sides(points[kept][:, [across, 2]], float((high - low).max())),
             hoverinfo="skip",
             name="kept",
             showlegend=axis == "x",
         )
+        if view in photos:
+            drawn.add_layout_image(
+                source=photos[view], xref=axis, yref="y", x=float(low[across]), y=float(high[2]),
+                sizex=float(high[across] - low[across]), sizey=float(high[2] - low[2]), sizing="contain",
+                layer="below",
+            )  # fmt: skip
     first = float(np.clip(wide[0] / wide.sum(), 0.25, 0.75))
     domains = ([0.0, first - 0.03], [first + 0.05, 1.0])
-    for (axis, view, text, across), domain in zip(_VIEWS, domains, strict=True):
+    for (axis, view, text, across), domain in zip(VIEWS, domains, strict=True):
         drawn.update_layout(
             {
                 axis.replace("x", "xaxis"): {
@@ -115,6 +145,23 @@ def sensor_places(
         )
     drawn.update_yaxes(title_text="Z [m]", range=[float(low[2]), float(high[2])], constrain="domain")
     return drawn
+
+
+def machine_changes(
+    names: Sequence[str], points_m: NDArray[np.float64], colours: Sequence[str], chosen: Sequence[str]
+) -> Changes:
+    """Colours of the sensors, and rings around those that are kept, in the frame of `machine_picture`."""
+    kept = [k for k, name in enumerate(names) if name in set(chosen)]
+    span = float(np.ptp(points_m, axis=0).max()) if len(points_m) else 1.0
+    changes: dict[tuple[str | int, ...], object] = {}
+    for view, (_, _, _, across) in enumerate(VIEWS):
+        pins, rings = 3 * view + 1, 3 * view + 2
+        changes["data", pins, "marker", "color"] = list(colours)
+        changes["data", rings, "x"] = points_m[kept, across].tolist()
+        changes["data", rings, "y"] = points_m[kept, 2].tolist()
+        changes["data", rings, "text"] = [f"<b>{style.label(names[k])}</b>" for k in kept]
+        changes["data", rings, "textposition"] = _label_sides(points_m[kept][:, [across, 2]], span)
+    return changes
 
 
 def _at_the_machine(place_m: tuple[float, float, float], outline_m: Sequence[NDArray[np.float64]]) -> bool:

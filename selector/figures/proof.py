@@ -131,67 +131,6 @@ def measured_and_predicted(selection: Selection, response: str, runs: Sequence[s
     return beside_each_other(title, shown, response, *ranges)
 
 
-def errors_per_run(selection: Selection, response: str) -> go.Figure:
-    """Error of every unseen run without compensation and with the model."""
-    parts = selection.proof.per_response[response]
-    kind = _UNSEEN[selection.proof.left_out].split()[1]
-    worse = [part.name for part in parts if part.rmse_um >= part.before_rmse_um]
-    if not worse:
-        title = f"{style.label(response)} is better with the model on all {len(parts)} {kind}"
-    else:
-        title = (
-            f"{style.label(response)} is worse with the model than without on {len(worse)} of {len(parts)} {kind}: "
-            f"{style.listed(worse)}"
-        )
-    n = len(parts)
-    drawn = style.figure(title, 150 + max(120, 34 * n))
-    rows = list(range(n))
-    for values, name, colour, offset in (
-        ([part.before_rmse_um for part in parts], "without compensation, rms", style.BEFORE, -0.38),
-        ([part.rmse_um for part in parts], "with the model, rms", style.PREDICTED, 0.0),
-    ):
-        drawn.add_bar(
-            x=values,
-            y=rows,
-            orientation="h",
-            offset=offset,
-            width=0.38,
-            name=name,
-            marker={"color": colour},
-            hovertemplate=f"{name}: %{{x:.4g}} µm<extra></extra>",
-        )
-    drawn.add_scatter(
-        x=[part.max_um for part in parts],
-        y=[row + 0.19 for row in rows],
-        mode="markers",
-        name="with the model, largest",
-        marker={"symbol": "diamond-open", "size": 9, "color": style.RESIDUAL, "line": {"width": 2}},
-        hovertemplate="with the model, largest: %{x:.4g} µm<extra></extra>",
-    )
-    for row, part in enumerate(parts):
-        drawn.add_annotation(
-            text=f"{style.number(part.before_rmse_um)} → <b>{style.number(part.rmse_um)}</b>",
-            x=1.01,
-            y=row,
-            xref="paper",
-            xanchor="left",
-            showarrow=False,
-        )
-    drawn.add_annotation(
-        text="rms [µm]", x=1.01, y=1.0, xref="paper", yref="paper", xanchor="left", yanchor="bottom", showarrow=False
-    )
-    drawn.update_layout(margin={"r": 120})
-    drawn.update_xaxes(title_text=f"error of {style.label(response)} [µm]", rangemode="tozero")
-    drawn.update_yaxes(
-        range=[n - 0.5, -0.5],
-        tickvals=rows,
-        ticktext=[style.label(part.name) for part in parts],
-        showgrid=False,
-        ticks="",
-    )
-    return drawn
-
-
 def _drawn_samples(
     traces: Sequence[Trace], j: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
