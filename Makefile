@@ -18,7 +18,7 @@ STAMP := $(VENV)/.installed
 # The tests run in several processes already; a thread pool in each of them only makes them wait for each other.
 TEST_ENVIRONMENT := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 
-.PHONY: demo test setup lint types layers pytest reference constraints clean
+.PHONY: demo test setup lint types layers pytest reference docs constraints clean
 
 demo: $(STAMP)
 	@$(BIN)/selector demo
@@ -50,6 +50,11 @@ reference: $(STAMP)
 	@$(BIN)/python -m docs.make_command_line
 	@$(BIN)/python -m docs.make_effects
 	@$(BIN)/python -m tests.architecture.public_names
+
+# The documentation as a site in build/docs; warnings are errors. Open build/docs/index.html, no server is needed.
+docs: $(STAMP)
+	@$(BIN)/python -m docs.make_site
+	@echo "open build/docs/index.html"
 
 setup: $(STAMP)
 
