@@ -45,4 +45,4 @@ def workbench(
         if not no_browser:
             webbrowser.open(address)
 
-    serve(files or (), machine=machine, folder=folder, port=port, opened=opened)
+    serve(files or (), machine=machine, folder=folder, port=port, when_ready=opened)

@@ -19,7 +19,7 @@ from selector.readers import Machine, Overrides, Reading, read, write_machine_fi
 from selector.selection import Options
 from selector.workbench import commands
 from selector.workbench.jobs import Job, Jobs
-from selector.workbench.study_folder import MACHINE, RECORDINGS, SIMULATION
+from selector.workbench.study_folder import MACHINE, MACHINE_BEFORE, RECORDINGS, SIMULATION
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,8 +33,12 @@ class Loaded:
 
 @dataclasses.dataclass(frozen=True)
 class Material:
-    """What was read from the recordings in use, and what was found on the way; `problem` where nothing was."""
+    """What was read from the recordings in use, and what was found on the way; `problem` where nothing was.
 
+    `number` is another one for each reading.
+    """
+
+    number: int = 0
     reading: Reading | None = None
     findings: tuple[Finding, ...] = ()
     problem: InputError | None = None
@@ -81,6 +85,11 @@ class Bench:
             return tuple(self._loaded)
 
     @property
+    def used(self) -> tuple[Path, ...]:
+        """The recordings that are used."""
+        return tuple(one.path for one in self.loaded if one.is_used)
+
+    @property
     def simulated(self) -> tuple[Path, ...]:
         """The simulated runs in the study folder."""
         return _files_in(self.folder / SIMULATION)
@@ -118,14 +127,16 @@ class Bench:
         self.read()
 
     def use(self, paths: Iterable[Path]) -> None:
-        """These recordings are used and no others; all of them are read."""
+        """These recordings are used and no others; all of them are read, if that is any different."""
         used = set(paths)
         with self._lock:
+            if used == set(self.used):
+                return
             self._loaded = [dataclasses.replace(one, is_used=one.path in used, problem=None) for one in self._loaded]
         self.read()
 
-    def choose(self, **changes: Any) -> None:
-        """Changes options of the selection.
+    def choose(self, **changes: Any) -> bool:
+        """Changes options of the selection; whether any is different now.
 
         Raises
         ------
@@ -133,8 +144,12 @@ class Bench:
             An option has a value that cannot be used.
         """
         with self._lock:
-            self._options = dataclasses.replace(self._options, **changes)
+            options = dataclasses.replace(self._options, **changes)
+            if options == self._options:
+                return False
+            self._options = options
             self.changed()
+            return True
 
     def read_as(self, overrides: Overrides) -> None:
         """Reads the recordings again, with other decisions about encoding, separator, clock and the like."""
@@ -150,19 +165,24 @@ class Bench:
         InputError
             The recordings cannot be read like that; nothing has changed.
         """
-        paths = [one.path for one in self.loaded if one.is_used]
-        reading = read(paths, machine=machine, overrides=self._overrides)
-        own = self.folder / MACHINE
-        if own.exists():
-            own.replace(own.with_name("machine.before.toml"))
-        write_machine_file(machine, own)
-        reading = dataclasses.replace(reading, machine_file=str(own))
         with self._lock:
             self._asked += 1
-            self._machine = own
-            self._is_reading = False
-            self._material = Material(reading, (*reading.findings, *inspect(reading.recording)))
-            self.changed()
+            self._is_reading = True
+            number = self._asked
+        try:
+            reading = read(self.used, machine=machine, overrides=self._overrides)
+            findings = (*reading.findings, *inspect(reading.recording))
+            own = self.folder / MACHINE
+            if own.exists():
+                own.replace(own.with_name(MACHINE_BEFORE))
+            write_machine_file(machine, own)
+            with self._lock:
+                self._machine = own
+                self._material = Material(number, dataclasses.replace(reading, machine_file=str(own)), findings)
+        finally:
+            with self._lock:
+                self._is_reading = self._asked != number
+                self.changed()
 
     def read(self) -> None:
         """Reads the recordings in use, in a thread of its own; an earlier reading that still runs is forgotten."""
@@ -187,7 +207,7 @@ class Bench:
             if number != self._asked:
                 return
             self._loaded = [loaded.get(one.path, one) for one in self._loaded]
-            self._material = material
+            self._material = dataclasses.replace(material, number=number)
             self._is_reading = False
             self.changed()
 
@@ -196,7 +216,7 @@ class Bench:
             return Material()
         try:
             reading = read(paths, machine=self._machine, overrides=self._overrides)
-            return Material(reading, (*reading.findings, *inspect(reading.recording)))
+            return Material(0, reading, (*reading.findings, *inspect(reading.recording)))
         except InputError as problem:
             return Material(problem=problem)
         except (OSError, MemoryError) as error:
@@ -209,8 +229,7 @@ class Bench:
 
     def source_arguments(self) -> tuple[str, ...]:
         """The recordings in use, as the words of a command line."""
-        used = [one.path for one in self.loaded if one.is_used]
-        return commands.source_arguments(self.folder, used, self._machine, self._overrides)
+        return commands.source_arguments(self.folder, self.used, self._machine, self._overrides)
 
     def start(self, title: str, command: Sequence[str], out: Path | None = None) -> Job:
         """Runs a command, the words after ``selector``, in the study folder; `out` is the folder it writes."""

@@ -14,15 +14,19 @@ from dash.development.base_component import Component
 
 from selector import __version__
 from selector.errors import InputError
+from selector.report.page import TEMPLATES
 from selector.workbench import parts
 from selector.workbench.access import RESULT_POLICY, Access, guard
 from selector.workbench.bench import Bench
 from selector.workbench.commands import command_text
-from selector.workbench.pages import recordings
+from selector.workbench.pages import recordings, selection
 from selector.workbench.study_folder import RECORDINGS, UPLOADS, inside, stored
 
-PAGES: tuple[ModuleType, ...] = (recordings,)
+PAGES: tuple[ModuleType, ...] = (recordings, selection)
 """The tabs, from left to right. What a page is: see `selector.workbench.pages`."""
+
+_LOOK = "/look.css"
+"""The style sheet of the reports, which the page begins with."""
 
 _LOOK_MS = 700
 _SHOWN_RESULTS = (".html", ".json", ".toml", ".csv", ".txt")
@@ -37,6 +41,9 @@ def page(bench: Bench, access: Access) -> dash.Dash:
         title="selector workbench",
         update_title=None,  # type: ignore[arg-type]
         on_error=_said,
+        external_stylesheets=[_LOOK],
+        # parts of pages appear with what they show
+        suppress_callback_exceptions=True,
         enable_mcp=False,
     )
     app.layout = lambda: _frame(bench)
@@ -170,6 +177,10 @@ def _said(error: Exception) -> None:
 
 
 def _add_routes(server: flask.Flask, bench: Bench) -> None:
+    @server.get(_LOOK)
+    def _look() -> flask.Response:
+        return flask.send_file(TEMPLATES / "page.css", mimetype="text/css")
+
     @server.post("/upload/<kind>")
     def _upload(kind: str) -> flask.Response:
         """Stores the body of the request; the answer says the name, or why it is refused."""

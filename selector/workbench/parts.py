@@ -5,16 +5,27 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from dash import html, set_props
+import plotly.graph_objects as go
+from dash import dcc, html, set_props
 from dash.development.base_component import Component
 
 from selector.errors import InputError
+from selector.figures import style
 from selector.findings import Finding
 from selector.workbench.bench import Bench
 from selector.workbench.jobs import Job
 
 REVISION = "revision"
 """Store of the frame: `Bench.revision` as the page shows it. ``Input(REVISION, "data")`` hears of every change."""
+
+GRAPH: Any = {
+    "displaylogo": False,
+    "modeBarButtonsToRemove": ["lasso2d", "select2d"],
+    "toImageButtonOptions": {"scale": 2},
+}
+"""How figures behave."""
+
+_MOST_SEEN = 6
 
 NOTICE = "notice"
 """Place of the frame for what a callback could not do."""
@@ -67,6 +78,24 @@ def table(
     return html.Div(html.Table([*above, html.Thead(head), html.Tbody(body)], className=name), className="scroll")
 
 
+def graph(drawn: go.Figure, name: str = "", note: str = "") -> Component:
+    """A figure with its title as a heading, as wide as the page."""
+    title = style.title_text(drawn)
+    top = drawn.layout.margin.t or 0
+    lifted = max(0, int(top) - style.TITLE_MARGIN)
+    drawn.update_layout(title=None, width=None, height=drawn.layout.height - lifted, margin={"t": top - lifted})
+    own: dict[str, Any] = {"id": name} if name else {}
+    shown = dcc.Graph(figure=drawn, responsive=True, config=GRAPH, style={"height": drawn.layout.height}, **own)
+    return html.Figure([html.Figcaption([html.H3(title), html.P(note)]), html.Div(shown, className="plot")])
+
+
+def choice(name: Any, options: Sequence[str], value: str | None, **more: Any) -> Component:
+    """One of a few words."""
+    return dcc.Dropdown(
+        id=name, options=list(options), value=value, clearable=False, searchable=len(options) > _MOST_SEEN, **more
+    )
+
+
 def field(title: str, control: Component, note: str = "") -> Component:
     """A control with its title, and a note below it."""
     below = [html.Span(note, className="about")] if note else []
@@ -79,11 +108,13 @@ def section(title: str, *children: Any, note: str = "") -> Component:
     return html.Section([html.H2(title), *below, *children])
 
 
-def framed(relative: str, title: str) -> Component:
-    """A page that a command wrote, e.g. ``"selection/report.html"``: shown in an origin of its own."""
-    return html.Iframe(
-        src=result_address(relative), title=title, sandbox="allow-scripts allow-downloads", className="sheet"
-    )
+def framed(relative: str, title: str, stamp: int = 0) -> Component:
+    """A page that a command wrote, e.g. ``"selection/report.html"``: shown in an origin of its own.
+
+    It is loaded again when `stamp` is another one.
+    """
+    address = f"{result_address(relative)}?{stamp}"
+    return html.Iframe(src=address, title=title, sandbox="allow-scripts allow-downloads", className="sheet")
 
 
 def download(relative: str, text: str) -> Component:

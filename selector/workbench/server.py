@@ -28,7 +28,7 @@ def serve(
     machine: Path | None = None,
     folder: Path | None = None,
     port: int = 0,
-    opened: Callable[[str], None],
+    when_ready: Callable[[str], None],
 ) -> None:
     """Serves the workbench at 127.0.0.1 until Ctrl-C or SIGTERM; then jobs are ended, and nothing is half written.
 
@@ -42,7 +42,7 @@ def serve(
         Study folder; None: a new one in the current folder. What is in it is taken up.
     port : int
         Port; 0: any that is free.
-    opened : callable
+    when_ready : callable
         Called with the address, token included, when the page can be opened.
 
     Raises
@@ -64,7 +64,7 @@ def serve(
     over = threading.Event()
     earlier = signal.signal(signal.SIGTERM, lambda *_: over.set())
     try:
-        opened(server.access.address)
+        when_ready(server.access.address)
         while not over.wait(0.5):
             pass
     except KeyboardInterrupt:

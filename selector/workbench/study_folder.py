@@ -12,6 +12,7 @@ from pathlib import Path
 from selector.errors import OptionError, ReadError
 
 RECORDINGS, SIMULATION, MACHINE = "recordings", "simulation", "machine.toml"
+MACHINE_BEFORE = "machine.before.toml"
 UPLOADS = (RECORDINGS, SIMULATION)
 MOST_UPLOADED_BYTES = 200_000_000
 

@@ -5,60 +5,314 @@ from __future__ import annotations
 from typing import Any
 
 import dash
-from dash import Input, Output, html
+from dash import ALL, Input, Output, State, dcc, html, no_update
 from dash.development.base_component import Component
 
+from selector.errors import OptionError
+from selector.figures.recorded import courses
+from selector.quality.wording import duration
+from selector.readers import Overrides
+from selector.units import ROLES
 from selector.workbench import parts
-from selector.workbench.bench import Bench
+from selector.workbench.bench import Bench, Loaded
+from selector.workbench.channel_corrections import NO_CHANNEL, Row, corrected, row_of, rows_of
+from selector.workbench.excerpt import excerpt
 
 ID, TITLE = "recordings", "Recordings"
 
+_CELLS = ("role", "unit", "place", "axis")
+_READING = (
+    ("encoding", "Encoding", "e.g. cp1252, gb18030"),
+    ("separator", "Separator", "a sign, or tab"),
+    ("decimal", "Decimal mark", ". or ,"),
+    ("header_row", "Row of names", "counted from 1; 0: none"),
+    ("sheet", "Sheet", "Excel sheet, TDMS group, MAT variable"),
+    ("time_column", "Time column", "its name"),
+    ("time_unit", "Unit of time", "s, ms, min, h, d or datetime"),
+    ("date_order", "Order of dates", "dmy, mdy or ymd"),
+    ("period_s", "Period [s]", "without a time column"),
+)
+_GUESS = "* guessed, nobody said it"
+
 
 def layout(bench: Bench) -> Component:
-    """Files, how they were read, channels, findings."""
+    """Files, how they were read, channels, courses, findings."""
+    drop = html.Div(
+        [
+            html.Button("Choose recordings …", className="main", **parts.marks(data_chooses="recordings")),
+            html.Span(" or drop them here: text tables, Excel, Parquet, MAT, TDMS, MDF; one file a run."),
+            html.Div(className="uploads", role="status"),
+        ],
+        className="drop",
+        **parts.marks(data_uploads="recordings"),
+    )
     return html.Div(
         [
             html.H1("Recordings"),
+            drop,
+            html.Div(id=f"{ID}-files"),
+            html.Div(id=f"{ID}-reading"),
             html.Div(
                 [
-                    html.Button("Choose recordings …", **parts.marks(data_chooses="recordings")),
-                    html.Span(" or drop them here."),
-                    html.Div(className="uploads", role="status"),
+                    html.Div(id=f"{ID}-channels"),
+                    html.Div(
+                        [
+                            html.Button("Use these corrections", id=f"{ID}-correct", className="main"),
+                            html.Span(id=f"{ID}-corrected", className="about", role="status"),
+                        ],
+                        className="row",
+                    ),
+                    parts.section(
+                        "What was recorded",
+                        parts.field("Run", parts.choice(f"{ID}-run", [], None)),
+                        html.Div(id=f"{ID}-courses"),
+                    ),
+                    html.Div(id=f"{ID}-findings"),
                 ],
-                className="drop",
-                **parts.marks(data_uploads="recordings"),
+                id=f"{ID}-read",
+                hidden=True,
             ),
-            html.Div(id=f"{ID}-runs"),
-            html.Div(id=f"{ID}-channels"),
+            dcc.Store(id=f"{ID}-shown", data=None),
         ]
     )
 
 
-def register(app: dash.Dash, bench: Bench) -> None:
-    """The tables follow the bench."""
-
-    @app.callback(Output(f"{ID}-runs", "children"), Output(f"{ID}-channels", "children"), Input(parts.REVISION, "data"))
-    def _show(_: int) -> tuple[Any, Any]:
-        return _runs(bench), _channels(bench)
-
-
 def command(bench: Bench) -> tuple[str, ...] | None:
     """`selector describe` of what is loaded."""
-    arguments = bench.source_arguments()
-    return ("describe", *arguments) if bench.material.reading else None
+    return ("describe", *bench.source_arguments()) if bench.material.reading else None
 
 
-def _runs(bench: Bench) -> Component:
-    material = bench.material
-    if material.reading is None:
-        return html.Div() if material.problem is None else parts.problem(material.problem)
-    runs = [(run.name, run.rows) for run in material.reading.runs]
-    return parts.section("Runs", parts.table(["run", "rows"], runs, numeric=["rows"]), parts.remarks(material.findings))
+def register(app: dash.Dash, bench: Bench) -> None:
+    """What is shown follows the bench; files, decisions about reading and corrections go to it."""
+    _register_files(app, bench)
+    _register_corrections(app, bench)
+
+    @app.callback(
+        Output(f"{ID}-read", "hidden"),
+        Output(f"{ID}-reading", "children"),
+        Output(f"{ID}-channels", "children"),
+        Output(f"{ID}-findings", "children"),
+        Output(f"{ID}-run", "options"),
+        Output(f"{ID}-run", "value"),
+        Output(f"{ID}-shown", "data"),
+        Input(parts.REVISION, "data"),
+        State(f"{ID}-shown", "data"),
+        State(f"{ID}-run", "value"),
+    )
+    def _show(_: int, shown: int | None, run: str | None) -> tuple[Any, ...]:
+        material = bench.material
+        if material.number == shown:
+            raise dash.exceptions.PreventUpdate
+        reading = material.reading
+        if reading is None:
+            return (True, _way(bench) if bench.loaded else None, None, None, [], None, material.number)
+        runs = [one.name for one in reading.runs]
+        return (
+            False,
+            _way(bench),
+            _channels(rows_of(reading)),
+            parts.section("Findings", parts.remarks(material.findings)) if material.findings else None,
+            runs,
+            run if run in runs else runs[0],
+            material.number,
+        )
+
+    @app.callback(Output(f"{ID}-courses", "children"), Input(f"{ID}-run", "value"), Input(f"{ID}-shown", "data"))
+    def _draw(run: str | None, _: int) -> Any:
+        reading = bench.material.reading
+        if reading is None or run not in reading.recording.runs:
+            return None
+        file = next(one.file for one in reading.runs if one.name == run)
+        lines = excerpt(file, reading.reading)
+        first = [html.H3("The first lines of the file"), html.Pre(lines, tabIndex=0)] if lines else []
+        return [parts.graph(courses(reading.recording, run)), *first]
 
 
-def _channels(bench: Bench) -> Component:
+def _register_files(app: dash.Dash, bench: Bench) -> None:
+    @app.callback(Output(f"{ID}-files", "children"), Input(parts.REVISION, "data"))
+    def _files(_: int) -> Any:
+        material = bench.material
+        below = [] if material.problem is None else [parts.problem(material.problem)]
+        return (
+            [_table_of_files(bench), *below]
+            if bench.loaded
+            else html.P(
+                "No recordings yet. The preview will say what was inferred: encoding, separator, clock, units, roles.",
+                className="about",
+            )
+        )
+
+    @app.callback(Input({"type": f"{ID}-use", "file": ALL}, "value"), prevent_initial_call=True)
+    def _use(ticked: list[list[str] | None]) -> None:
+        loaded = bench.loaded
+        if len(ticked) == len(loaded):
+            bench.use([one.path for one, tick in zip(loaded, ticked, strict=True) if tick])
+            parts.tell(bench)
+
+
+def _register_corrections(app: dash.Dash, bench: Bench) -> None:
+    @app.callback(
+        Output(f"{ID}-corrected", "children"),
+        Input(f"{ID}-correct", "n_clicks"),
+        *(State({"type": f"{ID}-{cell}", "channel": ALL}, "value") for cell in _CELLS),
+        prevent_initial_call=True,
+    )
+    def _correct(_: int, *columns: list[str | None]) -> Any:
+        reading = bench.material.reading
+        if reading is None:
+            return no_update
+        old = rows_of(reading)
+        edited = [
+            row_of(dict(zip(_CELLS, cells, strict=True)), row)
+            for row, cells in zip(old, zip(*columns, strict=True), strict=True)
+        ]
+        bench.correct(corrected(reading, edited))
+        parts.tell(bench)
+        return f"Written to machine.toml in the study folder; {len(bench.used)} file(s) read with it."
+
+    @app.callback(
+        Input(f"{ID}-again", "n_clicks"),
+        *(State(f"{ID}-as-{name}", "value") for name, _, _ in _READING),
+        prevent_initial_call=True,
+    )
+    def _again(clicks: int | None, *values: Any) -> None:
+        if clicks:
+            said = {
+                name: value for (name, _, _), value in zip(_READING, values, strict=True) if value not in (None, "")
+            }
+            bench.read_as(_overrides(said))
+            parts.tell(bench)
+
+
+def _overrides(said: dict[str, Any]) -> Overrides:
+    """Texts of the form as what the reader takes."""
+    for name, kind in (("header_row", int), ("period_s", float)):
+        if name in said:
+            try:
+                said[name] = kind(str(said[name]).replace(",", "."))
+            except ValueError:
+                title = next(title for one, title, _ in _READING if one == name)
+                raise OptionError(
+                    repr(said[name]), expected="a number", where=title, advice="correct it, or leave it empty"
+                ) from None
+    return Overrides(**said)
+
+
+def _table_of_files(bench: Bench) -> Component:
     reading = bench.material.reading
-    if reading is None:
-        return html.Div()
-    rows = [(one.name, one.role, one.unit_in_file, one.place or "", one.axis or "") for one in reading.channels]
-    return parts.section("Channels", parts.table(["channel", "role", "unit", "place", "axis"], rows))
+    runs: dict[str, list[Any]] = {}
+    for run in reading.runs if reading is not None else ():
+        runs.setdefault(run.file, []).append(run)
+    rows = []
+    for number, one in enumerate(bench.loaded):
+        own = runs.get(str(one.path), []) if one.is_used else []
+        rows.append(
+            [
+                _tick(number, one),
+                one.path.name,
+                sum(run.rows for run in own) if own else "",
+                duration(sum(run.duration_s for run in own)) if own else "",
+                duration(own[0].period_s) if own else "",
+                (own[0].start or "").replace("T", " ") if own else "",
+                _state(one, bench.is_reading),
+            ]
+        )
+    columns = ["use", "file", "rows", "duration", "step", "start", ""]
+    return parts.table(columns, rows, numeric=["rows", "duration", "step"], name="files")
+
+
+def _tick(number: int, one: Loaded) -> Component:
+    ticked = ["used"] if one.is_used else []
+    name = {"type": f"{ID}-use", "file": number}
+    return dcc.Checklist(id=name, options=[{"label": "", "value": "used"}], value=ticked)
+
+
+def _state(one: Loaded, is_reading: bool) -> Any:
+    if one.problem is not None:
+        return parts.problem(one.problem)
+    return html.Span(
+        "reading …" if is_reading and one.is_used else "" if one.is_used else "left out", className="about"
+    )
+
+
+def _way(bench: Bench) -> Component:
+    """How the files were read, and a form to decide otherwise."""
+    reading = bench.material.reading
+    told = reading.reading if reading is not None else {}
+    signs = {",": "comma", ".": "point", ";": "semicolon", "\t": "tab", " ": "blank", "|": "bar"}
+    time = told.get("time", {})
+    facts = [
+        ("format", told.get("format")),
+        ("encoding", told.get("encoding")),
+        ("separator", signs.get(told.get("separator") or "", told.get("separator"))),
+        ("decimal mark", signs.get(told.get("decimal") or "", told.get("decimal"))),
+        ("sheet", told.get("sheet")),
+        ("names in row", told.get("header_row")),
+        ("rows skipped above", told.get("skipped_rows") or None),
+        ("row of units", "yes" if told.get("unit_row") else None),
+        ("time", _clock(time)),
+        ("read otherwise", ", ".join(told.get("per_run", {}))),
+        ("machine file", reading.machine_file if reading is not None else None),
+    ]
+    shown = [html.Div([html.Dt(name), html.Dd(str(value))]) for name, value in facts if value not in (None, "")]
+    now = bench.overrides
+    fields = [
+        parts.field(
+            title,
+            dcc.Input(
+                id=f"{ID}-as-{name}", value=_text(getattr(now, name)), type="text", placeholder=note, debounce=True
+            ),
+        )
+        for name, title, note in _READING
+    ]
+    form = html.Details(
+        [
+            html.Summary("Read them otherwise"),
+            html.P("What is left empty is inferred. It holds for all files.", className="about"),
+            html.Div(fields, className="fields"),
+            html.Button("Read again", id=f"{ID}-again"),
+        ]
+    )
+    return parts.section("How they were read", html.Dl(shown, className="facts"), form)
+
+
+def _clock(time: dict[str, Any]) -> str | None:
+    if not time:
+        return None
+    columns = " and ".join(time["columns"]) or "no column"
+    guessed = f"; guessed: {', '.join(time['guessed'])}" if time["guessed"] else ""
+    return f"{columns} [{time['unit']}]{guessed}"
+
+
+def _text(value: object) -> str:
+    return "" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _channels(rows: tuple[Row, ...]) -> Component:
+    """The table in which roles, units, places and axes are corrected."""
+    guessed = {row.name for row in rows if row.guessed or row.reason}
+    note = (
+        f"{_GUESS}. Correct what is wrong, then use the corrections: they are written to machine.toml, and the files "
+        "are read again."
+        if guessed
+        else "All of it was said by a machine file or by the files themselves."
+    )
+    columns = ["channel", "column", "role", "unit", "place", "axis", "guessed"]
+    body = [
+        [
+            html.Span(row.name, className="name"),
+            row.column if row.column != row.name else "",
+            parts.choice(_cell("role", row), [*ROLES, NO_CHANNEL], row.role),
+            *(
+                dcc.Input(id=_cell(cell, row), value=getattr(row, cell), type="text", className=cell, debounce=True)
+                for cell in ("unit", "place", "axis")
+            ),
+            html.Span(", ".join(f"{what} *" for what in row.guessed) or row.reason, className="about"),
+        ]
+        for row in rows
+    ]
+    return parts.section("Channels", parts.table(columns, body, name="channels"), note=note)
+
+
+def _cell(cell: str, row: Row) -> dict[str, str]:
+    return {"type": f"{ID}-{cell}", "channel": row.name}

@@ -1,0 +1,82 @@
+"""What the user corrects in the table of channels, as a machine file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from selector.errors import OptionError
+from selector.readers import Machine, Reading, machine_of, machine_text
+from selector.readers.machine_file import ChannelSection, machine_from_text
+
+NO_CHANNEL = "not a channel"
+
+
+@dataclass(frozen=True)
+class Row:
+    """A channel, or a column that is none, as it stands in the table: texts, empty where nothing is said.
+
+    `guessed` names what nobody said, `reason` why a column is no channel.
+    """
+
+    name: str
+    column: str
+    role: str
+    unit: str
+    place: str = ""
+    axis: str = ""
+    guessed: tuple[str, ...] = ()
+    reason: str = ""
+
+
+def rows_of(reading: Reading) -> tuple[Row, ...]:
+    """The channels in their order, then the columns that are none."""
+    channels = [
+        Row(one.name, one.column, one.role, one.unit_in_file, one.place or "", one.axis or "", one.guessed)
+        for one in reading.channels
+    ]
+    others = [Row(name, name, NO_CHANNEL, "", reason=reason) for name, reason in reading.undeclared.items()]
+    return (*channels, *others)
+
+
+def corrected(reading: Reading, edited: Sequence[Row]) -> Machine:
+    """The machine file of a reading with what the user changed in its table.
+
+    Raises
+    ------
+    InputError
+        A row cannot be: a unit that is unknown or does not fit its role, a role that is none.
+    """
+    sections = dict(machine_of(reading).channels)
+    before = {row.name: row for row in rows_of(reading)}
+    for row in edited:
+        old = before.get(row.name)
+        if old is None or row == old:
+            continue
+        if row.role == NO_CHANNEL:
+            sections.pop(row.name, None)
+            continue
+        changes = {"role": row.role, "place": row.place or None, "axis": row.axis or None}
+        if row.unit != old.unit:
+            # a unit here holds for all runs; where it was not touched it stays with the files
+            changes["unit"] = row.unit or None
+        known = sections.get(row.name, ChannelSection(column=row.column if row.column != row.name else None))
+        sections[row.name] = known.model_copy(update=changes)
+    if not sections:
+        raise OptionError(
+            "no channel is left",
+            expected="at least one channel",
+            where="table of channels",
+            advice="give a column a role",
+        )
+    machine = machine_of(reading).model_copy(update={"channels": sections})
+    # read back, so that roles and units are judged as those of a file
+    return machine_from_text(machine_text(machine), "table of channels")
+
+
+def row_of(cells: Mapping[str, str | None], old: Row) -> Row:
+    """A row with what stands in its cells now."""
+    texts = {name: (cells.get(name) or "").strip() for name in ("role", "unit", "place", "axis")}
+    return Row(
+        old.name, old.column, texts["role"], texts["unit"], texts["place"], texts["axis"], old.guessed, old.reason
+    )

@@ -1,0 +1,252 @@
+"""Selection: what is asked, which sensors must or must not be used, the command, and its report."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import dash
+from dash import ALL, Input, Output, State, dcc, html
+from dash.development.base_component import Component
+
+from selector.errors import OptionError
+from selector.recording import SENSOR_ROLES
+from selector.workbench import parts
+from selector.workbench.bench import Bench
+from selector.workbench.commands import SELECTION, option_arguments
+
+ID, TITLE = "selection", "Selection"
+
+_USES = ("may be used", "must be kept", "never")
+_NUMBERS = (("max_sensors", "Most sensors in a set"), ("rounds", "Rounds of screening"))
+_TICKS = (
+    ("interactions", "Products of sensors"),
+    ("memory", "Memory: lagged temperatures and speed"),
+    ("ridge", "Shrink coefficients as far as unseen runs profit"),
+    ("absolute_similarity", "Group a sensor with its mirror image"),
+)
+_FILES = (("report.html", "Report"), ("model.json", "Model"), ("selection.json", "All results (JSON)"))
+
+
+def layout(bench: Bench) -> Component:
+    """Options, sensors, Start, and the answer."""
+    asked = bench.options
+    fields = [
+        parts.field(
+            "Displacements to predict",
+            dcc.Dropdown(id=f"{ID}-responses", options=[], value=list(asked.responses), multi=True),
+            "None: all that are there.",
+        ),
+        parts.field(
+            "λ",
+            _input(f"{ID}-level", _level_text(bench)),
+            "auto, a number from 0 to 1, or one for each round: 0.99, 0.95",
+        ),
+        *(
+            parts.field(
+                title, dcc.Input(id=f"{ID}-{name}", value=str(getattr(asked, name)), type="text", debounce=True)
+            )
+            for name, title in _NUMBERS
+        ),
+        parts.field("Highest power", parts.choice(f"{ID}-degree", ["1", "2", "3"], str(asked.degree))),
+        parts.field("Readings", parts.choice(f"{ID}-reference", ["rise", "absolute"], asked.reference)),
+    ]
+    ticks = [{"label": title, "value": name} for name, title in _TICKS]
+    return html.Div(
+        [
+            html.H1("Selection of sensors, and the model"),
+            html.P(
+                "Sensors are grouped, one stands for each group, and sets of them are compared; the error that is "
+                "reported is that of runs the model has not seen.",
+                className="about",
+            ),
+            html.Div(fields, className="fields"),
+            dcc.Checklist(id=f"{ID}-ticks", options=ticks, value=_ticked(bench), className="ticks"),
+            html.Div(id=f"{ID}-sensors"),
+            html.Div([html.Button("Start", id=f"{ID}-start", className="main")], className="row"),
+            html.Div(id=f"{ID}-answer"),
+            dcc.Store(id=f"{ID}-shown", data=None),
+        ]
+    )
+
+
+def command(bench: Bench) -> tuple[str, ...] | None:
+    """`selector select` with what is asked."""
+    if bench.material.reading is None:
+        return None
+    return ("select", *bench.source_arguments(), *option_arguments(bench.options), "--out", SELECTION)
+
+
+def register(app: dash.Dash, bench: Bench) -> None:
+    """Options go to the bench as soon as they are changed, so that the command shows them."""
+    _register_options(app, bench)
+
+    @app.callback(
+        Output(f"{ID}-sensors", "children"),
+        Output(f"{ID}-shown", "data"),
+        Output(f"{ID}-responses", "options"),
+        Input(parts.REVISION, "data"),
+        State(f"{ID}-shown", "data"),
+    )
+    def _show(_: int, shown: Any) -> tuple[Any, Any, list[str]]:
+        reading = bench.material.reading
+        asked = bench.options
+        now = [bench.material.number, list(asked.must), list(asked.never), dict(asked.cost)]
+        if now == shown:
+            raise dash.exceptions.PreventUpdate
+        if reading is None:
+            return None, now, []
+        return _sensors(bench), now, list(reading.recording.with_role("displacement"))
+
+    @app.callback(Input(f"{ID}-start", "n_clicks"), prevent_initial_call=True)
+    def _start(_: int) -> None:
+        asked = command(bench)
+        if asked is None:
+            raise OptionError(
+                "no recordings", expected="recordings that can be read", where=TITLE, advice="load some first"
+            )
+        bench.start("Selection", asked, bench.folder / SELECTION)
+        parts.tell(bench)
+
+    @app.callback(Output(f"{ID}-answer", "children"), Input(parts.REVISION, "data"))
+    def _answer(_: int) -> Any:
+        job = next((job for job in reversed(bench.jobs.all) if job.title == "Selection"), None)
+        said = parts.job_answer(job) if job is not None else None
+        result = bench.result(f"{SELECTION}/selection.json")
+        if result is None:
+            return said
+        links = [parts.download(f"{SELECTION}/{name}", text) for name, text in _FILES]
+        chosen = result["chosen"]
+        # a report of the same name is another one after the next job
+        stamp = (bench.folder / SELECTION / "report.html").stat().st_mtime_ns
+        answer = [
+            html.Div(
+                [html.P(f"Keep {', '.join(chosen['sensors'])}.", className="first"), html.P(chosen["because"])],
+                className="advice",
+            ),
+            html.Div([html.Span("Save: "), *links], className="row"),
+            parts.framed(f"{SELECTION}/report.html", "Report of the selection", stamp),
+        ]
+        return [said, parts.section("The answer", *answer)]
+
+
+def _register_options(app: dash.Dash, bench: Bench) -> None:
+    @app.callback(
+        Input(f"{ID}-responses", "value"),
+        Input(f"{ID}-level", "value"),
+        Input(f"{ID}-degree", "value"),
+        Input(f"{ID}-reference", "value"),
+        Input(f"{ID}-ticks", "value"),
+        *(Input(f"{ID}-{name}", "value") for name, _ in _NUMBERS),
+        prevent_initial_call=True,
+    )
+    def _choose(responses: list[str], level: str, degree: str, reference: str, ticks: list[str], *numbers: str) -> None:
+        counts = {name: _whole(text, title) for text, (name, title) in zip(numbers, _NUMBERS, strict=True)}
+        levels = _levels(level)
+        if isinstance(levels, tuple):
+            counts["rounds"] = max(counts["rounds"], len(levels))
+        flags = {name: name in ticks for name, _ in _TICKS}
+        if bench.choose(
+            responses=tuple(responses), level=levels, degree=int(degree), reference=reference, **counts, **flags
+        ):
+            parts.tell(bench)
+
+    @app.callback(
+        Input({"type": f"{ID}-use", "sensor": ALL}, "value"),
+        Input({"type": f"{ID}-cost", "sensor": ALL}, "value"),
+        State({"type": f"{ID}-use", "sensor": ALL}, "id"),
+        prevent_initial_call=True,
+    )
+    def _restrict(uses: list[str], costs: list[str], ids: list[dict[str, str]]) -> None:
+        names = [one["sensor"] for one in ids]
+        said = {name: _positive(text, name) for name, text in zip(names, costs, strict=True) if (text or "1") != "1"}
+        if bench.choose(
+            must=tuple(name for name, use in zip(names, uses, strict=True) if use == _USES[1]),
+            never=tuple(name for name, use in zip(names, uses, strict=True) if use == _USES[2]),
+            cost=said,
+        ):
+            parts.tell(bench)
+
+    @app.callback(
+        Output(f"{ID}-level", "value"),
+        Output(f"{ID}-responses", "value"),
+        *(Output(f"{ID}-{name}", "value") for name, _ in _NUMBERS),
+        Input(parts.REVISION, "data"),
+        prevent_initial_call=True,
+    )
+    def _follow(_: int) -> tuple[Any, ...]:
+        """Other pages choose options, too."""
+        asked = bench.options
+        return _level_text(bench), list(asked.responses), *(str(getattr(asked, name)) for name, _ in _NUMBERS)
+
+
+def _sensors(bench: Bench) -> Component:
+    reading = bench.material.reading
+    if reading is None:
+        return html.Div()
+    asked = bench.options
+    rows = []
+    for channel in reading.recording.channels:
+        if channel.role not in SENSOR_ROLES:
+            continue
+        name = channel.name
+        use = _USES[1] if name in asked.must else _USES[2] if name in asked.never else _USES[0]
+        cost = f"{asked.cost.get(name, 1.0):g}"
+        rows.append(
+            [
+                html.Span(name, className="name"),
+                channel.place or "",
+                parts.choice({"type": f"{ID}-use", "sensor": name}, _USES, use),
+                _input({"type": f"{ID}-cost", "sensor": name}, cost),
+            ]
+        )
+    summary = f"Sensors that must or must not be used, and what they cost ({len(rows)} sensors)"
+    restricted = bool(asked.must or asked.never or asked.cost)
+    table = parts.table(["sensor", "place", "use", "cost"], rows, name="channels sensors")
+    return html.Details([html.Summary(summary), table], open=restricted)
+
+
+def _input(name: Any, value: str) -> Component:
+    """A field that is heard of when it is left, or with Enter."""
+    return dcc.Input(id=name, value=value, type="text", debounce=True)
+
+
+def _ticked(bench: Bench) -> list[str]:
+    return [name for name, _ in _TICKS if getattr(bench.options, name)]
+
+
+def _level_text(bench: Bench) -> str:
+    level = bench.options.level
+    levels: Sequence[float] = () if level is None else level if isinstance(level, tuple) else (level,)
+    return ", ".join(f"{one:.12g}" for one in levels) or "auto"
+
+
+def _levels(text: str | None) -> float | tuple[float, ...] | None:
+    words = (text or "auto").replace(";", " ").replace(",", " ").split()
+    if words == ["auto"]:
+        return None
+    try:
+        levels = tuple(float(word) for word in words)
+    except ValueError:
+        raise OptionError(
+            repr(text), expected="auto, or numbers with a decimal point", where="λ", advice="e.g. 0.995"
+        ) from None
+    return levels[0] if len(levels) == 1 else levels
+
+
+def _whole(text: str | None, title: str) -> int:
+    try:
+        return int(text or "")
+    except ValueError:
+        raise OptionError(repr(text), expected="a whole number", where=title, advice="e.g. 5") from None
+
+
+def _positive(text: str, name: str) -> float:
+    try:
+        cost = float(text)
+    except ValueError:
+        cost = math.nan
+    if not math.isfinite(cost):
+        raise OptionError(repr(text), expected="a number", where=f"cost of {name}", advice="e.g. 2")
+    return cost
