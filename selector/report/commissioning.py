@@ -70,6 +70,7 @@ def write_commissioning_sheet(
         "sensors": sensors_table(model),
         "limits": limits_table(model),
         "replay": None if replay is None else replay_table(replay),
+        "parts_of_replay": None if replay is None else parts_table(replay),
         "verdict": None if replay is None else verdict_of(replay),
         "courses": [] if replay is None else _courses(pictures, model, replay),
         "card": model_card(model),
@@ -113,6 +114,27 @@ def replay_table(replay: Replay) -> Table:
         rows,
         "With correction: recorded displacement and the correction that this program gave, limits and guard included.",
     )  # fmt: skip
+
+
+def parts_table(replay: Replay) -> Table:
+    """One row per written file and output."""
+    rows = [
+        (
+            part.file,
+            part.output,
+            number_text(part.max_abs_difference_um) if part.max_abs_difference_um else "0",
+            number_text(part.allowed_um) if part.allowed_um else "0",
+            number_text(part.guard_difference_um) if part.lacks else "0",
+            part.executed_by,
+        )
+        for part in replay.parts
+    ]
+    return table(
+        ["file", "output", ">largest difference [µm]", ">allowed [µm]", ">guard [µm]", "executed by"],
+        rows,
+        "Difference: to what the file has to give. Allowed: what its number type explains; more is a defect. Guard: "
+        "from what this file has to give to what the whole guard gives, where the control has a smaller one.",
+    )
 
 
 def _courses(pictures: Pictures, model: ModelFile, replay: Replay) -> list[Picture]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,8 @@ import pandas as pd
 
 from selector.controllers.model_file import Guard, Input, ModelFile, Output, PositionPart, State, Term
 from selector.recording import Channel, Recording
+
+PATENT = Path(__file__).parents[2] / "fixtures" / "models" / "patent-two-sensors.json"
 
 
 def rise_model(**changes: Any) -> ModelFile:

@@ -10,7 +10,7 @@ import pytest
 
 from selector.controllers import Fallback, Guard, Input, ModelFile, Output, OutputLimits, PositionPart, State, Term
 from selector.controllers.model_io import read_model
-from selector.controllers.replay.macro_b_executed import MacroB, MacroError, macro_b_corrections_um
+from selector.controllers.replay.macro_b_executed import MacroB, MacroError, macro_b_answers
 from selector.controllers.replay.rows import Rows, reference_answers
 from selector.controllers.writers.fanuc import FILE, LONGEST_BLOCK, fanuc_export, literal, macro_variables, remarks
 from selector.controllers.writers.refused import ExportRefusedError
@@ -77,7 +77,7 @@ def test_macro_equals_the_reference_over_a_warm_up():
     expected = reference_answers(rich(), rows)
     assert set(expected.mode) == {1}
     assert np.all(np.ptp(expected.correction_um, axis=0) > [40.0, 2.0])
-    found = macro_b_corrections_um(rich(), rows)
+    found = macro_b_answers(rich(), rows).correction_um
     # literals of 12 digits: 1e-10 µm
     np.testing.assert_allclose(found, expected.correction_um, rtol=0.0, atol=1e-9)
 
@@ -87,7 +87,7 @@ def test_macro_equals_the_patent_formula():
     rows = warm_up()
     rows = Rows(**{**vars(rows), "readings": rows.readings[:, :2]})
     np.testing.assert_allclose(
-        macro_b_corrections_um(model, rows), reference_answers(model, rows).correction_um, rtol=0.0, atol=1e-9
+        macro_b_answers(model, rows).correction_um, reference_answers(model, rows).correction_um, rtol=0.0, atol=1e-9
     )
 
 
@@ -97,7 +97,7 @@ def test_fault_keeps_the_last_value_and_says_which_reading(bad):
     rows.readings[200:300, 1] = bad
     rows.readings[195:200] = rows.readings[195]
     rows.dt_s[195:200] = 61.0
-    found = macro_b_corrections_um(rich(), rows)
+    found = macro_b_answers(rich(), rows).correction_um
     settled = found[199]
     np.testing.assert_array_equal(found[200:300], np.tile(settled, (100, 1)))
     assert np.abs(found[301] - settled).max() > 0.5
@@ -110,7 +110,7 @@ def test_fault_keeps_the_last_value_and_says_which_reading(bad):
 def test_fault_ramps_to_zero_where_the_model_file_says_so():
     rows = warm_up()
     rows.readings[300:, 2] = np.nan
-    found = macro_b_corrections_um(rich(on_fault="ramp-to-zero"), rows)
+    found = macro_b_answers(rich(on_fault="ramp-to-zero"), rows).correction_um
     step = np.abs(np.diff(found[300:, 0]))
     assert found[299, 0] != 0.0
     assert np.all(step <= 0.7 * np.minimum(rows.dt_s[301:], 10.0) + 1e-12)
@@ -123,7 +123,7 @@ def test_outside_the_valid_range_is_a_fault_where_the_model_file_says_so():
     rows.readings[400:, 0] = 31.0
     model = rich(outside_valid_range="fault")
     np.testing.assert_allclose(
-        macro_b_corrections_um(model, rows), reference_answers(model, rows).correction_um, rtol=0.0, atol=1e-9
+        macro_b_answers(model, rows).correction_um, reference_answers(model, rows).correction_um, rtol=0.0, atol=1e-9
     )
 
 

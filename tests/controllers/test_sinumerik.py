@@ -128,9 +128,10 @@ def test_what_happens_without_an_alarm_is_said():
     ],
 )
 def test_what_the_control_cannot_take_is_found(model, options, ids):
-    found = sinumerik_export(model, **options).findings
+    *found, of_z, of_y = sinumerik_export(model, **options).findings
     assert [finding.id for finding in found] == ids
     assert all(finding.suggestion for finding in found)
+    assert of_z.id == of_y.id == "single-precision-bound"
 
 
 @needs_parser

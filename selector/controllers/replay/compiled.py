@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -38,9 +39,25 @@ def compiler_version(of: str) -> str:
 
 
 def c_answers(
-    model: ModelFile, rows: Rows, precision: Precision = "double", files: Mapping[str, str] | None = None
+    model: ModelFile,
+    rows: Rows,
+    precision: Precision = "double",
+    files: Mapping[str, str] | None = None,
+    name: str = NAME,
 ) -> Answers:
-    """What the generated C gives; default of the files: as exported.
+    """What the generated C gives, ``<name>.c`` of `files`; default: as exported.
+
+    Raises
+    ------
+    NotExecutableError
+        There is no compiler, or it refuses the program.
+    """
+    exported = files or c_files(model, precision=precision, name=name)
+    return _called(replay_of(exported, name, _driver(model, precision, name)), model, rows)
+
+
+def replay_of(files: Mapping[str, str], name: str, driver: str) -> Any:
+    """The function ``replay`` of a driver, compiled together with ``<name>.h`` and ``<name>.c``.
 
     Raises
     ------
@@ -55,24 +72,28 @@ def c_answers(
             where="--replay",
             advice="install one (Debian: apt install gcc), or export without --replay",
         )
-    exported = files or c_files(model, precision=precision)
-    texts = {f"{NAME}.{ending}": exported[f"{NAME}.{ending}"] for ending in ("h", "c")}
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
-        folder = Path(name)
+    return _compiled(cc, name, files[f"{name}.h"], files[f"{name}.c"], driver).replay
+
+
+@lru_cache(maxsize=8)
+def _compiled(cc: str, name: str, header: str, source: str, driver: str) -> ctypes.CDLL:
+    """Once for all runs of a recording."""
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as path:
+        folder = Path(path)
+        texts = {f"{name}.h": header, f"{name}.c": source, "replay.c": driver}
         for file, text in texts.items():
             (folder / file).write_text(text, encoding="ascii")
-        (folder / "replay.c").write_text(_driver(model, precision), encoding="ascii")
         library = folder / "replay.so"
-        command = [cc, *OPTIONS, "-o", str(library), str(folder / "replay.c"), str(folder / f"{NAME}.c")]
+        command = [cc, *OPTIONS, "-o", str(library), str(folder / "replay.c"), str(folder / f"{name}.c")]
         done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603
         if done.returncode != 0:
             raise NotExecutableError(
-                f"{cc} refuses the generated program: {_first_error(done.stderr)}",
+                f"{cc} refuses {name}.c: {_first_error(done.stderr)}",
                 expected="a C99 compiler for this machine",
                 where="--replay",
                 advice="name another compiler in the environment variable CC",
             )
-        return _called(library, model, rows)
+        return ctypes.CDLL(str(library))
 
 
 def _first_error(said: str) -> str:
@@ -80,11 +101,10 @@ def _first_error(said: str) -> str:
     return next((line for line in lines if "error" in line), lines[0])
 
 
-def _called(library: Path, model: ModelFile, rows: Rows) -> Answers:
+def _called(call: Any, model: ModelFile, rows: Rows) -> Answers:
     n, outputs, inputs = len(rows), len(model.outputs), len(model.inputs)
     real = np.zeros((n, 3 * outputs))
     codes = np.zeros((n, 1 + inputs), dtype=np.int32)
-    call = ctypes.CDLL(str(library)).replay
     call.restype = None
     tables: list[NDArray[Any]] = [
         np.ascontiguousarray(rows.dt_s, dtype=np.float64),
@@ -100,20 +120,20 @@ def _called(library: Path, model: ModelFile, rows: Rows) -> Answers:
     return Answers(*parts, codes[:, 0].astype(np.int64), codes[:, 1:].astype(np.int64))
 
 
-def _driver(model: ModelFile, precision: Precision) -> str:
+def _driver(model: ModelFile, precision: Precision, name: str) -> str:
     """A loop over rows; `float` readings are rounded once, as a control's inputs are."""
     program = guarded_program(model)
     names = {variable.name for variable in program.variables}
     inputs, outputs = len(model.inputs), len(model.outputs)
     axes = sum(variable.name.startswith("position_") for variable in program.of("input"))
     lines = [
-        f'#include "{NAME}.h"',
+        f'#include "{name}.h"',
         "void replay(long n, const double *dt, const double *readings, const double *positions, const int *flags,",
         "            const double *standstill, double *real, int *codes)",
         "{",
-        f"    {NAME} m;",
+        f"    {name} m;",
         "    long k;",
-        f"    {NAME}_init(&m);",
+        f"    {name}_init(&m);",
         "    (void)positions;",
         "    for (k = 0; k < n; k++) {",
         f"        m.dt_s = ({precision})dt[k];",
@@ -125,13 +145,13 @@ def _driver(model: ModelFile, precision: Precision) -> str:
         "        m.is_wanted = flags[3 * k + 1];",
         "        m.is_restart = flags[3 * k + 2];",
         f"        m.standstill_s = ({precision})standstill[k];",
-        f"        {NAME}_step(&m);",
+        f"        {name}_step(&m);",
     ]
     for j, what in enumerate(("correction", "k0", "slope")):
         for i in range(outputs):
-            name = f"{what}_{i + 1}"
-            if name in names:
-                lines.append(f"        real[{3 * outputs} * k + {outputs * j + i}] = m.{name};")
+            one = f"{what}_{i + 1}"
+            if one in names:
+                lines.append(f"        real[{3 * outputs} * k + {outputs * j + i}] = m.{one};")
     lines.append(f"        codes[{1 + inputs} * k] = m.mode;")
     lines += [f"        codes[{1 + inputs} * k + {1 + i}] = m.sensor_{i + 1};" for i in range(inputs)]
     return "\n".join([*lines, "    }", "}"]) + "\n"

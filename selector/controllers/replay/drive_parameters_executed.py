@@ -10,8 +10,12 @@ import numpy as np
 from selector.controllers.evaluator import first_finite
 from selector.controllers.model_file import ModelFile
 from selector.controllers.program.guarded_program import axes_of
+from selector.controllers.replay.reduced_guard import places_m
 from selector.controllers.replay.rows import Answers, Array, Rows
 from selector.controllers.writers.rexroth import FILE, drive_parameters, rexroth_export
+
+HALF_K, HALF_M, HALF_DIGIT = 0.5e-4, 0.5e-7, 5e-6
+"""Half of the last digit: of the reference temperature [K], of x0 [m], of a factor, as a share of it."""
 
 _NUMBER = r"([+-]? ?[0-9.]+(?:e[+-]?[0-9]+)?)"
 _BLOCK = re.compile(
@@ -40,6 +44,31 @@ def drive_answers(model: ModelFile, rows: Rows, files: Mapping[str, str] | None 
         found.k0_um[:, k] = found.correction_um[:, k] = -own * warmer
         if output.position is not None:
             found.slope_um_per_m[:, k] = -steep * warmer
-            away_m = rows.positions_m[:, axes.index(output.position.axis)] - zero_mm / 1000.0
+            away_m = places_m(model, rows)[:, axes.index(output.position.axis)] - zero_mm / 1000.0
             found.correction_um[:, k] += found.slope_um_per_m[:, k] * away_m
+    return found
+
+
+def printed_parameters_um(model: ModelFile, rows: Rows) -> dict[str, float]:
+    """Per output, what the printed digits of the parameters, and what they cannot say of the model, cost at most [µm].
+
+    The reference temperature is printed in steps of 0.0001 K, factors in six digits, x0 in steps of 0.0001 mm.
+    """
+    found = {}
+    for output in model.outputs:
+        of, part = drive_parameters(model, output), output.position
+        at = [item.name for item in model.inputs].index(of.source)
+        readings: Array = rows.readings[:, at]
+        start = first_finite(readings) if model.inputs[at].reference == "rise" else 0.0
+        warmer = np.abs(readings - start - of.shift_k)
+        warmest = float(np.max(warmer[np.isfinite(warmer)], initial=0.0)) + HALF_K
+        reach, within, steep = 0.0, 0.0, abs(of.um_per_m_k)
+        if part is not None:
+            places = places_m(model, rows)[:, axes_of(model).index(part.axis)]
+            reach = float(np.max(np.abs(places - of.zero_m), initial=0.0)) + HALF_M
+            within = max(abs(part.valid_min_m - of.zero_m), abs(part.valid_max_m - of.zero_m))
+        size = abs(of.um_per_k) + steep * reach
+        loss = of.loss_um * max(1.0, reach / within if within > 0.0 else 1.0)
+        # and float64 itself
+        found[output.name] = loss + size * (HALF_K + HALF_DIGIT * warmest) + steep * HALF_M * warmest + 1e-9
     return found

@@ -6,17 +6,18 @@ program that runs here is inside the subset.
 
 from __future__ import annotations
 
+import dataclasses
 import operator
 import re
 from collections.abc import Callable, Mapping
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.controllers.model_file import ModelFile
+from selector.controllers.replay.reduced_guard import held, rows_at, sampled_rows
 from selector.controllers.replay.rows import Answers, Rows
-from selector.controllers.writers.fanuc import FILE, LONGEST_BLOCK, TIME, fanuc_export, macro_variables
+from selector.controllers.writers.fanuc import FILE, LONGEST_BLOCK, STATUS, TIME, fanuc_export, macro_variables
 
 DEEPEST_BRACKETS = 5
 MOST_BLOCKS = 100_000
@@ -160,14 +161,15 @@ class MacroB:
         return float(word)
 
 
-def macro_b_corrections_um(model: ModelFile, rows: Rows, files: Mapping[str, str] | None = None) -> NDArray[np.float64]:
-    """What the generated macro leaves in the external work offset, of shape (n_rows, n_outputs) [µm].
+def macro_b_answers(model: ModelFile, rows: Rows, files: Mapping[str, str] | None = None) -> Answers:
+    """What the generated macro leaves in the external work offset, called in every row, and the mode that it tells.
 
-    Only `dt_s` and `readings` of the rows are looked at; a reading that is not finite is vacant.
+    Only `dt_s` and `readings` of the rows are looked at; a reading that is not finite is vacant. Which sensor is bad
+    it tells for one only: sensor codes are 0.
     """
     macro = MacroB((files or fanuc_export(model).files)[FILE])
     numbers = list(macro_variables(model).readings.values())
-    found = np.zeros((len(rows), len(model.outputs)))
+    found = Answers.empty(len(rows), len(model.outputs), len(model.inputs))
     for k, time_s in enumerate(np.cumsum(rows.dt_s).tolist()):
         macro.variables[TIME] = time_s
         for number, reading in zip(numbers, rows.readings[k].tolist(), strict=True):
@@ -175,15 +177,17 @@ def macro_b_corrections_um(model: ModelFile, rows: Rows, files: Mapping[str, str
             if np.isfinite(reading):
                 macro.variables[number] = reading
         macro.call()
-        found[k] = [1000.0 * macro.offsets_mm[str(output.axis).upper()] for output in model.outputs]
+        found.correction_um[k] = [1000.0 * macro.offsets_mm[str(output.axis).upper()] for output in model.outputs]
+        found.mode[k] = int(macro.variables[STATUS])
+    found.k0_um[:] = found.correction_um
     return found
 
 
-def macro_b_answers(model: ModelFile, rows: Rows, files: Mapping[str, str] | None = None) -> Answers:
-    """As `macro_b_corrections_um`; the macro tells no mode and no sensor codes: they are 0."""
-    found = Answers.empty(len(rows), len(model.outputs), len(model.inputs))
-    found.correction_um[:] = found.k0_um[:] = macro_b_corrections_um(model, rows, files)
-    return found
+def macro_b_called_at_most_once_a_second(model: ModelFile, rows: Rows, files: Mapping[str, str]) -> Answers:
+    """As `macro_b_answers`, called as its sheet says; its offset stays until the next call."""
+    calls = sampled_rows(rows)
+    answers = macro_b_answers(model, rows_at(rows, calls), files)
+    return Answers(*(held(getattr(answers, field.name), calls, len(rows)) for field in dataclasses.fields(Answers)))
 
 
 def _number(value: float | None) -> float:

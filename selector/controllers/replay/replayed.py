@@ -1,25 +1,92 @@
-"""Recorded runs through the generated program and through the reference, and how far they are apart."""
+"""Recorded runs through the written files and through the reference, and how far they are apart."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from selector.controllers.application import Accuracy, displacement_of, position_channels, require_channels, zero_of
 from selector.controllers.model_file import ModelFile
 from selector.controllers.program.guarded_program import axes_of
+from selector.controllers.replay.parts import TIME_STEP_S, Part
 from selector.controllers.replay.rows import Answers, Array, Rows, reference_answers
 from selector.recording import Recording
 
 
-class Executor(Protocol):
-    """Runs the exported program of a model."""
+@dataclass(frozen=True)
+class PartDifference:
+    """One file and one output over all runs.
 
-    def __call__(self, model: ModelFile, rows: Rows, *, files: Mapping[str, str]) -> Answers:
-        """What the program in these files (name → text) gives, row by row."""
+    Attributes
+    ----------
+    file, output, executed_by : str
+    max_abs_difference_um : float
+        To what it has to give; that of the run in which it is farthest beyond what is allowed.
+    allowed_um : float
+        What its number type explains in that run.
+    guard_difference_um : float
+        Between what it has to give and the whole guard, in any run.
+    lacks : str
+        Why these differ; empty = they are the same.
+    """
+
+    file: str
+    output: str
+    executed_by: str
+    max_abs_difference_um: float
+    allowed_um: float
+    guard_difference_um: float
+    lacks: str
+
+    @property
+    def is_explained(self) -> bool:
+        """No difference is larger than allowed."""
+        return self.max_abs_difference_um <= self.allowed_um
+
+    def as_dict(self) -> dict[str, object]:
+        """An entry of `replay.parts` of `selector.export/1`."""
+        return {
+            "file": self.file,
+            "output": self.output,
+            "executed_by": self.executed_by,
+            "max_abs_difference_um": self.max_abs_difference_um,
+            "allowed_um": self.allowed_um,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class ExecutedPart:
+    """One file on the rows of one run.
+
+    Attributes
+    ----------
+    part : Part
+    answers : Answers
+        What it gave.
+    expected_um : ndarray of shape (n_rows, n_outputs)
+        What it has to give.
+    whole : Answers
+        What the whole guard gives.
+    allowed_um : mapping of str to float
+        Per output.
+    """
+
+    part: Part
+    answers: Answers
+    expected_um: Array
+    whole: Answers
+    allowed_um: Mapping[str, float]
+
+    def differences(self, model: ModelFile) -> Iterator[PartDifference]:
+        """One per output."""
+        largest = _largest(self.answers.correction_um - self.expected_um)
+        of_guard = _largest(self.expected_um - self.whole.correction_um)
+        part = self.part
+        for output, size, guard in zip(model.outputs, largest, of_guard, strict=True):
+            allowed = self.allowed_um[output.name]
+            yield PartDifference(part.file, output.name, part.executed_by(), size, allowed, guard, part.lacks)
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,13 +98,14 @@ class ReplayedRun:
     run : str
     time_s : ndarray of shape (n_samples,)
     correction_um, reference_um : ndarray of shape (n_samples, n_outputs)
-        Of the generated program, and of `GuardedModel` in float64.
+        Of the main program, and what it has to give in float64.
     recorded_um : ndarray of shape (n_samples, n_outputs)
         Recorded displacement from its own zero; NaN where there is none.
     accuracy : dict of str to Accuracy
         Per output, recorded displacement with and without this correction.
     faulty_share : float
-        Share of the samples in which the program did not follow the whole model.
+        Share of the samples in which the program did not follow the whole model, as it says itself; where it does not,
+        in which the whole guard would not have followed it.
     """
 
     run: str
@@ -51,16 +119,26 @@ class ReplayedRun:
     @property
     def max_abs_difference_um(self) -> float:
         """Largest difference between program and reference [µm]; infinite if the program gave no number."""
-        difference = np.abs(self.correction_um - self.reference_um)
-        return float(np.max(np.where(np.isfinite(difference), difference, np.inf), initial=0.0))
+        return max(_largest(self.correction_um - self.reference_um), default=0.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """All runs, and what executed the program."""
+    """All runs, what executed the main program, and how far each written file is from what it has to give.
+
+    Attributes
+    ----------
+    runs : tuple of ReplayedRun
+    executed_by : str
+    parts : tuple of PartDifference
+    tells_mode : bool
+        Whether the main program says what it follows.
+    """
 
     runs: tuple[ReplayedRun, ...]
     executed_by: str
+    parts: tuple[PartDifference, ...] = ()
+    tells_mode: bool = True
 
     @property
     def rows(self) -> int:
@@ -69,7 +147,7 @@ class Replay:
 
     @property
     def max_abs_difference_um(self) -> float:
-        """Largest difference of all runs [µm]."""
+        """Largest difference of the main program in all runs [µm]."""
         return max((run.max_abs_difference_um for run in self.runs), default=0.0)
 
     def as_dict(self) -> dict[str, object]:
@@ -78,6 +156,7 @@ class Replay:
             "rows": self.rows,
             "max_abs_difference_um": self.max_abs_difference_um,
             "executed_by": self.executed_by,
+            "parts": [part.as_dict() for part in self.parts],
         }
 
 
@@ -85,45 +164,83 @@ def replayed(
     model: ModelFile,
     files: Mapping[str, str],
     recording: Recording,
-    execute: Executor,
-    executed_by: str,
+    parts: Sequence[Part],
     progress: Callable[[str], None] | None = None,
 ) -> Replay:
-    """Every run of a recording from its own start through a generated program.
+    """Every run of a recording from its own start through the written files; the first part is the main program.
 
     Raises
     ------
     RecordingError
         An input, or an axis position that the model needs, is missing in every run.
     OptionError
-        The program cannot be executed on this machine.
+        A file cannot be executed on this machine.
     """
     require_channels(model, recording)
-    found = []
+    written = [part for part in parts if part.file in files]
+    found: list[ReplayedRun] = []
+    differences: list[PartDifference] = []
     for run in recording.runs:
         if progress is not None:
             progress(run)
         rows = rows_of_run(model, recording, run)
-        answers, reference = execute(model, rows, files=files), reference_answers(model, rows)
-        recorded = np.column_stack(
-            [displacement_of(of, recording, run) - zero_of(of, recording, run, None) for of in model.outputs]
-        )
-        accuracy = {
-            output.name: Accuracy.of(-answers.correction_um[:, k], recorded[:, k])
-            for k, output in enumerate(model.outputs)
-        }
-        faulty = float(np.mean(reference.mode != 1)) if len(rows) else 0.0
-        correction, expected = answers.correction_um, reference.correction_um
-        found.append(ReplayedRun(run, recording.time_s(run), correction, expected, recorded, accuracy, faulty))
-    return Replay(tuple(found), executed_by)
+        whole = reference_answers(model, rows)
+        main, *others = executed(model, files, written, rows, whole)
+        differences += [one for of in (main, *others) for one in of.differences(model)]
+        telling = main.answers if main.part.tells_mode else whole
+        found.append(_run(model, recording, run, main, telling))
+    return Replay(tuple(found), written[0].executed_by(), _over_runs(differences), written[0].tells_mode)
 
 
 def rows_of_run(model: ModelFile, recording: Recording, run: str) -> Rows:
-    """The calls that a control would have made in a recorded run: ready and wanted throughout."""
-    time_s = recording.time_s(run)
+    """The calls that a control would have made in a recorded run: ready and wanted throughout, at `TIME_STEP_S`."""
+    time_s = np.round(recording.time_s(run) / TIME_STEP_S) * TIME_STEP_S
     n = len(time_s)
     channels = position_channels(model, recording)
     readings = recording.values(run, [item.name for item in model.inputs])
     positions = recording.values(run, [channels[axis] for axis in axes_of(model)]) if channels else np.zeros((n, 0))
     always, never = np.ones(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
     return Rows(np.diff(time_s, prepend=time_s[:1]), readings, positions, always, always, never, np.zeros(n))
+
+
+def executed(
+    model: ModelFile, files: Mapping[str, str], parts: Sequence[Part], rows: Rows, whole: Answers
+) -> list[ExecutedPart]:
+    """Every part, the first one being the main program; `whole` = the answers of the whole guard."""
+    found: list[ExecutedPart] = []
+    for part in parts:
+        answers = part.execute(model, rows, files, found[0].answers if found else whole)
+        expected = part.expected(model, rows, whole)
+        found.append(ExecutedPart(part, answers, expected, whole, part.allowed_um(model, rows, whole)))
+    return found
+
+
+def _run(model: ModelFile, recording: Recording, run: str, main: ExecutedPart, telling: Answers) -> ReplayedRun:
+    correction_um = main.answers.correction_um
+    recorded = np.column_stack(
+        [displacement_of(of, recording, run) - zero_of(of, recording, run, None) for of in model.outputs]
+    )
+    accuracy = {
+        output.name: Accuracy.of(-correction_um[:, k], recorded[:, k]) for k, output in enumerate(model.outputs)
+    }
+    faulty = float(np.mean(telling.mode != 1)) if len(telling.mode) else 0.0
+    return ReplayedRun(run, recording.time_s(run), correction_um, main.expected_um, recorded, accuracy, faulty)
+
+
+def _largest(difference: Array) -> list[float]:
+    """Per output, the largest magnitude; infinite if there is one that is no number."""
+    sizes = np.where(np.isfinite(difference), np.abs(difference), np.inf)
+    return [float(size) for size in np.max(sizes, axis=0, initial=0.0)]
+
+
+def _over_runs(differences: Sequence[PartDifference]) -> tuple[PartDifference, ...]:
+    found: dict[tuple[str, str], PartDifference] = {}
+    for one in differences:
+        key = one.file, one.output
+        former = found.get(key, one)
+        worst = max((former, one), key=lambda of: (not of.is_explained, of.max_abs_difference_um))
+        guard = max(former.guard_difference_um, one.guard_difference_um)
+        found[key] = PartDifference(
+            one.file, one.output, one.executed_by, worst.max_abs_difference_um, worst.allowed_um, guard, one.lacks
+        )
+    return tuple(found.values())

@@ -18,6 +18,7 @@ from selector.controllers.writers.heading import heading
 from selector.controllers.writers.refused import ExportRefusedError
 from selector.controllers.writers.twincat import tcpou_export
 
+ADS_TABLE = "temp_comp_ads.txt"
 ADS_PORT = 551
 ADS_INDEX_GROUP = 0x120300
 ADS_ACTIVE, ADS_ACTUAL_OFFSET, ADS_COEFFICIENT = 0x41, 0x42, 0x43
@@ -43,7 +44,7 @@ def beckhoff_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expo
         f"temp_comp_{k}.lis": "\n".join([*head, *_axis_list(output)]) + "\n"
         for k, output in enumerate(model.outputs, 1)
     }
-    files["temp_comp_ads.txt"] = "\n".join([*head, *_ads_table(model)]) + "\n"
+    files[ADS_TABLE] = "\n".join([*head, *_ads_table(model)]) + "\n"
     files |= tcpou_export(model, is_sign_verified=is_sign_verified).files
     return Exported(
         files=files,

@@ -11,6 +11,7 @@ from selector.controllers.model_file import ModelFile
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import Program, Variable
 from selector.controllers.program.text_of_program import Language, plain
+from selector.controllers.single_precision import single_precision_findings, single_precision_lines
 from selector.controllers.writers.exported import Exported
 from selector.controllers.writers.fixed_point import fixed_point_files, fixed_point_findings
 from selector.controllers.writers.heading import heading
@@ -20,6 +21,7 @@ from selector.findings import Finding
 
 Precision = Literal["double", "float"]
 NAME = "thermal_correction"
+SINGLE_NAME = f"{NAME}_f"
 
 
 class _C(Language):
@@ -61,7 +63,6 @@ class _C(Language):
 
 def c_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
     """Double precision in ``thermal_correction.*``, single in ``thermal_correction_f.*``, and fixed point if it can."""
-    single = f"{NAME}_f"
     try:
         fixed, findings = fixed_point_files(model, is_sign_verified=is_sign_verified), fixed_point_findings(model)
     except ExportRefusedError as error:
@@ -75,7 +76,8 @@ def c_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
             ),
         )
     try:
-        in_single = c_files(model, precision="float", name=single, is_sign_verified=is_sign_verified)
+        in_single = c_files(model, precision="float", name=SINGLE_NAME, is_sign_verified=is_sign_verified)
+        findings += single_precision_findings(model, f"{SINGLE_NAME}.c")
     except OptionError as error:
         in_single = {}
         findings += (
@@ -89,7 +91,7 @@ def c_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
         },
         findings=findings,
         install=(
-            f"Compile {NAME}.c ({single}.c where the processor has single precision only) with "
+            f"Compile {NAME}.c ({SINGLE_NAME}.c where the processor has single precision only) with "
             "cc -std=c99 -O2 -ffp-contract=off, without -ffast-math. It needs no library.",
             f"Call {NAME}_init once. If the control kept the members under 'to be kept', put them back after it and "
             "set is_restart and standstill_s for the first call.",
@@ -109,7 +111,8 @@ def c_files(
 ) -> dict[str, str]:
     """``<name>.h`` and ``<name>.c``: a struct with inputs, outputs and state, ``<name>_init`` and ``<name>_step``."""
     program = guarded_program(model)
-    head = [f" * {line}" for line in heading(model, is_sign_verified=is_sign_verified)]
+    bound = [plain(line) for line in single_precision_lines(model)] if precision == "float" else []
+    head = [f" * {line}" for line in [*heading(model, is_sign_verified=is_sign_verified), *bound]]
     return {
         f"{name}.h": "\n".join(["/*", *head, " */", *_header(program, precision, name)]) + "\n",
         f"{name}.c": "\n".join(["/*", *head, *_compiling(), " */", *_source(program, precision, name)]) + "\n",

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from textwrap import wrap
 
-from selector.controllers.guard.codes import LONGEST_S, LONGEST_STEP_S, Mode
+from selector.controllers.guard.codes import LARGEST_NUMBER, LONGEST_S, LONGEST_STEP_S, Mode
 from selector.controllers.guard.decided import DecidedLimits, decided_limits
 from selector.controllers.model_file import Input, ModelFile, Output, Term
 from selector.controllers.model_io import model_sha256
@@ -29,6 +29,8 @@ PROGRAM = 9100
 LONGEST_BLOCK = 72
 SIGNIFICANT_DIGITS = 12
 """Of a literal; the model has its inputs centred and scaled, so that 12 digits cost 1e-10 µm at 100 µm."""
+LITERAL_ROUNDOFF = 5e-12
+"""Largest relative rounding of a literal."""
 
 TIME = 100
 """Common variable with the time of the readings [s]; the readings follow it."""
@@ -37,7 +39,7 @@ LAST_VOLATILE, FIRST_KEPT, LAST_KEPT = 199, 500, 999
 LINEAR_AXES = "XYZUVW"
 
 _TOTAL, _PRODUCT, _CHANGE, _DT, _SLEWED, _SINCE = 1, 2, 3, 4, 5, 6
-_MODEL, _LAST_CALL, _LAST_SAMPLE, _STATUS, _FAULTY, _HAS_BEGUN = range(FIRST_KEPT, FIRST_KEPT + 6)
+_MODEL, _LAST_CALL, _LAST_SAMPLE, STATUS, _FAULTY, _HAS_BEGUN = range(FIRST_KEPT, FIRST_KEPT + 6)
 _FAULT, _MOVE, _END = 800, 850, 900
 
 
@@ -89,7 +91,7 @@ def fanuc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
             f"Load {FILE}, call it with M98 P{PROGRAM} in millimetres (G21) between cuts, at most once a second; it "
             "leaves G90 on. On a lathe with G-code system A, G90 is a turning cycle: take G90 out there. Programs "
             "O9000 to O9999 may be protected, and X may be a diameter: check in the manual.",
-            f"After each call #{_STATUS} says 1 model, 2 hold, 3 ramp to zero, and #{_FAULTY} which reading is bad.",
+            f"After each call #{STATUS} says 1 model, 2 hold, 3 ramp to zero, and #{_FAULTY} which reading is bad.",
             f"Set #{_HAS_BEGUN} = 0 to take new start readings at a cold start.",
         ),
         silently=(
@@ -289,6 +291,7 @@ def _checked(model: ModelFile, item: Input, k: int, names: MacroVariables) -> It
     yield from remarks(item.name)
     yield f"#{_FAULTY}={literal(float(k))}"
     yield f"IF[#{reading}EQ#0]GOTO{_FAULT}"
+    yield f"IF[ABS[#{reading}]GT{literal(LARGEST_NUMBER)}]GOTO{_FAULT}"
     for code in model.guard.break_codes if item.unit == "degC" else ():
         yield f"IF[ABS[#{reading}{_minus(code)}]LE{literal(CODE_SLACK * abs(code))}]GOTO{_FAULT}"
     if item.reading_min is not None:
@@ -313,7 +316,7 @@ def _remembered(model: ModelFile, names: MacroVariables) -> Iterator[str]:
     """All sensors are good: start readings, memory, z."""
     yield from remarks("start readings and memory")
     yield f"#{_FAULTY}=0."
-    yield f"#{_STATUS}={literal(float(Mode.MODEL))}"
+    yield f"#{STATUS}={literal(float(Mode.MODEL))}"
     for name, start in names.starts.items():
         yield f"IF[#{_HAS_BEGUN}NE1.]THEN#{start}=#{names.readings[name]}"
     yield f"IF[#{_HAS_BEGUN}NE1.]THEN#{_LAST_SAMPLE}=#{TIME}"
@@ -371,7 +374,7 @@ def _faulted(model: ModelFile, names: MacroVariables) -> Iterator[str]:
     yield f"GOTO{_MOVE}"
     yield f"N{_FAULT}"
     yield from remarks("a reading is bad - the aim goes to zero" if is_ramped else "a reading is bad - the aim stays")
-    yield f"#{_STATUS}={literal(float(Mode.RAMP_TO_ZERO if is_ramped else Mode.HOLD))}"
+    yield f"#{STATUS}={literal(float(Mode.RAMP_TO_ZERO if is_ramped else Mode.HOLD))}"
     if is_ramped:
         yield from (f"#{aim}=0." for aim in names.aims.values())
     yield f"N{_MOVE}"

@@ -27,12 +27,10 @@ def fixed_point_files(model: ModelFile, *, is_sign_verified: bool) -> dict[str, 
     """
     source = Source(model)
     head = [f" * {line}" for line in [*heading(model, is_sign_verified=is_sign_verified), *_about(model, source.fixed)]]
-    files = {
+    return {
         f"{NAME}.h": "\n".join(["/*", *head, " */", *source.header()]) + "\n",
         f"{NAME}.c": "\n".join(["/*", *head, " */", *source.body()]) + "\n",
     }
-    # two question marks begin a trigraph, even in a remark
-    return {name: text.replace("??", "__") for name, text in files.items()}
 
 
 def fixed_point_bound_um(model: ModelFile, *, is_counted: bool = False) -> dict[str, float]:

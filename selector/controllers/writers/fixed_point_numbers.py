@@ -66,6 +66,10 @@ class Error:
             return Error(self.arithmetic + other.arithmetic, self.whole + other.whole)
         return Error(self.arithmetic + other, self.whole + other)
 
+    def larger(self, other: Error) -> Error:
+        """The larger of both bounds."""
+        return Error(max(self.arithmetic, other.arithmetic), max(self.whole, other.whole))
+
     def rounded_up(self) -> Error:
         """Both on a grid of 2^-64, so that numerators stay short."""
         return Error(_up(self.arithmetic), _up(self.whole))
@@ -328,7 +332,9 @@ def _correction_error(output: Output, own: Polynomial, slope: Polynomial | None)
     reference = Fraction(part.reference_m)
     reach = max(abs(Fraction(part.valid_min_m) - reference), abs(Fraction(part.valid_max_m) - reference))
     of_position = Fraction(slope.largest + 1, 10**6) + Fraction(1, 2)
-    return own.error.plus(slope.error.times(reach)).plus(of_position)
+    # where the clamp limits the slope, the slope takes over the error of the own part and rounds once more
+    of_slope = slope.error.times(reach).larger(own.error.plus(reach + 1))
+    return own.error.plus(of_slope).plus(of_position)
 
 
 def overflow_checks(of: Fixed) -> Iterator[tuple[str, int]]:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from fractions import Fraction
 
-from selector.controllers.guard.codes import ANCHOR_S, LONGEST_S, LONGEST_STEP_S, SAMPLE_S, Mode, SensorCode
+from selector.controllers.guard.codes import ANCHOR_S, FORGIVEN_S, LONGEST_S, LONGEST_STEP_S, SAMPLE_S, Mode, SensorCode
 from selector.controllers.guard.decided import DecidedLimits, decided_limits
 from selector.controllers.model_file import ModelFile, Output, PositionPart
 from selector.controllers.program.guarded_program import axes_of
@@ -25,6 +25,7 @@ from selector.controllers.writers.fixed_point_numbers import (
     fixed,
     position_um,
 )
+from selector.controllers.writers.fixed_point_tools import TOOLS
 from selector.controllers.writers.refused import ExportRefusedError
 
 NAME = "thermal_correction_i"
@@ -34,50 +35,6 @@ MISSING = "(-2147483647 - 1)"
 _LARGEST_SLEW_PM_PER_S = 10**14
 _FASTEST = 2**33  # counts a minute; no two readings differ by more
 _PM = 10**6
-
-_TOOLS = {
-    "shifted": """\
-static int64_t shifted(int64_t value, int bits)
-{
-    int64_t half = ((int64_t)1 << bits) >> 1;
-    return value >= 0 ? (value + half) >> bits : -((-value + half) >> bits);
-}
-""",
-    "limited": """\
-static int64_t limited(int64_t value, int64_t low, int64_t high)
-{
-    return value < low ? low : value > high ? high : value;
-}
-""",
-    "scaled": """\
-/* nm from nm/m times um */
-static int64_t scaled(int64_t product)
-{
-    return (product >= 0 ? product + 500000 : product - 500000) / 1000000;
-}
-""",
-    "followed": """\
-/* level + (target - level) * dt / (tau + dt), without an intermediate value beyond 64 bits */
-static int64_t followed(int64_t level, int64_t target, int64_t dt, int64_t tau)
-{
-    int64_t change = target - level;
-    int64_t all = tau + dt;
-    int64_t rest = change % all * dt;
-    rest += rest >= 0 ? all / 2 : -(all / 2);
-    return level + change / all * dt + rest / all;
-}
-""",
-    "moved": """\
-/* no faster than slew [pm/s]; what is less than 1 nm waits for the next call */
-static int32_t moved(int32_t now, int32_t aim, int64_t slew, int32_t dt, int32_t *rest)
-{
-    int64_t allowed = slew * dt + *rest;
-    int64_t most = allowed / 1000000;
-    *rest = (int32_t)(allowed % 1000000);
-    return (int32_t)limited(aim, now - most, now + most);
-}
-""",
-}
 
 
 class Source:
@@ -118,7 +75,7 @@ class Source:
         lines += [*self._aimed(), "", *self._stepped()]
         text = "\n".join(lines)
         # a static function that nobody calls is a warning
-        tools = [tool for name, tool in _TOOLS.items() if f"{name}(" in text]
+        tools = [tool for name, tool in TOOLS.items() if f"{name}(" in text]
         return [f'#include "{NAME}.h"', "", *tools, *lines]
 
     def _members(self) -> dict[str, list[tuple[str, str, str, str]]]:
@@ -167,14 +124,16 @@ class Source:
     def _sensor(self, counted: Counted) -> Iterator[str]:
         """A function that judges one reading and takes it over if it is good."""
         item, guard, k = counted.item, self._model.guard, self._index[counted.item.name]
-        ages = [f"since_ms_{k}"] + ([f"anchor_age_ms_{k}"] if item.rate_limit_per_min is not None else [])
+        ages = [(f"since_ms_{k}", LONGEST_S)]
+        if item.rate_limit_per_min is not None:
+            ages.append((f"anchor_age_ms_{k}", FORGIVEN_S))
         yield f"/* sensor {plain(item.name)} */"
         yield f"static void sensor_{k}({NAME} *m)"
         yield "{"
         yield f"    int64_t r = m->reading_{k}, x;"
         yield f"    int32_t code = {SensorCode.OK:d};"
-        for age in ages:
-            yield f"    m->{age} = (int32_t)limited((int64_t)m->{age} + m->since_ms, 0, {_ms(LONGEST_S)});"
+        for age, longest_s in ages:
+            yield f"    m->{age} = (int32_t)limited((int64_t)m->{age} + m->since_ms, 0, {_ms(longest_s)});"
         yield f"    if (r == {MISSING} || r == {LARGEST_INT32})"
         yield f"        code = {SensorCode.MISSING:d};"
         for condition, code in self._faults(counted):
@@ -253,7 +212,12 @@ class Source:
             if output.position is not None:
                 most = _nm(limits.slope_clamp_um_per_m)
                 yield from self._sum(self.fixed.slopes[output.name])
-                yield f"    m->slope_aim_{k} = (int32_t)limited(-own, -{most}, {most});"
+                reach_um = position_um(limits.reach_m)
+                if reach_um > 0:
+                    # the straight line keeps the clamp at the far end of the axis, too
+                    yield f"    change = m->aim_{k} < 0 ? -(int64_t)m->aim_{k} : m->aim_{k};"
+                    yield f"    change = limited(({clamp} - change) * 1000000 / {reach_um}, 0, {most});"
+                    yield f"    m->slope_aim_{k} = (int32_t)limited(-own, -change, change);"
         yield "    (void)p;"
         yield "    (void)change;"
         yield "}"
@@ -351,7 +315,7 @@ def _jump(k: int, counts_per_min: int) -> Iterator[str]:
     yield f"        m->anchor_{k} = m->reading_{k};"
     yield f"        m->anchor_age_ms_{k} = 0;"
     yield f"    }} else if (code == {SensorCode.OK:d}) {{"
-    yield f"        int64_t age = limited(m->anchor_age_ms_{k}, {_ms(ANCHOR_S)}, {_ms(LONGEST_S)});"
+    yield f"        int64_t age = limited(m->anchor_age_ms_{k}, {_ms(ANCHOR_S)}, {_ms(FORGIVEN_S)});"
     yield f"        int64_t allowed = {counts_per_min}LL * age / 60000;"
     yield f"        int64_t change = r - m->anchor_{k};"
     yield "        if (change > allowed || change < -allowed) {"

@@ -15,6 +15,7 @@ from selector.controllers.model_file import ModelFile, Output
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import Place, Program, Real, Writing
 from selector.controllers.program.text_of_program import plain
+from selector.controllers.single_precision import single_precision_findings
 from selector.controllers.writers.exported import Exported
 from selector.controllers.writers.structured_text import (
     BLOCK,
@@ -28,6 +29,7 @@ from selector.controllers.writers.structured_text import (
 from selector.findings import Finding
 
 BLOCK_OF_SETTING_DATA = "FB_ThermalToSD"
+SETTING_DATA = "thermal_to_sd.scl"
 SETTINGS = "sinumerik_settings.csv"
 ADD_VELO_FACTOR = 0.01
 """Default of MD32760 $MA_COMP_ADD_VELO_FACTOR: share of the axis velocity, and largest slope [mm/mm]."""
@@ -79,7 +81,7 @@ def sinumerik_export(
     return Exported(
         files={
             f"{NAME}.scl": scl_text(model, is_sign_verified=is_sign_verified),
-            "thermal_to_sd.scl": _scl(setting_data_program(model), BLOCK_OF_SETTING_DATA, head),
+            SETTING_DATA: _scl(setting_data_program(model), BLOCK_OF_SETTING_DATA, head),
             SETTINGS: _settings(model, step, slope, factor),
         },
         install=(
@@ -106,7 +108,11 @@ def sinumerik_export(
             "Beyond the positions that the model has seen, the NC goes on along the straight line, whereas the model "
             "stops there; and it clamps neither the sum of both parts nor K0.",
         ),
-        findings=(*_limit_findings(model, step, slope, velocity_mm_per_min, factor), *_axis_findings(model)),
+        findings=(
+            *_limit_findings(model, step, slope, velocity_mm_per_min, factor),
+            *_axis_findings(model),
+            *single_precision_findings(model, f"{NAME}.scl"),
+        ),
     )
 
 
@@ -120,9 +126,9 @@ def setting_data_program(model: ModelFile) -> Program:
     w = Writing()
     for k, output in enumerate(model.outputs, start=1):
         axis = _axis(output)
-        source = "k0" if _has_own_line(output) or output.position is None else "correction"
+        source = "k0" if has_own_line(output) or output.position is None else "correction"
         value = w.variable(f"{source}_{k}", "real", "input", f"as {BLOCK} gives it [um]")
-        steep = w.variable(f"slope_{k}", "real", "input", "[um/m]") if _has_own_line(output) else None
+        steep = w.variable(f"slope_{k}", "real", "input", "[um/m]") if has_own_line(output) else None
         k0 = w.variable(f"sd43900_{k}", "real", "output", f"axis {axis}: K0 [mm]")
         tan_beta = w.variable(f"sd43910_{k}", "real", "output", f"axis {axis}: tan(beta) [mm/mm]")
         reference = w.variable(f"sd43920_{k}", "real", "output", f"axis {axis}: P0 [mm]")
@@ -148,14 +154,14 @@ def _axis(output: Output) -> str:
     return output.axis or output.name
 
 
-def _has_own_line(output: Output) -> bool:
+def has_own_line(output: Output) -> bool:
     """Whether the slope is over the position of the corrected axis itself, as the NC calculates it."""
     return output.position is not None and output.position.axis == _axis(output)
 
 
 def _reference_mm(output: Output) -> float:
     part = output.position
-    return part.reference_m * MM_PER_M if part is not None and _has_own_line(output) else 0.0
+    return part.reference_m * MM_PER_M if part is not None and has_own_line(output) else 0.0
 
 
 def _settings(model: ModelFile, step: float, slope: float, factor: float) -> str:
@@ -166,7 +172,7 @@ def _settings(model: ModelFile, step: float, slope: float, factor: float) -> str
     sign = "SIGN: prove on the machine that +0.010 mm in SD43900 moves the axis 10 um towards +"
     for k, output in enumerate(model.outputs, start=1):
         axis = _cell(_axis(output))
-        has_line = _has_own_line(output)
+        has_line = has_own_line(output)
         source = "k0" if has_line or output.position is None else "correction"
         rows = (
             ("MD32750 $MA_TEMP_COMP_TYPE", "3" if has_line else "1", "",
@@ -258,7 +264,7 @@ def _axis_findings(model: ModelFile) -> list[Finding]:
                 )
             )
         taken.setdefault(axis, output.name)
-        if part is not None and not _has_own_line(output):
+        if part is not None and not has_own_line(output):
             findings.append(
                 Finding(
                     "position-of-another-axis",

@@ -5,27 +5,50 @@ from __future__ import annotations
 import platform
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
+
+import numpy as np
 
 from selector import __version__
 from selector.controllers.model_file import ModelFile
 from selector.controllers.replay.compiled import c_answers, compiler, compiler_version
-from selector.controllers.replay.drive_parameters_executed import drive_answers
+from selector.controllers.replay.control_line_executed import setting_data_answers, temp_comp_answers
+from selector.controllers.replay.drive_parameters_executed import drive_answers, printed_parameters_um
+from selector.controllers.replay.fixed_point_executed import fixed_point_answers
 from selector.controllers.replay.halrun_executed import RESOLUTION_UM, halrun_answers, linuxcnc_version
-from selector.controllers.replay.macro_b_executed import macro_b_answers
+from selector.controllers.replay.macro_b_executed import macro_b_called_at_most_once_a_second
+from selector.controllers.replay.parts import (
+    Execution,
+    Part,
+    at_most,
+    rounding_um,
+    straight_line_in_single_um,
+    tenths_um,
+    whole_numbers_um,
+)
 from selector.controllers.replay.python_executed import python_answers
-from selector.controllers.replay.replayed import Executor
-from selector.controllers.replay.rows import Answers, Rows
+from selector.controllers.replay.reduced_guard import (
+    macro_corrections_um,
+    straight_line_um,
+    unguarded_um,
+    without_fallbacks,
+)
+from selector.controllers.replay.rows import Answers, Array, Rows, reference_answers
 from selector.controllers.replay.structured_text_executed import parser_name, scl_answers, st_answers, tcpou_answers
-from selector.controllers.writers.beckhoff import beckhoff_export
-from selector.controllers.writers.c99 import c_export
+from selector.controllers.writers.beckhoff import ADS_TABLE, beckhoff_export
+from selector.controllers.writers.c99 import NAME, SINGLE_NAME, c_export
 from selector.controllers.writers.exported import Exported
-from selector.controllers.writers.fanuc import fanuc_export
+from selector.controllers.writers.fanuc import FILE as MACRO_FILE
+from selector.controllers.writers.fanuc import LITERAL_ROUNDOFF, fanuc_export
+from selector.controllers.writers.fixed_point_source import NAME as FIXED_POINT_NAME
+from selector.controllers.writers.linuxcnc import NAME as HAL_NAME
 from selector.controllers.writers.linuxcnc import linuxcnc_export
 from selector.controllers.writers.python_module import python_export
+from selector.controllers.writers.rexroth import FILE as DRIVE_FILE
 from selector.controllers.writers.rexroth import rexroth_export
-from selector.controllers.writers.sinumerik import sinumerik_export
-from selector.controllers.writers.structured_text import st_export
+from selector.controllers.writers.sinumerik import SETTING_DATA, has_own_line, sinumerik_export
+from selector.controllers.writers.structured_text import BLOCK, st_export
 from selector.controllers.writers.twincat import tcpou_export
 from selector.errors import NotExecutableError
 
@@ -48,31 +71,17 @@ class Target:
     title : str
         For people.
     write : Writer
-    execute : Executor
-        Runs the generated program.
-    executed_by : callable
-        Name and version of what runs it.
-    tolerance_um : float
-        Largest difference to the reference that its number type explains, 0 = to the last bit.
-    has_whole_guard : bool
-        False: where sensors fail or limits act, it differs from the reference.
+    parts : tuple of Part
+        Its files that compute something, the main program first.
     """
 
     title: str
     write: Writer
-    execute: Executor
-    executed_by: Callable[[], str]
-    tolerance_um: float = 0.0
-    has_whole_guard: bool = True
+    parts: tuple[Part, ...]
 
 
-def _st(model: ModelFile, rows: Rows, *, files: Mapping[str, str]) -> Answers:
-    (text,) = files.values()
-    return st_answers(model, rows, text)
-
-
-def _own(what: str) -> str:
-    return f"selector {__version__}, {what}"
+def _own(what: str) -> Callable[[], str]:
+    return lambda: f"selector {__version__}, {what}"
 
 
 def _cc() -> str:
@@ -80,26 +89,111 @@ def _cc() -> str:
     return "no compiler" if name is None else compiler_version(name)
 
 
-SINGLE_UM = 0.01
-"""What single precision explains over the valid range; 6e-6 um was seen."""
+def _alone(execute: Callable[..., Answers]) -> Execution:
+    """A file that needs no other."""
+    return lambda model, rows, files, _main: execute(model, rows, files=files)
+
+
+def _st(model: ModelFile, rows: Rows, files: Mapping[str, str]) -> Answers:
+    return st_answers(model, rows, files[_ST_FILE])
+
+
+def _line_of_sinumerik(model: ModelFile, rows: Rows, whole: Answers) -> Array:
+    """The whole correction where the slope is over another axis, else the straight line."""
+    line = straight_line_um(model, rows, whole)
+    has_line = [has_own_line(output) for output in model.outputs]
+    return np.where(has_line, line, whole.correction_um)
+
+
+_ST_FILE, _SCL_FILE, _BLOCK_FILE = f"{NAME}.st", f"{NAME}.scl", f"{BLOCK}.TcPOU"
+_SMALLER = "its guard is smaller"
+_LINE = "the control's straight line goes on beyond the valid positions, and has no clamp"
+_BLOCK_OF_TWINCAT = Part(_BLOCK_FILE, _alone(tcpou_answers), parser_name)
 
 TARGETS: Mapping[str, Target] = {
-    "c": Target("C99", c_export, c_answers, _cc),
-    "st": Target("IEC 61131-3 Structured Text", st_export, _st, parser_name),
-    "tcpou": Target("Beckhoff TwinCAT 3", tcpou_export, tcpou_answers, parser_name),
-    "linuxcnc": Target("LinuxCNC", linuxcnc_export, halrun_answers, linuxcnc_version, RESOLUTION_UM),
-    "sinumerik": Target("Siemens SINUMERIK 840D sl", sinumerik_export, scl_answers, parser_name, SINGLE_UM),
-    "beckhoff": Target("Beckhoff TwinCAT CNC TF5200", beckhoff_export, tcpou_answers, parser_name),
+    "c": Target(
+        "C99",
+        c_export,
+        (
+            Part(f"{NAME}.c", _alone(c_answers), _cc),
+            Part(
+                f"{SINGLE_NAME}.c",
+                _alone(partial(c_answers, precision="float", name=SINGLE_NAME)),
+                _cc,
+                allowed_um=rounding_um,
+            ),
+            Part(
+                f"{FIXED_POINT_NAME}.c",
+                _alone(fixed_point_answers),
+                _cc,
+                lambda model, rows, _whole: reference_answers(without_fallbacks(model), rows).correction_um,
+                whole_numbers_um,
+                _SMALLER,
+            ),
+        ),
+    ),
+    "st": Target("IEC 61131-3 Structured Text", st_export, (Part(_ST_FILE, _alone(_st), parser_name),)),
+    "tcpou": Target("Beckhoff TwinCAT 3", tcpou_export, (_BLOCK_OF_TWINCAT,)),
+    "linuxcnc": Target(
+        "LinuxCNC",
+        linuxcnc_export,
+        (Part(f"{HAL_NAME}.comp", _alone(halrun_answers), linuxcnc_version, allowed_um=at_most(RESOLUTION_UM)),),
+    ),
+    "sinumerik": Target(
+        "Siemens SINUMERIK 840D sl",
+        sinumerik_export,
+        (
+            Part(_SCL_FILE, _alone(scl_answers), parser_name, allowed_um=rounding_um),
+            Part(
+                SETTING_DATA,
+                setting_data_answers,
+                parser_name,
+                _line_of_sinumerik,
+                straight_line_in_single_um,
+                _LINE,
+            ),
+        ),
+    ),
+    "beckhoff": Target(
+        "Beckhoff TwinCAT CNC TF5200",
+        beckhoff_export,
+        (
+            _BLOCK_OF_TWINCAT,
+            Part(ADS_TABLE, temp_comp_answers, _own("formula of TF5200"), straight_line_um, tenths_um, _LINE),
+        ),
+    ),
     "fanuc": Target(
-        "FANUC custom macro B", fanuc_export, macro_b_answers, lambda: _own("macro B"), 1e-6, has_whole_guard=False
+        "FANUC custom macro B",
+        fanuc_export,
+        (
+            Part(
+                MACRO_FILE,
+                _alone(macro_b_called_at_most_once_a_second),
+                _own("macro B"),
+                lambda model, rows, _whole: macro_corrections_um(model, rows),
+                partial(rounding_um, roundoff=LITERAL_ROUNDOFF),
+                _SMALLER,
+            ),
+        ),
     ),
     "rexroth": Target(
         "Bosch Rexroth IndraDrive",
         rexroth_export,
-        drive_answers,
-        lambda: _own("drive formula"),
-        SINGLE_UM,
-        has_whole_guard=False,
+        (
+            Part(
+                DRIVE_FILE,
+                _alone(drive_answers),
+                _own("drive formula"),
+                lambda model, rows, _whole: unguarded_um(model, rows),
+                lambda model, rows, _whole: printed_parameters_um(model, rows),
+                "the drive has no guard: no check of the sensor, no clamp, no slew limit",
+                tells_mode=False,
+            ),
+        ),
     ),
-    "python": Target("Python", python_export, python_answers, lambda: f"Python {platform.python_version()}"),
+    "python": Target(
+        "Python",
+        python_export,
+        (Part(f"{NAME}.py", _alone(python_answers), lambda: f"Python {platform.python_version()}"),),
+    ),
 }

@@ -1,0 +1,162 @@
+"""The written files of an export one by one: what executes each, what it has to give, and what its numbers explain."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from selector.controllers.guard.codes import LONGEST_STEP_S, SensorCode
+from selector.controllers.guard.decided import decided_limits
+from selector.controllers.model_file import ModelFile
+from selector.controllers.replay.reduced_guard import places_m, sampled_rows
+from selector.controllers.replay.rows import Answers, Array, Rows
+from selector.controllers.single_precision import SINGLE, LargestError, rounding_errors
+from selector.controllers.writers.fixed_point import fixed_point_bound_um
+
+TIME_STEP_S = 0.125
+"""Calls are replayed at whole eighths of a second: ms are whole, and binary32 counts them exactly up to 10^6 s."""
+
+
+class Execution(Protocol):
+    """Runs one file of an export."""
+
+    def __call__(self, model: ModelFile, rows: Rows, files: Mapping[str, str], main: Answers) -> Answers:
+        """What it gives row by row; `main` = what the first file gave, for those that go on with it."""
+
+
+Expected = Callable[[ModelFile, Rows, Answers], Array]
+"""Corrections that a file has to give, of shape (n_rows, n_outputs) [µm], from the answers of the whole guard."""
+
+Allowed = Callable[[ModelFile, Rows, Answers], Mapping[str, float]]
+"""Per output, the largest difference that its number type explains in such a run [µm]."""
+
+
+def as_the_guard(_model: ModelFile, _rows: Rows, whole: Answers) -> Array:
+    """The answers of the whole guard."""
+    return whole.correction_um
+
+
+def at_most(difference_um: float) -> Allowed:
+    """The same for every output of every model."""
+    return lambda model, _rows, _whole: dict.fromkeys((output.name for output in model.outputs), difference_um)
+
+
+TO_THE_LAST_BIT = at_most(0.0)
+
+
+@dataclass(frozen=True)
+class Part:
+    """One written file that computes something.
+
+    Attributes
+    ----------
+    file : str
+        Left out of a replay if it was not written.
+    execute : Execution
+    executed_by : callable
+        Name and version of what runs it.
+    expected : callable
+        The reference with the guard that this file has.
+    allowed_um : callable
+    lacks : str
+        What makes its reference another one than the whole guard; empty = nothing.
+    tells_mode : bool
+        Whether it says what it follows.
+    """
+
+    file: str
+    execute: Execution
+    executed_by: Callable[[], str]
+    expected: Expected = as_the_guard
+    allowed_um: Allowed = TO_THE_LAST_BIT
+    lacks: str = ""
+    tells_mode: bool = True
+
+
+def rounding_um(model: ModelFile, rows: Rows, whole: Answers, *, roundoff: float = SINGLE) -> dict[str, float]:
+    """The a-priori bound for these readings, a dead band that is passed a sample earlier or later, and the slew."""
+    return {name: of.correction_um for name, of in _rounding(model, rows, whole, roundoff).items()}
+
+
+def straight_line_in_single_um(model: ModelFile, rows: Rows, whole: Answers) -> dict[str, float]:
+    """As `rounding_um` for K0, slope and reference position, each rounded twice more, at these positions."""
+    found, far_m = {}, farthest_m(model, rows)
+    limits, _ = decided_limits(model)
+    for output in model.outputs:
+        of, limit = _rounding(model, rows, whole, SINGLE)[output.name], limits[output.name]
+        error = max(of.correction_um, of.k0_um) + 2.0 * SINGLE * limit.clamp_um
+        if output.position is not None:
+            slope = limit.slope_clamp_um_per_m
+            error += far_m[output.name] * (of.slope_um_per_m + 2.0 * SINGLE * slope)
+            error += 2.0 * SINGLE * slope * abs(output.position.reference_m)
+        found[output.name] = error
+    return found
+
+
+def tenths_um(model: ModelFile, rows: Rows, whole: Answers) -> dict[str, float]:
+    """Half a step of 0.1 µm, and of the reference position as far as the slope makes something of it."""
+    limits, _ = decided_limits(model)
+    # and float64 itself
+    return {name: 0.05 + 0.5e-7 * of.slope_clamp_um_per_m + 1e-9 for name, of in limits.items()}
+
+
+def whole_numbers_um(model: ModelFile, rows: Rows, whole: Answers) -> dict[str, float]:
+    """The bound of the fixed-point program, its limits in whole numbers, a dead band passed earlier or later."""
+    limits, _ = decided_limits(model)
+    found = {}
+    for name, bound in fixed_point_bound_um(model).items():
+        of = limits[name]
+        # a slew limit has steps of 1 pm/s; positions and rests are of 1 nm
+        slewed_s = 2.0 * of.clamp_um / of.own_slew_um_per_s
+        found[name] = bound + 4.0 * of.dead_band_um + 0.003 + 0.5e-6 * slewed_s * (2.0 if of.reach_m > 0.0 else 1.0)
+    return found
+
+
+def farthest_m(model: ModelFile, rows: Rows) -> dict[str, float]:
+    """Per output, the largest distance of a position of the rows from the reference; 0 without a slope."""
+    places, axes = places_m(model, rows), list(dict.fromkeys(o.position.axis for o in model.outputs if o.position))
+    return {
+        o.name: 0.0
+        if o.position is None
+        else float(np.max(np.abs(places[:, axes.index(o.position.axis)] - o.position.reference_m), initial=0.0))
+        for o in model.outputs
+    }
+
+
+def _rounding(model: ModelFile, rows: Rows, whole: Answers, roundoff: float) -> dict[str, LargestError]:
+    sampled = sampled_rows(rows)
+    used = whole.sensors[sampled] <= SensorCode.LIMITED
+    sizes = np.max(np.abs(rows.readings[sampled]), axis=0, where=used, initial=0.0).tolist()
+    largest = dict(zip((item.name for item in model.inputs), sizes, strict=True))
+    limits, _ = decided_limits(model)
+    found = {}
+    for k, (name, of) in enumerate(rounding_errors(model, largest, 1, roundoff).items()):
+        limit = limits[name]
+        # each of two aims is less than a dead band away from where its model wants it
+        band = 2.0 * limit.dead_band_um
+        k0_um = (
+            of.k0_um + band + _slewing_um(whole.k0_um[:, k], rows, limit.own_slew_um_per_s, limit.clamp_um, roundoff)
+        )
+        slope = of.slope_um_per_m
+        if limit.reach_m > 0.0:
+            slewing = _slewing_um(
+                whole.slope_um_per_m[:, k], rows, limit.slope_slew_um_per_m_s, limit.slope_clamp_um_per_m, roundoff
+            )
+            slope += band / limit.reach_m + slewing
+        extra = k0_um - of.k0_um + (slope - of.slope_um_per_m) * limit.reach_m
+        found[name] = LargestError(of.correction_um + extra, k0_um, slope)
+    return found
+
+
+def _slewing_um(course: Array, rows: Rows, slew: float, size: float, roundoff: float) -> float:
+    """What is rounded in the longest row of calls in which something moves as fast as it may."""
+    most = slew * np.minimum(rows.dt_s, LONGEST_STEP_S)
+    step = np.abs(np.diff(course, prepend=0.0))
+    # a call without time goes on with what was; nearly as fast is as fast
+    is_slewing = (step > 0.999 * most - 1e-3 * size * roundoff) | (most == 0.0)
+    ends = np.flatnonzero(~is_slewing)
+    longest = int(np.max(np.diff(np.concatenate([[-1], ends, [len(course)]])), initial=1)) - 1
+    return longest * 2.0 * roundoff * (size + slew * LONGEST_STEP_S)
