@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from selector.controllers.atomic_file import write_whole
+from selector.atomic_file import write_whole
 from selector.controllers.evaluator import evaluate, first_finite
 from selector.controllers.model_file import Input, ModelFile, Output
 from selector.controllers.sensor_check import outside_valid_range, time_share, usable_readings

@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from selector.controllers.atomic_file import write_whole
+from selector.atomic_file import write_whole
 from selector.controllers.model_file import SCHEMA, ContradictionError, ModelFile
 from selector.controllers.strict_json import json_path, json_text, parsed_json, shown
 from selector.errors import ModelFileError

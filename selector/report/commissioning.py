@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from selector import __version__
-from selector.controllers.atomic_file import write_whole
+from selector.atomic_file import write_whole
 from selector.controllers.formula import formula_text, legend_text
 from selector.controllers.model_file import ModelFile
 from selector.controllers.replay.replayed import Replay

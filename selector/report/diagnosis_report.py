@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from selector import __version__
-from selector.controllers.atomic_file import write_whole
+from selector.atomic_file import write_whole
 from selector.diagnosis.answer import Diagnosis, Errors, Fit, NamedEffect, Place, recalibration_of
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.shown_units import displayed, p_words

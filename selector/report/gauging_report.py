@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector import __version__
-from selector.controllers.atomic_file import write_whole
+from selector.atomic_file import write_whole
 from selector.figures.gauged_sizes import filter_trade_off, size_histogram, sizes_over_parts
 from selector.figures.gauging import chain_waveform, gauge_characteristic, part_in_time
 from selector.findings import Finding

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from selector import __version__
-from selector.controllers.atomic_file import write_whole
+from selector.atomic_file import write_whole
 from selector.controllers.formula import formula_text, legend_text
 from selector.controllers.model_file import Input, ModelFile
 from selector.controllers.model_io import model_sha256

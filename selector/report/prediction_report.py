@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from selector import __version__
-from selector.controllers.atomic_file import write_whole
+from selector.atomic_file import write_whole
 from selector.figures.duty_cycle import duty_cycle, prediction_of_tests
 from selector.findings import Where
 from selector.physics.thermal.correction_text import program_blocks

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from selector import __version__, figures
-from selector.controllers.atomic_file import write_whole
+from selector.atomic_file import write_whole
 from selector.report import origin, tables
 from selector.report.formula import formula_text, legend_rows
 from selector.report.page import Picture, Pictures, rendered

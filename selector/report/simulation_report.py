@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector import __version__
-from selector.controllers.atomic_file import write_whole
+from selector.atomic_file import write_whole
 from selector.figures.field import machine_field
 from selector.figures.simulation import heat_balance, inputs_and_displacements, largest_displacement, temperatures
 from selector.findings import Finding

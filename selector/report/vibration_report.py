@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector import __version__
-from selector.controllers.atomic_file import write_whole
+from selector.atomic_file import write_whole
 from selector.figures import style
 from selector.figures.chain_accuracy import accuracy_strips, chain_text, error_of_chains
 from selector.figures.periodic_errors import errors_over_wavelength

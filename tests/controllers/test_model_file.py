@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
-from selector.controllers import atomic_file
+from selector import atomic_file
 from selector.controllers.model_file import Role, model_json_schema
 from selector.controllers.model_io import (
     LARGEST_FILE_BYTES,
