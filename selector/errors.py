@@ -9,7 +9,8 @@
         ├── UnitError           a unit is unknown, or has the wrong dimension for its role
         ├── OptionError         an option has a value that cannot be used with this recording
         │   └── NotExecutableError  what runs a program (a compiler, a control) is not on this machine
-        └── ModelFileError      a model file does not follow its schema
+        ├── ModelFileError      a model file does not follow its schema
+        └── StudyError          a study file does not follow its schema, or its recordings are no longer those it names
     CancelledError              the user stopped long work; nothing was written
 
 Every message says what was found, what was expected, where, and what to do next.
@@ -72,6 +73,10 @@ class NotExecutableError(OptionError):
 
 class ModelFileError(InputError):
     """A model file does not follow its schema."""
+
+
+class StudyError(InputError):
+    """A study file does not follow its schema, or its recordings are no longer those it names."""
 
 
 class CancelledError(SelectorError):

@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from selector.cli import showing
+from selector.cli.diagnosis_study import Asked, asked_of, write_diagnosis_study
 from selector.cli.files import folder_written_whole, require_writable_folder, written_folder
 from selector.cli.progress import progress_bar
 from selector.cli.showing import AsJson
 from selector.cli.source import Source, with_source
+from selector.cli.studying import AcceptChanges, StudyPath, hashes, opened_study, repeated_words, told_if_no_text
 from selector.errors import OptionError
 
 if TYPE_CHECKING:
@@ -76,9 +78,9 @@ Out = Annotated[
     typer.Option(
         "--out",
         metavar="DIR",
-        help="Write diagnosis.json and report.html; with --model improved.toml; where physics is named that is not in "
-        "that, correction.json, and model.json if it is thermal. Those of an earlier answer there are replaced or "
-        "removed.",
+        help="Write diagnosis.json, report.html and study.toml; with --model improved.toml; where physics is named "
+        "that is not in that, correction.json, and model.json if it is thermal. Those of an earlier answer there are "
+        "replaced or removed.",
         parser=written_folder,
     ),
 ]
@@ -87,6 +89,9 @@ Out = Annotated[
 @with_source
 def diagnose(
     source: Source,
+    context: typer.Context,
+    from_study: StudyPath = None,
+    accept_changes: AcceptChanges = False,
     simulation: Simulation = None,
     model: Model = None,
     simulation_time_unit: SimulationTimeUnit = None,
@@ -103,44 +108,69 @@ def diagnose(
     What is named was tested against noise on rows that it was not fitted to. Where nothing of the catalogue explains
     a difference, that is said, and nothing is named.
     """
-    _require(not (simulation and model), "--simulation and --model", "one of them", "command line", "leave one out")
-    _require(0 <= seed < 2**53, str(seed), "a whole number from 0", "--seed", "e.g. --seed 0")
-    _require(
-        0.0 < false_alarm <= 0.2, str(false_alarm), "a probability above 0 and up to 0.2", "--false-alarm", "e.g. 0.02"
-    )
+    console = showing.screen(as_json)
+    opened = opened_study(from_study, source, context, accept_changes=accept_changes, console=console)
+    asked = Asked(simulation, model, simulation_time_unit, response, holdout, seed, false_alarm)
+    if opened is not None:
+        source, asked = opened.source, asked_of(opened)
+    _require_usable(asked)
     if out is not None:
         require_writable_folder(out, "--out")
     from selector.cli.diagnosis_files import correction_told, earlier_answer, provenance, require_replaceable
 
     if out is not None:
-        require_replaceable(out, with_model=model is not None)
-    console = showing.screen(as_json)
+        require_replaceable(out, with_model=asked.model is not None)
     with progress_bar() as progress:
         progress("reading", 0.0)
         say = _in_steps(progress)
         improved, simulated = None, None
         recorded = source.reading()
-        if model is not None:
-            found, improved = _of_model(recorded, model, response, holdout, seed, false_alarm, say)
+        if asked.model is not None:
+            found, improved = _of_model(recorded, asked.model, asked, say)
         else:
             from selector.diagnosis.workflow import diagnosis
 
-            comparison, simulated = compared(source, recorded, simulation, simulation_time_unit, response, holdout)
-            found = diagnosis(comparison, seed=seed, false_alarm=false_alarm, progress=say)
+            comparison, simulated = compared(
+                source, recorded, asked.simulation, asked.time_unit, asked.responses, asked.holdout
+            )
+            found = diagnosis(comparison, seed=asked.seed, false_alarm=asked.false_alarm, progress=say)
         found, correction = correction_told(found, improved)
         if out is not None:
             progress("writing", 1.0)
-            require_replaceable(out, with_model=model is not None)
+            require_replaceable(out, with_model=asked.model is not None)
             with folder_written_whole(out, earlier_answer(out)) as folder:
-                asked = {"holdout": holdout, "false alarm": f"{false_alarm:g}", "response": response}
-                told = provenance(recorded, simulated, model, asked)
+                options = {
+                    "holdout": asked.holdout,
+                    "false alarm": f"{asked.false_alarm:g}",
+                    "response": asked.responses,
+                }
+                told = provenance(recorded, simulated, asked.model, options)
                 written = write_results(found, folder, improved, correction, told, recorded.description())
+                results = hashes(folder)
+                with told_if_no_text(console):
+                    written += write_diagnosis_study(folder, out, source, asked, recorded, simulated, opened)
     if as_json:
         showing.print_json(found.as_dict())
     else:
         show_diagnosis(console, found)
     if out is not None:
         console.print(f"wrote {out}: {', '.join(written)}", markup=False)
+        if opened is not None and opened.study.results:
+            console.print(repeated_words(opened.study, results), markup=False)
+
+
+def _require_usable(asked: Asked) -> None:
+    """Ends with an error when options contradict each other or are out of their limits."""
+    both = asked.simulation and asked.model
+    _require(not both, "--simulation and --model", "one of them", "command line", "leave one out")
+    _require(0 <= asked.seed < 2**53, str(asked.seed), "a whole number from 0", "--seed", "e.g. --seed 0")
+    _require(
+        0.0 < asked.false_alarm <= 0.2,
+        str(asked.false_alarm),
+        "a probability above 0 and up to 0.2",
+        "--false-alarm",
+        "e.g. 0.02",
+    )
 
 
 def compared(
@@ -158,6 +188,7 @@ def compared(
     InputError
         A file cannot be read, or the two cannot be compared.
     """
+    from selector.cli.material import without_folders
     from selector.cli.simulated_runs import not_simulated, simulated_reading
     from selector.diagnosis.entrance.alignment import comparison_of
 
@@ -174,7 +205,7 @@ def compared(
     said = [finding for finding in told if finding.id not in ("columns-ignored", "channels-lacking")]
     if not responses:
         said += not_simulated(recorded.recording, simulated.recording, comparison.responses)
-    findings = (*recorded.findings, *said, *comparison.findings)
+    findings = without_folders((*recorded.findings, *said, *comparison.findings))
     return dataclasses.replace(comparison, findings=findings), simulated
 
 
@@ -202,19 +233,14 @@ def write_results(
 
 
 def _of_model(
-    reading: Reading,
-    model: Path,
-    responses: list[str] | None,
-    holdout: str,
-    seed: int,
-    false_alarm: float,
-    say: Callable[[int, int, str], None],
+    reading: Reading, model: Path, asked: Asked, say: Callable[[int, int, str], None]
 ) -> tuple[Diagnosis, Improved | None]:
     """The diagnosis of a model that can be run again, and the improved one."""
     from selector.cli.diagnosed_model import diagnosed_model
+    from selector.cli.material import without_folders
 
-    done = diagnosed_model(model, reading.recording, responses, holdout, seed, false_alarm, say)
-    answer = dataclasses.replace(done.answer, findings=(*reading.findings, *done.answer.findings))
+    done = diagnosed_model(model, reading.recording, asked.responses, asked.holdout, asked.seed, asked.false_alarm, say)
+    answer = dataclasses.replace(done.answer, findings=without_folders((*reading.findings, *done.answer.findings)))
     return answer, done.improved
 
 

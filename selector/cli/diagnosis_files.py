@@ -23,6 +23,7 @@ _OURS = {
     "correction.json": f'"schema": "{_CORRECTION}"',
     "model.json": '"name": "correction of ',
     "improved.toml": "# Written by `selector diagnose",
+    "study.toml": "[diagnose]",
 }
 """File → what its beginning holds if a diagnosis wrote it."""
 

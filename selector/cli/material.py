@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ from selector.cli.source import Source
 from selector.findings import Finding, Where
 from selector.quality import StreamWithoutFaults, inspect, without_faults
 from selector.readers import Reading, is_large, machine, stream_parquet
+from selector.readers.files import recording_files
 from selector.readers.names import printable_name
 from selector.recording import RunSource, thinned
 
@@ -19,12 +20,17 @@ INSPECTED_ROWS = 100_000
 
 @dataclass(frozen=True)
 class Material:
-    """Recordings without their faults, what was found about them, where they come from, how they were read."""
+    """Recordings without their faults, what was found about them, where they come from, how they were read.
+
+    `files` are path and SHA-256 of what was read; the machine file, which has none yet, is apart.
+    """
 
     source: RunSource
     findings: tuple[Finding, ...]
     provenance: dict[str, Any]
     description: dict[str, Any] | None
+    files: tuple[tuple[str, str], ...] = ()
+    machine_file: str | None = None
 
 
 def material_of(source: Source) -> Material:
@@ -41,7 +47,24 @@ def material_of(source: Source) -> Material:
     faults = inspect(reading.recording)
     copies = tuple(_copies({run.name: run.sha256 for run in reading.runs}))
     recording = without_faults(reading.recording, (*faults, *copies))
-    return Material(recording, (*reading.findings, *copies, *faults), provenance_of(reading), reading.description())
+    return Material(
+        recording,
+        without_folders((*reading.findings, *copies, *faults)),
+        provenance_of(reading),
+        reading.description(),
+        tuple((run.file, run.sha256) for run in reading.runs),
+        reading.machine_file,
+    )
+
+
+def without_folders(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Findings that name files without their folders, so that the same recordings give the same result anywhere."""
+    return tuple(
+        one
+        if one.where.file is None
+        else replace(one, where=replace(one.where, file=printable_name(Path(one.where.file).name)))
+        for one in findings
+    )
 
 
 def provenance_of(reading: Reading) -> dict[str, Any]:
@@ -71,6 +94,7 @@ def _copies(hashes: dict[str, str]) -> Iterator[Finding]:
 
 
 def _streamed(source: Source) -> Material:
+    used = source.machine or recording_files(source.runs).machine
     named = None if source.machine is None else machine(source.machine)
     stream = stream_parquet(source.runs, named)
     rows = sum(stream.rows(run) for run in stream.runs)
@@ -90,4 +114,11 @@ def _streamed(source: Source) -> Material:
             for run, entry in stream.provenance["runs"].items()
         },
     }
-    return Material(StreamWithoutFaults(stream, faults), (*stream.findings, found, *faults), provenance, None)
+    return Material(
+        StreamWithoutFaults(stream, faults),
+        without_folders((*stream.findings, found, *faults)),
+        provenance,
+        None,
+        tuple((str(entry["file"]), entry["sha256"]) for entry in stream.provenance["runs"].values()),
+        None if used is None else str(used),
+    )

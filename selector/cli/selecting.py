@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import datetime
 import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,6 +17,17 @@ from selector.cli.files import folder_written_whole, require_writable_folder
 from selector.cli.progress import progress_bar
 from selector.cli.showing import AsJson
 from selector.cli.source import Source, pairs, with_source
+from selector.cli.studying import (
+    AcceptChanges,
+    OpenedStudy,
+    StudyPath,
+    hashes,
+    opened_study,
+    recording_entries,
+    repeated_words,
+    told_if_no_text,
+    write_study_beside,
+)
 from selector.errors import OptionError
 
 if TYPE_CHECKING:
@@ -23,6 +37,7 @@ if TYPE_CHECKING:
     from selector.selection import Selection
     from selector.selection.options import Options, Progress
 
+_RESULTS = ("selection.json", "model.json", "report.html")
 _SENSORS = "Which sensors"
 _MODEL = "Which model"
 
@@ -117,7 +132,9 @@ Conditions = Annotated[
 Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Of the bootstrap over runs.")]
 Out = Annotated[
     Path | None,
-    typer.Option("--out", metavar="DIR", help="Write selection.json, model.json and report.html, all or none."),
+    typer.Option(
+        "--out", metavar="DIR", help="Write selection.json, model.json, report.html and study.toml, all or none."
+    ),
 ]
 Date = Annotated[
     str | None,
@@ -128,6 +145,9 @@ Date = Annotated[
 @with_source
 def select(
     source: Source,
+    context: typer.Context,
+    from_study: StudyPath = None,
+    accept_changes: AcceptChanges = False,
     response: Responses = None,
     level: Levels = None,
     rounds: Rounds = 1,
@@ -154,49 +174,80 @@ def select(
     Everything is chosen anew inside every fold, so that the error which is reported is that of a day the model does
     not know.
     """
+    console = showing.screen(as_json)
+    asked = opened_study(from_study, source, context, accept_changes=accept_changes, console=console)
+    if asked is not None:
+        from selector.study import options_of
+
+        source, date = asked.source, asked.study.date
+        options = options_of(asked.study, where=str(asked.place))
+    else:
+        options = _options(
+            responses=tuple(response or ()),
+            level=_levels(level, rounds),
+            rounds=rounds if rounds < 1 else max(rounds, len(level or ())),
+            max_sensors=max_sensors,
+            degree=degree,
+            interactions=interactions,
+            memory=memory,
+            reference=reference,
+            absolute_similarity=absolute_similarity,
+            must=tuple(must or ()),
+            never=tuple(never or ()),
+            cost={name: _number(text, f"--cost {name}") for name, text in pairs(cost, "--cost").items()},
+            tolerance=tolerance,
+            ridge=ridge,
+            conditions=pairs(condition, "--condition"),
+            seed=_seed(seed),
+        )
+        date = _date(date)
+    if out is not None:
+        require_writable_folder(out, "--out")
+    written: list[str] = []
+    with progress_bar() as progress:
+        selection, material = study(source, options, progress)
+        with _results_folder(out, asked) as folder:
+            if folder is not None:
+                progress("writing", 1.0)
+                write_results(selection, material, folder, date=date)
+                write_selection_report(selection, material, folder, date=date)
+                found = hashes(folder)
+            if folder is not None and out is not None:
+                written = [*_RESULTS]
+                with told_if_no_text(console):
+                    files = recording_entries(out, source, material.files, material.machine_file)
+                    written += write_study_beside(folder, out, source, files, opened=asked, select=options, date=date)
+    if as_json:
+        showing.print_json(selection.as_dict())
+    else:
+        show_selection(console, selection)
+    if out is not None:
+        console.print(f"wrote {out}: {', '.join(written)}", markup=False)
+    if asked is not None and asked.study.results:
+        console.print(repeated_words(asked.study, found), markup=False)
+
+
+@contextmanager
+def _results_folder(out: Path | None, asked: OpenedStudy | None) -> Iterator[Path | None]:
+    """Where results are written: what becomes `out`, or a folder that goes again if they are only to be compared."""
+    if out is not None:
+        with folder_written_whole(out) as folder:
+            yield folder
+    elif asked is not None and asked.study.results:
+        with tempfile.TemporaryDirectory() as temporary:
+            yield Path(temporary)
+    else:
+        yield None
+
+
+def _options(*, reference: str, **values: Any) -> Options:
     from selector.selection import Options
 
     if reference not in ("rise", "absolute"):
         raise OptionError(
             repr(reference), expected="rise or absolute", where="--reference", advice="leave it out for rise"
         )
-    options = Options(
-        responses=tuple(response or ()),
-        level=_levels(level, rounds),
-        rounds=rounds if rounds < 1 else max(rounds, len(level or ())),
-        max_sensors=max_sensors,
-        degree=degree,
-        interactions=interactions,
-        memory=memory,
-        reference="absolute" if reference == "absolute" else "rise",
-        absolute_similarity=absolute_similarity,
-        must=tuple(must or ()),
-        never=tuple(never or ()),
-        cost={name: _number(text, f"--cost {name}") for name, text in pairs(cost, "--cost").items()},
-        tolerance=tolerance,
-        ridge=ridge,
-        conditions=pairs(condition, "--condition"),
-        seed=_seed(seed),
-    )
-    date = _date(date)
-    if out is not None:
-        require_writable_folder(out, "--out")
-    console = showing.screen(as_json)
-    with progress_bar() as progress:
-        selection, material = study(source, options, progress)
-        if out is not None:
-            from selector.report import write_report
-
-            progress("writing", 1.0)
-            with folder_written_whole(out) as folder:
-                write_results(selection, material, folder, date=date)
-                write_report(selection, folder / "report.html", description=material.description, date=date)
-    if as_json:
-        showing.print_json(selection.as_dict())
-    else:
-        show_selection(console, selection)
-    if out is not None:
-        console.print(f"wrote {out}: selection.json, model.json, report.html", markup=False)
+    return Options(reference="absolute" if reference == "absolute" else "rise", **values)
 
 
 def study(source: Source, options: Options, progress: Progress | None = None) -> tuple[Selection, Material]:
@@ -236,6 +287,13 @@ def write_results(selection: Selection, material: Material, folder: Path, *, dat
         showing.json_text(selection.as_dict()) + "\n", encoding="utf-8", newline="\n"
     )
     write_model(model, folder / "model.json")
+
+
+def write_selection_report(selection: Selection, material: Material, folder: Path, *, date: str | None = None) -> None:
+    """report.html, into a folder that exists."""
+    from selector.report import write_report
+
+    write_report(selection, folder / "report.html", description=material.description, date=date)
 
 
 def show_selection(console: Console, selection: Selection) -> None:

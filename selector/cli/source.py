@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import Field, dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args
 
@@ -21,6 +21,12 @@ READING_PANEL = "How the files are read (what is not said is inferred and shown)
 Runs = Annotated[
     list[Path],
     typer.Argument(metavar="RUN...", help="Recordings, one file a run; a folder stands for the recordings in it."),
+]
+RunsOrStudy = Annotated[
+    list[Path] | None,
+    typer.Argument(
+        metavar="RUN...", help="Recordings, one file a run; a folder stands for the recordings in it. Or --study."
+    ),
 ]
 MachineFile = Annotated[
     Path | None,
@@ -142,6 +148,8 @@ class Source:
 def with_source(command: Callable[..., None]) -> Callable[..., None]:
     """A command whose first parameter is a `Source`, with one command-line parameter for each field of it.
 
+    A command that has a parameter `from_study` can do without RUN... and may get a `Source` without runs.
+
     >>> @with_source
     ... def count(source, quiet: bool = False): ...
     >>> list(inspect.signature(count).parameters)[:3]
@@ -152,19 +160,22 @@ def with_source(command: Callable[..., None]) -> Callable[..., None]:
         part.replace(kind=inspect.Parameter.KEYWORD_ONLY)
         for part in list(inspect.signature(command, eval_str=True).parameters.values())[1:]
     ]
+    if any(part.name == "from_study" for part in own):
+        hints["runs"] = RunsOrStudy
     shared = [
         inspect.Parameter(
             field.name,
             inspect.Parameter.KEYWORD_ONLY,
             annotation=hints[field.name],
-            default=inspect.Parameter.empty if field.name == "runs" else field.default,
+            default=_default_of(field, hints["runs"]),
         )
         for field in fields(Source)
     ]
 
     @functools.wraps(command)
     def spread(**values: Any) -> None:
-        command(Source(**{part.name: values.pop(part.name) for part in shared}), **values)
+        said = {part.name: values.pop(part.name) for part in shared}
+        command(Source(**{**said, "runs": said["runs"] or []}), **values)
 
     # RUN... takes all words that are left, so what a command itself takes by position stands before it;
     # how files are read comes last on the help page
@@ -173,6 +184,13 @@ def with_source(command: Callable[..., None]) -> Callable[..., None]:
     spread.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     spread.__annotations__ = {part.name: part.annotation for part in parameters}
     return spread
+
+
+def _default_of(field: Field[Any], runs: Any) -> Any:
+    """The default of a command-line parameter; the recordings have none, unless a study may name them."""
+    if field.name != "runs":
+        return field.default
+    return None if runs is RunsOrStudy else inspect.Parameter.empty
 
 
 def _is_argument(annotation: Any) -> bool:

@@ -158,7 +158,7 @@ def _machine_found(path: Path) -> Finding:
     return Finding(
         "machine-file-found",
         "info",
-        f"The machine file {path.name} in the folder {path.parent.name}/ was used.",
+        f"The machine file {path.name} in the folder of the recordings was used.",
         Where(file=str(path)),
         suggestion="name another one (--machine) to use that instead",
     )

@@ -64,14 +64,14 @@ def test_an_answer_takes_the_place_of_an_earlier_one(folder, answers, capsys):
     out = folder / "answer"
     answers += [follows_t1, None]
     assert exit_status(command(folder, "--out", str(out))) == 0
-    assert names(out) == ["correction.json", "diagnosis.json", "model.json", "report.html"]
+    assert names(out) == ["correction.json", "diagnosis.json", "model.json", "report.html", "study.toml"]
     assert all(name in capsys.readouterr().out for name in names(out)[:1])
     (out / "notes.txt").write_text("mine", encoding="utf-8")
     assert exit_status(command(folder, "--out", str(out))) == 0
-    assert names(out) == ["diagnosis.json", "notes.txt", "report.html"]
+    assert names(out) == ["diagnosis.json", "notes.txt", "report.html", "study.toml"]
 
 
-@pytest.mark.parametrize("name", ["diagnosis.json", "report.html", "correction.json", "model.json"])
+@pytest.mark.parametrize("name", ["diagnosis.json", "report.html", "correction.json", "model.json", "study.toml"])
 def test_what_something_else_wrote_is_not_replaced(folder, answers, capsys, name):
     out = folder / "answer"
     out.mkdir()
@@ -95,7 +95,7 @@ def test_an_improved_model_of_an_earlier_answer_goes_and_one_of_yours_stays(fold
     improved.write_text("# Written by `selector diagnose --model`: the model with …\n", encoding="utf-8")
     answers += [None, None]
     assert exit_status(command(folder, "--out", str(out))) == 0
-    assert names(out) == ["diagnosis.json", "report.html"]
+    assert names(out) == ["diagnosis.json", "report.html", "study.toml"]
     improved.write_text("mine", encoding="utf-8")
     assert exit_status(command(folder, "--out", str(out))) == 0
     assert improved.read_text(encoding="utf-8") == "mine"
@@ -111,7 +111,7 @@ def test_what_is_told_of_the_correction_is_told_everywhere(folder, answers, caps
     assert exit_status(command(folder, "--json", "--out", str(folder / "answer"))) == 0
     assert json.loads(capsys.readouterr().out) == alone
     assert json.loads((folder / "answer" / "diagnosis.json").read_text(encoding="utf-8")) == alone
-    assert names(folder / "answer") == ["correction.json", "diagnosis.json", "report.html"]
+    assert names(folder / "answer") == ["correction.json", "diagnosis.json", "report.html", "study.toml"]
 
 
 def test_an_empty_folder_name(folder, answers, capsys):

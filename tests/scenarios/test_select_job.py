@@ -13,6 +13,7 @@ import pytest
 from selector.cli import exit_status
 from selector.shipped import shipped
 
+NAMES = ["model.json", "report.html", "selection.json", "study.toml"]
 PATENT = [str(shipped("patent8")), "--response", "Z", "--response", "Y", "--lambda", "0.995"]
 
 
@@ -52,7 +53,7 @@ def test_results_are_written_together_and_bit_for_bit_again(tmp_path, capsys):
     for folder in (tmp_path / "a", tmp_path / "b"):
         assert exit_status(["select", *PATENT, "--out", str(folder), "--json"]) == 0
         printed = capsys.readouterr().out
-        assert sorted(path.name for path in folder.iterdir()) == ["model.json", "report.html", "selection.json"]
+        assert sorted(path.name for path in folder.iterdir()) == NAMES
         assert (folder / "selection.json").read_text(encoding="utf-8") == printed
         hashes.append([hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(folder.iterdir())])
     assert hashes[0] == hashes[1]

@@ -1,0 +1,177 @@
+"""What a study asks, as the values that the reader, the selection and the diagnosis take, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+
+from selector import __version__
+from selector.errors import InputError, OptionError, StudyError
+from selector.readers import Overrides
+from selector.selection.options import Options
+from selector.study.inputs import listed_files
+from selector.study.places import reference_to
+from selector.study.study_file import (
+    DiagnoseSection,
+    InputFile,
+    ReadingSection,
+    Recordings,
+    SelectSection,
+    Study,
+)
+
+_READING = tuple(ReadingSection.model_fields)
+Section = TypeVar("Section")
+
+
+def study_of(
+    folder: str | Path,
+    runs: Sequence[str | Path],
+    *,
+    machine: str | Path | None = None,
+    overrides: Overrides | None = None,
+    select: Options | SelectSection | None = None,
+    diagnose: DiagnoseSection | None = None,
+    files: Sequence[InputFile] = (),
+    date: str | None = None,
+    results: Mapping[str, str] | None = None,
+) -> Study:
+    """The study of some recordings, for a study file in `folder`.
+
+    Parameters
+    ----------
+    folder : path
+        Where the study file will lie; paths become relative to it.
+    runs : sequence of path
+        Files and folders, as the user named them.
+    machine : path, optional
+        The machine file, if one was named.
+    overrides : Overrides, optional
+    select : Options or SelectSection, optional
+    diagnose : DiagnoseSection, optional
+        As `diagnose_section` makes it.
+    files : sequence of InputFile
+        What was read, as `input_file` makes it.
+    date : str, optional
+        YYYY-MM-DD, as it stands in the results.
+    results : mapping of str to str, optional
+        Name of a result beside the study file → its SHA-256.
+    """
+    return Study(
+        version=__version__,
+        date=date,
+        recordings=Recordings(
+            runs=tuple(reference_to(run, folder) for run in runs),
+            machine=None if machine is None else reference_to(machine, folder),
+        ),
+        reading=_reading_section(overrides or Overrides()),
+        select=select_section(select) if isinstance(select, Options) else select,
+        diagnose=diagnose,
+        files=listed_files(files),
+        results=dict(results or {}),
+    )
+
+
+def select_section(options: Options) -> SelectSection:
+    """``[select]`` of some options, every one of them written out: defaults may change, a study does not.
+
+    Raises
+    ------
+    OptionError
+        An option cannot stand in a study file.
+    """
+    level: Any = "auto" if options.level is None else options.level
+    return _made(
+        SelectSection,
+        {name: getattr(options, name) for name in SelectSection.model_fields if name != "lambda_"} | {"lambda": level},
+    )
+
+
+def options_of(study: Study, *, where: str = "study file") -> Options:
+    """The options of ``[select]``; `where` names the study file in messages.
+
+    Raises
+    ------
+    StudyError
+        There is no such table, or two options contradict each other.
+    """
+    if study.select is None:
+        raise _without("select", study, where)
+    asked = study.select
+    values = {name: getattr(asked, name) for name in SelectSection.model_fields if name != "lambda_"}
+    values |= {name: dict(values[name]) for name in ("cost", "conditions")}
+    try:
+        return Options(level=None if asked.lambda_ == "auto" else asked.lambda_, **values)
+    except InputError as error:
+        raise StudyError(
+            error.found, expected=error.expected, where=f"{where}, [select], {error.where}", advice=error.advice
+        ) from error
+
+
+def diagnose_section(
+    folder: str | Path, *, simulation: Sequence[str | Path] = (), model: str | Path | None = None, **values: Any
+) -> DiagnoseSection:
+    """``[diagnose]`` for a study file in `folder`; further values under the names of `DiagnoseSection`.
+
+    Raises
+    ------
+    OptionError
+        A value cannot stand in a study file.
+    """
+    paths = {
+        "simulation": tuple(reference_to(path, folder) for path in simulation),
+        "model": None if model is None else reference_to(model, folder),
+    }
+    return _made(DiagnoseSection, {**paths, **values})
+
+
+def require_diagnose(study: Study, *, where: str = "study file") -> DiagnoseSection:
+    """``[diagnose]``.
+
+    Raises
+    ------
+    StudyError
+        There is no such table, or it names nothing to compare with.
+    """
+    if study.diagnose is None:
+        raise _without("diagnose", study, where)
+    return study.diagnose
+
+
+def overrides_of(study: Study) -> Overrides:
+    """What the user decides instead of the reader."""
+    values = {name: getattr(study.reading, name) for name in _READING}
+    return Overrides(**{**values, "units": dict(values["units"]), "roles": dict(values["roles"])})
+
+
+def _reading_section(overrides: Overrides) -> ReadingSection:
+    return _made(ReadingSection, {name: getattr(overrides, name) for name in _READING})
+
+
+def _made(section: Callable[..., Section], values: Mapping[str, Any]) -> Section:
+    try:
+        return section(**values)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        name = ".".join(map(str, first["loc"]))
+        raise OptionError(
+            f"{name} = {str(first['input'])[:80]!r}",
+            expected=first["msg"].removeprefix("Input should be "),
+            where="what is asked",
+            advice="correct the value: a study file holds every option",
+        ) from error
+
+
+def _without(table: str, study: Study, where: str) -> StudyError:
+    others = [name for name in ("select", "diagnose") if getattr(study, name) is not None]
+    return StudyError(
+        f"no table [{table}]" + (f"; there is [{others[0]}]" if others else ""),
+        expected=f"a study of `selector {table}`",
+        where=where,
+        advice=f"use `selector {others[0]} --study`, or add a table [{table}]"
+        if others
+        else f"add a table [{table}]; it may be empty",
+    )
