@@ -23,7 +23,10 @@ _EXPECTED = {
     "float_type": "a number",
     "int_type": "an integer",
     "string_type": "a text",
+    "string_unicode": "a text of whole characters",
 }
+# of the pattern of names; hashes and dates have others
+_OF_NAMES = "^[^"
 
 _EXPORT_AGAIN = "correct this place, or export the model again"
 
@@ -146,8 +149,13 @@ def _model_file_error(error: ValidationError, where: str) -> ModelFileError:
             shown(first["input"]),
             _EXPECTED.get(first["type"], first["msg"].removeprefix("Input should be ")),
         )
-        for bound in ("min_length", "max_length"):
-            if first["type"] in ("too_short", "too_long") and bound in first["ctx"]:
-                expected = f"{'at least' if bound == 'min_length' else 'at most'} {first['ctx'][bound]} entries"
+        if first["type"] == "string_pattern_mismatch":
+            pattern = first["ctx"]["pattern"]
+            is_name = pattern.startswith(_OF_NAMES)
+            expected = "text without line ends and control characters" if is_name else f"text of the form {pattern}"
+        for bound, word in (("min_length", "at least"), ("max_length", "at most")):
+            if first["type"].endswith(("too_short", "too_long")) and bound in first["ctx"]:
+                what = "characters" if first["type"].startswith("string") else "entries"
+                expected = f"{word} {first['ctx'][bound]} {what}"
     more = "" if len(errors) == 1 else f" (and {len(errors) - 1} more)"
     return ModelFileError(f"{found}{more}", expected=expected, where=f"{where}, {path}", advice=_EXPORT_AGAIN)

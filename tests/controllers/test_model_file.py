@@ -234,6 +234,16 @@ def test_numbers_that_two_readers_may_read_differently_are_refused(number):
     assert error.found.startswith(number[:70])
 
 
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [("a\nb", "line ends"), ("x" * 101, "at most 100 characters"), ("", "at least 1 "), ("\ud800", "whole characters")],
+)
+def test_a_name_that_is_none_is_refused_in_words(name, expected):
+    error = refusal(model_text(rise_model()).replace('"two rises"', json.dumps(name)))
+    assert error.where == "m.json, $.name"
+    assert expected in error.expected
+
+
 def test_a_repeated_key_is_refused():
     text = model_text(rise_model()).replace('"coefficient": 3.0', '"coefficient": 3.0, "coefficient": 4.0')
     error = refusal(text)

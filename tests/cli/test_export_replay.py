@@ -1,0 +1,157 @@
+"""`selector export --replay`: every written file is executed and told; names that nobody sane would give do no harm."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from selector.cli import exit_status
+from selector.controllers import Guard, Input, ModelFile, Output, OutputLimits, Term
+from selector.controllers.model_io import write_model
+from selector.controllers.replay.compiled import compiler
+from selector.controllers.writers import targets
+
+ROOT = Path(__file__).parents[2]
+PATENT = ROOT / "fixtures" / "models" / "patent-two-sensors.json"
+PATENT8 = ROOT / "fixtures" / "patent8"
+needs_cc = pytest.mark.skipif(compiler() is None, reason="no C compiler; Debian: apt install gcc")
+needs_parser = pytest.mark.skipif(
+    find_spec("tree_sitter_iec61131_3_st") is None, reason='pip install "selector[controls]"'
+)
+SAVED = ["model.json", "commissioning.html"]
+
+
+def exported(capsys, model: Path, target: str, out: Path, run: Path, machine: Path) -> dict:
+    arguments = ["export", model, "--for", target, "--out", out, "--replay", run, "--machine", machine, "--json"]
+    assert exit_status([*map(str, arguments)]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def folder_of(
+    folder: Path, name: str = "T1", axis: str = "Z", broken: slice = slice(0), **guard: object
+) -> tuple[Path, Path, Path]:
+    """A model of one temperature, a recording of 300 samples for it, and its machine file."""
+    folder.mkdir(exist_ok=True)
+    limits = (OutputLimits(output="Z", clamp_um=100.0, slew_um_per_s=2.0),)
+    item = Input(name=name, reference="absolute", valid_min=15.0, valid_max=40.0, centre=25.0, scale=2.0)
+    terms = (Term(powers={name: 1}, coefficient=3.0),)
+    model = ModelFile(
+        name=name, inputs=(item,), outputs=(Output(name="Z", axis=axis, intercept=0.1, terms=terms),),
+        guard=Guard.model_validate({"limits": limits, **guard}),
+    )  # fmt: skip
+    write_model(model, folder / "the model.json")
+    time_s = 10.0 * np.arange(300)
+    reading = 20.0 + 9.0 * (1.0 - np.exp(-time_s / 900.0))
+    reading[broken] = np.nan
+    pd.DataFrame({"time_s": time_s, name: reading}).to_csv(folder / "a run.csv", index=False)
+    quoted = json.dumps(name, ensure_ascii=False)
+    (folder / "ma chine.toml").write_text(
+        f'[time]\ncolumn = "time_s"\nunit = "s"\n[channels.{quoted}]\nrole = "temperature"\nunit = "degC"\n',
+        encoding="utf-8",
+    )
+    return folder / "the model.json", folder / "a run.csv", folder / "ma chine.toml"
+
+
+def found_ids(said: dict, level: str) -> list[str]:
+    return [finding["id"] for finding in said["findings"] if finding["level"] == level]
+
+
+@needs_cc
+def test_every_file_of_c_is_executed_and_told(tmp_path, capsys):
+    out = tmp_path / "out"
+    said = exported(capsys, PATENT, "c", out, PATENT8 / "recording.csv", PATENT8 / "machine.toml")
+    parts = said["replay"]["parts"]
+    files = [f"thermal_correction{ending}.c" for ending in ("", "_f", "_i")]
+    assert [(part["file"], part["output"]) for part in parts] == [(file, o) for file in files for o in ("Z", "Y")]
+    assert all(set(part) == {"file", "output", "executed_by", "max_abs_difference_um", "allowed_um"} for part in parts)
+    assert all(part["max_abs_difference_um"] <= part["allowed_um"] for part in parts)
+    assert said["replay"]["max_abs_difference_um"] == 0.0 < parts[2]["max_abs_difference_um"] < 1e-4
+    assert "single-precision-bound" in found_ids(said, "info")
+    assert "Single precision: largest difference" in (out / "thermal_correction_f.c").read_text()
+    page = (out / "commissioning.html").read_text(encoding="utf-8")
+    assert page.count("thermal_correction_f.c") >= 4
+    assert "all roundings at their worst" in page
+
+
+@needs_parser
+@pytest.mark.parametrize(
+    ("target", "files"),
+    [
+        ("sinumerik", ["thermal_correction.scl", "thermal_to_sd.scl"]),
+        ("beckhoff", ["FB_ThermalCorrection.TcPOU", "temp_comp_ads.txt"]),
+    ],
+)
+def test_what_turns_um_into_the_units_of_a_control_is_executed(tmp_path, capsys, target, files):
+    said = exported(capsys, PATENT, target, tmp_path / "out", PATENT8 / "recording.csv", PATENT8 / "machine.toml")
+    assert [part["file"] for part in said["replay"]["parts"]] == [file for file in files for _ in ("Z", "Y")]
+    assert "replay-differs" not in found_ids(said, "error")
+
+
+@needs_cc
+def test_a_second_file_that_differs_is_an_error_with_numbers(tmp_path, capsys, monkeypatch):
+    honest = targets.TARGETS["c"]
+
+    def lying(model, *, is_sign_verified=False):
+        files = dict(honest.write(model, is_sign_verified=is_sign_verified).files)
+        files["thermal_correction_f.c"] = files["thermal_correction_f.c"].replace("m->k0_1;", "1.01f * m->k0_1;")
+        return replace(honest.write(model), files=files)
+
+    monkeypatch.setattr(targets, "TARGETS", {"c": replace(honest, write=lying)})
+    said = exported(capsys, PATENT, "c", tmp_path / "out", PATENT8 / "recording.csv", PATENT8 / "machine.toml")
+    assert said["replay"]["max_abs_difference_um"] == 0.0
+    (finding,) = [one for one in said["findings"] if one["id"] == "replay-differs"]
+    assert (finding["level"], finding["evidence"]["file"]) == ("error", "thermal_correction_f.c")
+    assert finding["evidence"]["max_abs_difference_um"] > 0.1 > finding["evidence"]["allowed_um"]
+
+
+def test_a_smaller_guard_is_no_difference_of_the_program_and_is_told(tmp_path, capsys):
+    model, run, machine = folder_of(tmp_path / "f", broken=slice(100, 130), recover_after_s=300.0)
+    said = exported(capsys, model, "fanuc", tmp_path / "out", run, machine)
+    (part,) = said["replay"]["parts"]
+    assert part["max_abs_difference_um"] <= part["allowed_um"] < 1e-6
+    (differs,) = [one for one in said["findings"] if one["id"] == "guard-differs"]
+    assert differs["evidence"]["guard_difference_um"] > 0.5
+    # the macro is at once good again: 30 of 300 samples, where the whole guard waits for 300 s
+    (share,) = [one["evidence"]["share_of_samples"] for one in said["findings"] if one["id"] == "not-the-whole-model"]
+    assert share == 0.1
+
+
+def test_a_drive_follows_whatever_it_reads_and_is_told_so(tmp_path, capsys):
+    model, run, machine = folder_of(tmp_path / "f", broken=slice(100, 130), recover_after_s=0.0)
+    said = exported(capsys, model, "rexroth", tmp_path / "out", run, machine)
+    assert said["replay"]["parts"][0]["max_abs_difference_um"] <= said["replay"]["parts"][0]["allowed_um"] < 0.01
+    (told,) = [one["statement"] for one in said["findings"] if one["id"] == "not-the-whole-model"]
+    assert "this control followed it" in told
+
+
+NAMES = ["T'1\"x", "Tä °µ 温度", "T*) x := 1; (*", "T*/ int x; /*", "what?", "a??/", "??", "L" * 100, "[red]T[/red]",
+         "<script>alert(1)</script>", "../../x", "a;b,c", "]]>", "a\\", "$(x)`x`", "50% {x}", "# x"]  # fmt: skip
+
+
+@needs_cc
+@needs_parser
+@pytest.mark.parametrize("name", NAMES)
+def test_hostile_names_do_no_harm(tmp_path, capsys, name):
+    model, run, machine = folder_of(tmp_path / "with a blank", name=name)
+    for target in set(targets.TARGETS) - {"linuxcnc"}:
+        said = exported(capsys, model, target, tmp_path / target, run, machine)
+        assert said["replay"]["parts"]
+        assert "replay-differs" not in found_ids(said, "error")
+        for file in set(said["files"]) - set(SAVED):
+            assert (tmp_path / target / file).read_text(encoding="utf-8").isascii()
+        assert "<script>alert" not in (tmp_path / target / "commissioning.html").read_text(encoding="utf-8")
+
+
+@needs_parser
+@pytest.mark.parametrize("name", ["=1+1", "+1+1", "-2", "@SUM(1)"])
+def test_a_spreadsheet_takes_no_axis_for_a_formula(tmp_path, capsys, name):
+    model, run, machine = folder_of(tmp_path / "f", axis=name)
+    exported(capsys, model, "sinumerik", tmp_path / "out", run, machine)
+    table = (tmp_path / "out" / "sinumerik_settings.csv").read_text(encoding="ascii")
+    assert all(cell[:1] not in "=+-@" for line in table.splitlines() for cell in line.split(",") if cell)
