@@ -193,9 +193,19 @@ def _of_parts(proof: Replay) -> Iterator[Finding]:
                 "replay-differs",
                 "error",
                 f"{part.file}: {part.output} and the reference differ by up to {part.max_abs_difference_um:.3g} µm; "
-                f"{part.allowed_um:.3g} µm is what its numbers explain.",
+                f"{part.allowed_um:.3g} µm is what its numbers explain"
+                + (
+                    f", and the reference in single precision, which it has to be to the last bit, by "
+                    f"{part.in_single_um:.3g} µm."
+                    if part.in_single_um > 0.0
+                    else "."
+                ),
                 evidence=evidence
-                | {"max_abs_difference_um": part.max_abs_difference_um, "allowed_um": part.allowed_um},
+                | {
+                    "max_abs_difference_um": part.max_abs_difference_um,
+                    "allowed_um": part.allowed_um,
+                    "in_single_um": part.in_single_um,
+                },
                 suggestion="do not use this file: other rules of arithmetic were at work, a sensor was judged "
                 "otherwise at the very edge of a limit, or it is a defect of ours",
             )

@@ -73,6 +73,7 @@ def rounding_errors(
     largest_readings: Mapping[str, float] | None = None,
     calls_per_s: int = CALLS_PER_S,
     roundoff: float = SINGLE,
+    shortest_s: float = SAMPLE_S,
 ) -> dict[str, LargestError]:
     """Per output, what the correction in this arithmetic can differ at most from that in binary64 in the same mode.
 
@@ -88,10 +89,12 @@ def rounding_errors(
         1 = time is counted without an error.
     roundoff : float
         Largest relative rounding of an operation and of a literal; default: binary32.
+    shortest_s : float
+        Between two readings that are looked at.
     """
     readings = {item.name: largest_reading(item) for item in model.inputs} | dict(largest_readings or {})
-    single = _errors(model, readings, calls_per_s, roundoff)
-    double = _errors(model, readings, calls_per_s, DOUBLE)
+    single = _errors(model, readings, calls_per_s, roundoff, shortest_s)
+    double = _errors(model, readings, calls_per_s, DOUBLE, shortest_s)
     limits, _ = decided_limits(model)
     return {name: of.plus(double[name]).within(limits[name]) for name, of in single.items()}
 
@@ -146,13 +149,15 @@ def _above(bound_um: float) -> str:
     return f"{math.ceil(bound_um / step) * step:.2g}"
 
 
-def _errors(model: ModelFile, readings: Mapping[str, float], calls_per_s: int, unit: float) -> dict[str, LargestError]:
+def _errors(
+    model: ModelFile, readings: Mapping[str, float], calls_per_s: int, unit: float, shortest_s: float
+) -> dict[str, LargestError]:
     limits, _ = decided_limits(model)
     found: dict[str, LargestError] = {}
     everything: tuple[Equations, ...] = (model, *(model.fallbacks if model.guard.on_fault == "fallback" else ()))
     sensors = {item.name: item for item in model.inputs}
     for of in everything:
-        z = _variables(of, sensors, readings, calls_per_s, unit)
+        z = _variables(of, sensors, readings, calls_per_s, unit, shortest_s)
         for output in of.outputs:
             error = _of_output(output, limits[output.name], z, unit)
             so_far = found.get(output.name, LargestError(0.0, 0.0))
@@ -224,7 +229,12 @@ def _of_literal(value: float, unit: float) -> float:
 
 
 def _variables(
-    of: Equations, sensors: Mapping[str, Input], readings: Mapping[str, float], calls_per_s: int, unit: float
+    of: Equations,
+    sensors: Mapping[str, Input],
+    readings: Mapping[str, float],
+    calls_per_s: int,
+    unit: float,
+    shortest_s: float,
 ) -> dict[str, _Value]:
     """Scaled values of inputs and states."""
     x, z = {}, {}
@@ -233,7 +243,7 @@ def _variables(
         x[item.name] = _x(sensors[item.name], readings[item.name], unit)
         z[item.name] = (x[item.name] - _Value.literal(item.centre, unit)).over(item.scale)
     for state in of.states:
-        level = _level(x[state.source], state.tau_s, calls_per_s, unit)
+        level = _level(x[state.source], state.tau_s, calls_per_s, unit, shortest_s)
         z[state.name] = (level - _Value.literal(state.centre, unit)).over(state.scale)
     return z
 
@@ -245,9 +255,9 @@ def _x(item: Input, largest: float, unit: float) -> _Value:
     return _Value(low, high, error, unit).rounded().limited(low, high)
 
 
-def _level(x: _Value, tau_s: float, calls_per_s: int, unit: float) -> _Value:
+def _level(x: _Value, tau_s: float, calls_per_s: int, unit: float, shortest_s: float) -> _Value:
     """Of e' ≤ (1 − g)·e + g·e_x + g·κ·(W + e_x + e) + u·(L + e) the e that stays; W = width, L = largest level."""
-    width, share = x.high - x.low, SAMPLE_S / (tau_s + SAMPLE_S)
+    width, share = x.high - x.low, shortest_s / (tau_s + shortest_s)
     per_step = (calls_per_s + 8.0) * unit
     kept = 1.0 - per_step - unit / share
     most = width + x.error + 8.0 * unit * x.size

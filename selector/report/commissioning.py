@@ -130,10 +130,10 @@ def parts_table(replay: Replay) -> Table:
         for part in replay.parts
     ]
     return table(
-        ["file", "output", ">largest difference [µm]", ">allowed [µm]", ">guard [µm]", "executed by"],
+        ["file", "output", ">largest difference [µm]", ">allowed [µm]", ">smaller guard [µm]", "executed by"],
         rows,
-        "Difference: to what the file has to give. Allowed: what its number type explains; more is a defect. Guard: "
-        "from what this file has to give to what the whole guard gives, where the control has a smaller one.",
+        "Difference: to what the file has to give. Allowed: what its number type explains; more is a defect. Smaller "
+        "guard: from what this file has to give to what the whole guard gives, where the control has a smaller one.",
     )
 
 

@@ -133,6 +133,8 @@ def test_allowed_is_small_where_no_dead_band_has_to_be_allowed_for():
 MISTAKES = [
     ("c", "thermal_correction_f.c", "m->correction_1 = m->k0_1", "m->correction_1 = 1.001f * m->k0_1"),
     ("c", "thermal_correction_f.c", "m->mode = m->follows;", "m->mode = 1;m->k0_1 += 1e-3f;"),
+    # less than a hundredth of what single precision is allowed
+    ("sinumerik", "thermal_correction.scl", "level_1 := level_1 +", "level_1 := level_1 + 1.0E-6 +"),
     ("c", "thermal_correction_i.c", "m->slope_1 *", "(m->slope_1 + 300) *"),
     ("sinumerik", "thermal_to_sd.scl", "1.0E-6", "1.0E-3"),
     ("sinumerik", "thermal_to_sd.scl", "0.001", "0.0011"),

@@ -135,6 +135,27 @@ def test_the_bound_is_no_idle_talk(which):
     assert np.abs(measured[:, 0]).max() <= bound <= 300.0 * np.abs(measured[:, 0]).max()
 
 
+def test_memory_of_hours_stands_still_as_far_from_its_aim_as_the_bound_says():
+    item = Input(name="T1", reference="absolute", valid_min=0.0, valid_max=10.0)
+    model = rise_model(
+        inputs=(item,),
+        states=(State(name="late", source="T1", tau_s=3000.0),),
+        outputs=(Output(name="Z", intercept=0.0, terms=(Term(powers={"late": 1}, coefficient=1.0),)),),
+        guard=Guard(limits=(OutputLimits(output="Z", clamp_um=100.0, slew_um_per_s=1e9),)),
+    )
+    n = 12_000
+    readings = np.full((n, 1), 8.0014)
+    readings[0] = 8.0
+    yes = np.ones(n, dtype=bool)
+    rows = Rows(np.ones(n), readings, np.zeros((n, 0)), yes, yes, ~yes, np.zeros(n))
+    single, double = (reference_answers(model, rows, number).correction_um[:, 0] for number in (np.float32, float))
+    assert np.ptp(single) == 0.0
+    bound = rounding_errors(model, calls_per_s=1)["Z"].correction_um
+    assert 0.3 * bound < np.abs(single - double).max() <= bound
+    # looked at once a minute, it goes on
+    assert rounding_errors(model, calls_per_s=1, shortest_s=60.0)["Z"].correction_um < 0.1 * bound
+
+
 def test_a_bound_beyond_a_hundredth_of_a_micrometre_is_a_warning():
     (fine,) = single_precision_findings(rise_model(), "x.c")
     assert (fine.level, fine.suggestion) == ("info", "")

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from selector.controllers.guard.codes import LONGEST_STEP_S, SensorCode
+from selector.controllers.guard.codes import LONGEST_S, LONGEST_STEP_S, SensorCode
 from selector.controllers.guard.decided import decided_limits
 from selector.controllers.model_file import ModelFile
 from selector.controllers.replay.reduced_guard import places_m, sampled_rows
@@ -27,14 +27,15 @@ class Execution(Protocol):
         """What it gives row by row; `main` = what the first file gave, for those that go on with it."""
 
 
-Expected = Callable[[ModelFile, Rows, Answers], Array]
-"""Corrections that a file has to give, of shape (n_rows, n_outputs) [µm], from the answers of the whole guard."""
+Expected = Callable[[ModelFile, Rows, Answers, Answers], Array]
+"""Corrections that a file has to give, of shape (n_rows, n_outputs) [µm], from the answers of the whole guard and of the
+first file."""
 
 Allowed = Callable[[ModelFile, Rows, Answers], Mapping[str, float]]
 """Per output, the largest difference that its number type explains in such a run [µm]."""
 
 
-def as_the_guard(_model: ModelFile, _rows: Rows, whole: Answers) -> Array:
+def as_the_guard(_model: ModelFile, _rows: Rows, whole: Answers, _main: Answers) -> Array:
     """The answers of the whole guard."""
     return whole.correction_um
 
@@ -65,6 +66,8 @@ class Part:
         What makes its reference another one than the whole guard; empty = nothing.
     tells_mode : bool
         Whether it says what it follows.
+    is_single : bool
+        It also has to be the reference in binary32, to the last bit: what is allowed may be wide.
     """
 
     file: str
@@ -74,6 +77,7 @@ class Part:
     allowed_um: Allowed = TO_THE_LAST_BIT
     lacks: str = ""
     tells_mode: bool = True
+    is_single: bool = False
 
 
 def rounding_um(model: ModelFile, rows: Rows, whole: Answers, *, roundoff: float = SINGLE) -> dict[str, float]:
@@ -81,18 +85,15 @@ def rounding_um(model: ModelFile, rows: Rows, whole: Answers, *, roundoff: float
     return {name: of.correction_um for name, of in _rounding(model, rows, whole, roundoff).items()}
 
 
-def straight_line_in_single_um(model: ModelFile, rows: Rows, whole: Answers) -> dict[str, float]:
-    """As `rounding_um` for K0, slope and reference position, each rounded twice more, at these positions."""
+def units_in_single_um(model: ModelFile, rows: Rows, _whole: Answers) -> dict[str, float]:
+    """K0, slope and reference position in other units: a literal and a product are rounded, at these positions."""
     found, far_m = {}, farthest_m(model, rows)
     limits, _ = decided_limits(model)
     for output in model.outputs:
-        of, limit = _rounding(model, rows, whole, SINGLE)[output.name], limits[output.name]
-        error = max(of.correction_um, of.k0_um) + 2.0 * SINGLE * limit.clamp_um
+        limit, reach_m = limits[output.name], 0.0
         if output.position is not None:
-            slope = limit.slope_clamp_um_per_m
-            error += far_m[output.name] * (of.slope_um_per_m + 2.0 * SINGLE * slope)
-            error += 2.0 * SINGLE * slope * abs(output.position.reference_m)
-        found[output.name] = error
+            reach_m = far_m[output.name] + abs(output.position.reference_m)
+        found[output.name] = 2.1 * SINGLE * (limit.clamp_um + reach_m * limit.slope_clamp_um_per_m)
     return found
 
 
@@ -132,8 +133,9 @@ def _rounding(model: ModelFile, rows: Rows, whole: Answers, roundoff: float) -> 
     sizes = np.max(np.abs(rows.readings[sampled]), axis=0, where=used, initial=0.0).tolist()
     largest = dict(zip((item.name for item in model.inputs), sizes, strict=True))
     limits, _ = decided_limits(model)
+    shortest_s = float(np.min(np.diff(np.cumsum(rows.dt_s)[sampled]), initial=LONGEST_S))
     found = {}
-    for k, (name, of) in enumerate(rounding_errors(model, largest, 1, roundoff).items()):
+    for k, (name, of) in enumerate(rounding_errors(model, largest, 1, roundoff, shortest_s).items()):
         limit = limits[name]
         # each of two aims is less than a dead band away from where its model wants it
         band = 2.0 * limit.dead_band_um

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,6 +26,8 @@ class PartDifference:
         To what it has to give; that of the run in which it is farthest beyond what is allowed.
     allowed_um : float
         What its number type explains in that run.
+    in_single_um : float
+        To the reference in binary32, for a program in single precision: has to be 0.
     guard_difference_um : float
         Between what it has to give and the whole guard, in any run.
     lacks : str
@@ -37,13 +39,14 @@ class PartDifference:
     executed_by: str
     max_abs_difference_um: float
     allowed_um: float
+    in_single_um: float
     guard_difference_um: float
     lacks: str
 
     @property
     def is_explained(self) -> bool:
         """No difference is larger than allowed."""
-        return self.max_abs_difference_um <= self.allowed_um
+        return self.max_abs_difference_um <= self.allowed_um and self.in_single_um == 0.0
 
     def as_dict(self) -> dict[str, object]:
         """An entry of `replay.parts` of `selector.export/1`."""
@@ -67,6 +70,8 @@ class ExecutedPart:
         What it gave.
     expected_um : ndarray of shape (n_rows, n_outputs)
         What it has to give.
+    in_single_um : ndarray of the same shape, or None
+        What it has to give to the last bit.
     whole : Answers
         What the whole guard gives.
     allowed_um : mapping of str to float
@@ -76,6 +81,7 @@ class ExecutedPart:
     part: Part
     answers: Answers
     expected_um: Array
+    in_single_um: Array | None
     whole: Answers
     allowed_um: Mapping[str, float]
 
@@ -83,10 +89,13 @@ class ExecutedPart:
         """One per output."""
         largest = _largest(self.answers.correction_um - self.expected_um)
         of_guard = _largest(self.expected_um - self.whole.correction_um)
-        part = self.part
-        for output, size, guard in zip(model.outputs, largest, of_guard, strict=True):
+        of_bits = [0.0 for _ in model.outputs]
+        if self.in_single_um is not None:
+            of_bits = _largest(self.answers.correction_um - self.in_single_um)
+        part, executed_by = self.part, self.part.executed_by()
+        for output, size, bits, guard in zip(model.outputs, largest, of_bits, of_guard, strict=True):
             allowed = self.allowed_um[output.name]
-            yield PartDifference(part.file, output.name, part.executed_by(), size, allowed, guard, part.lacks)
+            yield PartDifference(part.file, output.name, executed_by, size, allowed, bits, guard, part.lacks)
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,8 +219,11 @@ def executed(
     found: list[ExecutedPart] = []
     for part in parts:
         answers = part.execute(model, rows, files, found[0].answers if found else whole)
-        expected = part.expected(model, rows, whole)
-        found.append(ExecutedPart(part, answers, expected, whole, part.allowed_um(model, rows, whole)))
+        main = found[0].answers if found else answers
+        expected, own = part.expected(model, rows, whole, main), None
+        if part.is_single:
+            own = reference_answers(model, rows, np.float32).correction_um
+        found.append(ExecutedPart(part, answers, expected, own, whole, part.allowed_um(model, rows, whole)))
     return found
 
 
@@ -240,7 +252,5 @@ def _over_runs(differences: Sequence[PartDifference]) -> tuple[PartDifference, .
         former = found.get(key, one)
         worst = max((former, one), key=lambda of: (not of.is_explained, of.max_abs_difference_um))
         guard = max(former.guard_difference_um, one.guard_difference_um)
-        found[key] = PartDifference(
-            one.file, one.output, one.executed_by, worst.max_abs_difference_um, worst.allowed_um, guard, one.lacks
-        )
+        found[key] = replace(worst, guard_difference_um=guard)
     return tuple(found.values())

@@ -23,8 +23,8 @@ from selector.controllers.replay.parts import (
     Part,
     at_most,
     rounding_um,
-    straight_line_in_single_um,
     tenths_um,
+    units_in_single_um,
     whole_numbers_um,
 )
 from selector.controllers.replay.python_executed import python_answers
@@ -98,16 +98,19 @@ def _st(model: ModelFile, rows: Rows, files: Mapping[str, str]) -> Answers:
     return st_answers(model, rows, files[_ST_FILE])
 
 
-def _line_of_sinumerik(model: ModelFile, rows: Rows, whole: Answers) -> Array:
+def _line(model: ModelFile, rows: Rows, _whole: Answers, main: Answers) -> Array:
+    return straight_line_um(model, rows, main)
+
+
+def _line_of_sinumerik(model: ModelFile, rows: Rows, _whole: Answers, main: Answers) -> Array:
     """The whole correction where the slope is over another axis, else the straight line."""
-    line = straight_line_um(model, rows, whole)
     has_line = [has_own_line(output) for output in model.outputs]
-    return np.where(has_line, line, whole.correction_um)
+    return np.where(has_line, straight_line_um(model, rows, main), main.correction_um)
 
 
 _ST_FILE, _SCL_FILE, _BLOCK_FILE = f"{NAME}.st", f"{NAME}.scl", f"{BLOCK}.TcPOU"
 _SMALLER = "its guard is smaller"
-_LINE = "the control's straight line goes on beyond the valid positions, and has no clamp"
+_NO_CLAMP = "the control's straight line goes on beyond the valid positions, and has no clamp"
 _BLOCK_OF_TWINCAT = Part(_BLOCK_FILE, _alone(tcpou_answers), parser_name)
 
 TARGETS: Mapping[str, Target] = {
@@ -121,12 +124,13 @@ TARGETS: Mapping[str, Target] = {
                 _alone(partial(c_answers, precision="float", name=SINGLE_NAME)),
                 _cc,
                 allowed_um=rounding_um,
+                is_single=True,
             ),
             Part(
                 f"{FIXED_POINT_NAME}.c",
                 _alone(fixed_point_answers),
                 _cc,
-                lambda model, rows, _whole: reference_answers(without_fallbacks(model), rows).correction_um,
+                lambda model, rows, _whole, _main: reference_answers(without_fallbacks(model), rows).correction_um,
                 whole_numbers_um,
                 _SMALLER,
             ),
@@ -143,14 +147,14 @@ TARGETS: Mapping[str, Target] = {
         "Siemens SINUMERIK 840D sl",
         sinumerik_export,
         (
-            Part(_SCL_FILE, _alone(scl_answers), parser_name, allowed_um=rounding_um),
+            Part(_SCL_FILE, _alone(scl_answers), parser_name, allowed_um=rounding_um, is_single=True),
             Part(
                 SETTING_DATA,
                 setting_data_answers,
                 parser_name,
                 _line_of_sinumerik,
-                straight_line_in_single_um,
-                _LINE,
+                units_in_single_um,
+                _NO_CLAMP,
             ),
         ),
     ),
@@ -159,7 +163,7 @@ TARGETS: Mapping[str, Target] = {
         beckhoff_export,
         (
             _BLOCK_OF_TWINCAT,
-            Part(ADS_TABLE, temp_comp_answers, _own("formula of TF5200"), straight_line_um, tenths_um, _LINE),
+            Part(ADS_TABLE, temp_comp_answers, _own("formula of TF5200"), _line, tenths_um, _NO_CLAMP),
         ),
     ),
     "fanuc": Target(
@@ -170,7 +174,7 @@ TARGETS: Mapping[str, Target] = {
                 MACRO_FILE,
                 _alone(macro_b_called_at_most_once_a_second),
                 _own("macro B"),
-                lambda model, rows, _whole: macro_corrections_um(model, rows),
+                lambda model, rows, _whole, _main: macro_corrections_um(model, rows),
                 partial(rounding_um, roundoff=LITERAL_ROUNDOFF),
                 _SMALLER,
             ),
@@ -184,7 +188,7 @@ TARGETS: Mapping[str, Target] = {
                 DRIVE_FILE,
                 _alone(drive_answers),
                 _own("drive formula"),
-                lambda model, rows, _whole: unguarded_um(model, rows),
+                lambda model, rows, _whole, _main: unguarded_um(model, rows),
                 lambda model, rows, _whole: printed_parameters_um(model, rows),
                 "the drive has no guard: no check of the sensor, no clamp, no slew limit",
                 tells_mode=False,
