@@ -28,8 +28,8 @@ class Execution(Protocol):
 
 
 Expected = Callable[[ModelFile, Rows, Answers, Answers], Array]
-"""Corrections that a file has to give, of shape (n_rows, n_outputs) [µm], from the answers of the whole guard and of the
-first file."""
+"""Corrections that a file has to give, of shape (n_rows, n_outputs) [µm], from the answers of the whole guard and of
+the first file."""
 
 Allowed = Callable[[ModelFile, Rows, Answers], Mapping[str, float]]
 """Per output, the largest difference that its number type explains in such a run [µm]."""
