@@ -152,9 +152,13 @@ class Bench:
             return True
 
     def read_as(self, overrides: Overrides) -> None:
-        """Reads the recordings again, with other decisions about encoding, separator, clock and the like."""
+        """Reads the recordings again, with other decisions about encoding, separator, clock and the like.
+
+        Those that were refused are tried again.
+        """
         with self._lock:
             self._overrides = overrides
+            self._loaded = [one if one.problem is None else Loaded(one.path) for one in self._loaded]
         self.read()
 
     def correct(self, machine: Machine) -> None:

@@ -143,7 +143,8 @@ class Jobs:
                     continue
                 self._change(job.number, state="running")
                 self._child = (job.number, child)
-            said = self._heard(job.number, child)
+            with child:
+                said = self._heard(job.number, child)
             _sweep(job.out)
             with self._lock:
                 self._child = None
@@ -167,7 +168,6 @@ class Jobs:
             with self._lock:
                 if self._jobs[number].state == "running":
                     self._change(number, doing=progress[0], share=progress[1])
-        child.wait()
         listener.join()
         return "\n".join([*answer, *messages]).strip()
 

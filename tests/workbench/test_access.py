@@ -1,0 +1,198 @@
+"""Nobody but this computer's browser, with the token, from the workbench's own page."""
+
+from __future__ import annotations
+
+import pytest
+from flask.testing import FlaskClient
+
+from selector.workbench import study_folder
+from selector.workbench.access import TOKEN, Access
+from selector.workbench.bench import Bench
+from selector.workbench.page import page
+
+PORT = 8123
+OWN = f"http://127.0.0.1:{PORT}"
+
+
+class Client(FlaskClient):
+    """Reads answers to their end, so that files that are sent are closed."""
+
+    def open(self, *arguments, **options):
+        return super().open(*arguments, **{"buffered": True, **options})
+
+
+@pytest.fixture
+def access():
+    return Access(PORT)
+
+
+@pytest.fixture
+def study(tmp_path):
+    folder = tmp_path / "study"
+    folder.mkdir()
+    return folder.resolve()
+
+
+@pytest.fixture
+def stranger(study, access):
+    """A client without the cookie."""
+    server = page(Bench(study), access).server
+    server.test_client_class = Client
+    return server.test_client()
+
+
+@pytest.fixture
+def client(stranger, access):
+    """A client that opened the printed address."""
+    answer = stranger.get(f"/?{TOKEN}={access.token}", base_url=OWN)
+    assert answer.status_code == 303
+    return stranger
+
+
+def test_the_printed_address_opens_the_page_and_leaves_the_token_out_of_it(stranger, access):
+    answer = stranger.get(access.address.removeprefix(OWN), base_url=OWN)
+    assert answer.location == "/"
+    cookie = answer.headers["Set-Cookie"]
+    assert "HttpOnly" in cookie
+    assert "SameSite=Strict" in cookie
+    opened = stranger.get("/", base_url=OWN)
+    assert opened.status_code == 200
+    assert access.token not in opened.text
+
+
+def test_tokens_are_long_and_never_the_same():
+    tokens = {Access(PORT).token for _ in range(50)}
+    assert len(tokens) == 50
+    assert min(map(len, tokens)) >= 40
+
+
+@pytest.mark.parametrize(
+    "path", ["/", "/_dash-layout", "/_dash-dependencies", "/assets/workbench.js", "/results/selection/report.html"]
+)
+@pytest.mark.parametrize("token", [None, "", "wrong", "é", "a" * 43])
+def test_without_the_token_nothing_is_told(stranger, path, token):
+    answer = stranger.get(path, base_url=OWN, query_string={} if token is None else {TOKEN: token})
+    assert answer.status_code == 403
+    assert answer.mimetype == "text/plain"
+    assert "token" in answer.text
+
+
+def test_a_cookie_with_another_token_is_none(stranger, access):
+    stranger.set_cookie(access.cookie, "x" * 43, domain="127.0.0.1")
+    assert stranger.get("/", base_url=OWN).status_code == 403
+
+
+def test_nothing_is_stored_without_the_token(stranger, study):
+    answer = stranger.post("/upload/recordings?name=a.csv", base_url=OWN, data=b"t,T1\n0,20\n")
+    assert answer.status_code == 403
+    assert list(study.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Host": f"evil.example:{PORT}"},
+        {"Host": "127.0.0.1:1"},
+        {"Host": "127.0.0.1"},
+        {"Origin": "http://evil.example"},
+        {"Origin": f"http://127.0.0.1:{PORT + 1}"},
+        {"Origin": f"https://127.0.0.1:{PORT}"},
+        {"Origin": f"http://127.0.0.1:{PORT}.evil.example"},
+        {"Origin": "null"},
+        {"Sec-Fetch-Site": "cross-site"},
+        {"Sec-Fetch-Site": "same-site"},
+    ],
+    ids=lambda headers: str(next(iter(headers.items()))),
+)
+@pytest.mark.parametrize("method", ["get", "post"])
+def test_other_pages_are_refused_even_with_the_cookie(client, access, headers, method):
+    answer = getattr(client, method)("/", base_url=OWN, headers=headers)
+    assert answer.status_code == 403
+    with_token = getattr(client, method)("/", base_url=OWN, headers=headers, query_string={TOKEN: access.token})
+    assert with_token.status_code == 403
+
+
+@pytest.mark.parametrize("origin", [OWN, f"http://localhost:{PORT}"])
+def test_its_own_page_may_send(client, study, origin):
+    headers = {"Origin": origin, "Sec-Fetch-Site": "same-origin"}
+    answer = client.post("/upload/simulation?name=r1.csv", base_url=OWN, headers=headers, data=b"t,T1\n0,20\n")
+    assert answer.status_code == 201
+    assert (study / "simulation" / "r1.csv").read_bytes() == b"t,T1\n0,20\n"
+
+
+def test_every_answer_has_strict_headers(client, stranger):
+    for path in ("/", "/assets/workbench.js", "/nonsense"):
+        headers = client.get(path, base_url=OWN).headers
+        assert headers["Cache-Control"] == "no-store"
+        assert headers["X-Content-Type-Options"] == "nosniff"
+        assert headers["X-Frame-Options"] == "DENY"
+        policy = headers["Content-Security-Policy"]
+        assert "default-src 'none'" in policy
+        assert "frame-ancestors 'none'" in policy
+        scripts = next(part for part in policy.split(";") if "script-src" in part)
+        assert "unsafe" not in scripts
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "../secret.txt",
+        "..%2Fsecret.txt",
+        "%2e%2e/secret.txt",
+        "selection/../../secret.txt",
+        "/etc/passwd",
+        "selection/%00",
+        "recordings/r1.csv",
+        "selection",
+        "nothing.json",
+    ],
+)
+def test_only_results_of_the_study_are_given(client, study, path):
+    (study.parent / "secret.txt").write_text("secret")
+    (study / "recordings").mkdir()
+    (study / "recordings" / "r1.csv").write_text("t,T1\n")
+    (study / "selection").mkdir()
+    answer = client.get(f"/results/{path}", base_url=OWN)
+    # an address with two slashes is none of a result: the page itself answers
+    assert answer.status_code == 404 or '<script id="_dash-config"' in answer.text
+    assert "secret" not in answer.text
+
+
+def test_links_do_not_lead_out_of_the_study(client, study):
+    (study.parent / "secret.txt").write_text("secret")
+    try:
+        (study / "link.txt").symlink_to(study.parent / "secret.txt")
+    except OSError:
+        pytest.skip("links cannot be made here")
+    assert client.get("/results/link.txt", base_url=OWN).status_code == 404
+
+
+def test_a_report_runs_in_an_origin_of_its_own(client, study):
+    (study / "selection").mkdir()
+    (study / "selection" / "report.html").write_text("<script>1</script>")
+    (study / "selection" / "model.json").write_text("{}")
+    answer = client.get("/results/selection/report.html", base_url=OWN)
+    assert answer.mimetype == "text/html"
+    assert answer.headers["X-Frame-Options"] == "SAMEORIGIN"
+    policy = answer.headers["Content-Security-Policy"]
+    assert policy.startswith("sandbox allow-scripts")
+    assert "allow-same-origin" not in policy
+    saved = client.get("/results/selection/report.html?download=1", base_url=OWN)
+    assert saved.headers["Content-Disposition"] == "attachment; filename=report.html"
+    assert client.get("/results/selection/model.json", base_url=OWN).mimetype == "text/plain"
+
+
+def test_too_large_is_refused_before_and_while_it_is_read(client, study, monkeypatch):
+    monkeypatch.setattr(study_folder, "MOST_UPLOADED_BYTES", 1000)
+    address = "/upload/recordings?name=r1.csv"
+    announced = client.post(address, base_url=OWN, data=b"x" * 2000)
+    assert announced.status_code == 413
+    assert "larger" not in announced.text
+    assert "What to do" in announced.text
+    assert list(study.rglob("*.csv")) == []
+
+
+def test_an_unknown_folder_receives_nothing(client, study):
+    assert client.post("/upload/selection?name=a.csv", base_url=OWN, data=b"x").status_code == 404
+    assert client.post("/upload/..?name=a.csv", base_url=OWN, data=b"x").status_code in (404, 405)
+    assert list(study.iterdir()) == []

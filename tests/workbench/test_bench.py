@@ -1,0 +1,139 @@
+"""The state of a study: what cannot be read is set aside, and nothing else is lost."""
+
+from __future__ import annotations
+
+import os
+import time
+
+import pytest
+
+from selector.errors import InputError
+from selector.readers import Overrides
+from selector.shipped import shipped
+from selector.workbench.bench import Bench
+from selector.workbench.channel_corrections import corrected, rows_of
+
+VMC = shipped("vmc37")
+
+
+def settled(bench: Bench) -> Bench:
+    end = time.monotonic() + 30
+    while bench.is_reading:
+        assert time.monotonic() < end
+        time.sleep(0.01)
+    return bench
+
+
+@pytest.fixture
+def bench(tmp_path):
+    made = Bench(tmp_path, [VMC / "r1.csv", VMC / "r2.csv"], VMC / "machine.toml")
+    made.read()
+    yield settled(made)
+    made.jobs.close()
+
+
+def test_recordings_are_read(bench):
+    assert [run.name for run in bench.material.reading.runs] == ["r1", "r2"]
+    assert bench.source_arguments() == (
+        str(VMC / "r1.csv"), str(VMC / "r2.csv"), "--machine", str(VMC / "machine.toml")
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"\x89PNG\r\n\x1a\n" + bytes(range(256)) * 9, b"hello\nworld\n"], ids=["empty", "binary", "text"]
+)
+def test_a_wrong_file_is_set_aside_with_the_readers_own_words(bench, tmp_path, content):
+    (tmp_path / "recordings").mkdir()
+    wrong = tmp_path / "recordings" / "wrong.csv"
+    wrong.write_bytes(content)
+    bench.add(wrong)
+    settled(bench)
+    assert [run.name for run in bench.material.reading.runs] == ["r1", "r2"]
+    assert bench.material.problem is None
+    refused = bench.loaded[-1]
+    assert not refused.is_used
+    assert "wrong.csv" in str(refused.problem)
+    assert str(wrong) not in bench.source_arguments()
+
+
+def test_files_are_left_out_and_taken_back(bench):
+    before = bench.revision
+    bench.use([VMC / "r2.csv"])
+    assert [run.name for run in settled(bench).material.reading.runs] == ["r2"]
+    assert bench.revision > before
+    bench.use([VMC / "r1.csv", VMC / "r2.csv"])
+    assert len(settled(bench).material.reading.runs) == 2
+    bench.use([])
+    assert settled(bench).material.reading is None
+
+
+def test_corrections_are_written_into_the_study_and_the_old_ones_kept(bench, tmp_path):
+    given = (VMC / "machine.toml").read_bytes()
+    reading = bench.material.reading
+    bench.correct(corrected(reading, rows_of(reading)))
+    assert bench.machine == tmp_path / "machine.toml"
+    assert bench.source_arguments()[-2:] == ("--machine", "machine.toml")
+    first = (tmp_path / "machine.toml").read_bytes()
+    bench.correct(corrected(reading, rows_of(reading)))
+    assert (tmp_path / "machine.before.toml").read_bytes() == first
+    assert (VMC / "machine.toml").read_bytes() == given
+
+
+def test_corrections_that_cannot_be_read_change_nothing(bench, tmp_path):
+    machine = corrected(bench.material.reading, rows_of(bench.material.reading))
+    broken = machine.model_copy(update={"time": machine.time.model_copy(update={"column": "not there"})})
+    before = bench.material
+    with pytest.raises(InputError, match="not there"):
+        bench.correct(broken)
+    assert bench.material is before
+    assert not bench.is_reading
+    assert not (tmp_path / "machine.toml").exists()
+
+
+def test_a_way_of_reading_that_fails_says_so_and_can_be_taken_back(bench):
+    bench.read_as(Overrides(time_column="not there"))
+    settled(bench)
+    assert bench.material.reading is None
+    assert all("not there" in str(one.problem) for one in bench.loaded)
+    bench.read_as(Overrides())
+    assert len(settled(bench).material.reading.runs) == 2
+
+
+def test_the_last_reading_counts(bench):
+    for _ in range(3):
+        bench.use([VMC / "r1.csv"])
+        bench.use([VMC / "r2.csv"])
+    assert [run.name for run in settled(bench).material.reading.runs] == ["r2"]
+    time.sleep(0.5)
+    assert [run.name for run in bench.material.reading.runs] == ["r2"]
+
+
+def test_a_study_folder_is_taken_up(bench, tmp_path):
+    (tmp_path / "recordings").mkdir()
+    (tmp_path / "recordings" / "r3.csv").write_bytes((VMC / "r3.csv").read_bytes())
+    reading = bench.material.reading
+    bench.correct(corrected(reading, rows_of(reading)))
+    again = Bench(tmp_path)
+    again.read()
+    assert [run.name for run in settled(again).material.reading.runs] == ["r3"]
+    assert again.machine == tmp_path / "machine.toml"
+
+
+def test_options_are_judged_as_on_the_command_line(bench):
+    assert bench.choose(max_sensors=3) is True
+    assert bench.choose(max_sensors=3) is False
+    with pytest.raises(InputError, match="--lambda"):
+        bench.choose(level=2.0)
+    assert bench.options.level is None
+    assert bench.options.max_sensors == 3
+
+
+def test_results_are_read_again_when_they_change(bench, tmp_path):
+    assert bench.result("selection/selection.json") is None
+    (tmp_path / "selection").mkdir()
+    path = tmp_path / "selection" / "selection.json"
+    path.write_text('{"a": 1}')
+    assert bench.result("selection/selection.json") == {"a": 1}
+    path.write_text('{"a": 2')
+    os.utime(path, (1, 1))
+    assert bench.result("selection/selection.json") is None

@@ -1,0 +1,232 @@
+"""The workbench as a person, and as a hostile page, meets it: in the distribution's Chromium."""
+
+from __future__ import annotations
+
+import contextlib
+import http.server
+import json
+import shutil
+import threading
+from pathlib import Path
+
+import pytest
+
+from selector.shipped import shipped
+from selector.workbench.bench import Bench
+from selector.workbench.server import started
+
+api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
+
+PATENT = shipped("patent8")
+PATIENCE_MS = 20_000
+"""Far more than any step takes on two busy cores."""
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with api.sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield opened
+        opened.close()
+
+
+@pytest.fixture
+def study(tmp_path):
+    folder = tmp_path / "study"
+    folder.mkdir()
+    return folder.resolve()
+
+
+@pytest.fixture
+def bench(study):
+    return Bench(study)
+
+
+@pytest.fixture
+def served(bench):
+    server = started(bench)
+    yield server
+    server.close()
+
+
+@pytest.fixture
+def page(browser, served):
+    """The opened workbench; whatever a script says is wrong fails the test, and so does any dialog."""
+    context = browser.new_context(viewport={"width": 1280, "height": 900}, accept_downloads=True)
+    context.set_default_timeout(PATIENCE_MS)
+    opened = context.new_page()
+    said: list[str] = []
+    opened.on("pageerror", lambda error: said.append(str(error)))
+    opened.on("console", lambda line: said.append(line.text) if line.type == "error" else None)
+    opened.on("dialog", lambda dialog: (said.append(f"dialog {dialog.message}"), dialog.dismiss()))
+    opened.goto(served.access.address)
+    opened.get_by_role("button", name="Choose recordings …").wait_for()
+    yield opened
+    context.close()
+    assert said == []
+
+
+def send(page, *paths: Path) -> None:
+    with page.expect_file_chooser() as chooser:
+        page.get_by_role("button", name="Choose recordings …").click()
+    chooser.value.set_files([str(path) for path in paths])
+
+
+def test_from_a_file_to_a_report(page, bench, study, tmp_path):
+    text = (PATENT / "recording.csv").read_text(encoding="utf-8").replace("t_min", "t [min]")
+    (tmp_path / "warm up.csv").write_text(text, encoding="utf-8")
+    send(page, tmp_path / "warm up.csv")
+    page.get_by_text("The first lines of the file").wait_for()
+    assert page.get_by_role("cell", name="warm up.csv").is_visible()
+    assert "selector describe 'recordings/warm up.csv'" in page.locator("#command").inner_text()
+
+    # a wrong unit is refused, the right one is written and read
+    unit = page.locator("table.channels tr", has_text="T1").first.locator(".unit input")
+    unit.fill("furlong")
+    page.get_by_role("button", name="Use these corrections").click()
+    page.get_by_role("alert").get_by_text("furlong").first.wait_for()
+    assert not (study / "machine.toml").exists()
+    unit.fill("degF")
+    page.get_by_role("button", name="Use these corrections").click()
+    page.get_by_text("1 file(s) read with it").wait_for()
+    assert 'unit = "degF"' in (study / "machine.toml").read_text(encoding="utf-8")
+    assert bench.material.reading.recording.values("warm up", ["T1"])[0, 0] == pytest.approx((20.4 - 32) / 1.8)
+
+    page.locator("#to-selection").click()
+    page.locator("#selection-max_sensors").fill("2")
+    page.locator("#selection-max_sensors").press("Enter")
+    page.get_by_text("--max-sensors 2").wait_for()
+    page.get_by_role("button", name="Start").click()
+    page.get_by_text("The answer").wait_for()
+    frame = page.frame_locator("iframe.sheet")
+    frame.get_by_text("the model has not seen").first.wait_for()
+    assert frame.locator(".plot svg").count() > 0
+    with page.expect_download() as saved:
+        page.get_by_role("link", name="Report").click()
+    assert saved.value.suggested_filename == "report.html"
+    assert Path(saved.value.path()).read_bytes() == (study / "selection" / "report.html").read_bytes()
+    asked = json.loads((study / "selection" / "selection.json").read_text(encoding="utf-8"))
+    assert len(asked["chosen"]["sensors"]) <= 2
+
+
+def test_a_running_command_is_cancelled(page, bench, study):
+    bench.start("Long work", ("prove", "--jobs", "1", "--out", "proof"), study / "proof")
+    page.get_by_role("button", name="Cancel").click()
+    page.get_by_text("Long work: cancelled").wait_for()
+    assert bench.jobs.all[0].state == "cancelled"
+
+
+def test_a_wrong_file_says_why_and_the_others_stay(page, bench, tmp_path):
+    (tmp_path / "photo.csv").write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(range(256)) * 50)
+    (tmp_path / "empty.csv").write_bytes(b"")
+    send(page, PATENT / "recording.csv", tmp_path / "photo.csv", tmp_path / "empty.csv")
+    page.get_by_role("alert").nth(1).wait_for()
+    assert page.get_by_role("alert").count() == 2
+    assert "What to do" in page.get_by_role("alert").first.inner_text()
+    page.get_by_text("The first lines of the file").wait_for()
+    assert [run.name for run in bench.material.reading.runs] == ["recording"]
+
+
+def test_names_are_text(page, bench, tmp_path):
+    bad = [
+        "<img src=x onerror=alert(1)>", "=cmd|' /C calc'!A0", "<script>alert(2)</script>", "+1", "**T**",
+        "T[x](javascript:1)",
+    ]  # fmt: skip
+    values = [[f"{20 + k * (j + 1) / 90:.3f}" for j in range(len(bad))] for k in range(60)]
+    rows = "".join(",".join([str(k), *row]) + "\n" for k, row in enumerate(values))
+    file = tmp_path / "<img src=x onerror=alert(3)>.csv"
+    file.write_text(",".join(["time_s", *bad]) + "\n" + rows, encoding="utf-8")
+    send(page, file)
+    page.get_by_text("The first lines of the file").wait_for()
+    assert page.get_by_text(bad[0]).first.is_visible()
+    assert page.get_by_text(bad[1]).first.is_visible()
+    assert page.locator("img").count() == 0
+    assert page.locator("main script").count() == 0
+    assert page.locator("main a[href^=javascript]").count() == 0
+    page.wait_for_timeout(300)  # a dialog would have come by now; the fixture asserts that none did
+
+
+def test_a_file_of_100_mb(page, bench, study, tmp_path):
+    line = "," + ",".join(f"{20 + k / 7:.4f}" for k in range(20)) + "\n"
+    with (tmp_path / "large.csv").open("w", encoding="utf-8") as file:
+        file.write("time_s," + ",".join(f"T{k}" for k in range(20)) + "\n")
+        count = 0
+        while file.tell() < 100_000_000:
+            file.write("".join(f"{count + k}{line}" for k in range(5000)))
+            count += 5000
+    send(page, tmp_path / "large.csv")
+    page.get_by_text("The first lines of the file").wait_for()
+    assert bench.material.reading.runs[0].rows == count
+    # the page still answers
+    page.locator("#to-selection").click()
+    page.get_by_role("button", name="Start").wait_for()
+
+
+def test_without_the_token_there_is_a_sentence_and_nothing_else(browser, served):
+    context = browser.new_context()
+    opened = context.new_page()
+    answer = opened.goto(f"http://127.0.0.1:{served.access.port}/")
+    assert answer.status == 403
+    assert "token" in opened.inner_text("body")
+    context.close()
+
+
+def test_a_foreign_page_cannot_use_the_cookie(page, served, study, tmp_path):
+    """Another server at 127.0.0.1 is the same site for a browser: the cookie is sent, and must not be enough."""
+    own = f"http://127.0.0.1:{served.access.port}"
+    (tmp_path / "index.html").write_text(
+        f"<iframe src='{own}/'></iframe><img src='{own}/results/machine.toml'><script>\n"
+        f"fetch('{own}/upload/recordings?name=evil.csv', {{method: 'POST', mode: 'no-cors', credentials: 'include',"
+        " body: 't,T1\\n0,20\\n'}).then(() => { document.title = 'sent'; }, () => { document.title = 'sent'; });\n"
+        "</script>",
+        encoding="utf-8",
+    )
+    with foreign_server(tmp_path) as address:
+        other = page.context.new_page()
+        outcomes = []
+        other.on("response", lambda answer: outcomes.append(answer.status) if answer.url.startswith(own) else None)
+        other.on("requestfailed", lambda asked: outcomes.append("kept from the page"))
+        other.goto(address)
+        other.wait_for_function("document.title === 'sent'")
+        other.wait_for_load_state("networkidle")
+        assert len(outcomes) >= 3
+        assert set(outcomes) <= {403, "kept from the page"}
+        assert 403 in outcomes
+    assert not (study / "recordings").exists()
+
+
+def test_everything_can_be_reached_by_keyboard(page):
+    page.locator("#to-selection").focus()
+    page.keyboard.press("Enter")
+    page.get_by_role("heading", name="Selection of sensors").wait_for()
+    for _ in range(30):
+        page.keyboard.press("Tab")
+        if page.evaluate("document.activeElement.id") == "selection-start":
+            break
+    assert page.evaluate("document.activeElement.id") == "selection-start"
+    page.keyboard.press("Enter")
+    page.get_by_text("recordings that can be read").wait_for()
+
+
+@contextlib.contextmanager
+def foreign_server(folder: Path):
+    """Another web server on this computer, with the files of a folder."""
+
+    class Quiet(http.server.SimpleHTTPRequestHandler):
+        def __init__(self, *arguments, **options):
+            super().__init__(*arguments, directory=str(folder), **options)
+
+        def log_message(self, *_):
+            return
+
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Quiet)
+    thread = threading.Thread(target=server.serve_forever)
+    thread.start()
+    try:
+        yield f"http://127.0.0.1:{server.server_port}/index.html"
+    finally:
+        server.shutdown()
+        thread.join()
+        server.server_close()

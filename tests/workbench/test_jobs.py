@@ -1,0 +1,181 @@
+"""Commands run one at a time, tell how far they are, and end when they are told to."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from selector.shipped import shipped
+from selector.workbench import jobs as jobs_module
+from selector.workbench.jobs import Job, Jobs
+
+PATENT = shipped("patent8")
+SELECT = (
+    "select", str(PATENT / "recording.csv"), "--machine", str(PATENT / "machine.toml"), "--response", "Z",
+    "--max-sensors", "2", "--out", "selection",
+)  # fmt: skip
+
+
+def waited(jobs: Jobs, number: int, seconds: float = 60.0) -> Job:
+    end = time.monotonic() + seconds
+    while not jobs.all[number].is_over:
+        assert time.monotonic() < end, jobs.all[number]
+        time.sleep(0.02)
+    return jobs.all[number]
+
+
+@pytest.fixture
+def jobs(tmp_path):
+    made = Jobs(tmp_path)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def program(monkeypatch, tmp_path):
+    """Starts a Python text instead of the command line; the words of the command are its arguments."""
+
+    def use(text: str) -> None:
+        path = tmp_path / "program.py"
+        path.write_text(text, encoding="utf-8")
+        real = jobs_module.subprocess.Popen
+
+        def started(words, **options):
+            return real([sys.executable, str(path), *words[words.index("selector.cli") + 1 :]], **options)
+
+        monkeypatch.setattr(jobs_module.subprocess, "Popen", started)
+
+    return use
+
+
+def test_a_selection_is_the_one_of_the_command_line(jobs, tmp_path):
+    seen = []
+    jobs.start("Selection", SELECT, tmp_path / "selection")
+    while not jobs.all[0].is_over:
+        seen.append((jobs.all[0].doing, jobs.all[0].share))
+        time.sleep(0.01)
+    job = waited(jobs, 0)
+    assert job.state == "done", job.said
+    assert "Keep " in job.said
+    assert {path.name for path in (tmp_path / "selection").iterdir()} >= {"selection.json", "model.json", "report.html"}
+    assert any(share is not None and 0 < share < 1 for _, share in seen)
+    assert '{"doing"' not in job.said
+
+
+def test_what_fails_says_what_the_command_says(jobs):
+    jobs.start("Selection", ("select", "nothing.csv"))
+    job = waited(jobs, 0)
+    assert job.state == "failed"
+    assert "nothing.csv" in job.said
+    assert "What to do" in job.said
+    assert "Traceback" not in job.said
+
+
+def test_progress_is_told(jobs, program):
+    program(
+        "import sys, time\n"
+        'print(\'{"doing": "folds", "share": 0.25}\', file=sys.stderr, flush=True)\n'
+        "print('{\"doing\": broken', file=sys.stderr, flush=True)\n"
+        "time.sleep(0.5); print('an answer')\n"
+    )
+    jobs.start("Work", ())
+    end = time.monotonic() + 10
+    while jobs.all[0].share is None and time.monotonic() < end:
+        time.sleep(0.01)
+    assert (jobs.all[0].doing, jobs.all[0].share, jobs.all[0].state) == ("folds", 0.25, "running")
+    assert waited(jobs, 0).said == 'an answer\n{"doing": broken'
+
+
+def test_cancel_ends_the_child_and_its_children(jobs, program, tmp_path):
+    program(
+        "import os, subprocess, sys, time\n"
+        "child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(60)'])\n"
+        "open('pids', 'w').write(f'{os.getpid()} {child.pid}')\n"
+        'print(\'{"doing": "x", "share": null}\', file=sys.stderr, flush=True)\n'
+        "time.sleep(60)\n"
+    )
+    jobs.start("Work", ())
+    while jobs.all[0].doing != "x":
+        time.sleep(0.01)
+    pids = [int(pid) for pid in (tmp_path / "pids").read_text().split()]
+    jobs.cancel(0)
+    assert jobs.all[0].state == "cancelled"
+    assert gone(pids, 10)
+
+
+def test_a_child_that_does_not_listen_is_ended_all_the_same(jobs, program, tmp_path, monkeypatch):
+    monkeypatch.setattr(jobs_module, "GRACE_S", 0.3)
+    program(
+        "import os, signal, sys, time\n"
+        "signal.signal(signal.SIGINT, signal.SIG_IGN); signal.signal(signal.SIGTERM, signal.SIG_IGN)\n"
+        "open('pids', 'w').write(str(os.getpid()))\n"
+        "os.mkdir('.result.0123.part'); open('.result.0123.part/half', 'w').write('half')\n"
+        'print(\'{"doing": "x", "share": null}\', file=sys.stderr, flush=True)\n'
+        "time.sleep(60)\n"
+    )
+    jobs.start("Work", (), tmp_path / "result")
+    while jobs.all[0].doing != "x":
+        time.sleep(0.01)
+    jobs.cancel(0)
+    assert gone([int((tmp_path / "pids").read_text())], 10)
+    jobs.close()
+    assert list(tmp_path.glob(".result*")) == []
+
+
+def test_one_at_a_time_and_the_queue_can_be_left(jobs, program):
+    program('import sys, time; print(\'{"doing": "x", "share": 0}\', file=sys.stderr, flush=True); time.sleep(0.4)')
+    for number in range(3):
+        jobs.start(f"Work {number}", ())
+    while jobs.all[0].state != "running":
+        time.sleep(0.01)
+    assert [job.state for job in jobs.all] == ["running", "queued", "queued"]
+    jobs.cancel(1)
+    assert waited(jobs, 2).state == "done"
+    assert [job.state for job in jobs.all] == ["done", "cancelled", "done"]
+    jobs.cancel(0)
+    assert jobs.all[0].state == "done"
+
+
+def test_closing_ends_everything(tmp_path, program):
+    program('import sys, time; print(\'{"doing": "x", "share": 0}\', file=sys.stderr, flush=True); time.sleep(60)')
+    jobs = Jobs(tmp_path)
+    jobs.start("Work", ())
+    jobs.start("More", ())
+    while jobs.all[0].doing != "x":
+        time.sleep(0.01)
+    begun = time.monotonic()
+    jobs.close()
+    assert time.monotonic() - begun < 10
+    assert [job.state for job in jobs.all] == ["cancelled", "cancelled"]
+
+
+def test_files_of_the_study_are_no_modules(jobs, tmp_path):
+    for name in ("numpy.py", "selector.py", "json.py"):
+        (tmp_path / name).write_text("raise SystemExit('taken for a module')")
+    jobs.start("Version", ("--version",))
+    job = waited(jobs, 0)
+    assert job.state == "done", job.said
+    assert job.said.startswith("selector ")
+
+
+def gone(pids: list[int], seconds: float) -> bool:
+    """Whether all of these processes end within a time."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        if not any(lives(pid) for pid in pids):
+            return True
+        time.sleep(0.05)
+    return False
+
+
+def lives(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except OSError:
+        return False
+    status = Path(f"/proc/{pid}/status")
+    return not (status.exists() and "State:\tZ" in status.read_text())

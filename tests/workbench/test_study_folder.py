@@ -1,0 +1,116 @@
+"""Names that a browser says are not paths, and nothing in the study folder leads out of it."""
+
+from __future__ import annotations
+
+import io
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from selector.errors import OptionError, ReadError
+from selector.workbench import study_folder
+from selector.workbench.study_folder import free_name, inside, new_folder, require_usable, safe_name, stored
+
+
+@pytest.mark.parametrize(
+    ("said", "name"),
+    [
+        ("r1.csv", "r1.csv"),
+        ("../../etc/passwd", "passwd"),
+        (r"C:\Users\..\r1.csv", "r1.csv"),
+        ("día 1 (warm).csv", "día 1 _warm_.csv"),
+        ("测量.csv", "测量.csv"),
+        ("con.csv", "_con.csv"),
+        ("LPT1", "_LPT1"),
+        ("<img src=x onerror=alert(1)>.csv", "_img src_x onerror_alert_1__.csv"),
+        ("-rf.csv", "rf.csv"),
+        (".hidden", "hidden"),
+        ("a\0b\nc.csv", "a_b_c.csv"),
+        ("...", "recording"),
+        ("", "recording"),
+        ("x" * 300 + ".csv", "x" * 117 + ".csv"),
+        ("r1.csv.", "r1.csv"),
+        ("~$r1.xlsx", "__r1.xlsx"),
+    ],
+)
+def test_names_are_made_safe(said, name):
+    assert safe_name(said) == name
+
+
+@given(st.text(max_size=400))
+def test_every_name_is_a_name_in_this_folder(said):
+    name = safe_name(said)
+    assert name
+    assert len(name) <= 125
+    assert name[0] not in ".-~ "
+    assert name[-1] not in ". "
+    assert not set(name) & set('/\\:*?"<>|\0\n')
+    assert name.isprintable()
+
+
+def test_a_name_that_is_taken_gets_a_number(tmp_path):
+    for expected in ("r1.csv", "r1_2.csv", "r1_3.csv"):
+        path = stored(tmp_path, "r1.csv", io.BytesIO(b"x").read, 1)
+        assert path.name == expected
+    assert free_name(tmp_path, "R1.CSV") == "R1_4.CSV"  # Windows does not tell R1_2.CSV from r1_2.csv
+    assert free_name(tmp_path, "other") == "other"
+
+
+def test_what_is_sent_is_stored_byte_by_byte(tmp_path):
+    content = bytes(range(256)) * 20_000
+    path = stored(tmp_path / "recordings", "r.bin", io.BytesIO(content).read, len(content))
+    assert path.read_bytes() == content
+    assert [one.name for one in path.parent.iterdir()] == ["r.bin"]
+
+
+@pytest.mark.parametrize("announced", [None, 10_000, 500])
+def test_what_is_too_large_leaves_nothing(tmp_path, monkeypatch, announced):
+    monkeypatch.setattr(study_folder, "MOST_UPLOADED_BYTES", 1000)
+    with pytest.raises(ReadError) as refused:
+        stored(tmp_path, "r1.csv", io.BytesIO(b"x" * 10_000).read, announced)
+    assert "r1.csv" in str(refused.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_breaks_off_leaves_nothing(tmp_path):
+    with pytest.raises(ReadError, match="only 3 of 10 bytes"):
+        stored(tmp_path, "r1.csv", io.BytesIO(b"abc").read, 10)
+
+    def lost(_: int) -> bytes:
+        raise ConnectionResetError
+
+    with pytest.raises(ConnectionResetError):
+        stored(tmp_path, "r1.csv", lost, 10)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_new_study_never_takes_an_old_folder(tmp_path):
+    assert new_folder(tmp_path).name == "selector-study"
+    (tmp_path / "selector-study").mkdir()
+    (tmp_path / "selector-study-2").write_text("a file")
+    assert new_folder(tmp_path).name == "selector-study-3"
+
+
+def test_inside_follows_links_before_it_judges(tmp_path):
+    study = tmp_path / "study"
+    study.mkdir()
+    (study / "a.json").write_text("{}")
+    (tmp_path / "secret").write_text("secret")
+    assert inside(study, "a.json") == (study / "a.json").resolve()
+    assert inside(study, "../secret") is None
+    assert inside(study, str(tmp_path / "secret")) is None
+    assert inside(study, "a.json\0") is None
+    assert inside(study, "") is None
+    try:
+        (study / "link").symlink_to(tmp_path)
+    except OSError:
+        pytest.skip("links cannot be made here")
+    assert inside(study, "link/secret") is None
+
+
+def test_a_folder_that_cannot_be_used_is_refused(tmp_path):
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(OptionError) as refused:
+        require_usable(tmp_path / "file")
+    assert "--folder" in str(refused.value)
