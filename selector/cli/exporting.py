@@ -41,6 +41,10 @@ ReplayOf = Annotated[
     list[Path] | None,
     typer.Option("--replay", metavar="PATH", help="Run recordings through the generated program; repeat."),
 ]
+Inverts = Annotated[
+    list[str] | None,
+    typer.Option("--invert", metavar="OUTPUT", help="The control counts this output's axis the other way; repeat."),
+]
 SignVerified = Annotated[
     bool, typer.Option("--sign-verified", metavar="", help="You have done the sign test of the commissioning sheet.")
 ]
@@ -60,6 +64,7 @@ def export(
     machine: MachineFile = None,
     clamp: Clamps = None,
     slew: Slews = None,
+    invert: Inverts = None,
     sign_verified: SignVerified = False,
     as_json: AsJson = False,
 ) -> None:
@@ -68,6 +73,7 @@ def export(
     With --replay the generated program is executed on recordings and compared with the model, sample by sample.
     """
     from selector.controllers.guard import decided_limits, with_decided_limits
+    from selector.controllers.signs import with_turned_signs
     from selector.controllers.writers.targets import TARGETS
 
     if target not in TARGETS:
@@ -75,7 +81,8 @@ def export(
     chosen = TARGETS[target]
     require_writable_folder(out, "--out")
     usable, of_model = _usable(model)
-    read = _with_limits(usable, pairs(clamp, "--clamp"), pairs(slew, "--slew"))
+    turned = with_turned_signs(usable, invert or ())
+    read = _with_limits(turned, pairs(clamp, "--clamp"), pairs(slew, "--slew"))
     _, of_limits = decided_limits(read)
     read = with_decided_limits(read)
     exported = chosen.write(read, is_sign_verified=sign_verified)
@@ -93,6 +100,7 @@ def export(
         findings += of_replay
     if not sign_verified:
         findings.append(_unverified())
+    findings += _turned(read)
     _write(out, files, read, chosen, exported, proof, findings, sign_verified)
     answer: dict[str, Any] = {
         "schema": SCHEMA,
@@ -255,6 +263,21 @@ def _unverified() -> Finding:
         "SIGN UNVERIFIED: nobody has said that the sign test was passed.",
         suggestion="do the sign test of the commissioning sheet, then export again with --sign-verified",
     )
+
+
+def _turned(model: ModelFile) -> Iterator[Finding]:
+    from selector.controllers.signs import is_turned
+
+    for output in model.outputs:
+        if is_turned(output):
+            yield Finding(
+                "sign-turned",
+                "info",
+                f"The correction of {output.name} is turned round: it is the displacement itself, for a control that "
+                "counts the axis the other way.",
+                evidence={"output": output.name},
+                suggestion="do the sign test of the sheet with this program",
+            )
 
 
 def _write(

@@ -35,7 +35,7 @@ Role = Literal[
     "temperature", "ambient", "displacement", "spindle_speed", "feed_rate", "position_command", "position", "velocity",
     "force", "current", "voltage", "acceleration", "flow", "state", "size", "amplitude", "frequency",
 ]  # fmt: skip
-Sign = Literal["correction = -displacement"]
+Sign = Literal["correction = -displacement", "correction = displacement"]
 Path = tuple[str | int, ...]
 
 
@@ -115,7 +115,7 @@ class Output(_Closed):
     sign: Sign = Field(
         default="correction = -displacement",
         description="the output is the displacement of the tool against the workpiece, positive towards + of the axis; "
-        "the correction of the axis is its negative",
+        "the correction of the axis is its negative, or the displacement itself where the control counts the other way",
     )
     reference: Literal["rise", "absolute"] = Field(
         default="absolute",
@@ -363,6 +363,9 @@ def _check_fallbacks(model: ModelFile, outputs: list[str]) -> None:
                 _refuse(("fallbacks", i, "inputs", j), repr(item.name), expected)
         if [item.name for item in fallback.outputs] != outputs:
             _refuse(("fallbacks", i, "outputs"), "other outputs", "the outputs of the model in the same order")
+        for j, (own, output) in enumerate(zip(fallback.outputs, model.outputs, strict=True)):
+            if own.sign != output.sign:
+                _refuse(("fallbacks", i, "outputs", j, "sign"), repr(own.sign), f"{output.sign!r}, as the model has")
 
 
 def _check_vectors(model: ModelFile, outputs: list[str]) -> None:

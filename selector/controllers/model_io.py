@@ -128,6 +128,21 @@ def model_sha256(model: ModelFile) -> str:
     return hashlib.sha256(model_text(model).encode("utf-8")).hexdigest()
 
 
+def equations_sha256(model: ModelFile) -> str:
+    """SHA-256 of what a control computes and keeps: inputs, memory, outputs, fallbacks.
+
+    Limits, checks of readings, provenance, validation and test vectors are no part of it: start readings that a
+    control kept are as good with another clamp.
+    """
+    left_out = {"schema_", "name", "guard", "provenance", "validation", "test_vectors"}
+    content = model.model_dump(by_alias=True, exclude=left_out)
+    for of in (content, *content["fallbacks"]):
+        for item in of["inputs"]:
+            for key in ("rate_limit_per_min", "reading_min", "reading_max", "place"):
+                del item[key]
+    return hashlib.sha256(json_text(content).encode("utf-8")).hexdigest()
+
+
 def _model_file_error(error: ValidationError, where: str) -> ModelFileError:
     errors = error.errors(include_url=False)
     # pydantic also counts an array as too short when one of its entries is bad

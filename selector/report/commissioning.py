@@ -13,6 +13,7 @@ from selector.atomic_file import write_whole
 from selector.controllers.formula import formula_text, legend_text
 from selector.controllers.model_file import ModelFile
 from selector.controllers.replay.replayed import Replay
+from selector.controllers.signs import is_turned
 from selector.controllers.writers.exported import Exported
 from selector.figures.replay import replayed_run
 from selector.findings import Finding
@@ -22,7 +23,6 @@ from selector.report.page import Picture, Pictures, rendered
 from selector.report.tables import Table, remarks_of, table
 
 MOST_RUNS_DRAWN = 3
-TEST_UM = 10.0
 
 
 def write_commissioning_sheet(
@@ -59,14 +59,25 @@ def write_commissioning_sheet(
         "title": f"Thermal correction: {title}",
         "version": __version__,
         "is_sign_verified": is_sign_verified,
-        "test_um": f"{TEST_UM:g}",
+        "turned": [output.name for output in model.outputs if is_turned(output)],
+        "sign_test": exported.sign_test,
+        "commanded": [
+            (
+                one.output,
+                one.axis or NONE,
+                one.command,
+                f"{one.wait_s:.0f} s",
+                one.shown,
+                f"{one.expected_um:+g}".replace("-", "−"),
+            )
+            for one in exported.sign_test.commanded
+        ],
         "name": model.name,
         "formulas": formula_text(model),
         "legend": legend_text(model).splitlines(),
         "files": list(exported.files),
         "install": list(exported.install),
         "silently": list(exported.silently),
-        "outputs": [(output.name, output.axis or NONE) for output in model.outputs],
         "sensors": sensors_table(model),
         "limits": limits_table(model),
         "replay": None if replay is None else replay_table(replay),
@@ -143,7 +154,7 @@ def _courses(pictures: Pictures, model: ModelFile, replay: Replay) -> list[Pictu
         for k, output in enumerate(model.outputs):
             recorded = run.recorded_um[:, k]
             text = "" if np.isfinite(recorded).any() else "This run has no recorded displacement."
-            drawn.append(
-                pictures.add(replayed_run(run.run, output.name, run.time_s, run.correction_um[:, k], recorded), text)
-            )
+            # as seen at the tool, whatever way the control counts
+            seen = -run.correction_um[:, k] if is_turned(output) else run.correction_um[:, k]
+            drawn.append(pictures.add(replayed_run(run.run, output.name, run.time_s, seen, recorded), text))
     return drawn

@@ -9,7 +9,7 @@ from selector import __version__
 from selector.atomic_file import write_whole
 from selector.controllers.formula import formula_text, legend_text
 from selector.controllers.model_file import Input, ModelFile
-from selector.controllers.model_io import model_sha256
+from selector.controllers.model_io import equations_sha256, model_sha256
 from selector.controllers.self_check import model_findings
 from selector.report.numbers import NONE, number_text, span_text, uncertain_text
 from selector.report.page import rendered
@@ -33,7 +33,7 @@ def model_card(model: ModelFile) -> tuple[CardPart, ...]:
         CardPart("Coefficients", _coefficients(model)),
         CardPart("Limits and faults", limits_table(model)),
         CardPart("Validation", _validation(model)),
-        CardPart("Identity", table(["", ""], [("model file SHA-256", model_sha256(model)), ("schema", model.schema_)])),
+        CardPart("Identity", _identity(model)),
     )
 
 
@@ -136,6 +136,15 @@ def _data(model: ModelFile) -> Table:
     origin = model.provenance
     rows = [("machine", origin.machine or NONE), ("date", origin.date or NONE)]
     rows += [(f"run {run}, SHA-256", sha256) for run, sha256 in origin.data_sha256.items()]
+    return table(["", ""], rows)
+
+
+def _identity(model: ModelFile) -> Table:
+    rows = [
+        ("model file SHA-256", model_sha256(model)),
+        ("equations SHA-256, as the programs have it", equations_sha256(model)),
+        ("schema", model.schema_),
+    ]
     return table(["", ""], rows)
 
 

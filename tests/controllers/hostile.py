@@ -99,5 +99,15 @@ def rows(n: int, seed: int, n_axes: int = 1) -> Rows:
     positions = rng.choice([0.1, 0.0, 0.5, -3.0, np.nan, np.inf, 1e12], (n, n_axes))
     return Rows(
         dt_s, readings, positions, rng.random(n) > 0.02, rng.random(n) > 0.05,
-        rng.random(n) < 0.002, rng.choice([0.0, 60.0, 3600.0, np.nan, -1.0, np.inf], n),
+        rng.random(n) < 0.002, rng.choice([0.0, 60.0, 3600.0, np.nan, -1.0, np.inf], n), _tests(rng, n),
     )  # fmt: skip
+
+
+def _tests(rng: np.random.Generator, n: int) -> np.ndarray:
+    """Of two outputs: mostly nothing, stretches of sign tests, and what no person would command."""
+    test_um = np.zeros((n, 2))
+    for start in np.flatnonzero(rng.random(n) < 0.004):
+        test_um[start : start + rng.integers(1, 40), rng.integers(2)] = rng.choice([10.0, -10.0, 1e-9, 5.0, 1e8])
+    strange = rng.random((n, 2)) < 0.002
+    test_um[strange] = rng.choice([np.nan, np.inf, -np.inf, 1e300, -1e12, 5e-324, -0.0], int(strange.sum()))
+    return test_um

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,8 @@ from selector.controllers import Fallback, Guard, Input, ModelFile, Output, Outp
 from selector.controllers.model_io import read_model
 from selector.controllers.replay.macro_b_executed import MacroB, MacroError, macro_b_answers
 from selector.controllers.replay.rows import Rows, reference_answers
-from selector.controllers.writers.fanuc import FILE, LONGEST_BLOCK, fanuc_export, literal, macro_variables, remarks
+from selector.controllers.writers.fanuc import FILE, fanuc_export, macro_variables
+from selector.controllers.writers.macro_b import LONGEST_BLOCK, literal, remarks
 from selector.controllers.writers.refused import ExportRefusedError
 from tests.controllers import hostile
 from tests.controllers.golden_text import golden, without_version
@@ -85,7 +87,7 @@ def test_macro_equals_the_reference_over_a_warm_up():
 def test_macro_equals_the_patent_formula():
     model = read_model(PATENT)
     rows = warm_up()
-    rows = Rows(**{**vars(rows), "readings": rows.readings[:, :2]})
+    rows = replace(rows, readings=rows.readings[:, :2])
     np.testing.assert_allclose(
         macro_b_answers(model, rows).correction_um, reference_answers(model, rows).correction_um, rtol=0.0, atol=1e-9
     )
@@ -129,21 +131,21 @@ def test_outside_the_valid_range_is_a_fault_where_the_model_file_says_so():
 
 def test_time_that_stands_still_or_runs_backwards_moves_nothing():
     macro = MacroB(fanuc_export(read_model(PATENT)).files[FILE])
-    for time_s in (50.0, 60.0):
+    for time_s in (50.0, 110.0, 120.0):
         macro.variables |= {100: time_s, 101: 20.0, 102: 20.0}
         macro.call()
-    before = dict(macro.offsets_mm)
+    before = dict(macro.offsets)
     assert before == pytest.approx({"Z": 0.001871, "Y": -0.0005703}, abs=1e-12)
-    for time_s in (60.0, 5.0, -7.0):
+    for time_s in (120.0, 5.0, -7.0):
         macro.variables |= {100: time_s, 101: 28.0, 102: 27.0}
         macro.call()
-        assert macro.offsets_mm == before
+        assert macro.offsets == before
 
 
 def test_vacant_time_ends_the_program_before_it_writes_anything():
     macro = MacroB(fanuc_export(read_model(PATENT)).files[FILE])
     macro.call()
-    assert macro.offsets_mm == {}
+    assert macro.offsets == {}
     assert macro.variables == {}
 
 
@@ -152,7 +154,7 @@ def test_state_of_another_model_is_not_taken_over():
     macro = MacroB(text)
     macro.variables = dict.fromkeys(range(500, 512), 77.0) | {100: 0.0, 101: 20.0, 102: 20.0}
     macro.call()
-    assert macro.offsets_mm == {"Z": 0.0, "Y": 0.0}
+    assert macro.offsets == {"Z": 0.0, "Y": 0.0}
 
 
 def test_golden_file():
@@ -196,7 +198,7 @@ def test_literals_have_no_exponent_and_no_more_than_twelve_digits():
 
 def test_what_macro_b_cannot_do_is_refused():
     many = tuple(Input(name=f"T{k}", valid_min=0.0, valid_max=1.0) for k in range(60))
-    with pytest.raises(ExportRefusedError, match="#220"):
+    with pytest.raises(ExportRefusedError, match="#221"):
         fanuc_export(ModelFile(name="many", inputs=many, outputs=(Output(name="Z", axis="Z", intercept=0.0),)))
     for outputs in (
         (Output(name="Z", intercept=0.0),),

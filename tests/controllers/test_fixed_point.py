@@ -21,7 +21,7 @@ from selector.controllers.writers.fixed_point import (
     fixed_point_findings,
 )
 from selector.controllers.writers.fixed_point_numbers import fixed, overflow_checks, shifted
-from selector.controllers.writers.fixed_point_source import NAME
+from selector.controllers.writers.fixed_point_sensor import NAME
 from selector.controllers.writers.refused import ExportRefusedError
 from selector.errors import InputError
 from tests.controllers import hostile
@@ -61,7 +61,12 @@ class Compiled:
 
     def __call__(self, rows):
         """`rows`: name of an input → series of integers."""
-        table = np.column_stack([np.asarray(rows.get(name, 1)) + np.zeros(len(rows["dt_ms"])) for name in self.inputs])
+        table = np.column_stack(
+            [
+                np.asarray(rows.get(name, name in ("is_ready", "is_wanted"))) + np.zeros(len(rows["dt_ms"]))
+                for name in self.inputs
+            ]
+        )
         text = "\n".join(" ".join(map(str, row)) for row in table.astype(np.int64).tolist())
         done = subprocess.run([self.program], input=text, capture_output=True, text=True, check=True)
         found = np.array(done.stdout.split(), dtype=np.int64).reshape(-1, len(self.outputs))
@@ -71,7 +76,7 @@ class Compiled:
 def at_once(model):
     """The same model with a slew limit that never holds anything back."""
     limits = tuple(OutputLimits(output=o.name, clamp_um=1e5, slew_um_per_s=1e6) for o in model.outputs)
-    return model.model_copy(update={"guard": Guard(limits=limits), "fallbacks": ()})
+    return model.model_copy(update={"guard": Guard(limits=limits, recover_after_s=0.0), "fallbacks": ()})
 
 
 def rich(**state):
@@ -238,13 +243,16 @@ def test_hostile_integers_overflow_nothing_and_stay_within_clamp_and_slew(tmp_pa
         calm = 20_000 + np.cumsum(rng.integers(-20, 21, n))
         rows[f"reading_{k}"] = np.where(rng.random(n) < 0.05, rng.choice(ends, n), calm)
     rows["is_ready"], rows["is_wanted"] = rng.random(n) > 0.01, rng.random(n) > 0.05
+    rows["is_restart"], rows["standstill_ms"] = rng.random(n) < 0.002, rng.choice(ends, n)
+    rows["test_nm_1"] = np.where(rng.random(n) < 0.03, rng.choice([10_000, *ends], n), 0)
     found = run(rows)
-    assert {1, 2, 4, 0} <= set(found["mode"])
+    assert {1, 2, 4, 5, 0} <= set(found["mode"])
     assert np.abs(found["correction_1"]).max() <= 20_000
     assert np.abs(found["correction_2"]).max() <= 8_000
     # 1 µm/s for the second output, and 1 nm that was left over
-    step = np.abs(np.diff(found["k0_2"]))[found["mode"][1:] != 0]
-    allowed = np.clip(rows["dt_ms"], 0, 10_000)[1:][found["mode"][1:] != 0] + 1
+    free = (found["mode"][1:] != 0) & ~rows["is_restart"][1:]
+    step = np.abs(np.diff(found["k0_2"]))[free]
+    allowed = np.clip(rows["dt_ms"], 0, 10_000)[1:][free] + 1
     assert np.all(step <= allowed)
 
 
@@ -255,7 +263,7 @@ def test_limits_of_any_size_overflow_nothing(tmp_path):
     model = ModelFile(
         name="large", inputs=(item,), states=(State(name="late", source="T1", tau_s=2.9e6),),
         outputs=(Output(name="Z", intercept=1e6, terms=(Term(powers={"late": 1}, coefficient=1.0),), position=part),),
-        guard=Guard(limits=limits),
+        guard=Guard(limits=limits, recover_after_s=0.0),
     )  # fmt: skip
     rng = np.random.default_rng(7)
     ends = np.array([2**31 - 2, -(2**31) + 1])
@@ -300,7 +308,7 @@ def test_less_than_a_nanometre_a_call_is_not_lost(tmp_path):
         name="slow",
         inputs=(Input(name="T1", valid_min=0.0, valid_max=1.0),),
         outputs=(Output(name="Z", intercept=5.0),),
-        guard=Guard(limits=limits),
+        guard=Guard(limits=limits, recover_after_s=0.0),
     )
     found = Compiled(model, tmp_path)({"dt_ms": np.full(10_000, 1), "reading_1": [20_000]})
     assert found["correction_1"][-1] == -301
@@ -321,7 +329,7 @@ def test_bound_is_printed_and_told():
     found = fixed_point_findings(model)
     assert [f.id for f in found] == ["fixed-point-bound", "fixed-point-bound", "guard-reduced"]
     assert found[0].evidence["bound_um"] == bound["Z"]
-    assert len(found[2].evidence["left_out"]) == 3
+    assert len(found[2].evidence["left_out"]) == 2
 
 
 def test_every_intermediate_value_is_below_63_bits():
@@ -379,6 +387,7 @@ def test_names_stay_in_their_remarks(name, tmp_path):
         name=name,
         inputs=(Input(name=name, valid_min=0.0, valid_max=10.0),),
         outputs=(Output(name=name, intercept=1.0, terms=(Term(powers={name: 1}, coefficient=2.0),)),),
+        guard=Guard(recover_after_s=0.0),
     )
     found = Compiled(model, tmp_path)({"dt_ms": [10_000, 10_000], "reading_1": [20_000, 22_000]})
     assert list(found["correction_1"]) == [-1000, -5000]

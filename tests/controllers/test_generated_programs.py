@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -93,7 +93,7 @@ def test_names_of_a_model_cannot_leave_their_remarks():
         code = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
         assert "int x;" not in "\n".join(line.split("#")[0] for line in code.splitlines())
     rows = hostile.rows(200, 1, 0)
-    one = Rows(rows.dt_s, rows.readings[:, :1], *(getattr(rows, f.name) for f in fields(Rows)[2:]))
+    one = replace(rows, readings=rows.readings[:, :1], test_um=rows.test_um[:, :1])
     assert same(python_answers(model, one), reference_answers(model, one))
     if compiler() is not None:
         assert same(c_answers(model, one), reference_answers(model, one))

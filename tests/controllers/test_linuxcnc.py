@@ -180,6 +180,7 @@ def test_linuxcnc_calculates_what_the_guard_does_on_hostile_rows(linuxcnc, kind)
         assert np.abs(getattr(found, name) - getattr(expected, name)).max() <= RESOLUTION_UM
     assert np.array_equal(found.mode, expected.mode)
     assert np.array_equal(found.sensors, expected.sensors)
+    assert np.array_equal(found.axes, expected.axes)
     assert len(np.unique(expected.mode)) >= 4
 
 
@@ -226,7 +227,8 @@ def test_without_dt_the_period_of_the_thread_counts_and_unwired_readings_are_mis
         said = halrun(
             "loadrt thermcorr\nloadrt threads name1=t1 period1=1000000\naddf thermcorr t1\n"
             "setp thermcorr.is-enabled 1\nsetp thermcorr.is-homed 1\nsetp thermcorr.reading-1 20\n"
-            "start\nloadusr -w sleep 0.2\ngetp thermcorr.sensor-1\ngetp thermcorr.sensor-2\n"
+            "start\nloadusr -w sleep 0.2\nsetp thermcorr.dt 10\nloadusr -w sleep 0.1\nsetp thermcorr.dt 0\n"
+            "getp thermcorr.sensor-1\ngetp thermcorr.sensor-2\n"
             "getp thermcorr.has-start-1\ngetp thermcorr.has-start-2\nsetp thermcorr.reading-2 20\n"
             # missing at first, so it has to be good for a minute
             "setp thermcorr.dt 10\nloadusr -w sleep 0.1\nsetp thermcorr.dt 0\nloadusr -w sleep 0.5\n"

@@ -123,7 +123,8 @@ def _is_shifted(at: dict[str, Any], z_mm: float, correction_um: tuple[float, flo
 def test_nothing_is_corrected_until_the_machine_is_on_and_homed(day: dict[str, Any], phase: str) -> None:
     at = day[phase]
     assert (at["mode"], at["z_counts"], at["x_counts"], at["z_um_of_component"]) == (Mode.OFF, 0, 0, 0.0)
-    assert at["T1"] == at["T2"] == SensorCode.OK
+    # 1.2 s after the start they have not been good for recover_after_s + the second until the next sample
+    assert {at["T1"], at["T2"]} <= {SensorCode.OK, SensorCode.RECOVERING}
 
 
 @pytest.mark.parametrize(

@@ -41,9 +41,9 @@ def calls(model, n, seed, rhythm):
     dt_s, yes = np.random.default_rng(seed).choice(CALLS[rhythm], n), np.ones(n, dtype=bool)
     dt_s[0] = 0.0
     readings = rows.readings[:, : len(model.inputs)]
-    return dataclasses.replace(
-        rows, dt_s=dt_s, readings=readings, is_ready=yes, is_wanted=yes, is_restart=~yes, standstill_s=np.zeros(n)
-    )
+    # nobody commands anything in a recording
+    switches = {"is_ready": yes, "is_wanted": yes, "is_restart": ~yes, "standstill_s": np.zeros(n), "test_um": None}
+    return dataclasses.replace(rows, dt_s=dt_s, readings=readings, **switches)
 
 
 def steep(**guard):
@@ -131,7 +131,7 @@ def test_allowed_is_small_where_no_dead_band_has_to_be_allowed_for():
 
 
 MISTAKES = [
-    ("c", "thermal_correction_f.c", "m->correction_1 = m->k0_1", "m->correction_1 = 1.001f * m->k0_1"),
+    ("c", "thermal_correction_f.c", "m->correction_1 = towards", "m->correction_1 = 1.001f * towards"),
     ("c", "thermal_correction_f.c", "m->mode = m->follows;", "m->mode = 1;m->k0_1 += 1e-3f;"),
     # less than a hundredth of what single precision is allowed
     ("sinumerik", "thermal_correction.scl", "level_1 := level_1 +", "level_1 := level_1 + 1.0E-6 +"),
@@ -142,8 +142,8 @@ MISTAKES = [
     ("beckhoff", "temp_comp_ads.txt", "10.0 * fb.k0_1", "9.9 * fb.k0_1"),
     ("beckhoff", "temp_comp_ads.txt", ":= fb.slope_1", ":= 0.0"),
     ("beckhoff", "temp_comp_1.lis", "1000000  #", "1100000  #"),
-    ("fanuc", "O9100.nc", "IF[#505EQ1.]THEN#104", "IF[#505NE1.]THEN#104"),
-    ("fanuc", "O9100.nc", "/1000.]", "/1001.]"),
+    ("fanuc", "O9100.nc", "#104=#101-#507", "#104=#507-#101"),
+    ("fanuc", "O9100.nc", "=1000.", "=1001."),
     ("fanuc", "O9100.nc", "GT90.]GOTO800", "GT100.]GOTO800"),
 ]
 
@@ -180,7 +180,7 @@ def test_a_control_that_tells_its_mode_is_asked():
     model = MODELS["steep"]
     rows = calls(model, 1500, 5, "every second")
     (macro,), _ = replayed_parts("fanuc", model, rows)
-    # the whole guard falls back and waits; the macro holds, and is at once good again
+    # the whole guard falls back; the macro holds until all sensors have recovered
     assert 0.0 < np.mean(macro.answers.mode == 1) < 1.0
     assert not np.array_equal(macro.answers.mode, macro.whole.mode)
     assert set(macro.answers.mode.tolist()) == {1, 2}

@@ -16,17 +16,14 @@ from selector.controllers.writers.refused import ExportRefusedError
 from selector.controllers.writers.rexroth import (
     FILE,
     LARGEST_LOSS_UM,
-    ExpansionSeries,
-    axis_expansion,
     drive_parameters,
     rexroth_export,
 )
-from selector.errors import InputError, RecordingError
+from selector.errors import InputError
 from tests.controllers import hostile
 from tests.controllers.golden_text import golden, without_version
 
 ROOT = Path(__file__).resolve().parents[2]
-WORKED_EXAMPLE = ExpansionSeries(45.0, ((10.0, -0.030), (70.0, 0.010), (105.0, 0.025)))
 
 
 def screw(*, reference="absolute", own=(4.4, 2.2), slope=(22.0, 11.0), name="screw nut", scale=2.0, **output):
@@ -44,58 +41,6 @@ def screw(*, reference="absolute", own=(4.4, 2.2), slope=(22.0, 11.0), name="scr
         ),
         outputs=(Output(**({"name": "X", "axis": "X", "position": part} | own_part | output)),),
     )
-
-
-def test_worked_example_of_the_manual():
-    found = axis_expansion([WORKED_EXAMPLE], 23.0)
-    (line,) = found.lines
-    assert line.slope == pytest.approx(0.0005884, abs=5e-8)
-    # printed without its last digits: -0.0346209
-    assert line.offset_mm == pytest.approx(-0.034620, abs=1e-6)
-    assert found.zero_mm == pytest.approx(58.83, abs=5e-3)
-    assert found.per_k == pytest.approx(0.0005884 / 22.0, rel=1e-4)
-    assert found.mm_per_k == 0.0
-    # the drive gives the straight line back
-    for position, _ in WORKED_EXAMPLE.points_mm:
-        expected = line.slope * position + line.offset_mm
-        assert found.deviation_mm(45.0, position) == pytest.approx(expected, abs=1e-15)
-
-
-def test_zero_of_several_series_is_their_arithmetic_mean():
-    half = ExpansionSeries(34.0, ((10.0, -0.012), (70.0, 0.007), (105.0, 0.014)))
-    cold = ExpansionSeries(12.0, ((10.0, 0.015), (105.0, -0.0125)))
-    found = axis_expansion([WORKED_EXAMPLE, half, cold], 23.0)
-    assert found.zero_mm == pytest.approx(np.mean([line.zero_mm for line in found.lines]), abs=1e-12)
-    # NumPy's least squares of the same: deviation = rise · (own + per_k · (x − x0))
-    rises = np.array([22.0, 11.0, -11.0])
-    slopes = np.array([line.slope for line in found.lines])
-    assert found.per_k == pytest.approx(np.linalg.lstsq(rises[:, None], slopes, rcond=None)[0][0], rel=1e-12)
-    assert 0.0 < abs(found.mm_per_k) < 1e-3
-
-
-def test_series_of_one_straight_law_are_found_exactly():
-    law = {rise: [(x, rise * (3e-4 + 11e-6 * (x - 200.0))) for x in (0.0, 250.0, 600.0)] for rise in (4.0, 9.0)}
-    found = axis_expansion([ExpansionSeries(20.0 + rise, points) for rise, points in law.items()], 20.0)
-    assert found.per_k == pytest.approx(11e-6, rel=1e-12)
-    for rise, points in law.items():
-        for x, deviation in points:
-            assert found.deviation_mm(20.0 + rise, x) == pytest.approx(deviation, abs=1e-15)
-
-
-@pytest.mark.parametrize(
-    "series",
-    [
-        [],
-        [ExpansionSeries(23.0, WORKED_EXAMPLE.points_mm)],
-        [ExpansionSeries(45.0, ((10.0, 0.1),))],
-        [ExpansionSeries(45.0, ((10.0, 0.1), (10.0, 0.2)))],
-        [ExpansionSeries(45.0, ((10.0, 0.1), (20.0, np.nan)))],
-        [ExpansionSeries(45.0, ((10.0, 0.1), (20.0, 0.1), (30.0, 0.1)))],
-    ],
-)
-def test_series_without_an_answer_are_refused(series):
-    with pytest.raises(RecordingError, match="axis expansion"):
-        axis_expansion(series, 23.0)
 
 
 def test_parameters_of_a_screw():
@@ -192,7 +137,7 @@ def test_names_stay_in_their_remarks(name):
 @pytest.mark.parametrize("reference", ["absolute", "rise"])
 def test_the_printed_parameters_give_the_correction_of_the_guard(reference):
     limits = OutputLimits(output="X", clamp_um=1e4, slew_um_per_s=1e5, slope_clamp_um_per_m=1e4)
-    model = screw(reference=reference).model_copy(update={"guard": Guard(limits=(limits,))})
+    model = screw(reference=reference).model_copy(update={"guard": Guard(limits=(limits,), recover_after_s=0.0)})
     n = 200
     yes, no = np.ones(n, dtype=bool), np.zeros(n, dtype=bool)
     temperature = 23.0 + 8.0 * (1.0 - np.exp(-np.arange(n) / 60.0))

@@ -128,7 +128,7 @@ def test_the_bound_is_no_idle_talk(which):
         ),
     }[which]
     limits = tuple(OutputLimits(output=o.name, clamp_um=1e8, slew_um_per_s=1e9) for o in model.outputs)
-    model = model.model_copy(update={"guard": Guard(limits=limits), "fallbacks": ()})
+    model = model.model_copy(update={"guard": Guard(limits=limits, recover_after_s=0.0), "fallbacks": ()})
     rows, largest = calls(model, 3, 2000)
     measured = reference_answers(model, rows, np.float32).correction_um - reference_answers(model, rows).correction_um
     bound = rounding_errors(model, largest, calls_per_s=1)["Z"].correction_um

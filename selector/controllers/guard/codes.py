@@ -53,4 +53,6 @@ class Mode(IntEnum):
     RAMP_TO_ZERO = 3
     SWITCHED_OFF = 4
     """The operator does not want the correction: ramped to zero."""
+    TEST = 5
+    """A value is commanded by hand, for the sign test: the program goes there, its other outputs to zero."""
     FALLBACK = 10

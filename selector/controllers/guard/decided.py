@@ -65,29 +65,34 @@ def decided_limits(model: ModelFile) -> tuple[dict[str, DecidedLimits], tuple[Fi
         slope_clamp = 0.0 if reach_m == 0.0 else limits.slope_clamp_um_per_m or clamp_um / reach_m
         slew = limits.slew_um_per_s or CAUTIOUS_SLEW_UM_PER_S
         decided[output.name] = DecidedLimits(clamp_um, slew, limits.dead_band_um, slope_clamp, reach_m)
-        open_ones = [
-            text
-            for is_open, text in (
-                (limits.clamp_um is None, f"largest correction ±{clamp_um:g} µm"),
-                (limits.slew_um_per_s is None, f"largest change {slew:g} µm/s"),
-                (reach_m > 0.0 and limits.slope_clamp_um_per_m is None, f"largest slope ±{slope_clamp:.4g} µm/m"),
-            )
-            if is_open
-        ]
+        open_ones, options = [], []
+        if limits.clamp_um is None:
+            open_ones.append(f"at most ±{clamp_um:g} µm (the largest that the model gives in its valid ranges)")
+            options.append(f"--clamp {output.name}={clamp_um:g}")
+        if limits.slew_um_per_s is None:
+            open_ones.append(f"no faster than {slew:g} µm/s (slow enough for a finishing cut)")
+            options.append(f"--slew {output.name}={slew:g}")
         if open_ones:
             findings.append(
                 Finding(
                     "limit-not-decided",
                     "warning",
-                    f"The model file leaves limits of the correction of {output.name} open; the program has: "
-                    + ", ".join(open_ones)
-                    + ".",
+                    f"Nobody has decided how far and how fast {output.name} may be corrected. The program was written "
+                    f"with {' and '.join(open_ones)}.",
                     evidence={"output": output.name, "clamp_um": clamp_um, "slew_um_per_s": slew},
-                    suggestion=f"decide with --clamp {output.name}=… and --slew {output.name}=…, or in guard.limits of "
-                    "the model file",
+                    suggestion=f"if that suits the machine, say so: {' '.join(options)}; else give other numbers",
                 )
             )
     return decided, tuple(findings)
+
+
+def valid_positions_m(model: ModelFile) -> dict[str, tuple[float, float]]:
+    """Per axis, the positions [m] that every position-dependent part over it has seen."""
+    found: dict[str, tuple[float, float]] = {}
+    for part in (output.position for output in model.outputs if output.position is not None):
+        low, high = found.get(part.axis, (part.valid_min_m, part.valid_max_m))
+        found[part.axis] = max(low, part.valid_min_m), min(high, part.valid_max_m)
+    return found
 
 
 def with_decided_limits(model: ModelFile) -> ModelFile:

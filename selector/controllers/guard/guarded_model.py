@@ -22,7 +22,8 @@ from selector.controllers.guard.codes import (
     Mode,
     SensorCode,
 )
-from selector.controllers.guard.decided import DecidedLimits, decided_limits
+from selector.controllers.guard.correction import AxisPosition, Correction
+from selector.controllers.guard.decided import decided_limits, valid_positions_m
 from selector.controllers.guard.sensor_watch import SensorWatch
 from selector.controllers.model_file import ModelFile, Output, Term
 
@@ -43,6 +44,8 @@ class Corrected:
         `Mode`; FALLBACK + k for the k-th fallback.
     sensors : tuple of SensorCode
         In the order of the model's inputs.
+    axes : dict of str to SensorCode
+        Per axis whose position the model needs: OK, LIMITED (beyond its valid positions) or MISSING.
     """
 
     correction_um: dict[str, Any]
@@ -50,6 +53,7 @@ class Corrected:
     slope_um_per_m: dict[str, Any]
     mode: int
     sensors: tuple[SensorCode, ...]
+    axes: dict[str, SensorCode]
 
 
 class GuardedModel:
@@ -62,7 +66,8 @@ class GuardedModel:
     number : callable
         ``float`` (IEEE 754 binary64) or ``numpy.float32`` (binary32).
     start_readings : mapping of str to float, optional
-        Start readings that the control kept; default: the first reading that is believed.
+        Start readings that the control kept; default: the first reading that is good and stays so for
+        `recover_after_s`.
     """
 
     def __init__(
@@ -81,10 +86,12 @@ class GuardedModel:
         self._lagged: dict[tuple[str, float], Any] = {}
         self._taus = sorted({(state.source, state.tau_s) for of in everything for state in of.states})
         limits, _ = decided_limits(model)
+        reference = {output.position.axis: output.position.reference_m for output in model.outputs if output.position}
         self._axes = {
-            output.position.axis: number(output.position.reference_m) for output in model.outputs if output.position
+            axis: AxisPosition(number(reference[axis]), number(low), number(high), number(LARGEST_NUMBER))
+            for axis, (low, high) in valid_positions_m(model).items()
         }
-        self._outputs = [_Correction(output, limits[output.name], number) for output in model.outputs]
+        self._outputs = [Correction(output, limits[output.name], number) for output in model.outputs]
         self._largest, self._longest_s = number(LARGEST_NUMBER), number(LONGEST_S)
         self._longest_step_s, self._sample_s = number(LONGEST_STEP_S), number(SAMPLE_S)
         hold = model.guard.hold_at_most_s
@@ -101,6 +108,7 @@ class GuardedModel:
         *,
         is_ready: bool = True,
         is_wanted: bool = True,
+        test_um: Mapping[str, float] | None = None,
     ) -> Corrected:
         """The correction after `dt_s` more seconds.
 
@@ -111,34 +119,41 @@ class GuardedModel:
         readings : mapping of str to float
             Per input, [unit of the input]; anything, NaN and infinity included.
         positions_m : mapping of str to float, optional
-            Per axis [m]; default: where it was last.
+            Per axis [m]; what is missing or no number stays where it was last.
         is_ready : bool
             Drives on and axis referenced. Without, there is no correction at once.
         is_wanted : bool
             The operator's switch. Without, the correction is ramped to zero.
+        test_um : mapping of str to float, optional
+            Per output [µm], for the sign test: while one is a number other than 0, its output goes there, the others
+            to zero, whatever sensors and operator say.
         """
         number = self._number
         with np.errstate(all="ignore"):
             dt = self._duration(dt_s)
-            for axis, value in (positions_m or {}).items():
-                position = number(value)
-                if axis in self._axes and -self._largest <= position <= self._largest:
-                    self._axes[axis] = position
+            for axis, position in self._axes.items():
+                position.take(number((positions_m or {}).get(axis, float("nan"))))
             self._since_sample_s = min(self._since_sample_s + dt, self._longest_s)
             if self._is_first or self._since_sample_s >= self._sample_s:
                 self._sample(readings)
                 self._is_first = False
                 self._since_sample_s = self._zero
-            mode = Mode.OFF if not is_ready else self._follows if is_wanted else Mode.SWITCHED_OFF
+            tests = [self._tested((test_um or {}).get(output.name, 0.0)) for output in self._outputs]
+            mode = self._follows if is_wanted else Mode.SWITCHED_OFF
+            if any(tests):
+                mode = Mode.TEST
+            if not is_ready:
+                mode = Mode.OFF
             slewed_s = min(dt, self._longest_step_s)
-            for output in self._outputs:
-                output.move(int(mode), slewed_s, self._axes)
+            for output, test in zip(self._outputs, tests, strict=True):
+                output.move(int(mode), slewed_s, self._axes, test)
         return Corrected(
             {output.name: output.correction for output in self._outputs},
-            {output.name: output.k0 for output in self._outputs},
-            {output.name: output.slope for output in self._outputs},
+            {output.name: output.k0.now for output in self._outputs},
+            {output.name: output.slope.now for output in self._outputs},
             int(mode),
             tuple(watch.code for watch in self._watches.values()),
+            {axis: position.code for axis, position in self._axes.items()},
         )
 
     def restart(self, standstill_s: float) -> None:
@@ -153,8 +168,6 @@ class GuardedModel:
             watch.passed(off)
             if anew:
                 watch.forget_start()
-        if anew:
-            self._lagged.clear()
         self._is_first = True
         self._since_sample_s = self._held_s = self._zero
         self._follows = int(Mode.HOLD)
@@ -164,7 +177,11 @@ class GuardedModel:
     @property
     def start_readings(self) -> dict[str, float]:
         """Start readings so far, for the control to keep."""
-        return {name: float(watch.start) for name, watch in self._watches.items() if watch.start is not None}
+        return {
+            name: float(watch.start_believed)
+            for name, watch in self._watches.items()
+            if watch.start_believed is not None
+        }
 
     def _duration(self, seconds: float) -> Any:
         """What is no time counts as 0."""
@@ -172,21 +189,26 @@ class GuardedModel:
             duration = self._number(seconds)
         return min(duration, self._longest_s) if duration > self._zero else self._zero
 
+    def _tested(self, commanded_um: float) -> Any:
+        """What is no number commands nothing."""
+        test = self._number(commanded_um)
+        return test if -self._largest <= test <= self._largest else self._zero
+
     def _sample(self, readings: Mapping[str, float]) -> None:
         number = self._number
         for name, watch in self._watches.items():
             watch.sample(self._since_sample_s, number(readings[name]))
         for source, tau_s in self._taus:
             watch = self._watches[source]
-            if not watch.is_believed:
-                continue
-            level = self._lagged.get((source, tau_s))
-            if level is not None:
-                level = level + self._gain(number(tau_s), watch.since_s) * (watch.x - level)
-            self._lagged[source, tau_s] = watch.x if level is None else level
+            if watch.begins:
+                self._lagged[source, tau_s] = watch.x
+            if watch.is_believed:
+                level = self._lagged[source, tau_s]
+                gain = self._gain(number(tau_s), watch.since_s, is_gap=watch.is_new and watch.has_memory)
+                self._lagged[source, tau_s] = level + gain * (watch.x - level)
         for watch in self._watches.values():
             if watch.is_believed:
-                watch.since_s = self._zero
+                watch.remember()
         self._follows = self._followed()
         if self._follows == Mode.RAMP_TO_ZERO:
             for output in self._outputs:
@@ -197,9 +219,9 @@ class GuardedModel:
             for output, equations in zip(self._outputs, self._equations[at].outputs, strict=True):
                 output.aim(*equations.displacement(z))
 
-    def _gain(self, tau_s: Any, since_s: Any) -> Any:
-        """Share of the way to x that a memory goes (backward Euler)."""
-        if not self._is_first:
+    def _gain(self, tau_s: Any, since_s: Any, *, is_gap: bool) -> Any:
+        """Share of the way to x that a memory goes (backward Euler); over a standstill in equal steps."""
+        if not is_gap:
             return since_s / (tau_s + since_s)
         one, steps = self._number(1.0), self._number(float(2**GAP_STEPS_LOG2))
         left = one / (one + since_s / (steps * tau_s))
@@ -256,61 +278,6 @@ class _Displacement:
         return _sum(*self._own, z), self._zero if self._slope is None else _sum(*self._slope, z)
 
 
-class _Correction:
-    """From the displacement of one output to its correction: sign, clamp, dead band, slew."""
-
-    def __init__(self, output: Output, limits: DecidedLimits, number: Number) -> None:
-        self.name = output.name
-        self._zero = number(0.0)
-        self._largest = number(LARGEST_NUMBER)
-        self._clamp, self._slope_clamp = number(limits.clamp_um), number(limits.slope_clamp_um_per_m)
-        self._slew, self._slope_slew = number(limits.own_slew_um_per_s), number(limits.slope_slew_um_per_m_s)
-        self._dead_band = number(limits.dead_band_um)
-        part = output.position
-        self._axis = None if part is None else part.axis
-        if part is not None:
-            self._reach = number(limits.reach_m)
-            self._reference = number(part.reference_m)
-            self._from, self._to = number(part.valid_min_m), number(part.valid_max_m)
-        self.stop()
-
-    def stop(self) -> None:
-        self.k0 = self.slope = self.correction = self._zero
-        self._aim = self._slope_aim = self._zero
-
-    def aim(self, displacement: Any, slope: Any) -> None:
-        own, steep = -displacement, -slope
-        if not (-self._largest <= own <= self._largest) or not (-self._largest <= steep <= self._largest):
-            return
-        own = min(max(own, -self._clamp), self._clamp)
-        change = own - self._aim
-        if change >= self._dead_band or change <= -self._dead_band:
-            self._aim = own
-        if self._axis is not None and self._reach > self._zero:
-            # the straight line keeps the clamp at the far end of the axis, too
-            size = -self._aim if self._aim < self._zero else self._aim
-            most = min((self._clamp - size) / self._reach, self._slope_clamp)
-            self._slope_aim = min(max(steep, -most), most)
-
-    def aim_at_zero(self) -> None:
-        self._aim = self._slope_aim = self._zero
-
-    def move(self, mode: int, slewed_s: Any, axes: Mapping[str, Any]) -> None:
-        if mode == Mode.OFF:
-            self.k0 = self.slope = self.correction = self._zero
-            return
-        own, steep = self._aim, self._slope_aim
-        if mode == Mode.SWITCHED_OFF:
-            own = steep = self._zero
-        self.k0 = _moved(self.k0, own, self._slew * slewed_s)
-        self.correction = self.k0
-        if self._axis is not None:
-            self.slope = _moved(self.slope, steep, self._slope_slew * slewed_s)
-            position = min(max(axes[self._axis], self._from), self._to)
-            whole = self.k0 + self.slope * (position - self._reference)
-            self.correction = min(max(whole, -self._clamp), self._clamp)
-
-
 def _numbers(terms: Sequence[Term], number: Number) -> list[tuple[Any, list[tuple[str, int]]]]:
     return [(number(term.coefficient), list(term.powers.items())) for term in terms]
 
@@ -324,7 +291,3 @@ def _sum(intercept: Any, terms: Sequence[tuple[Any, list[tuple[str, int]]]], z: 
                 product = product * z[name]
         total = total + product
     return total
-
-
-def _moved(now: Any, aim: Any, most: Any) -> Any:
-    return min(max(aim, now - most), now + most)

@@ -23,7 +23,13 @@ class SensorWatch:
     since_s : number
         Since x was believed last.
     start : number or None
-        Start reading.
+        Start reading; taken with the first good reading, and again until it is believed.
+    has_memory : bool
+        It has been believed since its start.
+    begins : bool
+        Memory begins with the x of this sample.
+    is_new : bool
+        Not believed since the control started.
     """
 
     def __init__(self, item: Input, guard: Guard, number: Number, start: float | None) -> None:
@@ -54,7 +60,12 @@ class SensorWatch:
         self._anchor_age_s = self._zero
         self._last: Any = None
         self._unchanged_s = self._zero
-        self._good_for_s = number(guard.recover_after_s)
+        self._width = number(item.valid_max - item.valid_min)
+        self._good_for_s: Any = None
+        self._has_start = start is not None
+        self.has_memory = False
+        self.begins = False
+        self.is_new = True
 
     @property
     def is_believed(self) -> bool:
@@ -66,26 +77,44 @@ class SensorWatch:
         self._anchor_age_s = min(self._anchor_age_s + elapsed_s, self._forgiven_s)
         self._unchanged_s = min(self._unchanged_s + elapsed_s, self._longest_s)
         self.since_s = min(self.since_s + elapsed_s, self._longest_s)
+        self.begins = False
         self.code = self._verdict(reading)
         if not self.is_believed:
-            self._good_for_s = self._zero
+            self._good_for_s = None
             return
-        self._good_for_s = min(self._good_for_s + elapsed_s, self._longest_s)
+        if not self._has_start and self.start is not None and self._is_elsewhere(reading - self.start):
+            self._good_for_s = None
+        if self._good_for_s is not None:
+            self._good_for_s = min(self._good_for_s + elapsed_s, self._longest_s)
+        else:
+            self._good_for_s = self._zero
+            self._begin(reading)
         if self._good_for_s < self._recover_after_s:
             self.code = SensorCode.RECOVERING
             return
         self._believe(reading)
 
+    @property
+    def start_believed(self) -> Any:
+        """The start reading, None before it is believed."""
+        return self.start if self._has_start else None
+
     def forget_start(self) -> None:
-        """The next reading that is believed is the start reading."""
-        if self._item.reference == "rise":
-            self.start = None
+        """The next good reading is the start reading once it is believed, and memory begins with it."""
+        self.has_memory = self._has_start = False
+
+    def remember(self) -> None:
+        """X was believed, and memory has gone on with it."""
+        self.has_memory, self.is_new = True, False
+        self.since_s = self._zero
 
     def passed(self, standstill_s: Any) -> None:
         """Time went by without samples; what the reading did meanwhile is not judged."""
         self.since_s = min(self.since_s + standstill_s, self._longest_s)
         self._anchor = None
         self._last = None
+        self._good_for_s = None
+        self.is_new = True
 
     def _verdict(self, reading: Any) -> SensorCode:
         # written so that NaN fails
@@ -115,6 +144,8 @@ class SensorWatch:
         allowed = self._rate_per_s * max(self._anchor_age_s, self._anchor_s)
         change = reading - self._anchor
         if change > allowed or change < -allowed:
+            if self.is_new:
+                self._anchor, self._anchor_age_s = reading, self._zero
             return True
         if self._anchor_age_s >= self._anchor_s:
             self._anchor, self._anchor_age_s = reading, self._zero
@@ -128,11 +159,27 @@ class SensorWatch:
     def _x(self, reading: Any) -> Any:
         if self._item.reference == "absolute":
             return reading
-        return self._zero if self.start is None else reading - self.start
+        return reading - self.start if self._has_start else self._zero
+
+    def _is_elsewhere(self, change: Any) -> bool:
+        """The first reading and this one cannot both be good: the model has never seen so large a rise."""
+        return bool(change > self._width or change < -self._width)
+
+    def _begin(self, reading: Any) -> None:
+        """The first good reading is what a rise and memory begin with, if it is still believed at the end."""
+        if self.has_memory:
+            return
+        x = reading
+        if self._item.reference == "rise":
+            if not self._has_start:
+                self.start = reading
+            x = reading - self.start
+        self.x = min(max(x, self._lowest), self._highest)
+        self.since_s = self._zero
+        self.begins = True
 
     def _believe(self, reading: Any) -> None:
-        if self.start is None and self._item.reference == "rise":
-            self.start = reading
+        self._has_start = self._item.reference == "rise"
         x = self._x(reading)
         if x < self._below or x > self._above:
             self.code = SensorCode.LIMITED

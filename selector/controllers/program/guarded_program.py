@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from functools import partial
 
 from selector.controllers.evaluator import Equations
-from selector.controllers.guard.codes import GAP_STEPS_LOG2, LARGEST_NUMBER, LONGEST_S, LONGEST_STEP_S, SAMPLE_S, Mode
-from selector.controllers.guard.decided import DecidedLimits, decided_limits
+from selector.controllers.guard.codes import (
+    GAP_STEPS_LOG2,
+    LARGEST_NUMBER,
+    LONGEST_S,
+    LONGEST_STEP_S,
+    SAMPLE_S,
+    Mode,
+    SensorCode,
+)
+from selector.controllers.guard.decided import decided_limits, valid_positions_m
 from selector.controllers.model_file import ModelFile, Output, Term
 from selector.controllers.program.language import Expression, Flag, Program, Real, Variable, Writing, is_code
-from selector.controllers.program.watched_sensor import WatchedSensor
+from selector.controllers.program.slewed_correction import SlewedCorrection
+from selector.controllers.program.watched_sensor import NO_READING, WatchedSensor
 
 NAMES_OF_CALL = ("dt_s", "is_ready", "is_wanted", "is_restart", "standstill_s")
 """Inputs of every program beside readings and positions."""
@@ -19,9 +27,9 @@ NAMES_OF_CALL = ("dt_s", "is_ready", "is_wanted", "is_restart", "standstill_s")
 def guarded_program(model: ModelFile) -> Program:
     """The program of a model with its guard.
 
-    Inputs ``dt_s``, ``reading_1`` …, ``position_1`` …, ``is_ready``, ``is_wanted``, ``is_restart``, ``standstill_s``;
-    outputs ``correction_1`` …, ``k0_1`` …, ``slope_1`` …, ``mode``, ``sensor_1`` …. Readings and sensors are numbered
-    as the model's inputs, corrections as its outputs, positions as `axes_of`.
+    Inputs ``dt_s``, ``reading_1`` …, ``position_1`` …, ``is_ready``, ``is_wanted``, ``is_restart``, ``standstill_s``,
+    ``test_um_1`` …; outputs ``correction_1`` …, ``k0_1`` …, ``slope_1`` …, ``mode``, ``sensor_1`` …. Readings and
+    sensors are numbered as the model's inputs, tests and corrections as its outputs, positions as `axes_of`.
     """
     return _Guarded(model).program()
 
@@ -29,19 +37,6 @@ def guarded_program(model: ModelFile) -> Program:
 def axes_of(model: ModelFile) -> tuple[str, ...]:
     """The axes whose position a model needs, in the order of their numbers."""
     return tuple(dict.fromkeys(output.position.axis for output in model.outputs if output.position is not None))
-
-
-@dataclass(frozen=True, eq=False)
-class _Corrected:
-    """Variables of one output."""
-
-    output: Output
-    limits: DecidedLimits
-    correction: Variable
-    k0: Variable
-    aim: Variable
-    slope: Variable | None
-    slope_aim: Variable | None
 
 
 class _Guarded:
@@ -55,7 +50,7 @@ class _Guarded:
         axes = axes_of(model)
         reference = {o.position.axis: o.position.reference_m for o in model.outputs if o.position is not None}
         self._wired = [
-            w.variable(f"position_{k}", "real", "input", f"position of axis {axis} [m]", reference[axis])
+            w.variable(f"position_{k}", "real", "input", f"position of axis {axis} [m]", NO_READING)
             for k, axis in enumerate(axes, start=1)
         ]
         self._ready = w.variable("is_ready", "flag", "input", "drives on and axis referenced", 1.0)
@@ -64,16 +59,25 @@ class _Guarded:
         self._standstill = w.variable("standstill_s", "real", "input", "with is_restart: off for so long [s]")
         limits, _ = decided_limits(model)
         self._outputs = [
-            self._variables_of(output, limits[output.name], k) for k, output in enumerate(model.outputs, 1)
+            SlewedCorrection(w, output, limits[output.name], k) for k, output in enumerate(model.outputs, 1)
         ]
         self._mode = w.variable(
             "mode", "code", "output",
-            "0 off, 1 model, 2 hold, 3 ramp to zero, 4 switched off, 10 and more: fallback", float(Mode.OFF),
+            "0 off, 1 model, 2 hold, 3 ramp to zero, 4 switched off, 5 sign test, 10 and more: fallback",
+            float(Mode.OFF),
         )  # fmt: skip
+        self._codes = {
+            axis: w.variable(
+                f"axis_{k}", "code", "output", f"position of {axis}: 0 ok, 1 limited, 3 missing",
+                float(SensorCode.MISSING),
+            )
+            for k, axis in enumerate(axes, start=1)
+        }  # fmt: skip
         self._at = {
             axis: w.variable(f"at_{k}", "real", "kept", f"last known position of axis {axis} [m]", reference[axis])
             for k, axis in enumerate(axes, start=1)
         }
+        self._back = {axis: w.variable(f"back_{k}", "flag") for k, axis in enumerate(axes, start=1)}
         everything: tuple[Equations, ...] = (model, *model.fallbacks)
         taus = sorted({(state.source, state.tau_s) for of in everything for state in of.states})
         self._levels = {
@@ -86,19 +90,6 @@ class _Guarded:
         self._held = w.variable("held_s", "real", "kept", "held for so long [s]")
         self._follows = w.variable("follows", "code", "kept", "as mode, while ready and wanted", float(Mode.HOLD))
 
-    def _variables_of(self, output: Output, limits: DecidedLimits, k: int) -> _Corrected:
-        w = self._w
-        has_slope = output.position is not None
-        return _Corrected(
-            output,
-            limits,
-            w.variable(f"correction_{k}", "real", "output", f"to be added to the axis for {output.name} [um]"),
-            w.variable(f"k0_{k}", "real", "output", "the same at the reference position [um]"),
-            w.variable(f"aim_{k}", "real", "kept", "where it moves to [um]"),
-            w.variable(f"slope_{k}", "real", "output", "and its slope [um/m]") if has_slope else None,
-            w.variable(f"slope_aim_{k}", "real", "kept", "where the slope moves to [um/m]") if has_slope else None,
-        )
-
     def program(self) -> Program:
         w = self._w
         with w.when(self._restart & ~self._was_restart):
@@ -107,9 +98,7 @@ class _Guarded:
         dt = w.variable("passed_s")
         w.remark("time: what is no time counts as 0")
         _duration(w, dt, self._dt)
-        for wired, at in zip(self._wired, self._at.values(), strict=True):
-            with w.when((wired >= -LARGEST_NUMBER) & (wired <= LARGEST_NUMBER)):
-                w.assign(at, wired)
+        self._positions()
         w.assign(self._since, self._since + dt)
         w.at_most(self._since, LONGEST_S)
         with w.when(self._first | (self._since >= SAMPLE_S)):
@@ -119,14 +108,30 @@ class _Guarded:
         w.assign(self._mode, self._follows)
         with w.when(~self._wanted):
             w.assign(self._mode, Mode.SWITCHED_OFF)
+        for one in self._outputs:
+            one.tested(self._mode)
         with w.when(~self._ready):
             w.assign(self._mode, Mode.OFF)
         slewed = w.variable("slewed_s")
         w.assign(slewed, dt)
         w.at_most(slewed, LONGEST_STEP_S)
         for one in self._outputs:
-            self._moved(one, slewed)
+            one.moved(self._mode, slewed, self._at, self._back)
         return w.program(self._model.name)
+
+    def _positions(self) -> None:
+        w = self._w
+        for wired, (axis, (low, high)) in zip(self._wired, valid_positions_m(self._model).items(), strict=True):
+            at, code, back = self._at[axis], self._codes[axis], self._back[axis]
+            w.assign(back, False)
+            with w.when((wired >= -LARGEST_NUMBER) & (wired <= LARGEST_NUMBER)):
+                w.assign(back, is_code(code, SensorCode.MISSING))
+                w.assign(at, wired)
+                w.assign(code, SensorCode.OK)
+                with w.when((at < low) | (at > high)):
+                    w.assign(code, SensorCode.LIMITED)
+            with w.otherwise():
+                w.assign(code, SensorCode.MISSING)
 
     def _restarted(self) -> None:
         w, guard = self._w, self._model.guard
@@ -149,14 +154,12 @@ class _Guarded:
         w.assign(self._held, 0.0)
         w.assign(self._follows, Mode.HOLD)
         for one in self._outputs:
-            for variable in (one.k0, one.aim, one.correction, one.slope, one.slope_aim):
-                if variable is not None:
-                    w.assign(variable, 0.0)
+            one.stopped()
 
     def _sample(self) -> None:
         w = self._w
-        for sensor in self._sensors.values():
-            sensor.sampled(self._since)
+        for name, sensor in self._sensors.items():
+            sensor.sampled(self._since, partial(self._begin_memory, name))
         w.remark("memory: first-order lags of what is believed")
         sources = dict.fromkeys(source for source, _ in self._levels)
         for source in sources:
@@ -164,22 +167,25 @@ class _Guarded:
             with w.when(sensor.is_believed):
                 for (of, tau_s), level in self._levels.items():
                     if of == source:
-                        with w.when(sensor.has_memory):
-                            gain = w.variable("gain")
-                            with w.when(self._first):
-                                self._gain_of_gap(gain, sensor.since, tau_s)
-                            with w.otherwise():
-                                w.assign(gain, sensor.since / (Real(tau_s) + sensor.since))
-                            w.assign(level, level + gain * (sensor.x - level))
+                        gain = w.variable("gain")
+                        with w.when(sensor.is_new & sensor.has_memory):
+                            self._gain_of_gap(gain, sensor.since, tau_s)
                         with w.otherwise():
-                            w.assign(level, sensor.x)
-                w.assign(sensor.has_memory, True)
+                            w.assign(gain, sensor.since / (Real(tau_s) + sensor.since))
+                        w.assign(level, level + gain * (sensor.x - level))
         for sensor in self._sensors.values():
             with w.when(sensor.is_believed):
+                w.assign(sensor.has_memory, True)
+                w.assign(sensor.is_new, False)
                 w.assign(sensor.since, 0.0)
         w.remark("which model")
         self._choose()
         self._follow()
+
+    def _begin_memory(self, source: str) -> None:
+        for (of, _), level in self._levels.items():
+            if of == source:
+                self._w.assign(level, self._sensors[source].x)
 
     def _gain_of_gap(self, gain: Variable, since: Variable, tau_s: float) -> None:
         w, left = self._w, self._w.variable("left")
@@ -217,9 +223,7 @@ class _Guarded:
         w, model = self._w, self._model
         with w.when(is_code(self._follows, Mode.RAMP_TO_ZERO)):
             for one in self._outputs:
-                w.assign(one.aim, 0.0)
-                if one.slope_aim is not None:
-                    w.assign(one.slope_aim, 0.0)
+                one.aimed_at_zero()
         with w.when(is_code(self._follows, Mode.MODEL)):
             self._aimed(model)
         if model.guard.on_fault == "fallback":
@@ -244,50 +248,8 @@ class _Guarded:
         for state in (one for one in of.states if one.name in used):
             z[state.name] = w.variable(f"z_{len(z) + 1}")
             w.assign(z[state.name], (self._levels[state.source, state.tau_s] - state.centre) / state.scale)
-        own, change = w.variable("own"), w.variable("change")
         for one, output in zip(self._outputs, of.outputs, strict=True):
-            _polynomial(w, own, output.intercept, output.terms, z)
-            w.assign(own, -own)
-            is_number = (own >= -LARGEST_NUMBER) & (own <= LARGEST_NUMBER)
-            if one.slope_aim is not None:
-                part, steep = output.position, w.variable("steep")
-                _polynomial(w, steep, part.intercept if part else 0.0, part.terms if part else (), z)
-                w.assign(steep, -steep)
-                is_number = is_number & (steep >= -LARGEST_NUMBER) & (steep <= LARGEST_NUMBER)
-            with w.when(is_number):
-                w.limit(own, -one.limits.clamp_um, one.limits.clamp_um)
-                w.assign(change, own - one.aim)
-                with w.when((change >= one.limits.dead_band_um) | (change <= -one.limits.dead_band_um)):
-                    w.assign(one.aim, own)
-                if one.slope_aim is not None and one.limits.reach_m > 0.0:
-                    steep, size, most = w.variable("steep"), w.variable("size"), w.variable("most")
-                    w.assign(size, one.aim)
-                    with w.when(one.aim < 0.0):
-                        w.assign(size, -one.aim)
-                    w.assign(most, (Real(one.limits.clamp_um) - size) / one.limits.reach_m)
-                    w.at_most(most, one.limits.slope_clamp_um_per_m)
-                    w.limit(steep, -most, most)
-                    w.assign(one.slope_aim, steep)
-
-    def _moved(self, one: _Corrected, slewed: Variable) -> None:
-        w = self._w
-        off, switched_off = is_code(self._mode, Mode.OFF), is_code(self._mode, Mode.SWITCHED_OFF)
-        w.remark(f"correction of {one.output.name}: no faster than the slew limit")
-        with w.when(off):
-            for variable in (one.k0, one.slope, one.correction):
-                if variable is not None:
-                    w.assign(variable, 0.0)
-        with w.otherwise():
-            _towards(w, one.k0, one.aim, switched_off, slewed, one.limits.own_slew_um_per_s)
-            w.assign(one.correction, one.k0)
-            part = one.output.position
-            if part is not None and one.slope is not None and one.slope_aim is not None:
-                _towards(w, one.slope, one.slope_aim, switched_off, slewed, one.limits.slope_slew_um_per_m_s)
-                where = w.variable("where")
-                w.assign(where, self._at[part.axis])
-                w.limit(where, part.valid_min_m, part.valid_max_m)
-                w.assign(one.correction, one.k0 + one.slope * (where - part.reference_m))
-                w.limit(one.correction, -one.limits.clamp_um, one.limits.clamp_um)
+            one.aimed(output, z)
 
 
 def _terms(output: Output) -> tuple[Term, ...]:
@@ -299,27 +261,3 @@ def _duration(w: Writing, to: Variable, of: Variable) -> None:
     with w.when(of > 0.0):
         w.assign(to, of)
     w.at_most(to, LONGEST_S)
-
-
-def _towards(
-    w: Writing, now: Variable, aim: Variable, is_switched_off: Expression, slewed: Variable, slew: float
-) -> None:
-    to, most, low, high = (w.variable(name) for name in ("towards", "most", "low", "high"))
-    w.assign(to, aim)
-    with w.when(is_switched_off):
-        w.assign(to, 0.0)
-    w.assign(most, Real(slew) * slewed)
-    w.assign(low, now - most)
-    w.assign(high, now + most)
-    w.limit(to, low, high)
-    w.assign(now, to)
-
-
-def _polynomial(w: Writing, total: Variable, intercept: float, terms: Sequence[Term], z: dict[str, Variable]) -> None:
-    w.assign(total, intercept)
-    for term in terms:
-        product: Expression = Real(term.coefficient)
-        for name, power in term.powers.items():
-            for _ in range(power):
-                product = product * z[name]
-        w.assign(total, total + product)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from selector.controllers.guard.codes import ANCHOR_S, FORGIVEN_S, LARGEST_NUMBER, LONGEST_S, SensorCode
 from selector.controllers.model_file import Guard, Input
 from selector.controllers.program.language import Expression, Real, Variable, Writing, is_code
@@ -27,7 +29,8 @@ class WatchedSensor:
         )
         self.x = w.variable(f"x_{k}", "real", "kept", f"{item.name} as the model gets it")
         self.since = w.variable(f"since_{k}", "real", "kept", "since it was believed last [s]")
-        self._good_for = w.variable(f"good_for_{k}", "real", "kept", "good for so long [s]", guard.recover_after_s)
+        self._good_for = w.variable(f"good_for_{k}", "real", "kept", "good for so long [s]; -1: not good", -1.0)
+        self.is_new = w.variable(f"is_new_{k}", "flag", "kept", "not believed since the control started", 1.0)
         self.has_memory = w.variable(f"has_memory_{k}", "flag", "retained", "memory has begun")
         if item.reference == "rise":
             self._start = w.variable(f"start_{k}", "real", "retained", f"start reading of {item.name}")
@@ -49,21 +52,31 @@ class WatchedSensor:
     def passed(self, standstill: Variable) -> None:
         """Time went by without samples."""
         self._add(self.since, standstill)
+        self._w.assign(self._good_for, -1.0)
+        self._w.assign(self.is_new, True)
         if self._item.rate_limit_per_min is not None:
             self._w.assign(self._has_anchor, False)
         if self._stuck_after_s is not None:
             self._w.assign(self._has_last, False)
 
     def begins_anew(self) -> None:
-        """The next reading that is believed is the start reading, and memory begins with it."""
+        """The next good reading is the start reading once it is believed, and memory begins with it."""
         self._w.assign(self.has_memory, False)
         if self._item.reference == "rise":
             self._w.assign(self._has_start, False)
 
-    def sampled(self, elapsed: Variable) -> None:
-        """The next reading is judged."""
+    def sampled(self, elapsed: Variable, begin_memory: Callable[[], None]) -> None:
+        """The next reading is judged; `begin_memory` writes that memory begins with x."""
         w, item = self._w, self._item
         w.remark(f"sensor {item.name}")
+        cleared: Expression = ~self.has_memory
+        if item.reference == "rise":
+            cleared = cleared | ~self._has_start
+        with w.when(cleared & ~self.is_new):
+            # somebody wants a new start
+            w.assign(self.has_memory, False)
+            w.assign(self.is_new, True)
+            w.assign(self._good_for, -1.0)
         if item.rate_limit_per_min is not None:
             self._add(self._anchor_age, elapsed, FORGIVEN_S)
         if self._stuck_after_s is not None:
@@ -71,13 +84,33 @@ class WatchedSensor:
         self._add(self.since, elapsed)
         self._verdict()
         with w.when(is_code(self.code, SensorCode.OK)):
-            self._add(self._good_for, elapsed)
+            self._count_good(elapsed, begin_memory)
             with w.when(self._good_for < self._guard.recover_after_s):
                 w.assign(self.code, SensorCode.RECOVERING)
             with w.otherwise():
                 self._believe()
         with w.otherwise():
+            w.assign(self._good_for, -1.0)
+
+    def _count_good(self, elapsed: Variable, begin_memory: Callable[[], None]) -> None:
+        """The first good reading is what a rise and memory begin with, if it is still believed at the end."""
+        w, item = self._w, self._item
+        if item.reference == "rise":
+            change, width = w.variable("change"), item.valid_max - item.valid_min
+            w.assign(change, self._reading - self._start)
+            with w.when(~self._has_start & ((change > width) | (change < -width))):
+                w.assign(self._good_for, -1.0)
+        with w.when(self._good_for >= 0.0):
+            self._add(self._good_for, elapsed)
+        with w.otherwise():
             w.assign(self._good_for, 0.0)
+            with w.when(~self.has_memory):
+                if item.reference == "rise":
+                    with w.when(~self._has_start):
+                        w.assign(self._start, self._reading)
+                self._take_x()
+                w.assign(self.since, 0.0)
+                begin_memory()
 
     def _verdict(self) -> None:
         w, r, code = self._w, self._reading, self.code
@@ -120,6 +153,8 @@ class WatchedSensor:
             w.assign(change, r - self._anchor)
             with w.when((change > allowed) | (change < -allowed)):
                 w.assign(self.code, SensorCode.JUMP)
+                with w.when(self.is_new):
+                    self._take_anchor()
             with w.otherwise(), w.when(self._anchor_age >= ANCHOR_S):
                 self._take_anchor()
 
@@ -155,14 +190,19 @@ class WatchedSensor:
     def _believe(self) -> None:
         w = self._w
         if self._item.reference == "rise":
-            with w.when(~self._has_start):
-                w.assign(self._start, self._reading)
-                w.assign(self._has_start, True)
-        x = self._fresh_x()
+            w.assign(self._has_start, True)
+        x = self._take_x()
         with w.when(self._is_outside(x)):
             w.assign(self.code, SensorCode.LIMITED)
-        w.limit(x, self._item.valid_min, self._item.valid_max)
+
+    def _take_x(self) -> Variable:
+        """What the model gets, inside its valid range; before that it is returned."""
+        w, item = self._w, self._item
+        x = w.variable("x")
+        w.assign(x, self._reading - self._start if item.reference == "rise" else self._reading)
         w.assign(self.x, x)
+        w.limit(self.x, item.valid_min, item.valid_max)
+        return x
 
     def _add(self, clock: Variable, elapsed: Variable, longest_s: float = LONGEST_S) -> None:
         self._w.assign(clock, clock + elapsed)

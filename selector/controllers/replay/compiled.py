@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.controllers.model_file import ModelFile
-from selector.controllers.program.guarded_program import guarded_program
+from selector.controllers.program.guarded_program import axes_of, guarded_program
 from selector.controllers.replay.rows import Answers, Rows
 from selector.controllers.writers.c99 import NAME, Precision, c_files
 from selector.errors import NotExecutableError
@@ -104,7 +104,7 @@ def _first_error(said: str) -> str:
 def _called(call: Any, model: ModelFile, rows: Rows) -> Answers:
     n, outputs, inputs = len(rows), len(model.outputs), len(model.inputs)
     real = np.zeros((n, 3 * outputs))
-    codes = np.zeros((n, 1 + inputs), dtype=np.int32)
+    codes = np.zeros((n, 1 + inputs + len(axes_of(model))), dtype=np.int32)
     call.restype = None
     tables: list[NDArray[Any]] = [
         np.ascontiguousarray(rows.dt_s, dtype=np.float64),
@@ -112,12 +112,14 @@ def _called(call: Any, model: ModelFile, rows: Rows) -> Answers:
         np.ascontiguousarray(rows.positions_m, dtype=np.float64),
         np.column_stack([rows.is_ready, rows.is_wanted, rows.is_restart]).astype(np.int32),
         np.ascontiguousarray(rows.standstill_s, dtype=np.float64),
+        np.ascontiguousarray(rows.tests_um(outputs), dtype=np.float64),
         real,
         codes,
     ]
     call(ctypes.c_long(n), *(ctypes.c_void_p(table.ctypes.data) for table in tables))
     parts = real[:, :outputs], real[:, outputs : 2 * outputs], real[:, 2 * outputs :]
-    return Answers(*parts, codes[:, 0].astype(np.int64), codes[:, 1:].astype(np.int64))
+    told = codes.astype(np.int64)
+    return Answers(*parts, told[:, 0], told[:, 1 : 1 + inputs], told[:, 1 + inputs :])
 
 
 def _driver(model: ModelFile, precision: Precision, name: str) -> str:
@@ -129,7 +131,7 @@ def _driver(model: ModelFile, precision: Precision, name: str) -> str:
     lines = [
         f'#include "{name}.h"',
         "void replay(long n, const double *dt, const double *readings, const double *positions, const int *flags,",
-        "            const double *standstill, double *real, int *codes)",
+        "            const double *standstill, const double *tests, double *real, int *codes)",
         "{",
         f"    {name} m;",
         "    long k;",
@@ -145,6 +147,7 @@ def _driver(model: ModelFile, precision: Precision, name: str) -> str:
         "        m.is_wanted = flags[3 * k + 1];",
         "        m.is_restart = flags[3 * k + 2];",
         f"        m.standstill_s = ({precision})standstill[k];",
+        *(f"        m.test_um_{i + 1} = ({precision})tests[{outputs} * k + {i}];" for i in range(outputs)),
         f"        {name}_step(&m);",
     ]
     for j, what in enumerate(("correction", "k0", "slope")):
@@ -152,6 +155,6 @@ def _driver(model: ModelFile, precision: Precision, name: str) -> str:
             one = f"{what}_{i + 1}"
             if one in names:
                 lines.append(f"        real[{3 * outputs} * k + {outputs * j + i}] = m.{one};")
-    lines.append(f"        codes[{1 + inputs} * k] = m.mode;")
-    lines += [f"        codes[{1 + inputs} * k + {1 + i}] = m.sensor_{i + 1};" for i in range(inputs)]
+    codes = ["mode", *(f"sensor_{i + 1}" for i in range(inputs)), *(f"axis_{i + 1}" for i in range(axes))]
+    lines += [f"        codes[{len(codes)} * k + {i}] = m.{one};" for i, one in enumerate(codes)]
     return "\n".join([*lines, "    }", "}"]) + "\n"

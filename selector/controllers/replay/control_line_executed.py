@@ -43,7 +43,7 @@ def setting_data_answers(model: ModelFile, rows: Rows, files: Mapping[str, str],
             if output.position is not None:
                 place_mm = _MM_PER_M * places[k, axes.index(output.position.axis)]
             line[k, i] = _UM_PER_MM * (k0 + slope * (place_mm - zero))
-    return Answers(line, main.k0_um, main.slope_um_per_m, main.mode, main.sensors)
+    return Answers(line, main.k0_um, main.slope_um_per_m, main.mode, main.sensors, main.axes)
 
 
 def temp_comp_answers(model: ModelFile, rows: Rows, files: Mapping[str, str], main: Answers) -> Answers:
@@ -75,4 +75,4 @@ def temp_comp_answers(model: ModelFile, rows: Rows, files: Mapping[str, str], ma
         for k, (place, offset, slope) in enumerate(zip(at_mm.tolist(), offsets.tolist(), slopes.tolist(), strict=True)):
             added = temp_comp_mm(place, position_0=position_0, offset_0=offset, coefficient_um_per_m=slope)
             line[k, i] = _UM_PER_MM * added
-    return Answers(line, main.k0_um, main.slope_um_per_m, main.mode, main.sensors)
+    return Answers(line, main.k0_um, main.slope_um_per_m, main.mode, main.sensors, main.axes)

@@ -31,7 +31,7 @@ def drive_answers(model: ModelFile, rows: Rows, files: Mapping[str, str] | None 
 
     The numbers are read from the exported text. A reading that is missing is passed on as the reference temperature.
     """
-    found = Answers.empty(len(rows), len(model.outputs), len(model.inputs))
+    found = Answers.empty(len(rows), len(model.outputs), len(model.inputs), len(axes_of(model)))
     blocks = _BLOCK.findall((files or rexroth_export(model).files)[FILE])
     names, axes = [item.name for item in model.inputs], axes_of(model)
     for k, (output, block) in enumerate(zip(model.outputs, blocks, strict=True)):

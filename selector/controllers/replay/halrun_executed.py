@@ -63,7 +63,7 @@ def halrun_answers(model: ModelFile, rows: Rows, files: Mapping[str, str] | None
         Too many rows or sensors for one session, or LinuxCNC refuses the component.
     """
     columns = halrun_columns(model, rows, files=files)
-    found = Answers.empty(len(rows), len(model.outputs), len(model.inputs))
+    found = Answers.empty(len(rows), len(model.outputs), len(model.inputs), len(axes_of(model)))
     for k in range(len(model.outputs)):
         found.correction_um[:, k] = columns[f"correction_{k + 1}"]
         found.k0_um[:, k] = columns[f"k0_{k + 1}"]
@@ -71,6 +71,8 @@ def halrun_answers(model: ModelFile, rows: Rows, files: Mapping[str, str] | None
     found.mode[:] = columns["mode"]
     for k in range(len(model.inputs)):
         found.sensors[:, k] = columns[f"sensor_{k + 1}"]
+    for k in range(len(axes_of(model))):
+        found.axes[:, k] = columns[f"axis_{k + 1}"]
     return found
 
 
@@ -241,6 +243,8 @@ def _write_streams(model: ModelFile, rows: Rows, streamed: list[Pin], folder: Pa
     }
     columns |= {f"reading_{k + 1}": rows.readings[:, k].tolist() for k in range(len(model.inputs))}
     columns |= {f"position_{k + 1}": (1000.0 * rows.positions_m[:, k]).tolist() for k in range(len(axes_of(model)))}
+    tests_um = rows.tests_um(len(model.outputs))
+    columns |= {f"test_um_{k + 1}": tests_um[:, k].tolist() for k in range(len(model.outputs))}
     for k, pins in enumerate(_chunks(streamed)):
         table = zip(*(map(repr, columns[one.name]) for one in pins), strict=True)
         (folder / f"in{k}.txt").write_text("\n".join(map(" ".join, table)) + "\n", encoding="ascii")

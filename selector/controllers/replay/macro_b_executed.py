@@ -15,17 +15,21 @@ from functools import cache
 import numpy as np
 
 from selector.controllers.model_file import ModelFile
+from selector.controllers.program.guarded_program import axes_of
 from selector.controllers.replay.reduced_guard import held, rows_at, sampled_rows
 from selector.controllers.replay.rows import Answers, Rows
-from selector.controllers.writers.fanuc import FILE, LONGEST_BLOCK, STATUS, TIME, fanuc_export, macro_variables
+from selector.controllers.writers.fanuc import FILE, STATUS, TIME, fanuc_export, macro_variables
+from selector.controllers.writers.macro_b import LONGEST_BLOCK
+from selector.controllers.writers.macro_b_offset import ABSOLUTE_OR_NOT, INCH_OR_MM
 
+ALARM = 3000
 DEEPEST_BRACKETS = 5
 MOST_BLOCKS = 100_000
 _TOKEN = re.compile(r"\d+\.\d*|\.\d+|\d+|#\d+|ABS|EQ|NE|GT|GE|LT|LE|[\[\]+\-*/]")
 _COMMENT = re.compile(r"\([A-Z0-9 .,+\-*/=]*\)")
 _BLOCK = re.compile(
     r"(?:N(?P<label>\d+))?(?:IF\[(?P<condition>.*)\](?:GOTO(?P<jump>\d+)|THEN#(?P<then>\d+)=(?P<value>.+))"
-    r"|GOTO(?P<goto>\d+)|#(?P<to>\d+)=(?P<assigned>.+)|G90G10L2P0(?P<axis>[A-Z])(?P<offset>\[.*\])|(?P<end>M99))?"
+    r"|GOTO(?P<goto>\d+)|#(?P<to>\d+)=(?P<assigned>.+)|G10L2P0(?P<axis>[A-Z])(?P<offset>\[.*\])|G(?P<modal>9[01])|(?P<end>M99))?"
 )
 _COMPARED: dict[str, Callable[[float, float], bool]] = {
     "EQ": operator.eq, "NE": operator.ne, "GT": operator.gt, "GE": operator.ge, "LT": operator.lt, "LE": operator.le,
@@ -48,8 +52,10 @@ class MacroB:
     ----------
     variables : dict of int to float
         What is not in it is vacant.
-    offsets_mm : dict of str to float
-        Per axis, what G10 wrote to the external work offset.
+    modal : dict of int to float
+        #4003 (90 or 91) and #4006 (20 or 21); a control that has no such group lacks it.
+    offsets : dict of str to float
+        Per axis, what G10 wrote to the external work offset [mm, or inch].
 
     Raises
     ------
@@ -59,7 +65,8 @@ class MacroB:
 
     def __init__(self, text: str) -> None:
         self.variables: dict[int, float] = {}
-        self.offsets_mm: dict[str, float] = {}
+        self.modal = {ABSOLUTE_OR_NOT: 90.0, INCH_OR_MM: 21.0}
+        self.offsets: dict[str, float] = {}
         lines = text.split("\n")
         if lines[0] != "%" or lines[-2:] != ["%", ""] or not re.fullmatch(r"O\d{4}\([A-Z ]*\)", lines[1]):
             raise MacroError("no % ... O0000(NAME) ... %")
@@ -72,7 +79,7 @@ class MacroB:
         Raises
         ------
         MacroError
-            It does not end, or jumps to a label that is not there.
+            It does not end, jumps to a label that is not there, ends in an alarm, or has G90 where there is none.
         """
         at = 0
         for _ in range(MOST_BLOCKS):
@@ -85,7 +92,13 @@ class MacroB:
             if block["to"]:
                 self._assign(block["to"], block["assigned"])
             if block["axis"]:
-                self.offsets_mm[block["axis"]] = _number(self._value(block["offset"]))
+                if self.modal.get(ABSOLUTE_OR_NOT) == 91.0:
+                    raise MacroError("G10 in incremental mode")
+                self.offsets[block["axis"]] = _number(self._value(block["offset"]))
+            if block["modal"]:
+                if ABSOLUTE_OR_NOT not in self.modal:
+                    raise MacroError("G90 is a turning cycle here")
+                self.modal[ABSOLUTE_OR_NOT] = float(block["modal"])
             if block["end"]:
                 return
             if goto:
@@ -104,6 +117,8 @@ class MacroB:
 
     def _assign(self, to: str, text: str) -> None:
         value = self._value(text)
+        if int(to) == ALARM:
+            raise MacroError(f"alarm {3000 + _number(value):.0f}")
         self.variables.pop(int(to), None)
         if value is not None:
             self.variables[int(to)] = value
@@ -155,7 +170,7 @@ class MacroB:
                 raise MacroError("a bracket is not closed")
             return value
         if word.startswith("#"):
-            return self.variables.get(int(word[1:]))
+            return {**self.variables, **self.modal}.get(int(word[1:]))
         if not word[:1].isdigit():
             raise MacroError(f"{word!r} is no value")
         return float(word)
@@ -164,20 +179,22 @@ class MacroB:
 def macro_b_answers(model: ModelFile, rows: Rows, files: Mapping[str, str] | None = None) -> Answers:
     """What the generated macro leaves in the external work offset, called in every row, and the mode that it tells.
 
-    Only `dt_s` and `readings` of the rows are looked at; a reading that is not finite is vacant. Which sensor is bad
+    Only `dt_s`, `readings` and `test_um` of the rows are looked at; what is not finite is vacant. Which sensor is bad
     it tells for one only: sensor codes are 0.
     """
     macro = MacroB((files or fanuc_export(model).files)[FILE])
-    numbers = list(macro_variables(model).readings.values())
-    found = Answers.empty(len(rows), len(model.outputs), len(model.inputs))
+    names = macro_variables(model)
+    numbers = [*names.readings.values(), *names.tests.values()]
+    written = np.column_stack([rows.readings, rows.tests_um(len(model.outputs))]).tolist()
+    found = Answers.empty(len(rows), len(model.outputs), len(model.inputs), len(axes_of(model)))
     for k, time_s in enumerate(np.cumsum(rows.dt_s).tolist()):
         macro.variables[TIME] = time_s
-        for number, reading in zip(numbers, rows.readings[k].tolist(), strict=True):
+        for number, reading in zip(numbers, written[k], strict=True):
             macro.variables.pop(number, None)
             if np.isfinite(reading):
                 macro.variables[number] = reading
         macro.call()
-        found.correction_um[k] = [1000.0 * macro.offsets_mm[str(output.axis).upper()] for output in model.outputs]
+        found.correction_um[k] = [1000.0 * macro.offsets[str(output.axis).upper()] for output in model.outputs]
         found.mode[k] = int(macro.variables[STATUS])
     found.k0_um[:] = found.correction_um
     return found

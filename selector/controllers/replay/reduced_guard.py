@@ -16,6 +16,7 @@ from selector.controllers.guard.codes import LARGEST_NUMBER, SAMPLE_S, SensorCod
 from selector.controllers.model_file import ModelFile
 from selector.controllers.program.guarded_program import axes_of
 from selector.controllers.replay.rows import Answers, Array, Rows, reference_answers
+from selector.controllers.signs import is_turned
 
 
 def without_fallbacks(model: ModelFile) -> ModelFile:
@@ -27,14 +28,13 @@ def without_fallbacks(model: ModelFile) -> ModelFile:
 
 
 def macro_model(model: ModelFile) -> ModelFile:
-    """The guard of custom macro B: also no jumps, no waiting after a fault, no end of holding, no position."""
+    """The guard of custom macro B: also no jumps, no end of holding, no position."""
     small = without_fallbacks(model)
-    changes = {"recover_after_s": 0.0, "hold_at_most_s": None}
     return small.model_copy(
         update={
             "inputs": tuple(item.model_copy(update={"rate_limit_per_min": None}) for item in small.inputs),
             "outputs": tuple(output.model_copy(update={"position": None}) for output in small.outputs),
-            "guard": small.guard.model_copy(update=changes),
+            "guard": small.guard.model_copy(update={"hold_at_most_s": None}),
         }
     )
 
@@ -49,7 +49,7 @@ def macro_corrections_um(model: ModelFile, rows: Rows) -> Array:
     limiting = small.model_copy(update={"guard": small.guard.model_copy(update={"outside_valid_range": "limit-input"})})
     # what is bad whatever the start reading, then what is outside the valid range
     for judged in (limiting, small):
-        bad = np.any(reference_answers(judged, called).sensors > SensorCode.LIMITED, axis=1, keepdims=True)
+        bad = np.any(reference_answers(judged, called).sensors > SensorCode.RECOVERING, axis=1, keepdims=True)
         called = dataclasses.replace(called, readings=np.where(bad, np.nan, called.readings))
     return held(reference_answers(small, called).correction_um, calls, len(rows))
 
@@ -86,7 +86,8 @@ def unguarded_um(model: ModelFile, rows: Rows) -> Array:
     positions = dict(zip(axes_of(model), places_m(model, rows).T, strict=True))
     found = evaluate(model, np.arange(len(rows)), readings, None, positions or None)
     displacement = np.column_stack([found[output.name] for output in model.outputs])
-    return np.where(np.isfinite(displacement), -displacement, 0.0)
+    signs = [1.0 if is_turned(output) else -1.0 for output in model.outputs]
+    return np.where(np.isfinite(displacement), signs * displacement, 0.0)
 
 
 def straight_line_um(model: ModelFile, rows: Rows, answers: Answers) -> Array:

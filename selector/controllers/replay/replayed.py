@@ -8,10 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from selector.controllers.application import Accuracy, displacement_of, position_channels, require_channels, zero_of
+from selector.controllers.guard.codes import Mode, SensorCode
 from selector.controllers.model_file import ModelFile
 from selector.controllers.program.guarded_program import axes_of
 from selector.controllers.replay.parts import TIME_STEP_S, Part
 from selector.controllers.replay.rows import Answers, Array, Rows, reference_answers
+from selector.controllers.signs import is_turned
 from selector.recording import Recording
 
 
@@ -197,7 +199,7 @@ def replayed(
         main, *others = executed(model, files, written, rows, whole)
         differences += [one for of in (main, *others) for one in of.differences(model)]
         telling = main.answers if main.part.tells_mode else whole
-        found.append(_run(model, recording, run, main, telling))
+        found.append(_run(model, recording, run, main, telling, whole))
     return Replay(tuple(found), written[0].executed_by(), _over_runs(differences), written[0].tells_mode)
 
 
@@ -227,16 +229,31 @@ def executed(
     return found
 
 
-def _run(model: ModelFile, recording: Recording, run: str, main: ExecutedPart, telling: Answers) -> ReplayedRun:
+def _run(
+    model: ModelFile, recording: Recording, run: str, main: ExecutedPart, telling: Answers, whole: Answers
+) -> ReplayedRun:
     correction_um = main.answers.correction_um
     recorded = np.column_stack(
         [displacement_of(of, recording, run) - zero_of(of, recording, run, None) for of in model.outputs]
     )
     accuracy = {
-        output.name: Accuracy.of(-correction_um[:, k], recorded[:, k]) for k, output in enumerate(model.outputs)
+        output.name: Accuracy.of((1.0 if is_turned(output) else -1.0) * correction_um[:, k], recorded[:, k])
+        for k, output in enumerate(model.outputs)
     }
-    faulty = float(np.mean(telling.mode != 1)) if len(telling.mode) else 0.0
-    return ReplayedRun(run, recording.time_s(run), correction_um, main.expected_um, recorded, accuracy, faulty)
+    time_s, faulty = recording.time_s(run), faulty_share(telling, whole)
+    return ReplayedRun(run, time_s, correction_um, main.expected_um, recorded, accuracy, faulty)
+
+
+def faulty_share(telling: Answers, whole: Answers) -> float:
+    """Share of the calls that did not follow the whole model; not those at the start, while all sensors are new.
+
+    `telling` has the modes; `whole` has the sensor codes, which not every program tells.
+    """
+    if len(telling.mode) == 0:
+        return 0.0
+    is_new = (whole.mode != Mode.MODEL) & (whole.sensors <= SensorCode.RECOVERING).all(axis=1)
+    begun = len(is_new) if is_new.all() else int(np.argmin(is_new))
+    return float(np.sum(telling.mode[begun:] != Mode.MODEL)) / len(telling.mode)
 
 
 def _largest(difference: Array) -> list[float]:

@@ -30,6 +30,8 @@ class Rows:
         As `axes_of`.
     is_ready, is_wanted, is_restart : ndarray of bool of shape (n_rows,)
     standstill_s : ndarray of shape (n_rows,)
+    test_um : ndarray of shape (n_rows, n_outputs), optional
+        What is commanded for the sign test; default: nothing.
     """
 
     dt_s: Array
@@ -39,9 +41,14 @@ class Rows:
     is_wanted: Flags
     is_restart: Flags
     standstill_s: Array
+    test_um: Array | None = None
 
     def __len__(self) -> int:
         return len(self.dt_s)
+
+    def tests_um(self, n_outputs: int) -> Array:
+        """What is commanded for the sign test, zeros if nothing is; of shape (n_rows, n_outputs)."""
+        return np.zeros((len(self), n_outputs)) if self.test_um is None else self.test_um
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +60,8 @@ class Answers:
     correction_um, k0_um, slope_um_per_m : ndarray of shape (n_rows, n_outputs)
     mode : ndarray of int of shape (n_rows,)
     sensors : ndarray of int of shape (n_rows, n_inputs)
+    axes : ndarray of int of shape (n_rows, n_axes)
+        Codes of the positions; 0 where a control has none.
     """
 
     correction_um: Array
@@ -60,13 +69,14 @@ class Answers:
     slope_um_per_m: Array
     mode: NDArray[np.int64]
     sensors: NDArray[np.int64]
+    axes: NDArray[np.int64]
 
     @classmethod
-    def empty(cls, n_rows: int, n_outputs: int, n_inputs: int) -> Answers:
+    def empty(cls, n_rows: int, n_outputs: int, n_inputs: int, n_axes: int) -> Answers:
         """Zeros, to be filled."""
         real = np.zeros((3, n_rows, n_outputs))
-        codes = np.zeros((n_rows, 1 + n_inputs), dtype=np.int64)
-        return cls(real[0], real[1], real[2], codes[:, 0], codes[:, 1:])
+        codes = np.zeros((n_rows, 1 + n_inputs + n_axes), dtype=np.int64)
+        return cls(real[0], real[1], real[2], codes[:, 0], codes[:, 1 : 1 + n_inputs], codes[:, 1 + n_inputs :])
 
 
 def called(
@@ -83,8 +93,9 @@ def called(
     number : callable
         Type of its real inputs.
     """
-    found = Answers.empty(len(rows), len(model.outputs), len(model.inputs))
+    found = Answers.empty(len(rows), len(model.outputs), len(model.inputs), len(axes_of(model)))
     readings, positions = rows.readings.tolist(), rows.positions_m.tolist()
+    tests = rows.tests_um(len(model.outputs)).tolist()
     for k in range(len(rows)):
         for name in ("dt_s", "standstill_s"):
             setattr(program, prefix + name, number(getattr(rows, name)[k]))
@@ -94,6 +105,8 @@ def called(
             setattr(program, f"{prefix}reading_{i}", number(value))
         for i, value in enumerate(positions[k], 1):
             setattr(program, f"{prefix}position_{i}", number(value))
+        for i, value in enumerate(tests[k], 1):
+            setattr(program, f"{prefix}test_um_{i}", number(value))
         call()
         for i in range(len(model.outputs)):
             found.correction_um[k, i] = getattr(program, f"{prefix}correction_{i + 1}")
@@ -101,6 +114,7 @@ def called(
             found.slope_um_per_m[k, i] = getattr(program, f"{prefix}slope_{i + 1}", 0.0)
         found.mode[k] = getattr(program, f"{prefix}mode")
         found.sensors[k] = [getattr(program, f"{prefix}sensor_{i + 1}") for i in range(len(model.inputs))]
+        found.axes[k] = [getattr(program, f"{prefix}axis_{i + 1}") for i in range(found.axes.shape[1])]
     return found
 
 
@@ -109,8 +123,8 @@ def reference_answers(model: ModelFile, rows: Rows, number: Number = float) -> A
     guarded = GuardedModel(model, number)
     names, axes = [item.name for item in model.inputs], axes_of(model)
     outputs = [output.name for output in model.outputs]
-    answers = Answers.empty(len(rows), len(outputs), len(names))
-    table, where = rows.readings.tolist(), rows.positions_m.tolist()
+    answers = Answers.empty(len(rows), len(outputs), len(names), len(axes))
+    table, where, tests = rows.readings.tolist(), rows.positions_m.tolist(), rows.tests_um(len(outputs)).tolist()
     for k, dt_s in enumerate(rows.dt_s.tolist()):
         # a switch that stays on is one restart
         if rows.is_restart[k] and not (k and rows.is_restart[k - 1]):
@@ -121,9 +135,11 @@ def reference_answers(model: ModelFile, rows: Rows, number: Number = float) -> A
             dict(zip(axes, where[k], strict=True)),
             is_ready=bool(rows.is_ready[k]),
             is_wanted=bool(rows.is_wanted[k]),
+            test_um=dict(zip(outputs, tests[k], strict=True)),
         )
         answers.correction_um[k] = [found.correction_um[name] for name in outputs]
         answers.k0_um[k] = [found.k0_um[name] for name in outputs]
         answers.slope_um_per_m[k] = [found.slope_um_per_m[name] for name in outputs]
         answers.mode[k], answers.sensors[k] = found.mode, found.sensors
+        answers.axes[k] = [found.axes[axis] for axis in axes]
     return answers

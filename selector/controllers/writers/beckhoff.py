@@ -8,14 +8,16 @@ The axis list switches it on with a reference position and nothing to correct; w
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from fractions import Fraction
 
+from selector.controllers.guard.codes import Mode
 from selector.controllers.model_file import ModelFile, Output
 from selector.controllers.program.text_of_program import plain
 from selector.controllers.writers.exported import Exported
 from selector.controllers.writers.heading import heading
 from selector.controllers.writers.refused import ExportRefusedError
+from selector.controllers.writers.sign_test import sign_test_of_block
 from selector.controllers.writers.twincat import tcpou_export
 
 ADS_TABLE = "temp_comp_ads.txt"
@@ -56,7 +58,13 @@ def beckhoff_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expo
             "is_ready = compensation enabled and axis homed.",
             "Every cycle write, as temp_comp_ads.txt says: offset_0 = k0 in steps of 0.1 µm, coefficient = slope.",
             "Without the enabling in the axis list, an NC program switches with X[COMP ON TEMP] and X[COMP OFF TEMP].",
-            "Command +10 µm (offset_0 = 100) and read the indicator before cutting.",
+        ),
+        sign_test=sign_test_of_block(
+            model,
+            shown=lambda k, um: (
+                f"mode = {Mode.TEST:d}, offset_0 = {round(TENTHS_PER_UM * um)} by ADS. Without the PLC: "
+                f"lr_param.temp_comp_offset_0 {round(TENTHS_PER_UM * um)} in the axis list, start the CNC, home"
+            ),
         ),
         silently=(
             "The compensation acts only when it is enabled and the axis is homed.",
@@ -76,17 +84,6 @@ def temp_comp_mm(position_mm: float, *, position_0: int, offset_0: int, coeffici
     return offset_0 / (TENTHS_PER_UM * UM_PER_MM) + coefficient_um_per_m * 1e-6 * from_reference_mm
 
 
-def tenths_of_um(length_um: float) -> int:
-    """A length in steps of 0.1 µm, as the axis list and ADS take it (SGN32).
-
-    Raises
-    ------
-    ExportRefusedError
-        It does not fit into 32 bits.
-    """
-    return _sgn32(Fraction(length_um) * TENTHS_PER_UM, f"{length_um:g} um")
-
-
 def list_values(text: str) -> dict[str, int]:
     """Values of the lines ``lr_param.temp_comp…`` of an axis list, by what follows ``temp_comp`` (``"_offset_0"``)."""
     found = (_LINE.fullmatch(line) for line in text.splitlines())
@@ -96,11 +93,6 @@ def list_values(text: str) -> dict[str, int]:
 def ads_offset(axis_id: int, number: int) -> int:
     """Index offset 0x<AID><number> of an object of an axis; `axis_id` from 1 to 65535."""
     return axis_id << 16 | number
-
-
-def written_values(k0_um: float, slope_um_per_m: float) -> Mapping[str, float]:
-    """What goes to the CNC for the outputs of the function block: 0.1 µm (SGN32) and µm/m (REAL64)."""
-    return {"offset_0": tenths_of_um(k0_um), "coefficient": slope_um_per_m}
 
 
 def _axes(model: ModelFile) -> list[str]:

@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 
+from selector.controllers.guard.codes import Mode
 from selector.controllers.model_file import ModelFile
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import Program, Variable
@@ -16,6 +17,7 @@ from selector.controllers.writers.exported import Exported
 from selector.controllers.writers.fixed_point import fixed_point_files, fixed_point_findings
 from selector.controllers.writers.heading import heading
 from selector.controllers.writers.refused import ExportRefusedError
+from selector.controllers.writers.sign_test import sign_test
 from selector.errors import OptionError
 from selector.findings import Finding
 
@@ -90,6 +92,14 @@ def c_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
             **fixed,
         },
         findings=findings,
+        sign_test=sign_test(
+            model,
+            "Call the program in its cycle with is_ready = 1 and is_wanted = 0 until correction_1 ... are 0. No sensor "
+            "is needed.",
+            lambda k, um: f"m.test_um_{k} = {um!r}; (fixed point: m.test_nm_{k} = {round(1000 * um)};)",
+            lambda k, um: f"m.mode = {Mode.TEST:d}, m.correction_{k} = {um:g} (fixed point: {round(1000 * um)} nm)",
+            "Set test_um_1 ... to 0 and, when the indicator is back at zero, is_wanted to 1.",
+        ),
         install=(
             f"Compile {NAME}.c ({SINGLE_NAME}.c where the processor has single precision only) with "
             "cc -std=c99 -O2 -ffp-contract=off, without -ffast-math. It needs no library.",

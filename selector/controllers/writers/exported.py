@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from selector.controllers.writers.sign_test import SignTest
 from selector.findings import Finding
 
 
@@ -18,6 +19,8 @@ class Exported:
         Name → text. Programs are ASCII.
     install : tuple of str
         Steps on the control, in order: what to copy, wire, set; with units.
+    sign_test : SignTest
+        How the sign is proved on this control.
     silently : tuple of str
         What this control does without telling anybody: clips, spreads, forgets, jumps.
     findings : tuple of Finding
@@ -26,5 +29,6 @@ class Exported:
 
     files: Mapping[str, str]
     install: tuple[str, ...]
+    sign_test: SignTest
     silently: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()

@@ -7,40 +7,38 @@ general knowledge, so that the installation asks for a look into the manual.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from textwrap import wrap
 
 from selector.controllers.guard.codes import LARGEST_NUMBER, LONGEST_S, LONGEST_STEP_S, Mode
 from selector.controllers.guard.decided import DecidedLimits, decided_limits
-from selector.controllers.model_file import Input, ModelFile, Output, Term
-from selector.controllers.model_io import model_sha256
+from selector.controllers.model_file import Input, ModelFile, Output
+from selector.controllers.model_io import equations_sha256
 from selector.controllers.program.text_of_program import plain
 from selector.controllers.self_check import output_bound_um
 from selector.controllers.sensor_check import CODE_SLACK, RANGE_SLACK
+from selector.controllers.signs import is_turned
 from selector.controllers.writers.exported import Exported
 from selector.controllers.writers.heading import heading
+from selector.controllers.writers.macro_b import SIGNIFICANT_DIGITS, limited, literal, minus, product, remarks
+from selector.controllers.writers.macro_b_offset import offset_asked, offset_written
 from selector.controllers.writers.refused import ExportRefusedError
+from selector.controllers.writers.sign_test import sign_test
 from selector.findings import Finding
 
 FILE = "O9100.nc"
 PROGRAM = 9100
-LONGEST_BLOCK = 72
-SIGNIFICANT_DIGITS = 12
-"""Of a literal; the model has its inputs centred and scaled, so that 12 digits cost 1e-10 µm at 100 µm."""
-LITERAL_ROUNDOFF = 5e-12
-"""Largest relative rounding of a literal."""
-
 TIME = 100
 """Common variable with the time of the readings [s]; the readings follow it."""
 
 LAST_VOLATILE, FIRST_KEPT, LAST_KEPT = 199, 500, 999
 LINEAR_AXES = "XYZUVW"
 
-_TOTAL, _PRODUCT, _CHANGE, _DT, _SLEWED, _SINCE = 1, 2, 3, 4, 5, 6
-_MODEL, _LAST_CALL, _LAST_SAMPLE, STATUS, _FAULTY, _HAS_BEGUN = range(FIRST_KEPT, FIRST_KEPT + 6)
-_FAULT, _MOVE, _END = 800, 850, 900
+_TOTAL, _PRODUCT, _CHANGE, _DT, _SLEWED, _SINCE, _IS_TEST, _FIRST_TESTED = range(1, 9)
+_MODEL, _LAST_CALL, _LAST_SAMPLE, STATUS, _FAULTY, _HAS_BEGUN, _GOOD_FOR = range(FIRST_KEPT, FIRST_KEPT + 7)
+_BEGIN, _JUDGED, _FAULT, _WAIT, _MOVE, _END = 30, 31, 800, 810, 850, 900
+_IS_BEGUN, _IS_CANDIDATE, _NOT_GOOD = "1.", "2.", "-1."
+"""Of start readings: believed, or good so far, but not yet for long enough; of the time for which all are good."""
 
 
 @dataclass(frozen=True)
@@ -49,8 +47,8 @@ class MacroVariables:
 
     Attributes
     ----------
-    readings, z : dict of str to int
-        Per input; per input and state (volatile).
+    readings, z, tests : dict of str to int
+        Per input; per input and state; per output, for the sign test (volatile).
     starts : dict of str to int
         Per input that is a rise (kept).
     levels : dict of (source, tau_s) to int
@@ -61,6 +59,7 @@ class MacroVariables:
 
     readings: dict[str, int]
     z: dict[str, int]
+    tests: dict[str, int]
     starts: dict[str, int]
     levels: dict[tuple[str, float], int]
     aims: dict[str, int]
@@ -77,22 +76,34 @@ def fanuc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
     """
     names = macro_variables(model)
     left_out = list(_left_out(model))
+    first, tests, corrections = model.outputs[0].name, list(names.tests.values()), list(names.corrections.values())
     _, open_limits = decided_limits(model)
     return Exported(
         files={FILE: _program(model, names, left_out, is_sign_verified=is_sign_verified)},
         install=(
             "Check in the manual of the control: custom macro B is there; common variables "
-            f"#{TIME}-#{max(names.z.values(), default=TIME)} and #{FIRST_KEPT}-#{max(names.corrections.values())} "
+            f"#{TIME}-#{max(names.tests.values())} and #{FIRST_KEPT}-#{max(names.corrections.values())} "
             f"are there, free, and those from #{FIRST_KEPT} outlive power-off; literals may have {SIGNIFICANT_DIGITS} "
             "digits; G10 L2 P0 is the external work offset; comments of capital letters stand in ( ).",
             f"Let FOCAS (cnc_wrmacro) or the PMC write #{TIME} = time of the readings [s], a clock that runs on, and "
             + ", ".join(f"#{number} = {plain(name)} [{_unit(model, name)}]" for name, number in names.readings.items())
             + "; a sensor without a reading is written as the code of its amplifier, never as its last value.",
-            f"Load {FILE}, call it with M98 P{PROGRAM} in millimetres (G21) between cuts, at most once a second; it "
-            "leaves G90 on. On a lathe with G-code system A, G90 is a turning cycle: take G90 out there. Programs "
-            "O9000 to O9999 may be protected, and X may be a diameter: check in the manual.",
+            f"Load {FILE}, call it with G65 P{PROGRAM} between cuts, at most once a second (M98 would share the local "
+            "variables of the caller). It asks the control for G20 or G21 and writes inches or mm; G90 and G91 "
+            "are as before afterwards, and are not touched where they are something else (lathes, G-code system A). "
+            "Programs O9000 to O9999 may be protected, and X may be a diameter: check in the manual.",
             f"After each call #{STATUS} says 1 model, 2 hold, 3 ramp to zero, and #{_FAULTY} which reading is bad.",
-            f"Set #{_HAS_BEGUN} = 0 to take new start readings at a cold start.",
+            f"Set #{_HAS_BEGUN} = 0 to take new start readings at a cold start; it is 2 until all readings have been "
+            f"good for {model.guard.recover_after_s:g} s, then 1.",
+        ),
+        sign_test=sign_test(
+            model,
+            f"#{TIME} runs on. Set #{names.tests[first]} ... = 0.001 (as good as nothing) and call G65 P{PROGRAM} "
+            f"once a second until #{names.corrections[first]} ... are 0.001. In MDI, command the axis to a place in "
+            "the work coordinate system; set the indicator to zero. No sensor is needed.",
+            lambda k, um: f"#{tests[k - 1]} = {um:g}, then G65 P{PROGRAM} once a second, then the same place again",
+            lambda k, um: f"#{STATUS} = {Mode.TEST:d}, #{corrections[k - 1]} = {um:g}",
+            f"Set #{names.tests[first]} ... to 0 and call G65 P{PROGRAM} until the correction is back.",
         ),
         silently=(
             "The external work offset is overwritten: whatever else was in it is gone.",
@@ -115,18 +126,19 @@ def macro_variables(model: ModelFile) -> MacroVariables:
         There are not so many.
     """
     volatile = iter(range(TIME + 1, 10_000))
-    kept = iter(range(_HAS_BEGUN + 1, 10_000))
+    kept = iter(range(_GOOD_FOR + 1, 10_000))
     taus = sorted({(state.source, state.tau_s) for state in model.states})
     variables = [*(item.name for item in model.inputs), *(state.name for state in model.states)]
     names = MacroVariables(
         readings={item.name: next(volatile) for item in model.inputs},
         z={name: next(volatile) for name in variables},
+        tests={output.name: next(volatile) for output in model.outputs},
         starts={item.name: next(kept) for item in model.inputs if item.reference == "rise"},
         levels={key: next(kept) for key in taus},
         aims={output.name: next(kept) for output in model.outputs},
         corrections={output.name: next(kept) for output in model.outputs},
     )
-    for used, last in ((max(names.z.values()), LAST_VOLATILE), (max(names.corrections.values()), LAST_KEPT)):
+    for used, last in ((max(names.tests.values()), LAST_VOLATILE), (max(names.corrections.values()), LAST_KEPT)):
         if used > last:
             raise ExportRefusedError(
                 f"the model needs common variables up to #{used}",
@@ -135,46 +147,6 @@ def macro_variables(model: ModelFile) -> MacroVariables:
                 advice="choose fewer sensors, or compute the correction outside the control (target c or python)",
             )
     return names
-
-
-def literal(value: float) -> str:
-    """A number without an exponent, in `SIGNIFICANT_DIGITS`: ``6.0476``, ``10.``, ``[1.5/100000.]``.
-
-    Raises
-    ------
-    ExportRefusedError
-        It is too large or too small to be written.
-    """
-    if value == 0.0:
-        return "0."
-    if not 1e-20 <= abs(value) < 1e20:
-        raise ExportRefusedError(
-            f"the number {value:g}",
-            expected="magnitudes from 1e-20 to 1e20",
-            where="FANUC custom macro B",
-            advice="find out which coefficient, centre or scale of the model file is so large or small",
-        )
-    if 0.1 <= abs(value) < 1e9:
-        return _with_point(f"{value:.{SIGNIFICANT_DIGITS}g}")
-    mantissa, exponent = f"{value:.{SIGNIFICANT_DIGITS - 1}e}".split("e")
-    mantissa = _with_point(mantissa.rstrip("0"))
-    power, sign = abs(int(exponent)), "/" if int(exponent) < 0 else "*"
-    steps = [min(10, power - done) for done in range(0, power, 10)]
-    return f"[{mantissa}{''.join(f'{sign}1{0:0{step}d}.' for step in steps)}]"
-
-
-def remarks(text: str) -> Iterator[str]:
-    """Comment blocks: capital letters, digits and few signs, so that nothing can end a comment or a block."""
-    harmless = re.sub(r"[^A-Z0-9 .,+\-*/=]", " ", re.sub("[:;]", ",", plain(text).upper()))
-    yield from (f"({line})" for line in wrap(harmless, LONGEST_BLOCK - 2))
-
-
-def _with_point(text: str) -> str:
-    return text if "." in text else f"{text}."
-
-
-def _minus(value: float) -> str:
-    return f"-{literal(value)}" if value >= 0.0 else f"+{literal(-value)}"
 
 
 def _unit(model: ModelFile, name: str) -> str:
@@ -192,8 +164,8 @@ def _left_out(model: ModelFile) -> Iterator[str]:
         yield "a reading that jumps is not found"
     if guard.stuck_after_s is not None:
         yield "a sensor that stands still is not found"
-    if guard.recover_after_s > 0.0:
-        yield "a sensor that is good again is used at once"
+    if len(model.inputs) > 1:
+        yield "while one sensor is bad or has to recover, all wait"
     if guard.on_fault == "fallback":
         yield f"no fallback models, with a bad sensor it does {guard.without_fallback}"
     if guard.hold_at_most_s is not None and _on_fault(model) == "hold":
@@ -241,6 +213,8 @@ def _program(model: ModelFile, names: MacroVariables, left_out: Sequence[str], *
         lines += remarks(f"NO. {names.readings[item.name]} - {item.name} in {item.unit}")
     for output in model.outputs:
         lines += remarks(f"NO. {names.corrections[output.name]} - correction for {output.name} in um")
+        lines += remarks(f"NO. {names.tests[output.name]} - sign test of {output.name}, not 0 commands so much in um")
+    lines += [f"IF[#{TIME}EQ#0]GOTO{_END}", *offset_asked(axes.values())]
     lines += _begun(model, names)
     for k, item in enumerate(model.inputs, 1):
         lines += _checked(model, item, k, names)
@@ -248,9 +222,11 @@ def _program(model: ModelFile, names: MacroVariables, left_out: Sequence[str], *
     for output in model.outputs:
         lines += _aimed(output, limits[output.name], names)
     lines += _faulted(model, names)
-    for output in model.outputs:
-        lines += _moved(output, axes[output.name], limits[output.name], names)
-    lines += [f"N{_END}", "M99", "%"]
+    written = {axes[name]: variable for name, variable in names.corrections.items()}
+    lines += _tested(limits, names)
+    for k, output in enumerate(model.outputs):
+        lines += _moved(output, axes[output.name], limits[output.name], names, _FIRST_TESTED + k)
+    lines += [*offset_written(written, _END), f"N{_END}", "M99", "%"]
     return "\n".join(lines) + "\n"
 
 
@@ -269,13 +245,13 @@ def _axes(model: ModelFile) -> dict[str, str]:
 
 
 def _begun(model: ModelFile, names: MacroVariables) -> Iterator[str]:
-    number = literal(float(int(model_sha256(model)[:6], 16)))
-    yield f"IF[#{TIME}EQ#0]GOTO{_END}"
+    number = literal(float(int(equations_sha256(model)[:6], 16)))
     yield f"IF[#{_MODEL}EQ{number}]GOTO10"
     yield from remarks("first call of this model")
     yield f"#{_MODEL}={number}"
     yield f"#{_LAST_CALL}=#{TIME}"
     yield f"#{_HAS_BEGUN}=0."
+    yield f"#{_GOOD_FOR}={_NOT_GOOD}"
     yield from (f"#{kept}=0." for of in (names.aims, names.corrections) for kept in of.values())
     yield "N10"
     yield f"#{_DT}=#{TIME}-#{_LAST_CALL}"
@@ -293,7 +269,7 @@ def _checked(model: ModelFile, item: Input, k: int, names: MacroVariables) -> It
     yield f"IF[#{reading}EQ#0]GOTO{_FAULT}"
     yield f"IF[ABS[#{reading}]GT{literal(LARGEST_NUMBER)}]GOTO{_FAULT}"
     for code in model.guard.break_codes if item.unit == "degC" else ():
-        yield f"IF[ABS[#{reading}{_minus(code)}]LE{literal(CODE_SLACK * abs(code))}]GOTO{_FAULT}"
+        yield f"IF[ABS[#{reading}{minus(code)}]LE{literal(CODE_SLACK * abs(code))}]GOTO{_FAULT}"
     if item.reading_min is not None:
         yield f"IF[#{reading}LT{literal(item.reading_min)}]GOTO{_FAULT}"
     if item.reading_max is not None:
@@ -302,53 +278,71 @@ def _checked(model: ModelFile, item: Input, k: int, names: MacroVariables) -> It
         yield f"#{x}=#{reading}"
     else:
         yield f"#{x}=0."
-        yield f"IF[#{_HAS_BEGUN}EQ1.]THEN#{x}=#{reading}-#{names.starts[item.name]}"
+        yield f"IF[#{_HAS_BEGUN}EQ{_IS_BEGUN}]THEN#{x}=#{reading}-#{names.starts[item.name]}"
     if model.guard.outside_valid_range == "fault":
         slack = RANGE_SLACK * (item.valid_max - item.valid_min)
         yield f"IF[#{x}LT{literal(item.valid_min - slack)}]GOTO{_FAULT}"
         yield f"IF[#{x}GT{literal(item.valid_max + slack)}]GOTO{_FAULT}"
-    low, high = literal(item.valid_min), literal(item.valid_max)
-    yield f"IF[#{x}LT{low}]THEN#{x}={low}"
-    yield f"IF[#{x}GT{high}]THEN#{x}={high}"
+    yield from limited(x, literal(item.valid_min), literal(item.valid_max))
 
 
 def _remembered(model: ModelFile, names: MacroVariables) -> Iterator[str]:
-    """All sensors are good: start readings, memory, z."""
-    yield from remarks("start readings and memory")
+    """All sensors are good: start readings and memory once they have been so for long enough, z."""
+    yield from remarks("start readings")
     yield f"#{_FAULTY}=0."
+    rises = [item for item in model.inputs if item.reference == "rise"]
+    yield f"IF[#{_HAS_BEGUN}EQ{_IS_BEGUN}]GOTO{_BEGIN}"
+    yield f"IF[#{_HAS_BEGUN}NE{_IS_CANDIDATE}]THEN#{_GOOD_FOR}={_NOT_GOOD}"
+    for item in rises:
+        yield f"#{_CHANGE}=ABS[#{names.readings[item.name]}-#{names.starts[item.name]}]"
+        yield f"IF[#{_CHANGE}GT{literal(item.valid_max - item.valid_min)}]THEN#{_GOOD_FOR}={_NOT_GOOD}"
+    yield f"N{_BEGIN}"
+    yield f"#{_GOOD_FOR}=#{_GOOD_FOR}+#{_DT}"
+    yield f"IF[#{_GOOD_FOR}GE#{_DT}]GOTO{_JUDGED}"
+    yield f"#{_GOOD_FOR}=0."
+    yield f"IF[#{_HAS_BEGUN}EQ{_IS_BEGUN}]GOTO{_JUDGED}"
+    for item in rises:
+        yield f"#{names.starts[item.name]}=#{names.readings[item.name]}"
+        yield f"#{names.z[item.name]}=0."
+        yield from limited(names.z[item.name], literal(item.valid_min), literal(item.valid_max))
+    yield from (f"#{level}=#{names.z[source]}" for (source, _), level in names.levels.items())
+    yield f"#{_LAST_SAMPLE}=#{TIME}"
+    yield f"#{_HAS_BEGUN}={_IS_CANDIDATE}"
+    yield f"N{_JUDGED}"
+    yield f"IF[#{_GOOD_FOR}LT{literal(model.guard.recover_after_s)}]GOTO{_WAIT}"
     yield f"#{STATUS}={literal(float(Mode.MODEL))}"
-    for name, start in names.starts.items():
-        yield f"IF[#{_HAS_BEGUN}NE1.]THEN#{start}=#{names.readings[name]}"
-    yield f"IF[#{_HAS_BEGUN}NE1.]THEN#{_LAST_SAMPLE}=#{TIME}"
+    yield f"#{_HAS_BEGUN}={_IS_BEGUN}"
+    for item in rises:
+        yield f"#{names.z[item.name]}=#{names.readings[item.name]}-#{names.starts[item.name]}"
+        yield from limited(names.z[item.name], literal(item.valid_min), literal(item.valid_max))
+    yield from remarks("memory")
     yield f"#{_SINCE}=#{TIME}-#{_LAST_SAMPLE}"
     yield f"IF[#{_SINCE}LT0.]THEN#{_SINCE}=0."
     yield f"IF[#{_SINCE}GT{literal(LONGEST_S)}]THEN#{_SINCE}={literal(LONGEST_S)}"
     yield f"#{_LAST_SAMPLE}=#{TIME}"
     for (source, tau_s), level in names.levels.items():
-        x = names.z[source]
-        yield f"IF[#{_HAS_BEGUN}NE1.]THEN#{level}=#{x}"
         yield f"#{_PRODUCT}=#{_SINCE}/[{literal(tau_s)}+#{_SINCE}]"
-        yield f"#{level}=#{level}+#{_PRODUCT}*[#{x}-#{level}]"
-    yield f"#{_HAS_BEGUN}=1."
+        yield f"#{level}=#{level}+#{_PRODUCT}*[#{names.z[source]}-#{level}]"
     for state in model.states:
         level = names.levels[state.source, state.tau_s]
-        yield f"#{names.z[state.name]}=[#{level}{_minus(state.centre)}]/{literal(state.scale)}"
+        yield f"#{names.z[state.name]}=[#{level}{minus(state.centre)}]/{literal(state.scale)}"
     for item in model.inputs:
         z = names.z[item.name]
         if (item.centre, item.scale) != (0.0, 1.0):
-            yield f"#{z}=[#{z}{_minus(item.centre)}]/{literal(item.scale)}"
+            yield f"#{z}=[#{z}{minus(item.centre)}]/{literal(item.scale)}"
 
 
 def _aimed(output: Output, limits: DecidedLimits, names: MacroVariables) -> Iterator[str]:
     yield from remarks(f"displacement {output.name}")
     yield f"#{_TOTAL}={literal(output.intercept)}"
     for term in output.terms:
-        yield from _product(term, names)
+        factors = [names.z[name] for name, power in term.powers.items() for _ in range(power)]
+        yield from product(_PRODUCT, term.coefficient, factors)
         yield f"#{_TOTAL}=#{_TOTAL}+#{_PRODUCT}"
     aim, clamp, band = names.aims[output.name], literal(limits.clamp_um), limits.dead_band_um
-    yield f"#{_TOTAL}=-#{_TOTAL}"
-    yield f"IF[#{_TOTAL}LT-{clamp}]THEN#{_TOTAL}=-{clamp}"
-    yield f"IF[#{_TOTAL}GT{clamp}]THEN#{_TOTAL}={clamp}"
+    if not is_turned(output):
+        yield f"#{_TOTAL}=-#{_TOTAL}"
+    yield from limited(_TOTAL, f"-{clamp}", clamp)
     if band == 0.0:
         yield f"#{aim}=#{_TOTAL}"
     else:
@@ -356,36 +350,38 @@ def _aimed(output: Output, limits: DecidedLimits, names: MacroVariables) -> Iter
         yield f"IF[#{_CHANGE}GE{literal(band)}]THEN#{aim}=#{_TOTAL}"
 
 
-def _product(term: Term, names: MacroVariables) -> Iterator[str]:
-    """In blocks that are not too long."""
-    block = f"#{_PRODUCT}={literal(term.coefficient)}"
-    for name, power in term.powers.items():
-        for _ in range(power):
-            factor = f"*#{names.z[name]}"
-            if len(block) + len(factor) > LONGEST_BLOCK:
-                yield block
-                block = f"#{_PRODUCT}=#{_PRODUCT}"
-            block += factor
-    yield block
-
-
 def _faulted(model: ModelFile, names: MacroVariables) -> Iterator[str]:
     is_ramped = _on_fault(model) == "ramp-to-zero"
     yield f"GOTO{_MOVE}"
     yield f"N{_FAULT}"
-    yield from remarks("a reading is bad - the aim goes to zero" if is_ramped else "a reading is bad - the aim stays")
+    yield f"#{_GOOD_FOR}={_NOT_GOOD}"
+    yield f"N{_WAIT}"
+    yield from remarks("not all are good - the aim goes to zero" if is_ramped else "not all are good - the aim stays")
     yield f"#{STATUS}={literal(float(Mode.RAMP_TO_ZERO if is_ramped else Mode.HOLD))}"
     if is_ramped:
         yield from (f"#{aim}=0." for aim in names.aims.values())
     yield f"N{_MOVE}"
 
 
-def _moved(output: Output, axis: str, limits: DecidedLimits, names: MacroVariables) -> Iterator[str]:
+def _tested(limits: Mapping[str, DecidedLimits], names: MacroVariables) -> Iterator[str]:
+    """What is commanded by hand, 0 if nothing is."""
+    yield from remarks("sign test")
+    yield f"#{_IS_TEST}=0."
+    for k, (name, test) in enumerate(names.tests.items(), _FIRST_TESTED):
+        clamp = literal(limits[name].clamp_um)
+        yield f"#{k}=0."
+        yield f"IF[#{test}NE#0]THEN#{k}=#{test}"
+        yield f"IF[ABS[#{k}]GT{literal(LARGEST_NUMBER)}]THEN#{k}=0."
+        yield f"IF[#{k}NE0.]THEN#{_IS_TEST}=1."
+        yield from limited(k, f"-{clamp}", clamp)
+    yield f"IF[#{_IS_TEST}EQ1.]THEN#{STATUS}={literal(float(Mode.TEST))}"
+
+
+def _moved(output: Output, axis: str, limits: DecidedLimits, names: MacroVariables, tested: int) -> Iterator[str]:
     aim, now = names.aims[output.name], names.corrections[output.name]
     yield from remarks(f"axis {axis} - no faster than {limits.slew_um_per_s:g} um/s")
     yield f"#{_CHANGE}={literal(limits.slew_um_per_s)}*#{_SLEWED}"
     yield f"#{_TOTAL}=#{aim}"
-    yield f"IF[#{_TOTAL}LT[#{now}-#{_CHANGE}]]THEN#{_TOTAL}=#{now}-#{_CHANGE}"
-    yield f"IF[#{_TOTAL}GT[#{now}+#{_CHANGE}]]THEN#{_TOTAL}=#{now}+#{_CHANGE}"
+    yield f"IF[#{_IS_TEST}EQ1.]THEN#{_TOTAL}=#{tested}"
+    yield from limited(_TOTAL, f"[#{now}-#{_CHANGE}]", f"[#{now}+#{_CHANGE}]")
     yield f"#{now}=#{_TOTAL}"
-    yield f"G90G10L2P0{axis}[#{now}/1000.]"

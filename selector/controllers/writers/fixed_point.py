@@ -12,7 +12,8 @@ from collections.abc import Iterator
 from selector.controllers.model_file import ModelFile
 from selector.controllers.program.text_of_program import plain
 from selector.controllers.writers.fixed_point_numbers import FRACTION_BITS, Fixed, counts_of, fixed
-from selector.controllers.writers.fixed_point_source import NAME, Source
+from selector.controllers.writers.fixed_point_sensor import NAME
+from selector.controllers.writers.fixed_point_source import Source
 from selector.controllers.writers.heading import heading
 from selector.findings import Finding
 
@@ -80,8 +81,6 @@ def _left_out(model: ModelFile) -> Iterator[str]:
         yield f"no fallback models, with a bad sensor it does '{guard.without_fallback}'"
     if guard.stuck_after_s is not None:
         yield "a sensor that stands still is not found"
-    if guard.restart == "new-start" or guard.new_start_after_s is not None:
-        yield "it does not know how long the control was off: clear has_start_* and has_memory_* for a new start"
 
 
 def _about(model: ModelFile, numbers: Fixed) -> Iterator[str]:

@@ -2,38 +2,37 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from fractions import Fraction
 
-from selector.controllers.guard.codes import ANCHOR_S, FORGIVEN_S, LONGEST_S, LONGEST_STEP_S, SAMPLE_S, Mode, SensorCode
-from selector.controllers.guard.decided import DecidedLimits, decided_limits
+from selector.controllers.guard.codes import LONGEST_S, LONGEST_STEP_S, SAMPLE_S, Mode, SensorCode
+from selector.controllers.guard.decided import DecidedLimits, decided_limits, valid_positions_m
 from selector.controllers.model_file import ModelFile, Output, PositionPart
 from selector.controllers.program.guarded_program import axes_of
 from selector.controllers.program.text_of_program import plain
-from selector.controllers.sensor_check import CODE_SLACK, RANGE_SLACK
+from selector.controllers.signs import is_turned
 from selector.controllers.writers.fixed_point_numbers import (
     FRACTION_BITS,
     LARGEST_INT32,
-    MS,
-    ONE,
     STATE_STEPS,
-    Counted,
     Normalised,
     Polynomial,
     counts_of,
     fixed,
     position_um,
 )
+from selector.controllers.writers.fixed_point_sensor import (
+    MISSING,
+    NAME,
+    long_literal,
+    milliseconds,
+    nanometres,
+    sensor_lines,
+)
 from selector.controllers.writers.fixed_point_tools import TOOLS
 from selector.controllers.writers.refused import ExportRefusedError
 
-NAME = "thermal_correction_i"
-MISSING = "(-2147483647 - 1)"
-"""A reading or position that is not there: the smallest 32-bit number, in any C."""
-
 _LARGEST_SLEW_PM_PER_S = 10**14
-_FASTEST = 2**33  # counts a minute; no two readings differ by more
 _PM = 10**6
 
 
@@ -71,8 +70,10 @@ class Source:
         lines += [f"    m->{name} = {initial};" for of in self._members().values() for _, name, initial, _ in of]
         lines += ["}", ""]
         for item in self._model.inputs:
-            lines += [*self._sensor(self.fixed.inputs[item.name]), ""]
-        lines += [*self._aimed(), "", *self._stepped()]
+            taus = {k: self.fixed.taus_ms[key] for key, k in self._levels.items() if key[0] == item.name}
+            own = sensor_lines(self.fixed.inputs[item.name], self._model.guard, self._index[item.name], taus)
+            lines += [*own, ""]
+        lines += [*self._aimed(), "", *self._restarted(), "", *self._stepped()]
         text = "\n".join(lines)
         # a static function that nobody calls is a warning
         tools = [tool for name, tool in TOOLS.items() if f"{name}(" in text]
@@ -88,7 +89,7 @@ class Source:
             inputs.append((n, f"reading_{k}", MISSING, f"{name}: {counts_of(counted)}; smallest number = missing"))
             retained.append((n, f"has_memory_{k}", "0", ""))
             kept += [(n, f"x_{k}", "0", ""), (n, f"since_ms_{k}", "0", "")]
-            kept.append((n, f"good_ms_{k}", str(_ms(self._model.guard.recover_after_s)), ""))
+            kept += [(n, f"good_ms_{k}", "-1", ""), (n, f"is_new_{k}", "1", "")]
             if counted.item.reference == "rise":
                 retained.append((n, f"start_{k}", "0", f"start reading of {name} [counts]"))
                 retained.append((n, f"has_start_{k}", "0", ""))
@@ -96,17 +97,22 @@ class Source:
                 kept += [(n, f"{of}_{k}", "0", "") for of in ("anchor", "has_anchor", "anchor_age_ms")]
         for axis, k in self._axes.items():
             reference = str(position_um(self._parts[axis].reference_m))
-            inputs.append((n, f"position_{k}", reference, f"position of axis {axis} [um]"))
+            inputs.append((n, f"position_{k}", MISSING, f"position of axis {axis} [um]; smallest number = missing"))
+            outputs.append((n, f"axis_{k}", str(int(SensorCode.MISSING)), f"{axis}: 0 ok, 1 limited, 3 missing"))
             kept.append((n, f"at_{k}", reference, ""))
         inputs += [(n, "is_ready", "1", "drives on, axis referenced"), (n, "is_wanted", "1", "the operator's switch")]
+        inputs.append((n, "is_restart", "0", "not 0 in the first call after the control was off"))
+        inputs.append((n, "standstill_ms", "0", "with is_restart: off for so long [ms]"))
         for k, output in enumerate(self._model.outputs, 1):
+            inputs.append((n, f"test_nm_{k}", "0", f"sign test of {output.name}: not 0 commands so much [nm]"))
             outputs.append((n, f"correction_{k}", "0", f"to be added to the axis for {output.name} [nm]"))
             outputs.append((n, f"k0_{k}", "0", "the same at the reference position [nm]"))
             kept += [(n, f"aim_{k}", "0", ""), (n, f"rest_{k}", "0", "")]
             if output.position is not None:
                 outputs.append((n, f"slope_{k}", "0", "and its slope [nm/m]"))
-                kept += [(n, f"slope_aim_{k}", "0", ""), (n, f"slope_rest_{k}", "0", "")]
-        outputs.append((n, "mode", "0", "0 off, 1 model, 2 hold, 3 ramp to zero, 4 switched off"))
+                kept += [(n, f"{of}_{k}", "0", "") for of in ("slope_aim", "slope_rest", "is_back", "back_rest")]
+                kept.append((n, f"where_{k}", str(position_um(output.position.reference_m)), ""))
+        outputs.append((n, "mode", "0", "0 off, 1 model, 2 hold, 3 ramp to zero, 4 switched off, 5 sign test"))
         outputs += [
             (n, f"sensor_{k}", str(int(SensorCode.MISSING)), f"{name}: 0 ok, 1 limited, 2 recovering, 3 missing, "
              "4 break code, 5 out of limits, 6 jump, 8 range" if k == 1 else name)
@@ -116,77 +122,10 @@ class Source:
             (w, f"level_{k}", "0", f"memory of {source} over {tau:g} s, 2^-{FRACTION_BITS} counts")
             for (source, tau), k in self._levels.items()
         ]
-        kept += [(n, "is_first", "1", ""), (n, "since_ms", "0", ""), (n, "held_ms", "0", "")]
+        kept += [(n, "is_first", "1", ""), *((n, name, "0", "") for name in ("was_restart", "since_ms", "held_ms"))]
         kept.append((n, "follows", str(int(Mode.HOLD)), ""))
         titles = ("inputs", "outputs", "to be kept when the control is off", "state")
         return dict(zip(titles, (inputs, outputs, retained, kept), strict=True))
-
-    def _sensor(self, counted: Counted) -> Iterator[str]:
-        """A function that judges one reading and takes it over if it is good."""
-        item, guard, k = counted.item, self._model.guard, self._index[counted.item.name]
-        ages = [(f"since_ms_{k}", LONGEST_S)]
-        if item.rate_limit_per_min is not None:
-            ages.append((f"anchor_age_ms_{k}", FORGIVEN_S))
-        yield f"/* sensor {plain(item.name)} */"
-        yield f"static void sensor_{k}({NAME} *m)"
-        yield "{"
-        yield f"    int64_t r = m->reading_{k}, x;"
-        yield f"    int32_t code = {SensorCode.OK:d};"
-        for age, longest_s in ages:
-            yield f"    m->{age} = (int32_t)limited((int64_t)m->{age} + m->since_ms, 0, {_ms(longest_s)});"
-        yield f"    if (r == {MISSING} || r == {LARGEST_INT32})"
-        yield f"        code = {SensorCode.MISSING:d};"
-        for condition, code in self._faults(counted):
-            yield f"    if (code == {SensorCode.OK:d} && {condition})"
-            yield f"        code = {code:d};"
-        if item.rate_limit_per_min is not None:
-            yield from _jump(k, min(round(Fraction(item.rate_limit_per_min) * counted.per_unit), _FASTEST))
-        fresh = f"m->has_start_{k} ? r - m->start_{k} : 0" if item.reference == "rise" else "r"
-        yield f"    x = {fresh};"
-        slack = Fraction(RANGE_SLACK) * (counted.high - counted.low)
-        outside = f"x < {math.ceil(counted.low - slack)} || x > {math.floor(counted.high + slack)}"
-        if guard.outside_valid_range == "fault":
-            yield f"    if (code == {SensorCode.OK:d} && ({outside}))"
-            yield f"        code = {SensorCode.OUTSIDE_VALID_RANGE:d};"
-        yield f"    m->good_ms_{k} = code != {SensorCode.OK:d} ? 0 :"
-        yield f"        (int32_t)limited((int64_t)m->good_ms_{k} + m->since_ms, 0, {_ms(LONGEST_S)});"
-        yield f"    if (code == {SensorCode.OK:d} && m->good_ms_{k} < {_ms(guard.recover_after_s)})"
-        yield f"        code = {SensorCode.RECOVERING:d};"
-        yield f"    if (code == {SensorCode.OK:d}) {{"
-        if item.reference == "rise":
-            yield f"        if (!m->has_start_{k}) {{"
-            yield f"            m->start_{k} = m->reading_{k};"
-            yield f"            m->has_start_{k} = 1;"
-            yield "            x = 0;"
-            yield "        }"
-        yield f"        if ({outside})"
-        yield f"            code = {SensorCode.LIMITED:d};"
-        yield f"        m->x_{k} = (int32_t)limited(x, {counted.low}, {counted.high});"
-        for (source, tau_s), level in self._levels.items():
-            if source == item.name:
-                tau, target = self.fixed.taus_ms[source, tau_s], f"(int64_t)m->x_{k} * {ONE}"
-                yield f"        m->level_{level} = !m->has_memory_{k} ? {target}"
-                # what was put back after a restart may be anything
-                kept = f"limited(m->level_{level}, {_long(counted.low * ONE)}, {_long(counted.high * ONE)})"
-                yield f"            : followed({kept}, {target}, m->since_ms_{k}, {tau}LL);"
-        yield f"        m->has_memory_{k} = 1;"
-        yield f"        m->since_ms_{k} = 0;"
-        yield "    }"
-        yield f"    m->sensor_{k} = code;"
-        yield "}"
-
-    def _faults(self, counted: Counted) -> Iterator[tuple[str, SensorCode]]:
-        item, per_unit = counted.item, counted.per_unit
-        for value in self._model.guard.break_codes if item.unit == "degC" else ():
-            around = Fraction(CODE_SLACK) * abs(Fraction(value))
-            # half a count more: the code itself is rounded, too
-            low = math.ceil((Fraction(value) - around) * per_unit - Fraction(1, 2))
-            high = math.floor((Fraction(value) + around) * per_unit + Fraction(1, 2))
-            if low >= -LARGEST_INT32 and high <= LARGEST_INT32:
-                yield f"r >= {low} && r <= {high}", SensorCode.BREAK_CODE
-        for limit, sign, toward in ((item.reading_min, "<", math.ceil), (item.reading_max, ">", math.floor)):
-            if limit is not None and abs(Fraction(limit) * per_unit) < LARGEST_INT32:
-                yield f"r {sign} {toward(Fraction(limit) * per_unit)}", SensorCode.OUT_OF_LIMITS
 
     def _aimed(self) -> Iterator[str]:
         yield "/* the model */"
@@ -201,23 +140,21 @@ class Source:
         yield "    p = own = change = 0;"
         for k, output in enumerate(self._model.outputs, 1):
             limits = self._limits[output.name]
-            clamp, band = _nm(limits.clamp_um), _nm(limits.dead_band_um)
+            clamp, band = nanometres(limits.clamp_um), nanometres(limits.dead_band_um)
             yield f"    /* displacement {plain(output.name)} */"
             yield from self._sum(self.fixed.own[output.name])
-            yield f"    own = limited(-own, -{clamp}, {clamp});"
+            sign = "" if is_turned(output) else "-"
+            yield f"    own = limited({sign}own, -{clamp}, {clamp});"
             if band > 0:
                 yield f"    change = own - m->aim_{k};"
                 yield f"    if (change >= {band} || change <= -{band})"
             yield f"    {'    ' if band > 0 else ''}m->aim_{k} = (int32_t)own;"
             if output.position is not None:
-                most = _nm(limits.slope_clamp_um_per_m)
                 yield from self._sum(self.fixed.slopes[output.name])
-                reach_um = position_um(limits.reach_m)
-                if reach_um > 0:
-                    # the straight line keeps the clamp at the far end of the axis, too
-                    yield f"    change = m->aim_{k} < 0 ? -(int64_t)m->aim_{k} : m->aim_{k};"
-                    yield f"    change = limited(({clamp} - change) * 1000000 / {reach_um}, 0, {most});"
-                    yield f"    m->slope_aim_{k} = (int32_t)limited(-own, -change, change);"
+                yield "    /* the straight line keeps the clamp at the far end of the axis, too */"
+                yield f"    change = slope_left({clamp} - (m->aim_{k} < 0 ? -(int64_t)m->aim_{k} : m->aim_{k}),"
+                yield f"        {position_um(limits.reach_m)}, {nanometres(limits.slope_clamp_um_per_m)});"
+                yield f"    m->slope_aim_{k} = (int32_t)limited({sign}own, -change, change);"
         yield "    (void)p;"
         yield "    (void)change;"
         yield "}"
@@ -229,21 +166,21 @@ class Source:
             state = next(state for state in self._model.states if state.name == name)
             bits = FRACTION_BITS - STATE_STEPS.bit_length() + 1
             x = f"shifted(m->level_{self._levels[state.source, state.tau_s]}, {bits})"
-        return f"shifted({x} * {_long(v.gain)} + {_long(v.offset)}, {v.shift})"
+        return f"shifted({x} * {long_literal(v.gain)} + {long_literal(v.offset)}, {v.shift})"
 
     def _is_used(self, name: str) -> bool:
         polynomials = (*self.fixed.own.values(), *self.fixed.slopes.values())
         return any(name in factors for p in polynomials for _, factors in p.terms)
 
     def _sum(self, of: Polynomial) -> Iterator[str]:
-        yield f"    sum = {_long(of.constant)};"
+        yield f"    sum = {long_literal(of.constant)};"
         for coefficient, factors in of.terms:
             product = self._v[factors[0]]
             if len(factors) > 1:
                 yield f"    p = {product};"
                 yield from (f"    p = shifted(p * {self._v[name]}, {FRACTION_BITS});" for name in factors[1:])
                 product = "p"
-            yield f"    sum += {_long(coefficient)} * {product};"
+            yield f"    sum += {long_literal(coefficient)} * {product};"
         yield f"    own = shifted(sum, {of.shift});"
 
     def _stepped(self) -> Iterator[str]:
@@ -252,20 +189,32 @@ class Source:
         believed = " && ".join(f"m->sensor_{k} <= {SensorCode.LIMITED:d}" for k in self._index.values())
         yield f"void {NAME}_step({NAME} *m)"
         yield "{"
-        yield f"    int32_t dt = (int32_t)limited(m->dt_ms, 0, {_ms(LONGEST_S)});"
-        yield f"    int32_t slewed = (int32_t)limited(dt, 0, {_ms(LONGEST_STEP_S)});"
-        for k in self._axes.values():
-            yield f"    if (m->position_{k} != {MISSING})"
+        yield f"    int32_t dt = (int32_t)limited(m->dt_ms, 0, {milliseconds(LONGEST_S)});"
+        yield f"    int32_t slewed = (int32_t)limited(dt, 0, {milliseconds(LONGEST_STEP_S)});"
+        if self._axes:
+            yield f"    int32_t {', '.join(f'back_{k} = 0' for k in self._axes.values())};"
+        yield "    if (m->is_restart && !m->was_restart)"
+        yield "        restarted(m);"
+        yield "    m->was_restart = m->is_restart;"
+        for axis, k in self._axes.items():
+            low, high = (position_um(at) for at in valid_positions_m(self._model)[axis])
+            ok, limited, missing = (int(SensorCode[name]) for name in ("OK", "LIMITED", "MISSING"))
+            yield f"    if (m->position_{k} != {MISSING}) {{"
+            yield f"        back_{k} = m->axis_{k} == {missing};"
             yield f"        m->at_{k} = m->position_{k};"
-        yield f"    m->since_ms = (int32_t)limited((int64_t)m->since_ms + dt, 0, {_ms(LONGEST_S)});"
-        yield f"    if (m->is_first || m->since_ms >= {_ms(SAMPLE_S)}) {{"
+            yield f"        m->axis_{k} = m->at_{k} < {low} || m->at_{k} > {high} ? {limited} : {ok};"
+            yield "    } else {"
+            yield f"        m->axis_{k} = {missing};"
+            yield "    }"
+        yield f"    m->since_ms = (int32_t)limited((int64_t)m->since_ms + dt, 0, {milliseconds(LONGEST_S)});"
+        yield f"    if (m->is_first || m->since_ms >= {milliseconds(SAMPLE_S)}) {{"
         yield from (f"        sensor_{k}(m);" for k in self._index.values())
         yield f"        m->follows = {believed}"
         yield f"            ? {Mode.MODEL:d} : {Mode.RAMP_TO_ZERO if on_fault == 'ramp-to-zero' else Mode.HOLD:d};"
         if on_fault == "hold" and guard.hold_at_most_s is not None:
             yield f"        m->held_ms = m->follows == {Mode.MODEL:d} ? 0 :"
-            yield f"            (int32_t)limited((int64_t)m->held_ms + m->since_ms, 0, {_ms(LONGEST_S)});"
-            yield f"        if (m->held_ms > {_ms(guard.hold_at_most_s)})"
+            yield f"            (int32_t)limited((int64_t)m->held_ms + m->since_ms, 0, {milliseconds(LONGEST_S)});"
+            yield f"        if (m->held_ms > {milliseconds(guard.hold_at_most_s)})"
             yield f"            m->follows = {Mode.RAMP_TO_ZERO:d};"
         yield f"        if (m->follows == {Mode.MODEL:d})"
         yield "            aimed(m);"
@@ -281,62 +230,89 @@ class Source:
         yield "    m->mode = m->follows;"
         yield "    if (!m->is_wanted)"
         yield f"        m->mode = {Mode.SWITCHED_OFF:d};"
+        for k in range(1, len(self._model.outputs) + 1):
+            yield f"    if (m->test_nm_{k} != 0 && m->test_nm_{k} != {MISSING})"
+            yield f"        m->mode = {Mode.TEST:d};"
         yield "    if (!m->is_ready)"
         yield f"        m->mode = {Mode.OFF:d};"
         for k, output in enumerate(self._model.outputs, 1):
             yield from self._moved(k, output)
         yield "}"
 
+    def _restarted(self) -> Iterator[str]:
+        """Memory goes on, the correction begins at zero; start readings are kept or not, as the guard says."""
+        guard, longest = self._model.guard, milliseconds(LONGEST_S)
+        yield f"static void restarted({NAME} *m)"
+        yield "{"
+        yield f"    int32_t off = (int32_t)limited(m->standstill_ms, 0, {longest});"
+        for name, k in self._index.items():
+            item = self.fixed.inputs[name].item
+            yield f"    m->since_ms_{k} = (int32_t)limited((int64_t)m->since_ms_{k} + off, 0, {longest});"
+            yield f"    m->good_ms_{k} = -1;"
+            yield f"    m->is_new_{k} = 1;"
+            if item.rate_limit_per_min is not None:
+                yield f"    m->has_anchor_{k} = 0;"
+            for flag in [f"has_memory_{k}"] + ([f"has_start_{k}"] if item.reference == "rise" else []):
+                if guard.restart == "new-start":
+                    yield f"    m->{flag} = 0;"
+                elif guard.new_start_after_s is not None:
+                    yield f"    m->{flag} = off > {milliseconds(guard.new_start_after_s)} ? 0 : m->{flag};"
+        yield "    m->is_first = 1;"
+        yield "    m->since_ms = m->held_ms = 0;"
+        yield f"    m->follows = {Mode.HOLD:d};"
+        for k, output in enumerate(self._model.outputs, 1):
+            yield from (f"    m->{name}_{k} = 0;" for name in ("aim", *_moving(output)))
+            if output.position is not None:
+                yield f"    m->slope_aim_{k} = 0;"
+        yield "}"
+
     def _moved(self, k: int, output: Output) -> Iterator[str]:
-        limits = self._limits[output.name]
-        moving = [("k0", "aim", "rest", limits.own_slew_um_per_s)]
-        if output.position is not None:
-            moving.append(("slope", "slope_aim", "slope_rest", limits.slope_slew_um_per_m_s))
+        limits, part = self._limits[output.name], output.position
+        clamp = nanometres(limits.clamp_um)
         yield f"    /* correction of {plain(output.name)}: no faster than the slew limit */"
-        for now, aim, rest, slew_um in moving:
-            slew = min(max(1, round(Fraction(slew_um) * _PM)), _LARGEST_SLEW_PM_PER_S)
-            yield f"    m->{now}_{k} = m->mode == {Mode.OFF:d} ? 0 : moved(m->{now}_{k},"
-            yield f"        m->mode == {Mode.SWITCHED_OFF:d} ? 0 : m->{aim}_{k}, {slew}LL, slewed, &m->{rest}_{k});"
-        part = output.position
+        yield f"    if (m->mode == {Mode.OFF:d}) {{"
+        yield from (f"        m->{name}_{k} = 0;" for name in _moving(output))
+        yield "    } else {"
+        if part is not None:
+            axis = self._axes[part.axis]
+            at = f"limited(m->at_{axis}, {position_um(part.valid_min_m)}, {position_um(part.valid_max_m)})"
+            yield f"        int32_t where = (int32_t){at}, whole;"
+            yield "        /* the correction moves with the axis, unless its position was lost */"
+            yield f"        if (back_{axis})"
+            yield f"            m->is_back_{k} = 1;"
+            yield "        else"
+            yield f"            m->correction_{k} = (int32_t)limited(m->correction_{k} + scaled((int64_t)m->slope_{k} *"
+            yield f"                ((int64_t)where - m->where_{k})), -{clamp}, {clamp});"
+            yield f"        m->where_{k} = where;"
+        test = f"m->test_nm_{k} == {MISSING} ? 0 : (int32_t)limited(m->test_nm_{k}, -{clamp}, {clamp})"
+        yield from self._towards(f"k0_{k}", f"aim_{k}", test, f"rest_{k}", limits.own_slew_um_per_s)
         if part is None:
-            yield f"    m->correction_{k} = m->k0_{k};"
-            return
-        clamp, reference = _nm(limits.clamp_um), position_um(part.reference_m)
-        low, high = position_um(part.valid_min_m), position_um(part.valid_max_m)
-        yield f"    m->correction_{k} = m->mode == {Mode.OFF:d} ? 0 : (int32_t)limited("
-        yield f"        m->k0_{k} + scaled(m->slope_{k} *"
-        yield f"        (limited(m->at_{self._axes[part.axis]}, {low}, {high}) - {reference})), -{clamp}, {clamp});"
+            yield f"        m->correction_{k} = m->k0_{k};"
+        else:
+            slew = limits.slope_slew_um_per_m_s
+            yield from self._towards(f"slope_{k}", f"slope_aim_{k}", "0", f"slope_rest_{k}", slew)
+            yield f"        whole = (int32_t)limited(m->k0_{k} + scaled((int64_t)m->slope_{k} *"
+            yield f"            ((int64_t)where - {position_um(part.reference_m)})), -{clamp}, {clamp});"
+            yield f"        m->correction_{k} = !m->is_back_{k} ? whole : moved(m->correction_{k}, whole,"
+            yield f"            {_slew_pm(limits.slew_um_per_s)}LL, slewed, &m->back_rest_{k});"
+            yield f"        m->is_back_{k} = m->correction_{k} != whole;"
+        yield "    }"
+
+    @staticmethod
+    def _towards(now: str, aim: str, test: str, rest: str, slew_um_per_s: float) -> Iterator[str]:
+        yield f"        m->{now} = moved(m->{now}, m->mode == {Mode.SWITCHED_OFF:d} ? 0"
+        yield f"            : m->mode != {Mode.TEST:d} ? m->{aim} : {test},"
+        yield f"            {_slew_pm(slew_um_per_s)}LL, slewed, &m->{rest});"
 
 
-def _jump(k: int, counts_per_min: int) -> Iterator[str]:
-    """As `SensorWatch`: against a reading of about a minute ago."""
-    yield f"    if (code == {SensorCode.OK:d} && !m->has_anchor_{k}) {{"
-    yield f"        m->has_anchor_{k} = 1;"
-    yield f"        m->anchor_{k} = m->reading_{k};"
-    yield f"        m->anchor_age_ms_{k} = 0;"
-    yield f"    }} else if (code == {SensorCode.OK:d}) {{"
-    yield f"        int64_t age = limited(m->anchor_age_ms_{k}, {_ms(ANCHOR_S)}, {_ms(FORGIVEN_S)});"
-    yield f"        int64_t allowed = {counts_per_min}LL * age / 60000;"
-    yield f"        int64_t change = r - m->anchor_{k};"
-    yield "        if (change > allowed || change < -allowed) {"
-    yield f"            code = {SensorCode.JUMP:d};"
-    yield f"        }} else if (m->anchor_age_ms_{k} >= {_ms(ANCHOR_S)}) {{"
-    yield f"            m->anchor_{k} = m->reading_{k};"
-    yield f"            m->anchor_age_ms_{k} = 0;"
-    yield "        }"
-    yield "    }"
+def _moving(output: Output) -> tuple[str, ...]:
+    """What is 0 while the axis is not ready."""
+    own = ("correction", "k0", "rest")
+    return own if output.position is None else (*own, "slope", "slope_rest", "is_back", "back_rest")
 
 
-def _ms(seconds: float) -> int:
-    return min(round(seconds * MS), LARGEST_INT32)
-
-
-def _nm(um: float) -> int:
-    return round(Fraction(um) * 1000)
-
-
-def _long(value: int) -> str:
-    return f"({value}LL)" if value < 0 else f"{value}LL"
+def _slew_pm(um: float) -> int:
+    return min(max(1, round(Fraction(um) * _PM)), _LARGEST_SLEW_PM_PER_S)
 
 
 def _places_m(part: PositionPart) -> tuple[float, ...]:
@@ -345,7 +321,7 @@ def _places_m(part: PositionPart) -> tuple[float, ...]:
 
 def _check_limits(output: Output, limits: DecidedLimits) -> None:
     for what, value in (("clamp", limits.clamp_um), ("slope clamp", limits.slope_clamp_um_per_m)):
-        if _nm(value) > LARGEST_INT32:
+        if nanometres(value) > LARGEST_INT32:
             raise ExportRefusedError(
                 f"{what} of {output.name}: {value:g} um",
                 expected=f"at most {LARGEST_INT32 / 1000:.0f} um (or um/m): 32 bits of nm",

@@ -34,6 +34,23 @@ static int64_t followed(int64_t level, int64_t target, int64_t dt, int64_t tau)
     return level + change / all * dt + rest / all;
 }
 """,
+    "filled": """\
+/* over a standstill in 16 steps: one would keep a fifth of a memory of which 2 % are left */
+static int64_t filled(int64_t level, int64_t target, int64_t dt, int64_t tau)
+{
+    int k;
+    for (k = 0; k < 16; k++)
+        level = followed(level, target, dt / 16, tau);
+    return level;
+}
+""",
+    "slope_left": """\
+/* nm/m that nm leave over um of the axis */
+static int64_t slope_left(int64_t nm, int64_t um, int64_t most)
+{
+    return um > 0 ? limited(nm * 1000000 / um, 0, most) : 0;
+}
+""",
     "moved": """\
 /* no faster than slew [pm/s]; what is less than 1 nm waits for the next call */
 static int32_t moved(int32_t now, int32_t aim, int64_t slew, int32_t dt, int32_t *rest)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 
+from selector.controllers.guard.codes import Mode
 from selector.controllers.model_file import ModelFile, Output
-from selector.controllers.model_io import model_sha256
+from selector.controllers.model_io import equations_sha256
 from selector.controllers.program.guarded_program import axes_of, guarded_program
 from selector.controllers.program.language import Program, Variable
 from selector.controllers.program.text_of_program import plain
@@ -14,6 +15,7 @@ from selector.controllers.writers.c99 import c_core, c_members
 from selector.controllers.writers.exported import Exported
 from selector.controllers.writers.heading import heading
 from selector.controllers.writers.linuxcnc_memory import memory_files
+from selector.controllers.writers.sign_test import sign_test
 from selector.findings import Finding
 
 NAME = "thermcorr"
@@ -50,7 +52,7 @@ def linuxcnc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expo
         files={
             f"{NAME}.comp": component(model, is_sign_verified=is_sign_verified),
             f"{NAME}.hal": _wiring(model, wired, is_sign_verified=is_sign_verified),
-            **memory_files(NAME, [one.name for one in _kept_pins(guarded_program(model))], model_sha256(model)),
+            **memory_files(NAME, [one.name for one in _kept_pins(guarded_program(model))], equations_sha256(model)),
         },
         install=(
             "apt-get install -y linuxcnc-uspace linuxcnc-uspace-dev, if halcompile is missing.",
@@ -68,6 +70,17 @@ def linuxcnc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expo
             "and positions times 25.4 before they reach position-1 ...",
             f"Start, machine on, home; halcmd show pin {NAME}: mode 1, sensor-1 ... 0, counts-1 ... = ten times "
             "correction-1 ... [um], and axis.L.eoffset the same in mm.",
+        ),
+        sign_test=sign_test(
+            model,
+            f"Machine on, homed, tool at rest; halcmd setp {NAME}.is-wanted 0; wait until correction-1 ... are 0. No "
+            "sensor is needed.",
+            lambda k, um: f"halcmd setp {NAME}.test-um-{k} {um:g}",
+            lambda k, um: (
+                f"halcmd getp {NAME}.mode: {Mode.TEST:d}, {NAME}.counts-{k}: {round(COUNTS_PER_UM * um)}; "
+                f"axis.L.eoffset {um / 1000:g} mm"
+            ),
+            f"halcmd setp {NAME}.test-um-1 0 ...; when the indicator is back at zero, halcmd setp {NAME}.is-wanted 1.",
         ),
         silently=(
             "While LinuxCNC is not ready, correction and counts are 0. At machine off the axis stays where it is and "
@@ -133,8 +146,9 @@ def input_pins(model: ModelFile) -> list[Pin]:
     for k in range(1, len(model.inputs) + 1):
         pins.append(Pin(f"reading_{k}", "float", known[f"reading_{k}"].about, UNWIRED))
     for k, axis in enumerate(axes_of(model), start=1):
-        reference = known[f"position_{k}"].initial
-        pins.append(Pin(f"position_{k}", "float", f"position of axis {axis} [mm]", 1000.0 * reference))
+        pins.append(Pin(f"position_{k}", "float", f"position of axis {axis} [mm]", UNWIRED))
+    for k in range(1, len(model.outputs) + 1):
+        pins.append(Pin(f"test_um_{k}", "float", known[f"test_um_{k}"].about, 0.0))
     return pins
 
 
@@ -166,6 +180,7 @@ def _c_of(program: Program, model: ModelFile, kept: list[Pin]) -> list[str]:
     at = "__comp_inst->"
     inputs = [f"    m->reading_{k} = *{at}reading_{k};" for k in range(1, len(model.inputs) + 1)]
     inputs += [f"    m->position_{k} = *{at}position_{k} / 1000.0;" for k in range(1, len(axes_of(model)) + 1)]
+    inputs += [f"    m->test_um_{k} = *{at}test_um_{k};" for k in range(1, len(model.outputs) + 1)]
     return [
         "/* a * b + c is rounded twice: what the model file means, to the last bit */",
         '#pragma GCC optimize ("fp-contract=off")',
@@ -224,7 +239,7 @@ def _c_of(program: Program, model: ModelFile, kept: list[Pin]) -> list[str]:
         f"    m->is_restart = *{at}restart != last_restart;",
         f"    m->standstill_s = *{at}standstill;",
         f"    last_restart = *{at}restart;",
-        *_given_back(kept, at),
+        *_given_back(kept, len(model.inputs), at),
         "    step(m);",
         *(f"    *{at}{one.name} = m->{one.name};" for one in program.of("output")),
         *(f"    *{at}counts_{k} = counts_of(m->correction_{k});" for k in range(1, len(model.outputs) + 1)),
@@ -233,11 +248,12 @@ def _c_of(program: Program, model: ModelFile, kept: list[Pin]) -> list[str]:
     ]
 
 
-def _given_back(kept: list[Pin], at: str) -> list[str]:
+def _given_back(kept: list[Pin], inputs: int, at: str) -> list[str]:
     if not kept:
         return []
     lines = ["    if (m->is_restart) {", *(f"        m->{one.name} = {at}{one.name};" for one in kept), "    }"]
     flags = [f"        m->{one.name} = 0;" for one in kept if one.hal_type == "bit"]
+    flags += [f"        m->good_for_{k} = -1.0;" for k in range(1, inputs + 1)]
     return [*lines, f"    if (*{at}new_start) {{", *flags, "    }"]
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from selector.controllers.guard.codes import Mode
 from selector.controllers.model_file import ModelFile
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import Program, Variable
 from selector.controllers.program.text_of_program import Language, plain
 from selector.controllers.writers.exported import Exported
 from selector.controllers.writers.heading import heading
+from selector.controllers.writers.sign_test import sign_test
 
 NAME = "thermal_correction"
 CLASS = "ThermalCorrection"
@@ -41,6 +43,14 @@ def python_export(model: ModelFile, *, is_sign_verified: bool = False) -> Export
             "step(); send correction_1 … [um] to the control.",
             "If this computer stops, the control keeps the last correction: let the control ramp to zero when no new "
             "value has come for some seconds.",
+        ),
+        sign_test=sign_test(
+            model,
+            "Call step() in its cycle with is_ready = True and is_wanted = False, and send what it gives, until "
+            "correction_1 ... are 0. No sensor is needed.",
+            lambda k, um: f"program.test_um_{k} = {um!r}",
+            lambda k, um: f"program.mode == {Mode.TEST:d}, program.correction_{k} == {um:g}",
+            "Set test_um_1 ... to 0.0 and, when the indicator is back at zero, is_wanted to True.",
         ),
         silently=("A reading that is passed on late or twice looks like a sensor that stands still.",),
     )

@@ -9,19 +9,18 @@ correction of the axis. Units, and the parameters of T and x0, are to be looked 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-
-import numpy as np
 
 from selector.controllers.evaluator import Equations
 from selector.controllers.formula import Polynomial, physical_coefficients, physical_slopes
 from selector.controllers.model_file import Input, ModelFile, Output
 from selector.controllers.program.text_of_program import plain
+from selector.controllers.signs import is_turned
 from selector.controllers.writers.exported import Exported
 from selector.controllers.writers.heading import heading
 from selector.controllers.writers.refused import ExportRefusedError
-from selector.errors import RecordingError
+from selector.controllers.writers.sign_test import sign_test
 from selector.findings import Finding
 
 FILE = "indradrive_axis_correction.txt"
@@ -29,60 +28,6 @@ LARGEST_LOSS_UM = 0.1
 """What the drive's formula may leave of the model at most inside its valid ranges."""
 
 _NEGLIGIBLE = 1e-12
-
-
-@dataclass(frozen=True)
-class ExpansionSeries:
-    """Deviations over the positions of an axis at one temperature.
-
-    Attributes
-    ----------
-    temperature_degc : float
-    points_mm : sequence of (position, deviation)
-        Deviation = measured position − actual position, both [mm].
-    """
-
-    temperature_degc: float
-    points_mm: Sequence[tuple[float, float]]
-
-
-@dataclass(frozen=True)
-class StraightLine:
-    """Least squares of one series: deviation = slope · position + offset, zero at `zero_mm` = −offset/slope."""
-
-    slope: float
-    offset_mm: float
-    zero_mm: float
-
-
-@dataclass(frozen=True)
-class AxisExpansion:
-    """What the wizard finds.
-
-    Attributes
-    ----------
-    lines : tuple of StraightLine
-        Per series.
-    reference_degc : float
-        P-0-0402.
-    zero_mm : float
-        x0, the arithmetic mean of the series.
-    per_k : float
-        P-0-0406 [1/K]: expansion per length, least squares through zero over the series.
-    mm_per_k : float
-        P-0-0407 [mm/K]: what is left at x0, least squares through zero; 0 with one series.
-    """
-
-    lines: tuple[StraightLine, ...]
-    reference_degc: float
-    zero_mm: float
-    per_k: float
-    mm_per_k: float
-
-    def deviation_mm(self, temperature_degc: float, position_mm: float) -> float:
-        """The correction value of the drive."""
-        rise_k = temperature_degc - self.reference_degc
-        return self.mm_per_k * rise_k + self.per_k * rise_k * (position_mm - self.zero_mm)
 
 
 @dataclass(frozen=True)
@@ -133,8 +78,19 @@ def rexroth_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expor
             f"Enter the values of {FILE} for each axis; 0 in a factor switches its part off.",
             "Let the control or a sensor at the drive pass on the temperature that is named there; a sensor without a "
             "reading must not be passed on.",
-            "The factors have the sign of a correction value = measured position − actual position. Warm the axis, "
-            "read the indicator, and turn both signs round if the error grows.",
+            "The factors have the sign of a correction value = measured position − actual position.",
+        ),
+        sign_test=sign_test(
+            model,
+            "Let the drive have a steady temperature T; P-0-0406 = 0, P-0-0407 = 0: no correction.",
+            lambda k, um: f"P-0-0402 = T − 1 K, P-0-0407 = {um:g} µm/K: a correction value of {um:g} µm",
+            lambda k, um: (
+                f"a correction value of {um:g} µm, where the drive shows one. It says that the axis is {um:g} µm "
+                "too far, so the drive has to take it back"
+            ),
+            "P-0-0407 = 0; when the indicator is back at zero, enter the values of the file.",
+            direction=-1.0,
+            by="There is no program that could command a value: the drive's own parameters are set for the test.",
         ),
         silently=(
             "The drive has no check of the temperature, no clamp and no slew limit: a broken sensor moves the axis.",
@@ -176,55 +132,6 @@ def drive_parameters(model: ModelFile, output: Output) -> DriveParameters:
             f"all parts zero at one reference temperature, within {LARGEST_LOSS_UM:g} um",
         )
     return DriveParameters(item.name, zero, own[1], slope[1], 0.0 if part is None else part.reference_m, loss_um)
-
-
-def axis_expansion(series: Sequence[ExpansionSeries], reference_degc: float) -> AxisExpansion:
-    """Straight lines through the deviations of an axis: slope a, offset b, x0 = −b/a; x0 of several series is the mean.
-
-    Raises
-    ------
-    RecordingError
-        No series, fewer than two positions, the reference temperature itself, or a line without a slope.
-    """
-    if not series:
-        raise _unusable("no series", "at least one series of positions and deviations")
-    lines = tuple(_fitted(one, reference_degc) for one in series)
-    rises = np.array([one.temperature_degc - reference_degc for one in series])
-    slopes = np.array([line.slope for line in lines])
-    offsets = np.array([line.offset_mm for line in lines])
-    if len(lines) == 1:
-        return AxisExpansion(lines, reference_degc, lines[0].zero_mm, float(slopes[0] / rises[0]), 0.0)
-    zero_mm = float(np.mean([line.zero_mm for line in lines]))
-    squares = float(rises @ rises)
-    at_zero = slopes * zero_mm + offsets
-    return AxisExpansion(
-        lines, reference_degc, zero_mm, float(slopes @ rises) / squares, float(at_zero @ rises) / squares
-    )
-
-
-def _fitted(one: ExpansionSeries, reference_degc: float) -> StraightLine:
-    points = np.asarray(one.points_mm, dtype=np.float64)
-    at = f"series at {one.temperature_degc:g} °C"
-    if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all() or not np.ptp(points[:, 0]) > 0.0:
-        raise _unusable(f"{at}: no two positions with a deviation", "deviations at two positions at least")
-    if not np.isfinite(one.temperature_degc) or one.temperature_degc == reference_degc:
-        raise _unusable(f"{at}: that is the reference temperature", "a temperature that differs from the reference")
-    position, deviation = points.T
-    centred = position - position.mean()
-    slope = float(centred @ (deviation - deviation.mean()) / (centred @ centred))
-    offset = float(deviation.mean() - slope * position.mean())
-    if abs(slope) * np.ptp(position) <= _NEGLIGIBLE * max(1.0, float(np.abs(deviation).max())):
-        raise _unusable(f"{at}: the deviation is the same at every position", "a deviation that grows with position")
-    return StraightLine(slope, offset, -offset / slope)
-
-
-def _unusable(found: str, expected: str) -> RecordingError:
-    return RecordingError(
-        found,
-        expected=expected,
-        where="axis expansion",
-        advice="measure the axis warm at several positions, and again at another temperature",
-    )
 
 
 def _refused(output: Output, found: str, expected: str) -> ExportRefusedError:
@@ -269,7 +176,8 @@ def _table(model: ModelFile, output: Output, found: DriveParameters) -> Iterator
     yield ""
     yield f"; output {plain(output.name)}, axis {plain(output.axis or 'not named')}, temperature {name}"
     yield f"P-0-0402  reference temperature           {reference}"
-    steep, own = found.um_per_m_k, found.um_per_k
+    sign = -1.0 if is_turned(output) else 1.0
+    steep, own = sign * found.um_per_m_k, sign * found.um_per_k
     yield f"P-0-0406  position-dependent factor       {steep:.6g} um/(m*K)  = {steep * 1e-6:.6g} 1/K"
     yield f"P-0-0407  position-independent factor     {own:.6g} um/K  = {own * 1e-3:.6g} mm/K"
     if found.um_per_m_k != 0.0:

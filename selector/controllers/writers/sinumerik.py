@@ -10,6 +10,7 @@ import csv
 import io
 from collections.abc import Mapping
 
+from selector.controllers.guard.codes import Mode
 from selector.controllers.guard.decided import decided_limits
 from selector.controllers.model_file import ModelFile, Output
 from selector.controllers.program.guarded_program import guarded_program
@@ -17,6 +18,7 @@ from selector.controllers.program.language import Place, Program, Real, Writing
 from selector.controllers.program.text_of_program import plain
 from selector.controllers.single_precision import single_precision_findings
 from selector.controllers.writers.exported import Exported
+from selector.controllers.writers.sign_test import sign_test_of_block
 from selector.controllers.writers.structured_text import (
     BLOCK,
     NAME,
@@ -95,8 +97,13 @@ def sinumerik_export(
             f"sd43920_1 ... [mm] with FB3 PUT to the setting data of the axes that {SETTINGS} names.",
             "Set MD32750 $MA_TEMP_COMP_TYPE and MD32760 $MA_COMP_ADD_VELO_FACTOR as in the table, MD36200 (velocity "
             "limit of the axis) so much higher, then power on; MD32750 takes effect only then.",
-            "Prove the sign: with the axis standing, write +0.010 mm into SD43900, read the indicator; does the axis "
-            "move by 10 um towards +? If it moves towards -, stop: no value may be written before that is settled.",
+        ),
+        sign_test=sign_test_of_block(
+            model,
+            shown=lambda k, um: (
+                f"mode = {Mode.TEST:d}, SD43900 = {um * MM_PER_UM:.3f} mm. Without the PLC: MD32750 = 1, "
+                f"write {um * MM_PER_UM:.3f} into SD43900 by hand"
+            ),
         ),
         silently=(
             f"A step of more than {step:.4g} mm in an interpolation cycle of {IPO_S:g} s (axis of "

@@ -16,6 +16,7 @@ from selector.controllers.program.language import Code, Expression, Flag, Place,
 from selector.controllers.program.text_of_program import Language, plain
 from selector.controllers.writers.exported import Exported
 from selector.controllers.writers.heading import heading
+from selector.controllers.writers.sign_test import sign_test_of_block
 from selector.errors import OptionError
 
 RealType = Literal["LREAL", "REAL"]
@@ -135,6 +136,7 @@ def st_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
             "Add correction_1 ... [um] to the axes, or hand on k0_1 ... [um] and slope_1 ... [um/m] where the control "
             "takes a straight line.",
         ),
+        sign_test=sign_test_of_block(model),
         silently=(
             "VAR RETAIN is lost where the control has no retentive memory for the instance: then start readings are "
             "taken anew after every power failure, on a warm machine too.",

@@ -40,10 +40,11 @@ from selector.controllers.writers.beckhoff import ADS_TABLE, beckhoff_export
 from selector.controllers.writers.c99 import NAME, SINGLE_NAME, c_export
 from selector.controllers.writers.exported import Exported
 from selector.controllers.writers.fanuc import FILE as MACRO_FILE
-from selector.controllers.writers.fanuc import LITERAL_ROUNDOFF, fanuc_export
-from selector.controllers.writers.fixed_point_source import NAME as FIXED_POINT_NAME
+from selector.controllers.writers.fanuc import fanuc_export
+from selector.controllers.writers.fixed_point_sensor import NAME as FIXED_POINT_NAME
 from selector.controllers.writers.linuxcnc import NAME as HAL_NAME
 from selector.controllers.writers.linuxcnc import linuxcnc_export
+from selector.controllers.writers.macro_b import LITERAL_ROUNDOFF
 from selector.controllers.writers.python_module import python_export
 from selector.controllers.writers.rexroth import FILE as DRIVE_FILE
 from selector.controllers.writers.rexroth import rexroth_export

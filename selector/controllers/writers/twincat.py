@@ -6,10 +6,11 @@ import uuid
 from collections.abc import Mapping
 
 from selector.controllers.model_file import ModelFile
-from selector.controllers.model_io import model_sha256
+from selector.controllers.model_io import equations_sha256
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import Place
 from selector.controllers.writers.exported import Exported
+from selector.controllers.writers.sign_test import sign_test_of_block
 from selector.controllers.writers.structured_text import (
     BLOCK,
     SECTIONS,
@@ -56,6 +57,7 @@ def tcpou_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
             "every few minutes.",
             "Hand k0_1 ... [um] and slope_1 ... [um/m] to the axis, or add correction_1 ... [um].",
         ),
+        sign_test=sign_test_of_block(model),
         silently=(
             "After a power failure without a UPS the persistent variables are gone or old: then start readings are "
             "taken anew, on a warm machine too.",
@@ -67,7 +69,7 @@ def tcpou_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
 
 def guid(model: ModelFile) -> uuid.UUID:
     """The identity of the file: the same for the same model."""
-    return uuid.uuid5(uuid.NAMESPACE_URL, f"selector.model/{model_sha256(model)}")
+    return uuid.uuid5(uuid.NAMESPACE_URL, f"selector.model/{equations_sha256(model)}")
 
 
 def _cdata(text: str) -> str:

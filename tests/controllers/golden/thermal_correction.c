@@ -4,7 +4,7 @@
  *   Z = -1.871 + 6.0476*dT1 + 2.6667*dT3 [um]
  *   Y = 0.5703 + 4.7292*dT1 - 0.5908*dT3 [um]
  * The correction of an axis is the negative of its displacement.
- * Model file SHA-256 3946372678c1a614053cb0a1bd8c95ee7ed87ef93de925fcc783b46f27b9a0a0
+ * Equations SHA-256 a6dda75b221d0a842068d1621f8510b36cdd362cdb3044be21d7c187f108c47f
  * Written by selector
  * Compile without contraction and without fast mathematics (cc -std=c99 -ffp-contract=off): then it computes
  * what the model file means, to the last bit.
@@ -18,7 +18,8 @@ void thermal_correction_init(thermal_correction *m)
     m->sensor_1 = 3;
     m->x_1 = 0.0;
     m->since_1 = 0.0;
-    m->good_for_1 = 60.0;
+    m->good_for_1 = -1.0;
+    m->is_new_1 = 1;
     m->has_memory_1 = 0;
     m->start_1 = 0.0;
     m->has_start_1 = 0;
@@ -26,7 +27,8 @@ void thermal_correction_init(thermal_correction *m)
     m->sensor_2 = 3;
     m->x_2 = 0.0;
     m->since_2 = 0.0;
-    m->good_for_2 = 60.0;
+    m->good_for_2 = -1.0;
+    m->is_new_2 = 1;
     m->has_memory_2 = 0;
     m->start_2 = 0.0;
     m->has_start_2 = 0;
@@ -34,12 +36,16 @@ void thermal_correction_init(thermal_correction *m)
     m->is_wanted = 1;
     m->is_restart = 0;
     m->standstill_s = 0.0;
+    m->test_um_1 = 0.0;
     m->correction_1 = 0.0;
     m->k0_1 = 0.0;
     m->aim_1 = 0.0;
+    m->rest_1 = 0.0;
+    m->test_um_2 = 0.0;
     m->correction_2 = 0.0;
     m->k0_2 = 0.0;
     m->aim_2 = 0.0;
+    m->rest_2 = 0.0;
     m->mode = 0;
     m->was_restart = 0;
     m->is_first = 1;
@@ -50,16 +56,19 @@ void thermal_correction_init(thermal_correction *m)
 
 void thermal_correction_step(thermal_correction *m)
 {
+    double tested_1;
+    double tested_2;
     double off_s;
     double passed_s;
+    double change;
     double x;
     double z_1;
     double z_2;
     double own;
-    double change;
     double slewed_s;
     double towards;
     double most;
+    double reach;
     double low;
     double high;
     if (m->is_restart && !(m->was_restart)) {
@@ -75,20 +84,26 @@ void thermal_correction_step(thermal_correction *m)
         if (m->since_1 > 1000000.0) {
             m->since_1 = 1000000.0;
         }
+        m->good_for_1 = -1.0;
+        m->is_new_1 = 1;
         m->since_2 = m->since_2 + off_s;
         if (m->since_2 > 1000000.0) {
             m->since_2 = 1000000.0;
         }
+        m->good_for_2 = -1.0;
+        m->is_new_2 = 1;
         m->is_first = 1;
         m->since_sample_s = 0.0;
         m->held_s = 0.0;
         m->follows = 2;
         m->k0_1 = 0.0;
-        m->aim_1 = 0.0;
+        m->rest_1 = 0.0;
         m->correction_1 = 0.0;
+        m->aim_1 = 0.0;
         m->k0_2 = 0.0;
-        m->aim_2 = 0.0;
+        m->rest_2 = 0.0;
         m->correction_2 = 0.0;
+        m->aim_2 = 0.0;
     }
     m->was_restart = m->is_restart;
     /* time: what is no time counts as 0 */
@@ -105,6 +120,11 @@ void thermal_correction_step(thermal_correction *m)
     }
     if (m->is_first || (m->since_sample_s >= 1.0)) {
         /* sensor T1 */
+        if ((!(m->has_memory_1) || !(m->has_start_1)) && !(m->is_new_1)) {
+            m->has_memory_1 = 0;
+            m->is_new_1 = 1;
+            m->good_for_1 = -1.0;
+        }
         m->since_1 = m->since_1 + m->since_sample_s;
         if (m->since_1 > 1000000.0) {
             m->since_1 = 1000000.0;
@@ -138,36 +158,57 @@ void thermal_correction_step(thermal_correction *m)
             m->sensor_1 = 4;
         }
         if (m->sensor_1 == 0) {
-            m->good_for_1 = m->good_for_1 + m->since_sample_s;
-            if (m->good_for_1 > 1000000.0) {
-                m->good_for_1 = 1000000.0;
+            change = m->reading_1 - m->start_1;
+            if (!(m->has_start_1) && ((change > 10.0) || (change < -10.0))) {
+                m->good_for_1 = -1.0;
+            }
+            if (m->good_for_1 >= 0.0) {
+                m->good_for_1 = m->good_for_1 + m->since_sample_s;
+                if (m->good_for_1 > 1000000.0) {
+                    m->good_for_1 = 1000000.0;
+                }
+            } else {
+                m->good_for_1 = 0.0;
+                if (!(m->has_memory_1)) {
+                    if (!(m->has_start_1)) {
+                        m->start_1 = m->reading_1;
+                    }
+                    x = m->reading_1 - m->start_1;
+                    m->x_1 = x;
+                    if (m->x_1 < 0.0) {
+                        m->x_1 = 0.0;
+                    }
+                    if (m->x_1 > 10.0) {
+                        m->x_1 = 10.0;
+                    }
+                    m->since_1 = 0.0;
+                }
             }
             if (m->good_for_1 < 60.0) {
                 m->sensor_1 = 2;
             } else {
-                if (!(m->has_start_1)) {
-                    m->start_1 = m->reading_1;
-                    m->has_start_1 = 1;
+                m->has_start_1 = 1;
+                x = m->reading_1 - m->start_1;
+                m->x_1 = x;
+                if (m->x_1 < 0.0) {
+                    m->x_1 = 0.0;
                 }
-                x = 0.0;
-                if (m->has_start_1) {
-                    x = m->reading_1 - m->start_1;
+                if (m->x_1 > 10.0) {
+                    m->x_1 = 10.0;
                 }
                 if ((x < -1e-08) || (x > 10.00000001)) {
                     m->sensor_1 = 1;
                 }
-                if (x < 0.0) {
-                    x = 0.0;
-                }
-                if (x > 10.0) {
-                    x = 10.0;
-                }
-                m->x_1 = x;
             }
         } else {
-            m->good_for_1 = 0.0;
+            m->good_for_1 = -1.0;
         }
         /* sensor T3 */
+        if ((!(m->has_memory_2) || !(m->has_start_2)) && !(m->is_new_2)) {
+            m->has_memory_2 = 0;
+            m->is_new_2 = 1;
+            m->good_for_2 = -1.0;
+        }
         m->since_2 = m->since_2 + m->since_sample_s;
         if (m->since_2 > 1000000.0) {
             m->since_2 = 1000000.0;
@@ -201,40 +242,60 @@ void thermal_correction_step(thermal_correction *m)
             m->sensor_2 = 4;
         }
         if (m->sensor_2 == 0) {
-            m->good_for_2 = m->good_for_2 + m->since_sample_s;
-            if (m->good_for_2 > 1000000.0) {
-                m->good_for_2 = 1000000.0;
+            change = m->reading_2 - m->start_2;
+            if (!(m->has_start_2) && ((change > 10.0) || (change < -10.0))) {
+                m->good_for_2 = -1.0;
+            }
+            if (m->good_for_2 >= 0.0) {
+                m->good_for_2 = m->good_for_2 + m->since_sample_s;
+                if (m->good_for_2 > 1000000.0) {
+                    m->good_for_2 = 1000000.0;
+                }
+            } else {
+                m->good_for_2 = 0.0;
+                if (!(m->has_memory_2)) {
+                    if (!(m->has_start_2)) {
+                        m->start_2 = m->reading_2;
+                    }
+                    x = m->reading_2 - m->start_2;
+                    m->x_2 = x;
+                    if (m->x_2 < 0.0) {
+                        m->x_2 = 0.0;
+                    }
+                    if (m->x_2 > 10.0) {
+                        m->x_2 = 10.0;
+                    }
+                    m->since_2 = 0.0;
+                }
             }
             if (m->good_for_2 < 60.0) {
                 m->sensor_2 = 2;
             } else {
-                if (!(m->has_start_2)) {
-                    m->start_2 = m->reading_2;
-                    m->has_start_2 = 1;
+                m->has_start_2 = 1;
+                x = m->reading_2 - m->start_2;
+                m->x_2 = x;
+                if (m->x_2 < 0.0) {
+                    m->x_2 = 0.0;
                 }
-                x = 0.0;
-                if (m->has_start_2) {
-                    x = m->reading_2 - m->start_2;
+                if (m->x_2 > 10.0) {
+                    m->x_2 = 10.0;
                 }
                 if ((x < -1e-08) || (x > 10.00000001)) {
                     m->sensor_2 = 1;
                 }
-                if (x < 0.0) {
-                    x = 0.0;
-                }
-                if (x > 10.0) {
-                    x = 10.0;
-                }
-                m->x_2 = x;
             }
         } else {
-            m->good_for_2 = 0.0;
+            m->good_for_2 = -1.0;
         }
         /* memory: first-order lags of what is believed */
         if ((m->sensor_1 == 0) || (m->sensor_1 == 1)) {
+            m->has_memory_1 = 1;
+            m->is_new_1 = 0;
             m->since_1 = 0.0;
         }
         if ((m->sensor_2 == 0) || (m->sensor_2 == 1)) {
+            m->has_memory_2 = 1;
+            m->is_new_2 = 0;
             m->since_2 = 0.0;
         }
         /* which model */
@@ -297,6 +358,32 @@ void thermal_correction_step(thermal_correction *m)
     if (!(m->is_wanted)) {
         m->mode = 4;
     }
+    tested_1 = 0.0;
+    if ((m->test_um_1 >= -1000000000.0) && (m->test_um_1 <= 1000000000.0)) {
+        tested_1 = m->test_um_1;
+    }
+    if ((tested_1 < 0.0) || (tested_1 > 0.0)) {
+        m->mode = 5;
+    }
+    if (tested_1 < -90.0) {
+        tested_1 = -90.0;
+    }
+    if (tested_1 > 90.0) {
+        tested_1 = 90.0;
+    }
+    tested_2 = 0.0;
+    if ((m->test_um_2 >= -1000000000.0) && (m->test_um_2 <= 1000000000.0)) {
+        tested_2 = m->test_um_2;
+    }
+    if ((tested_2 < 0.0) || (tested_2 > 0.0)) {
+        m->mode = 5;
+    }
+    if (tested_2 < -54.0) {
+        tested_2 = -54.0;
+    }
+    if (tested_2 > 54.0) {
+        tested_2 = 54.0;
+    }
     if (!(m->is_ready)) {
         m->mode = 0;
     }
@@ -307,19 +394,30 @@ void thermal_correction_step(thermal_correction *m)
     /* correction of Z: no faster than the slew limit */
     if (m->mode == 0) {
         m->k0_1 = 0.0;
+        m->rest_1 = 0.0;
         m->correction_1 = 0.0;
     } else {
         towards = m->aim_1;
         if (m->mode == 4) {
             towards = 0.0;
         }
-        most = 1.0 * slewed_s;
-        low = m->k0_1 - most;
-        high = m->k0_1 + most;
+        if (m->mode == 5) {
+            towards = tested_1;
+        }
+        most = 1.0 * slewed_s + m->rest_1;
+        reach = most;
+        if (reach < 0.0) {
+            reach = 0.0;
+        }
+        low = m->k0_1 - reach;
+        high = m->k0_1 + reach;
+        m->rest_1 = 0.0;
         if (towards < low) {
+            m->rest_1 = most - (m->k0_1 - low);
             towards = low;
         }
         if (towards > high) {
+            m->rest_1 = most - (high - m->k0_1);
             towards = high;
         }
         m->k0_1 = towards;
@@ -328,19 +426,30 @@ void thermal_correction_step(thermal_correction *m)
     /* correction of Y: no faster than the slew limit */
     if (m->mode == 0) {
         m->k0_2 = 0.0;
+        m->rest_2 = 0.0;
         m->correction_2 = 0.0;
     } else {
         towards = m->aim_2;
         if (m->mode == 4) {
             towards = 0.0;
         }
-        most = 1.0 * slewed_s;
-        low = m->k0_2 - most;
-        high = m->k0_2 + most;
+        if (m->mode == 5) {
+            towards = tested_2;
+        }
+        most = 1.0 * slewed_s + m->rest_2;
+        reach = most;
+        if (reach < 0.0) {
+            reach = 0.0;
+        }
+        low = m->k0_2 - reach;
+        high = m->k0_2 + reach;
+        m->rest_2 = 0.0;
         if (towards < low) {
+            m->rest_2 = most - (m->k0_2 - low);
             towards = low;
         }
         if (towards > high) {
+            m->rest_2 = most - (high - m->k0_2);
             towards = high;
         }
         m->k0_2 = towards;

@@ -4,7 +4,7 @@
  *   Z = -1.871 + 6.0476*dT1 + 2.6667*dT3 [um]
  *   Y = 0.5703 + 4.7292*dT1 - 0.5908*dT3 [um]
  * The correction of an axis is the negative of its displacement.
- * Model file SHA-256 3946372678c1a614053cb0a1bd8c95ee7ed87ef93de925fcc783b46f27b9a0a0
+ * Equations SHA-256 a6dda75b221d0a842068d1621f8510b36cdd362cdb3044be21d7c187f108c47f
  * Written by selector
  * Whole numbers only. Times in ms, corrections in nm, slopes in nm/m, positions in um.
  * T1: 1 degC = 1000 counts, valid 0 ... 10000 counts
@@ -44,6 +44,10 @@ void thermal_correction_i_init(thermal_correction_i *m)
     m->reading_2 = (-2147483647 - 1);
     m->is_ready = 1;
     m->is_wanted = 1;
+    m->is_restart = 0;
+    m->standstill_ms = 0;
+    m->test_nm_1 = 0;
+    m->test_nm_2 = 0;
     m->correction_1 = 0;
     m->k0_1 = 0;
     m->correction_2 = 0;
@@ -59,15 +63,18 @@ void thermal_correction_i_init(thermal_correction_i *m)
     m->has_start_2 = 0;
     m->x_1 = 0;
     m->since_ms_1 = 0;
-    m->good_ms_1 = 60000;
+    m->good_ms_1 = -1;
+    m->is_new_1 = 1;
     m->x_2 = 0;
     m->since_ms_2 = 0;
-    m->good_ms_2 = 60000;
+    m->good_ms_2 = -1;
+    m->is_new_2 = 1;
     m->aim_1 = 0;
     m->rest_1 = 0;
     m->aim_2 = 0;
     m->rest_2 = 0;
     m->is_first = 1;
+    m->was_restart = 0;
     m->since_ms = 0;
     m->held_ms = 0;
     m->follows = 2;
@@ -78,6 +85,11 @@ static void sensor_1(thermal_correction_i *m)
 {
     int64_t r = m->reading_1, x;
     int32_t code = 0;
+    if ((!m->has_memory_1 || !m->has_start_1) && !m->is_new_1) { /* somebody wants a new start */
+        m->has_memory_1 = 0;
+        m->is_new_1 = 1;
+        m->good_ms_1 = -1;
+    }
     m->since_ms_1 = (int32_t)limited((int64_t)m->since_ms_1 + m->since_ms, 0, 1000000000);
     if (r == (-2147483647 - 1) || r == 2147483647)
         code = 3;
@@ -98,21 +110,35 @@ static void sensor_1(thermal_correction_i *m)
     if (code == 0 && r >= -3276803 && r <= -3276797)
         code = 4;
     x = m->has_start_1 ? r - m->start_1 : 0;
-    m->good_ms_1 = code != 0 ? 0 :
-        (int32_t)limited((int64_t)m->good_ms_1 + m->since_ms, 0, 1000000000);
-    if (code == 0 && m->good_ms_1 < 60000)
-        code = 2;
-    if (code == 0) {
-        if (!m->has_start_1) {
-            m->start_1 = m->reading_1;
-            m->has_start_1 = 1;
-            x = 0;
+    if (code != 0) {
+        m->good_ms_1 = -1;
+    } else {
+        if (!m->has_start_1 && (r - m->start_1 > 10000 || r - m->start_1 < -10000))
+            m->good_ms_1 = -1;
+        if (m->good_ms_1 >= 0) {
+            m->good_ms_1 = (int32_t)limited((int64_t)m->good_ms_1 + m->since_ms, 0, 1000000000);
+        } else {
+            m->good_ms_1 = 0;
+            if (!m->has_memory_1) {
+                if (!m->has_start_1)
+                    m->start_1 = m->reading_1;
+                x = r - m->start_1;
+                m->x_1 = (int32_t)limited(x, 0, 10000);
+                m->since_ms_1 = 0;
+            }
         }
-        if (x < 0 || x > 10000)
-            code = 1;
-        m->x_1 = (int32_t)limited(x, 0, 10000);
-        m->has_memory_1 = 1;
-        m->since_ms_1 = 0;
+        if (m->good_ms_1 < 60000) {
+            code = 2;
+        } else {
+            m->has_start_1 = 1;
+            x = r - m->start_1;
+            if (x < 0 || x > 10000)
+                code = 1;
+            m->x_1 = (int32_t)limited(x, 0, 10000);
+            m->has_memory_1 = 1;
+            m->is_new_1 = 0;
+            m->since_ms_1 = 0;
+        }
     }
     m->sensor_1 = code;
 }
@@ -122,6 +148,11 @@ static void sensor_2(thermal_correction_i *m)
 {
     int64_t r = m->reading_2, x;
     int32_t code = 0;
+    if ((!m->has_memory_2 || !m->has_start_2) && !m->is_new_2) { /* somebody wants a new start */
+        m->has_memory_2 = 0;
+        m->is_new_2 = 1;
+        m->good_ms_2 = -1;
+    }
     m->since_ms_2 = (int32_t)limited((int64_t)m->since_ms_2 + m->since_ms, 0, 1000000000);
     if (r == (-2147483647 - 1) || r == 2147483647)
         code = 3;
@@ -142,21 +173,35 @@ static void sensor_2(thermal_correction_i *m)
     if (code == 0 && r >= -3276803 && r <= -3276797)
         code = 4;
     x = m->has_start_2 ? r - m->start_2 : 0;
-    m->good_ms_2 = code != 0 ? 0 :
-        (int32_t)limited((int64_t)m->good_ms_2 + m->since_ms, 0, 1000000000);
-    if (code == 0 && m->good_ms_2 < 60000)
-        code = 2;
-    if (code == 0) {
-        if (!m->has_start_2) {
-            m->start_2 = m->reading_2;
-            m->has_start_2 = 1;
-            x = 0;
+    if (code != 0) {
+        m->good_ms_2 = -1;
+    } else {
+        if (!m->has_start_2 && (r - m->start_2 > 10000 || r - m->start_2 < -10000))
+            m->good_ms_2 = -1;
+        if (m->good_ms_2 >= 0) {
+            m->good_ms_2 = (int32_t)limited((int64_t)m->good_ms_2 + m->since_ms, 0, 1000000000);
+        } else {
+            m->good_ms_2 = 0;
+            if (!m->has_memory_2) {
+                if (!m->has_start_2)
+                    m->start_2 = m->reading_2;
+                x = r - m->start_2;
+                m->x_2 = (int32_t)limited(x, 0, 10000);
+                m->since_ms_2 = 0;
+            }
         }
-        if (x < 0 || x > 10000)
-            code = 1;
-        m->x_2 = (int32_t)limited(x, 0, 10000);
-        m->has_memory_2 = 1;
-        m->since_ms_2 = 0;
+        if (m->good_ms_2 < 60000) {
+            code = 2;
+        } else {
+            m->has_start_2 = 1;
+            x = r - m->start_2;
+            if (x < 0 || x > 10000)
+                code = 1;
+            m->x_2 = (int32_t)limited(x, 0, 10000);
+            m->has_memory_2 = 1;
+            m->is_new_2 = 0;
+            m->since_ms_2 = 0;
+        }
     }
     m->sensor_2 = code;
 }
@@ -187,10 +232,35 @@ static void aimed(thermal_correction_i *m)
     (void)change;
 }
 
+static void restarted(thermal_correction_i *m)
+{
+    int32_t off = (int32_t)limited(m->standstill_ms, 0, 1000000000);
+    m->since_ms_1 = (int32_t)limited((int64_t)m->since_ms_1 + off, 0, 1000000000);
+    m->good_ms_1 = -1;
+    m->is_new_1 = 1;
+    m->since_ms_2 = (int32_t)limited((int64_t)m->since_ms_2 + off, 0, 1000000000);
+    m->good_ms_2 = -1;
+    m->is_new_2 = 1;
+    m->is_first = 1;
+    m->since_ms = m->held_ms = 0;
+    m->follows = 2;
+    m->aim_1 = 0;
+    m->correction_1 = 0;
+    m->k0_1 = 0;
+    m->rest_1 = 0;
+    m->aim_2 = 0;
+    m->correction_2 = 0;
+    m->k0_2 = 0;
+    m->rest_2 = 0;
+}
+
 void thermal_correction_i_step(thermal_correction_i *m)
 {
     int32_t dt = (int32_t)limited(m->dt_ms, 0, 1000000000);
     int32_t slewed = (int32_t)limited(dt, 0, 10000);
+    if (m->is_restart && !m->was_restart)
+        restarted(m);
+    m->was_restart = m->is_restart;
     m->since_ms = (int32_t)limited((int64_t)m->since_ms + dt, 0, 1000000000);
     if (m->is_first || m->since_ms >= 1000) {
         sensor_1(m);
@@ -209,14 +279,32 @@ void thermal_correction_i_step(thermal_correction_i *m)
     m->mode = m->follows;
     if (!m->is_wanted)
         m->mode = 4;
+    if (m->test_nm_1 != 0 && m->test_nm_1 != (-2147483647 - 1))
+        m->mode = 5;
+    if (m->test_nm_2 != 0 && m->test_nm_2 != (-2147483647 - 1))
+        m->mode = 5;
     if (!m->is_ready)
         m->mode = 0;
     /* correction of Z: no faster than the slew limit */
-    m->k0_1 = m->mode == 0 ? 0 : moved(m->k0_1,
-        m->mode == 4 ? 0 : m->aim_1, 1000000LL, slewed, &m->rest_1);
-    m->correction_1 = m->k0_1;
+    if (m->mode == 0) {
+        m->correction_1 = 0;
+        m->k0_1 = 0;
+        m->rest_1 = 0;
+    } else {
+        m->k0_1 = moved(m->k0_1, m->mode == 4 ? 0
+            : m->mode != 5 ? m->aim_1 : m->test_nm_1 == (-2147483647 - 1) ? 0 : (int32_t)limited(m->test_nm_1, -90000, 90000),
+            1000000LL, slewed, &m->rest_1);
+        m->correction_1 = m->k0_1;
+    }
     /* correction of Y: no faster than the slew limit */
-    m->k0_2 = m->mode == 0 ? 0 : moved(m->k0_2,
-        m->mode == 4 ? 0 : m->aim_2, 1000000LL, slewed, &m->rest_2);
-    m->correction_2 = m->k0_2;
+    if (m->mode == 0) {
+        m->correction_2 = 0;
+        m->k0_2 = 0;
+        m->rest_2 = 0;
+    } else {
+        m->k0_2 = moved(m->k0_2, m->mode == 4 ? 0
+            : m->mode != 5 ? m->aim_2 : m->test_nm_2 == (-2147483647 - 1) ? 0 : (int32_t)limited(m->test_nm_2, -54000, 54000),
+            1000000LL, slewed, &m->rest_2);
+        m->correction_2 = m->k0_2;
+    }
 }

@@ -4,7 +4,7 @@
  *   Z = -1.871 + 6.0476*dT1 + 2.6667*dT3 [um]
  *   Y = 0.5703 + 4.7292*dT1 - 0.5908*dT3 [um]
  * The correction of an axis is the negative of its displacement.
- * Model file SHA-256 3946372678c1a614053cb0a1bd8c95ee7ed87ef93de925fcc783b46f27b9a0a0
+ * Equations SHA-256 a6dda75b221d0a842068d1621f8510b36cdd362cdb3044be21d7c187f108c47f
  * Written by selector
  * Whole numbers only. Times in ms, corrections in nm, slopes in nm/m, positions in um.
  * T1: 1 degC = 1000 counts, valid 0 ... 10000 counts
@@ -27,12 +27,16 @@ typedef struct thermal_correction_i {
     int32_t reading_2; /* T3: 1 degC = 1000 counts; smallest number = missing */
     int32_t is_ready; /* drives on, axis referenced */
     int32_t is_wanted; /* the operator's switch */
+    int32_t is_restart; /* not 0 in the first call after the control was off */
+    int32_t standstill_ms; /* with is_restart: off for so long [ms] */
+    int32_t test_nm_1; /* sign test of Z: not 0 commands so much [nm] */
+    int32_t test_nm_2; /* sign test of Y: not 0 commands so much [nm] */
     /* outputs */
     int32_t correction_1; /* to be added to the axis for Z [nm] */
     int32_t k0_1; /* the same at the reference position [nm] */
     int32_t correction_2; /* to be added to the axis for Y [nm] */
     int32_t k0_2; /* the same at the reference position [nm] */
-    int32_t mode; /* 0 off, 1 model, 2 hold, 3 ramp to zero, 4 switched off */
+    int32_t mode; /* 0 off, 1 model, 2 hold, 3 ramp to zero, 4 switched off, 5 sign test */
     int32_t sensor_1; /* T1: 0 ok, 1 limited, 2 recovering, 3 missing, 4 break code, 5 out of limits, 6 jump, 8 range */
     int32_t sensor_2; /* T3 */
     /* to be kept when the control is off */
@@ -46,14 +50,17 @@ typedef struct thermal_correction_i {
     int32_t x_1;
     int32_t since_ms_1;
     int32_t good_ms_1;
+    int32_t is_new_1;
     int32_t x_2;
     int32_t since_ms_2;
     int32_t good_ms_2;
+    int32_t is_new_2;
     int32_t aim_1;
     int32_t rest_1;
     int32_t aim_2;
     int32_t rest_2;
     int32_t is_first;
+    int32_t was_restart;
     int32_t since_ms;
     int32_t held_ms;
     int32_t follows;

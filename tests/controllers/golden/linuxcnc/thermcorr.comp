@@ -4,7 +4,7 @@
  *   Z = -1.871 + 6.0476*dT1 + 2.6667*dT3 [um]
  *   Y = 0.5703 + 4.7292*dT1 - 0.5908*dT3 [um]
  * The correction of an axis is the negative of its displacement.
- * Model file SHA-256 3946372678c1a614053cb0a1bd8c95ee7ed87ef93de925fcc783b46f27b9a0a0
+ * Equations SHA-256 a6dda75b221d0a842068d1621f8510b36cdd362cdb3044be21d7c187f108c47f
  * Written by selector
  * Install: sudo halcompile --install thermcorr.comp
  */
@@ -18,13 +18,15 @@ pin in float standstill = 0.0 "[s]";
 pin in bit new_start = 0 "while true, start readings and memory are taken anew";
 pin in float reading_1 = 1e+30 "T1 [degC]";
 pin in float reading_2 = 1e+30 "T3 [degC]";
+pin in float test_um_1 = 0.0 "sign test of Z: not 0 commands so much [um]";
+pin in float test_um_2 = 0.0 "sign test of Y: not 0 commands so much [um]";
 pin out s32 sensor_1 "T1: 0 ok, 1 limited, 2 recovering, 3 missing, 4 break code, 5 out of limits, 6 jump, 7 stuck, 8 range";
 pin out s32 sensor_2 "T3";
 pin out float correction_1 "to be added to the axis for Z [um]";
 pin out float k0_1 "the same at the reference position [um]";
 pin out float correction_2 "to be added to the axis for Y [um]";
 pin out float k0_2 "the same at the reference position [um]";
-pin out s32 mode "0 off, 1 model, 2 hold, 3 ramp to zero, 4 switched off, 10 and more: fallback";
+pin out s32 mode "0 off, 1 model, 2 hold, 3 ramp to zero, 4 switched off, 5 sign test, 10 and more: fallback";
 pin out s32 counts_1 "for axis.L.eoffset-counts, Z [0.1 um]";
 pin out s32 counts_2 "for axis.L.eoffset-counts, Y [0.1 um]";
 param rw s32 ready_after = 10 "so many calls nothing is corrected after machine on and homed";
@@ -53,6 +55,8 @@ struct correction {
     int is_wanted; /* the operator's switch */
     int is_restart; /* true in the first call after the control was off */
     double standstill_s; /* with is_restart: off for so long [s] */
+    double test_um_1; /* sign test of Z: not 0 commands so much [um] */
+    double test_um_2; /* sign test of Y: not 0 commands so much [um] */
     /* outputs */
     int sensor_1; /* T1: 0 ok, 1 limited, 2 recovering, 3 missing, 4 break code, 5 out of limits, 6 jump, 7 stuck, 8 range */
     int sensor_2; /* T3 */
@@ -60,7 +64,7 @@ struct correction {
     double k0_1; /* the same at the reference position [um] */
     double correction_2; /* to be added to the axis for Y [um] */
     double k0_2; /* the same at the reference position [um] */
-    int mode; /* 0 off, 1 model, 2 hold, 3 ramp to zero, 4 switched off, 10 and more: fallback */
+    int mode; /* 0 off, 1 model, 2 hold, 3 ramp to zero, 4 switched off, 5 sign test, 10 and more: fallback */
     /* to be kept when the control is off */
     int has_memory_1; /* memory has begun */
     double start_1; /* start reading of T1 */
@@ -71,12 +75,16 @@ struct correction {
     /* state */
     double x_1; /* T1 as the model gets it */
     double since_1; /* since it was believed last [s] */
-    double good_for_1; /* good for so long [s] */
+    double good_for_1; /* good for so long [s]; -1: not good */
+    int is_new_1; /* not believed since the control started */
     double x_2; /* T3 as the model gets it */
     double since_2; /* since it was believed last [s] */
-    double good_for_2; /* good for so long [s] */
+    double good_for_2; /* good for so long [s]; -1: not good */
+    int is_new_2; /* not believed since the control started */
     double aim_1; /* where it moves to [um] */
+    double rest_1; /* what rounding left of its last step [um] */
     double aim_2; /* where it moves to [um] */
+    double rest_2; /* what rounding left of its last step [um] */
     int was_restart; /* is_restart in the call before */
     int is_first; /* no sample yet */
     double since_sample_s; /* since the last sample [s] */
@@ -95,7 +103,8 @@ static void begin(struct correction *m)
     m->sensor_1 = 3;
     m->x_1 = 0.0;
     m->since_1 = 0.0;
-    m->good_for_1 = 60.0;
+    m->good_for_1 = -1.0;
+    m->is_new_1 = 1;
     m->has_memory_1 = 0;
     m->start_1 = 0.0;
     m->has_start_1 = 0;
@@ -103,7 +112,8 @@ static void begin(struct correction *m)
     m->sensor_2 = 3;
     m->x_2 = 0.0;
     m->since_2 = 0.0;
-    m->good_for_2 = 60.0;
+    m->good_for_2 = -1.0;
+    m->is_new_2 = 1;
     m->has_memory_2 = 0;
     m->start_2 = 0.0;
     m->has_start_2 = 0;
@@ -111,12 +121,16 @@ static void begin(struct correction *m)
     m->is_wanted = 1;
     m->is_restart = 0;
     m->standstill_s = 0.0;
+    m->test_um_1 = 0.0;
     m->correction_1 = 0.0;
     m->k0_1 = 0.0;
     m->aim_1 = 0.0;
+    m->rest_1 = 0.0;
+    m->test_um_2 = 0.0;
     m->correction_2 = 0.0;
     m->k0_2 = 0.0;
     m->aim_2 = 0.0;
+    m->rest_2 = 0.0;
     m->mode = 0;
     m->was_restart = 0;
     m->is_first = 1;
@@ -127,16 +141,19 @@ static void begin(struct correction *m)
 
 static void step(struct correction *m)
 {
+    double tested_1;
+    double tested_2;
     double off_s;
     double passed_s;
+    double change;
     double x;
     double z_1;
     double z_2;
     double own;
-    double change;
     double slewed_s;
     double towards;
     double most;
+    double reach;
     double low;
     double high;
     if (m->is_restart && !(m->was_restart)) {
@@ -152,20 +169,26 @@ static void step(struct correction *m)
         if (m->since_1 > 1000000.0) {
             m->since_1 = 1000000.0;
         }
+        m->good_for_1 = -1.0;
+        m->is_new_1 = 1;
         m->since_2 = m->since_2 + off_s;
         if (m->since_2 > 1000000.0) {
             m->since_2 = 1000000.0;
         }
+        m->good_for_2 = -1.0;
+        m->is_new_2 = 1;
         m->is_first = 1;
         m->since_sample_s = 0.0;
         m->held_s = 0.0;
         m->follows = 2;
         m->k0_1 = 0.0;
-        m->aim_1 = 0.0;
+        m->rest_1 = 0.0;
         m->correction_1 = 0.0;
+        m->aim_1 = 0.0;
         m->k0_2 = 0.0;
-        m->aim_2 = 0.0;
+        m->rest_2 = 0.0;
         m->correction_2 = 0.0;
+        m->aim_2 = 0.0;
     }
     m->was_restart = m->is_restart;
     /* time: what is no time counts as 0 */
@@ -182,6 +205,11 @@ static void step(struct correction *m)
     }
     if (m->is_first || (m->since_sample_s >= 1.0)) {
         /* sensor T1 */
+        if ((!(m->has_memory_1) || !(m->has_start_1)) && !(m->is_new_1)) {
+            m->has_memory_1 = 0;
+            m->is_new_1 = 1;
+            m->good_for_1 = -1.0;
+        }
         m->since_1 = m->since_1 + m->since_sample_s;
         if (m->since_1 > 1000000.0) {
             m->since_1 = 1000000.0;
@@ -215,36 +243,57 @@ static void step(struct correction *m)
             m->sensor_1 = 4;
         }
         if (m->sensor_1 == 0) {
-            m->good_for_1 = m->good_for_1 + m->since_sample_s;
-            if (m->good_for_1 > 1000000.0) {
-                m->good_for_1 = 1000000.0;
+            change = m->reading_1 - m->start_1;
+            if (!(m->has_start_1) && ((change > 10.0) || (change < -10.0))) {
+                m->good_for_1 = -1.0;
+            }
+            if (m->good_for_1 >= 0.0) {
+                m->good_for_1 = m->good_for_1 + m->since_sample_s;
+                if (m->good_for_1 > 1000000.0) {
+                    m->good_for_1 = 1000000.0;
+                }
+            } else {
+                m->good_for_1 = 0.0;
+                if (!(m->has_memory_1)) {
+                    if (!(m->has_start_1)) {
+                        m->start_1 = m->reading_1;
+                    }
+                    x = m->reading_1 - m->start_1;
+                    m->x_1 = x;
+                    if (m->x_1 < 0.0) {
+                        m->x_1 = 0.0;
+                    }
+                    if (m->x_1 > 10.0) {
+                        m->x_1 = 10.0;
+                    }
+                    m->since_1 = 0.0;
+                }
             }
             if (m->good_for_1 < 60.0) {
                 m->sensor_1 = 2;
             } else {
-                if (!(m->has_start_1)) {
-                    m->start_1 = m->reading_1;
-                    m->has_start_1 = 1;
+                m->has_start_1 = 1;
+                x = m->reading_1 - m->start_1;
+                m->x_1 = x;
+                if (m->x_1 < 0.0) {
+                    m->x_1 = 0.0;
                 }
-                x = 0.0;
-                if (m->has_start_1) {
-                    x = m->reading_1 - m->start_1;
+                if (m->x_1 > 10.0) {
+                    m->x_1 = 10.0;
                 }
                 if ((x < -1e-08) || (x > 10.00000001)) {
                     m->sensor_1 = 1;
                 }
-                if (x < 0.0) {
-                    x = 0.0;
-                }
-                if (x > 10.0) {
-                    x = 10.0;
-                }
-                m->x_1 = x;
             }
         } else {
-            m->good_for_1 = 0.0;
+            m->good_for_1 = -1.0;
         }
         /* sensor T3 */
+        if ((!(m->has_memory_2) || !(m->has_start_2)) && !(m->is_new_2)) {
+            m->has_memory_2 = 0;
+            m->is_new_2 = 1;
+            m->good_for_2 = -1.0;
+        }
         m->since_2 = m->since_2 + m->since_sample_s;
         if (m->since_2 > 1000000.0) {
             m->since_2 = 1000000.0;
@@ -278,40 +327,60 @@ static void step(struct correction *m)
             m->sensor_2 = 4;
         }
         if (m->sensor_2 == 0) {
-            m->good_for_2 = m->good_for_2 + m->since_sample_s;
-            if (m->good_for_2 > 1000000.0) {
-                m->good_for_2 = 1000000.0;
+            change = m->reading_2 - m->start_2;
+            if (!(m->has_start_2) && ((change > 10.0) || (change < -10.0))) {
+                m->good_for_2 = -1.0;
+            }
+            if (m->good_for_2 >= 0.0) {
+                m->good_for_2 = m->good_for_2 + m->since_sample_s;
+                if (m->good_for_2 > 1000000.0) {
+                    m->good_for_2 = 1000000.0;
+                }
+            } else {
+                m->good_for_2 = 0.0;
+                if (!(m->has_memory_2)) {
+                    if (!(m->has_start_2)) {
+                        m->start_2 = m->reading_2;
+                    }
+                    x = m->reading_2 - m->start_2;
+                    m->x_2 = x;
+                    if (m->x_2 < 0.0) {
+                        m->x_2 = 0.0;
+                    }
+                    if (m->x_2 > 10.0) {
+                        m->x_2 = 10.0;
+                    }
+                    m->since_2 = 0.0;
+                }
             }
             if (m->good_for_2 < 60.0) {
                 m->sensor_2 = 2;
             } else {
-                if (!(m->has_start_2)) {
-                    m->start_2 = m->reading_2;
-                    m->has_start_2 = 1;
+                m->has_start_2 = 1;
+                x = m->reading_2 - m->start_2;
+                m->x_2 = x;
+                if (m->x_2 < 0.0) {
+                    m->x_2 = 0.0;
                 }
-                x = 0.0;
-                if (m->has_start_2) {
-                    x = m->reading_2 - m->start_2;
+                if (m->x_2 > 10.0) {
+                    m->x_2 = 10.0;
                 }
                 if ((x < -1e-08) || (x > 10.00000001)) {
                     m->sensor_2 = 1;
                 }
-                if (x < 0.0) {
-                    x = 0.0;
-                }
-                if (x > 10.0) {
-                    x = 10.0;
-                }
-                m->x_2 = x;
             }
         } else {
-            m->good_for_2 = 0.0;
+            m->good_for_2 = -1.0;
         }
         /* memory: first-order lags of what is believed */
         if ((m->sensor_1 == 0) || (m->sensor_1 == 1)) {
+            m->has_memory_1 = 1;
+            m->is_new_1 = 0;
             m->since_1 = 0.0;
         }
         if ((m->sensor_2 == 0) || (m->sensor_2 == 1)) {
+            m->has_memory_2 = 1;
+            m->is_new_2 = 0;
             m->since_2 = 0.0;
         }
         /* which model */
@@ -374,6 +443,32 @@ static void step(struct correction *m)
     if (!(m->is_wanted)) {
         m->mode = 4;
     }
+    tested_1 = 0.0;
+    if ((m->test_um_1 >= -1000000000.0) && (m->test_um_1 <= 1000000000.0)) {
+        tested_1 = m->test_um_1;
+    }
+    if ((tested_1 < 0.0) || (tested_1 > 0.0)) {
+        m->mode = 5;
+    }
+    if (tested_1 < -90.0) {
+        tested_1 = -90.0;
+    }
+    if (tested_1 > 90.0) {
+        tested_1 = 90.0;
+    }
+    tested_2 = 0.0;
+    if ((m->test_um_2 >= -1000000000.0) && (m->test_um_2 <= 1000000000.0)) {
+        tested_2 = m->test_um_2;
+    }
+    if ((tested_2 < 0.0) || (tested_2 > 0.0)) {
+        m->mode = 5;
+    }
+    if (tested_2 < -54.0) {
+        tested_2 = -54.0;
+    }
+    if (tested_2 > 54.0) {
+        tested_2 = 54.0;
+    }
     if (!(m->is_ready)) {
         m->mode = 0;
     }
@@ -384,19 +479,30 @@ static void step(struct correction *m)
     /* correction of Z: no faster than the slew limit */
     if (m->mode == 0) {
         m->k0_1 = 0.0;
+        m->rest_1 = 0.0;
         m->correction_1 = 0.0;
     } else {
         towards = m->aim_1;
         if (m->mode == 4) {
             towards = 0.0;
         }
-        most = 1.0 * slewed_s;
-        low = m->k0_1 - most;
-        high = m->k0_1 + most;
+        if (m->mode == 5) {
+            towards = tested_1;
+        }
+        most = 1.0 * slewed_s + m->rest_1;
+        reach = most;
+        if (reach < 0.0) {
+            reach = 0.0;
+        }
+        low = m->k0_1 - reach;
+        high = m->k0_1 + reach;
+        m->rest_1 = 0.0;
         if (towards < low) {
+            m->rest_1 = most - (m->k0_1 - low);
             towards = low;
         }
         if (towards > high) {
+            m->rest_1 = most - (high - m->k0_1);
             towards = high;
         }
         m->k0_1 = towards;
@@ -405,19 +511,30 @@ static void step(struct correction *m)
     /* correction of Y: no faster than the slew limit */
     if (m->mode == 0) {
         m->k0_2 = 0.0;
+        m->rest_2 = 0.0;
         m->correction_2 = 0.0;
     } else {
         towards = m->aim_2;
         if (m->mode == 4) {
             towards = 0.0;
         }
-        most = 1.0 * slewed_s;
-        low = m->k0_2 - most;
-        high = m->k0_2 + most;
+        if (m->mode == 5) {
+            towards = tested_2;
+        }
+        most = 1.0 * slewed_s + m->rest_2;
+        reach = most;
+        if (reach < 0.0) {
+            reach = 0.0;
+        }
+        low = m->k0_2 - reach;
+        high = m->k0_2 + reach;
+        m->rest_2 = 0.0;
         if (towards < low) {
+            m->rest_2 = most - (m->k0_2 - low);
             towards = low;
         }
         if (towards > high) {
+            m->rest_2 = most - (high - m->k0_2);
             towards = high;
         }
         m->k0_2 = towards;
@@ -453,6 +570,8 @@ FUNCTION(_) {
     if (m->dt_s == 0.0) m->dt_s = period * 1e-9;
     m->reading_1 = *__comp_inst->reading_1;
     m->reading_2 = *__comp_inst->reading_2;
+    m->test_um_1 = *__comp_inst->test_um_1;
+    m->test_um_2 = *__comp_inst->test_um_2;
     /* LinuxCNC adds up differences of counts from machine on: they are 0 then, and some calls longer */
     if (ready_for <= __comp_inst->ready_after) ready_for++;
     if (!(*__comp_inst->is_enabled && *__comp_inst->is_homed)) ready_for = 0;
@@ -474,6 +593,8 @@ FUNCTION(_) {
         m->has_start_1 = 0;
         m->has_memory_2 = 0;
         m->has_start_2 = 0;
+        m->good_for_1 = -1.0;
+        m->good_for_2 = -1.0;
     }
     step(m);
     *__comp_inst->sensor_1 = m->sensor_1;

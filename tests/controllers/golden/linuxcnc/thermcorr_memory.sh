@@ -2,7 +2,7 @@
 # thermcorr_memory.sh save | restore: start readings and memory while LinuxCNC is closed.
 # They are in thermcorr_kept.txt beside the INI file; delete it to take new start readings.
 kept=thermcorr_kept.txt
-model=3946372678c1a614053cb0a1bd8c95ee7ed87ef93de925fcc783b46f27b9a0a0
+model=a6dda75b221d0a842068d1621f8510b36cdd362cdb3044be21d7c187f108c47f
 case "$1" in
 save)
     {

@@ -1,0 +1,113 @@
+"""The sign test of an export: what a person commands, what has to be read, and what to do if it is the other way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from selector.controllers.guard.codes import Mode
+from selector.controllers.guard.decided import decided_limits
+from selector.controllers.model_file import ModelFile
+from selector.controllers.signs import is_turned
+
+TEST_UM = 10.0
+"""Large enough for an indicator of 1 µm, too small to break anything."""
+
+
+@dataclass(frozen=True)
+class Commanded:
+    """The test of one output.
+
+    Attributes
+    ----------
+    output, axis : str
+    command : str
+        What is to be set.
+    shown : str
+        What the control shows then.
+    expected_um : float
+        What the indicator has to read.
+    wait_s : float
+        For so long the correction is on its way.
+    """
+
+    output: str
+    axis: str
+    command: str
+    shown: str
+    expected_um: float
+    wait_s: float
+
+
+@dataclass(frozen=True)
+class SignTest:
+    """The test on one control.
+
+    Attributes
+    ----------
+    before : str
+        How the correction is brought to zero first.
+    commanded : tuple of Commanded
+        Per output.
+    after : str
+        How the test ends.
+    by : str
+        What commands the correction.
+    wrong : str
+        What to do if the indicator reads the other sign.
+    """
+
+    before: str
+    commanded: tuple[Commanded, ...]
+    after: str
+    by: str = "The program itself commands the correction; the model has no say meanwhile."
+    wrong: str = (
+        "export again with --invert and the name of the output, load that program and repeat the test; its sheet "
+        "expects the other sign"
+    )
+
+
+def sign_test(
+    model: ModelFile,
+    before: str,
+    command: Callable[[int, float], str],
+    shown: Callable[[int, float], str],
+    after: str,
+    *,
+    direction: float = 1.0,
+    by: str = SignTest.by,
+) -> SignTest:
+    """The test by the inputs for it of a generated program.
+
+    Parameters
+    ----------
+    model : ModelFile
+    before, after : str
+    command, shown : callable
+        From the number of the output (from 1) and the commanded value [µm] to what a person sets, and sees.
+    direction : float
+        −1 where what is commanded has the sign of the displacement.
+    by : str
+    """
+    limits, _ = decided_limits(model)
+    lines = []
+    for k, output in enumerate(model.outputs, 1):
+        of = limits[output.name]
+        test_um = min(TEST_UM, of.clamp_um)
+        expected = direction * (-test_um if is_turned(output) else test_um)
+        wait_s = test_um / of.own_slew_um_per_s
+        lines.append(
+            Commanded(output.name, output.axis or "", command(k, test_um), shown(k, test_um), expected, wait_s)
+        )
+    return SignTest(before, tuple(lines), after, by)
+
+
+def sign_test_of_block(model: ModelFile, *, shown: Callable[[int, float], str] | None = None) -> SignTest:
+    """The test of a function block that a person sees online."""
+    return sign_test(
+        model,
+        "Set is_ready to TRUE and is_wanted to FALSE; wait until correction_1 ... are 0. No sensor is needed.",
+        lambda k, um: f"test_um_{k} := {um!r};",
+        shown or (lambda k, um: f"mode = {Mode.TEST:d}, correction_{k} = {um:g}"),
+        "Set test_um_1 ... to 0.0 and, when the indicator is back at zero, is_wanted to TRUE.",
+    )
