@@ -10,6 +10,7 @@
         ├── OptionError         an option has a value that cannot be used with this recording
         │   └── NotExecutableError  what runs a program (a compiler, a control) is not on this machine
         ├── ModelFileError      a model file does not follow its schema
+        ├── ResultError         a result on disk does not follow its contract
         └── StudyError          a study file does not follow its schema, or its recordings are no longer those it names
     CancelledError              the user stopped long work; nothing was written
 
@@ -73,6 +74,10 @@ class NotExecutableError(OptionError):
 
 class ModelFileError(InputError):
     """A model file does not follow its schema."""
+
+
+class ResultError(InputError):
+    """A result on disk, such as selection.json, does not follow its contract."""
 
 
 class StudyError(InputError):

@@ -24,6 +24,7 @@ from selector.cli import (
     predicting,
     proving,
     reading,
+    reporting,
     running,
     selecting,
     simulating_drive,
@@ -92,6 +93,7 @@ _command("check", models.check, _model)
 _command("card", models.card, _model)
 app.add_typer(_model, name="model")
 _command("diagnose", diagnosing.diagnose)
+_command("report", reporting.report)
 _command("effects", effects.effects)
 _command("prove", proving.prove)
 _command("workbench", workbench.workbench)

@@ -116,39 +116,23 @@ def diagnose(
     _require_usable(asked)
     if out is not None:
         require_writable_folder(out, "--out")
-    from selector.cli.diagnosis_files import correction_told, earlier_answer, provenance, require_replaceable
+    from selector.cli.diagnosis_files import earlier_answer, require_replaceable
 
     if out is not None:
         require_replaceable(out, with_model=asked.model is not None)
     with progress_bar() as progress:
-        progress("reading", 0.0)
-        say = _in_steps(progress)
-        improved, simulated = None, None
-        recorded = source.reading()
-        if asked.model is not None:
-            found, improved = _of_model(recorded, asked.model, asked, say)
-        else:
-            from selector.diagnosis.workflow import diagnosis
-
-            comparison, simulated = compared(
-                source, recorded, asked.simulation, asked.time_unit, asked.responses, asked.holdout
-            )
-            found = diagnosis(comparison, seed=asked.seed, false_alarm=asked.false_alarm, progress=say)
-        found, correction = correction_told(found, improved)
+        answer = answered(source, asked, progress)
+        found = answer.found
         if out is not None:
             progress("writing", 1.0)
             require_replaceable(out, with_model=asked.model is not None)
             with folder_written_whole(out, earlier_answer(out)) as folder:
-                options = {
-                    "holdout": asked.holdout,
-                    "false alarm": f"{asked.false_alarm:g}",
-                    "response": asked.responses,
-                }
-                told = provenance(recorded, simulated, asked.model, options)
-                written = write_results(found, folder, improved, correction, told, recorded.description())
+                description = answer.recorded.description()
+                written = write_results(found, folder, answer.improved, answer.correction, answer.told, description)
                 results = hashes(folder)
                 with told_if_no_text(console):
-                    written += write_diagnosis_study(folder, out, source, asked, recorded, simulated, opened)
+                    read = (answer.recorded, answer.simulated)
+                    written += write_diagnosis_study(folder, out, source, asked, *read, opened)
     if as_json:
         showing.print_json(found.as_dict())
     else:
@@ -157,6 +141,47 @@ def diagnose(
         console.print(f"wrote {out}: {', '.join(written)}", markup=False)
         if opened is not None and opened.study.results:
             console.print(repeated_words(opened.study, results), markup=False)
+
+
+@dataclasses.dataclass(frozen=True)
+class Answer:
+    """A diagnosis, what is written beside it, and what it was made from; `told` is its provenance."""
+
+    found: Diagnosis
+    improved: Improved | None
+    correction: ModelFile | None
+    recorded: Reading
+    simulated: Reading | None
+    told: dict[str, Any]
+
+
+def answered(source: Source, asked: Asked, progress: Callable[[str, float], None]) -> Answer:
+    """Read, compare and diagnose.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read, or what is asked cannot be answered.
+    """
+    from selector.cli.diagnosis_files import correction_told, provenance
+
+    progress("reading", 0.0)
+    say = _in_steps(progress)
+    improved, simulated = None, None
+    recorded = source.reading()
+    if asked.model is not None:
+        found, improved = _of_model(recorded, asked.model, asked, say)
+    else:
+        from selector.diagnosis.workflow import diagnosis
+
+        comparison, simulated = compared(
+            source, recorded, asked.simulation, asked.time_unit, asked.responses, asked.holdout
+        )
+        found = diagnosis(comparison, seed=asked.seed, false_alarm=asked.false_alarm, progress=say)
+    found, correction = correction_told(found, improved)
+    options = {"holdout": asked.holdout, "false alarm": f"{asked.false_alarm:g}", "response": asked.responses}
+    told = provenance(recorded, simulated, asked.model, options)
+    return Answer(found, improved, correction, recorded, simulated, told)
 
 
 def _require_usable(asked: Asked) -> None:

@@ -83,7 +83,7 @@ def opened_study(
     found = changes(study, place.parent) if accept_changes else ()
     if found:
         console.print(f"accepted: {change_words(found)}", markup=False)
-    return OpenedStudy(study, place, _source_of(study, place.parent))
+    return OpenedStudy(study, place, source_of_study(study, place.parent))
 
 
 def write_study_beside(
@@ -214,7 +214,7 @@ def _is_said(context: typer.Context, name: str) -> bool:
     return getattr(context.get_parameter_source(name), "name", "DEFAULT") not in ("DEFAULT", "DEFAULT_MAP")
 
 
-def _source_of(study: Study, folder: Path) -> Source:
+def source_of_study(study: Study, folder: Path) -> Source:
     """What the command line would say about the recordings of a study in `folder`."""
     from selector.study import path_at
     from selector.study.inputs import present

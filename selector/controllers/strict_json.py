@@ -62,8 +62,18 @@ class _Refused:
     expected: str
 
 
-def parsed_json(text: str, *, where: str) -> Any:
+def parsed_json(
+    text: str, *, where: str, most_entries: int = LARGEST_COLLECTION, most_values: int = LARGEST_DOCUMENT
+) -> Any:
     """The value of a JSON text.
+
+    Parameters
+    ----------
+    text : str
+    where : str
+        Names the text in messages.
+    most_entries, most_values : int
+        Of one array or object; of the whole text.
 
     Raises
     ------
@@ -83,7 +93,7 @@ def parsed_json(text: str, *, where: str) -> Any:
     except RecursionError:
         raise ModelFileError(
             "arrays or objects nested too deep",
-            expected="the shallow structure of selector.model/1",
+            expected="the shallow structure of a model file or a result of selector",
             where=where,
             advice="this is not a model file of selector; export the model again",
         ) from None
@@ -95,7 +105,7 @@ def parsed_json(text: str, *, where: str) -> Any:
             where=f"{where}, line {error.lineno} column {error.colno}",
             advice="the file was cut off or edited by hand; export the model again or take an intact copy",
         ) from None
-    refused = _first_refused(value)
+    refused = _first_refused(value, most_entries, most_values)
     if refused is not None:
         path, refusal = refused
         raise ModelFileError(
@@ -151,18 +161,18 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return value
 
 
-def _first_refused(value: Any) -> tuple[tuple[str | int, ...], _Refused] | None:
+def _first_refused(value: Any, most_entries: int, most_values: int) -> tuple[tuple[str | int, ...], _Refused] | None:
     stack: list[tuple[tuple[str | int, ...], Any]] = [((), value)]
     count = 0
     while stack:
         path, item = stack.pop()
         count += 1
-        if count > LARGEST_DOCUMENT:
-            return (), _Refused(f"more than {LARGEST_DOCUMENT} values", "a document that a control can work with")
+        if count > most_values:
+            return (), _Refused(f"more than {most_values} values", "a document of a size that can be worked with")
         if isinstance(item, _Refused):
             return path, item
-        if isinstance(item, dict | list) and len(item) > LARGEST_COLLECTION:
-            return path, _Refused(shown(item), f"at most {LARGEST_COLLECTION} entries")
+        if isinstance(item, dict | list) and len(item) > most_entries:
+            return path, _Refused(shown(item), f"at most {most_entries} entries")
         if isinstance(item, dict):
             stack.extend(((*path, key), child) for key, child in reversed(item.items()))
         elif isinstance(item, list):

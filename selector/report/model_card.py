@@ -45,6 +45,13 @@ def write_model_card(path: str | Path, model: ModelFile) -> Path:
     OptionError
         The file cannot be written.
     """
+    target = Path(path)
+    write_whole(target, model_card_html(model).encode("utf-8", "replace"))
+    return target
+
+
+def model_card_html(model: ModelFile) -> str:
+    """The card as text, see `write_model_card`."""
     values = {
         "title": model.name,
         "version": __version__,
@@ -53,9 +60,7 @@ def write_model_card(path: str | Path, model: ModelFile) -> Path:
         "card": model_card(model),
         "remarks": remarks_of(model_findings(model)),
     }
-    target = Path(path)
-    write_whole(target, rendered("model_card.html", values).encode("utf-8", "replace"))
-    return target
+    return rendered("model_card.html", values)
 
 
 def sensors_table(model: ModelFile) -> Table:

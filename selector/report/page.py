@@ -6,7 +6,8 @@ import base64
 import functools
 import hashlib
 import json
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ import jinja2
 import plotly.graph_objects as go
 from markupsafe import Markup
 
+from selector import __version__
 from selector.figures import style
 
 TEMPLATES = Path(__file__).with_name("templates")
@@ -80,6 +82,25 @@ def rendered(template: str, values: Mapping[str, Any]) -> str:
         "drawing": Markup(drawing),  # noqa: S704
     }
     return environment.get_template(template).render(**values, **programs)
+
+
+def one_page(pages: Sequence[str], title: str) -> str:
+    """Several pages of `rendered`, one after the other, as one; a single page is itself.
+
+    Places inside of each keep their own links: their ids are told apart by the page's number.
+    """
+    if len(pages) == 1:
+        return pages[0]
+    parts = []
+    for number, page in enumerate(pages, start=1):
+        # what is between these is the content: names cannot hold a "<", and data have scripts with a type
+        body = page.partition("<body>\n")[2].partition("\n<script>")[0]
+        parts.append(Markup(_PLACE.sub(rf"\g<1>result-{number}-", body)))  # noqa: S704
+    return rendered("several.html", {"title": title, "version": __version__, "parts": parts})
+
+
+_PLACE = re.compile(r'(<[^<>]*?(?: id="| href="#))')
+"""Where a place has its name, and what leads there."""
 
 
 @functools.cache

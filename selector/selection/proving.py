@@ -24,6 +24,11 @@ from selector.selection.options import Question
 from selector.selection.result import RunProof, Trace
 
 TRACE_POINTS = 1500
+"""Of one part that was left out; with many parts fewer, so that all have `MOST_TRACE_POINTS` at most."""
+
+MOST_TRACE_POINTS = 120_000
+TRACE_DIGITS = 4
+"""Decimals of traces [µm, s]: they are for pictures, and results hold them as text."""
 
 
 def left_out_errors(
@@ -37,6 +42,7 @@ def left_out_errors(
     """Errors on each part, from the sensors, terms, time constants and coefficients that the others chose."""
     proofs: dict[str, list[RunProof]] = {name: [] for name in question.responses}
     traces: list[Trace] = []
+    points = max(2, min(TRACE_POINTS, MOST_TRACE_POINTS // max(len(parts), 1)))
     for choice, part in zip(choices, parts, strict=True):
         recipe = refined(question, source, datum, choice.trial, part.training)
         rows = rows_of(source, recipe.design, source.runs)
@@ -61,8 +67,9 @@ def left_out_errors(
             )
         for r in np.unique(unseen.run):
             at = np.flatnonzero(unseen.run == r)
-            at = at[:: max(1, -(-len(at) // TRACE_POINTS))]
-            traces.append(Trace(unseen.runs[r], unseen.time_s[at], unseen.responses[at], predicted[at]))
+            at = at[:: max(1, -(-len(at) // points))]
+            courses = (unseen.time_s[at], unseen.responses[at], predicted[at])
+            traces.append(Trace(unseen.runs[r], *(np.round(course, TRACE_DIGITS) for course in courses)))
     return {name: tuple(found) for name, found in proofs.items()}, tuple(traces)
 
 

@@ -175,6 +175,18 @@ class Selection:
                 }
                 for one in screening.rounds
             ],
+            "screenings": [
+                {
+                    "lambda": one.level,
+                    "lambda_of_rounds": [r.level for r in one.rounds],
+                    "groups": len(one.rounds[0].partition.members),
+                    "representatives": list(one.representatives),
+                    "f_statistic": one.f.value if one.f is not None else None,
+                    "heldout_relative": one.error,
+                    "chosen": one is screening,
+                }
+                for one in self.grouping.screenings
+            ],
             "lambda_axis": [
                 {
                     "lambda_low": step.low,
@@ -193,6 +205,14 @@ class Selection:
                 "because": self.because,
                 "reasons": dict(self.reasons),
                 "shape": str(self.recipe.shape),
+                "degree": self.recipe.shape.form.degree,
+                "interactions": self.recipe.shape.form.interactions,
+                "sensor_taus_s": list(self.recipe.shape.sensor_taus_s),
+                "speed_taus_s": list(self.recipe.shape.speed_taus_s),
+            },
+            "valid_range": {
+                name: [float(low), float(high)]
+                for name, low, high in zip(self.recipe.design.variables, self.hull.low, self.hull.high, strict=True)
             },
             "models": {name: self._model(name) for name in self.models},
             "proof": {
@@ -202,10 +222,12 @@ class Selection:
                         "n_sensors": point.n_sensors,
                         "heldout_rmse_um": dict(zip(self.models, point.rmse_um, strict=True)),
                         "standard_error_um": dict(zip(self.models, point.standard_error_um, strict=True)),
+                        "per_part_um": [dict(zip(self.models, row, strict=True)) for row in point.per_group_um],
                     }
                     for point in self.proof.curve
                 ],
                 "baselines_um": {name: dict(values) for name, values in self.proof.baselines_um.items()},
+                "traces": [self._trace(trace) for trace in self.proof.traces],
             },
             "faults": [{**vars(gain), "worst_um": gain.worst_um} for gain in self.faults],
             "fallbacks": [
@@ -242,12 +264,29 @@ class Selection:
             "heldout_rmse_um": self.proof.rmse_um(name),
             "heldout_max_um": self.proof.max_um(name),
             "per_run": self._per_run(name),
+            "scaled": {
+                "variables": list(model.scaling.variables),
+                "centre": list(model.scaling.centre),
+                "scale": list(model.scaling.scale),
+                "terms": [dict(term.powers) for term in model.terms],
+                "coefficients": model.coefficients.tolist(),
+                "covariance": model.covariance.tolist(),
+                "vif": model.vif.tolist(),
+            },
             "n_samples": model.n_samples,
             "ridge": model.ridge,
             "condition_number": model.diagnostics.condition_number,
             "durbin_watson": model.diagnostics.durbin_watson,
             "ljung_box_p": model.diagnostics.ljung_box_p,
             "max_cooks_distance": model.diagnostics.max_cooks_distance,
+        }
+
+    def _trace(self, trace: Trace) -> dict[str, Any]:
+        return {
+            "run": trace.run,
+            "time_s": trace.time_s.tolist(),
+            "measured_um": dict(zip(self.models, trace.measured_um.T.tolist(), strict=True)),
+            "predicted_um": dict(zip(self.models, trace.predicted_um.T.tolist(), strict=True)),
         }
 
     def _per_run(self, name: str) -> dict[str, dict[str, Any]]:
@@ -260,6 +299,7 @@ class Selection:
                     "heldout_rmse_um": part.rmse_um,
                     "heldout_max_um": part.max_um,
                     "heldout_mean_um": part.mean_um,
+                    "heldout_samples": part.n_samples,
                     "before_rmse_um": part.before_rmse_um,
                     "before_max_um": part.before_max_um,
                     "heldout_sensors": list(part.sensors),

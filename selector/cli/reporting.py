@@ -1,0 +1,130 @@
+"""`report`: the page of results that are on disk, once more or several in one file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from selector.cli import showing
+from selector.cli.files import refuse_to_replace_input
+from selector.cli.progress import progress_bar
+from selector.cli.studying import OpenedStudy, source_of_study
+from selector.errors import InputError, OptionError
+
+if TYPE_CHECKING:
+    from selector.report.result_file import Result
+
+Say = Callable[[str], None]
+
+
+def report(
+    results: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="RESULT...",
+            help="selection.json, diagnosis.json, prediction.json or model.json, or a folder that holds one.",
+        ),
+    ],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE.html", help="Where to write the report.")],
+    title: Annotated[
+        str | None, typer.Option("--title", metavar="TEXT", help="Heading; default: that of the results.")
+    ] = None,
+) -> None:
+    """Makes the report of results again, from their files; several stand in one file, one after the other.
+
+    A selection.json holds all that its page shows but how its recordings were read and where the sensors sit. That,
+    and what a diagnosis.json does not hold, is read from the recordings that a study.toml beside it names, if they
+    are unchanged; else it is left out, and told.
+    """
+    from selector.atomic_file import write_whole
+    from selector.report.page import one_page
+    from selector.report.result_file import read_result
+
+    if out.is_dir():
+        raise OptionError(
+            "a folder of this name exists",
+            expected="a name for the file",
+            where=f"--out {out}",
+            advice=f"e.g. --out {out / 'report.html'}",
+        )
+    console = showing.screen()
+    read = [read_result(result) for result in results]
+    inputs = [file for one in read for file in (one.path, one.path.with_name("study.toml"))]
+    refuse_to_replace_input(out, inputs, "--out")
+
+    def say(text: str) -> None:
+        console.print(text, markup=False)
+
+    pages = [_page(one, say) for one in read]
+    names = [str(one.path.parent.absolute().name) for one in read]
+    page = one_page(pages, title or f"Report: {', '.join(names)}")
+    write_whole(out, page.encode("utf-8", "replace"))
+    console.print(f"wrote {out}", markup=False)
+
+
+def _page(result: Result, say: Say) -> str:
+    """The page of one result."""
+    from selector.controllers.model_io import read_model
+    from selector.report.model_card import model_card_html
+    from selector.report.result_file import made_of
+    from selector.report.result_page import diagnosis_page, prediction_page
+
+    if result.kind == "selection":
+        return _selection_page(result, say)
+    if result.kind == "model":
+        return model_card_html(read_model(result.path))
+    if result.kind == "prediction":
+        return made_of(result, prediction_page)
+    again = _diagnosis_again(result, say)
+    return made_of(result, diagnosis_page) if again is None else again
+
+
+def _selection_page(result: Result, say: Say) -> str:
+    from selector.cli.material import material_of
+    from selector.report.result_file import made_of
+    from selector.report.selection_report import selection_html
+    from selector.selection.result_file import selection_of
+
+    selection = made_of(result, selection_of)
+    study = _unchanged_study(result, say, "how the recordings were read, and where the sensors sit")
+    description, date = None, None
+    if study is not None:
+        description, date = material_of(study.source).description, study.study.date
+    return made_of(result, lambda _: selection_html(selection, description=description, date=date))
+
+
+def _diagnosis_again(result: Result, say: Say) -> str | None:
+    """The whole page of a diagnosis, made from its recordings; None where that cannot be."""
+    from selector.cli.diagnosing import answered
+    from selector.cli.diagnosis_study import asked_of
+    from selector.report.diagnosis_report import diagnosis_html
+
+    study = _unchanged_study(result, say, "pictures and evidence")
+    if study is None or study.study.diagnose is None:
+        return None
+    with progress_bar() as progress:
+        answer = answered(study.source, asked_of(study), progress)
+    if showing.json_text(answer.found.as_dict()) + "\n" != result.path.read_text(encoding="utf-8"):
+        say(f"{result.path}: done again, this is not the answer; the page shows what the file says, without pictures")
+        return None
+    return diagnosis_html(answer.found, provenance=answer.told, description=answer.recorded.description())
+
+
+def _unchanged_study(result: Result, say: Say, what: str) -> OpenedStudy | None:
+    """The study beside a result, if there is one and its files are what they were; else it is told what is left out."""
+    from selector.study import STUDY_FILE, read_study, require_unchanged
+
+    place = result.path.with_name(STUDY_FILE)
+    if not place.is_file():
+        say(f"{result.path}: left out: {what}; there is no {STUDY_FILE} beside it")
+        return None
+    try:
+        study = read_study(place)
+        require_unchanged(study, place)
+    except InputError as error:
+        say(f"{result.path}: left out: {what}; {error.found}")
+        return None
+    return OpenedStudy(study, place, source_of_study(study, place.parent))

@@ -1,0 +1,386 @@
+"""A selection again from its JSON form (`selector.selection/1`): all that its report shows, without the recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from selector.findings import Finding, Where
+from selector.models.design import Datum, Design
+from selector.models.faults import FaultGain
+from selector.models.hull import ValidityHull
+from selector.models.least_squares import Diagnostics, FittedModel
+from selector.models.memory import Lag
+from selector.models.terms import Form, Scaling, Term
+from selector.models.validation import ErrorCurvePoint
+from selector.selection.candidates import Grouping, Screening
+from selector.selection.fitting import Recipe
+from selector.selection.library import Shape
+from selector.selection.options import Options
+from selector.selection.result import Combination, Proof, RunProof, Selection, Trace
+from selector.sensors.groups import FStatistic, LambdaAxis, Partition, lambda_axis
+from selector.sensors.screening import ScreeningRound
+from selector.sensors.similarity import Similarity
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Perhaps = Number | None
+Count = Annotated[int, Field(strict=True, ge=0)]
+Names = tuple[str, ...]
+ByName = dict[str, Number]
+
+
+class _Part(BaseModel):
+    """A part of the document; fields that a later version adds are not looked at."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+
+class FindingPart(_Part):
+    """A finding."""
+
+    id: str
+    level: Literal["info", "warning", "error"]
+    statement: str
+    where: dict[Literal["channel", "run", "from_s", "to_s", "file"], str | Number] = {}
+    evidence: dict[str, Any] = {}
+    suggestion: str = ""
+    action: Literal["none", "leave-out-stretch", "leave-out-run", "leave-out-channel"] = "none"
+
+    def finding(self) -> Finding:
+        """As a value."""
+        where: dict[str, Any] = {str(key): value for key, value in self.where.items()}
+        return Finding(self.id, self.level, self.statement, Where(**where), self.evidence, self.suggestion, self.action)
+
+
+class _Round(_Part):
+    level: Annotated[Number, Field(alias="lambda")]
+    groups: tuple[Names, ...]
+    representatives: Names
+
+
+class _Screening(_Part):
+    level: Annotated[Number, Field(alias="lambda")]
+    lambda_of_rounds: Annotated[tuple[Number, ...], Field(min_length=1)]
+    representatives: Names
+    f_statistic: Perhaps
+    heldout_relative: Perhaps
+    chosen: bool
+
+
+class _Step(_Part):
+    f_statistic: Perhaps
+
+
+class _Combination(_Part):
+    sensors: Names
+    response: str
+    r2: Perhaps
+    adjusted_r2: Perhaps
+    heldout_rmse_um: Perhaps
+    origin: str
+
+
+class _Chosen(_Part):
+    sensors: Annotated[Names, Field(min_length=1)]
+    because: str
+    reasons: dict[str, str]
+    degree: Annotated[int, Field(ge=1, le=3)]
+    interactions: bool
+    sensor_taus_s: tuple[Number, ...]
+    speed_taus_s: tuple[Number, ...]
+
+
+class _Scaled(_Part):
+    variables: Names
+    centre: tuple[Number, ...]
+    scale: tuple[Number, ...]
+    terms: tuple[dict[str, Annotated[int, Field(ge=1, le=9)]], ...]
+    coefficients: tuple[Number, ...]
+    covariance: tuple[tuple[Perhaps, ...], ...]
+    vif: tuple[Perhaps, ...]
+
+
+class _Lag(_Part):
+    source: str
+    tau_s: Number
+
+
+class _Run(_Part):
+    rmse_um: Perhaps = None
+    max_um: Perhaps = None
+    heldout_rmse_um: Perhaps = None
+    heldout_max_um: Perhaps = None
+    heldout_mean_um: Perhaps = None
+    heldout_samples: Count | None = None
+    before_rmse_um: Perhaps = None
+    before_max_um: Perhaps = None
+    heldout_sensors: Names = ()
+
+
+class _Model(_Part):
+    lags: tuple[_Lag, ...]
+    r2: Perhaps
+    adjusted_r2: Perhaps
+    rmse_um: Perhaps
+    per_run: dict[str, _Run]
+    scaled: _Scaled
+    n_samples: Count
+    ridge: Number
+    condition_number: Perhaps
+    durbin_watson: Perhaps
+    ljung_box_p: Perhaps
+    max_cooks_distance: Perhaps
+
+
+class _Point(_Part):
+    n_sensors: Count
+    heldout_rmse_um: dict[str, Perhaps]
+    standard_error_um: dict[str, Perhaps]
+    per_part_um: tuple[dict[str, Perhaps], ...]
+
+
+class _Trace(_Part):
+    run: str
+    time_s: Annotated[tuple[Number, ...], Field(min_length=1)]
+    measured_um: dict[str, tuple[Perhaps, ...]]
+    predicted_um: dict[str, tuple[Perhaps, ...]]
+
+
+class _Proof(_Part):
+    left_out: Literal["run", "condition", "block"]
+    curve: tuple[_Point, ...]
+    baselines_um: dict[str, dict[str, Perhaps]]
+    traces: tuple[_Trace, ...]
+
+
+class _Fault(_Part):
+    sensor: str
+    response: str
+    per_kelvin_um: Perhaps
+    stuck_um: Perhaps
+    open_um: Perhaps
+
+
+class _Options(_Part):
+    responses: Names
+    level: Annotated[Literal["auto"] | tuple[Number, ...], Field(alias="lambda")]
+    rounds: int
+    max_sensors: int
+    degree: int
+    interactions: bool
+    memory: bool
+    reference: Literal["rise", "absolute"]
+    absolute_similarity: bool
+    must: Names
+    never: Names
+    cost: ByName
+    tolerance: Perhaps
+    ridge: bool
+    conditions: dict[str, str]
+    seed: int
+
+
+class SelectionDocument(_Part):
+    """The fields of a selection's JSON that its report shows."""
+
+    sensors: Annotated[Names, Field(min_length=1)]
+    similarity: tuple[tuple[Number, ...], ...]
+    level: Annotated[Number, Field(alias="lambda")]
+    lambda_because: str
+    rounds: Annotated[tuple[_Round, ...], Field(min_length=1)]
+    screenings: tuple[_Screening, ...]
+    combinations: tuple[_Combination, ...]
+    chosen: _Chosen
+    valid_range: dict[str, tuple[Number, Number]]
+    models: Annotated[dict[str, _Model], Field(min_length=1)]
+    proof: _Proof
+    faults: tuple[_Fault, ...]
+    stability: dict[str, Perhaps]
+    options: _Options
+    provenance: dict[str, Any]
+    findings: tuple[FindingPart, ...]
+
+
+def selection_of(document: Mapping[str, Any]) -> Selection:
+    """The selection whose JSON form this is: its `as_dict` is the same document, but for what no report shows.
+
+    Fallback models, classical covariances and the points of the validity hull are not in a document.
+
+    Raises
+    ------
+    pydantic.ValidationError
+        A field is missing, or of the wrong kind.
+    ValueError, KeyError, IndexError
+        Two fields contradict each other, e.g. a matrix without a row for each sensor.
+    """
+    told = SelectionDocument.model_validate(document)
+    models = {name: _model(name, one) for name, one in told.models.items()}
+    recipe = _recipe(told)
+    low, high = (np.array([told.valid_range[name][end] for name in recipe.design.variables]) for end in (0, 1))
+    names = tuple(models)
+    return Selection(
+        options=_options(told.options),
+        sensors=told.sensors,
+        grouping=_grouping(told),
+        combinations=tuple(
+            Combination(c.sensors, c.response, _nan(c.r2), _nan(c.adjusted_r2), _nan(c.heldout_rmse_um), c.origin)
+            for c in told.combinations
+        ),
+        chosen=told.chosen.sensors,
+        because=told.chosen.because,
+        reasons=told.chosen.reasons,
+        recipe=recipe,
+        models=models,
+        fit_per_run={
+            name: {
+                run: (_nan(part.rmse_um), _nan(part.max_um))
+                for run, part in one.per_run.items()
+                if part.rmse_um is not None
+            }
+            for name, one in told.models.items()
+        },
+        proof=Proof(
+            told.proof.left_out,
+            {name: _run_proofs(one.per_run) for name, one in told.models.items()},
+            tuple(_trace(trace, names) for trace in told.proof.traces),
+            tuple(_point(point, names) for point in told.proof.curve),
+            {name: {way: _nan(v) for way, v in told.proof.baselines_um[name].items()} for name in names},
+        ),
+        faults=tuple(
+            FaultGain(f.sensor, f.response, _nan(f.per_kelvin_um), _nan(f.stuck_um), _nan(f.open_um))
+            for f in told.faults
+        ),
+        hull=ValidityHull(np.empty((0, len(low))), np.ones(len(low)), low, high),
+        stability={name: _nan(share) for name, share in told.stability.items()},
+        findings=tuple(part.finding() for part in told.findings),
+        provenance=told.provenance,
+    )
+
+
+def _options(told: _Options) -> Options:
+    values = {name: getattr(told, name) for name in _Options.model_fields if name != "level"}
+    return Options(level=None if told.level == "auto" else tuple(told.level), **values)
+
+
+def _recipe(told: SelectionDocument) -> Recipe:
+    chosen = told.chosen
+    shape = Shape(Form(chosen.degree, chosen.interactions), chosen.sensor_taus_s, chosen.speed_taus_s)
+    first = next(iter(told.models.values()))
+    lags = tuple(Lag(lag.source, lag.tau_s) for lag in first.lags)
+    inputs = tuple(name for name in first.scaled.variables if name not in {lag.name for lag in lags})
+    design = Design(inputs, tuple(told.models), Datum(told.options.reference), lags)
+    return Recipe(chosen.sensors, shape, design, tuple(Term.of(powers) for powers in first.scaled.terms))
+
+
+def _grouping(told: SelectionDocument) -> Grouping:
+    matrix = np.array(told.similarity, dtype=np.float64)
+    similarity = Similarity(matrix, absolute=told.options.absolute_similarity)
+    axis = lambda_axis(matrix, told.sensors)
+    position = {name: i for i, name in enumerate(told.sensors)}
+    screenings, chosen = [], None
+    for one in told.screenings:
+        rounds = (
+            tuple(_round(part, position) for part in told.rounds)
+            if one.chosen
+            else tuple(_known_of_round(axis, level) for level in one.lambda_of_rounds)
+        )
+        f = None if one.f_statistic is None else FStatistic(one.f_statistic, 0, 0, 0)
+        made = Screening(one.level, rounds, one.representatives, f, _nan(one.heldout_relative))
+        screenings.append(made)
+        chosen = made if one.chosen else chosen
+    if chosen is None:
+        raise ValueError("no screening is the chosen one")
+    return Grouping(similarity, axis, (), tuple(screenings), chosen, told.lambda_because)
+
+
+def _round(part: _Round, position: Mapping[str, int]) -> ScreeningRound:
+    kept = tuple(sorted(position[name] for group in part.groups for name in group))
+    label = {position[name]: i for i, group in enumerate(part.groups) for name in group}
+    names = list(position)
+    partition = Partition(tuple(label[i] for i in kept), part.level, tuple(names[i] for i in kept))
+    return ScreeningRound(part.level, kept, partition, tuple(position[name] for name in part.representatives), ())
+
+
+def _known_of_round(axis: LambdaAxis, level: float) -> ScreeningRound:
+    """Of a way of grouping that was not chosen: its groups, not who stood for them."""
+    partition = axis.at(level).partition
+    return ScreeningRound(level, tuple(range(len(partition.labels))), partition, (), ())
+
+
+def _model(name: str, told: _Model) -> FittedModel:
+    scaled = told.scaled
+    scaling = Scaling(scaled.variables, scaled.centre, scaled.scale)
+    covariance = _array(scaled.covariance)
+    return FittedModel(
+        response=name,
+        scaling=scaling,
+        terms=tuple(Term.of(powers) for powers in scaled.terms),
+        has_intercept=True,
+        coefficients=_array(scaled.coefficients),
+        covariance=covariance,
+        classical_covariance=np.full_like(covariance, np.nan),
+        vif=_array(scaled.vif),
+        valid_range=(),
+        n_samples=told.n_samples,
+        r2=_nan(told.r2),
+        adjusted_r2=_nan(told.adjusted_r2),
+        rmse_um=_nan(told.rmse_um),
+        residual_sd_um=float("nan"),
+        diagnostics=Diagnostics(
+            _nan(told.durbin_watson),
+            _nan(told.ljung_box_p),
+            _nan(told.condition_number),
+            _nan(told.max_cooks_distance),
+            0,
+        ),
+        ridge=told.ridge,
+    )
+
+
+def _run_proofs(per_run: Mapping[str, _Run]) -> tuple[RunProof, ...]:
+    return tuple(
+        RunProof(
+            run,
+            part.heldout_sensors,
+            _nan(part.heldout_rmse_um),
+            _nan(part.heldout_max_um),
+            _nan(part.heldout_mean_um),
+            _nan(part.before_rmse_um),
+            _nan(part.before_max_um),
+            part.heldout_samples,
+        )
+        for run, part in per_run.items()
+        if part.heldout_samples is not None
+    )
+
+
+def _point(told: _Point, names: Sequence[str]) -> ErrorCurvePoint:
+    def row(values: Mapping[str, float | None]) -> tuple[float, ...]:
+        return tuple(_nan(values[name]) for name in names)
+
+    return ErrorCurvePoint(
+        told.n_sensors,
+        row(told.heldout_rmse_um),
+        row(told.standard_error_um),
+        tuple(row(part) for part in told.per_part_um),
+    )
+
+
+def _trace(told: _Trace, names: Sequence[str]) -> Trace:
+    measured, predicted = (
+        np.column_stack([_array(courses[name]) for name in names]) for courses in (told.measured_um, told.predicted_um)
+    )
+    return Trace(told.run, _array(told.time_s), measured, predicted)
+
+
+def _array(values: Any) -> NDArray[np.float64]:
+    # None becomes NaN
+    return np.array(values, dtype=np.float64)
+
+
+def _nan(value: float | None) -> float:
+    return float("nan") if value is None else value
