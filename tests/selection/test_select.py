@@ -297,4 +297,5 @@ class TestResult:
         trace = plain.proof.traces[0]
         part = plain.proof.per_response["Z"][0]
         error = trace.measured_um[:, 0] - trace.predicted_um[:, 0]
-        assert np.sqrt(np.mean(error**2)) == pytest.approx(part.rmse_um, rel=1e-9)
+        # both courses are rounded to 0.0001 µm
+        assert np.sqrt(np.mean(error**2)) == pytest.approx(part.rmse_um, abs=1e-4)
