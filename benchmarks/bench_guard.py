@@ -45,10 +45,26 @@ def agreement(n: int) -> None:
             passed_s = np.clip(np.nan_to_num(rows.dt_s[1:], nan=0.0, posinf=10.0), 0.0, 10.0)
             free = (guard.mode[1:] != 0) & ~rows.is_restart[1:]
             worst = max(worst, float(np.max((step - limit.own_slew_um_per_s * passed_s)[free])))
+        # the whole correction of the output with a slope, without what its axis takes along
+        where, taken = positions_taken(rows.positions_m[:, 0])
+        carried = np.where(taken[1:] & taken[:-1], guard.slope_um_per_m[:-1, 0] * np.diff(where), 0.0)
+        limit = limits["Z"]
+        base = np.clip(guard.correction_um[:-1, 0] + carried, -limit.clamp_um, limit.clamp_um)
+        step = np.abs(guard.correction_um[1:, 0] - base)
+        worst = max(worst, float(np.max((step - limit.slew_um_per_s * passed_s)[free])))
     print(f"{n} rows, {time.perf_counter() - started:.0f} s: {unequal} values differ between Python guard and C;")
     print(
         f"{beyond} corrections are not finite or beyond their clamp; slew exceeded by {max(worst, 0.0):.1e} um at most"
     )
+
+
+def positions_taken(positions_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Positions inside the valid ones, where missing the last known; and which were there."""
+    taken = np.abs(np.nan_to_num(positions_m, nan=np.inf)) <= 1e9
+    last = np.maximum.accumulate(np.where(taken, np.arange(len(taken)), -1))
+    part = hostile.model().outputs[0].position
+    known = np.where(last >= 0, positions_m[np.maximum(last, 0)], part.reference_m)
+    return np.clip(known, part.valid_min_m, part.valid_max_m), taken
 
 
 def throughput(n: int) -> None:
@@ -65,7 +81,8 @@ def throughput(n: int) -> None:
 
 
 def _part(rows: Rows, n: int) -> Rows:
-    return Rows(*(getattr(rows, field.name)[:n] for field in fields(Rows)))
+    tables = {field.name: getattr(rows, field.name) for field in fields(Rows)}
+    return Rows(**{name: None if table is None else table[:n] for name, table in tables.items()})
 
 
 def _seconds(model, rows: Rows, precision) -> float:

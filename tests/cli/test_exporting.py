@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from selector.cli import exit_status
+from selector.controllers.model_io import read_model
 from selector.controllers.replay.compiled import compiler
 
 ROOT = Path(__file__).parents[2]
@@ -62,6 +63,24 @@ def test_c_with_a_replay_for_people(tmp_path, capsys):
     assert written["guard"]["limits"][0]["clamp_um"] == 80.0
 
 
+def test_a_turned_output_is_replayed_as_such_and_said_everywhere(tmp_path, capsys):
+    out = tmp_path / "out"
+    arguments = ["--for", "python", "--invert", "Y", "--json"]
+    arguments += ["--replay", PATENT8 / "recording.csv", "--machine", PATENT8 / "machine.toml"]
+    assert export(PATENT, "--out", out, *arguments) == 0
+    said = answer(capsys)
+    assert said["replay"]["max_abs_difference_um"] == 0.0
+    assert "sign-turned" in {finding["id"] for finding in said["findings"]}
+    assert "worse-than-nothing" not in {finding["id"] for finding in said["findings"]}
+    assert "TURNED ROUND: the correction of Y" in (out / "thermal_correction.py").read_text()
+    assert [output.sign for output in read_model(out / "model.json").outputs] == [
+        "correction = -displacement", "correction = displacement",
+    ]  # fmt: skip
+    sheet = (out / "commissioning.html").read_text()
+    assert "Turned round in this program: Y" in sheet
+    assert sheet.index("+10</td>") < sheet.index("−10</td>")
+
+
 def test_without_a_replay_it_is_null(tmp_path, capsys):
     assert export(PATENT, "--for", "c", "--out", tmp_path / "out", "--json") == 0
     assert answer(capsys)["replay"] is None
@@ -88,6 +107,7 @@ def test_without_a_compiler_the_program_is_written_and_the_lack_told(tmp_path, c
         (["--for", "c", "--clamp", "Z=0"], "a number above 0"),
         (["--for", "c", "--slew", "Z=nan"], "a number above 0"),
         (["--for", "c", "--slew", "Z"], "--slew"),
+        (["--for", "c", "--invert", "Q"], "no output 'Q'"),
         (["--for", "c", "--replay", "nowhere.csv"], "nowhere.csv"),
     ],
 )

@@ -142,6 +142,54 @@ def test_time_that_stands_still_or_runs_backwards_moves_nothing():
         assert macro.offsets == before
 
 
+def called_until_settled(macro):
+    for time_s in range(100, 400, 10):
+        macro.variables |= {100: float(time_s), 101: 20.0, 102: 20.0}
+        macro.call()
+    return macro.offsets
+
+
+@pytest.mark.parametrize(("code", "per_mm"), [(21.0, 1.0), (71.0, 1.0), (20.0, 25.4), (70.0, 25.4)])
+@pytest.mark.parametrize("group_3", [90.0, 91.0, None])
+def test_inches_and_lathes_are_asked_for_and_g90_is_as_before(code, per_mm, group_3):
+    macro = MacroB(fanuc_export(read_model(PATENT)).files[FILE])
+    macro.modal = {4006: code} | ({} if group_3 is None else {4003: group_3})
+    modal = dict(macro.modal)
+    assert called_until_settled(macro) == pytest.approx({"Z": 0.001871 / per_mm, "Y": -0.0005703 / per_mm}, abs=1e-12)
+    assert macro.modal == modal
+
+
+def test_what_the_control_does_not_say_is_an_alarm_before_anything_is_written():
+    text = fanuc_export(read_model(PATENT)).files[FILE]
+    macro = MacroB(text)
+    macro.modal = {4003: 90.0}
+    with pytest.raises(MacroError, match="alarm 3101"):
+        called_until_settled(macro)
+    assert macro.offsets == {}
+    outputs = tuple(
+        o.model_copy(update={"axis": axis}) for o, axis in zip(read_model(PATENT).outputs, "UW", strict=True)
+    )
+    lathe = MacroB(fanuc_export(read_model(PATENT).model_copy(update={"outputs": outputs})).files[FILE])
+    lathe.modal = {4006: 21.0}
+    with pytest.raises(MacroError, match="alarm 3102"):
+        called_until_settled(lathe)
+    lathe.modal = {4003: 91.0, 4006: 21.0}
+    assert set(called_until_settled(lathe)) == {"U", "W"}
+
+
+def test_a_reading_that_is_bad_again_within_the_first_minute_is_no_start_reading():
+    macro = MacroB(fanuc_export(read_model(PATENT)).files[FILE])
+    course = [(0.0, 25.0), (30.0, 25.0), (40.0, 850.0), (50.0, 20.0), (100.0, 20.0), (110.0, 20.0)]
+    states = []
+    for time_s, reading in course:
+        macro.variables |= {100: time_s, 101: reading, 102: 20.0}
+        macro.call()
+        states.append((macro.variables[503], macro.variables[505]))
+    # status, and start readings: 2 = good so far, 1 = believed
+    assert states == [(2.0, 2.0), (2.0, 2.0), (2.0, 2.0), (2.0, 2.0), (2.0, 2.0), (1.0, 1.0)]
+    assert macro.variables[507] == 20.0
+
+
 def test_vacant_time_ends_the_program_before_it_writes_anything():
     macro = MacroB(fanuc_export(read_model(PATENT)).files[FILE])
     macro.call()

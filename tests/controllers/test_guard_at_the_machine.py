@@ -293,7 +293,7 @@ def test_the_generated_programs_are_turned(target):
         pytest.skip("no C compiler; Debian: apt install gcc")
     (main, *_) = TARGETS[target].parts
     found = main.execute(model, rows, exported.files, reference_answers(model, rows))
-    expected = main.expected(model, rows, reference_answers(model, rows))
+    expected = main.expected(model, rows, reference_answers(model, rows), found)
     assert expected[-1, 0] > 5.0
     allowed = main.allowed_um(model, rows, reference_answers(model, rows))["Z"]
     assert np.abs(found.correction_um[:, 0] - expected[:, 0]).max() <= allowed
