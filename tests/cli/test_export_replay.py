@@ -117,7 +117,7 @@ def test_a_smaller_guard_is_no_difference_of_the_program_and_is_told(tmp_path, c
     assert part["max_abs_difference_um"] <= part["allowed_um"] < 1e-6
     (differs,) = [one for one in said["findings"] if one["id"] == "guard-differs"]
     assert differs["evidence"]["guard_difference_um"] > 0.5
-    # the macro holds for ever, where the whole guard ramps to zero; both wait for 300 s more, and for 300 s at the start,
+    # the macro holds for ever, where the whole guard ramps to zero; both wait 300 s more, and 300 s at the start,
     # which is no fault: 30 + 30 of 300 samples
     (share,) = [one["evidence"]["share_of_samples"] for one in said["findings"] if one["id"] == "not-the-whole-model"]
     assert share == 0.2
