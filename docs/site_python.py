@@ -18,7 +18,7 @@ PARTS = {
         " models.subsets models.sensor_sets models.subset_results models.search_limits models.moments"
         " models.validation models.hull models.faults",
     ),
-    "selection": ("The choice, and scikit-learn", "selection estimators"),
+    "selection": ("The choice, scikit-learn, and the study file", "selection estimators study"),
     "heat": (
         "How the machine warms",
         "physics.system physics.thermal.laws physics.thermal.network physics.thermal.transient"
