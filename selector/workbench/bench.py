@@ -17,9 +17,15 @@ from selector.findings import Finding
 from selector.quality import inspect
 from selector.readers import Machine, Overrides, Reading, read, write_machine_file
 from selector.selection import Options
+from selector.study import DiagnoseSection, diagnose_section
 from selector.workbench import commands
 from selector.workbench.jobs import Job, Jobs
 from selector.workbench.study_folder import MACHINE, MACHINE_BEFORE, RECORDINGS, SIMULATION
+
+MODEL_ENDINGS = (".toml", ".fmu")
+"""Of models that a diagnosis runs itself."""
+
+_COMPARED = {"simulation", "model"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,6 +76,8 @@ class Bench:
         self._machine = machine.resolve() if machine is not None else own if own.is_file() else None
         self._overrides = Overrides()
         self._options = Options()
+        self._diagnosis = DiagnoseSection()
+        self._export = commands.Export()
         self._material = Material()
         self._results: dict[Path, tuple[float, dict[str, Any]]] = {}
 
@@ -108,6 +116,20 @@ class Bench:
     def options(self) -> Options:
         """What is asked of a selection."""
         return self._options
+
+    @property
+    def diagnosis(self) -> DiagnoseSection:
+        """What is asked of a diagnosis; what is compared with is what the study folder holds: runs, or one model."""
+        files = self.simulated
+        models = [path.name for path in files if path.suffix.lower() in MODEL_ENDINGS]
+        if len(models) == len(files) == 1:
+            return self._diagnosis.model_copy(update={"model": f"{SIMULATION}/{models[0]}"})
+        return self._diagnosis.model_copy(update={"simulation": (SIMULATION,) if files else ()})
+
+    @property
+    def export(self) -> commands.Export:
+        """What is asked of an export."""
+        return self._export
 
     @property
     def material(self) -> Material:
@@ -150,6 +172,38 @@ class Bench:
             self._options = options
             self.changed()
             return True
+
+    def choose_diagnosis(self, **changes: Any) -> bool:
+        """Changes options of the diagnosis; whether any is different now.
+
+        Raises
+        ------
+        OptionError
+            An option has a value that cannot be used.
+        """
+        with self._lock:
+            asked = diagnose_section(self.folder, **{**self._diagnosis.model_dump(exclude=_COMPARED), **changes})
+            if asked == self._diagnosis:
+                return False
+            self._diagnosis = asked
+            self.changed()
+            return True
+
+    def choose_export(self, **changes: Any) -> bool:
+        """Changes what is asked of an export; whether anything is different now."""
+        with self._lock:
+            asked = dataclasses.replace(self._export, **changes)
+            if asked == self._export:
+                return False
+            self._export = asked
+            self.changed()
+            return True
+
+    def drop_simulated(self, path: Path) -> None:
+        """Removes the copy of a simulated run from the study folder."""
+        if path in self.simulated:
+            path.unlink()
+            self.changed()
 
     def read_as(self, overrides: Overrides) -> None:
         """Reads the recordings again, with other decisions about encoding, separator, clock and the like.

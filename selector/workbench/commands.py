@@ -6,13 +6,43 @@ import os
 import shlex
 import subprocess
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from selector.readers import Overrides
 from selector.selection import Options
+from selector.study import DiagnoseSection
 
-SELECTION = "selection"
-"""Folder of the selection in the study folder."""
+SELECTION, DIAGNOSIS = "selection", "diagnosis"
+"""Folders of the answers in the study folder."""
+
+
+@dataclass(frozen=True)
+class Export:
+    """What is asked of an export.
+
+    Attributes
+    ----------
+    model : str
+        Model file in the study folder.
+    target : str
+        One of `selector.controllers.writers.targets.TARGETS`.
+    replayed : tuple of Path
+        Recordings that are run through the program.
+    is_sign_verified : bool
+        Whether the sign test of the commissioning sheet was passed.
+    """
+
+    model: str = ""
+    target: str = "c"
+    replayed: tuple[Path, ...] = ()
+    is_sign_verified: bool = False
+
+    @property
+    def folder(self) -> str:
+        """Folder of the files in the study folder."""
+        return f"export-{self.target}"
+
 
 _READING = {
     "encoding": "--encoding",
@@ -84,6 +114,34 @@ def _option_words(options: Options) -> Iterator[str]:
         yield from ("--cost", f"{name}={cost:g}")
     for run, condition in options.conditions.items():
         yield from ("--condition", f"{run}={condition}")
+
+
+def diagnosis_arguments(asked: DiagnoseSection) -> tuple[str, ...]:
+    """What is asked of a diagnosis; what is left at its default is not said."""
+    default = DiagnoseSection()
+    words = [word for path in asked.simulation for word in ("--simulation", path)]
+    words += [] if asked.model is None else ["--model", asked.model]
+    words += [word for name in asked.responses for word in ("--response", name)]
+    for field, option in (
+        ("simulation_time_unit", "--simulation-time-unit"),
+        ("holdout", "--holdout"),
+        ("seed", "--seed"),
+    ):
+        if getattr(asked, field) != getattr(default, field):
+            words += [option, str(getattr(asked, field))]
+    if asked.false_alarm != default.false_alarm:
+        words += ["--false-alarm", repr(asked.false_alarm)]
+    return tuple(words)
+
+
+def export_command(folder: Path, asked: Export, machine: Path | None) -> tuple[str, ...]:
+    """`selector export`; paths in `folder` are told from there."""
+    words = ["export", asked.model, "--for", asked.target, "--out", asked.folder]
+    words += [word for path in asked.replayed for word in ("--replay", _told(folder, path))]
+    if asked.replayed and machine is not None:
+        words += ["--machine", _told(folder, machine)]
+    words += ["--sign-verified"] if asked.is_sign_verified else []
+    return tuple(words)
 
 
 def command_text(command: Sequence[str]) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 import plotly.graph_objects as go
 from dash import dcc, html, set_props
 from dash.development.base_component import Component
+from dash.exceptions import PreventUpdate
 
 from selector.errors import InputError
 from selector.figures import style
@@ -108,7 +109,7 @@ def section(title: str, *children: Any, note: str = "") -> Component:
     return html.Section([html.H2(title), *below, *children])
 
 
-def framed(relative: str, title: str, stamp: int = 0) -> Component:
+def framed(relative: str, title: str, stamp: str = "") -> Component:
     """A page that a command wrote, e.g. ``"selection/report.html"``: shown in an origin of its own.
 
     It is loaded again when `stamp` is another one.
@@ -122,6 +123,20 @@ def download(relative: str, text: str) -> Component:
     return html.A(text, href=f"{result_address(relative)}?download=1", download=relative.rpartition("/")[2])
 
 
+def require_news(now: Any, shown: Any) -> None:
+    """Leaves what is shown as it is, opened details too, where nothing of it is different."""
+    if now == shown:
+        raise PreventUpdate
+
+
+def last_job(bench: Bench, title: str, relative: str) -> tuple[Job | None, list[Any]]:
+    """The last job with this title, and what tells its answer, or the result at `relative`, from another one."""
+    job = next((job for job in reversed(bench.jobs.all) if job.title == title), None)
+    path = bench.folder / relative
+    stamp = path.stat().st_mtime_ns if path.is_file() else 0
+    return job, [None if job is None else [job.number, job.state], str(stamp)]
+
+
 def result_address(relative: str) -> str:
     """Where the server gives a result of the study folder."""
     from urllib.parse import quote
@@ -129,7 +144,7 @@ def result_address(relative: str) -> str:
     return f"/results/{quote(relative)}"
 
 
-def job_answer(job: Job) -> Component:
+def job_answer(job: Job, is_open: bool = False) -> Component:
     """What a job that is over said; nothing while it runs."""
     if not job.is_over or job.state == "cancelled":
         return html.Div()
@@ -139,4 +154,4 @@ def job_answer(job: Job) -> Component:
             className="advice bad",
             role="alert",
         )
-    return html.Details([html.Summary("What the command said"), html.Pre(job.said)])
+    return html.Details([html.Summary("What the command said"), html.Pre(job.said)], open=is_open)

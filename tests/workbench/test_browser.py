@@ -19,8 +19,8 @@ api = pytest.importorskip("playwright.sync_api", reason="Playwright is not insta
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
 
-PATENT = shipped("patent8")
-PATIENCE_MS = 20_000
+PATENT, DIAGNOSIS = shipped("patent8"), shipped("diagnosis")
+PATIENCE_MS = 60_000
 """Far more than any step takes on two busy cores."""
 
 
@@ -109,6 +109,34 @@ def test_from_a_file_to_a_report(page, bench, study, tmp_path):
     assert Path(saved.value.path()).read_bytes() == (study / "selection" / "report.html").read_bytes()
     asked = json.loads((study / "selection" / "selection.json").read_text(encoding="utf-8"))
     assert len(asked["chosen"]["sensors"]) <= 2
+
+
+def test_a_diagnosis_and_an_export(page, bench, study):
+    """Simulated runs are sent, compared, and the model that comes out is exported and replayed."""
+    for run in ("r1", "r2", "r3"):
+        bench.add(DIAGNOSIS / f"{run}.csv")
+    page.locator("#to-diagnosis").click()
+    with page.expect_file_chooser() as chooser:
+        page.get_by_role("button", name="Choose simulated runs …").click()
+    chooser.value.set_files([str(path) for path in sorted((DIAGNOSIS / "sim").glob("*.csv"))])
+    page.get_by_role("button", name="Remove").nth(2).wait_for()
+    page.get_by_text("--simulation simulation").wait_for()
+    page.locator("#page-diagnosis").get_by_role("button", name="Start").click()
+    page.locator("#page-diagnosis").get_by_text("thermal.memory", exact=True).wait_for()
+    assert page.locator("#page-diagnosis").get_by_role("cell", name="Z").first.is_visible()
+
+    page.locator("#to-export").click()
+    page.get_by_text("export diagnosis/model.json --for c").wait_for()
+    page.get_by_text("The sign test was passed").click()
+    page.get_by_text("--sign-verified").wait_for()
+    page.get_by_role("button", name="Export").click()
+    page.get_by_role("heading", name="Files in export-c").wait_for()
+    page.locator("summary", has_text="thermal_correction.c").click()
+    program = (study / "export-c" / "thermal_correction.c").read_text(encoding="utf-8")
+    assert page.locator("#page-export pre", has_text="#include").first.inner_text().strip() == program.strip()
+    sheet = page.frame_locator("#page-export iframe")
+    sheet.get_by_text("Sign test").first.wait_for()
+    assert bench.jobs.all[-1].command[-1] == "--sign-verified"
 
 
 def test_a_running_command_is_cancelled(page, bench, study):

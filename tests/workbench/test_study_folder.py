@@ -18,7 +18,7 @@ from selector.workbench.study_folder import free_name, inside, new_folder, requi
     [
         ("r1.csv", "r1.csv"),
         ("../../etc/passwd", "passwd"),
-        (r"C:\Users\..\r1.csv", "r1.csv"),
+        (r"C:\data\..\r1.csv", "r1.csv"),
         ("día 1 (warm).csv", "día 1 _warm_.csv"),
         ("测量.csv", "测量.csv"),
         ("con.csv", "_con.csv"),

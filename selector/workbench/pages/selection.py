@@ -26,7 +26,12 @@ _TICKS = (
     ("ridge", "Shrink coefficients as far as unseen runs profit"),
     ("absolute_similarity", "Group a sensor with its mirror image"),
 )
-_FILES = (("report.html", "Report"), ("model.json", "Model"), ("selection.json", "All results (JSON)"))
+_FILES = (
+    ("report.html", "Report"),
+    ("model.json", "Model"),
+    ("selection.json", "All results (JSON)"),
+    ("study.toml", "Study file"),
+)
 
 
 def layout(bench: Bench) -> Component:
@@ -66,6 +71,7 @@ def layout(bench: Bench) -> Component:
             html.Div(id=f"{ID}-sensors"),
             html.Div([html.Button("Start", id=f"{ID}-start", className="main")], className="row"),
             html.Div(id=f"{ID}-answer"),
+            dcc.Store(id=f"{ID}-answered", data=None),
             dcc.Store(id=f"{ID}-shown", data=None),
         ]
     )
@@ -106,29 +112,33 @@ def register(app: dash.Dash, bench: Bench) -> None:
             raise OptionError(
                 "no recordings", expected="recordings that can be read", where=TITLE, advice="load some first"
             )
-        bench.start("Selection", asked, bench.folder / SELECTION)
+        bench.start(TITLE, asked, bench.folder / SELECTION)
         parts.tell(bench)
 
-    @app.callback(Output(f"{ID}-answer", "children"), Input(parts.REVISION, "data"))
-    def _answer(_: int) -> Any:
-        job = next((job for job in reversed(bench.jobs.all) if job.title == "Selection"), None)
+    @app.callback(
+        Output(f"{ID}-answer", "children"),
+        Output(f"{ID}-answered", "data"),
+        Input(parts.REVISION, "data"),
+        State(f"{ID}-answered", "data"),
+    )
+    def _answer(_: int, shown: Any) -> tuple[Any, Any]:
+        job, now = parts.last_job(bench, TITLE, f"{SELECTION}/report.html")
+        parts.require_news(now, shown)
         said = parts.job_answer(job) if job is not None else None
         result = bench.result(f"{SELECTION}/selection.json")
         if result is None:
-            return said
+            return said, now
         links = [parts.download(f"{SELECTION}/{name}", text) for name, text in _FILES]
         chosen = result["chosen"]
-        # a report of the same name is another one after the next job
-        stamp = (bench.folder / SELECTION / "report.html").stat().st_mtime_ns
         answer = [
             html.Div(
                 [html.P(f"Keep {', '.join(chosen['sensors'])}.", className="first"), html.P(chosen["because"])],
                 className="advice",
             ),
             html.Div([html.Span("Save: "), *links], className="row"),
-            parts.framed(f"{SELECTION}/report.html", "Report of the selection", stamp),
+            parts.framed(f"{SELECTION}/report.html", "Report of the selection", now[-1]),
         ]
-        return [said, parts.section("The answer", *answer)]
+        return [said, parts.section("The answer", *answer)], now
 
 
 def _register_options(app: dash.Dash, bench: Bench) -> None:

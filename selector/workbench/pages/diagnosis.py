@@ -1,0 +1,204 @@
+"""Diagnosis: recordings beside a simulation; what it left out, where, how sure that is, and what it is worth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import dash
+from dash import ALL, Input, Output, State, dcc, html
+from dash.development.base_component import Component
+
+from selector.errors import OptionError
+from selector.figures.style import number
+from selector.quality.wording import duration
+from selector.workbench import parts
+from selector.workbench.bench import Bench
+from selector.workbench.commands import DIAGNOSIS, diagnosis_arguments
+
+ID, TITLE = "diagnosis", "Diagnosis"
+
+_FILES = (
+    ("report.html", "Report"),
+    ("diagnosis.json", "All results (JSON)"),
+    ("correction.json", "Correction of the simulation"),
+    ("improved.toml", "Improved model"),
+    ("model.json", "Model for a control"),
+    ("study.toml", "Study file"),
+)
+_GOOD = ("missing-physics", "nothing-missing")
+
+
+def layout(bench: Bench) -> Component:
+    """Simulated runs, options, Start, and the answer."""
+    asked = bench.diagnosis
+    fields = [
+        parts.field(
+            "Channels to compare",
+            dcc.Dropdown(id=f"{ID}-responses", options=[], value=list(asked.responses), multi=True),
+            "None: all that are simulated.",
+        ),
+        parts.field(
+            "Held out",
+            dcc.Input(id=f"{ID}-holdout", value=asked.holdout, type="text", debounce=True),
+            "last, the name of a run, or a share such as 0.3",
+        ),
+        parts.field(
+            "Allowed false alarms",
+            dcc.Input(id=f"{ID}-false_alarm", value=f"{asked.false_alarm:g}", type="text", debounce=True),
+            "probability of naming something where nothing is",
+        ),
+    ]
+    drop = html.Div(
+        [
+            html.Button("Choose simulated runs …", className="main", **parts.marks(data_chooses="simulation")),
+            html.Span(" or drop them here: one file a run, named as the recorded one; or a model file (.toml, .fmu)."),
+            html.Div(className="uploads", role="status"),
+        ],
+        className="drop",
+        **parts.marks(data_uploads="simulation"),
+    )
+    return html.Div(
+        [
+            html.H1("What the simulation left out"),
+            drop,
+            html.Div(id=f"{ID}-files"),
+            html.Div(fields, className="fields"),
+            html.Div([html.Button("Start", id=f"{ID}-start", className="main")], className="row"),
+            html.Div(id=f"{ID}-answer"),
+            dcc.Store(id=f"{ID}-answered", data=None),
+        ]
+    )
+
+
+def command(bench: Bench) -> tuple[str, ...] | None:
+    """`selector diagnose` with what is asked."""
+    asked = bench.diagnosis
+    if bench.material.reading is None or not (asked.simulation or asked.model):
+        return None
+    return ("diagnose", *bench.source_arguments(), *diagnosis_arguments(asked), "--out", DIAGNOSIS)
+
+
+def register(app: dash.Dash, bench: Bench) -> None:
+    """Options go to the bench as soon as they are changed, so that the command shows them."""
+
+    @app.callback(
+        Output(f"{ID}-files", "children"), Output(f"{ID}-responses", "options"), Input(parts.REVISION, "data")
+    )
+    def _show(_: int) -> tuple[Any, list[str]]:
+        reading = bench.material.reading
+        names = list(reading.recording.names) if reading is not None else []
+        return _files(bench), names
+
+    @app.callback(Input({"type": f"{ID}-remove", "file": ALL}, "n_clicks"), prevent_initial_call=True)
+    def _remove(clicks: list[int | None]) -> None:
+        if any(clicks):
+            files = {path.name: path for path in bench.simulated}
+            name = dash.ctx.triggered_id["file"]
+            if name in files:
+                bench.drop_simulated(files[name])
+            parts.tell(bench)
+
+    @app.callback(
+        Input(f"{ID}-responses", "value"),
+        Input(f"{ID}-holdout", "value"),
+        Input(f"{ID}-false_alarm", "value"),
+        prevent_initial_call=True,
+    )
+    def _choose(responses: list[str], holdout: str, false_alarm: str) -> None:
+        try:
+            probability = float(false_alarm)
+        except ValueError:
+            raise OptionError(
+                repr(false_alarm),
+                expected="a probability above 0 and up to 0.2",
+                where="allowed false alarms",
+                advice="e.g. 0.02",
+            ) from None
+        if bench.choose_diagnosis(
+            responses=tuple(responses), holdout=holdout.strip() or "last", false_alarm=probability
+        ):
+            parts.tell(bench)
+
+    @app.callback(Input(f"{ID}-start", "n_clicks"), prevent_initial_call=True)
+    def _start(_: int) -> None:
+        asked = command(bench)
+        if asked is None:
+            raise OptionError(
+                "nothing to compare",
+                expected="recordings that can be read, and simulated runs of the same names",
+                where=TITLE,
+                advice="load recordings on the first page, and simulated runs here",
+            )
+        bench.start(TITLE, asked, bench.folder / DIAGNOSIS)
+        parts.tell(bench)
+
+    @app.callback(
+        Output(f"{ID}-answer", "children"),
+        Output(f"{ID}-answered", "data"),
+        Input(parts.REVISION, "data"),
+        State(f"{ID}-answered", "data"),
+    )
+    def _answer(_: int, shown: Any) -> tuple[Any, Any]:
+        job, now = parts.last_job(bench, TITLE, f"{DIAGNOSIS}/report.html")
+        parts.require_news(now, shown)
+        said = parts.job_answer(job) if job is not None else None
+        result = bench.result(f"{DIAGNOSIS}/diagnosis.json")
+        return (said if result is None else [said, _answered(bench, result, now[-1])]), now
+
+
+def _files(bench: Bench) -> Component:
+    reading = bench.material.reading
+    runs = {run.name for run in reading.runs} if reading is not None else set()
+    rows = []
+    for path in bench.simulated:
+        is_model = path.suffix.lower() in (".toml", ".fmu")
+        beside = "a model, run by the diagnosis" if is_model else path.stem if path.stem in runs else "no recording"
+        name = {"type": f"{ID}-remove", "file": path.name}
+        rows.append(
+            [path.name, beside, html.Button("Remove", id=name, title=f"Remove {path.name} from the study folder")]
+        )
+    if not rows:
+        return html.P("No simulated runs yet.", className="about")
+    return parts.table(["simulated", "recorded run", ""], rows, name="files")
+
+
+def _answered(bench: Bench, result: Mapping[str, Any], stamp: str) -> Component:
+    there = [(name, text) for name, text in _FILES if (bench.folder / DIAGNOSIS / name).is_file()]
+    links = [parts.download(f"{DIAGNOSIS}/{name}", text) for name, text in there]
+    look = "advice" if result["verdict"] in _GOOD else "advice bad"
+    effects = [_effect(effect) for effect in result["effects"]]
+    columns = ["channel", "unit", "as it is", "recalibrated", "with what was found", "noise"]
+    places = ["channel", "run", "from", "to", "when", "share"]
+    return parts.section(
+        "The answer",
+        html.Div([html.P(result.get("headline") or result["verdict"], className="first"), *effects], className=look),
+        parts.table(columns, _fits(result), numeric=columns[2:], caption="RMS error on what was held out"),
+        parts.table(places, _places(result), numeric=["share"], caption="Where they differ"),
+        html.Div([html.Span("Save: "), *links], className="row"),
+        parts.framed(f"{DIAGNOSIS}/report.html", "Report of the diagnosis", stamp),
+    )
+
+
+def _effect(effect: Mapping[str, Any]) -> Component:
+    sure = f"{effect['confidence']:.0%} sure" + (", suspected only" if effect.get("suspected") else "")
+    lines = [
+        html.P([html.Code(effect["id"]), f" {effect['statement']} ({sure}; {effect['share']:.0%} of the difference)"])
+    ]
+    if effect["cannot_be_told_from"]:
+        others = ", ".join(effect["cannot_be_told_from"])
+        lines.append(html.P(f"It cannot be told from {others}. What would tell: {effect['experiment']}"))
+    return html.Div(lines)
+
+
+def _fits(result: Mapping[str, Any]) -> Iterator[list[Any]]:
+    for name, fit in result["fit"].items():
+        held = fit["heldout"]
+        errors = (held["rmse_before"], fit.get("recalibrated_heldout_rmse"), held["rmse_after"], held["noise_floor"])
+        yield [name, fit["unit"], *("–" if error is None else number(error) for error in errors)]
+
+
+def _places(result: Mapping[str, Any]) -> Iterator[list[Any]]:
+    for place in result["where"]:
+        times = ("" if place[key] is None else duration(place[key]) for key in ("from_s", "to_s"))
+        yield [place["channel"], place["run"] or "all", *times, place["regime"] or "", f"{place['share']:.0%}"]
