@@ -85,6 +85,7 @@ def _study(pictures: Pictures, selection: Selection, description: Description | 
         "machine": selection.provenance.get("machine"),
         "label": data_label(selection, description, title),
         "advice": advice(selection),
+        "gain": tables.gain_table(selection),
         "urgent": tables.remarks(selection, "error", "warning"),
         "because": selection.because,
         "curves": [pictures.add(figures.error_against_sensors(selection, name), _CURVE) for name in names],

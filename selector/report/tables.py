@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 from selector.findings import Finding
 from selector.report.formula import coefficient_rows, unit_of, variable_text
-from selector.report.numbers import NONE, number_text, place_text, share_text
+from selector.report.numbers import NONE, number_text, place_text, rounded_text, share_text
+from selector.report.wording import rmse_error_um
 from selector.selection import Selection
 from selector.selection.result import Combination
 
@@ -81,6 +82,36 @@ def remarks_of(findings: Iterable[Finding], *levels: str) -> tuple[Remark, ...]:
         for one in ordered
         if one.level in wanted
     )
+
+
+def gain_table(selection: Selection) -> Table:
+    """What the model gains and what its faults cost, one row a displacement."""
+    proof = selection.proof
+    rows = []
+    for name, parts in proof.per_response.items():
+        faults = [one for one in selection.faults if one.response == name]
+        worst = max(faults, key=lambda one: one.worst_um, default=None)
+        single = [part.rmse_um for part in parts]
+        rows.append(
+            (
+                name,
+                number_text(proof.baselines_um[name]["none"]),
+                rounded_text(proof.rmse_um(name), rmse_error_um(parts)),
+                f"{number_text(min(single))} to {number_text(max(single))}" if len(single) > 1 else NONE,
+                number_text(proof.max_um(name)),
+                NONE if worst is None else f"{number_text(worst.worst_um)} ({worst.sensor})",
+                number_text(max(one.per_kelvin_um for one in faults)) if faults else NONE,
+            )
+        )
+    headings = [
+        "error of", ">without [µm]", ">with, unseen [µm]", f">single {proof.left_out}s [µm]", ">largest [µm]",
+        ">worst sensor fault [µm]", ">1 K too high [µm]",
+    ]  # fmt: skip
+    note = (
+        f"Root mean square over all {proof.left_out}s that were left out in turn, ± its standard error from their "
+        "scatter; largest: of all their samples. The worst fault is a sensor that is stuck or open."
+    )
+    return table(headings, rows, note)
 
 
 def combinations_table(selection: Selection, response: str) -> Table:

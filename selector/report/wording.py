@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from selector.report.numbers import listed, number_text
+import numpy as np
+
+from selector.models.faults import FaultGain
+from selector.report.numbers import listed, number_text, rounded_text
 from selector.selection import Selection
+from selector.selection.result import RunProof
 
 USELESS = "no-better-than-nothing"
 _UNSEEN = {
@@ -16,7 +21,9 @@ _UNSEEN = {
     "condition": "Under conditions that the model has not seen",
     "block": "On stretches of the only run that the model has not seen",
 }
-_SINGLE = {"run": "single runs", "condition": "single conditions", "block": "single stretches"}
+MOST_SAID = 3
+"""Displacements of which the first sentence says each; of more it says the span, and the table below has them all."""
+
 _TELLING_KEYS = ("machine", "name", "note", "origin", "source", "kind", "label", "comment", "title", "description")
 
 
@@ -42,16 +49,30 @@ def advice(selection: Selection) -> Advice:
     useless = tuple(name for name in selection.models if name in useless_responses(selection))
     useful = tuple(name for name in selection.models if name not in useless)
     keep = f"Keep sensor{'s' * (len(selection.chosen) > 1)} {listed(selection.chosen)}"
-    dropped = len(selection.sensors) - len(selection.chosen)
-    rest = f"; the other {dropped} of {len(selection.sensors)} are not needed" if dropped > 1 else ""
     warnings = tuple(_uselessness(selection, name) for name in useless)
     if not useful:
         return Advice("do not use", f"Do not use this model{_of(useless, selection)}.", warnings)
-    proof, faults = _improvement(selection, useful), _faults(selection, useful)
+    gain = f"{_improvement(selection, useful)}{_worst_fault(selection, useful)}."
+    more = (*_dropped(selection), *_worse(selection, useful), *_faults(selection, useful))
     if useless:
-        first = f"Do not use the model of {listed(useless)}; for {listed(useful)}, {keep[0].lower()}{keep[1:]}{rest}."
-        return Advice("part", first, (*warnings, proof, faults))
-    return Advice("use", f"{keep}{rest}.", (proof, faults))
+        first = f"Do not use the model of {listed(useless)}; for {listed(useful)}, {keep[0].lower()}{keep[1:]}. {gain}"
+        return Advice("part", first, (*warnings, *more))
+    return Advice("use", f"{keep}. {gain}", more)
+
+
+def rmse_error_um(parts: Sequence[RunProof]) -> float:
+    """Standard error of the pooled root mean square error of some left-out parts [µm], from their scatter.
+
+    That of the mean square, carried through the root; NaN for a single part.
+    """
+    squares = np.array([part.rmse_um**2 for part in parts])
+    weights = np.array([part.n_samples for part in parts], dtype=np.float64)
+    if len(parts) < 2 or weights.sum() <= 0 or not squares.any():
+        return float("nan")
+    weights = weights / weights.sum()
+    mean = float(weights @ squares)
+    variance = float(weights**2 @ (squares - mean) ** 2) * len(parts) / (len(parts) - 1)
+    return math.sqrt(variance) / (2.0 * math.sqrt(mean))
 
 
 def useless_responses(selection: Selection) -> frozenset[str]:
@@ -95,27 +116,41 @@ def _of(names: tuple[str, ...], selection: Selection) -> str:
     return f" of {listed(names)}" if len(selection.models) == 1 else ""
 
 
+def _dropped(selection: Selection) -> tuple[str, ...]:
+    dropped = len(selection.sensors) - len(selection.chosen)
+    return (f"The other {dropped} of {len(selection.sensors)} sensors are not needed.",) if dropped > 1 else ()
+
+
 def _improvement(selection: Selection, names: tuple[str, ...]) -> str:
+    """What the model gains, without a full stop; of many displacements the least and the most."""
     proof = selection.proof
-    falls, worse = [], []
-    for name in names:
-        parts = proof.per_response[name]
-        before, after = proof.baselines_um[name]["none"], proof.rmse_um(name)
-        least, most = min(part.rmse_um for part in parts), max(part.rmse_um for part in parts)
-        spread = f"{number_text(least, 2)} to {number_text(most, 2)} µm on {_SINGLE[proof.left_out]}, "
-        falls.append(
-            f"from {number_text(before, 2)} to {number_text(after, 2)} µm "
-            f"({spread * (len(parts) > 1)}largest {number_text(proof.max_um(name), 2)} µm)"
+    where = _UNSEEN[proof.left_out]
+    falls = {name: (proof.baselines_um[name]["none"], proof.rmse_um(name)) for name in names}
+    if len(names) == 1:
+        before, after = falls[names[0]]
+        error = rmse_error_um(proof.per_response[names[0]])
+        return (
+            f"{where} the {names[0]} error falls from {number_text(before, 2)} to {rounded_text(after, error)} µm (rms)"
         )
+    if len(names) <= MOST_SAID:
+        said = (
+            f"{name} from {number_text(before, 2)} to {rounded_text(after, rmse_error_um(proof.per_response[name]))} µm"
+            for name, (before, after) in falls.items()
+        )
+        return f"{where} the errors fall: {', '.join(said)} (rms)"
+    spans = (f"{number_text(min(ends), 2)}–{number_text(max(ends), 2)}" for ends in zip(*falls.values(), strict=True))
+    return f"{where} the errors of {len(names)} displacements fall from {' to '.join(spans)} µm (rms)"
+
+
+def _worse(selection: Selection, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Where the model does harm."""
+    worse = []
+    for name in names:
+        parts = selection.proof.per_response[name]
         larger = sum(part.rmse_um >= part.before_rmse_um for part in parts)
         if larger:
             worse.append(f"that of {name} on {larger} of {len(parts)}")
-    if len(names) == 1:
-        text = f"{_UNSEEN[proof.left_out]} the {names[0]} error falls {falls[0]}, root mean square."
-    else:
-        text = f"{_UNSEEN[proof.left_out]} the errors fall, root mean square: "
-        text += "; ".join(f"{name} {fall}" for name, fall in zip(names, falls, strict=True)) + "."
-    return text + (f" The error is larger than without compensation: {listed(worse)}." if worse else "")
+    return (f"The error is larger than without compensation: {listed(worse)}.",) if worse else ()
 
 
 def _uselessness(selection: Selection, name: str) -> str:
@@ -127,27 +162,35 @@ def _uselessness(selection: Selection, name: str) -> str:
     )
 
 
-def _faults(selection: Selection, names: tuple[str, ...]) -> str:
+def _worst(selection: Selection, names: tuple[str, ...]) -> dict[str, FaultGain]:
+    """The worst fault in each displacement."""
     worst = {}
     for name in names:
         gains = [gain for gain in selection.faults if gain.response == name]
         if gains:
             worst[name] = max(gains, key=lambda gain: gain.worst_um)
+    return worst
+
+
+def _worst_fault(selection: Selection, names: tuple[str, ...]) -> str:
+    """The worst of all, to stand behind what the model gains."""
+    worst = _worst(selection, names)
     if not worst:
         return ""
-    said = []
-    for name, gain in worst.items():
-        how = "broken (open)" if gain.open_um >= gain.stuck_um else "stuck"
-        said.append(f"{number_text(gain.worst_um, 2)} µm in {name} with {gain.sensor} {how}")
-    kelvin = max(gain.per_kelvin_um for gain in selection.faults if gain.response in worst)
-    text = f"Worst single sensor fault: {'; '.join(said)}. "
-    text += f"A reading 1 K too high costs at most {number_text(kelvin, 2)} µm."
+    gain = max(worst.values(), key=lambda gain: gain.worst_um)
+    how = "broken (open)" if gain.open_um >= gain.stuck_um else "stuck"
+    where = f" in {gain.response}" if len(selection.models) > 1 else ""
+    return f"; worst single sensor fault {number_text(gain.worst_um, 2)} µm{where}, {gain.sensor} {how}"
+
+
+def _faults(selection: Selection, names: tuple[str, ...]) -> tuple[str, ...]:
+    worst = _worst(selection, names)
     without = {name: max(part.before_max_um for part in selection.proof.per_response[name]) for name in worst}
     beyond = [name for name, gain in worst.items() if gain.worst_um > without[name]]
-    if beyond:
-        limits = " and ".join(number_text(without[name], 2) for name in beyond)
-        text += (
-            f" In {listed(beyond)} the worst fault is larger than any error without compensation ({limits} µm): it "
-            "must be noticed before its correction reaches the axis."
-        )
-    return text
+    if not beyond:
+        return ()
+    limits = listed([number_text(without[name], 2) for name in beyond])
+    return (
+        f"In {listed(beyond)} the worst fault is larger than any error without compensation ({limits} µm): it must be "
+        "noticed before its correction reaches the axis.",
+    )

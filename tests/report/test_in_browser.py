@@ -31,3 +31,35 @@ def test_every_figure_is_drawn_and_the_console_is_silent(tmp_path):
     assert run.stdout.count("js-plotly-plot") >= len(figures)
     said = [line for line in run.stderr.splitlines() if ":CONSOLE" in line]
     assert not said
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
+def test_a_table_is_copied_for_a_spreadsheet_and_pictures_are_smaller_on_paper(tmp_path):
+    sync_api = pytest.importorskip("playwright.sync_api")
+    path = write_report(studies.small(), tmp_path / "report.html", title="Study")
+    with sync_api.sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        page = browser.new_page()
+        page.goto(path.as_uri())
+        page.evaluate(
+            "() => { window.was = []; "
+            "addEventListener('copy', (event) => window.was.push(event.clipboardData.getData('text/plain'))); }"
+        )
+        table = page.locator(".advice .scroll")
+        table.hover()
+        table.locator(".copy").click()
+        (copied,) = page.evaluate("window.was")
+        before = page.evaluate("[...document.querySelectorAll('.plot')].map((plot) => plot.offsetHeight)")
+        page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+        paper = page.evaluate("[...document.querySelectorAll('.plot')].map((plot) => plot.offsetHeight)")
+        page.evaluate("window.dispatchEvent(new Event('afterprint'))")
+        after = page.evaluate("[...document.querySelectorAll('.plot')].map((plot) => plot.offsetHeight)")
+        browser.close()
+    rows = [line.split("\t") for line in copied.split("\n")]
+    assert rows[0][0] == "error of"
+    assert [row[0] for row in rows[1:]] == ["Z", "Y"]
+    assert all(len(row) == len(rows[0]) for row in rows)
+    assert float(rows[1][1]) > 0
+    assert after == before
+    assert all(on <= off for on, off in zip(paper, before, strict=True))
+    assert sum(paper) < 0.95 * sum(before)

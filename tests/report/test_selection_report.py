@@ -6,6 +6,7 @@ import base64
 import dataclasses
 import hashlib
 import json
+import math
 import re
 from html.parser import HTMLParser
 
@@ -18,7 +19,7 @@ from selector.models.terms import design_matrix
 from selector.report import selection_html, write_report
 from selector.report.formula import coefficient_rows, formula_text
 from selector.report.numbers import listed, number_text, place_text, span_text, uncertain_text
-from selector.report.wording import advice, data_label
+from selector.report.wording import advice, data_label, rmse_error_um
 from tests.report import studies
 
 DESCRIPTION = {
@@ -100,18 +101,45 @@ def test_what_to_do_comes_first():
     said = advice(selection)
     assert said.verdict == "use"
     assert said.first.startswith(f"Keep sensors {listed(selection.chosen)}")
-    text = " ".join(said.more)
     for name in ("Z", "Y"):
         before, after = selection.proof.baselines_um[name]["none"], selection.proof.rmse_um(name)
-        assert f"{name} from {number_text(before, 2)} to {number_text(after, 2)} µm" in text
-        worst = max(gain.worst_um for gain in selection.faults if gain.response == name)
-        assert f"{number_text(worst, 2)} µm in {name} with " in text
+        assert re.search(rf"{name} from {re.escape(number_text(before, 2))} to {after:.1f}\d* ± [\d.]+ µm", said.first)
+    worst = max(selection.faults, key=lambda gain: gain.worst_um)
+    assert (
+        f"worst single sensor fault {number_text(worst.worst_um, 2)} µm in {worst.response}, {worst.sensor}"
+        in said.first
+    )
 
 
 def test_one_displacement_is_said_in_the_singular():
     said = advice(studies.single_run())
-    assert said.more[0].startswith("On stretches of the only run that the model has not seen the Z error falls from ")
-    assert said.more[1].startswith("Worst single sensor fault: ")
+    assert "On stretches of the only run that the model has not seen the Z error falls from " in said.first
+    assert "; worst single sensor fault " in said.first
+
+
+def test_many_displacements_are_said_by_their_span():
+    selection = studies.small()
+    names = ("Z", "Y", "Z2", "Y2")
+    proof = dataclasses.replace(
+        selection.proof,
+        per_response={name: selection.proof.per_response[name[0]] for name in names},
+        baselines_um={name: selection.proof.baselines_um[name[0]] for name in names},
+    )
+    said = advice(
+        dataclasses.replace(selection, proof=proof, models={name: selection.models[name[0]] for name in names})
+    )
+    assert "the errors of 4 displacements fall from " in said.first
+    assert all(name not in said.first for name in names[2:])
+
+
+def test_the_standard_error_is_that_of_a_mean_square_carried_through_the_root():
+    parts = [studies.small().proof.per_response["Z"][0]] * 2
+    parts = [
+        dataclasses.replace(part, rmse_um=rmse, n_samples=10) for part, rmse in zip(parts, (1.0, 2.0), strict=True)
+    ]
+    # mean square 2.5, standard deviation of the two 3/√2, of their mean 3/2; root 1.5811, error 1.5/(2·1.5811)
+    assert rmse_error_um(parts) == pytest.approx(0.47434, abs=1e-5)
+    assert math.isnan(rmse_error_um(parts[:1]))
 
 
 def test_runs_that_get_worse_are_said():
@@ -324,7 +352,7 @@ def test_lags_and_readings_are_named_as_such():
     assert "Δ" not in text
     assert selection.recipe.design.lags
     assert "lag(" in text
-    assert "Y error falls" in " ".join(advice(selection).more)
+    assert "Y error falls" in advice(selection).first
     assert "°C" in Page(selection_html(selection)).cells
 
 

@@ -1,5 +1,6 @@
 "use strict";
 const PAPER_WIDTH_PX = 690;
+const HIGHEST_SHRUNK_PX = 600;
 const CONFIG = {
   responsive: true,
   displaylogo: false,
@@ -13,9 +14,37 @@ for (const holder of document.querySelectorAll(".plot")) {
   Plotly.newPlot(holder, drawn.data, drawn.layout, CONFIG);
   plots.push(holder);
 }
+// on paper two pictures of the usual height stand on a page
+const onPaper = (height) => (height <= HIGHEST_SHRUNK_PX ? Math.max(Math.min(height, 300), 0.8 * height) : height);
+const heights = plots.map((plot) => plot.layout.height);
 window.addEventListener("beforeprint", () => {
-  for (const plot of plots) Plotly.relayout(plot, { autosize: false, width: PAPER_WIDTH_PX });
+  plots.forEach((plot, k) => {
+    plot.style.minHeight = "0";
+    Plotly.relayout(plot, { autosize: false, width: PAPER_WIDTH_PX, height: onPaper(heights[k]) });
+  });
 });
 window.addEventListener("afterprint", () => {
-  for (const plot of plots) Plotly.relayout(plot, { autosize: true, width: null });
+  plots.forEach((plot, k) => {
+    plot.style.minHeight = heights[k] + "px";
+    Plotly.relayout(plot, { autosize: true, width: null, height: heights[k] });
+  });
 });
+// cells with tabs between, and signs that a spreadsheet takes for numbers
+const copied = (table) => [...table.rows].map((row) =>
+  [...row.cells].map((cell) => cell.textContent.trim().replaceAll("\u2212", "-")).join("\t")).join("\n");
+for (const table of document.querySelectorAll(".scroll > table")) {
+  const button = document.createElement("button");
+  button.className = "copy";
+  button.type = "button";
+  button.textContent = "copy";
+  button.title = "Copy this table, for a spreadsheet";
+  button.addEventListener("click", () => {
+    document.addEventListener("copy", (event) => {
+      event.clipboardData.setData("text/plain", copied(table));
+      event.preventDefault();
+      button.textContent = "copied";
+    }, { once: true });
+    document.execCommand("copy");
+  });
+  table.parentElement.prepend(button);
+}
