@@ -37,6 +37,11 @@ class Mistake:
             f"{channel} [{self.unit}]. Then it counts for this file."
         )
 
+    def remedy_in_all_runs(self) -> str:
+        """What to do about a channel that is so in every run."""
+        where = "for this channel in the machine file" if self.unit is not None else "in every file"
+        return f"If so, {self.remedy} {where}."
+
 
 _THERMAL = (
     Mistake("°F taken for °C", 1.8, 32.0, 'declare unit = "degF"', "degF"),
@@ -58,6 +63,8 @@ _OFF_K = 12.0
 """Days and warm starts move the level of a machine by less [K]; the smallest mistake (°C for °F) moves 20 °C by 27."""
 _NEAR_K = 8.0
 """A level that is right again agrees this well with the other runs or channels at the start [K]."""
+_SAME_START_K = 1.0
+"""Cold channels of a machine start within this [K]; a hot part does so, seen through a mistake, by chance only."""
 _ROOM_C = (0.0, 50.0)
 """Where a machine starts [°C]; what starts elsewhere is no reference."""
 _ALL_ALIKE_C = {"°F taken for °C": (57.0, 110.0), "K taken for °C": (270.0, 325.0), "°C taken for °F": (-14.0, -1.0)}
@@ -117,7 +124,9 @@ def _told_temperatures(
         gain = _gain(relations, columns[i], r, beside)
         whole_run = bool(affected[:, r][np.isfinite(level[:, r])].mean() > 0.7)
         # a level alone could be a hot part; movement that is right as it stands says that it is one
-        if gain is not None and 0.75 < gain < 1.25 and mistake.gain not in (1.0, 10.0, 100.0) and not whole_run:
+        moves_right = gain is not None and 0.75 < gain < 1.25 and mistake.gain not in (1.0, 10.0, 100.0)
+        # unless what the movement was learned from has the same mistake: then every start tells it
+        if moves_right and not whole_run and not _every_start_agrees(level, i, mistake):
             continue
         acts = bool(healthy.any())
         now = float(level[i, r])
@@ -136,10 +145,20 @@ def _told_temperatures(
                 "mistake": mistake.name,
                 "measured_gain": gain,
             },
-            f"{mistake.remedy_in_one_run(channel.name)} "
+            f"{mistake.remedy_in_one_run(channel.name) if acts else mistake.remedy_in_all_runs()} "
             + ("The channel is left out of this run." if acts else "Nothing is left out."),
             "leave-out-channel" if acts else "none",
         )
+
+
+def _every_start_agrees(level: Floats, i: int, mistake: Mistake) -> bool:
+    """Whether a channel starts where the others do, in all of at least two runs, once the mistake is undone."""
+    siblings = np.delete(level, i, axis=0)
+    runs = np.flatnonzero(np.isfinite(level[i]) & np.isfinite(siblings).any(axis=0))
+    if len(runs) < 2 or len(runs) < np.isfinite(level[i]).sum():
+        return False
+    middle = np.nanmedian(siblings[:, runs], axis=0)
+    return bool((np.abs((level[i, runs] - mistake.offset) / mistake.gain - middle) < _SAME_START_K).all())
 
 
 def _gain(relations: Relations, column: int, r: int, affected: list[int]) -> float | None:

@@ -220,6 +220,23 @@ def test_a_hot_part_is_not_called_fahrenheit(tables):
     assert not [f for f in inspect(plain_recording(tables)) if f.id == "wrong-unit" and f.action != "none"]
 
 
+def test_a_part_that_is_hot_in_every_run_is_not_called_fahrenheit(tables):
+    for table, start in zip(tables.values(), (48.0, 50.5, 44.0, 52.0), strict=True):
+        table["T3"] += start
+    assert not [f for f in inspect(plain_recording(tables)) if f.id == "wrong-unit"]
+
+
+def test_one_channel_in_fahrenheit_in_every_run_is_told(tables):
+    # what its movement is learned from has the same mistake, so that only the cold starts can tell it
+    for table in tables.values():
+        table["T3"] = 1.8 * table["T3"] + 32
+    found = [f for f in inspect(plain_recording(tables)) if f.id == "wrong-unit"]
+    assert [(f.where.channel, f.where.run, f.level, f.action) for f in found] == [
+        ("T3", run, "warning", "none") for run in tables
+    ]
+    assert all('declare unit = "degF" for this channel in the machine file' in f.suggestion for f in found)
+
+
 def test_all_runs_in_fahrenheit_is_only_a_warning(tables):
     for table in tables.values():
         for name in ("Tamb", "T1", "T2", "T3", "T4", "T5"):
