@@ -13,7 +13,7 @@ from selector.quality import StreamWithoutFaults, inspect, without_faults
 from selector.readers import Reading, is_large, machine, stream_parquet
 from selector.readers.files import recording_files
 from selector.readers.names import printable_name
-from selector.recording import RunSource, thinned
+from selector.recording import Recording, RunSource, thinned
 
 INSPECTED_ROWS = 100_000
 
@@ -51,10 +51,17 @@ def material_of(source: Source) -> Material:
         recording,
         without_folders((*reading.findings, *copies, *faults)),
         provenance_of(reading),
-        reading.description(),
+        {**reading.description(), "drift": drift_of(recording)},
         tuple((run.file, run.sha256) for run in reading.runs),
         reading.machine_file,
     )
+
+
+def drift_of(recording: Recording) -> list[dict[str, Any]]:
+    """Drift and tilt after ISO 230-3, one entry a run, for JSON."""
+    from selector.physics.thermal.drift_quantities import drift_quantities
+
+    return [one.as_dict() for one in drift_quantities(recording)]
 
 
 def without_folders(findings: Iterable[Finding]) -> tuple[Finding, ...]:

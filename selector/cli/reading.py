@@ -16,6 +16,7 @@ from selector.cli.source import Source, with_source
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
 
 
 class TableFormat(StrEnum):
@@ -38,14 +39,17 @@ def describe(
 
     With --write the guesses become a machine file: correct it and give it to every other command with --machine.
     """
-    from selector.quality import inspect
+    from selector.cli.material import drift_of
+    from selector.quality import inspect, without_faults
     from selector.readers import machine_of, write_machine_file
 
     if write is not None:
         refuse_to_overwrite(write, force=force, option="--write")
     reading = source.reading()
-    findings = (*reading.findings, *inspect(reading.recording))
-    description: dict[str, Any] = {**reading.description(), "findings": findings}
+    faults = inspect(reading.recording)
+    findings = (*reading.findings, *faults)
+    drift = drift_of(without_faults(reading.recording, faults))
+    description: dict[str, Any] = {**reading.description(), "drift": drift, "findings": findings}
     if write is not None:
         refuse_to_replace_input(write, [run.file for run in reading.runs], "--write")
         write_machine_file(machine_of(reading), write, reading.undeclared)
@@ -117,6 +121,8 @@ def _show(console: Console, description: Mapping[str, Any]) -> None:
     ]
     columns = ["channel", "column", "role", "unit", "unit in file", "guessed"]
     console.print(showing.table("Channels", columns, channels))
+    if description["drift"]:
+        console.print(_drift_table(description["drift"]))
     first, *others = _ways(description)
     console.print(f"Read as: {first}", markup=False)
     for other in others:
@@ -124,6 +130,21 @@ def _show(console: Console, description: Mapping[str, Any]) -> None:
     findings = description["findings"]
     console.print(f"\n{len(findings)} finding{'' if len(findings) == 1 else 's'}", markup=False)
     showing.show_findings(console, findings)
+
+
+def _drift_table(drift: list[Mapping[str, Any]]) -> Table:
+    """Ranges of the first hour and of the whole test, a run a row."""
+    names = list(dict.fromkeys(one["name"] for run in drift for one in run["drifts"]))
+    rows = []
+    for run in drift:
+        told = {one["name"]: one for one in run["drifts"]}
+        cells = (
+            " / ".join(showing.cell_text(told[name][part]) for part in ("first_hour", "whole")) if name in told else ""
+            for name in names
+        )
+        rows.append((run["run"], run["test"], showing.duration_text(run["duration_s"]), *cells))
+    title = "Drift after ISO 230-3: range in the first 60 min / in the whole test [µm; A, B, C: µm/m]"
+    return showing.table(title, ["run", "moved", "test of", *names], rows, numeric=names)
 
 
 def _ways(description: Mapping[str, Any]) -> Iterator[str]:

@@ -83,6 +83,33 @@ def reading_tables(description: Mapping[str, Any]) -> list[tuple[str, Table]]:
     return found
 
 
+def drift_table(description: Mapping[str, Any]) -> Table | None:
+    """Drift and tilt of every run after ISO 230-3; None if nothing was said of it."""
+    runs = _entries(description.get("drift"))
+    if not runs:
+        return None
+    names = list(dict.fromkeys(str(one["name"]) for run in runs for one in run["drifts"]))
+    rows = []
+    for run in runs:
+        told = {str(one["name"]): one for one in run["drifts"]}
+        cells = [
+            f"{number_text(told[name]['first_hour'])} / {number_text(told[name]['whole'])}" if name in told else NONE
+            for name in names
+        ]
+        rows.append((_cell(run["run"]), _MOVED[run["test"]], _span(run["duration_s"]), *cells))
+    units = {str(one["name"]): one["unit"] for run in runs for one in run["drifts"]}
+    headings = [f">{name} [{'µm/m' if units[name] == 'um/m' else 'µm'}]" for name in names]
+    return table(["run", "moved", ">test of", *headings], rows, _DRIFT_NOTE)
+
+
+_MOVED = {"environment": "nothing (ETVE)", "spindle": "spindle", "axes": "axes", "unknown": NONE}
+_DRIFT_NOTE = (
+    "Largest minus smallest reading in the first 60 min / in the whole test, which begins with the first motion; a "
+    "dash for a shorter one. A, B, C: rotation about X, Y, Z from two probes of one axis at the places that the "
+    "machine file gives. Ranges have no sign; noise widens them. They are of the machine as recorded, without the model."
+)
+
+
 def _entries(value: Any) -> list[Mapping[str, Any]]:
     return [item for item in value if isinstance(item, Mapping)] if isinstance(value, Sequence) else []
 

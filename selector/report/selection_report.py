@@ -113,6 +113,7 @@ def _study(pictures: Pictures, selection: Selection, description: Description | 
         "fault_picture": pictures.add(figures.fault_table(selection), _FAULTS) if selection.faults else None,
         "faults": tables.faults_table(selection),
         "sensors": tables.sensors_table(selection),
+        "drift": origin.drift_table(description or {}),
         "remarks": tables.remarks(selection),
         "reading": origin.reading_tables(description or {}),
         "files": origin.files_table(selection.provenance),
