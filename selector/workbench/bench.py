@@ -20,6 +20,7 @@ from selector.selection import Options
 from selector.study import DiagnoseSection, diagnose_section
 from selector.workbench import commands
 from selector.workbench.jobs import Job, Jobs
+from selector.workbench.saved_study import Asked, asked_in, save
 from selector.workbench.study_folder import MACHINE, MACHINE_BEFORE, RECORDINGS, SIMULATION
 
 MODEL_ENDINGS = (".toml", ".fmu")
@@ -56,11 +57,16 @@ class Bench:
     Parameters
     ----------
     folder : Path
-        The study folder; it exists. Recordings, machine file and results that are in it are taken up.
+        The study folder; it exists. What is in it is taken up: study file, recordings, machine file, results.
     files : sequence of Path
         Recordings elsewhere, which are read where they are.
     machine : Path or None
-        Machine file; None: that of the folder, if there is one.
+        Machine file; None: that of the study file, or of the folder, if there is one.
+
+    Raises
+    ------
+    StudyError
+        The study file of the folder cannot be used.
     """
 
     def __init__(self, folder: Path, files: Sequence[Path] = (), machine: Path | None = None) -> None:
@@ -70,13 +76,16 @@ class Bench:
         self._revision = 0
         self._asked = 0
         self._is_reading = False
-        uploaded = _files_in(folder / RECORDINGS)
-        self._loaded = [Loaded(path) for path in dict.fromkeys([*(file.resolve() for file in files), *uploaded])]
+        saved = asked_in(folder)
+        asked = saved or Asked()
+        named = [file.resolve() for file in files]
+        there = dict.fromkeys([*asked.runs, *named, *_files_in(folder / RECORDINGS)])
+        self._loaded = [Loaded(path, saved is None or path in asked.runs or path in named) for path in there]
         own = folder / MACHINE
-        self._machine = machine.resolve() if machine is not None else own if own.is_file() else None
-        self._overrides = Overrides()
-        self._options = Options()
-        self._diagnosis = DiagnoseSection()
+        self._machine = machine.resolve() if machine is not None else asked.machine or (own if own.is_file() else None)
+        self._overrides = asked.overrides
+        self._options = asked.options
+        self._diagnosis = asked.diagnosis
         self._export = commands.Export()
         self._material = Material()
         self._results: dict[Path, tuple[float, dict[str, Any]]] = {}
@@ -288,6 +297,11 @@ class Bench:
     def source_arguments(self) -> tuple[str, ...]:
         """The recordings in use, as the words of a command line."""
         return commands.source_arguments(self.folder, self.used, self._machine, self._overrides)
+
+    def save(self) -> Path:
+        """Writes the study file of the study folder, see `saved_study.save`."""
+        asked = Asked(self.used, self._machine, self._overrides, self._options, self.diagnosis)
+        return save(self.folder, asked, self._material.reading, self.simulated)
 
     def start(self, title: str, command: Sequence[str], out: Path | None = None) -> Job:
         """Runs a command, the words after ``selector``, in the study folder; `out` is the folder it writes."""

@@ -74,9 +74,9 @@ def source_arguments(
     folder: Path, paths: Sequence[Path], machine: Path | None, overrides: Overrides
 ) -> tuple[str, ...]:
     """The recordings, and how they are read; paths in `folder` are told from there."""
-    words = [_told(folder, path) for path in paths]
+    words = [told_path(folder, path) for path in paths]
     if machine is not None:
-        words += ["--machine", _told(folder, machine)]
+        words += ["--machine", told_path(folder, machine)]
     for field, option in _READING.items():
         value = getattr(overrides, field)
         if value is not None:
@@ -137,9 +137,9 @@ def diagnosis_arguments(asked: DiagnoseSection) -> tuple[str, ...]:
 def export_command(folder: Path, asked: Export, machine: Path | None) -> tuple[str, ...]:
     """`selector export`; paths in `folder` are told from there."""
     words = ["export", asked.model, "--for", asked.target, "--out", asked.folder]
-    words += [word for path in asked.replayed for word in ("--replay", _told(folder, path))]
+    words += [word for path in asked.replayed for word in ("--replay", told_path(folder, path))]
     if asked.replayed and machine is not None:
-        words += ["--machine", _told(folder, machine)]
+        words += ["--machine", told_path(folder, machine)]
     words += ["--sign-verified"] if asked.is_sign_verified else []
     return tuple(words)
 
@@ -150,5 +150,6 @@ def command_text(command: Sequence[str]) -> str:
     return subprocess.list2cmdline(words) if os.name == "nt" else shlex.join(words)
 
 
-def _told(folder: Path, path: Path) -> str:
+def told_path(folder: Path, path: Path) -> str:
+    """A path as a command in `folder` names it."""
     return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else str(path)

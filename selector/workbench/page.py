@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import mimetypes
 from pathlib import Path
 from types import ModuleType
@@ -68,9 +69,7 @@ def _frame(bench: Bench) -> Component:
             dcc.Interval(id="look", interval=_LOOK_MS),
             html.Header(
                 [
-                    html.Div(
-                        [html.Strong("selector"), html.Span(" workbench"), html.Span(__version__, className="about")]
-                    ),
+                    html.Div([html.Strong("selector"), " workbench"], title=f"selector {__version__}"),
                     html.Nav(tabs, **parts.marks(aria_label="Pages")),
                     html.Div(["Study folder ", html.Code(str(bench.folder))], className="about folder"),
                 ]
@@ -84,6 +83,8 @@ def _frame(bench: Bench) -> Component:
                             html.Span("The same by hand", className="title"),
                             html.Code(id="command", tabIndex=0),
                             html.Button("Copy", **parts.marks(data_copies="command")),
+                            html.Button("Write study.toml", id="save"),
+                            html.Span(id="saved", className="about", role="status"),
                         ],
                         id="by-hand",
                     ),
@@ -140,6 +141,10 @@ def _register(app: dash.Dash, bench: Bench) -> None:
     def _cancel(clicks: list[int | None]) -> None:
         if any(clicks):
             bench.jobs.cancel(dash.ctx.triggered_id["job"])
+
+    @app.callback(Output("saved", "children"), Input("save", "n_clicks"), prevent_initial_call=True)
+    def _save(_: int) -> str:
+        return f"{bench.save().name} written {datetime.datetime.now():%H:%M:%S}"
 
     @app.callback(Output(parts.NOTICE, "children"), Input(parts.REVISION, "data"), prevent_initial_call=True)
     def _clear(_: int) -> None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import os
 import time
 
 import pytest
 
+from selector.cli import exit_status
 from selector.errors import InputError
 from selector.readers import Overrides
 from selector.shipped import shipped
@@ -137,3 +139,44 @@ def test_results_are_read_again_when_they_change(bench, tmp_path):
     path.write_text('{"a": 2')
     os.utime(path, (1, 1))
     assert bench.result("selection/selection.json") is None
+
+
+def test_a_study_file_takes_everything_up_again_and_a_command_does_it_again(bench, tmp_path, capfd):
+    bench.use([VMC / "r2.csv", VMC / "r1.csv"])
+    settled(bench)
+    bench.choose(max_sensors=1, never=("T01", "T02"), cost={"T03": 2.0}, responses=("Z",))
+    bench.choose_diagnosis(holdout="0.25")
+    bench.save()
+    again = Bench(tmp_path)
+    assert again.used == bench.used
+    assert again.options == bench.options
+    assert again.machine == bench.machine
+    assert again.diagnosis.holdout == "last"  # nothing was compared, so nothing of it was saved
+
+    assert exit_status(["select", "--study", str(tmp_path), "--json"]) == 0
+    chosen = json.loads(capfd.readouterr().out)["chosen"]["sensors"]
+    assert len(chosen) == 1
+    assert not {"T01", "T02"} & set(chosen)
+
+
+def test_a_diagnosis_is_saved_with_what_it_compares(bench, tmp_path):
+    (tmp_path / "simulation").mkdir()
+    (tmp_path / "simulation" / "r1.csv").write_bytes((VMC / "r1.csv").read_bytes())
+    bench.choose_diagnosis(holdout="0.25")
+    bench.save()
+    again = Bench(tmp_path)
+    assert again.diagnosis == bench.diagnosis
+    assert again.diagnosis.simulation == ("simulation",)
+    assert again.diagnosis.holdout == "0.25"
+
+
+def test_without_recordings_there_is_nothing_to_save(tmp_path):
+    with pytest.raises(InputError, match="no recordings"):
+        Bench(tmp_path).save()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_broken_study_file_is_refused(tmp_path):
+    (tmp_path / "study.toml").write_text("schema = 7", encoding="utf-8")
+    with pytest.raises(InputError, match=r"study\.toml"):
+        Bench(tmp_path)

@@ -16,6 +16,7 @@ from selector.units import ROLES
 from selector.workbench import parts
 from selector.workbench.bench import Bench, Loaded
 from selector.workbench.channel_corrections import NO_CHANNEL, Row, corrected, row_of, rows_of
+from selector.workbench.commands import told_path
 from selector.workbench.excerpt import excerpt
 
 ID, TITLE = "recordings", "Recordings"
@@ -252,7 +253,7 @@ def _way(bench: Bench) -> Component:
         ("row of units", "yes" if told.get("unit_row") else None),
         ("time", _clock(time)),
         ("read otherwise", ", ".join(told.get("per_run", {}))),
-        ("machine file", reading.machine_file if reading is not None else None),
+        ("machine file", told_path(bench.folder, bench.machine) if bench.machine is not None else None),
     ]
     shown = [html.Div([html.Dt(name), html.Dd(str(value))]) for name, value in facts if value not in (None, "")]
     now = bench.overrides
@@ -297,11 +298,12 @@ def _channels(rows: tuple[Row, ...]) -> Component:
         if guessed
         else "All of it was said by a machine file or by the files themselves."
     )
-    columns = ["channel", "column", "role", "unit", "place", "axis", "guessed"]
+    are_renamed = any(row.column != row.name for row in rows)
+    columns = ["channel", *(["column"] if are_renamed else []), "role", "unit", "place", "axis", "guessed"]
     body = [
         [
             html.Span(row.name, className="name"),
-            row.column if row.column != row.name else "",
+            *([row.column] if are_renamed else []),
             parts.choice(_cell("role", row), [*ROLES, NO_CHANNEL], row.role),
             *(
                 dcc.Input(id=_cell(cell, row), value=getattr(row, cell), type="text", className=cell, debounce=True)

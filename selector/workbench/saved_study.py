@@ -1,0 +1,94 @@
+"""The study file of a study folder: what was asked on the bench, to be taken up again, here or by a command."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+from selector.errors import OptionError
+from selector.readers import Overrides, Reading
+from selector.readers.files import recording_files
+from selector.selection import Options
+from selector.study import (
+    STUDY_FILE,
+    DiagnoseSection,
+    InputFile,
+    input_file,
+    options_of,
+    overrides_of,
+    path_at,
+    read_study,
+    study_of,
+    write_study,
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class Asked:
+    """What a study file says, with the paths of this machine."""
+
+    runs: tuple[Path, ...] = ()
+    machine: Path | None = None
+    overrides: Overrides = dataclasses.field(default_factory=Overrides)
+    options: Options = dataclasses.field(default_factory=Options)
+    diagnosis: DiagnoseSection = dataclasses.field(default_factory=DiagnoseSection)
+
+
+def asked_in(folder: Path) -> Asked | None:
+    """What the study file of a folder asks; None: there is none.
+
+    Raises
+    ------
+    InputError
+        It cannot be used, or a folder that it names holds no recording.
+    """
+    place = folder / STUDY_FILE
+    if not place.exists():
+        return None
+    study = read_study(place)
+    machine = study.recordings.machine
+    runs = [path_at(run, folder) for run in study.recordings.runs]
+    files = [recording_files([run]).files if run.is_dir() else (run,) for run in runs]
+    return Asked(
+        tuple(file for inside in files for file in inside),
+        None if machine is None else path_at(machine, folder),
+        overrides_of(study),
+        Options() if study.select is None else options_of(study, where=str(place)),
+        study.diagnose or DiagnoseSection(),
+    )
+
+
+def save(folder: Path, asked: Asked, reading: Reading | None, simulated: tuple[Path, ...]) -> Path:
+    """Writes the study file of a folder, whole or not at all; where it is.
+
+    Files that were read are named with their SHA-256, so that another recording under the same name is noticed.
+
+    Raises
+    ------
+    OptionError
+        There is no recording, or an option cannot stand in a study file.
+    """
+    if reading is None or not asked.runs:
+        raise OptionError(
+            "no recordings", expected="recordings that can be read", where="study file", advice="load some first"
+        )
+    files: dict[str, InputFile] = {}
+    for run in reading.runs:
+        files[run.file] = input_file(run.file, folder, "recording", run.sha256)
+    if asked.machine is not None:
+        files[str(asked.machine)] = input_file(asked.machine, folder, "machine")
+    is_compared = bool(asked.diagnosis.simulation or asked.diagnosis.model)
+    for path in simulated if is_compared else ():
+        files[str(path)] = input_file(path, folder, "model" if asked.diagnosis.model else "simulation")
+    study = study_of(
+        folder,
+        asked.runs,
+        machine=asked.machine,
+        overrides=asked.overrides,
+        select=asked.options,
+        diagnose=asked.diagnosis if is_compared else None,
+        files=tuple(files.values()),
+    )
+    place = folder / STUDY_FILE
+    write_study(study, place)
+    return place
