@@ -148,8 +148,11 @@ def test_places_show_where_the_kept_sensors_sit():
     kept = [name for name in selection.chosen if name in places_of(selection)]
     for axis, across in (("x", 0), ("x2", 1)):
         (points,) = (t for t in drawn.data if t.name == "kept" and (t.xaxis or "x") == axis)
-        assert list(points.x) == [places_of(selection)[name][across] for name in kept]
-        assert [text.removeprefix("<b>").removesuffix("</b>") for text in points.text] == [
+        seen = [k for k, opacity in enumerate(points.marker.opacity) if opacity]
+        assert [points.textfont.color[k] == style.INK for k in seen] == [True] * len(kept)
+        assert len(set(points.textfont.color)) == 2
+        assert [points.x[k] for k in seen] == [places_of(selection)[name][across] for name in kept]
+        assert [points.text[k].removeprefix("<b>").removesuffix("</b>") for k in seen] == [
             style.label(name) for name in kept
         ]
     assert "place of 1 is not known" in drawn.layout.title.text.replace("<br>", " ")

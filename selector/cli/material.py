@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from selector.cli.source import Source
 from selector.findings import Finding, Where
-from selector.quality import StreamWithoutFaults, inspect, without_faults
+from selector.quality import StreamWithoutFaults, file_copies, inspect, without_faults
 from selector.readers import Reading, is_large, machine, stream_parquet
 from selector.readers.files import recording_files
 from selector.readers.names import printable_name
@@ -45,7 +45,7 @@ def material_of(source: Source) -> Material:
         return _streamed(source)
     reading = source.reading()
     faults = inspect(reading.recording)
-    copies = tuple(_copies({run.name: run.sha256 for run in reading.runs}))
+    copies = tuple(file_copies({run.name: run.sha256 for run in reading.runs}))
     recording = without_faults(reading.recording, (*faults, *copies))
     return Material(
         recording,
@@ -81,23 +81,6 @@ def provenance_of(reading: Reading) -> dict[str, Any]:
         "machine": None if machine_section is None else machine_section.name,
         "runs": {run.name: {"file": printable_name(Path(run.file).name), "sha256": run.sha256} for run in reading.runs},
     }
-
-
-def _copies(hashes: dict[str, str]) -> Iterator[Finding]:
-    """Runs that are the same file again: leaving one out would prove nothing while its copy stays in."""
-    first: dict[str, str] = {}
-    for run, sha256 in hashes.items():
-        original = first.setdefault(sha256, run)
-        if original != run:
-            yield Finding(
-                "same-file-twice",
-                "warning",
-                f"Run {run} is the same file as run {original}; it is left out.",
-                Where(run=run),
-                {"sha256": sha256, "original": original},
-                "give every recording once",
-                "leave-out-run",
-            )
 
 
 def _streamed(source: Source) -> Material:

@@ -19,6 +19,7 @@ VIEWS = (("x", "front view", "X [m]", 0), ("x2", "side view", "Y [m]", 1))
 _HEIGHTS = (360, 900)
 _PLOT_WIDTH = 870
 _ROOM = 0.08
+_UNSEEN = "rgba(0,0,0,0)"
 _BESIDE = 0.25
 _SIDES = ("middle right", "middle left", "bottom center", "top center")
 _LABEL = np.array([0.12, 0.035])
@@ -56,9 +57,7 @@ def sensor_places(
     names = [selection.sensors[i] for i in there]
     points = np.array([places_m[name] for name in names], dtype=np.float64).reshape(-1, 3)
     drawn = machine_picture(names, points, outline_m, title)
-    return changed(
-        drawn, machine_changes(names, points, [colours.get(i, style.MUTED) for i in there], selection.chosen)
-    )
+    return changed(drawn, machine_changes(names, [colours.get(i, style.MUTED) for i in there], selection.chosen))
 
 
 def machine_picture(
@@ -116,9 +115,13 @@ def machine_picture(
             showlegend=axis == "x",
         )
         drawn.add_scatter(
+            x=points_m[:, across],
+            y=points_m[:, 2],
             xaxis=axis,
             mode="markers+text",
             marker={"size": 17, "symbol": "circle-open", "color": style.INK, "line": {"width": 2.5}},
+            text=[f"<b>{name}</b>" for name in shown],
+            textposition=_label_sides(points_m[:, [across, 2]], float((high - low).max())),
             hoverinfo="skip",
             name="kept",
             showlegend=axis == "x",
@@ -147,20 +150,18 @@ def machine_picture(
     return drawn
 
 
-def machine_changes(
-    names: Sequence[str], points_m: NDArray[np.float64], colours: Sequence[str], chosen: Sequence[str]
-) -> Changes:
-    """Colours of the sensors, and rings around those that are kept, in the frame of `machine_picture`."""
-    kept = [k for k, name in enumerate(names) if name in set(chosen)]
-    span = float(np.ptp(points_m, axis=0).max()) if len(points_m) else 1.0
+def machine_changes(names: Sequence[str], colours: Sequence[str], chosen: Sequence[str]) -> Changes:
+    """Colours of the sensors, and rings and names of those that are kept, in the frame of `machine_picture`.
+
+    Every sensor has its ring and its name, most of them unseen: what only looks different is drawn again at once.
+    """
+    kept = [name in set(chosen) for name in names]
     changes: dict[tuple[str | int, ...], object] = {}
-    for view, (_, _, _, across) in enumerate(VIEWS):
+    for view in range(len(VIEWS)):
         pins, rings = 3 * view + 1, 3 * view + 2
         changes["data", pins, "marker", "color"] = list(colours)
-        changes["data", rings, "x"] = points_m[kept, across].tolist()
-        changes["data", rings, "y"] = points_m[kept, 2].tolist()
-        changes["data", rings, "text"] = [f"<b>{style.label(names[k])}</b>" for k in kept]
-        changes["data", rings, "textposition"] = _label_sides(points_m[kept][:, [across, 2]], span)
+        changes["data", rings, "marker", "opacity"] = [float(is_kept) for is_kept in kept]
+        changes["data", rings, "textfont", "color"] = [style.INK if is_kept else _UNSEEN for is_kept in kept]
     return changes
 
 

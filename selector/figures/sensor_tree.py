@@ -72,7 +72,7 @@ def tree_title(cut: CutShown) -> str:
     )
 
 
-def tree_picture(tree: Dendrogram, title: str) -> go.Figure:
+def tree_picture(tree: Dendrogram, title: str, height: int | None = None) -> go.Figure:
     """The frame of a tree; `tree_changes` fills it.
 
     Parameters
@@ -80,9 +80,11 @@ def tree_picture(tree: Dendrogram, title: str) -> go.Figure:
     tree : Dendrogram
     title : str
         Plain text, as `style.label` makes it.
+    height : int, optional
+        Height of the picture [px]; by default every sensor has a line of its own.
     """
     n = len(tree.leaf_order)
-    drawn = style.figure(title, _ROOM_PX + max(_SENSOR_PX * n, _LEAST_PX))
+    drawn = style.figure(title, _ROOM_PX + max(_SENSOR_PX * n, _LEAST_PX) if height is None else height)
     drawn.update_layout(margin={"b": 85}, legend={"yref": "container", "y": 0.0, "yanchor": "bottom"})
     first, end = level_span(tree.levels)
     for colour in _COLOURS:
@@ -98,7 +100,7 @@ def tree_picture(tree: Dendrogram, title: str) -> go.Figure:
     drawn.update_xaxes(
         title_text="closure level t = λ at which groups merge [–]",
         range=[first, end + 0.02 * (end - first)],
-        **style.level_axis(level_at(first), level_at(end), end=end),
+        **style.level_axis(level_at(first), level_at(end), end=end, room=0.07 if height is None else 0.12),
     )
     drawn.update_yaxes(
         range=[n - 0.5, -0.5],
@@ -107,7 +109,7 @@ def tree_picture(tree: Dendrogram, title: str) -> go.Figure:
         showgrid=False,
         showline=False,
         ticks="",
-        tickfont={"size": 12 if n <= 20 else 11},
+        tickfont={"size": (12 if n <= 20 else 11) if height is None else 9 if n > 25 else 11},
     )
     add_step_marks(drawn)
     return drawn

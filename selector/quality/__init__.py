@@ -14,6 +14,7 @@ import numpy as np
 from selector.findings import Finding
 from selector.quality.break_codes import broken_sensors, out_of_range
 from selector.quality.extent import empty_channels, few_values, short_runs, starts
+from selector.quality.file_copies import file_copies
 from selector.quality.frozen import frozen
 from selector.quality.gaps_and_clock import clock_jumps, gaps, pace_changes
 from selector.quality.identity import duplicates, swapped
@@ -26,7 +27,7 @@ from selector.quality.survey import Survey
 from selector.quality.wrong_units import wrong_length_units, wrong_temperature_units
 from selector.recording import Recording
 
-__all__ = ["StreamWithoutFaults", "inspect", "stretches", "without_faults"]
+__all__ = ["StreamWithoutFaults", "file_copies", "inspect", "stretches", "without_faults"]
 
 Check = Callable[[Survey], Iterator[Finding]]
 

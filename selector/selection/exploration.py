@@ -191,6 +191,10 @@ class Exploration:
         """The steps that a λ from 0 to 1 reaches, from the finest groups to the coarsest."""
         return tuple(step for step in self.axis if step.high >= 0.0)
 
+    def level_of(self, number: int) -> float:
+        """A λ with few digits that gives step `number` of `steps`."""
+        return plain_level(self.steps[number])
+
     @cached_property
     def best_sets(self) -> Mapping[int, tuple[str, ...]]:
         """Of every size, the set of all usable sensors that predicts left-out parts best."""

@@ -20,10 +20,10 @@ from selector.workbench import parts
 from selector.workbench.access import RESULT_POLICY, Access, guard
 from selector.workbench.bench import Bench
 from selector.workbench.commands import command_text
-from selector.workbench.pages import diagnosis, export, recordings, selection
+from selector.workbench.pages import diagnosis, export, recordings, selection, sensors
 from selector.workbench.study_folder import RECORDINGS, UPLOADS, inside, stored
 
-PAGES: tuple[ModuleType, ...] = (recordings, selection, diagnosis, export)
+PAGES: tuple[ModuleType, ...] = (recordings, sensors, selection, diagnosis, export)
 """The tabs, from left to right. What a page is: see `selector.workbench.pages`."""
 
 _LOOK = "/look.css"

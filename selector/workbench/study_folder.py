@@ -13,7 +13,8 @@ from selector.errors import OptionError, ReadError
 
 RECORDINGS, SIMULATION, MACHINE = "recordings", "simulation", "machine.toml"
 MACHINE_BEFORE = "machine.before.toml"
-UPLOADS = (RECORDINGS, SIMULATION)
+PICTURES = "pictures"
+UPLOADS = (RECORDINGS, SIMULATION, PICTURES)
 MOST_UPLOADED_BYTES = 200_000_000
 
 _LONGEST_NAME = 120

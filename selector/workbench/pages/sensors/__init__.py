@@ -1,0 +1,205 @@
+"""Sensors: every λ and every set at once; groups, model, errors and faults move with the slider.
+
+A move of the slider must be seen at once. So it does not go through Dash, whose renderer takes longer than the
+numbers and the pictures together: the browser asks the server for what changes and puts it into the pictures itself
+(``assets/sensors.js``). What the bench changes comes through Dash as on any other page.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import dash
+import flask
+from dash import ClientsideFunction, Input, Output, State, dcc, html, no_update
+from dash.development.base_component import Component
+
+from selector.errors import InputError, OptionError
+from selector.workbench import parts
+from selector.workbench.bench import Bench
+from selector.workbench.commands import SELECTION, command_text, option_arguments
+from selector.workbench.live import View
+from selector.workbench.pages.sensors import machine, pictures, tables, wishes
+from selector.workbench.pages.sensors.names import ID
+
+__all__ = ["ID", "TITLE", "command", "layout", "register"]
+
+TITLE = "Sensors"
+
+_NOTE = (
+    "The error on left-out runs is here that of sets as they are: coefficients are fitted anew without each run, but "
+    "the choice of the set has seen them all, so it flatters. “Run this selection” chooses anew without each run."
+)
+_GRAPH: Any = {**parts.GRAPH, "displayModeBar": False}
+
+
+def layout(bench: Bench) -> Component:
+    """The bar with λ, pictures in two columns, groups, wishes."""
+    return html.Div(
+        [
+            html.H1("Sensors: groups, model and errors for every λ"),
+            html.Div("Load recordings first.", id=f"{ID}-wait", className="about", role="status"),
+            html.Div(
+                [
+                    # filled by sensors.js
+                    html.Div(id=f"{ID}-bar", className="lambda"),
+                    html.Div([_picture(name) for name in pictures.NAMES], className="pictures"),
+                    html.P(_NOTE, className="about"),
+                    parts.section("Groups", html.Div(id=f"{ID}-groups", className="scroll")),
+                    wishes.table(),
+                    machine.controls(),
+                    html.Div(html.Button("Run this selection", id=f"{ID}-start", className="main"), className="row"),
+                ],
+                id=f"{ID}-body",
+                hidden=True,
+            ),
+            dcc.Store(id=f"{ID}-shown", data=None),
+            dcc.Store(id=f"{ID}-now", data=None),
+        ]
+    )
+
+
+def command(bench: Bench) -> tuple[str, ...] | None:
+    """`selector select` that looks only at the λ or the set that is shown."""
+    try:
+        view = _view(bench)
+    except InputError:
+        return None
+    if view is None:
+        return None
+    return ("select", *bench.source_arguments(), *option_arguments(view.options(bench.options)), "--out", SELECTION)
+
+
+def register(app: dash.Dash, bench: Bench) -> None:
+    """The whole page after a change of the bench; what changed in it after a move."""
+    machine.register(app, bench)
+    wishes.register(app, bench)
+
+    @app.callback(
+        Output(f"{ID}-body", "hidden"),
+        Output(f"{ID}-wait", "children"),
+        Output(f"{ID}-shown", "data"),
+        Output(f"{ID}-now", "data"),
+        *(Output(f"{ID}-{name}", "figure") for name in pictures.NAMES),
+        Input(parts.REVISION, "data"),
+        Input("address", "hash"),
+        State(f"{ID}-shown", "data"),
+    )
+    def _show(_: int, address: str | None, shown: Any) -> tuple[Any, ...]:
+        if address != f"#{ID}":
+            # the samples are added up when somebody wants to see it
+            raise dash.exceptions.PreventUpdate
+        nothing = (None, no_update, *(no_update for _ in pictures.NAMES))
+        try:
+            view = _view(bench)
+        except InputError as refused:
+            return (True, parts.problem(refused), *nothing)
+        if view is None:
+            waits = "Adding up the samples …" if bench.material.reading else "Load recordings first."
+            return (True, waits, *nothing)
+        now = _signature(bench, view)
+        if now == shown:
+            raise dash.exceptions.PreventUpdate
+        drawn = pictures.frames(view, machine.pins(bench), machine.photos(bench))
+        found = view.exploration.findings
+        return (False, parts.remarks(found) if found else "", now, _told(bench, view), *drawn.values())
+
+    app.clientside_callback(
+        ClientsideFunction("sensors", "show"), Output(f"{ID}-bar", "title"), Input(f"{ID}-now", "data")
+    )
+
+    server: flask.Flask = app.server
+
+    @server.post(f"/{ID}/move")
+    def _move() -> flask.Response:
+        """What a move of the slider, a number, a click on a point changes."""
+        try:
+            return flask.jsonify(_moved(bench, flask.request.get_json()))
+        except InputError as refused:
+            return flask.jsonify({"refused": str(refused)})
+        except (TypeError, ValueError) as wrong:
+            return flask.jsonify({"refused": f"this move cannot be understood: {wrong}"})
+
+    @app.callback(Input(f"{ID}-start", "n_clicks"), prevent_initial_call=True)
+    def _start(_: int) -> None:
+        asked = command(bench)
+        if asked is None:
+            raise OptionError(
+                "no recordings", expected="recordings that can be read", where=TITLE, advice="load some first"
+            )
+        bench.start("Selection", asked, bench.folder / SELECTION)
+        parts.tell(bench)
+
+
+def _moved(bench: Bench, asked: Any) -> dict[str, Any]:
+    """Looks where the browser asks to look; what is different then.
+
+    `asked` holds one of ``step`` (number of the step of λ, the coarsest 0), ``level``, ``take`` (sensors; none: the set
+    of λ) and ``response``.
+    """
+    view = _view(bench)
+    if view is None or not isinstance(asked, dict):
+        raise OptionError("nothing to move", expected="recordings", where=TITLE, advice="load some first")
+    exploration = view.exploration
+    if "step" in asked:
+        last = len(exploration.steps) - 1
+        bench.live.look_at(level=exploration.level_of(last - min(max(int(asked["step"]), 0), last)))
+    elif "level" in asked:
+        level = float(asked["level"])
+        exploration.cut(level)
+        bench.live.look_at(level=level)
+    elif "take" in asked:
+        sensors = tuple(map(str, asked["take"]))
+        if sensors:
+            exploration.fixed(sensors)
+        bench.live.look_at(taken=sensors)
+    elif "response" in asked:
+        bench.live.look_at(response=str(asked["response"]))
+    view = bench.live.view(exploration)
+    return {**_told(bench, view), "changes": pictures.moved(view, machine.pins(bench))}
+
+
+def _told(bench: Bench, view: View) -> dict[str, Any]:
+    """What the page says, pictures excepted."""
+    asked = command(bench)
+    return {
+        "step": view.step,
+        "last": len(view.exploration.steps) - 1,
+        "level": view.level,
+        "is_taken": view.is_taken,
+        "responses": list(view.exploration.question.responses),
+        "response": view.response,
+        "facts": tables.facts(view),
+        "groups": tables.groups(view),
+        "titles": pictures.titles(view),
+        "command": "" if asked is None else command_text(asked),
+    }
+
+
+def _view(bench: Bench) -> View | None:
+    material = bench.material
+    found = bench.live.exploration(material.number, material.reading, bench.options, material.findings)
+    return None if found is None else bench.live.view(found)
+
+
+def _signature(bench: Bench, view: View) -> list[Any]:
+    """What the whole page must be drawn anew for."""
+    asked = bench.options
+    places = [one.xyz_m for one in machine.sensors_of(bench)]
+    return [
+        bench.material.number, asked.must, asked.never, dict(asked.cost), asked.max_sensors, asked.reference,
+        asked.responses, asked.absolute_similarity, dict(asked.conditions), places, sorted(machine.photos(bench)),
+        view.level, view.fixed.sensors, view.response,
+    ]  # fmt: skip
+
+
+def _picture(name: str) -> Component:
+    return html.Figure(
+        [
+            html.Figcaption([html.H3(id=f"{ID}-{name}-title"), html.P(pictures.NOTES[name])]),
+            html.Div(
+                dcc.Graph(id=f"{ID}-{name}", responsive=True, config=_GRAPH, style={"height": "100%"}),
+                className=f"plot {name}",
+            ),
+        ]
+    )

@@ -1,0 +1,159 @@
+"""The pictures of the Sensors page: drawn whole once, after that only what a move changes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import plotly.graph_objects as go
+
+from selector.figures import style
+from selector.figures.changes import Changes, changed
+from selector.figures.model import (
+    TermShown,
+    coefficient_changes,
+    coefficients_picture,
+    coefficients_title,
+    fault_changes,
+    faults_picture,
+    faults_title,
+)
+from selector.figures.places import machine_changes, machine_picture
+from selector.figures.run_errors import KINDS, RunError, run_error_changes, run_errors_picture, run_errors_title
+from selector.figures.sensor_tree import CutShown, group_colours, tree_changes, tree_picture, tree_title
+from selector.figures.set_errors import SetError, set_error_changes, set_errors_picture
+from selector.selection.fixed_sets import NORMAL_95, FixedModel
+from selector.sensors.groups import Dendrogram, dendrogram
+from selector.workbench.live import View
+from selector.workbench.pages.sensors.machine import Pins
+
+NAMES = ("tree", "machine", "sets", "runs", "coefficients", "faults")
+NOTES = {
+    "tree": "Dashed: λ. Colours: groups; grey: sensors that are alone.",
+    "machine": "Colours as in the tree; rings: the set that is shown. Drag a pin to where its sensor sits.",
+    "sets": "Each point is a set of sensors. Click one to take it.",
+    "runs": "Each run predicted by coefficients that were fitted without it; the sensors are fixed.",
+    "coefficients": "Per standard deviation of a reading, with 95 % intervals that allow for autocorrelation.",
+    "faults": "Largest change of the correction over the recorded samples.",
+}
+UNUSED = "#d4d4d4"
+_HEIGHT = 300
+_TREE = (110, 12, 380)
+"""Room of the tree, height of a sensor in it, and least height [px]."""
+_MARGINS = {
+    "tree": {"t": 24, "b": 84, "l": 14, "r": 120},
+    "machine": {"t": 10, "b": 84, "l": 56, "r": 10},
+    "sets": {"t": 10, "b": 96, "l": 60, "r": 14},
+    "runs": {"t": 24, "b": 76, "l": 90, "r": 110},
+    "coefficients": {"t": 10, "b": 84, "l": 110, "r": 14},
+    "faults": {"t": 10, "b": 52, "l": 110, "r": 14},
+}
+
+
+def frames(view: View, pins: Pins, photos: Mapping[str, str]) -> dict[str, go.Figure]:
+    """Every picture with what it shows now."""
+    exploration = view.exploration
+    tree = dendrogram(exploration.grouping.similarity.matrix)
+    room, each, least = _TREE
+    drawn = {
+        "tree": tree_picture(tree, "", max(least, room + each * len(tree.leaf_order))),
+        "machine": machine_picture(pins.names, pins.points_m, pins.outline_m, "", photos),
+        "sets": set_errors_picture(view.response, _HEIGHT),
+        "runs": run_errors_picture(view.response, _runs(view), ""),
+        "coefficients": coefficients_picture(view.response, _HEIGHT, ""),
+        "faults": faults_picture([view.response], _HEIGHT, ""),
+    }
+    filled = {name: changed(drawn[name], what) for name, what in _changes(view, pins, tree).items()}
+    for one in filled.values():
+        # the page gives the width; titles are headings
+        one.update_layout(title=None, width=None, height=None, autosize=True)
+        one.update_layout(legend={"yref": "container", "y": 0.0, "yanchor": "bottom"})
+    for name, margin in _MARGINS.items():
+        # margins that follow the labels would lay every picture out twice
+        filled[name].update_layout(margin=margin)
+        filled[name].update_xaxes(automargin=False).update_yaxes(automargin=False)
+    return filled
+
+
+def moved(view: View, pins: Pins) -> dict[str, list[tuple[tuple[str | int, ...], Any]]]:
+    """What a move changes in every picture: paths and values."""
+    tree = dendrogram(view.exploration.grouping.similarity.matrix)
+    return {name: list(what.items()) for name, what in _changes(view, pins, tree).items()}
+
+
+def titles(view: View) -> dict[str, str]:
+    """What every picture says now."""
+    model = view.fixed.models[view.response]
+    kind = KINDS[view.exploration.parts]
+    return {
+        "tree": tree_title(_cut(view)),
+        "machine": f"{len(view.fixed.sensors)} of {len(view.exploration.available)} sensors: "
+        + style.listed(view.fixed.sensors),
+        "sets": f"{view.response}: error of sets on left-out {kind}",
+        "runs": run_errors_title(view.response, _runs(view), kind),
+        "coefficients": coefficients_title(view.response, _terms(view, model)),
+        "faults": faults_title(view.faults),
+    }
+
+
+def _changes(view: View, pins: Pins, tree: Dendrogram) -> dict[str, Changes]:
+    exploration = view.exploration
+    sensors = exploration.question.sensors
+    cut = _cut(view)
+    colour_of = {sensors[i]: colour for i, colour in group_colours(tree, cut.groups).items()}
+    usable = {name: colour_of.get(name, style.MUTED) for name in sensors}
+    colours = [usable.get(name, UNUSED) for name in pins.names]
+    model = view.fixed.models[view.response]
+    return {
+        "tree": tree_changes(tree, sensors, cut),
+        "machine": machine_changes(pins.names, colours, view.fixed.sensors),
+        "sets": _set_changes(view),
+        "runs": run_error_changes(_runs(view)),
+        "coefficients": coefficient_changes(_terms(view, model)),
+        "faults": fault_changes(view.fixed.sensors, [view.response], view.faults),
+    }
+
+
+def _set_changes(view: View) -> Changes:
+    def errors(sets: Mapping[int, tuple[str, ...]]) -> list[SetError]:
+        return [_error(view, sets[size]) for size in sorted(sets)]
+
+    model = view.fixed.models[view.response]
+    n = sum(part.n_samples for part in model.parts)
+    before_um = (sum(part.n_samples * part.before_rmse_um**2 for part in model.parts) / n) ** 0.5 if n else 0.0
+    taken = SetError(view.fixed.sensors, model.heldout_rmse_um)
+    return set_error_changes(errors(view.exploration.best_sets), errors(view.cut.best_sets), taken, before_um)
+
+
+def _error(view: View, sensors: tuple[str, ...]) -> SetError:
+    return SetError(sensors, view.exploration.fixed(sensors).models[view.response].heldout_rmse_um)
+
+
+def _runs(view: View) -> list[RunError]:
+    return [RunError(part.name, part.before_rmse_um, part.rmse_um) for part in view.fixed.models[view.response].parts]
+
+
+def _terms(view: View, model: FixedModel) -> list[TermShown]:
+    sign = "Δ" if view.exploration.question.options.reference == "rise" else ""
+    return [
+        TermShown(
+            sign + style.label(one.sensor, 18),
+            one.per_deviation_um,
+            NORMAL_95 * one.per_deviation_error_um,
+            one.vif,
+        )
+        for one in model.coefficients
+    ]
+
+
+def _cut(view: View) -> CutShown:
+    position = {name: i for i, name in enumerate(view.exploration.question.sensors)}
+    step = view.cut.step
+    return CutShown(
+        view.level,
+        step.low,
+        step.high,
+        step.partition.members,
+        frozenset(position[name] for name in view.cut.representatives),
+        frozenset(position[name] for name in view.fixed.sensors if name in position),
+    )

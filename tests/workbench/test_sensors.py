@@ -1,0 +1,188 @@
+"""The Sensors page without a browser: what a move answers, what it looks at, where pins are written."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from selector.errors import OptionError
+from selector.readers import machine as machine_file
+from selector.selection import Exploration, Options
+from selector.workbench.access import Access
+from selector.workbench.bench import Bench
+from selector.workbench.page import page
+from selector.workbench.pages import sensors
+from selector.workbench.pages.sensors import machine
+from tests.workbench import studies
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory):
+    return studies.written(tmp_path_factory.mktemp("recordings"))
+
+
+@pytest.fixture
+def bench(recordings, tmp_path):
+    folder = tmp_path / "study"
+    folder.mkdir()
+    found = Bench(folder.resolve(), recordings, recordings[0].with_name("machine.toml"))
+    found.read()
+    wait(lambda: found.material.reading is not None)
+    return found
+
+
+@pytest.fixture
+def client(bench):
+    access = Access(8050)
+    found = page(bench, access).server.test_client()
+    found.set_cookie(access.cookie, access.token, domain="127.0.0.1")
+    return found
+
+
+def wait(is_so) -> None:
+    end = time.monotonic() + 60
+    while not is_so():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def ready(bench) -> Exploration:
+    material = bench.material
+    found = []
+
+    def is_there() -> bool:
+        found[:] = [bench.live.exploration(material.number, material.reading, bench.options, material.findings)]
+        return found[0] is not None
+
+    wait(is_there)
+    return found[0]
+
+
+def move(client, **asked):
+    answer = client.post("/sensors/move", json=asked, base_url="http://127.0.0.1:8050")
+    assert answer.status_code == 200
+    return answer.get_json()
+
+
+def test_a_move_changes_everything_together(client, bench):
+    explored = ready(bench)
+    for step, _ in enumerate(explored.steps):
+        told = move(client, step=step)
+        cut = explored.cut(told["level"])
+        assert told["step"] == step
+        assert [group["sensors"] for group in told["groups"]] == [list(group.sensors) for group in cut.groups]
+        assert [group["because"] for group in told["groups"]] == [group.because for group in cut.groups]
+        facts = dict(told["facts"])
+        assert facts["sensors shown"] == ", ".join(cut.taken)
+        assert f"--lambda {told['level']!r} --out selection" in told["command"]
+        changes = {name: {tuple(path): value for path, value in what} for name, what in told["changes"].items()}
+        model = explored.fixed(cut.taken).models["Z"]
+        assert changes["runs"]["data", 1, "x"] == [part.rmse_um for part in model.parts]
+        shown = [*changes["coefficients"]["data", 0, "x"], *changes["coefficients"]["data", 1, "x"]]
+        assert sorted(shown) == sorted(one.per_deviation_um for one in model.coefficients)
+        assert len(changes["faults"]["data", 0, "z"]) == len(cut.taken)
+        assert changes["sets"]["data", 3, "y"] == [model.heldout_rmse_um]
+        seen = changes["machine"]["data", 2, "marker", "opacity"]
+        assert [name for name, is_seen in zip(studies.SENSORS, seen, strict=True) if is_seen] == list(cut.taken)
+
+
+def test_a_set_is_taken_and_let_go(client, bench):
+    ready(bench)
+    before = move(client, step=3)
+    told = move(client, take=["T4", "T1"])
+    assert told["is_taken"]
+    assert dict(told["facts"])["sensors shown"] == "T1, T4"
+    assert told["command"].endswith("--max-sensors 2 --must T1 --must T4 --out selection")
+    assert sensors.command(bench)[-8:] == ("--max-sensors", "2", "--must", "T1", "--must", "T4", "--out", "selection")
+    back = move(client, take=[])
+    assert back["facts"] == before["facts"]
+    assert move(client, response="Y")["response"] == "Y"
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ({"level": 1.5}, "λ = 1.5"),
+        ({"take": ["T99"]}, "T99"),
+        ({"level": "high"}, "understood"),
+        ({"step": None}, "move"),
+    ],
+)
+def test_what_cannot_be_looked_at_is_refused_and_nothing_moves(client, bench, asked, said):
+    ready(bench)
+    before = move(client, step=2)
+    assert said in move(client, **asked)["refused"]
+    assert move(client)["facts"] == before["facts"]
+
+
+def test_a_stranger_moves_nothing(bench):
+    client = page(bench, Access(8050)).server.test_client()
+    assert client.post("/sensors/move", json={"step": 0}, base_url="http://127.0.0.1:8050").status_code == 403
+
+
+def test_wishes_are_followed(client, bench):
+    ready(bench)
+    bench.choose(never=("T1",), must=("T5",), max_sensors=3)
+    told = move(client, step=4)
+    chosen = dict(told["facts"])["sensors shown"].split(", ")
+    assert "T5" in chosen
+    assert "T1" not in {name for group in told["groups"] for name in group["sensors"]}
+    assert "--max-sensors 3 --must T5 --never T1" in told["command"]
+    # a set that is taken by hand may hold a sensor of --never, which the command then does not name
+    assert "--never" not in move(client, take=["T1"])["command"]
+
+
+def test_recordings_that_cannot_be_explored_say_why(tmp_path):
+    (tmp_path / "warm.csv").write_text("time_s,T1\n" + "".join(f"{k},{20 + k}\n" for k in range(60)), encoding="utf-8")
+    bench = Bench(tmp_path, [tmp_path / "warm.csv"])
+    bench.read()
+    wait(lambda: bench.material.reading is not None)
+    with pytest.raises(OptionError, match="no displacement channel"):
+        ready(bench)
+    assert sensors.command(bench) is None
+
+
+def test_pins_go_into_the_machine_file_and_nothing_is_read_again(client, bench):
+    explored = ready(bench)
+    number = bench.material.number
+    bench.place({"T1": (0.5, -0.25, 1.0), "T7": (0.0, 0.0, 2.0)})
+    written = machine_file(bench.folder / "machine.toml")
+    assert written.channels["T1"].xyz == (0.5, -0.25, 1.0)
+    assert written.channels["T7"].xyz == (0.0, 0.0, 2.0)
+    assert written.channels["T2"].xyz == pytest.approx(studies.PLACES_M["T2"])
+    assert bench.material.number == number
+    assert ready(bench) is explored
+    places = dict(zip((pins := machine.pins(bench)).names, pins.points_m.tolist(), strict=True))
+    assert places["T1"] == [0.5, -0.25, 1.0]
+    again = Bench(bench.folder, [one.path for one in bench.loaded])
+    again.read()
+    wait(lambda: again.material.reading is not None)
+    assert again.material.reading.recording.channel("T7").xyz_m == (0.0, 0.0, 2.0)
+
+
+def test_a_place_of_nothing_is_refused(bench):
+    with pytest.raises(OptionError, match="T99"):
+        bench.place({"T99": (0.0, 0.0, 0.0)})
+    assert not (bench.folder / "machine.toml").exists()
+
+
+def test_only_pictures_stand_behind_the_pins(bench):
+    folder = bench.folder / "pictures"
+    folder.mkdir()
+    (folder / "front.png").write_bytes(b"\x89PNG\r\n\x1a\n" + b"0" * 20)
+    (folder / "side.png").write_bytes(b"<svg onload=alert(1)>")
+    assert list(machine.photos(bench)) == ["front view"]
+    assert machine.photos(bench)["front view"].startswith("data:image/png;base64,")
+
+
+def test_an_exploration_of_other_options_is_another_one(bench):
+    explored = ready(bench)
+    bench.choose(reference="absolute")
+    other = ready(bench)
+    assert other is not explored
+    assert other.question.options.reference == "absolute"
+    assert ready(bench) is other
+    bench.choose(reference="rise", cost={"T1": 2.0})
+    assert ready(bench).question.options.cost == {"T1": 2.0}
+    assert Options().cost == {}

@@ -1,0 +1,141 @@
+"""The Sensors page as a person meets it: keyboard, click on a point, a pin that is dragged."""
+
+from __future__ import annotations
+
+import shutil
+
+import pytest
+
+from selector.readers import machine as machine_file
+from selector.workbench.bench import Bench
+from selector.workbench.server import started
+from tests.workbench import studies
+
+api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
+
+PATIENCE_MS = 60_000
+"""The first search may have to be compiled."""
+
+POINT = """([name, trace, number, axis]) => {
+  const graph = document.querySelector(`#sensors-${name} .js-plotly-plot`);
+  const box = graph.getBoundingClientRect();
+  const [x, y] = [graph._fullLayout[axis], graph._fullLayout.yaxis];
+  const points = graph._fullData[trace];
+  return [box.left + x._offset + x.d2p(points.x[number]), box.top + y._offset + y.d2p(points.y[number])];
+}"""
+HAS_PLACE = "(text) => [...document.querySelectorAll('#sensors-wishes .place input')].some((one) => one.value === text)"
+VALUES = "([name, trace]) => Array.from(document.querySelector(`#sensors-${name} .js-plotly-plot`).data[trace].x)"
+
+
+@pytest.fixture
+def bench(tmp_path):
+    recordings = tmp_path / "recordings"
+    recordings.mkdir()
+    folder = tmp_path / "study"
+    folder.mkdir()
+    files = studies.written(recordings)
+    return Bench(folder.resolve(), files, recordings / "machine.toml")
+
+
+@pytest.fixture
+def page(bench):
+    server = started(bench)
+    said: list[str] = []
+    with api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        opened = browser.new_page(viewport={"width": 1280, "height": 900})
+        opened.set_default_timeout(PATIENCE_MS)
+        opened.on("pageerror", lambda error: said.append(str(error)))
+        opened.on("console", lambda line: said.append(line.text) if line.type == "error" else None)
+        opened.goto(server.access.address)
+        opened.locator("#to-sensors").click()
+        opened.locator("#sensors-facts dd").first.wait_for()
+        for name in ("tree", "machine", "sets", "runs", "coefficients", "faults"):
+            opened.locator(f"#sensors-{name} .main-svg").first.wait_for()
+        yield opened
+        browser.close()
+    server.close()
+    assert said == []
+
+
+def point(page, name, trace, number, axis="xaxis"):
+    page.locator(f"#sensors-{name}").scroll_into_view_if_needed()
+    page.wait_for_timeout(300)
+    return page.evaluate(POINT, [name, trace, number, axis])
+
+
+def test_the_keyboard_moves_groups_coefficients_and_command_together(page, bench):
+    def shown():
+        return {
+            "groups": page.locator("#sensors-groups tbody tr").count(),
+            "set": page.locator("#sensors-facts dd").nth(1).inner_text(),
+            # those that are clearly not zero, and the others
+            "coefficients": [v for trace in (0, 1) for v in page.evaluate(VALUES, ["coefficients", trace])],
+            "command": page.locator("#command").inner_text(),
+        }
+
+    page.get_by_text("--lambda").wait_for()
+    page.locator("#sensors-slider").focus()
+    page.keyboard.press("Home")
+    page.locator("#sensors-groups tbody tr").first.wait_for()
+    page.get_by_text("1 group", exact=True).wait_for()
+    page.wait_for_timeout(500)
+    coarse = shown()
+    page.keyboard.press("End")
+    page.get_by_text("7 groups", exact=True).wait_for()
+    page.wait_for_timeout(1000)
+    fine = shown()
+    assert (coarse["groups"], fine["groups"]) == (1, 7)
+    assert len(coarse["coefficients"]) == 1 < len(fine["coefficients"])
+    assert coarse["command"] != fine["command"]
+    assert "--lambda 1.0" in fine["command"]
+    assert fine["set"].count(",") + 1 == len(fine["coefficients"])
+
+    page.locator("#sensors-level").fill("0.9")
+    page.locator("#sensors-level").press("Enter")
+    page.get_by_text("--lambda 0.9 ").wait_for()
+    assert page.locator("#sensors-slider").input_value() not in ("0", "6")
+
+    page.locator("#sensors-level").fill("7")
+    page.locator("#sensors-level").press("Enter")
+    page.locator("#notice").get_by_text("λ = 7").wait_for()
+
+
+def test_a_click_on_a_point_takes_its_set(page, bench):
+    x, y = point(page, "sets", 1, 1)
+    # a hand comes from somewhere: Plotly looks for points under it while it moves
+    page.mouse.move(x - 20, y - 5)
+    page.mouse.move(x, y, steps=3)
+    page.wait_for_timeout(300)
+    page.mouse.click(x, y)
+    page.get_by_text("taken by hand").wait_for()
+    names = page.locator("#sensors-facts dd").nth(1).inner_text().split(", ")
+    assert len(names) == 2
+    assert f"--max-sensors 2 --must {names[0]} --must {names[1]}" in page.locator("#command").inner_text()
+    page.get_by_role("button", name="Back to the set of λ").click()
+    page.get_by_text("--lambda").wait_for()
+
+
+def test_a_pin_is_dragged_into_the_machine_file(page, bench):
+    x, y = point(page, "machine", 1, 2)
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 30, y - 40, steps=4)
+    page.wait_for_timeout(200)
+    page.mouse.up()
+    path = bench.folder / "machine.toml"
+    for _ in range(100):
+        if path.exists():
+            break
+        page.wait_for_timeout(50)
+    found = machine_file(path).channels["T3"].xyz
+    before = studies.PLACES_M["T3"]
+    assert found[0] > before[0]
+    assert found[1] == pytest.approx(before[1])
+    assert found[2] > before[2]
+    page.get_by_text("Must, never, cost and place").click()
+    page.locator("#sensors-wishes tr", has_text="T3").locator(".place input").wait_for()
+    text = f"{found[0]:g}, {found[1]:g}, {found[2]:g}"
+    page.wait_for_function(HAS_PLACE, arg=text)
