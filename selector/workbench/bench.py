@@ -8,7 +8,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import threading
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -76,7 +76,7 @@ class Bench:
         self._lock = threading.RLock()
         self._revision = 0
         self._asked = 0
-        self._is_reading = False
+        self._is_reading = self._has_reader = False
         saved = asked_in(folder)
         asked = saved or Asked()
         named = [file.resolve() for file in files]
@@ -247,7 +247,7 @@ class Bench:
             write_machine_file(machine, own)
             with self._lock:
                 self._machine = own
-                self._material = Material(number, dataclasses.replace(reading, machine_file=str(own)), findings)
+                self._publish(Material(0, dataclasses.replace(reading, machine_file=str(own)), findings))
         finally:
             with self._lock:
                 self._is_reading = self._asked != number
@@ -284,31 +284,45 @@ class Bench:
             self.changed()
 
     def read(self) -> None:
-        """Reads the recordings in use, in a thread of its own; an earlier reading that still runs is forgotten."""
+        """Reads the recordings in use, in a thread of its own; what an earlier reading finds is forgotten."""
         with self._lock:
             self._asked += 1
             self._is_reading = True
             self.changed()
-            threading.Thread(target=self._read, args=(self._asked,), name="selector-read", daemon=True).start()
+            if not self._has_reader:
+                self._has_reader = True
+                threading.Thread(target=self._read, name="selector-read", daemon=True).start()
 
-    def _read(self, number: int) -> None:
+    def _read(self) -> None:
+        """Reads until nothing else was asked meanwhile: one reading at a time, however many files arrive."""
+        while True:
+            with self._lock:
+                number = self._asked
+            loaded, material = self._as_far_as_readable()
+            with self._lock:
+                if number != self._asked:
+                    continue
+                self._loaded = [loaded.get(one.path, one) for one in self._loaded]
+                self._publish(material)
+                self._is_reading = self._has_reader = False
+                return
+
+    def _as_far_as_readable(self) -> tuple[dict[Path, Loaded], Material]:
+        """What was read, without the recordings that are refused even alone; and the recordings, those marked."""
         loaded = {one.path: one for one in self.loaded}
         used = [path for path, one in loaded.items() if one.is_used]
         material = self._read_together(used)
-        if material.problem is not None and len(used) > 0:
-            refused = self._refused(used)
-            for path, problem in refused.items():
-                loaded[path] = Loaded(path, is_used=False, problem=problem)
-            rest = [path for path in used if path not in refused]
-            if refused:
-                material = self._read_together(rest)
-        with self._lock:
-            if number != self._asked:
-                return
-            self._loaded = [loaded.get(one.path, one) for one in self._loaded]
-            self._material = dataclasses.replace(material, number=number)
-            self._is_reading = False
-            self.changed()
+        if material.problem is None:
+            return loaded, material
+        refused = {path: problem for path in used if (problem := self._read_together([path]).problem) is not None}
+        loaded |= {path: Loaded(path, is_used=False, problem=problem) for path, problem in refused.items()}
+        if refused:
+            material = self._read_together([path for path in used if path not in refused])
+        return loaded, material
+
+    def _publish(self, material: Material) -> None:
+        self._material = dataclasses.replace(material, number=self._material.number + 1)
+        self.changed()
 
     def _read_together(self, paths: Sequence[Path]) -> Material:
         if not paths:
@@ -318,13 +332,9 @@ class Bench:
             return Material(0, reading, (*reading.findings, *inspect(reading.recording)))
         except InputError as problem:
             return Material(problem=problem)
-        except (OSError, MemoryError) as error:
+        except Exception as error:
+            # the thread that reads must not die silently
             return Material(problem=_input_error(error))
-
-    def _refused(self, paths: Sequence[Path]) -> Mapping[Path, InputError]:
-        """Those that cannot be read even alone, and why."""
-        found = {path: self._read_together([path]).problem for path in paths}
-        return {path: problem for path, problem in found.items() if problem is not None}
 
     def source_arguments(self) -> tuple[str, ...]:
         """The recordings in use, as the words of a command line."""
@@ -379,9 +389,16 @@ def _files_in(folder: Path) -> tuple[Path, ...]:
 
 
 def _input_error(error: Exception) -> InputError:
+    if isinstance(error, (OSError, MemoryError)):
+        return InputError(
+            str(error) or "more data than the memory of this machine holds",
+            expected="recordings that can be opened and that fit into memory",
+            where="recordings",
+            advice="close the program that holds them open, or give fewer of them",
+        )
     return InputError(
-        str(error) or type(error).__name__,
-        expected="recordings that can be opened and that fit into memory",
+        f"this is a defect of the program, not of your data: {type(error).__name__}: {error}",
+        expected="recordings that are read, or refused with a reason",
         where="recordings",
-        advice="close the program that holds them open, or give fewer of them",
+        advice="report it, with the recording; leave it out meanwhile",
     )

@@ -54,12 +54,17 @@ def serve(
         machine_at(machine)
     found = recording_files(files) if files else None
     own = new_folder(Path.cwd()) if folder is None else folder
-    bench = Bench(
-        require_usable(own),
-        () if found is None else found.files,
-        machine if machine is not None or found is None else found.machine,
-    )
-    server = started(bench, port)
+    if found is not None and machine is None:
+        machine = found.machine
+    try:
+        bench = Bench(require_usable(own), () if found is None else found.files, machine)
+        _serve_until_stopped(started(bench, port), when_ready)
+    finally:
+        if folder is None:
+            _remove_if_empty(own)
+
+
+def _serve_until_stopped(server: Served, when_ready: Callable[[str], None]) -> None:
     # the thread that a Ctrl-C interrupts waits here; the server runs in another
     over = threading.Event()
     earlier = signal.signal(signal.SIGTERM, lambda *_: over.set())
@@ -72,8 +77,6 @@ def serve(
     finally:
         signal.signal(signal.SIGTERM, earlier)
         server.close()
-        if folder is None:
-            _remove_if_empty(own)
 
 
 class Served:
