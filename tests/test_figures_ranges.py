@@ -1,0 +1,73 @@
+"""Loops and the range of a model: widths, samples outside, names that are text."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from selector.figures import style
+from selector.figures.changes import changed
+from selector.figures.loops import POINTS_PER_RUN, LoopShown, displacement_loops, loop_width_um
+from selector.figures.set_errors import SetError, set_error_changes, set_errors_picture
+from selector.figures.validity import POINTS, validity_pairs
+from selector.models.hull import validity_hull
+
+
+def loop(width_um: float, n: int = 2000) -> tuple[np.ndarray, np.ndarray]:
+    """Up and down again; on the way back the displacement is larger by `width_um`."""
+    up = np.linspace(0.0, 10.0, n // 2)
+    reading = np.concatenate([up, up[::-1]])
+    return reading, 3.0 * reading + width_um * (np.arange(n) >= n // 2)
+
+
+@pytest.mark.parametrize("width_um", [0.0, 4.0])
+def test_the_width_of_a_loop(width_um):
+    # half a step of 1/30 of the range on a slope of 3 µm/K at most
+    assert loop_width_um(*loop(width_um)) == pytest.approx(width_um, abs=0.5)
+
+
+def test_a_run_that_only_warms_up_has_no_loop():
+    rising = np.linspace(0.0, 5.0, 100)
+    drawn = displacement_loops("T1", "Z", [LoopShown("day 1", rising, rising[:1].repeat(100))])
+    assert np.isnan(loop_width_um(rising, 2 * rising)) or loop_width_um(rising, 2 * rising) < 0.5
+    assert drawn.layout.xaxis.title.text == "ΔT1 [K]"
+
+
+def test_loops_are_thinned_and_the_widest_is_named():
+    runs = [LoopShown(f"<b>day {k}</b>", *loop(float(k))) for k in (1, 5)]
+    drawn = displacement_loops("<i>T1</i>", "Z", runs, rise=False)
+    assert "&lt;b&gt;day 5" in drawn.layout.title.text.replace("<br>", " ")
+    assert [len(line.x) for line in drawn.data] == [POINTS_PER_RUN] * 2
+    assert "<i>" not in drawn.to_json()
+    assert drawn.layout.xaxis.title.text.endswith("[°C]")
+
+
+def test_samples_outside_the_hull_are_told():
+    rng = np.random.default_rng(0)
+    training = rng.uniform(-1, 1, (500, 3))
+    samples = np.vstack([0.3 * training[:300], np.full((100, 3), 5.0)])
+    drawn = validity_pairs(validity_hull(training), ["T1", "T2", "T3"], samples)
+    assert "25 % of the samples" in drawn.layout.title.text.replace("<br>", " ")
+    outside = [trace for trace in drawn.data if trace.name == "outside"]
+    assert len(outside) == 3
+    assert {len(trace.x) for trace in outside} == {100}
+    assert "No sample" in validity_pairs(validity_hull(training), ["T1", "T2", "T3"], 0.3 * training).layout.title.text
+
+
+def test_inputs_on_a_line_and_many_samples():
+    line = np.linspace(0.0, 1.0, 4000)[:, None] * np.ones(2)
+    drawn = validity_pairs(validity_hull(line), ["T1", "T2"], line)
+    assert sum(len(trace.x) for trace in drawn.data if trace.mode == "markers") == POINTS
+
+
+def test_a_point_of_a_curve_carries_its_set():
+    everywhere = [SetError(("<T1>",), 3.0), SetError(("<T1>", "T4"), 1.0)]
+    drawn = changed(
+        set_errors_picture("Z", 300), set_error_changes(everywhere, everywhere[:1], everywhere[1], before_um=9.0)
+    )
+    assert [list(sensors) for sensors in drawn.data[1].customdata] == [["<T1>"], ["<T1>", "T4"]]
+    assert drawn.data[1].text[1] == "&lt;T1&gt; and T4"
+    assert (drawn.data[3].x[0], drawn.data[3].y[0]) == (2, 1.0)
+    low, high = drawn.layout.yaxis.range
+    assert low < np.log10(1.0) < np.log10(9.0) < high
+    assert style.number(9.0) == "9.00"
