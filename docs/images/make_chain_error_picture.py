@@ -18,6 +18,7 @@ from plotly.subplots import make_subplots
 
 sys.path.insert(0, str(ROOT))
 
+from selector.figures import style
 from selector.physics.vibration.chain import Link, chain_links
 from selector.physics.vibration.chain_error import Kind, chain_error_map, two_member_ratio
 from selector.physics.vibration.model_file import read_model_file
@@ -32,7 +33,7 @@ KINDS: tuple[tuple[Kind, str], ...] = (
     ("first", "First kind: force on 1, motion of 1"),
     ("second", "Second kind: force on 2, motion of its branch 1"),
 )
-COLOURS = {0.001: "#2f9e44", 0.01: "#2a6f97", 0.1: "#e08e2b", 1.0: "#c8553d"}
+COLOURS = {0.001: style.CHOSEN, 0.01: style.PREDICTED, 0.1: style.BASELINES["mean"], 1.0: style.RESIDUAL}
 NOTE = (
     "Two members 1 – 2 – ground, ψ = 0.3 in both joints, as published. Circles: neighbours in the chains of "
     "fixtures/vibration/lathe.toml, whose numbers are plausible, not measured."

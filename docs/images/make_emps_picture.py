@@ -16,6 +16,7 @@ from plotly.subplots import make_subplots
 sys.path.insert(0, str(ROOT))
 
 from benchmarks.bench_emps import PERIOD_S, PULSE_V, RECORDED, axis_of, records
+from selector.figures import style
 from selector.physics.drive.identification import identified_axis_of_servo
 from selector.physics.drive.simulation import simulate_axis
 
@@ -23,7 +24,7 @@ NOTE = (
     "Recorded: EMPS, record with pulses (Janot, Gautier, Brunot 2019). Simulated: rigid axis with friction, parameters "
     "from the record without pulses."
 )
-COLOURS = {"recorded": "#222222", "true speed, now": "#c8553d", RECORDED: "#2a6f97"}
+COLOURS = {"recorded": style.MEASURED, "true speed, now": style.RESIDUAL, RECORDED: style.PREDICTED}
 LABELS = {"true speed, now": "simulated, control sees the true speed", RECORDED: "simulated, speed over two samples"}
 
 
@@ -56,9 +57,9 @@ def page() -> str:
         drawn.add_scatter(
             x=time_s[turn], y=error_um[turn], line={"color": colour, "width": 1.2}, showlegend=False, row=2, col=1
         )
-    drawn.update_yaxes(title_text="V", row=1, col=1)
-    drawn.update_yaxes(title_text="µm", row=2, col=1)
-    drawn.update_xaxes(title_text="s", row=2, col=1)
+    drawn.update_yaxes(title_text="voltage [V]", row=1, col=1)
+    drawn.update_yaxes(title_text="difference [µm]", row=2, col=1)
+    drawn.update_xaxes(title_text="time [s]", row=2, col=1)
     drawn.update_layout(
         template=go.layout.Template(),
         plot_bgcolor="#fff",

@@ -16,6 +16,7 @@ from plotly.subplots import make_subplots
 
 sys.path.insert(0, str(ROOT))
 
+from selector.figures import style
 from selector.physics.gauging.characteristic import characteristic, linear_gauge
 from selector.physics.gauging.published_gain import published_gauge
 from selector.physics.gauging.steady_swing import steady_swing
@@ -27,8 +28,8 @@ NOTE = (
     "A plausible gauge, not a measured one: 50 Hz mains, pull at 100 Hz, probe at 102 Hz, T_Γ = 2 ms, T_Φ = 0.1 s. "
     "Upper right: the same probe tuned to 80 to 400 Hz, quality 10, even pull."
 )
-TUNED = {0.8: "#c8553d", 1.0: "#2f9e44", 2.0: "#2a6f97", 4.0: "#7048a0"}
-DARK, BLUE, RED, ORANGE = "#222222", "#2a6f97", "#c8553d", "#e08e2b"
+TUNED = {0.8: style.RESIDUAL, 1.0: style.CHOSEN, 2.0: style.PREDICTED, 4.0: style.GROUPS[3]}
+DARK, BLUE, RED, ORANGE = style.INK, style.PREDICTED, style.RESIDUAL, style.BASELINES["mean"]
 
 
 def page() -> str:

@@ -19,13 +19,14 @@ from plotly.subplots import make_subplots
 sys.path.insert(0, str(ROOT))
 
 from benchmarks.bench_gauging import BASE, GRINDING
+from selector.figures import style
 from selector.physics.gauging.finished_sizes import finished_sizes
 from selector.physics.gauging.process import Noise
 from selector.physics.gauging.size_distribution import size_distribution
 from selector.physics.gauging.trade_off import mean_square_errors, trade_off
 
 PARTS, CHECKED = 4000, 7
-BIAS, VARIANCE, TOTAL, SIMULATED = "#c8553d", "#2a6f97", "#222222", "#9aa5ad"
+BIAS, VARIANCE, TOTAL, SIMULATED = style.RESIDUAL, style.PREDICTED, style.INK, style.BEFORE
 NOTE = (
     "Simulated: line of 10 mV/µm, last feed 5 µm/s, relay 20 ms late. Above: noise 0.5 µm, 30/s, feed ± 5 %. "
     "Below: noise 2 µm, 100/s, T_Φ 50 ms."
