@@ -81,7 +81,8 @@ def tree_picture(tree: Dendrogram, title: str, height: int | None = None) -> go.
     title : str
         Plain text, as `style.label` makes it.
     height : int, optional
-        Height of the picture [px]; by default every sensor has a line of its own.
+        Height of the picture [px]; by default every sensor has a line of its own. With a height the names are points
+        of a line of text, which is drawn again in half the time that labels of an axis take.
     """
     n = len(tree.leaf_order)
     drawn = style.figure(title, _ROOM_PX + max(_SENSOR_PX * n, _LEAST_PX) if height is None else height)
@@ -109,14 +110,30 @@ def tree_picture(tree: Dendrogram, title: str, height: int | None = None) -> go.
         showgrid=False,
         showline=False,
         ticks="",
-        tickfont={"size": (12 if n <= 20 else 11) if height is None else 9 if n > 25 else 11},
+        tickfont={"size": 12 if n <= 20 else 11},
     )
     add_step_marks(drawn)
+    if height is not None:
+        drawn.update_yaxes(showticklabels=False)
+        drawn.add_scatter(
+            # at the end of the axis: what lies beyond it is not drawn
+            x=[end + 0.02 * (end - first)] * n,
+            y=list(range(n)),
+            mode="text",
+            textposition="middle right",
+            textfont={"size": 9 if n > 25 else 11},
+            cliponaxis=False,
+            hoverinfo="skip",
+            showlegend=False,
+        )
     return drawn
 
 
-def tree_changes(tree: Dendrogram, names: tuple[str, ...], cut: CutShown) -> Changes:
-    """Branches in the colours of their groups, representatives and chosen sensors, and where the tree is cut."""
+def tree_changes(tree: Dendrogram, names: tuple[str, ...], cut: CutShown, *, is_live: bool = False) -> Changes:
+    """Branches in the colours of their groups, representatives and chosen sensors, and where the tree is cut.
+
+    `is_live`: for a picture with a height of its own, see `tree_picture`.
+    """
     first, end = level_span(tree.levels)
     changes: dict[tuple[str | int, ...], object] = dict(step_changes(cut, first, end))
     lines = _branches(tree, cut, end)
@@ -127,9 +144,11 @@ def tree_changes(tree: Dendrogram, names: tuple[str, ...], cut: CutShown) -> Cha
         changes["data", k, "x"], changes["data", k, "y"] = [end] * len(rows), rows
         changes["data", k, "text"] = [style.label(names[tree.leaf_order[row]]) for row in rows]
         changes["data", k, "showlegend"] = bool(rows)
-    changes["layout", "yaxis", "ticktext"] = [
-        f"<b>{style.label(names[i])}</b>" if i in cut.chosen else style.label(names[i]) for i in tree.leaf_order
-    ]
+    labels = [f"<b>{style.label(names[i])}</b>" if i in cut.chosen else style.label(names[i]) for i in tree.leaf_order]
+    at: tuple[str | int, ...] = (
+        ("data", len(_COLOURS) + len(_MARKS), "text") if is_live else ("layout", "yaxis", "ticktext")
+    )
+    changes[at] = labels
     return changes
 
 

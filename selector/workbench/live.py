@@ -113,7 +113,10 @@ class Live:
                 self._level, self._taken = None, ()
                 plain = replace(options, must=(), never=(), cost={})
                 work = threading.Thread(
-                    target=self._explore, args=(asked, reading, plain, faults), name="selector-explore", daemon=True
+                    target=self._explore,
+                    args=(number, asked, reading, plain, faults),
+                    name="selector-explore",
+                    daemon=True,
                 )
                 work.start()
                 return None
@@ -131,7 +134,7 @@ class Live:
             return found
 
     def _explore(
-        self, asked: tuple[object, ...], reading: Reading, options: Options, faults: Sequence[Finding]
+        self, number: int, asked: tuple[object, ...], reading: Reading, options: Options, faults: Sequence[Finding]
     ) -> None:
         found: Exploration | None = None
         problem: InputError | None = None
@@ -142,6 +145,13 @@ class Live:
             found.cut(found.grouping.chosen.level)
         except InputError as refused:
             problem = refused
+        except Exception as error:  # the page must not wait for ever
+            problem = InputError(
+                f"this is a defect of the workbench, not of your data: {type(error).__name__}: {error}",
+                expected="",
+                where=f"reading {number}",
+                advice="report it; the Selection page works without this one",
+            )
         with self._lock:
             if asked != self._asked:
                 return

@@ -188,7 +188,8 @@ def _signature(bench: Bench, view: View) -> list[Any]:
     places = [one.xyz_m for one in machine.sensors_of(bench)]
     return [
         bench.material.number, asked.must, asked.never, dict(asked.cost), asked.max_sensors, asked.reference,
-        asked.responses, asked.absolute_similarity, dict(asked.conditions), places, sorted(machine.photos(bench)),
+        asked.responses, asked.absolute_similarity, dict(asked.conditions), places,
+        [hash(address) for address in machine.photos(bench).values()],
         view.level, view.fixed.sensors, view.response,
     ]  # fmt: skip
 

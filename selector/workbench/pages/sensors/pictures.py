@@ -105,7 +105,7 @@ def _changes(view: View, pins: Pins, tree: Dendrogram) -> dict[str, Changes]:
     colours = [usable.get(name, UNUSED) for name in pins.names]
     model = view.fixed.models[view.response]
     return {
-        "tree": tree_changes(tree, sensors, cut),
+        "tree": tree_changes(tree, sensors, cut, is_live=True),
         "machine": machine_changes(pins.names, colours, view.fixed.sensors),
         "sets": _set_changes(view),
         "runs": run_error_changes(_runs(view)),
