@@ -117,6 +117,7 @@ def diagnose(
     if out is not None:
         require_writable_folder(out, "--out")
     from selector.cli.diagnosis_files import earlier_answer, require_replaceable
+    from selector.cli.material import beside_recordings
 
     if out is not None:
         require_replaceable(out, with_model=asked.model is not None)
@@ -137,6 +138,7 @@ def diagnose(
         showing.print_json(found.as_dict())
     else:
         show_diagnosis(console, found)
+    showing.show_findings(console, beside_recordings(answer.recorded.findings))
     if out is not None:
         console.print(f"wrote {out}: {', '.join(written)}", markup=False)
         if opened is not None and opened.study.results:

@@ -16,13 +16,15 @@ from selector.readers.names import printable_name
 from selector.recording import Recording, RunSource, thinned
 
 INSPECTED_ROWS = 100_000
+_BESIDE = ("files-skipped",)
 
 
 @dataclass(frozen=True)
 class Material:
     """Recordings without their faults, what was found about them, where they come from, how they were read.
 
-    `files` are path and SHA-256 of what was read; the machine file, which has none yet, is apart.
+    `files` are path and SHA-256 of what was read; the machine file, which has none yet, is apart. `beside` is what was
+    found of other files in the folders, which is no part of a result.
     """
 
     source: RunSource
@@ -31,6 +33,7 @@ class Material:
     description: dict[str, Any] | None
     files: tuple[tuple[str, str], ...] = ()
     machine_file: str | None = None
+    beside: tuple[Finding, ...] = ()
 
 
 def material_of(source: Source) -> Material:
@@ -54,6 +57,7 @@ def material_of(source: Source) -> Material:
         {**reading.description(), "drift": drift_of(recording)},
         tuple((run.file, run.sha256) for run in reading.runs),
         reading.machine_file,
+        beside_recordings(reading.findings),
     )
 
 
@@ -65,13 +69,22 @@ def drift_of(recording: Recording) -> list[dict[str, Any]]:
 
 
 def without_folders(findings: Iterable[Finding]) -> tuple[Finding, ...]:
-    """Findings that name files without their folders, so that the same recordings give the same result anywhere."""
+    """Findings of the recordings alone, files without their folders: the same recordings give the same result anywhere.
+
+    What lies beside the recordings is told by `beside_recordings`.
+    """
     return tuple(
         one
         if one.where.file is None
         else replace(one, where=replace(one.where, file=printable_name(Path(one.where.file).name)))
         for one in findings
+        if one.id not in _BESIDE
     )
+
+
+def beside_recordings(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Findings about other files in the folders; results that are written there must not change the next result."""
+    return tuple(one for one in findings if one.id in _BESIDE)
 
 
 def provenance_of(reading: Reading) -> dict[str, Any]:
@@ -111,4 +124,5 @@ def _streamed(source: Source) -> Material:
         None,
         tuple((str(entry["file"]), entry["sha256"]) for entry in stream.provenance["runs"].values()),
         None if used is None else str(used),
+        beside_recordings(stream.findings),
     )

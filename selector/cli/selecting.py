@@ -221,6 +221,7 @@ def select(
         showing.print_json(selection.as_dict())
     else:
         show_selection(console, selection)
+    showing.show_findings(console, material.beside)
     if out is not None:
         console.print(f"wrote {out}: {', '.join(written)}", markup=False)
     if asked is not None and asked.study.results:

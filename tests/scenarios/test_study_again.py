@@ -82,6 +82,22 @@ def test_a_changed_recording_ends_with_exit_code_2_unless_it_is_accepted(world, 
     assert "other bytes" not in capsys.readouterr().out
 
 
+def test_results_and_notes_in_the_folder_of_the_recordings_change_nothing(world, tmp_path, capsys):
+    runs = tmp_path / "runs"
+    shutil.copytree(world / "runs", runs)
+    asked = ["select", str(runs), "--response", "Z", "--lambda", "0.995"]
+    assert exit_status([*asked, "--out", str(runs)]) == 0
+    before = {name: (runs / name).read_bytes() for name in SELECTED}
+    (runs / "notes.docx").write_text("mine", encoding="utf-8")
+    renamed = runs.rename(tmp_path / "another name")
+    capsys.readouterr()
+    assert exit_status(["select", "--study", str(renamed), "--out", str(renamed)]) == 0
+    told = capsys.readouterr().out
+    assert "the same bytes as the study recorded" in told
+    assert "notes.docx" in told
+    assert {name: (renamed / name).read_bytes() for name in SELECTED} == before
+
+
 @pytest.mark.parametrize(
     ("more", "said"),
     [
