@@ -12,16 +12,17 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from selector.errors import InputError, OptionError
+from selector.errors import InputError
 from selector.findings import Finding
 from selector.quality import inspect
-from selector.readers import Machine, Overrides, Reading, machine_of, read, write_machine_file
+from selector.readers import Machine, Overrides, Reading, read, write_machine_file
 from selector.selection import Options
 from selector.study import DiagnoseSection, diagnose_section
 from selector.workbench import commands
 from selector.workbench.jobs import Job, Jobs
 from selector.workbench.live import Live
 from selector.workbench.saved_study import Asked, asked_in, save
+from selector.workbench.sensor_places import placed
 from selector.workbench.study_folder import MACHINE, MACHINE_BEFORE, RECORDINGS, SIMULATION
 
 MODEL_ENDINGS = (".toml", ".fmu")
@@ -262,25 +263,10 @@ class Bench:
             There is no such channel, or the file cannot be written.
         """
         with self._lock:
-            reading = self._material.reading
-            known = set() if reading is None else set(reading.recording.names)
-            if reading is None or not places_m.keys() <= known:
-                raise OptionError(
-                    f"places of {', '.join(places_m)}",
-                    expected="places of channels that were read: " + (", ".join(sorted(known)) or "none yet"),
-                    where="machine file",
-                    advice="load recordings that hold them",
-                )
-            channels = dict(machine_of(reading).channels)
-            for name, (x, y, z) in places_m.items():
-                channels[name] = channels[name].model_copy(update={"xyz": (round(x, 4), round(y, 4), round(z, 4))})
-            machine = machine_of(reading).model_copy(update={"channels": channels})
-            own, before = self.folder / MACHINE, self.folder / MACHINE_BEFORE
-            if own.exists() and not before.exists():
-                before.write_bytes(own.read_bytes())
-            write_machine_file(machine, own, reading.undeclared)
+            own = self.folder / MACHINE
+            reading = placed(self._material.reading, places_m, own)
             self._machine = own
-            self._material = dataclasses.replace(self._material, reading=_placed(reading, machine, str(own)))
+            self._material = dataclasses.replace(self._material, reading=reading)
             self.changed()
 
     def read(self) -> None:
@@ -366,20 +352,6 @@ class Bench:
         """Something that pages show is different now, e.g. a file of the study folder."""
         with self._lock:
             self._revision += 1
-
-
-def _placed(reading: Reading, machine: Machine, path: str) -> Reading:
-    """The same reading with the places of a machine file."""
-    at = {name: channel.xyz for name, channel in machine.channels.items()}
-    recording = reading.recording
-    channels = tuple(dataclasses.replace(one, xyz_m=at.get(one.name, one.xyz_m)) for one in recording.channels)
-    return dataclasses.replace(
-        reading,
-        recording=dataclasses.replace(recording, channels=channels),
-        channels=tuple(dataclasses.replace(one, xyz_m=at.get(one.name, one.xyz_m)) for one in reading.channels),
-        machine=machine,
-        machine_file=path,
-    )
 
 
 def _files_in(folder: Path) -> tuple[Path, ...]:
