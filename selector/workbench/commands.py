@@ -144,10 +144,15 @@ def export_command(folder: Path, asked: Export, machine: Path | None) -> tuple[s
     return tuple(words)
 
 
+def command_words(command: Sequence[str]) -> list[str]:
+    """The command as a person types it in the shell of this system, word by word, ``selector`` first."""
+    quoted = (lambda word: subprocess.list2cmdline([word])) if os.name == "nt" else shlex.quote
+    return [quoted(word) for word in ("selector", *command)]
+
+
 def command_text(command: Sequence[str]) -> str:
-    """The command as a person types it in the shell of this system, with ``selector`` before it."""
-    words = ["selector", *command]
-    return subprocess.list2cmdline(words) if os.name == "nt" else shlex.join(words)
+    """The command as one line."""
+    return " ".join(command_words(command))
 
 
 def told_path(folder: Path, path: Path) -> str:

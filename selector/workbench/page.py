@@ -19,7 +19,7 @@ from selector.report.page import TEMPLATES
 from selector.workbench import parts
 from selector.workbench.access import RESULT_POLICY, Access, guard
 from selector.workbench.bench import Bench
-from selector.workbench.commands import command_text
+from selector.workbench.commands import command_words
 from selector.workbench.pages import diagnosis, export, recordings, selection, sensors
 from selector.workbench.study_folder import RECORDINGS, UPLOADS, inside, stored
 
@@ -129,10 +129,13 @@ def _register(app: dash.Dash, bench: Bench) -> None:
         Input(parts.REVISION, "data"),
         Input("address", "hash"),
     )
-    def _command(_: int, address: str | None) -> tuple[str, bool]:
+    def _command(_: int, address: str | None) -> tuple[Any, bool]:
         shown = next((one for one in PAGES if f"#{one.ID}" == address), PAGES[0])
         command = shown.command(bench)
-        return ("", True) if command is None else (command_text(command), False)
+        if command is None:
+            return None, True
+        # an option is not broken at its hyphens
+        return [part for word in command_words(command) for part in (html.Span(word), " ")][:-1], False
 
     @app.callback(
         Input({"type": "cancel", "job": dash.ALL}, "n_clicks"),

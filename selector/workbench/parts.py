@@ -46,7 +46,8 @@ def problem(error: InputError) -> Component:
     """What the reader, or an option, says about unusable input."""
     rows = (("Where", error.where), ("Expected", error.expected), ("What to do", error.advice))
     lines = [html.P([html.Strong(f"{name}: "), text]) for name, text in rows if text]
-    return html.Div([html.P(error.found, className="first"), *lines], className="advice bad", role="alert")
+    found = error.found[:1].upper() + error.found[1:]
+    return html.Div([html.P(found, className="first"), *lines], className="advice bad", role="alert")
 
 
 def remarks(findings: Iterable[Finding]) -> Component:

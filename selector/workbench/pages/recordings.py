@@ -133,7 +133,8 @@ def _register_files(app: dash.Dash, bench: Bench) -> None:
     @app.callback(Output(f"{ID}-files", "children"), Input(parts.REVISION, "data"))
     def _files(_: int) -> Any:
         material = bench.material
-        below = [] if material.problem is None else [parts.problem(material.problem)]
+        problems = [material.problem, *(one.problem for one in bench.loaded)]
+        below = [parts.problem(problem) for problem in problems if problem is not None]
         return (
             [_table_of_files(bench), *below]
             if bench.loaded
@@ -230,7 +231,7 @@ def _tick(number: int, one: Loaded) -> Component:
 
 def _state(one: Loaded, is_reading: bool) -> Any:
     if one.problem is not None:
-        return parts.problem(one.problem)
+        return html.Strong("cannot be read, see below")
     return html.Span(
         "reading …" if is_reading and one.is_used else "" if one.is_used else "left out", className="about"
     )
