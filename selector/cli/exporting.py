@@ -29,6 +29,7 @@ SHEET = "commissioning.html"
 MODEL = "model.json"
 SEEN_UM = 0.01
 """What a smaller guard costs less is not told."""
+_FEWEST_DIGITS = 8
 
 For = Annotated[
     str,
@@ -48,6 +49,15 @@ Inverts = Annotated[
 SignVerified = Annotated[
     bool, typer.Option("--sign-verified", metavar="", help="You have done the sign test of the commissioning sheet.")
 ]
+Tested = Annotated[
+    str | None,
+    typer.Option(
+        "--tested",
+        metavar="SHA-256",
+        help="With --sign-verified: equations SHA-256 of the program that passed the test (its head has it); another "
+        "program is refused.",
+    ),
+]
 Clamps = Annotated[
     list[str] | None, typer.Option("--clamp", metavar="OUTPUT=µm", help="Largest correction of an output; repeat.")
 ]
@@ -66,6 +76,7 @@ def export(
     slew: Slews = None,
     invert: Inverts = None,
     sign_verified: SignVerified = False,
+    tested: Tested = None,
     as_json: AsJson = False,
 ) -> None:
     """Writes the program of a model for a control, guarded against broken sensors, and a commissioning sheet.
@@ -82,8 +93,11 @@ def export(
     require_writable_folder(out, "--out")
     usable, of_model = _usable(model)
     turned = with_turned_signs(usable, invert or ())
+    if not chosen.has_guard:
+        _refuse_limits(chosen, clamp, slew)
     read = _with_limits(turned, pairs(clamp, "--clamp"), pairs(slew, "--slew"))
-    _, of_limits = decided_limits(read)
+    of_limits = decided_limits(read)[1] if chosen.has_guard else ()
+    of_sign = tuple(_of_sign(read, sign_verified, tested))
     read = with_decided_limits(read)
     exported = chosen.write(read, is_sign_verified=sign_verified)
     findings = [*of_model, *of_limits, *exported.findings]
@@ -98,9 +112,7 @@ def export(
     if reading is not None:
         proof, of_replay = _replayed(read, chosen, exported.files, reading)
         findings += of_replay
-    if not sign_verified:
-        findings.append(_unverified())
-    findings += _turned(read)
+    findings += of_sign
     _write(out, files, read, chosen, exported, proof, findings, sign_verified)
     answer: dict[str, Any] = {
         "schema": SCHEMA,
@@ -256,18 +268,55 @@ def _of_runs(proof: Replay) -> Iterator[Finding]:
                 )
 
 
-def _unverified() -> Finding:
-    return Finding(
-        "sign-unverified",
-        "warning",
-        "SIGN UNVERIFIED: nobody has said that the sign test was passed.",
-        suggestion="do the sign test of the commissioning sheet, then export again with --sign-verified",
-    )
+def _refuse_limits(target: Target, clamps: list[str] | None, slews: list[str] | None) -> None:
+    for option, given in (("--clamp", clamps), ("--slew", slews)):
+        if given:
+            raise OptionError(
+                f"{option} {given[0]}",
+                expected=f"no limits: {target.title} has neither a clamp nor a slew limit",
+                where=option,
+                advice="leave the option out, and limit the temperature that the control passes on",
+            )
 
 
-def _turned(model: ModelFile) -> Iterator[Finding]:
+def _of_sign(model: ModelFile, is_verified: bool, tested: str | None) -> Iterator[Finding]:
+    """What is known of the sign; refuses to call another program verified than the one that was tested."""
+    from selector.controllers.model_io import equations_sha256
     from selector.controllers.signs import is_turned
 
+    own = equations_sha256(model)
+    if tested is not None and not is_verified:
+        raise OptionError(
+            "--tested alone",
+            expected="--sign-verified beside it",
+            where="--tested",
+            advice="say --sign-verified when the sign test was passed, or leave --tested out",
+        )
+    if tested is not None and (len(tested) < _FEWEST_DIGITS or not own.startswith(tested.lower())):
+        raise OptionError(
+            repr(tested),
+            expected=f"{_FEWEST_DIGITS} digits or more of {own}, the equations SHA-256 of what would be written",
+            where="--tested",
+            advice="export the model that was tested, with the same --invert; or do the sign test with this program",
+        )
+    if not is_verified:
+        yield Finding(
+            "sign-unverified",
+            "warning",
+            "SIGN UNVERIFIED: nobody has said that the sign test was passed.",
+            suggestion="do the sign test of the commissioning sheet, then export again with the same options, "
+            f"--sign-verified and --tested {own[:16]}",
+        )
+    elif tested is None:
+        yield Finding(
+            "sign-taken-on-trust",
+            "info",
+            f"Sign verified is written on the program with equations SHA-256 {own[:16]}…; nobody said which one was "
+            "tested.",
+            evidence={"equations_sha256": own},
+            suggestion="compare it with the head of the program that passed the sign test, or say --tested with the "
+            "digits from there",
+        )
     for output in model.outputs:
         if is_turned(output):
             yield Finding(
@@ -306,6 +355,7 @@ def _write(
             replay=proof,
             findings=findings,
             is_sign_verified=sign_verified,
+            has_guard=target.has_guard,
         )
 
 

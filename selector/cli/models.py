@@ -82,10 +82,17 @@ def card(
 
 
 def _particulars(model: ModelFile) -> list[str]:
-    """One line for each thing that a person decides on: memory, proof, limits, faults, origin."""
+    """One line for each thing that a person decides on: memory, sign, proof, limits, faults, origin."""
+    from selector.controllers.signs import is_turned
+
     lines = [
         f"memory {state.name}: {state.source} through a first-order lag of {showing.duration_text(state.tau_s)}"
         for state in model.states
+    ]
+    lines += [
+        f"sign of {output.name}: turned round, the correction is the displacement itself"
+        for output in model.outputs
+        if is_turned(output)
     ]
     for name, proof in model.validation.items():
         if proof.heldout_rmse_um is None:

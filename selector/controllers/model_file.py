@@ -366,6 +366,16 @@ def _check_fallbacks(model: ModelFile, outputs: list[str]) -> None:
         for j, (own, output) in enumerate(zip(fallback.outputs, model.outputs, strict=True)):
             if own.sign != output.sign:
                 _refuse(("fallbacks", i, "outputs", j, "sign"), repr(own.sign), f"{output.sign!r}, as the model has")
+            if _place(own) != _place(output):
+                where = ("fallbacks", i, "outputs", j, "position")
+                _refuse(where, _place(own), f"{_place(output)}, as the model has")
+
+
+def _place(output: Output) -> str:
+    part = output.position
+    if part is None:
+        return "no position-dependent part"
+    return f"axis {part.axis} about {part.reference_m} m, from {part.valid_min_m} to {part.valid_max_m} m"
 
 
 def _check_vectors(model: ModelFile, outputs: list[str]) -> None:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
 from selector.atomic_file import write_whole
-from selector.controllers.model_file import SCHEMA, ContradictionError, ModelFile
+from selector.controllers.model_file import SCHEMA, ContradictionError, ModelFile, Output, Sign
 from selector.controllers.strict_json import json_path, json_text, parsed_json, shown
 from selector.errors import ModelFileError
 
@@ -141,6 +142,20 @@ def equations_sha256(model: ModelFile) -> str:
             for key in ("rate_limit_per_min", "reading_min", "reading_max", "place"):
                 del item[key]
     return hashlib.sha256(json_text(content).encode("utf-8")).hexdigest()
+
+
+def kept_sha256(model: ModelFile) -> str:
+    """SHA-256 of what decides whether kept start readings and memory are still good: `equations_sha256` without signs.
+
+    A correction that is turned round is that of the same displacement.
+    """
+    against: Sign = "correction = -displacement"
+
+    def unsigned(of: Sequence[Output]) -> tuple[Output, ...]:
+        return tuple(output.model_copy(update={"sign": against}) for output in of)
+
+    fallbacks = tuple(one.model_copy(update={"outputs": unsigned(one.outputs)}) for one in model.fallbacks)
+    return equations_sha256(model.model_copy(update={"outputs": unsigned(model.outputs), "fallbacks": fallbacks}))
 
 
 def _model_file_error(error: ValidationError, where: str) -> ModelFileError:

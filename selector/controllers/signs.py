@@ -7,7 +7,6 @@ from collections.abc import Collection
 from selector.controllers.model_file import Fallback, ModelFile, Output, Sign
 from selector.errors import OptionError
 
-AGAINST: Sign = "correction = -displacement"
 WITH: Sign = "correction = displacement"
 
 
@@ -17,9 +16,10 @@ def is_turned(output: Output) -> bool:
 
 
 def with_turned_signs(model: ModelFile, outputs: Collection[str]) -> ModelFile:
-    """The model with the corrections of these outputs turned round; twice is as before.
+    """The model with the corrections of these outputs turned round, whatever the file says of them; others stay.
 
-    Displacements, and so the formulas and test vectors, stay as they are.
+    Displacements, and so the formulas and test vectors, stay as they are. Naming an output twice is naming it once, so
+    that the same words give the same program from the model and from the copy of it that an export leaves.
 
     Raises
     ------
@@ -38,10 +38,7 @@ def with_turned_signs(model: ModelFile, outputs: Collection[str]) -> ModelFile:
 
     def turned(of: ModelFile | Fallback) -> tuple[Output, ...]:
         return tuple(
-            output.model_copy(update={"sign": AGAINST if is_turned(output) else WITH})
-            if output.name in outputs
-            else output
-            for output in of.outputs
+            output.model_copy(update={"sign": WITH}) if output.name in outputs else output for output in of.outputs
         )
 
     fallbacks = tuple(one.model_copy(update={"outputs": turned(one)}) for one in model.fallbacks)

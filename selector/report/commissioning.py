@@ -12,6 +12,7 @@ from selector import __version__
 from selector.atomic_file import write_whole
 from selector.controllers.formula import formula_text, legend_text
 from selector.controllers.model_file import ModelFile
+from selector.controllers.model_io import equations_sha256
 from selector.controllers.replay.replayed import Replay
 from selector.controllers.signs import is_turned
 from selector.controllers.writers.exported import Exported
@@ -34,6 +35,7 @@ def write_commissioning_sheet(
     replay: Replay | None,
     findings: Sequence[Finding],
     is_sign_verified: bool,
+    has_guard: bool = True,
 ) -> Path:
     """Write the sheet as one HTML file that needs no network, to be printed and signed.
 
@@ -48,6 +50,8 @@ def write_commissioning_sheet(
         The proof; None if none was asked for, or possible.
     findings : sequence of Finding
     is_sign_verified : bool
+    has_guard : bool
+        Whether this control checks sensors and limits the correction.
 
     Raises
     ------
@@ -59,6 +63,7 @@ def write_commissioning_sheet(
         "title": f"Thermal correction: {title}",
         "version": __version__,
         "is_sign_verified": is_sign_verified,
+        "identity": equations_sha256(model),
         "turned": [output.name for output in model.outputs if is_turned(output)],
         "sign_test": exported.sign_test,
         "commanded": [
@@ -66,7 +71,7 @@ def write_commissioning_sheet(
                 one.output,
                 one.axis or NONE,
                 one.command,
-                f"{one.wait_s:.0f} s",
+                f"{one.wait_s:.0f} s" if one.wait_s else "none",
                 one.shown,
                 f"{one.expected_um:+g}".replace("-", "−"),
             )
@@ -78,13 +83,14 @@ def write_commissioning_sheet(
         "files": list(exported.files),
         "install": list(exported.install),
         "silently": list(exported.silently),
-        "sensors": sensors_table(model),
-        "limits": limits_table(model),
+        "sensors": sensors_table(model, has_guard=has_guard),
+        "limits": limits_table(model) if has_guard else None,
+        "has_rate_limit": has_guard and any(item.rate_limit_per_min is not None for item in model.inputs),
         "replay": None if replay is None else replay_table(replay),
         "parts_of_replay": None if replay is None else parts_table(replay),
         "verdict": None if replay is None else verdict_of(replay),
         "courses": [] if replay is None else _courses(pictures, model, replay),
-        "card": model_card(model),
+        "card": model_card(model, has_guard=has_guard),
         "remarks": remarks_of(findings),
     }
     target = Path(path)

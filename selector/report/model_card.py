@@ -24,14 +24,18 @@ class CardPart:
     content: Table
 
 
-def model_card(model: ModelFile) -> tuple[CardPart, ...]:
-    """Machine and data, method, sensors and ranges, coefficients with uncertainty, limits, validation, identity."""
+def model_card(model: ModelFile, *, has_guard: bool = True) -> tuple[CardPart, ...]:
+    """Machine and data, method, sensors and ranges, coefficients with uncertainty, limits, validation, identity.
+
+    Without limits where the control that it is for has no guard.
+    """
+    limits = (CardPart("Limits and faults", limits_table(model)),) if has_guard else ()
     return (
         CardPart("Machine and data", _data(model)),
         CardPart("Method", _method(model)),
-        CardPart("Sensors and ranges", sensors_table(model)),
+        CardPart("Sensors and ranges", sensors_table(model, has_guard=has_guard)),
         CardPart("Coefficients", _coefficients(model)),
-        CardPart("Limits and faults", limits_table(model)),
+        *limits,
         CardPart("Validation", _validation(model)),
         CardPart("Identity", _identity(model)),
     )
@@ -63,8 +67,8 @@ def model_card_html(model: ModelFile) -> str:
     return rendered("model_card.html", values)
 
 
-def sensors_table(model: ModelFile) -> Table:
-    """Inputs in the order of their numbers, with what the model has seen."""
+def sensors_table(model: ModelFile, *, has_guard: bool = True) -> Table:
+    """Inputs in the order of their numbers, with what the model has seen; faults only where there is a guard."""
     return table(
         [">input", "sensor", "where", "what the model takes", ">from", ">to", "unit", "a fault is"],
         [
@@ -76,12 +80,18 @@ def sensors_table(model: ModelFile) -> Table:
                 number_text(item.valid_min),
                 number_text(item.valid_max),
                 _unit(item),
-                _faults(item),
+                _faults(item) if has_guard else "not looked for",
             )
             for k, item in enumerate(model.inputs, start=1)
         ],
-        "From and to: what the model has seen. Beyond it an input is "
-        + ("limited to it." if model.guard.outside_valid_range == "limit-input" else "treated as a fault."),
+        "From and to: what the model has seen. Beyond it "
+        + (
+            "this control goes on with the formula."
+            if not has_guard
+            else "an input is limited to it."
+            if model.guard.outside_valid_range == "limit-input"
+            else "an input is treated as a fault."
+        ),
     )
 
 

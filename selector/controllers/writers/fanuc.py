@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from selector.controllers.guard.codes import LARGEST_NUMBER, LONGEST_S, LONGEST_STEP_S, Mode
 from selector.controllers.guard.decided import DecidedLimits, decided_limits
 from selector.controllers.model_file import Input, ModelFile, Output
-from selector.controllers.model_io import equations_sha256
+from selector.controllers.model_io import kept_sha256
 from selector.controllers.program.text_of_program import plain
 from selector.controllers.self_check import output_bound_um
 from selector.controllers.sensor_check import CODE_SLACK, RANGE_SLACK
@@ -245,7 +245,7 @@ def _axes(model: ModelFile) -> dict[str, str]:
 
 
 def _begun(model: ModelFile, names: MacroVariables) -> Iterator[str]:
-    number = literal(float(int(equations_sha256(model)[:6], 16)))
+    number = literal(float(int(kept_sha256(model)[:6], 16)))
     yield f"IF[#{_MODEL}EQ{number}]GOTO10"
     yield from remarks("first call of this model")
     yield f"#{_MODEL}={number}"

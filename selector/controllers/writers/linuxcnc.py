@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from selector.controllers.guard.codes import Mode
 from selector.controllers.model_file import ModelFile, Output
-from selector.controllers.model_io import equations_sha256
+from selector.controllers.model_io import kept_sha256
 from selector.controllers.program.guarded_program import axes_of, guarded_program
 from selector.controllers.program.language import Program, Variable
 from selector.controllers.program.text_of_program import plain
@@ -52,7 +52,7 @@ def linuxcnc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expo
         files={
             f"{NAME}.comp": component(model, is_sign_verified=is_sign_verified),
             f"{NAME}.hal": _wiring(model, wired, is_sign_verified=is_sign_verified),
-            **memory_files(NAME, [one.name for one in _kept_pins(guarded_program(model))], equations_sha256(model)),
+            **memory_files(NAME, [one.name for one in _kept_pins(guarded_program(model))], kept_sha256(model)),
         },
         install=(
             "apt-get install -y linuxcnc-uspace linuxcnc-uspace-dev, if halcompile is missing.",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 
-def memory_files(component: str, kept: Sequence[str], equations_sha256: str) -> dict[str, str]:
+def memory_files(component: str, kept: Sequence[str], identity_sha256: str) -> dict[str, str]:
     """``<component>_memory.sh`` and ``<component>_shutdown.hal`` for parameters with these names in C.
 
     What was saved for another model is left alone: its first sensor may be another one.
@@ -16,7 +16,7 @@ def memory_files(component: str, kept: Sequence[str], equations_sha256: str) -> 
 # {component}_memory.sh save | restore: start readings and memory while LinuxCNC is closed.
 # They are in {component}_kept.txt beside the INI file; delete it to take new start readings.
 kept={component}_kept.txt
-model={equations_sha256}
+model={identity_sha256}
 case "$1" in
 save)
     {{

@@ -90,6 +90,7 @@ def rexroth_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expor
             ),
             "P-0-0407 = 0; when the indicator is back at zero, enter the values of the file.",
             direction=-1.0,
+            has_slew=False,
             by="There is no program that could command a value: the drive's own parameters are set for the test.",
         ),
         silently=(

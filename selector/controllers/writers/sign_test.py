@@ -28,7 +28,7 @@ class Commanded:
     expected_um : float
         What the indicator has to read.
     wait_s : float
-        For so long the correction is on its way.
+        For so long the correction is on its way; 0 where it comes at once.
     """
 
     output: str
@@ -61,10 +61,7 @@ class SignTest:
     commanded: tuple[Commanded, ...]
     after: str
     by: str = "The program itself commands the correction; the model has no say meanwhile."
-    wrong: str = (
-        "export again with --invert and the name of the output, load that program and repeat the test; its sheet "
-        "expects the other sign"
-    )
+    wrong: str = ""
 
 
 def sign_test(
@@ -76,6 +73,7 @@ def sign_test(
     *,
     direction: float = 1.0,
     by: str = SignTest.by,
+    has_slew: bool = True,
 ) -> SignTest:
     """The test by the inputs for it of a generated program.
 
@@ -88,6 +86,8 @@ def sign_test(
     direction : float
         −1 where what is commanded has the sign of the displacement.
     by : str
+    has_slew : bool
+        Whether what is commanded comes no faster than the slew limit.
     """
     limits, _ = decided_limits(model)
     lines = []
@@ -95,11 +95,25 @@ def sign_test(
         of = limits[output.name]
         test_um = min(TEST_UM, of.clamp_um)
         expected = direction * (-test_um if is_turned(output) else test_um)
-        wait_s = test_um / of.own_slew_um_per_s
+        wait_s = test_um / of.own_slew_um_per_s if has_slew else 0.0
         lines.append(
             Commanded(output.name, output.axis or "", command(k, test_um), shown(k, test_um), expected, wait_s)
         )
-    return SignTest(before, tuple(lines), after, by)
+    return SignTest(before, tuple(lines), after, by, _wrong(model))
+
+
+def _wrong(model: ModelFile) -> str:
+    """What to do if the indicator reads the other sign: never to give the same program again."""
+    turned = [output.name for output in model.outputs if is_turned(output)]
+    straight = [output.name for output in model.outputs if not is_turned(output)]
+    ways = []
+    if straight:
+        ways.append(f"of {', '.join(straight)}: export again with --invert and that name")
+    if turned:
+        ways.append(
+            f"of {', '.join(turned)}: it is turned already, so export the model as selected, and do not invert it"
+        )
+    return "; ".join(ways) + ". Put that on the control and repeat the test; its sheet expects the other sign"
 
 
 def sign_test_of_block(model: ModelFile, *, shown: Callable[[int, float], str] | None = None) -> SignTest:

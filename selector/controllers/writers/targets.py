@@ -74,11 +74,14 @@ class Target:
     write : Writer
     parts : tuple of Part
         Its files that compute something, the main program first.
+    has_guard : bool
+        Whether it checks sensors and limits the correction.
     """
 
     title: str
     write: Writer
     parts: tuple[Part, ...]
+    has_guard: bool = True
 
 
 def _own(what: str) -> Callable[[], str]:
@@ -195,6 +198,7 @@ TARGETS: Mapping[str, Target] = {
                 tells_mode=False,
             ),
         ),
+        has_guard=False,
     ),
     "python": Target(
         "Python",
