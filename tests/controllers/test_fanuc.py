@@ -131,8 +131,8 @@ def test_outside_the_valid_range_is_a_fault_where_the_model_file_says_so():
 
 def test_time_that_stands_still_or_runs_backwards_moves_nothing():
     macro = MacroB(fanuc_export(read_model(PATENT)).files[FILE])
-    for time_s in (50.0, 110.0, 120.0):
-        macro.variables |= {100: time_s, 101: 20.0, 102: 20.0}
+    for time_s in range(50, 121, 10):
+        macro.variables |= {100: float(time_s), 101: 20.0, 102: 20.0}
         macro.call()
     before = dict(macro.offsets)
     assert before == pytest.approx({"Z": 0.001871, "Y": -0.0005703}, abs=1e-12)
@@ -179,14 +179,14 @@ def test_what_the_control_does_not_say_is_an_alarm_before_anything_is_written():
 
 def test_a_reading_that_is_bad_again_within_the_first_minute_is_no_start_reading():
     macro = MacroB(fanuc_export(read_model(PATENT)).files[FILE])
-    course = [(0.0, 25.0), (30.0, 25.0), (40.0, 850.0), (50.0, 20.0), (100.0, 20.0), (110.0, 20.0)]
+    course = [(0.0, 25.0), (30.0, 25.0), (40.0, 850.0), *((50.0 + 10.0 * k, 20.0) for k in range(7))]
     states = []
     for time_s, reading in course:
         macro.variables |= {100: time_s, 101: reading, 102: 20.0}
         macro.call()
         states.append((macro.variables[503], macro.variables[505]))
     # status, and start readings: 2 = good so far, 1 = believed
-    assert states == [(2.0, 2.0), (2.0, 2.0), (2.0, 2.0), (2.0, 2.0), (2.0, 2.0), (1.0, 1.0)]
+    assert states == [(2.0, 2.0)] * 9 + [(1.0, 1.0)]
     assert macro.variables[507] == 20.0
 
 

@@ -190,6 +190,54 @@ def test_the_start_is_no_fault_of_a_run_and_a_dead_sensor_is():
         assert faulty_share(whole, whole) == share
 
 
+# one wrong time since the last call
+
+
+WRONG_TIMES = [math.inf, 1e300, 1e6, 1e5, 61.0]
+
+
+@pytest.mark.parametrize("wrong", WRONG_TIMES)
+@pytest.mark.parametrize("number", [float, np.float32])
+def test_one_wrong_time_ends_no_recovery_and_takes_no_start_reading(wrong, number):
+    model = guarded(number=number)
+    model.step(1.0, {"T1": 17.0, "T3": 20.0})
+    codes = [model.step(wrong, {"T1": 17.0, "T3": 20.0}).sensors[0]]
+    codes += [model.step(1.0, {"T1": math.nan, "T3": 20.0}).sensors[0]]
+    assert codes == [SensorCode.RECOVERING, SensorCode.MISSING]
+    for _ in range(61):
+        model.step(1.0, GOOD)
+    assert model.start_readings == GOOD
+    model.step(1.0, {"T1": 850.0, "T3": 20.0})
+    codes = [model.step(dt_s, GOOD).sensors[0] for dt_s in (1.0, wrong, *[1.0] * 49)]
+    assert codes == [SensorCode.RECOVERING] * 51
+
+
+@pytest.mark.parametrize("wrong", WRONG_TIMES)
+def test_one_wrong_time_excuses_no_jump(wrong):
+    model = guarded(rate=2.0)
+    for _ in range(100):
+        model.step(1.0, GOOD)
+    # two minutes' worth of 2 K/min is the most that one sample can excuse
+    found = [model.step(dt_s, {"T1": 24.1, "T3": 20.0}).sensors[0] for dt_s in (wrong, 1.0)]
+    assert found[-1] == SensorCode.JUMP
+
+
+@pytest.mark.parametrize("wrong", [math.inf, -math.inf, math.nan, 1e300, 1.1e6, -1.0])
+def test_what_is_no_time_is_none(wrong):
+    one, other = guarded(rate=2.0), guarded(rate=2.0)
+    for k in range(200):
+        readings = {"T1": 20.0 + 0.01 * k, "T3": 20.0}
+        dt_s = wrong if k % 3 == 0 else 1.0
+        assert one.step(dt_s, readings) == other.step(0.0 if k % 3 == 0 else dt_s, readings)
+
+
+@pytest.mark.parametrize(("period_s", "samples"), [(1.0, 60), (10.0, 6), (60.0, 6), (600.0, 6)])
+def test_a_reading_is_believed_after_a_minute_and_six_more_samples_at_any_rhythm(period_s, samples):
+    model = guarded(rate=2.0)
+    modes = [model.step(period_s, {"T1": 20.0 + 0.03 * period_s * k / 60.0, "T3": 20.0}).mode for k in range(100)]
+    assert modes == [Mode.HOLD] * samples + [Mode.MODEL] * (100 - samples)
+
+
 # positions
 
 

@@ -8,7 +8,7 @@ LARGEST_NUMBER = 1e9
 """What is beyond it, in whatever unit, is no reading, no position and no correction."""
 
 LONGEST_S = 1e6
-"""Clocks stop there: what is added to a larger one is lost in single precision."""
+"""Clocks stop there: what is added to a larger one is lost in single precision. A longer time between calls is none."""
 
 LONGEST_STEP_S = 10.0
 """Of time since the last call, for the slew limit: a program that was held up does not catch up in one jump."""
@@ -19,6 +19,8 @@ SAMPLE_S = 1.0
 ANCHOR_S = 60.0
 """The rate of a reading is judged over a minute, so that noise and resolution are no jumps."""
 
+LEAST_GOOD_SAMPLES = 6
+"""Of the time that a reading has to be good, one sample counts for this part at most: one wrong time proves nothing."""
 
 FORGIVEN_S = 600.0
 """A changed reading is believed again when it could have got there within this time; what jumped further never is."""

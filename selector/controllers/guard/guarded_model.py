@@ -115,7 +115,7 @@ class GuardedModel:
         Parameters
         ----------
         dt_s : float
-            Since the last call [s]; what is no time counts as 0.
+            Since the last call [s]; what is no time, or more than 10⁶ s, counts as 0.
         readings : mapping of str to float
             Per input, [unit of the input]; anything, NaN and infinity included.
         positions_m : mapping of str to float, optional
@@ -130,7 +130,7 @@ class GuardedModel:
         """
         number = self._number
         with np.errstate(all="ignore"):
-            dt = self._duration(dt_s)
+            dt = self._passed(dt_s)
             for axis, position in self._axes.items():
                 position.take(number((positions_m or {}).get(axis, float("nan"))))
             self._since_sample_s = min(self._since_sample_s + dt, self._longest_s)
@@ -182,6 +182,11 @@ class GuardedModel:
             for name, watch in self._watches.items()
             if watch.start_believed is not None
         }
+
+    def _passed(self, seconds: float) -> Any:
+        """What is no time counts as 0, and what is longer than clocks run is none."""
+        passed = self._number(seconds)
+        return passed if self._zero < passed <= self._longest_s else self._zero
 
     def _duration(self, seconds: float) -> Any:
         """What is no time counts as 0."""

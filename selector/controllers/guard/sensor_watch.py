@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from selector.controllers.guard.codes import ANCHOR_S, FORGIVEN_S, LARGEST_NUMBER, LONGEST_S, SensorCode
+from selector.controllers.guard.codes import (
+    ANCHOR_S,
+    FORGIVEN_S,
+    LARGEST_NUMBER,
+    LEAST_GOOD_SAMPLES,
+    LONGEST_S,
+    SensorCode,
+)
 from selector.controllers.model_file import Guard, Input
 from selector.controllers.sensor_check import CODE_SLACK, RANGE_SLACK
 
@@ -50,6 +57,7 @@ class SensorWatch:
         self._stuck_after_s = None if stuck is None else number(stuck)
         self._limits_input = guard.outside_valid_range == "limit-input"
         self._recover_after_s = number(guard.recover_after_s)
+        self._most_credit_s = number(guard.recover_after_s / LEAST_GOOD_SAMPLES)
         self._largest, self._longest_s = number(LARGEST_NUMBER), number(LONGEST_S)
         self._anchor_s, self._forgiven_s = number(ANCHOR_S), number(FORGIVEN_S)
         self.start = None if start is None else number(start)
@@ -74,7 +82,7 @@ class SensorWatch:
 
     def sample(self, elapsed_s: Any, reading: Any) -> None:
         """Judges the next reading; `elapsed_s` since the sample before."""
-        self._anchor_age_s = min(self._anchor_age_s + elapsed_s, self._forgiven_s)
+        self._anchor_age_s = min(self._anchor_age_s + min(elapsed_s, self._anchor_s), self._forgiven_s)
         self._unchanged_s = min(self._unchanged_s + elapsed_s, self._longest_s)
         self.since_s = min(self.since_s + elapsed_s, self._longest_s)
         self.begins = False
@@ -85,7 +93,7 @@ class SensorWatch:
         if not self._has_start and self.start is not None and self._is_elsewhere(reading - self.start):
             self._good_for_s = None
         if self._good_for_s is not None:
-            self._good_for_s = min(self._good_for_s + elapsed_s, self._longest_s)
+            self._good_for_s = min(self._good_for_s + min(elapsed_s, self._most_credit_s), self._longest_s)
         else:
             self._good_for_s = self._zero
             self._begin(reading)

@@ -96,8 +96,10 @@ class _Guarded:
             self._restarted()
         w.assign(self._was_restart, self._restart)
         dt = w.variable("passed_s")
-        w.remark("time: what is no time counts as 0")
-        _duration(w, dt, self._dt)
+        w.remark("time: what is no time, or too long, counts as 0")
+        w.assign(dt, 0.0)
+        with w.when((self._dt > 0.0) & (self._dt <= LONGEST_S)):
+            w.assign(dt, self._dt)
         self._positions()
         w.assign(self._since, self._since + dt)
         w.at_most(self._since, LONGEST_S)

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from selector.controllers.guard.codes import ANCHOR_S, FORGIVEN_S, LARGEST_NUMBER, LONGEST_S, SensorCode
+from selector.controllers.guard.codes import (
+    ANCHOR_S,
+    FORGIVEN_S,
+    LARGEST_NUMBER,
+    LEAST_GOOD_SAMPLES,
+    LONGEST_S,
+    SensorCode,
+)
 from selector.controllers.model_file import Guard, Input
 from selector.controllers.program.language import Expression, Real, Variable, Writing, is_code
 from selector.controllers.sensor_check import CODE_SLACK, RANGE_SLACK
@@ -78,7 +85,7 @@ class WatchedSensor:
             w.assign(self.is_new, True)
             w.assign(self._good_for, -1.0)
         if item.rate_limit_per_min is not None:
-            self._add(self._anchor_age, elapsed, FORGIVEN_S)
+            self._credit(self._anchor_age, elapsed, ANCHOR_S, FORGIVEN_S)
         if self._stuck_after_s is not None:
             self._add(self._unchanged, elapsed)
         self._add(self.since, elapsed)
@@ -101,7 +108,7 @@ class WatchedSensor:
             with w.when(~self._has_start & ((change > width) | (change < -width))):
                 w.assign(self._good_for, -1.0)
         with w.when(self._good_for >= 0.0):
-            self._add(self._good_for, elapsed)
+            self._credit(self._good_for, elapsed, self._guard.recover_after_s / LEAST_GOOD_SAMPLES)
         with w.otherwise():
             w.assign(self._good_for, 0.0)
             with w.when(~self.has_memory):
@@ -203,6 +210,13 @@ class WatchedSensor:
         w.assign(self.x, x)
         w.limit(self.x, item.valid_min, item.valid_max)
         return x
+
+    def _credit(self, clock: Variable, elapsed: Variable, most_s: float, longest_s: float = LONGEST_S) -> None:
+        """A sample counts for so long at most."""
+        credit = self._w.variable("credit_s")
+        self._w.assign(credit, elapsed)
+        self._w.at_most(credit, most_s)
+        self._add(clock, credit, longest_s)
 
     def _add(self, clock: Variable, elapsed: Variable, longest_s: float = LONGEST_S) -> None:
         self._w.assign(clock, clock + elapsed)

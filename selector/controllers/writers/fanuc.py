@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from selector.controllers.guard.codes import LARGEST_NUMBER, LONGEST_S, LONGEST_STEP_S, Mode
+from selector.controllers.guard.codes import LARGEST_NUMBER, LEAST_GOOD_SAMPLES, LONGEST_S, LONGEST_STEP_S, Mode
 from selector.controllers.guard.decided import DecidedLimits, decided_limits
 from selector.controllers.model_file import Input, ModelFile, Output
 from selector.controllers.model_io import kept_sha256
@@ -297,6 +297,8 @@ def _remembered(model: ModelFile, names: MacroVariables) -> Iterator[str]:
         yield f"#{_CHANGE}=ABS[#{names.readings[item.name]}-#{names.starts[item.name]}]"
         yield f"IF[#{_CHANGE}GT{literal(item.valid_max - item.valid_min)}]THEN#{_GOOD_FOR}={_NOT_GOOD}"
     yield f"N{_BEGIN}"
+    most = literal(model.guard.recover_after_s / LEAST_GOOD_SAMPLES)
+    yield f"IF[#{_DT}GT{most}]THEN#{_DT}={most}"
     yield f"#{_GOOD_FOR}=#{_GOOD_FOR}+#{_DT}"
     yield f"IF[#{_GOOD_FOR}GE#{_DT}]GOTO{_JUDGED}"
     yield f"#{_GOOD_FOR}=0."

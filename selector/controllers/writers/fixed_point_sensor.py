@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from fractions import Fraction
 
-from selector.controllers.guard.codes import ANCHOR_S, FORGIVEN_S, LONGEST_S, SensorCode
+from selector.controllers.guard.codes import ANCHOR_S, FORGIVEN_S, LEAST_GOOD_SAMPLES, LONGEST_S, SensorCode
 from selector.controllers.model_file import Guard
 from selector.controllers.program.text_of_program import plain
 from selector.controllers.sensor_check import CODE_SLACK, RANGE_SLACK
@@ -26,9 +26,9 @@ def sensor_lines(counted: Counted, guard: Guard, k: int, taus_ms: Mapping[int, i
     """
     item, ok = counted.item, int(SensorCode.OK)
     is_rise = item.reference == "rise"
-    ages = [(f"since_ms_{k}", LONGEST_S)]
+    ages = [(f"since_ms_{k}", LONGEST_S, "m->since_ms")]
     if item.rate_limit_per_min is not None:
-        ages.append((f"anchor_age_ms_{k}", FORGIVEN_S))
+        ages.append((f"anchor_age_ms_{k}", FORGIVEN_S, _credit(ANCHOR_S)))
     yield f"/* sensor {plain(item.name)} */"
     yield f"static void sensor_{k}({NAME} *m)"
     yield "{"
@@ -40,8 +40,8 @@ def sensor_lines(counted: Counted, guard: Guard, k: int, taus_ms: Mapping[int, i
     yield f"        m->is_new_{k} = 1;"
     yield f"        m->good_ms_{k} = -1;"
     yield "    }"
-    for age, longest_s in ages:
-        yield f"    m->{age} = (int32_t)limited((int64_t)m->{age} + m->since_ms, 0, {milliseconds(longest_s)});"
+    for age, longest_s, passed in ages:
+        yield f"    m->{age} = (int32_t)limited((int64_t)m->{age} + {passed}, 0, {milliseconds(longest_s)});"
     yield f"    if (r == {MISSING} || r == {LARGEST_INT32})"
     yield f"        code = {SensorCode.MISSING:d};"
     for condition, code in _faults(counted, guard):
@@ -58,7 +58,7 @@ def sensor_lines(counted: Counted, guard: Guard, k: int, taus_ms: Mapping[int, i
     yield f"    if (code != {ok}) {{"
     yield f"        m->good_ms_{k} = -1;"
     yield "    } else {"
-    yield from (f"        {line}" for line in _good(counted, k, taus_ms))
+    yield from (f"        {line}" for line in _good(counted, guard, k, taus_ms))
     yield f"        if (m->good_ms_{k} < {milliseconds(guard.recover_after_s)}) {{"
     yield f"            code = {SensorCode.RECOVERING:d};"
     yield "        } else {"
@@ -84,14 +84,15 @@ def sensor_lines(counted: Counted, guard: Guard, k: int, taus_ms: Mapping[int, i
     yield "}"
 
 
-def _good(counted: Counted, k: int, taus_ms: Mapping[int, int]) -> Iterator[str]:
+def _good(counted: Counted, guard: Guard, k: int, taus_ms: Mapping[int, int]) -> Iterator[str]:
     """Counts for how long the reading has been good; the first good one is what a rise and memory begin with."""
     is_rise, width = counted.item.reference == "rise", counted.high - counted.low
     if is_rise:
         yield f"if (!m->has_start_{k} && (r - m->start_{k} > {width} || r - m->start_{k} < -{width}))"
         yield f"    m->good_ms_{k} = -1;"
     yield f"if (m->good_ms_{k} >= 0) {{"
-    yield f"    m->good_ms_{k} = (int32_t)limited((int64_t)m->good_ms_{k} + m->since_ms, 0, {milliseconds(LONGEST_S)});"
+    passed = _credit(guard.recover_after_s / LEAST_GOOD_SAMPLES)
+    yield f"    m->good_ms_{k} = (int32_t)limited((int64_t)m->good_ms_{k} + {passed}, 0, {milliseconds(LONGEST_S)});"
     yield "} else {"
     yield f"    m->good_ms_{k} = 0;"
     yield f"    if (!m->has_memory_{k}) {{"
@@ -138,6 +139,11 @@ def _jump(k: int, counts_per_min: int) -> Iterator[str]:
     yield f"            m->anchor_age_ms_{k} = 0;"
     yield "        }"
     yield "    }"
+
+
+def _credit(most_s: float) -> str:
+    """What one sample counts for; rounded up, so that six are enough."""
+    return f"limited(m->since_ms, 0, {min(math.ceil(most_s * MS), LARGEST_INT32)})"
 
 
 def milliseconds(seconds: float) -> int:

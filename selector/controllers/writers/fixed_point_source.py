@@ -189,7 +189,7 @@ class Source:
         believed = " && ".join(f"m->sensor_{k} <= {SensorCode.LIMITED:d}" for k in self._index.values())
         yield f"void {NAME}_step({NAME} *m)"
         yield "{"
-        yield f"    int32_t dt = (int32_t)limited(m->dt_ms, 0, {milliseconds(LONGEST_S)});"
+        yield f"    int32_t dt = m->dt_ms > 0 && m->dt_ms <= {milliseconds(LONGEST_S)} ? m->dt_ms : 0;"
         yield f"    int32_t slewed = (int32_t)limited(dt, 0, {milliseconds(LONGEST_STEP_S)});"
         if self._axes:
             yield f"    int32_t {', '.join(f'back_{k} = 0' for k in self._axes.values())};"

@@ -86,12 +86,10 @@ class ThermalCorrection:
             self.correction_2 = 0.0
             self.aim_2 = 0.0
         self.was_restart = self.is_restart
-        # time: what is no time counts as 0
+        # time: what is no time, or too long, counts as 0
         passed_s = 0.0
-        if self.dt_s > 0.0:
+        if (self.dt_s > 0.0) and (self.dt_s <= 1000000.0):
             passed_s = self.dt_s
-        if passed_s > 1000000.0:
-            passed_s = 1000000.0
         self.since_sample_s = self.since_sample_s + passed_s
         if self.since_sample_s > 1000000.0:
             self.since_sample_s = 1000000.0
@@ -128,7 +126,10 @@ class ThermalCorrection:
                 if not (self.has_start_1) and ((change > 10.0) or (change < -10.0)):
                     self.good_for_1 = -1.0
                 if self.good_for_1 >= 0.0:
-                    self.good_for_1 = self.good_for_1 + self.since_sample_s
+                    credit_s = self.since_sample_s
+                    if credit_s > 10.0:
+                        credit_s = 10.0
+                    self.good_for_1 = self.good_for_1 + credit_s
                     if self.good_for_1 > 1000000.0:
                         self.good_for_1 = 1000000.0
                 else:
@@ -189,7 +190,10 @@ class ThermalCorrection:
                 if not (self.has_start_2) and ((change > 10.0) or (change < -10.0)):
                     self.good_for_2 = -1.0
                 if self.good_for_2 >= 0.0:
-                    self.good_for_2 = self.good_for_2 + self.since_sample_s
+                    credit_s = self.since_sample_s
+                    if credit_s > 10.0:
+                        credit_s = 10.0
+                    self.good_for_2 = self.good_for_2 + credit_s
                     if self.good_for_2 > 1000000.0:
                         self.good_for_2 = 1000000.0
                 else:

@@ -116,7 +116,7 @@ static void sensor_1(thermal_correction_i *m)
         if (!m->has_start_1 && (r - m->start_1 > 10000 || r - m->start_1 < -10000))
             m->good_ms_1 = -1;
         if (m->good_ms_1 >= 0) {
-            m->good_ms_1 = (int32_t)limited((int64_t)m->good_ms_1 + m->since_ms, 0, 1000000000);
+            m->good_ms_1 = (int32_t)limited((int64_t)m->good_ms_1 + limited(m->since_ms, 0, 10000), 0, 1000000000);
         } else {
             m->good_ms_1 = 0;
             if (!m->has_memory_1) {
@@ -179,7 +179,7 @@ static void sensor_2(thermal_correction_i *m)
         if (!m->has_start_2 && (r - m->start_2 > 10000 || r - m->start_2 < -10000))
             m->good_ms_2 = -1;
         if (m->good_ms_2 >= 0) {
-            m->good_ms_2 = (int32_t)limited((int64_t)m->good_ms_2 + m->since_ms, 0, 1000000000);
+            m->good_ms_2 = (int32_t)limited((int64_t)m->good_ms_2 + limited(m->since_ms, 0, 10000), 0, 1000000000);
         } else {
             m->good_ms_2 = 0;
             if (!m->has_memory_2) {
@@ -256,7 +256,7 @@ static void restarted(thermal_correction_i *m)
 
 void thermal_correction_i_step(thermal_correction_i *m)
 {
-    int32_t dt = (int32_t)limited(m->dt_ms, 0, 1000000000);
+    int32_t dt = m->dt_ms > 0 && m->dt_ms <= 1000000000 ? m->dt_ms : 0;
     int32_t slewed = (int32_t)limited(dt, 0, 10000);
     if (m->is_restart && !m->was_restart)
         restarted(m);

@@ -146,6 +146,7 @@ static void step(struct correction *m)
     double off_s;
     double passed_s;
     double change;
+    double credit_s;
     double x;
     double z_1;
     double z_2;
@@ -191,13 +192,10 @@ static void step(struct correction *m)
         m->aim_2 = 0.0;
     }
     m->was_restart = m->is_restart;
-    /* time: what is no time counts as 0 */
+    /* time: what is no time, or too long, counts as 0 */
     passed_s = 0.0;
-    if (m->dt_s > 0.0) {
+    if ((m->dt_s > 0.0) && (m->dt_s <= 1000000.0)) {
         passed_s = m->dt_s;
-    }
-    if (passed_s > 1000000.0) {
-        passed_s = 1000000.0;
     }
     m->since_sample_s = m->since_sample_s + passed_s;
     if (m->since_sample_s > 1000000.0) {
@@ -248,7 +246,11 @@ static void step(struct correction *m)
                 m->good_for_1 = -1.0;
             }
             if (m->good_for_1 >= 0.0) {
-                m->good_for_1 = m->good_for_1 + m->since_sample_s;
+                credit_s = m->since_sample_s;
+                if (credit_s > 10.0) {
+                    credit_s = 10.0;
+                }
+                m->good_for_1 = m->good_for_1 + credit_s;
                 if (m->good_for_1 > 1000000.0) {
                     m->good_for_1 = 1000000.0;
                 }
@@ -332,7 +334,11 @@ static void step(struct correction *m)
                 m->good_for_2 = -1.0;
             }
             if (m->good_for_2 >= 0.0) {
-                m->good_for_2 = m->good_for_2 + m->since_sample_s;
+                credit_s = m->since_sample_s;
+                if (credit_s > 10.0) {
+                    credit_s = 10.0;
+                }
+                m->good_for_2 = m->good_for_2 + credit_s;
                 if (m->good_for_2 > 1000000.0) {
                     m->good_for_2 = 1000000.0;
                 }
