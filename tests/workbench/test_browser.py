@@ -112,7 +112,7 @@ def test_from_a_file_to_a_report(page, bench, study, tmp_path):
 
 
 def test_a_diagnosis_and_an_export(page, bench, study):
-    """Simulated runs are sent, compared, and the model that comes out is exported and replayed."""
+    """Simulated runs are sent, compared, and the model that comes out is exported."""
     for run in ("r1", "r2", "r3"):
         bench.add(DIAGNOSIS / f"{run}.csv")
     page.locator("#to-diagnosis").click()
