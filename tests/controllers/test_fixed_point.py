@@ -37,7 +37,7 @@ pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 class Compiled:
     """The generated program as a filter: numbers of the inputs in, of the outputs out; it traps undefined behaviour."""
 
-    def __init__(self, model, folder):
+    def __init__(self, model, folder, kept=()):
         files = fixed_point_files(model, is_sign_verified=False)
         for name, text in files.items():
             (folder / name).write_text(text, encoding="ascii")
@@ -49,7 +49,8 @@ class Compiled:
         say = "".join(f' printf("%d ", m.{name});' for name in self.outputs)
         main = (
             f'#include <stdio.h>\n#include "{NAME}.h"\nint main(void)\n{{\n    {NAME} m;\n    {NAME}_init(&m);\n'
-            f'    while (1{scan}) {{ {NAME}_step(&m);{say} puts(""); }}\n    return 0;\n}}\n'
+            + "".join(f"    m.{name} = {value};\n" for name, value in dict(kept).items())
+            + f'    while (1{scan}) {{ {NAME}_step(&m);{say} puts(""); }}\n    return 0;\n}}\n'
         )
         (folder / "main.c").write_text(main, encoding="ascii")
         self.program = folder / "run"

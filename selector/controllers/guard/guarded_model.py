@@ -130,6 +130,8 @@ class GuardedModel:
         """
         number = self._number
         with np.errstate(all="ignore"):
+            if self._is_first:
+                self._check_kept()
             dt = self._passed(dt_s)
             for axis, position in self._axes.items():
                 position.take(number((positions_m or {}).get(axis, float("nan"))))
@@ -182,6 +184,10 @@ class GuardedModel:
             for name, watch in self._watches.items()
             if watch.start_believed is not None
         }
+
+    def _check_kept(self) -> None:
+        for name, watch in self._watches.items():
+            watch.check_kept(level for (source, _), level in self._lagged.items() if source == name)
 
     def _passed(self, seconds: float) -> Any:
         """What is no time counts as 0, and what is longer than clocks run is none."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from selector.controllers.guard.codes import (
@@ -110,6 +110,15 @@ class SensorWatch:
     def forget_start(self) -> None:
         """The next good reading is the start reading once it is believed, and memory begins with it."""
         self.has_memory = self._has_start = False
+
+    def check_kept(self, levels: Iterable[Any]) -> None:
+        """Drops what was kept over a restart and cannot be: a start that is no reading, a level out of range."""
+        low = -self._largest if self._reading_min is None else self._reading_min
+        high = self._largest if self._reading_max is None else self._reading_max
+        if self._has_start and not (low <= self.start <= high):
+            self.forget_start()
+        if not all(self._below <= level <= self._above for level in levels):
+            self.has_memory = False
 
     def remember(self) -> None:
         """X was believed, and memory has gone on with it."""

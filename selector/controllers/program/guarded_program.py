@@ -95,6 +95,10 @@ class _Guarded:
         with w.when(self._restart & ~self._was_restart):
             self._restarted()
         w.assign(self._was_restart, self._restart)
+        with w.when(self._first):
+            w.remark("what was kept is dropped where it cannot be")
+            for name, sensor in self._sensors.items():
+                sensor.kept_checked([level for (source, _), level in self._levels.items() if source == name])
         dt = w.variable("passed_s")
         w.remark("time: what is no time, or too long, counts as 0")
         w.assign(dt, 0.0)

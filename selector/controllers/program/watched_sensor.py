@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from selector.controllers.guard.codes import (
     ANCHOR_S,
@@ -71,6 +71,19 @@ class WatchedSensor:
         self._w.assign(self.has_memory, False)
         if self._item.reference == "rise":
             self._w.assign(self._has_start, False)
+
+    def kept_checked(self, levels: Sequence[Variable]) -> None:
+        """Drops a start that is no reading, and memory with a level out of range."""
+        w, item = self._w, self._item
+        if item.reference == "rise":
+            low = -LARGEST_NUMBER if item.reading_min is None else item.reading_min
+            high = LARGEST_NUMBER if item.reading_max is None else item.reading_max
+            with w.when(~((self._start >= low) & (self._start <= high))):
+                self.begins_anew()
+        slack = RANGE_SLACK * (item.valid_max - item.valid_min)
+        for level in levels:
+            with w.when(~((level >= item.valid_min - slack) & (level <= item.valid_max + slack))):
+                w.assign(self.has_memory, False)
 
     def sampled(self, elapsed: Variable, begin_memory: Callable[[], None]) -> None:
         """The next reading is judged; `begin_memory` writes that memory begins with x."""

@@ -15,16 +15,15 @@ from selector.controllers.guard.decided import DecidedLimits, decided_limits
 from selector.controllers.model_file import Input, ModelFile, Output
 from selector.controllers.model_io import kept_sha256
 from selector.controllers.program.text_of_program import plain
-from selector.controllers.self_check import output_bound_um
 from selector.controllers.sensor_check import CODE_SLACK, RANGE_SLACK
 from selector.controllers.signs import is_turned
 from selector.controllers.writers.exported import Exported
 from selector.controllers.writers.heading import heading
 from selector.controllers.writers.macro_b import SIGNIFICANT_DIGITS, limited, literal, minus, product, remarks
+from selector.controllers.writers.macro_b_left_out import findings_of_macro, left_out_of_macro, on_fault
 from selector.controllers.writers.macro_b_offset import offset_asked, offset_written
 from selector.controllers.writers.refused import ExportRefusedError
 from selector.controllers.writers.sign_test import sign_test
-from selector.findings import Finding
 
 FILE = "O9100.nc"
 PROGRAM = 9100
@@ -75,7 +74,7 @@ def fanuc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
         Too many variables, an output without a linear axis, two outputs of one axis, or a number out of reach.
     """
     names = macro_variables(model)
-    left_out = list(_left_out(model))
+    left_out = list(left_out_of_macro(model, _HAS_BEGUN))
     first, tests, corrections = model.outputs[0].name, list(names.tests.values()), list(names.corrections.values())
     _, open_limits = decided_limits(model)
     return Exported(
@@ -113,7 +112,7 @@ def fanuc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
             "Called rarely, the correction catches up with at most "
             f"{LONGEST_STEP_S:g} s worth of its slew limit a call.",
         ),
-        findings=(*_findings(model, left_out), *open_limits),
+        findings=(*findings_of_macro(model, left_out), *open_limits),
     )
 
 
@@ -153,53 +152,6 @@ def _unit(model: ModelFile, name: str) -> str:
     return next(item.unit for item in model.inputs if item.name == name)
 
 
-def _on_fault(model: ModelFile) -> str:
-    guard = model.guard
-    return guard.without_fallback if guard.on_fault == "fallback" else guard.on_fault
-
-
-def _left_out(model: ModelFile) -> Iterator[str]:
-    guard = model.guard
-    if any(item.rate_limit_per_min is not None for item in model.inputs):
-        yield "a reading that jumps is not found"
-    if guard.stuck_after_s is not None:
-        yield "a sensor that stands still is not found"
-    if len(model.inputs) > 1:
-        yield "while one sensor is bad or has to recover, all wait"
-    if guard.on_fault == "fallback":
-        yield f"no fallback models, with a bad sensor it does {guard.without_fallback}"
-    if guard.hold_at_most_s is not None and _on_fault(model) == "hold":
-        yield "it holds the last value for ever"
-    if guard.restart == "new-start" or guard.new_start_after_s is not None:
-        yield f"new start readings only with #{_HAS_BEGUN} = 0"
-    for output in model.outputs:
-        if output.position is not None:
-            yield f"position-dependent part of {output.name}: the work offset is the same at every position"
-    yield "no enabling by a switch"
-
-
-def _findings(model: ModelFile, left_out: Sequence[str]) -> Iterator[Finding]:
-    yield Finding(
-        "guard-reduced",
-        "warning",
-        f"Custom macro B has a smaller guard than the model file asks for: {'; '.join(left_out)}.",
-        evidence={"left_out": list(left_out)},
-        suggestion="let the program that feeds the temperatures watch the sensors, or run the whole model there",
-    )
-    for output in model.outputs:
-        if output.position is not None:
-            without = output.model_copy(update={"position": None})
-            lost_um = output_bound_um(model, output) - output_bound_um(model, without)
-            yield Finding(
-                "position-part-left-out",
-                "warning",
-                f"{output.name}: the external work offset cannot follow the position; up to {lost_um:.3g} µm at the "
-                "far end of the axis are not corrected.",
-                evidence={"output": output.name, "lost_um": lost_um},
-                suggestion="use the offset near the reference position only, or a control with a slope of its own",
-            )
-
-
 def _program(model: ModelFile, names: MacroVariables, left_out: Sequence[str], *, is_sign_verified: bool) -> str:
     limits, _ = decided_limits(model)
     axes = _axes(model)
@@ -216,6 +168,7 @@ def _program(model: ModelFile, names: MacroVariables, left_out: Sequence[str], *
         lines += remarks(f"NO. {names.tests[output.name]} - sign test of {output.name}, not 0 commands so much in um")
     lines += [f"IF[#{TIME}EQ#0]GOTO{_END}", *offset_asked(axes.values())]
     lines += _begun(model, names)
+    lines += _kept_checked(model, names)
     for k, item in enumerate(model.inputs, 1):
         lines += _checked(model, item, k, names)
     lines += _remembered(model, names)
@@ -259,6 +212,14 @@ def _begun(model: ModelFile, names: MacroVariables) -> Iterator[str]:
     yield f"#{_LAST_CALL}=#{TIME}"
     yield f"#{_SLEWED}=#{_DT}"
     yield f"IF[#{_SLEWED}GT{literal(LONGEST_STEP_S)}]THEN#{_SLEWED}={literal(LONGEST_STEP_S)}"
+
+
+def _kept_checked(model: ModelFile, names: MacroVariables) -> Iterator[str]:
+    """A start that is no reading begins all anew."""
+    for item in (item for item in model.inputs if item.reference == "rise"):
+        start, low, high = names.starts[item.name], item.reading_min, item.reading_max
+        yield f"IF[#{start}LT{literal(-LARGEST_NUMBER if low is None else low)}]THEN#{_HAS_BEGUN}=0."
+        yield f"IF[#{start}GT{literal(LARGEST_NUMBER if high is None else high)}]THEN#{_HAS_BEGUN}=0."
 
 
 def _checked(model: ModelFile, item: Input, k: int, names: MacroVariables) -> Iterator[str]:
@@ -322,7 +283,12 @@ def _remembered(model: ModelFile, names: MacroVariables) -> Iterator[str]:
     yield f"IF[#{_SINCE}LT0.]THEN#{_SINCE}=0."
     yield f"IF[#{_SINCE}GT{literal(LONGEST_S)}]THEN#{_SINCE}={literal(LONGEST_S)}"
     yield f"#{_LAST_SAMPLE}=#{TIME}"
+    ranges = {item.name: (item.valid_min, item.valid_max) for item in model.inputs}
     for (source, tau_s), level in names.levels.items():
+        low, high = ranges[source]
+        slack = RANGE_SLACK * (high - low)
+        yield f"IF[#{level}LT{literal(low - slack)}]THEN#{level}=#{names.z[source]}"
+        yield f"IF[#{level}GT{literal(high + slack)}]THEN#{level}=#{names.z[source]}"
         yield f"#{_PRODUCT}=#{_SINCE}/[{literal(tau_s)}+#{_SINCE}]"
         yield f"#{level}=#{level}+#{_PRODUCT}*[#{names.z[source]}-#{level}]"
     for state in model.states:
@@ -353,7 +319,7 @@ def _aimed(output: Output, limits: DecidedLimits, names: MacroVariables) -> Iter
 
 
 def _faulted(model: ModelFile, names: MacroVariables) -> Iterator[str]:
-    is_ramped = _on_fault(model) == "ramp-to-zero"
+    is_ramped = on_fault(model) == "ramp-to-zero"
     yield f"GOTO{_MOVE}"
     yield f"N{_FAULT}"
     yield f"#{_GOOD_FOR}={_NOT_GOOD}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 
 from selector.controllers.guard.codes import ANCHOR_S, FORGIVEN_S, LEAST_GOOD_SAMPLES, LONGEST_S, SensorCode
@@ -82,6 +82,23 @@ def sensor_lines(counted: Counted, guard: Guard, k: int, taus_ms: Mapping[int, i
     yield "    }"
     yield f"    m->sensor_{k} = code;"
     yield "}"
+
+
+def kept_lines(counted: Counted, k: int, levels: Sequence[int]) -> Iterator[str]:
+    """Drops a start that is no reading, and memory with a level out of range."""
+    item = counted.item
+    if item.reference == "rise":
+        ends = [
+            round(Fraction(limit) * counted.per_unit) if limit is not None else sign * LARGEST_INT32
+            for limit, sign in ((item.reading_min, -1), (item.reading_max, 1))
+        ]
+        low, high = max(ends[0], 1 - LARGEST_INT32), min(ends[1], LARGEST_INT32 - 1)
+        yield f"if (m->start_{k} < {low} || m->start_{k} > {high})"
+        yield f"    m->has_start_{k} = m->has_memory_{k} = 0;"
+    for level in levels:
+        low, high = counted.low * ONE, counted.high * ONE
+        yield f"if (m->level_{level} < {long_literal(low)} || m->level_{level} > {long_literal(high)})"
+        yield f"    m->has_memory_{k} = 0;"
 
 
 def _good(counted: Counted, guard: Guard, k: int, taus_ms: Mapping[int, int]) -> Iterator[str]:

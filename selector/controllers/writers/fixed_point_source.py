@@ -24,6 +24,7 @@ from selector.controllers.writers.fixed_point_numbers import (
 from selector.controllers.writers.fixed_point_sensor import (
     MISSING,
     NAME,
+    kept_lines,
     long_literal,
     milliseconds,
     nanometres,
@@ -196,6 +197,11 @@ class Source:
         yield "    if (m->is_restart && !m->was_restart)"
         yield "        restarted(m);"
         yield "    m->was_restart = m->is_restart;"
+        yield "    if (m->is_first) { /* what was kept is dropped where it cannot be */"
+        for name, k in self._index.items():
+            levels = [level for (source, _), level in self._levels.items() if source == name]
+            yield from (f"        {line}" for line in kept_lines(self.fixed.inputs[name], k, levels))
+        yield "    }"
         for axis, k in self._axes.items():
             low, high = (position_um(at) for at in valid_positions_m(self._model)[axis])
             ok, limited, missing = (int(SensorCode[name]) for name in ("OK", "LIMITED", "MISSING"))

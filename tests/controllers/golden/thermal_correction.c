@@ -107,6 +107,17 @@ void thermal_correction_step(thermal_correction *m)
         m->aim_2 = 0.0;
     }
     m->was_restart = m->is_restart;
+    if (m->is_first) {
+        /* what was kept is dropped where it cannot be */
+        if (!((m->start_1 >= -1000000000.0) && (m->start_1 <= 1000000000.0))) {
+            m->has_memory_1 = 0;
+            m->has_start_1 = 0;
+        }
+        if (!((m->start_2 >= -1000000000.0) && (m->start_2 <= 1000000000.0))) {
+            m->has_memory_2 = 0;
+            m->has_start_2 = 0;
+        }
+    }
     /* time: what is no time, or too long, counts as 0 */
     passed_s = 0.0;
     if ((m->dt_s > 0.0) && (m->dt_s <= 1000000.0)) {

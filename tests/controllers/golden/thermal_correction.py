@@ -86,6 +86,14 @@ class ThermalCorrection:
             self.correction_2 = 0.0
             self.aim_2 = 0.0
         self.was_restart = self.is_restart
+        if self.is_first:
+            # what was kept is dropped where it cannot be
+            if not ((self.start_1 >= -1000000000.0) and (self.start_1 <= 1000000000.0)):
+                self.has_memory_1 = False
+                self.has_start_1 = False
+            if not ((self.start_2 >= -1000000000.0) and (self.start_2 <= 1000000000.0)):
+                self.has_memory_2 = False
+                self.has_start_2 = False
         # time: what is no time, or too long, counts as 0
         passed_s = 0.0
         if (self.dt_s > 0.0) and (self.dt_s <= 1000000.0):

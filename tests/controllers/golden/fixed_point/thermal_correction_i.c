@@ -261,6 +261,12 @@ void thermal_correction_i_step(thermal_correction_i *m)
     if (m->is_restart && !m->was_restart)
         restarted(m);
     m->was_restart = m->is_restart;
+    if (m->is_first) { /* what was kept is dropped where it cannot be */
+        if (m->start_1 < -2147483646 || m->start_1 > 2147483646)
+            m->has_start_1 = m->has_memory_1 = 0;
+        if (m->start_2 < -2147483646 || m->start_2 > 2147483646)
+            m->has_start_2 = m->has_memory_2 = 0;
+    }
     m->since_ms = (int32_t)limited((int64_t)m->since_ms + dt, 0, 1000000000);
     if (m->is_first || m->since_ms >= 1000) {
         sensor_1(m);
