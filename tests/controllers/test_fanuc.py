@@ -261,7 +261,7 @@ def test_everything_that_is_missing_is_said():
     model = hostile.model()
     found = {finding.id: finding for finding in fanuc_export(model).findings}
     assert set(found) == {"guard-reduced", "position-part-left-out", "limit-not-decided"}
-    assert len(found["guard-reduced"].evidence["left_out"]) == 8
+    assert len(found["guard-reduced"].evidence["left_out"]) == 9
     assert found["position-part-left-out"].evidence["lost_um"] > 0.0
     assert isinstance(model.fallbacks[0], Fallback)
     assert isinstance(model.outputs[0].position, PositionPart)
@@ -281,6 +281,12 @@ def test_variables_are_as_the_installation_says():
 def test_executor_refuses_what_is_not_in_the_subset(line):
     with pytest.raises(MacroError):
         MacroB(f"%\nO0001()\n{line}\nM99\n%\n").call()
+
+
+def test_a_formula_keeps_its_brackets():
+    (line,) = remarks("Z = 36.2 + (-615.2 + 26.7*T) * (P - 0 m); (um)")
+    assert line == "(Z = 36.2 + [-615.2 + 26.7*T] * [P - 0 M], [UM])"
+    MacroB(f"%\nO0001()\n{line}\nM99\n%\n").call()
 
 
 def test_comments_are_cut_into_blocks():

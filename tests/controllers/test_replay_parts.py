@@ -151,7 +151,8 @@ MISTAKES = [
 @pytest.mark.parametrize(("target", "file", "was", "becomes"), MISTAKES)
 def test_a_mistake_in_any_file_is_found(target, file, was, becomes):
     model = MODELS["steep"]
-    rows = calls(model, 6000, 1, "any")
+    # after a pause the macro waits, and nothing of it is seen
+    rows = calls(model, 6000, 1, "rarely" if target == "fanuc" else "any")
 
     def mistaken(files):
         return files | {file: files[file].replace(was, becomes)}

@@ -26,7 +26,7 @@ ALARM = 3000
 DEEPEST_BRACKETS = 5
 MOST_BLOCKS = 100_000
 _TOKEN = re.compile(r"\d+\.\d*|\.\d+|\d+|#\d+|ABS|EQ|NE|GT|GE|LT|LE|[\[\]+\-*/]")
-_COMMENT = re.compile(r"\([A-Z0-9 .,+\-*/=]*\)")
+_COMMENT = re.compile(r"\([A-Z0-9 .,+\-*/=\[\]]*\)")
 _BLOCK = re.compile(
     r"(?:N(?P<label>\d+))?(?:IF\[(?P<condition>.*)\](?:GOTO(?P<jump>\d+)|THEN#(?P<then>\d+)=(?P<value>.+))"
     r"|GOTO(?P<goto>\d+)|#(?P<to>\d+)=(?P<assigned>.+)|G10L2P0(?P<axis>[A-Z])(?P<offset>\[.*\])|G(?P<modal>9[01])|(?P<end>M99))?"

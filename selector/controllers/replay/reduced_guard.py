@@ -17,6 +17,7 @@ from selector.controllers.model_file import ModelFile
 from selector.controllers.program.guarded_program import axes_of
 from selector.controllers.replay.rows import Answers, Array, Rows, reference_answers
 from selector.controllers.signs import is_turned
+from selector.controllers.writers.fanuc import LONGEST_PAUSE_S
 
 
 def without_fallbacks(model: ModelFile) -> ModelFile:
@@ -42,10 +43,12 @@ def macro_model(model: ModelFile) -> ModelFile:
 def macro_corrections_um(model: ModelFile, rows: Rows) -> Array:
     """What a macro has to give that is called as its sheet says, of shape (n_rows, n_outputs) [µm].
 
-    With one bad reading it takes none of that call: memory and start readings wait for all sensors.
+    With one bad reading it takes none of that call: memory and start readings wait for all sensors. So does it in the
+    first call after a pause.
     """
     small, calls = macro_model(model), sampled_rows(rows)
     called = dataclasses.replace(rows_at(rows, calls), positions_m=np.zeros((len(calls), 0)))
+    called.readings[called.dt_s > LONGEST_PAUSE_S] = np.nan
     limiting = small.model_copy(update={"guard": small.guard.model_copy(update={"outside_valid_range": "limit-input"})})
     # what is bad whatever the start reading, then what is outside the valid range
     for judged in (limiting, small):

@@ -33,6 +33,9 @@ TIME = 100
 LAST_VOLATILE, FIRST_KEPT, LAST_KEPT = 199, 500, 999
 LINEAR_AXES = "XYZUVW"
 
+LONGEST_PAUSE_S = 600.0
+"""Between two calls; after a longer one the control was off, or might have been, and readings have to be good anew."""
+
 _TOTAL, _PRODUCT, _CHANGE, _DT, _SLEWED, _SINCE, _IS_TEST, _FIRST_TESTED = range(1, 9)
 _MODEL, _LAST_CALL, _LAST_SAMPLE, STATUS, _FAULTY, _HAS_BEGUN, _GOOD_FOR = range(FIRST_KEPT, FIRST_KEPT + 7)
 _BEGIN, _JUDGED, _FAULT, _WAIT, _MOVE, _END = 30, 31, 800, 810, 850, 900
@@ -92,6 +95,9 @@ def fanuc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
             "are as before afterwards, and are not touched where they are something else (lathes, G-code system A). "
             "Programs O9000 to O9999 may be protected, and X may be a diameter: check in the manual.",
             f"After each call #{STATUS} says 1 model, 2 hold, 3 ramp to zero, and #{_FAULTY} which reading is bad.",
+            f"After {LONGEST_PAUSE_S / 60.0:g} min without a call (the control was off) no reading is believed at "
+            f"once, as after a bad one: before the first cut of a day call the program {LEAST_GOOD_SAMPLES + 2} times, "
+            f"{max(1.0, model.guard.recover_after_s / LEAST_GOOD_SAMPLES):g} s apart or more.",
             f"Set #{_HAS_BEGUN} = 0 to take new start readings at a cold start; it is 2 until all readings have been "
             f"good for {model.guard.recover_after_s:g} s, then 1.",
         ),
@@ -169,6 +175,8 @@ def _program(model: ModelFile, names: MacroVariables, left_out: Sequence[str], *
     lines += [f"IF[#{TIME}EQ#0]GOTO{_END}", *offset_asked(axes.values())]
     lines += _begun(model, names)
     lines += _kept_checked(model, names)
+    lines += remarks("after a pause, or a clock put back, nothing is believed at once")
+    lines += [f"#{_FAULTY}=0.", f"IF[#{_DT}LT0.]GOTO{_FAULT}", f"IF[#{_DT}GT{literal(LONGEST_PAUSE_S)}]GOTO{_FAULT}"]
     for k, item in enumerate(model.inputs, 1):
         lines += _checked(model, item, k, names)
     lines += _remembered(model, names)
@@ -208,9 +216,10 @@ def _begun(model: ModelFile, names: MacroVariables) -> Iterator[str]:
     yield from (f"#{kept}=0." for of in (names.aims, names.corrections) for kept in of.values())
     yield "N10"
     yield f"#{_DT}=#{TIME}-#{_LAST_CALL}"
-    yield f"IF[#{_DT}LT0.]THEN#{_DT}=0."
     yield f"#{_LAST_CALL}=#{TIME}"
     yield f"#{_SLEWED}=#{_DT}"
+    yield f"IF[#{_SLEWED}LT0.]THEN#{_SLEWED}=0."
+    yield f"IF[#{_SLEWED}GT{literal(LONGEST_S)}]THEN#{_SLEWED}=0."
     yield f"IF[#{_SLEWED}GT{literal(LONGEST_STEP_S)}]THEN#{_SLEWED}={literal(LONGEST_STEP_S)}"
 
 

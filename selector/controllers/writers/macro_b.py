@@ -50,8 +50,9 @@ def minus(value: float) -> str:
 
 
 def remarks(text: str) -> Iterator[str]:
-    """Comment blocks: capital letters, digits and few signs, so that nothing can end a comment or a block."""
-    harmless = re.sub(r"[^A-Z0-9 .,+\-*/=]", " ", re.sub("[:;]", ",", plain(text).upper()))
+    """Comment blocks: capital letters, digits, few signs, [ ] for ( ), so that nothing can end a comment or a block."""
+    bracketed = plain(text).upper().translate(str.maketrans("():;", "[],,"))
+    harmless = re.sub(r"[^A-Z0-9 .,+\-*/=\[\]]", " ", bracketed)
     yield from (f"({line})" for line in wrap(harmless, LONGEST_BLOCK - 2))
 
 

@@ -28,6 +28,8 @@ def left_out_of_macro(model: ModelFile, has_begun: int) -> Iterator[str]:
         yield f"no fallback models, with a bad sensor it does {guard.without_fallback}"
     if guard.hold_at_most_s is not None and on_fault(model) == "hold":
         yield "it holds the last value for ever"
+    if any(item.reference == "rise" for item in model.inputs):
+        yield "a control that was off for less than 10 minutes is not noticed, the time counts as a call"
     if guard.restart == "new-start" or guard.new_start_after_s is not None:
         yield f"new start readings only with #{has_begun} = 0"
     for output in model.outputs:
