@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selector.controllers import Input, ModelFile, Output, Term
+from selector.controllers import Guard, Input, ModelFile, Output, PositionPart, Term
 from selector.controllers.replay.compiled import compiler
 from tests.controllers.test_fixed_point import Compiled
 
@@ -27,3 +27,37 @@ def test_one_wrong_time_makes_no_reading_believed(wrong, tmp_path):
         assert set(codes[first : first + 51]) == {2}
         assert set(codes[first + 62 : first + 81]) == {0}
     assert codes[82] == 4
+
+
+@pytest.mark.parametrize("missing", [-(2**31), 2**31 - 1])
+def test_both_ends_of_32_bits_are_missing_everywhere(missing, tmp_path):
+    part = PositionPart(axis="Z", reference_m=0.0, valid_min_m=0.0, valid_max_m=0.5, intercept=40.0)
+    model = ModelFile(
+        name="ends",
+        inputs=(Input(name="T1", valid_min=-1.0, valid_max=8.0),),
+        outputs=(Output(name="Z", intercept=0.0, position=part), Output(name="Y", intercept=3.0)),
+        guard=Guard(recover_after_s=0.0),
+    )
+    n = 200
+    position, test_nm = np.full(n, 250_000), np.zeros(n, dtype=int)
+    position[100:], test_nm[100:] = missing, missing
+    found = Compiled(model, tmp_path)(
+        {"dt_ms": [1000] * n, "reading_1": [20_000] * n, "position_1": position, "test_nm_1": test_nm}
+    )
+    assert set(found["mode"]) == {1}
+    assert set(found["axis_1"][100:]) == {3}
+    assert set(found["correction_1"][90:]) == {-10_000}
+    assert found["correction_2"][-1] == -3000
+
+
+@pytest.mark.parametrize("missing", [-(2**31), 2**31 - 1])
+def test_an_end_of_32_bits_commands_nothing_beside_another_test(missing, tmp_path):
+    model = ModelFile(
+        name="two",
+        inputs=(Input(name="T1", valid_min=-1.0, valid_max=8.0),),
+        outputs=(Output(name="Z", intercept=2.0), Output(name="Y", intercept=3.0)),
+    )
+    n = 60
+    tests = {"test_nm_1": np.where(np.arange(n) < 5, 0, missing), "test_nm_2": np.where(np.arange(n) < 5, 0, 1500)}
+    found = Compiled(model, tmp_path)({"dt_ms": [1000] * n, "reading_1": [20_000] * n, **tests})
+    assert (found["mode"][-1], found["correction_1"][-1], found["correction_2"][-1]) == (5, 0, 1500)

@@ -87,7 +87,9 @@ class Source:
         outputs, kept, retained = [], [], []
         for name, k in self._index.items():
             counted = self.fixed.inputs[name]
-            inputs.append((n, f"reading_{k}", MISSING, f"{name}: {counts_of(counted)}; smallest number = missing"))
+            inputs.append(
+                (n, f"reading_{k}", MISSING, f"{name}: {counts_of(counted)}; smallest, largest number = missing")
+            )
             retained.append((n, f"has_memory_{k}", "0", ""))
             kept += [(n, f"x_{k}", "0", ""), (n, f"since_ms_{k}", "0", "")]
             kept += [(n, f"good_ms_{k}", "-1", ""), (n, f"is_new_{k}", "1", "")]
@@ -98,7 +100,9 @@ class Source:
                 kept += [(n, f"{of}_{k}", "0", "") for of in ("anchor", "has_anchor", "anchor_age_ms")]
         for axis, k in self._axes.items():
             reference = str(position_um(self._parts[axis].reference_m))
-            inputs.append((n, f"position_{k}", MISSING, f"position of axis {axis} [um]; smallest number = missing"))
+            inputs.append(
+                (n, f"position_{k}", MISSING, f"position of axis {axis} [um]; smallest, largest number = missing")
+            )
             outputs.append((n, f"axis_{k}", str(int(SensorCode.MISSING)), f"{axis}: 0 ok, 1 limited, 3 missing"))
             kept.append((n, f"at_{k}", reference, ""))
         inputs += [(n, "is_ready", "1", "drives on, axis referenced"), (n, "is_wanted", "1", "the operator's switch")]
@@ -205,7 +209,7 @@ class Source:
         for axis, k in self._axes.items():
             low, high = (position_um(at) for at in valid_positions_m(self._model)[axis])
             ok, limited, missing = (int(SensorCode[name]) for name in ("OK", "LIMITED", "MISSING"))
-            yield f"    if (m->position_{k} != {MISSING}) {{"
+            yield f"    if (m->position_{k} != {MISSING} && m->position_{k} != {LARGEST_INT32}) {{"
             yield f"        back_{k} = m->axis_{k} == {missing};"
             yield f"        m->at_{k} = m->position_{k};"
             yield f"        m->axis_{k} = m->at_{k} < {low} || m->at_{k} > {high} ? {limited} : {ok};"
@@ -237,7 +241,7 @@ class Source:
         yield "    if (!m->is_wanted)"
         yield f"        m->mode = {Mode.SWITCHED_OFF:d};"
         for k in range(1, len(self._model.outputs) + 1):
-            yield f"    if (m->test_nm_{k} != 0 && m->test_nm_{k} != {MISSING})"
+            yield f"    if (m->test_nm_{k} != 0 && m->test_nm_{k} != {MISSING} && m->test_nm_{k} != {LARGEST_INT32})"
             yield f"        m->mode = {Mode.TEST:d};"
         yield "    if (!m->is_ready)"
         yield f"        m->mode = {Mode.OFF:d};"
@@ -290,7 +294,8 @@ class Source:
             yield f"            m->correction_{k} = (int32_t)limited(m->correction_{k} + scaled((int64_t)m->slope_{k} *"
             yield f"                ((int64_t)where - m->where_{k})), -{clamp}, {clamp});"
             yield f"        m->where_{k} = where;"
-        test = f"m->test_nm_{k} == {MISSING} ? 0 : (int32_t)limited(m->test_nm_{k}, -{clamp}, {clamp})"
+        is_none = f"m->test_nm_{k} == {MISSING} || m->test_nm_{k} == {LARGEST_INT32}"
+        test = f"{is_none} ? 0 : (int32_t)limited(m->test_nm_{k}, -{clamp}, {clamp})"
         yield from self._towards(f"k0_{k}", f"aim_{k}", test, f"rest_{k}", limits.own_slew_um_per_s)
         if part is None:
             yield f"        m->correction_{k} = m->k0_{k};"

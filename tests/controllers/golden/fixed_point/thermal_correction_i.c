@@ -285,9 +285,9 @@ void thermal_correction_i_step(thermal_correction_i *m)
     m->mode = m->follows;
     if (!m->is_wanted)
         m->mode = 4;
-    if (m->test_nm_1 != 0 && m->test_nm_1 != (-2147483647 - 1))
+    if (m->test_nm_1 != 0 && m->test_nm_1 != (-2147483647 - 1) && m->test_nm_1 != 2147483647)
         m->mode = 5;
-    if (m->test_nm_2 != 0 && m->test_nm_2 != (-2147483647 - 1))
+    if (m->test_nm_2 != 0 && m->test_nm_2 != (-2147483647 - 1) && m->test_nm_2 != 2147483647)
         m->mode = 5;
     if (!m->is_ready)
         m->mode = 0;
@@ -298,7 +298,7 @@ void thermal_correction_i_step(thermal_correction_i *m)
         m->rest_1 = 0;
     } else {
         m->k0_1 = moved(m->k0_1, m->mode == 4 ? 0
-            : m->mode != 5 ? m->aim_1 : m->test_nm_1 == (-2147483647 - 1) ? 0 : (int32_t)limited(m->test_nm_1, -90000, 90000),
+            : m->mode != 5 ? m->aim_1 : m->test_nm_1 == (-2147483647 - 1) || m->test_nm_1 == 2147483647 ? 0 : (int32_t)limited(m->test_nm_1, -90000, 90000),
             1000000LL, slewed, &m->rest_1);
         m->correction_1 = m->k0_1;
     }
@@ -309,7 +309,7 @@ void thermal_correction_i_step(thermal_correction_i *m)
         m->rest_2 = 0;
     } else {
         m->k0_2 = moved(m->k0_2, m->mode == 4 ? 0
-            : m->mode != 5 ? m->aim_2 : m->test_nm_2 == (-2147483647 - 1) ? 0 : (int32_t)limited(m->test_nm_2, -54000, 54000),
+            : m->mode != 5 ? m->aim_2 : m->test_nm_2 == (-2147483647 - 1) || m->test_nm_2 == 2147483647 ? 0 : (int32_t)limited(m->test_nm_2, -54000, 54000),
             1000000LL, slewed, &m->rest_2);
         m->correction_2 = m->k0_2;
     }

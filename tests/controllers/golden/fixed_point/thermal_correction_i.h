@@ -23,8 +23,8 @@
 typedef struct thermal_correction_i {
     /* inputs */
     int32_t dt_ms; /* time since the last call [ms]; the sum must be the true time */
-    int32_t reading_1; /* T1: 1 degC = 1000 counts; smallest number = missing */
-    int32_t reading_2; /* T3: 1 degC = 1000 counts; smallest number = missing */
+    int32_t reading_1; /* T1: 1 degC = 1000 counts; smallest, largest number = missing */
+    int32_t reading_2; /* T3: 1 degC = 1000 counts; smallest, largest number = missing */
     int32_t is_ready; /* drives on, axis referenced */
     int32_t is_wanted; /* the operator's switch */
     int32_t is_restart; /* not 0 in the first call after the control was off */
