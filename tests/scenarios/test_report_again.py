@@ -36,7 +36,8 @@ def test_the_same_page_again(world, tmp_path, capsys, name):
     assert (tmp_path / "again.html").read_bytes() == (world / name / "report.html").read_bytes()
 
 
-def test_results_alone_say_what_is_left_out(world, tmp_path, capsys):
+def test_results_alone_say_what_is_left_out(world, tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "1000")  # lines that no path breaks
     for name, file in {
         "selected": "selection.json",
         "diagnosed": "diagnosis.json",

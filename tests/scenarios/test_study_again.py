@@ -47,7 +47,8 @@ def test_the_same_bytes_again_and_in_another_place(world, tmp_path, capsys, comm
     assert str(world.name) not in moved.read_text(encoding="utf-8")
 
 
-def test_a_study_in_its_own_folder_says_whether_it_came_out_again(world, tmp_path, capsys):
+def test_a_study_in_its_own_folder_says_whether_it_came_out_again(world, tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "1000")  # lines that no path breaks
     shutil.copytree(world, tmp_path / "here")
     folder = tmp_path / "here" / "selected"
     before = bytes_of(folder)
