@@ -98,6 +98,12 @@ def test_the_keyboard_moves_groups_coefficients_and_command_together(page, bench
     page.get_by_text("--lambda 0.9 ").wait_for()
     assert page.locator("#sensors-slider").input_value() not in ("0", "6")
 
+    # the command that is shown is that of the page, also after the slider has written it
+    page.locator("#to-recordings").click()
+    page.locator("#command").get_by_text("describe").wait_for()
+    page.locator("#to-sensors").click()
+    page.get_by_text("--lambda 0.9 ").wait_for()
+
     page.locator("#sensors-level").fill("7")
     page.locator("#sensors-level").press("Enter")
     page.locator("#notice").get_by_text("λ = 7").wait_for()

@@ -188,7 +188,8 @@
     for (const [name, text] of Object.entries(told.titles)) place(`${name}-title`).textContent = text;
     showGroups(told.groups);
     if (told.changes) {
-      document.getElementById("command").textContent = told.command;
+      // through Dash: React could not take back what another hand put there
+      window.dash_clientside.set_props("command", { children: told.command });
       showPictures(told.changes);
     }
   }

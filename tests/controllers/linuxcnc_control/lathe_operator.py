@@ -72,6 +72,11 @@ def temperatures(t1, t2):
     hal.set_p("thermcorr.reading-2", str(t2))
 
 
+def believed():
+    """Waits until both sensors have been good for as many samples, one a second, as the guard asks for."""
+    until(lambda: not hal.get_value("thermcorr.sensor-1") and not hal.get_value("thermcorr.sensor-2"), "sensors")
+
+
 def mdi(text):
     command.mode(linuxcnc.MODE_MDI)
     command.wait_complete(5)
@@ -102,7 +107,7 @@ def home():
 
 def whole_day():
     temperatures(22.0, 25.0)
-    time.sleep(1.2)
+    believed()
     note("off")
     switch_on()
     time.sleep(0.3)
