@@ -104,6 +104,19 @@ def field(title: str, control: Component, note: str = "") -> Component:
     return html.Label([html.Span(title, className="title"), control, *below], className="field")
 
 
+def drop_zone(kind: str, button: str, note: str) -> Component:
+    """Where files of a kind of upload are chosen or dropped."""
+    return html.Div(
+        [
+            html.Button(button, className="main", **marks(data_chooses=kind)),
+            html.Span(f" {note}"),
+            html.Div(className="uploads", role="status"),
+        ],
+        className="drop",
+        **marks(data_uploads=kind),
+    )
+
+
 def section(title: str, *children: Any, note: str = "") -> Component:
     """A part of a page with a heading."""
     below = [html.P(note, className="about")] if note else []

@@ -49,14 +49,10 @@ def layout(bench: Bench) -> Component:
             "probability of naming something where nothing is",
         ),
     ]
-    drop = html.Div(
-        [
-            html.Button("Choose simulated runs …", className="main", **parts.marks(data_chooses="simulation")),
-            html.Span(" or drop them here: one file a run, named as the recorded one; or a model file (.toml, .fmu)."),
-            html.Div(className="uploads", role="status"),
-        ],
-        className="drop",
-        **parts.marks(data_uploads="simulation"),
+    drop = parts.drop_zone(
+        "simulation",
+        "Choose simulated runs …",
+        "or drop them here: one file a run, named as the recorded one; or a model file (.toml, .fmu).",
     )
     return html.Div(
         [

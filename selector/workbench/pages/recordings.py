@@ -38,14 +38,10 @@ _GUESS = "* guessed, nobody said it"
 
 def layout(bench: Bench) -> Component:
     """Files, how they were read, channels, courses, findings."""
-    drop = html.Div(
-        [
-            html.Button("Choose recordings …", className="main", **parts.marks(data_chooses="recordings")),
-            html.Span(" or drop them here: text tables, Excel, Parquet, MAT, TDMS, MDF; one file a run."),
-            html.Div(className="uploads", role="status"),
-        ],
-        className="drop",
-        **parts.marks(data_uploads="recordings"),
+    drop = parts.drop_zone(
+        "recordings",
+        "Choose recordings …",
+        "or drop them here: text tables, Excel, Parquet, MAT, TDMS, MDF; one file a run.",
     )
     return html.Div(
         [
