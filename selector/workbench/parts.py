@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
+import dash
 import plotly.graph_objects as go
-from dash import dcc, html, set_props
+from dash import Input, Output, State, dcc, html, set_props
 from dash.development.base_component import Component
 from dash.exceptions import PreventUpdate
 
@@ -137,18 +138,81 @@ def download(relative: str, text: str) -> Component:
     return html.A(text, href=f"{result_address(relative)}?download=1", download=relative.rpartition("/")[2])
 
 
-def require_news(now: Any, shown: Any) -> None:
-    """Leaves what is shown as it is, opened details too, where nothing of it is different."""
-    if now == shown:
-        raise PreventUpdate
+def register_start(
+    app: dash.Dash,
+    bench: Bench,
+    page: str,
+    title: str,
+    command: Callable[[], Sequence[str] | None],
+    folder: Callable[[], str],
+    missing: Callable[[], InputError],
+) -> None:
+    """The button ``{page}-start`` puts the page's command, which writes `folder`, into the queue.
+
+    Parameters
+    ----------
+    app, bench
+    page : str
+        ``ID`` of the page.
+    title : str
+        Of the job.
+    command : callable
+        The words after ``selector``; None: something is missing.
+    folder : callable
+        Folder of the results in the study folder.
+    missing : callable
+        What is said when something is missing.
+    """
+
+    @app.callback(Input(f"{page}-start", "n_clicks"), prevent_initial_call=True)
+    def _start(_: Any) -> None:
+        asked = command()
+        if asked is None:
+            raise missing()
+        bench.start(title, asked, bench.folder / folder())
+        tell(bench)
 
 
-def last_job(bench: Bench, title: str, relative: str) -> tuple[Job | None, list[Any]]:
-    """The last job with this title, and what tells its answer, or the result at `relative`, from another one."""
-    job = next((job for job in reversed(bench.jobs.all) if job.title == title), None)
-    path = bench.folder / relative
-    stamp = path.stat().st_mtime_ns if path.is_file() else 0
-    return job, [None if job is None else [job.number, job.state], str(stamp)]
+def register_answer(
+    app: dash.Dash,
+    bench: Bench,
+    page: str,
+    title: str,
+    sheet: Callable[[], str],
+    answered: Callable[[str], Any],
+    is_open: bool = False,
+) -> None:
+    """``{page}-answer`` shows what the last job with this title said and wrote.
+
+    What is shown stays as it is, opened details too, where nothing of it is different; ``{page}-answered`` tells.
+
+    Parameters
+    ----------
+    app, bench, page, title
+        As `register_start`.
+    sheet : callable
+        The page of the results, relative to the study folder; when it is written anew, there is another answer.
+    answered : callable
+        The results, from a stamp that tells this sheet from another one; None: there are none.
+    is_open : bool
+        Whether all that the command said is seen at once.
+    """
+
+    @app.callback(
+        Output(f"{page}-answer", "children"),
+        Output(f"{page}-answered", "data"),
+        Input(REVISION, "data"),
+        State(f"{page}-answered", "data"),
+    )
+    def _answer(_: Any, shown: Any) -> tuple[Any, Any]:
+        job = next((job for job in reversed(bench.jobs.all) if job.title == title), None)
+        path = bench.folder / sheet()
+        stamp = str(path.stat().st_mtime_ns if path.is_file() else 0)
+        now = [None if job is None else [job.number, job.state], stamp]
+        if now == shown:
+            raise PreventUpdate
+        said = None if job is None else job_answer(job, is_open)
+        return [said, answered(stamp)], now
 
 
 def result_address(relative: str) -> str:

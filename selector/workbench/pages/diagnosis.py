@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import dash
-from dash import ALL, Input, Output, State, dcc, html
+from dash import ALL, Input, Output, dcc, html
 from dash.development.base_component import Component
 
 from selector.errors import OptionError
@@ -116,31 +116,19 @@ def register(app: dash.Dash, bench: Bench) -> None:
         ):
             parts.tell(bench)
 
-    @app.callback(Input(f"{ID}-start", "n_clicks"), prevent_initial_call=True)
-    def _start(_: int) -> None:
-        asked = command(bench)
-        if asked is None:
-            raise OptionError(
-                "nothing to compare",
-                expected="recordings that can be read, and simulated runs of the same names",
-                where=TITLE,
-                advice="load recordings on the first page, and simulated runs here",
-            )
-        bench.start(TITLE, asked, bench.folder / DIAGNOSIS)
-        parts.tell(bench)
-
-    @app.callback(
-        Output(f"{ID}-answer", "children"),
-        Output(f"{ID}-answered", "data"),
-        Input(parts.REVISION, "data"),
-        State(f"{ID}-answered", "data"),
+    parts.register_start(app, bench, ID, TITLE, lambda: command(bench), lambda: DIAGNOSIS, _missing)
+    parts.register_answer(
+        app, bench, ID, TITLE, lambda: f"{DIAGNOSIS}/report.html", lambda stamp: _answered(bench, stamp)
     )
-    def _answer(_: int, shown: Any) -> tuple[Any, Any]:
-        job, now = parts.last_job(bench, TITLE, f"{DIAGNOSIS}/report.html")
-        parts.require_news(now, shown)
-        said = parts.job_answer(job) if job is not None else None
-        result = bench.result(f"{DIAGNOSIS}/diagnosis.json")
-        return (said if result is None else [said, _answered(bench, result, now[-1])]), now
+
+
+def _missing() -> OptionError:
+    return OptionError(
+        "nothing to compare",
+        expected="recordings that can be read, and simulated runs of the same names",
+        where=TITLE,
+        advice="load recordings on the first page, and simulated runs here",
+    )
 
 
 def _files(bench: Bench) -> Component:
@@ -159,7 +147,10 @@ def _files(bench: Bench) -> Component:
     return parts.table(["simulated", "recorded run", ""], rows, name="files")
 
 
-def _answered(bench: Bench, result: Mapping[str, Any], stamp: str) -> Component:
+def _answered(bench: Bench, stamp: str) -> Component | None:
+    result = bench.result(f"{DIAGNOSIS}/diagnosis.json")
+    if result is None:
+        return None
     there = [(name, text) for name, text in _FILES if (bench.folder / DIAGNOSIS / name).is_file()]
     links = [parts.download(f"{DIAGNOSIS}/{name}", text) for name, text in there]
     look = "advice" if result["verdict"] in _GOOD else "advice bad"

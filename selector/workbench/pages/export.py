@@ -93,31 +93,25 @@ def register(app: dash.Dash, bench: Bench) -> None:
         ):
             parts.tell(bench)
 
-    @app.callback(Input(f"{ID}-start", "n_clicks"), prevent_initial_call=True)
-    def _start(_: int) -> None:
-        asked = command(bench)
-        if asked is None:
-            raise OptionError(
-                "no model in the study folder",
-                expected="a model.json of a selection or of a diagnosis",
-                where=TITLE,
-                advice="run a selection first",
-            )
-        bench.start(TITLE, asked, bench.folder / bench.export.folder)
-        parts.tell(bench)
-
-    @app.callback(
-        Output(f"{ID}-answer", "children"),
-        Output(f"{ID}-answered", "data"),
-        Input(parts.REVISION, "data"),
-        State(f"{ID}-answered", "data"),
+    parts.register_start(app, bench, ID, TITLE, lambda: command(bench), lambda: bench.export.folder, _missing)
+    parts.register_answer(
+        app,
+        bench,
+        ID,
+        TITLE,
+        lambda: f"{bench.export.folder}/{_SHEET}",
+        lambda stamp: _files(bench.folder / bench.export.folder, stamp),
+        is_open=True,
     )
-    def _answer(_: int, shown: Any) -> tuple[Any, Any]:
-        job, now = parts.last_job(bench, TITLE, f"{bench.export.folder}/{_SHEET}")
-        parts.require_news(now, shown)
-        said = parts.job_answer(job, is_open=True) if job is not None else None
-        folder = bench.folder / bench.export.folder
-        return [said, _files(folder, now[-1]) if (folder / _SHEET).is_file() else None], now
+
+
+def _missing() -> OptionError:
+    return OptionError(
+        "no model in the study folder",
+        expected="a model.json of a selection or of a diagnosis",
+        where=TITLE,
+        advice="run a selection first",
+    )
 
 
 def _models(bench: Bench) -> list[str]:
@@ -125,8 +119,10 @@ def _models(bench: Bench) -> list[str]:
     return [place for place in places if (bench.folder / place).is_file()]
 
 
-def _files(folder: Path, stamp: str) -> Component:
-    """Every file as text, and the sheet in a frame."""
+def _files(folder: Path, stamp: str) -> Component | None:
+    """Every file as text, and the sheet in a frame; None: nothing was exported."""
+    if not (folder / _SHEET).is_file():
+        return None
     texts = [path for path in sorted(folder.iterdir()) if path.is_file() and path.suffix not in (".html", ".json")]
     links = [
         parts.download(f"{folder.name}/{path.name}", path.name)

@@ -105,40 +105,10 @@ def register(app: dash.Dash, bench: Bench) -> None:
             return None, now, []
         return _sensors(bench), now, list(reading.recording.with_role("displacement"))
 
-    @app.callback(Input(f"{ID}-start", "n_clicks"), prevent_initial_call=True)
-    def _start(_: int) -> None:
-        asked = command(bench)
-        if asked is None:
-            raise OptionError(
-                "no recordings", expected="recordings that can be read", where=TITLE, advice="load some first"
-            )
-        bench.start(TITLE, asked, bench.folder / SELECTION)
-        parts.tell(bench)
-
-    @app.callback(
-        Output(f"{ID}-answer", "children"),
-        Output(f"{ID}-answered", "data"),
-        Input(parts.REVISION, "data"),
-        State(f"{ID}-answered", "data"),
+    parts.register_start(app, bench, ID, TITLE, lambda: command(bench), lambda: SELECTION, _missing)
+    parts.register_answer(
+        app, bench, ID, TITLE, lambda: f"{SELECTION}/report.html", lambda stamp: _answered(bench, stamp)
     )
-    def _answer(_: int, shown: Any) -> tuple[Any, Any]:
-        job, now = parts.last_job(bench, TITLE, f"{SELECTION}/report.html")
-        parts.require_news(now, shown)
-        said = parts.job_answer(job) if job is not None else None
-        result = bench.result(f"{SELECTION}/selection.json")
-        if result is None:
-            return said, now
-        links = [parts.download(f"{SELECTION}/{name}", text) for name, text in _FILES]
-        chosen = result["chosen"]
-        answer = [
-            html.Div(
-                [html.P(f"Keep {', '.join(chosen['sensors'])}.", className="first"), html.P(chosen["because"])],
-                className="advice",
-            ),
-            html.Div([html.Span("Save: "), *links], className="row"),
-            parts.framed(f"{SELECTION}/report.html", "Report of the selection", now[-1]),
-        ]
-        return [said, parts.section("The answer", *answer)], now
 
 
 def _register_options(app: dash.Dash, bench: Bench) -> None:
@@ -189,6 +159,27 @@ def _register_options(app: dash.Dash, bench: Bench) -> None:
         """Other pages choose options, too."""
         asked = bench.options
         return _level_text(bench), list(asked.responses), *(str(getattr(asked, name)) for name, _ in _NUMBERS)
+
+
+def _missing() -> OptionError:
+    return OptionError("no recordings", expected="recordings that can be read", where=TITLE, advice="load some first")
+
+
+def _answered(bench: Bench, stamp: str) -> Component | None:
+    result = bench.result(f"{SELECTION}/selection.json")
+    if result is None:
+        return None
+    links = [parts.download(f"{SELECTION}/{name}", text) for name, text in _FILES]
+    chosen = result["chosen"]
+    return parts.section(
+        "The answer",
+        html.Div(
+            [html.P(f"Keep {', '.join(chosen['sensors'])}.", className="first"), html.P(chosen["because"])],
+            className="advice",
+        ),
+        html.Div([html.Span("Save: "), *links], className="row"),
+        parts.framed(f"{SELECTION}/report.html", "Report of the selection", stamp),
+    )
 
 
 def _sensors(bench: Bench) -> Component:

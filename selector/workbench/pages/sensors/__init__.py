@@ -120,15 +120,11 @@ def register(app: dash.Dash, bench: Bench) -> None:
         except (TypeError, ValueError) as wrong:
             return flask.jsonify({"refused": f"this move cannot be understood: {wrong}"})
 
-    @app.callback(Input(f"{ID}-start", "n_clicks"), prevent_initial_call=True)
-    def _start(_: int) -> None:
-        asked = command(bench)
-        if asked is None:
-            raise OptionError(
-                "no recordings", expected="recordings that can be read", where=TITLE, advice="load some first"
-            )
-        bench.start("Selection", asked, bench.folder / SELECTION)
-        parts.tell(bench)
+    parts.register_start(app, bench, ID, "Selection", lambda: command(bench), lambda: SELECTION, _missing)
+
+
+def _missing() -> OptionError:
+    return OptionError("no recordings", expected="recordings that can be read", where=TITLE, advice="load some first")
 
 
 def _moved(bench: Bench, asked: Any) -> dict[str, Any]:
