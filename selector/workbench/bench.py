@@ -23,7 +23,7 @@ from selector.workbench.jobs import Job, Jobs
 from selector.workbench.live import Live
 from selector.workbench.saved_study import Asked, asked_in, save
 from selector.workbench.sensor_places import placed
-from selector.workbench.study_folder import MACHINE, MACHINE_BEFORE, RECORDINGS, SIMULATION
+from selector.workbench.study_folder import MACHINE, MACHINE_BEFORE, RECORDINGS, SIMULATION, files_in
 
 MODEL_ENDINGS = (".toml", ".fmu")
 """Of models that a diagnosis runs itself."""
@@ -81,7 +81,7 @@ class Bench:
         saved = asked_in(folder)
         asked = saved or Asked()
         named = [file.resolve() for file in files]
-        there = dict.fromkeys([*asked.runs, *named, *_files_in(folder / RECORDINGS)])
+        there = dict.fromkeys([*asked.runs, *named, *files_in(folder / RECORDINGS)])
         self._loaded = [Loaded(path, saved is None or path in asked.runs or path in named) for path in there]
         own = folder / MACHINE
         self._machine = machine.resolve() if machine is not None else asked.machine or (own if own.is_file() else None)
@@ -112,7 +112,7 @@ class Bench:
     @property
     def simulated(self) -> tuple[Path, ...]:
         """The simulated runs in the study folder."""
-        return _files_in(self.folder / SIMULATION)
+        return files_in(self.folder / SIMULATION)
 
     @property
     def machine(self) -> Path | None:
@@ -352,12 +352,6 @@ class Bench:
         """Something that pages show is different now, e.g. a file of the study folder."""
         with self._lock:
             self._revision += 1
-
-
-def _files_in(folder: Path) -> tuple[Path, ...]:
-    if not folder.is_dir():
-        return ()
-    return tuple(sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith(".")))
 
 
 def _input_error(error: Exception) -> InputError:

@@ -14,13 +14,14 @@ from dash import ClientsideFunction, Input, Output, State, dcc, html, no_update
 from dash.development.base_component import Component
 
 from selector import __version__
-from selector.errors import InputError
+from selector.errors import InputError, ReadError
 from selector.report.page import TEMPLATES
 from selector.workbench import parts
 from selector.workbench.access import RESULT_POLICY, Access, guard
 from selector.workbench.bench import Bench
 from selector.workbench.commands import command_words
 from selector.workbench.pages import diagnosis, export, recordings, selection, sensors
+from selector.workbench.refusals import UPLOAD, answer_refusals, tell
 from selector.workbench.study_folder import RECORDINGS, UPLOADS, inside, stored
 
 PAGES: tuple[ModuleType, ...] = (recordings, sensors, selection, diagnosis, export)
@@ -53,6 +54,7 @@ def page(bench: Bench, access: Access) -> dash.Dash:
         one.register(app, bench)
     _add_routes(app.server, bench)
     guard(app.server, access, app.csp_hashes())
+    answer_refusals(app.server)
     return app
 
 
@@ -175,6 +177,7 @@ def _status(bench: Bench) -> list[Component]:
 def _said(error: Exception) -> None:
     """Shows what a callback could not do; a defect of ours says so."""
     if not isinstance(error, InputError):
+        tell("a callback of the page", error)
         error = InputError(
             f"this is a defect of the workbench, not of your data: {type(error).__name__}: {error}",
             expected="",
@@ -189,7 +192,7 @@ def _add_routes(server: flask.Flask, bench: Bench) -> None:
     def _look() -> flask.Response:
         return flask.send_file(TEMPLATES / "page.css", mimetype="text/css")
 
-    @server.post("/upload/<kind>")
+    @server.post(f"{UPLOAD}<kind>")
     def _upload(kind: str) -> flask.Response:
         """Stores the body of the request; the answer says the name, or why it is refused."""
         if kind not in UPLOADS:
@@ -199,7 +202,7 @@ def _add_routes(server: flask.Flask, bench: Bench) -> None:
         try:
             path = stored(bench.folder / kind, said, flask.request.stream.read, length)
         except InputError as refused:
-            return flask.Response(f"{refused}\n", 413, mimetype="text/plain")
+            return flask.Response(f"{refused}\n", 413 if isinstance(refused, ReadError) else 507, mimetype="text/plain")
         if kind == RECORDINGS:
             bench.add(path)
         else:

@@ -17,7 +17,8 @@ PICTURES = "pictures"
 UPLOADS = (RECORDINGS, SIMULATION, PICTURES)
 MOST_UPLOADED_BYTES = 200_000_000
 
-_LONGEST_NAME = 120
+_LONGEST_NAME, _LONGEST_NAME_BYTES = 121, 200
+"""File systems take 255 bytes, Windows 260 characters with all folders; a number may be added."""
 _PIECE_BYTES = 1 << 20
 _RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 
@@ -34,7 +35,8 @@ def new_folder(place: Path) -> Path:
 def safe_name(said: str) -> str:
     r"""The name under which a file that a browser sent is stored: letters, digits, ``.``, ``-``, ``_``, blanks.
 
-    A path loses its folders; what no file system takes becomes ``_``; a name that Windows reserves gets a ``_``.
+    A path loses its folders; what no file system takes becomes ``_``; a name that Windows reserves gets a ``_``; one
+    that is too long is cut before its ending.
 
     >>> safe_name("..\\..\\etc/passwd"), safe_name("día 1 (warm).csv"), safe_name("con.csv"), safe_name("...")
     ('passwd', 'día 1 _warm_.csv', '_con.csv', 'recording')
@@ -43,9 +45,15 @@ def safe_name(said: str) -> str:
     kept = re.sub(r"[^\w.\- ]", "_", last).strip(" .")
     stem, dot, ending = kept.rpartition(".")
     if dot and len(ending) <= 10:
-        kept = stem[: _LONGEST_NAME - len(ending)].rstrip(" .") + dot + ending
-    kept = kept[: _LONGEST_NAME + 1].lstrip(".-~ ") or "recording"
+        kept = _cut(stem, dot + ending).rstrip(" .") + dot + ending
+    kept = _cut(kept).strip(".-~ ") or "recording"
     return f"_{kept}" if _RESERVED.fullmatch(kept) else kept
+
+
+def _cut(text: str, ending: str = "") -> str:
+    """The beginning of a name that has room with this ending, in whole characters."""
+    short = text[: _LONGEST_NAME - len(ending)].encode()[: _LONGEST_NAME_BYTES - len(ending.encode())]
+    return short.decode(errors="ignore")
 
 
 def free_name(folder: Path, name: str) -> str:
@@ -61,13 +69,19 @@ def free_name(folder: Path, name: str) -> str:
 
 def inside(folder: Path, relative: str) -> Path | None:
     """The file that `relative` names in `folder`, all links followed; None: it is not there, or not in it."""
-    if "\0" in relative:
-        return None
     try:
         root, path = folder.resolve(), (folder / relative).resolve()
         return path if path.is_relative_to(root) and path.is_file() else None
-    except OSError:
+    except (OSError, RuntimeError, ValueError):
+        # links that lead to themselves, names that no file system takes
         return None
+
+
+def files_in(folder: Path) -> tuple[Path, ...]:
+    """The files in a folder that are there, by name; none if there is no such folder."""
+    if not folder.is_dir():
+        return ()
+    return tuple(sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith(".")))
 
 
 def stored(folder: Path, said: str, read: Callable[[int], bytes], length: int | None) -> Path:
@@ -87,11 +101,28 @@ def stored(folder: Path, said: str, read: Callable[[int], bytes], length: int | 
     ------
     ReadError
         There are more bytes than `MOST_UPLOADED_BYTES`, or fewer than were announced.
+    OptionError
+        The folder takes no file: the disk is full, it is gone, or nobody may write there.
     """
     name = safe_name(said)
     if length is not None and length > MOST_UPLOADED_BYTES:
         raise _too_large(name)
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        return _stored(folder, name, read, length)
+    except ConnectionError:
+        raise
+    except OSError as error:
+        raise OptionError(
+            f"{name} cannot be stored ({error.strerror or error})",
+            expected="a study folder that is there, and that takes files of this size",
+            where=str(folder),
+            advice="make room on the disk, or let the folder be written to, and send the file again",
+        ) from error
+
+
+def _stored(folder: Path, name: str, read: Callable[[int], bytes], length: int | None) -> Path:
+    # a study folder that was removed is not made again behind the user's back
+    folder.mkdir(exist_ok=True)
     part = folder / f".{secrets.token_hex(8)}.part"
     received = 0
     try:

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import errno
+import io
+import os
+from pathlib import Path
+
 import pytest
 from flask.testing import FlaskClient
 
-from selector.workbench import study_folder
+from selector.workbench import page as page_module
+from selector.workbench import refusals, study_folder
 from selector.workbench.access import TOKEN, Access
 from selector.workbench.bench import Bench
 from selector.workbench.page import page
@@ -99,6 +105,8 @@ def test_nothing_is_stored_without_the_token(stranger, study):
         {"Origin": f"https://127.0.0.1:{PORT}"},
         {"Origin": f"http://127.0.0.1:{PORT}.evil.example"},
         {"Origin": "null"},
+        {"Origin": "http://[::1"},
+        {"Origin": ""},
         {"Sec-Fetch-Site": "cross-site"},
         {"Sec-Fetch-Site": "same-site"},
     ],
@@ -190,6 +198,41 @@ def test_too_large_is_refused_before_and_while_it_is_read(client, study, monkeyp
     assert "larger" not in announced.text
     assert "What to do" in announced.text
     assert list(study.rglob("*.csv")) == []
+
+
+def test_a_disk_that_takes_nothing_is_told(client, study, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "link", full)
+    monkeypatch.setattr(Path, "rename", full)
+    answer = client.post("/upload/recordings?name=r1.csv", base_url=OWN, data=b"x")
+    assert answer.status_code == 507
+    assert "No space left" in answer.text
+    assert "What to do" in answer.text
+
+
+@pytest.mark.parametrize("path", ["/_dash-update-component", "/sensors/move", "/nonsense"])
+def test_requests_without_a_file_are_small(client, monkeypatch, path):
+    monkeypatch.setattr(refusals, "MOST_REQUEST_BYTES", 1000)
+    assert client.post(path, base_url=OWN, data=b"x" * 1001).status_code == 413
+    pieces = client.post(path, base_url=OWN, input_stream=io.BytesIO(b"x"), headers={"Transfer-Encoding": "chunked"})
+    assert pieces.status_code == 411
+
+
+def test_a_defect_is_one_line_for_the_page_and_told_at_the_terminal(client, monkeypatch, caplog):
+    def broken(*_):
+        raise ZeroDivisionError("secret words")
+
+    monkeypatch.setattr(page_module, "inside", broken)
+    answer = client.get("/results/selection/report.html", base_url=OWN)
+    assert answer.status_code == 500
+    assert answer.mimetype == "text/plain"
+    assert answer.text.count("\n") == 1
+    assert "ZeroDivisionError" in answer.text
+    assert "Traceback" not in answer.text
+    assert "default-src 'none'" in answer.headers["Content-Security-Policy"]
+    assert "GET /results/selection/report.html: ZeroDivisionError: secret words" in caplog.text
 
 
 def test_an_unknown_folder_receives_nothing(client, study):

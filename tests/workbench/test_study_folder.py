@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import io
+import os
+import types
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -10,7 +15,7 @@ from hypothesis import strategies as st
 
 from selector.errors import OptionError, ReadError
 from selector.workbench import study_folder
-from selector.workbench.study_folder import free_name, inside, new_folder, require_usable, safe_name, stored
+from selector.workbench.study_folder import files_in, free_name, inside, new_folder, require_usable, safe_name, stored
 
 
 @pytest.mark.parametrize(
@@ -30,6 +35,8 @@ from selector.workbench.study_folder import free_name, inside, new_folder, requi
         ("...", "recording"),
         ("", "recording"),
         ("x" * 300 + ".csv", "x" * 117 + ".csv"),
+        ("测" * 100 + ".csv", "测" * 65 + ".csv"),
+        ("𝟏" * 100, "𝟏" * 50),
         ("r1.csv.", "r1.csv"),
         ("~$r1.xlsx", "__r1.xlsx"),
     ],
@@ -43,6 +50,7 @@ def test_every_name_is_a_name_in_this_folder(said):
     name = safe_name(said)
     assert name
     assert len(name) <= 125
+    assert len(name.encode()) <= 205
     assert name[0] not in ".-~ "
     assert name[-1] not in ". "
     assert not set(name) & set('/\\:*?"<>|\0\n')
@@ -85,6 +93,40 @@ def test_what_breaks_off_leaves_nothing(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_name_of_wide_characters_is_stored_and_can_be_sent_again(tmp_path):
+    names = [stored(tmp_path, "测" * 90 + ".csv", io.BytesIO(b"x").read, 1).name for _ in range(2)]
+    assert names[1] == names[0].replace(".csv", "_2.csv")
+
+
+@pytest.mark.parametrize("what", ["write", "link"])
+def test_a_full_disk_is_told_and_leaves_nothing(tmp_path, monkeypatch, what):
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    if what == "write":
+        monkeypatch.setattr(study_folder, "_PIECE_BYTES", 10)
+        real = Path.open
+
+        def opened(path, *arguments, **options):
+            stream = real(path, *arguments, **options)
+            return contextlib.closing(types.SimpleNamespace(write=full, close=stream.close))
+
+        monkeypatch.setattr(Path, "open", opened)
+    else:
+        monkeypatch.setattr(os, "link", full)
+        monkeypatch.setattr(Path, "rename", full)
+    with pytest.raises(OptionError, match=r"r1\.csv cannot be stored") as refused:
+        stored(tmp_path, "r1.csv", io.BytesIO(b"x" * 100).read, 100)
+    assert "make room on the disk" in str(refused.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_study_folder_that_is_gone_is_told_and_not_made_again(tmp_path):
+    with pytest.raises(OptionError, match=r"r1\.csv cannot be stored"):
+        stored(tmp_path / "study" / "recordings", "r1.csv", io.BytesIO(b"x").read, 1)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_new_study_never_takes_an_old_folder(tmp_path):
     assert new_folder(tmp_path).name == "selector-study"
     (tmp_path / "selector-study").mkdir()
@@ -107,6 +149,10 @@ def test_inside_follows_links_before_it_judges(tmp_path):
     except OSError:
         pytest.skip("links cannot be made here")
     assert inside(study, "link/secret") is None
+    (study / "loop").symlink_to(study / "loop")
+    for name in ("loop", "loop/a.json", "x" * 300, "\ud800"):
+        assert inside(study, name) is None
+    assert files_in(study) == (study / "a.json",)
 
 
 def test_a_folder_that_cannot_be_used_is_refused(tmp_path):

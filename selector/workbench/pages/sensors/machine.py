@@ -21,7 +21,7 @@ from selector.recording import SENSOR_ROLES, Channel
 from selector.workbench import parts
 from selector.workbench.bench import Bench
 from selector.workbench.pages.sensors.names import ID
-from selector.workbench.study_folder import PICTURES
+from selector.workbench.study_folder import PICTURES, files_in
 
 MOST_PHOTO_BYTES = 8_000_000
 _VIEWS = {"front": "front view", "side": "side view"}
@@ -112,11 +112,8 @@ def pins(bench: Bench) -> Pins:
 
 def photos(bench: Bench) -> Mapping[str, str]:
     """View → the newest picture in the study folder that is of it, as an address that holds the picture itself."""
-    folder = bench.folder / PICTURES
     found: dict[str, str] = {}
-    if not folder.is_dir():
-        return found
-    for path in sorted(folder.iterdir(), key=lambda one: one.stat().st_mtime):
+    for path in sorted(files_in(bench.folder / PICTURES), key=lambda one: one.stat().st_mtime):
         for word, view in _VIEWS.items():
             if path.name.casefold().startswith(word) and (address := _address(path, path.stat().st_mtime)):
                 found[view] = address
