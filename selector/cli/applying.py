@@ -47,8 +47,7 @@ def apply(
     read = read_model(model)
     reading = source.reading()
     if out is not None:
-        named = [model, *([] if source.machine is None else [source.machine])]
-        refuse_to_replace_input(out, [*named, *(run.file for run in reading.runs)], "--out")
+        refuse_to_replace_input(out, [model, *source.machine_files, *(run.file for run in reading.runs)], "--out")
     outputs = [output.name for output in read.outputs]
     # what is missing altogether, apply_model says in the words of the model
     used = {*outputs, *(item.name for item in read.inputs)} & set(reading.recording.names)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,7 +15,7 @@ from selector.cli.files import folder_written_whole, refuse_to_replace_input, re
 from selector.cli.models import Model
 from selector.cli.progress import counted_progress
 from selector.cli.showing import AsJson
-from selector.cli.source import MachineFile, Source, pairs
+from selector.cli.source import Source, pairs, with_source
 from selector.errors import ModelFileError, OptionError
 from selector.findings import Finding, Where
 
@@ -66,12 +67,12 @@ Slews = Annotated[
 ]
 
 
+@partial(with_source, runs=ReplayOf)
 def export(
+    source: Source,
     model: Model,
     target: For,
     out: Out,
-    replay: ReplayOf = None,
-    machine: MachineFile = None,
     clamp: Clamps = None,
     slew: Slews = None,
     invert: Inverts = None,
@@ -104,10 +105,10 @@ def export(
     # the model itself may lie there: it stays as it is
     own = [] if (out / MODEL).exists() and (out / MODEL).samefile(model) else [MODEL]
     files = [*exported.files, *own, SHEET]
-    reading = Source(runs=replay, machine=machine).reading() if replay else None
+    reading = source.reading() if source.runs else None
     recorded = [] if reading is None else [run.file for run in reading.runs]
     for name in files:
-        refuse_to_replace_input(out / name, [model, *([] if machine is None else [machine]), *recorded], "--out")
+        refuse_to_replace_input(out / name, [model, *source.machine_files, *recorded], "--out")
     proof = None
     if reading is not None:
         proof, of_replay = _replayed(read, chosen, exported.files, reading)
@@ -179,6 +180,7 @@ def _replayed(
     model: ModelFile, target: Target, files: Mapping[str, str], reading: Reading
 ) -> tuple[Replay | None, list[Finding]]:
     from selector.controllers.replay.replayed import replayed
+    from selector.controllers.sampling import other_sampling
     from selector.controllers.writers.targets import NotExecutableError
 
     total = len(reading.recording.runs)
@@ -201,7 +203,8 @@ def _replayed(
                     suggestion=error.advice,
                 )
             ]
-    return proof, [*reading.findings, *_of_runs(proof), *_of_parts(proof)]
+    of_clock = other_sampling(model, reading.recording, is_guarded=target.has_guard)
+    return proof, [*reading.findings, *of_clock, *_of_runs(proof), *_of_parts(proof)]
 
 
 def _of_parts(proof: Replay) -> Iterator[Finding]:

@@ -113,7 +113,7 @@ def predict(
     _require_positive(resolution, "--resolution", "minutes above 0", "e.g. --resolution 1, or leave it out")
     if out is not None:
         require_writable_folder(out, "--out")
-        _refuse_folder_of_inputs(out, [cycle, *([] if source.machine is None else [source.machine]), *source.runs])
+        _refuse_folder_of_inputs(out, [cycle, *source.machine_files, *source.runs])
     steps = read_cycle(cycle)
     cyclogram, of_cycle = cyclogram_of_rows(steps.time_s, steps.speed_rpm, lengths_s)
     reading = source.reading()

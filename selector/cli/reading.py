@@ -37,11 +37,12 @@ def describe(
 ) -> None:
     """Shows what was read, what was guessed and what is wrong with the recordings.
 
-    With --write the guesses become a machine file: correct it and give it to every other command with --machine.
+    With --write the guesses become a machine file: correct it and give it to every other command with --machine. A
+    clock that was guessed stands in it as a comment only, so that every command says so until you do.
     """
     from selector.cli.material import drift_of
     from selector.quality import inspect, without_faults
-    from selector.readers import machine_of, write_machine_file
+    from selector.readers import guessed_clock, machine_of, write_machine_file
 
     if write is not None:
         refuse_to_overwrite(write, force=force, option="--write")
@@ -52,7 +53,7 @@ def describe(
     description: dict[str, Any] = {**reading.description(), "drift": drift, "findings": findings}
     if write is not None:
         refuse_to_replace_input(write, [run.file for run in reading.runs], "--write")
-        write_machine_file(machine_of(reading), write, reading.undeclared)
+        write_machine_file(machine_of(reading), write, reading.undeclared, guessed_clock(reading))
     if as_json:
         showing.print_json(description)
     console = showing.screen(as_json)

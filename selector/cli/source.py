@@ -108,6 +108,11 @@ class Source:
     unit: Units = None
     role: Roles = None
 
+    @property
+    def machine_files(self) -> tuple[Path, ...]:
+        """The machine file that was named, if one was."""
+        return () if self.machine is None else (self.machine,)
+
     def reading(self) -> Reading:
         """The recordings, and how they were read.
 
@@ -145,10 +150,11 @@ class Source:
         )
 
 
-def with_source(command: Callable[..., None]) -> Callable[..., None]:
+def with_source(command: Callable[..., None], runs: Any = None) -> Callable[..., None]:
     """A command whose first parameter is a `Source`, with one command-line parameter for each field of it.
 
-    A command that has a parameter `from_study` can do without RUN... and may get a `Source` without runs.
+    A command that has a parameter `from_study`, or names its recordings by an option (`runs`, annotated as that), can
+    do without them and may get a `Source` without runs.
 
     >>> @with_source
     ... def count(source, quiet: bool = False): ...
@@ -162,6 +168,8 @@ def with_source(command: Callable[..., None]) -> Callable[..., None]:
     ]
     if any(part.name == "from_study" for part in own):
         hints["runs"] = RunsOrStudy
+    elif runs is not None:
+        hints["runs"] = runs
     shared = [
         inspect.Parameter(
             field.name,
@@ -179,7 +187,7 @@ def with_source(command: Callable[..., None]) -> Callable[..., None]:
 
     # RUN... takes all words that are left, so what a command itself takes by position stands before it;
     # how files are read comes last on the help page
-    leading = [part for part in own if _is_argument(part.annotation)]
+    leading = [part for part in own if _is_argument(part.annotation) or (runs is not None and _is_needed(part))]
     parameters = [*leading, *shared[:2], *(part for part in own if part not in leading), *shared[2:]]
     spread.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     spread.__annotations__ = {part.name: part.annotation for part in parameters}
@@ -190,11 +198,15 @@ def _default_of(field: Field[Any], runs: Any) -> Any:
     """The default of a command-line parameter; the recordings have none, unless a study may name them."""
     if field.name != "runs":
         return field.default
-    return None if runs is RunsOrStudy else inspect.Parameter.empty
+    return inspect.Parameter.empty if runs is Runs else None
 
 
 def _is_argument(annotation: Any) -> bool:
     return any(isinstance(note, type(typer.Argument())) for note in get_args(annotation))
+
+
+def _is_needed(part: inspect.Parameter) -> bool:
+    return part.default is inspect.Parameter.empty
 
 
 def pairs(values: list[str] | None, option: str) -> dict[str, str]:

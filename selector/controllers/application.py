@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from selector.atomic_file import write_whole
 from selector.controllers.evaluator import evaluate, first_finite
 from selector.controllers.model_file import Input, ModelFile, Output
+from selector.controllers.sampling import other_sampling
 from selector.controllers.sensor_check import outside_valid_range, time_share, usable_readings
 from selector.errors import OptionError, RecordingError, UnitError
 from selector.findings import Finding, Where
@@ -114,7 +115,7 @@ def apply_model(
     require_channels(model, recording)
     _require_starts(start_readings, recording.runs, [item.name for item in model.inputs], "start_readings")
     _require_starts(displacement_start, recording.runs, [item.name for item in model.outputs], "displacement_start")
-    findings: list[Finding] = []
+    findings = list(other_sampling(model, recording))
     per_run: dict[str, dict[str, Accuracy]] = {}
     tables: list[pd.DataFrame] = []
     recorded: dict[str, list[Array]] = {output.name: [] for output in model.outputs}

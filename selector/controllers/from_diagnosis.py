@@ -226,6 +226,7 @@ def _file(comparison: Comparison, fits: dict[str, _Fit], found: Diagnosis, partl
         outputs=tuple(outputs),
         guard=Guard(limits=tuple(limits)),
         provenance=Provenance(
+            period_s=comparison.period_s if comparison.period_s > 0.0 else None,
             version=__version__,
             seed=found.seed,
             method=", ".join(effect.id for effect in found.effects if effect.id.startswith("thermal.")),

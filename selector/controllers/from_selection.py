@@ -21,6 +21,7 @@ from selector.controllers.model_file import (
     Term,
     Validation,
 )
+from selector.controllers.sampling import period_of
 from selector.controllers.self_check import check_vectors
 from selector.models.least_squares import FittedModel
 from selector.models.terms import Scaling
@@ -45,7 +46,8 @@ def model_file_of(
     channels : tuple of Channel
         Those of the recording, for roles, units and places.
     source : RunSource, optional
-        The recording; gives the fastest change of each sensor, of which five times (at least 1 K/min) is the limit.
+        The recording; gives the sampling period, and the fastest change of each sensor, of which five times (at least
+        1 K/min) is the limit.
     date : str, optional
         ISO date to write into the file; the clock is never read.
     """
@@ -97,6 +99,7 @@ def model_file_of(
         provenance=Provenance(
             machine=selection.provenance.get("machine"),
             data_sha256=hashes,
+            period_s=None if source is None else period_of(source),
             version=__version__,
             date=date,
             seed=selection.options.seed,

@@ -192,6 +192,7 @@ class Provenance(_Closed):
     data_sha256: dict[Name, Sha256] = Field(
         default_factory=dict, max_length=LARGEST_COLLECTION, description="run → hash of its data"
     )
+    period_s: Positive | None = Field(default=None, description="median time between two samples of the data [s]")
     version: Text | None = Field(default=None, description="version of selector that made the model")
     date: Date | None = None
     seed: Annotated[int, Field(strict=True, ge=0, le=2**53)] | None = None

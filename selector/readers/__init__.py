@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from selector.readers.machine_file import Machine, machine, machine_text
-from selector.readers.reading import ChannelInfo, Reading, RunInfo, machine_of, read
+from selector.readers.reading import ChannelInfo, Reading, RunInfo, guessed_clock, machine_of, read
 from selector.readers.stream import ParquetSource, is_large, stream_parquet
 from selector.readers.tables import Overrides
 from selector.readers.writing import convert, write_machine_file
@@ -16,6 +16,7 @@ __all__ = [
     "Reading",
     "RunInfo",
     "convert",
+    "guessed_clock",
     "is_large",
     "machine",
     "machine_of",

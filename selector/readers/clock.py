@@ -261,7 +261,7 @@ def _told_by(table: Table, columns: Sequence[Column], options: TimeOptions, know
             headers,
             "datetime",
             read.kind == "time",
-            (),
+            ("unit",) if any(one.id == "ambiguous-time" for one in conflict) else (),
             (*read.findings, *conflict),
         )
     return _numeric(table, column, wanted)

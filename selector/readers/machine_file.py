@@ -169,21 +169,26 @@ def machine_from_text(text: str, where: str) -> Machine:
     return read
 
 
-def machine_text(values: Machine, undeclared: Mapping[str, str] | None = None) -> str:
+def machine_text(values: Machine, undeclared: Mapping[str, str] | None = None, guessed_clock: str | None = None) -> str:
     """The machine file as TOML text.
 
     Parameters
     ----------
     undeclared : mapping of str to str, optional
         Columns that are not channels and why; they are written as comments, to be completed by hand.
+    guessed_clock : str, optional
+        Line of ``[time]`` that nobody said; it is written as a comment.
     """
     lines: list[str] = []
     if values.machine.name is not None:
         lines += ["[machine]", f"name = {_toml(values.machine.name)}", ""]
     time = values.time.model_dump(exclude_none=True)
-    if time:
+    if time or guessed_clock is not None:
         lines.append("[time]")
-        lines += [f"{key} = {_toml(value)}" for key, value in time.items()] + [""]
+        lines += [f"{key} = {_toml(value)}" for key, value in time.items()]
+        if guessed_clock is not None:
+            lines.append(f"# {guessed_clock}  # a guess: correct it, and take the first # away")
+        lines.append("")
     for name, channel in values.channels.items():
         lines.append(f"[channels.{_key(name)}]")
         content = channel.model_dump(exclude_none=True)

@@ -227,20 +227,18 @@ def _how(runs: Sequence[TimedRun]) -> dict[str, Any]:
 
 
 def machine_of(reading: Reading) -> Machine:
-    """The machine file that says in so many words how this was read, guesses included: for the user to correct.
+    """The machine file that says in so many words how this was read: for the user to correct.
 
-    A unit in it holds for all runs; where the runs differ, the units stay with the headers of the files.
+    A unit in it holds for all runs; where the runs differ, the units stay with the headers of the files. A unit of time
+    or a period that was guessed is left out: said there, it would put other recordings on a wrong clock unheard.
     """
     time = reading.reading["time"]
     columns = tuple(time["columns"])
+    unit = time["unit"] if _is_clock_said(reading) else None
     section = TimeSection(
         column=None if not columns else columns[0] if len(columns) == 1 else columns,
-        unit=None
-        if time["unit"] == "sample"
-        else "datetime"
-        if time["unit"] == "datetime"
-        else time_unit(time["unit"]),
-        period_s=reading.runs[0].period_s if time["unit"] == "sample" else None,
+        unit=unit if unit == "datetime" else time_unit(unit),
+        period_s=reading.runs[0].period_s if unit == "sample" else None,
         date_order=reading.machine.time.date_order if reading.machine is not None else None,
     )
     declared = reading.machine.channels if reading.machine is not None else {}
@@ -257,3 +255,22 @@ def machine_of(reading: Reading) -> Machine:
     }
     name = reading.machine.machine.name if reading.machine is not None else None
     return Machine(machine=MachineSection(name=name), time=section, channels=channels)
+
+
+def guessed_clock(reading: Reading) -> str | None:
+    """The line of ``[time]`` that would say what was guessed of the clock; None: nothing was, or the runs differ."""
+    told = {(time["unit"], "unit" in time["guessed"]) for time in _times(reading)}
+    (unit, is_guessed), *others = told
+    if others or not is_guessed:
+        return None
+    return f"period_s = {reading.runs[0].period_s!r}" if unit == "sample" else f'unit = "{time_unit(unit) or unit}"'
+
+
+def _is_clock_said(reading: Reading) -> bool:
+    """Whether every run is in the same unit of time, and none of them only by a guess."""
+    times = _times(reading)
+    return len({time["unit"] for time in times}) == 1 and not any("unit" in time["guessed"] for time in times)
+
+
+def _times(reading: Reading) -> list[Mapping[str, Any]]:
+    return [reading.reading["time"], *(own["time"] for own in reading.reading.get("per_run", {}).values())]

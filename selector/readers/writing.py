@@ -24,15 +24,17 @@ from selector.recording import Recording
 _RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 
 
-def write_machine_file(machine: Machine, path: Path, undeclared: Mapping[str, str] | None = None) -> Path:
-    """Write a machine file (UTF-8); reading it back gives an equal `Machine`. `undeclared`: see `machine_text`.
+def write_machine_file(
+    machine: Machine, path: Path, undeclared: Mapping[str, str] | None = None, guessed_clock: str | None = None
+) -> Path:
+    """Write a machine file (UTF-8); reading it back gives an equal `Machine`. What is a comment: see `machine_text`.
 
     Raises
     ------
     OptionError
         The path cannot be written.
     """
-    text = machine_text(machine, undeclared)
+    text = machine_text(machine, undeclared, guessed_clock)
     _write_whole({path: lambda target: target.write_text(text, encoding="utf-8", newline="\n")})
     return path
 

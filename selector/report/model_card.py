@@ -150,6 +150,7 @@ def _restart(model: ModelFile) -> str:
 def _data(model: ModelFile) -> Table:
     origin = model.provenance
     rows = [("machine", origin.machine or NONE), ("date", origin.date or NONE)]
+    rows.append(("one sample every", NONE if origin.period_s is None else span_text(origin.period_s)))
     rows += [(f"run {run}, SHA-256", sha256) for run, sha256 in origin.data_sha256.items()]
     return table(["", ""], rows)
 

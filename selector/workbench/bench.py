@@ -15,7 +15,7 @@ from typing import Any
 from selector.errors import InputError
 from selector.findings import Finding
 from selector.quality import inspect
-from selector.readers import Machine, Overrides, Reading, read, write_machine_file
+from selector.readers import Machine, Overrides, Reading, guessed_clock, read, write_machine_file
 from selector.selection import Options
 from selector.study import DiagnoseSection, diagnose_section
 from selector.workbench import commands
@@ -245,7 +245,7 @@ class Bench:
             own = self.folder / MACHINE
             if own.exists():
                 own.replace(own.with_name(MACHINE_BEFORE))
-            write_machine_file(machine, own)
+            write_machine_file(machine, own, guessed_clock=guessed_clock(reading))
             with self._lock:
                 self._machine = own
                 self._publish(Material(0, dataclasses.replace(reading, machine_file=str(own)), findings))

@@ -74,16 +74,20 @@ def source_arguments(
     folder: Path, paths: Sequence[Path], machine: Path | None, overrides: Overrides
 ) -> tuple[str, ...]:
     """The recordings, and how they are read; paths in `folder` are told from there."""
-    words = [told_path(folder, path) for path in paths]
+    return (*(told_path(folder, path) for path in paths), *_reading_words(folder, machine, overrides))
+
+
+def _reading_words(folder: Path, machine: Path | None, overrides: Overrides) -> Iterator[str]:
     if machine is not None:
-        words += ["--machine", told_path(folder, machine)]
+        yield from ("--machine", told_path(folder, machine))
     for field, option in _READING.items():
         value = getattr(overrides, field)
         if value is not None:
-            words += [option, f"{value:g}" if isinstance(value, float) else str(value)]
-    words += [word for name, unit in overrides.units.items() for word in ("--unit", f"{name}={unit}")]
-    words += [word for name, role in overrides.roles.items() for word in ("--role", f"{name}={role}")]
-    return tuple(words)
+            yield from (option, f"{value:.12g}" if isinstance(value, float) else str(value))
+    for name, unit in overrides.units.items():
+        yield from ("--unit", f"{name}={unit}")
+    for name, role in overrides.roles.items():
+        yield from ("--role", f"{name}={role}")
 
 
 def option_arguments(options: Options) -> tuple[str, ...]:
@@ -134,12 +138,11 @@ def diagnosis_arguments(asked: DiagnoseSection) -> tuple[str, ...]:
     return tuple(words)
 
 
-def export_command(folder: Path, asked: Export, machine: Path | None) -> tuple[str, ...]:
-    """`selector export`; paths in `folder` are told from there."""
+def export_command(folder: Path, asked: Export, machine: Path | None, overrides: Overrides) -> tuple[str, ...]:
+    """`selector export`, which reads as all other commands do; paths in `folder` are told from there."""
     words = ["export", asked.model, "--for", asked.target, "--out", asked.folder]
     words += [word for path in asked.replayed for word in ("--replay", told_path(folder, path))]
-    if asked.replayed and machine is not None:
-        words += ["--machine", told_path(folder, machine)]
+    words += _reading_words(folder, machine, overrides) if asked.replayed else ()
     words += ["--sign-verified"] if asked.is_sign_verified else []
     return tuple(words)
 

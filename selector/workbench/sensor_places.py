@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from selector.errors import OptionError
-from selector.readers import Reading, machine_of, write_machine_file
+from selector.readers import Reading, guessed_clock, machine_of, write_machine_file
 from selector.workbench.study_folder import MACHINE_BEFORE
 
 
@@ -35,7 +35,7 @@ def placed(reading: Reading | None, places_m: Mapping[str, tuple[float, float, f
     before = path.with_name(MACHINE_BEFORE)
     if path.exists() and not before.exists():
         before.write_bytes(path.read_bytes())
-    write_machine_file(machine, path, reading.undeclared)
+    write_machine_file(machine, path, reading.undeclared, guessed_clock(reading))
     at = {name: channel.xyz for name, channel in channels.items()}
     recording = reading.recording
     moved = tuple(dataclasses.replace(one, xyz_m=at.get(one.name, one.xyz_m)) for one in recording.channels)

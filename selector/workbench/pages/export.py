@@ -58,7 +58,9 @@ def layout(bench: Bench) -> Component:
 def command(bench: Bench) -> tuple[str, ...] | None:
     """`selector export` with what is asked."""
     asked = bench.export
-    return export_command(bench.folder, asked, bench.machine) if asked.model in _models(bench) else None
+    return (
+        export_command(bench.folder, asked, bench.machine, bench.overrides) if asked.model in _models(bench) else None
+    )
 
 
 def register(app: dash.Dash, bench: Bench) -> None:
