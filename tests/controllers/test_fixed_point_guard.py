@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selector.controllers import Guard, Input, ModelFile, Output, PositionPart, Term
+from selector.controllers import Guard, Input, ModelFile, Output, OutputLimits, PositionPart, Term
 from selector.controllers.replay.compiled import compiler
 from tests.controllers.test_fixed_point import Compiled
 
@@ -61,3 +61,29 @@ def test_an_end_of_32_bits_commands_nothing_beside_another_test(missing, tmp_pat
     tests = {"test_nm_1": np.where(np.arange(n) < 5, 0, missing), "test_nm_2": np.where(np.arange(n) < 5, 0, 1500)}
     found = Compiled(model, tmp_path)({"dt_ms": [1000] * n, "reading_1": [20_000] * n, **tests})
     assert (found["mode"][-1], found["correction_1"][-1], found["correction_2"][-1]) == (5, 0, 1500)
+
+
+def test_a_sign_test_needs_a_zero_before_it_and_ends_by_itself(tmp_path):
+    limits = (OutputLimits(output="Z", clamp_um=10.0, slew_um_per_s=1.0),)
+    model = ModelFile(
+        name="latch",
+        inputs=(Input(name="T1", valid_min=-1.0, valid_max=8.0),),
+        outputs=(Output(name="Z", intercept=2.0),),
+        guard=Guard(recover_after_s=0.0, limits=limits),
+    )
+    n = 900
+    test_nm, ready, restart = np.full(n, 1500), np.ones(n, dtype=bool), np.zeros(n, dtype=bool)
+    test_nm[[5, 20, 30, 40]], ready[10:15], restart[35] = 0, False, True
+    found = Compiled(model, tmp_path)(
+        {"dt_ms": [1000] * n, "reading_1": [20_000] * n, "test_nm_1": test_nm, "is_ready": ready, "is_restart": restart}
+    )
+    tested = found["mode"] == 5
+    assert not tested[:6].any()
+    assert tested[6:10].all()
+    assert not tested[10:21].any(), "not ready, and no zero since"
+    assert tested[21:30].all()
+    assert tested[31:35].all()
+    assert not tested[35:41].any(), "restart, and no zero since"
+    assert tested[41 : 41 + 620].all()
+    assert not tested[41 + 622 :].any()
+    assert found["correction_1"][-1] == -2000

@@ -10,6 +10,7 @@ import pytest
 
 from selector.controllers import Guard, Output, OutputLimits, PositionPart, Term, read_model
 from selector.controllers.guard import GuardedModel, Mode, SensorCode, decided_limits
+from selector.controllers.guard.decided import longest_test_s
 from selector.controllers.model_io import equations_sha256, model_sha256
 from selector.controllers.program.guarded_program import axes_of
 from selector.controllers.replay.compiled import c_answers, compiler
@@ -42,6 +43,7 @@ def guarded(*, rate=None, slew=1.0, clamp=100.0, dead=0.0, part=None, number=flo
 
 def test_the_program_goes_to_a_commanded_value_and_back_whatever_sensors_and_operator_say():
     model = guarded(dead=5.0)
+    model.step(0.0, {"T1": math.nan, "T3": math.nan}, is_wanted=False)
     seen = [model.step(1.0, {"T1": math.nan, "T3": math.nan}, is_wanted=False, test_um={"Z": 3.0}) for _ in range(5)]
     assert [one.correction_um["Z"] for one in seen] == [1.0, 2.0, 3.0, 3.0, 3.0]
     assert {one.mode for one in seen} == {Mode.TEST}
@@ -59,11 +61,58 @@ def test_what_is_no_number_commands_nothing(strange):
 
 def test_a_commanded_value_is_clamped_and_nothing_moves_while_the_axis_is_not_ready():
     model = guarded(clamp=5.0)
+    model.step(0.0, GOOD)
     for _ in range(20):
         found = model.step(1.0, GOOD, test_um={"Z": 1e8})
     assert found.correction_um["Z"] == 5.0
     off = model.step(1.0, GOOD, is_ready=False, test_um={"Z": 1e8})
     assert (off.mode, off.correction_um["Z"]) == (Mode.OFF, 0.0)
+
+
+def _tested(model, z_um, seconds=1.0, **switches):
+    return model.step(seconds, GOOD, test_um={"Z": z_um}, **switches)
+
+
+@pytest.mark.parametrize("number", [float, np.float32])
+def test_what_is_commanded_without_a_zero_before_it_is_not_followed(number):
+    model = guarded(number=number, recover_after_s=0.0)
+    assert {_tested(model, 5.0).mode for _ in range(10)} == {Mode.MODEL}, "since the start of the control"
+    assert _tested(model, 0.0).mode == Mode.MODEL
+    assert _tested(model, 5.0).mode == Mode.TEST
+    assert _tested(model, -5.0).mode == Mode.TEST, "another value is the same test"
+    _tested(model, 5.0, is_ready=False)
+    back = [_tested(model, 5.0) for _ in range(10)]
+    assert {one.mode for one in back} == {Mode.MODEL}, "the drives came on again"
+    # the test value of a drive that is off arms nothing
+    _tested(model, 0.0, is_ready=False)
+    assert _tested(model, 5.0).mode == Mode.MODEL
+    _tested(model, 0.0)
+    assert _tested(model, 5.0).mode == Mode.TEST
+    model.restart(60.0)
+    assert {_tested(model, 5.0).mode for _ in range(10)} == {Mode.MODEL}, "the control came on again"
+
+
+@pytest.mark.parametrize("number", [float, np.float32])
+@pytest.mark.parametrize("rhythm_s", [0.01, 1.0, 45.0])
+def test_a_forgotten_test_ends_by_itself_and_the_model_takes_over_slowly(number, rhythm_s):
+    model = guarded(number=number, clamp=10.0, slew=0.5, recover_after_s=0.0)
+    for _ in range(round(100.0 / rhythm_s)):
+        begun = _tested(model, 0.0, rhythm_s).correction_um["Z"]
+    calls = 0
+    while _tested(model, 9.0, rhythm_s).mode == Mode.TEST:
+        calls += 1
+    assert calls * rhythm_s == pytest.approx(600.0 + 2.0 * 10.0 / 0.5, abs=1.0 + 2.0 * rhythm_s)
+    found = _tested(model, 9.0, rhythm_s).correction_um["Z"]
+    for _ in range(round(200.0 / rhythm_s)):
+        was, found = found, _tested(model, 9.0, rhythm_s).correction_um["Z"]
+        assert abs(found - was) <= 0.5 * min(rhythm_s, 10.0) * 1.0001
+    assert found == begun
+
+
+def test_a_test_is_long_enough_for_any_slew_and_ends_before_clocks_stop():
+    for slew, expected_s in ((0.5, 640.0), (0.001, 20_600.0), (1e-300, 1e6)):
+        limits = OutputLimits(output="Z", clamp_um=10.0, slew_um_per_s=slew)
+        assert longest_test_s(rise_model(guard=Guard(limits=(limits,)))) == expected_s
 
 
 def test_the_other_outputs_go_to_zero_meanwhile_and_the_slope_too():
@@ -98,15 +147,18 @@ def test_the_written_programs_are_told_what_to_correct(target):
     if target == "c" and compiler() is None:
         pytest.skip("no C compiler; Debian: apt install gcc")
     model = read_model("fixtures/models/patent-two-sensors.json")
-    n = 300
+    n = 1400
     yes = np.ones(n, dtype=bool)
     readings = 20.0 + np.outer(np.arange(n) / n, [3.0, 2.0])
     test_um = np.zeros((n, 2))
-    test_um[100:150], test_um[200:210] = [10.0, 0.0], [math.nan, -1e8]
+    test_um[:20], test_um[100:150], test_um[200:210] = [4.0, 0.0], [10.0, 0.0], [math.nan, -1e8]
+    test_um[300:1350] = [0.0, 5.0]
     rows = Rows(np.r_[0.0, np.full(n - 1, 1.0)], readings, np.zeros((n, 0)), yes, yes, ~yes, np.zeros(n), test_um)
     files, whole = TARGETS[target].write(model).files, reference_answers(model, rows)
     assert set(whole.mode[100:150]) == set(whole.mode[200:210]) == {Mode.TEST}
     assert whole.correction_um[149].tolist() == [10.0, 0.0]
+    assert Mode.TEST not in whole.mode[:20], "commanded before the program began"
+    assert (whole.mode[301], whole.mode[1349]) == (Mode.TEST, Mode.MODEL), "forgotten"
     main = whole
     for part in TARGETS[target].parts:
         found = part.execute(model, rows, files, main)
@@ -296,6 +348,7 @@ def test_clamp_and_slew_hold_with_positions_on_hostile_rows(number):
 @pytest.mark.parametrize("slew", [0.003, 0.0001])
 def test_a_slow_slew_at_a_millisecond_is_right_in_single_precision(slew):
     single = guarded(slew=slew, number=np.float32)
+    single.step(0.0, GOOD)
     for _ in range(2000):
         single.step(1.0, GOOD, test_um={"Z": 6.0})
     begun = float(single.step(0.0, GOOD, test_um={"Z": 99.0}).k0_um["Z"])

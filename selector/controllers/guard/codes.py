@@ -22,6 +22,9 @@ ANCHOR_S = 60.0
 LEAST_GOOD_SAMPLES = 6
 """Of the time that a reading has to be good, one sample counts for this part at most: one wrong time proves nothing."""
 
+TEST_S = 600.0
+"""A sign test that goes on for longer, its way not counted, was forgotten: the model takes over."""
+
 FORGIVEN_S = 600.0
 """A changed reading is believed again when it could have got there within this time; what jumped further never is."""
 

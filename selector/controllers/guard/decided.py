@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from selector.controllers.guard.codes import LONGEST_S, TEST_S
 from selector.controllers.model_file import ModelFile, Output, OutputLimits
 from selector.controllers.self_check import output_bound_um
 from selector.findings import Finding
@@ -84,6 +85,14 @@ def decided_limits(model: ModelFile) -> tuple[dict[str, DecidedLimits], tuple[Fi
                 )
             )
     return decided, tuple(findings)
+
+
+def longest_test_s(model: ModelFile) -> float:
+    """For so long a program follows what is commanded for the sign test: its way there, and `TEST_S`."""
+    decided, _ = decided_limits(model)
+    # a slope takes half of the slew limit
+    way_s = max(2.0 * of.clamp_um / of.slew_um_per_s for of in decided.values())
+    return min(TEST_S + way_s, LONGEST_S)
 
 
 def valid_positions_m(model: ModelFile) -> dict[str, tuple[float, float]]:

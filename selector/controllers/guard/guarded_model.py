@@ -23,7 +23,7 @@ from selector.controllers.guard.codes import (
     SensorCode,
 )
 from selector.controllers.guard.correction import AxisPosition, Correction
-from selector.controllers.guard.decided import decided_limits, valid_positions_m
+from selector.controllers.guard.decided import decided_limits, longest_test_s, valid_positions_m
 from selector.controllers.guard.sensor_watch import SensorWatch
 from selector.controllers.model_file import ModelFile, Output, Term
 
@@ -96,9 +96,10 @@ class GuardedModel:
         self._longest_step_s, self._sample_s = number(LONGEST_STEP_S), number(SAMPLE_S)
         hold = model.guard.hold_at_most_s
         self._hold_at_most_s = None if hold is None else number(hold)
-        self._since_sample_s = self._held_s = self._zero
+        self._longest_test_s = number(longest_test_s(model))
+        self._since_sample_s = self._held_s = self._test_left_s = self._zero
         self._is_first = True
-        self._follows = int(Mode.HOLD)
+        self._follows = self._mode = int(Mode.HOLD)
 
     def step(
         self,
@@ -126,7 +127,8 @@ class GuardedModel:
             The operator's switch. Without, the correction is ramped to zero.
         test_um : mapping of str to float, optional
             Per output [µm], for the sign test: while one is a number other than 0, its output goes there, the others
-            to zero, whatever sensors and operator say.
+            to zero, whatever sensors and operator say. Only after a call in which all were 0 and the axis was ready,
+            and for `longest_test_s`: what was forgotten there commands nothing.
         """
         number = self._number
         with np.errstate(all="ignore"):
@@ -141,19 +143,15 @@ class GuardedModel:
                 self._is_first = False
                 self._since_sample_s = self._zero
             tests = [self._tested((test_um or {}).get(output.name, 0.0)) for output in self._outputs]
-            mode = self._follows if is_wanted else Mode.SWITCHED_OFF
-            if any(tests):
-                mode = Mode.TEST
-            if not is_ready:
-                mode = Mode.OFF
+            self._mode = self._followed_now(tests, is_ready=is_ready, is_wanted=is_wanted)
             slewed_s = min(dt, self._longest_step_s)
             for output, test in zip(self._outputs, tests, strict=True):
-                output.move(int(mode), slewed_s, self._axes, test)
+                output.move(self._mode, slewed_s, self._axes, test)
         return Corrected(
             {output.name: output.correction for output in self._outputs},
             {output.name: output.k0.now for output in self._outputs},
             {output.name: output.slope.now for output in self._outputs},
-            int(mode),
+            self._mode,
             tuple(watch.code for watch in self._watches.values()),
             {axis: position.code for axis, position in self._axes.items()},
         )
@@ -171,7 +169,7 @@ class GuardedModel:
             if anew:
                 watch.forget_start()
         self._is_first = True
-        self._since_sample_s = self._held_s = self._zero
+        self._since_sample_s = self._held_s = self._test_left_s = self._zero
         self._follows = int(Mode.HOLD)
         for output in self._outputs:
             output.stop()
@@ -205,8 +203,20 @@ class GuardedModel:
         test = self._number(commanded_um)
         return test if -self._largest <= test <= self._largest else self._zero
 
+    def _followed_now(self, tests: Sequence[Any], *, is_ready: bool, is_wanted: bool) -> int:
+        mode = self._follows if is_wanted else int(Mode.SWITCHED_OFF)
+        if not any(tests):
+            self._test_left_s = self._longest_test_s
+        elif self._test_left_s > self._zero:
+            mode = int(Mode.TEST)
+        if not is_ready:
+            mode, self._test_left_s = int(Mode.OFF), self._zero
+        return mode
+
     def _sample(self, readings: Mapping[str, float]) -> None:
         number = self._number
+        if self._mode == Mode.TEST:
+            self._test_left_s = max(self._test_left_s - self._since_sample_s, self._zero)
         for name, watch in self._watches.items():
             watch.sample(self._since_sample_s, number(readings[name]))
         for source, tau_s in self._taus:

@@ -14,7 +14,7 @@ from selector.controllers.guard.codes import (
     Mode,
     SensorCode,
 )
-from selector.controllers.guard.decided import decided_limits, valid_positions_m
+from selector.controllers.guard.decided import decided_limits, longest_test_s, valid_positions_m
 from selector.controllers.model_file import ModelFile, Output, Term
 from selector.controllers.program.language import Expression, Flag, Program, Real, Variable, Writing, is_code
 from selector.controllers.program.slewed_correction import SlewedCorrection
@@ -88,6 +88,7 @@ class _Guarded:
         self._first = w.variable("is_first", "flag", "kept", "no sample yet", 1.0)
         self._since = w.variable("since_sample_s", "real", "kept", "since the last sample [s]")
         self._held = w.variable("held_s", "real", "kept", "held for so long [s]")
+        self._test_left = w.variable("test_left_s", "real", "kept", "a sign test may go on for so long [s]")
         self._follows = w.variable("follows", "code", "kept", "as mode, while ready and wanted", float(Mode.HOLD))
 
     def program(self) -> Program:
@@ -111,19 +112,30 @@ class _Guarded:
             self._sample()
             w.assign(self._first, False)
             w.assign(self._since, 0.0)
-        w.assign(self._mode, self._follows)
-        with w.when(~self._wanted):
-            w.assign(self._mode, Mode.SWITCHED_OFF)
-        for one in self._outputs:
-            one.tested(self._mode)
-        with w.when(~self._ready):
-            w.assign(self._mode, Mode.OFF)
+        self._choose_mode()
         slewed = w.variable("slewed_s")
         w.assign(slewed, dt)
         w.at_most(slewed, LONGEST_STEP_S)
         for one in self._outputs:
             one.moved(self._mode, slewed, self._at, self._back)
         return w.program(self._model.name)
+
+    def _choose_mode(self) -> None:
+        w, left, is_test = self._w, self._test_left, self._w.variable("is_test", "flag")
+        w.assign(self._mode, self._follows)
+        with w.when(~self._wanted):
+            w.assign(self._mode, Mode.SWITCHED_OFF)
+        w.remark("sign test: only after all were 0 while ready, and not for ever")
+        w.assign(is_test, False)
+        for one in self._outputs:
+            one.tested(is_test)
+        with w.when(~is_test):
+            w.assign(left, longest_test_s(self._model))
+        with w.when(is_test & (left > 0.0)):
+            w.assign(self._mode, Mode.TEST)
+        with w.when(~self._ready):
+            w.assign(self._mode, Mode.OFF)
+            w.assign(left, 0.0)
 
     def _positions(self) -> None:
         w = self._w
@@ -158,12 +170,16 @@ class _Guarded:
         w.assign(self._first, True)
         w.assign(self._since, 0.0)
         w.assign(self._held, 0.0)
+        w.assign(self._test_left, 0.0)
         w.assign(self._follows, Mode.HOLD)
         for one in self._outputs:
             one.stopped()
 
     def _sample(self) -> None:
         w = self._w
+        with w.when(is_code(self._mode, Mode.TEST)):
+            w.assign(self._test_left, self._test_left - self._since)
+            w.at_least(self._test_left, 0.0)
         for name, sensor in self._sensors.items():
             sensor.sampled(self._since, partial(self._begin_memory, name))
         w.remark("memory: first-order lags of what is believed")

@@ -46,14 +46,14 @@ class SlewedCorrection:
         if self._along is not None:
             self._w.assign(self._along.aim, 0.0)
 
-    def tested(self, mode: Variable) -> None:
+    def tested(self, is_test: Variable) -> None:
         """What is commanded by hand, 0 if nothing is; what is no number commands nothing."""
         w, test, clamp = self._w, self._tested, self._limits.clamp_um
         w.assign(test, 0.0)
         with w.when((self._test >= -LARGEST_NUMBER) & (self._test <= LARGEST_NUMBER)):
             w.assign(test, self._test)
         with w.when((test < 0.0) | (test > 0.0)):
-            w.assign(mode, Mode.TEST)
+            w.assign(is_test, True)
         w.limit(test, -clamp, clamp)
 
     def aimed(self, output: Output, z: Mapping[str, Variable]) -> None:

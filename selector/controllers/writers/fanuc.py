@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from selector.controllers.guard.codes import LARGEST_NUMBER, LEAST_GOOD_SAMPLES, LONGEST_S, LONGEST_STEP_S, Mode
-from selector.controllers.guard.decided import DecidedLimits, decided_limits
+from selector.controllers.guard.decided import DecidedLimits, decided_limits, longest_test_s
 from selector.controllers.model_file import Input, ModelFile, Output
 from selector.controllers.model_io import kept_sha256
 from selector.controllers.program.text_of_program import plain
@@ -51,6 +51,8 @@ class MacroVariables:
     ----------
     readings, z, tests : dict of str to int
         Per input; per input and state; per output, for the sign test (volatile).
+    test_left : int
+        A sign test may go on for so long [s] (volatile).
     starts : dict of str to int
         Per input that is a rise (kept).
     levels : dict of (source, tau_s) to int
@@ -62,6 +64,7 @@ class MacroVariables:
     readings: dict[str, int]
     z: dict[str, int]
     tests: dict[str, int]
+    test_left: int
     starts: dict[str, int]
     levels: dict[tuple[str, float], int]
     aims: dict[str, int]
@@ -84,7 +87,7 @@ def fanuc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
         files={FILE: _program(model, names, left_out, is_sign_verified=is_sign_verified)},
         install=(
             "Check in the manual of the control: custom macro B is there; common variables "
-            f"#{TIME}-#{max(names.tests.values())} and #{FIRST_KEPT}-#{max(names.corrections.values())} "
+            f"#{TIME}-#{names.test_left} and #{FIRST_KEPT}-#{max(names.corrections.values())} "
             f"are there, free, and those from #{FIRST_KEPT} outlive power-off; literals may have {SIGNIFICANT_DIGITS} "
             "digits; G10 L2 P0 is the external work offset; comments of capital letters stand in ( ).",
             f"Let FOCAS (cnc_wrmacro) or the PMC write #{TIME} = time of the readings [s], a clock that runs on, and "
@@ -103,9 +106,10 @@ def fanuc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
         ),
         sign_test=sign_test(
             model,
-            f"#{TIME} runs on. Set #{names.tests[first]} ... = 0.001 (as good as nothing) and call G65 P{PROGRAM} "
-            f"once a second until #{names.corrections[first]} ... are 0.001. In MDI, command the axis to a place in "
-            "the work coordinate system; set the indicator to zero. No sensor is needed.",
+            f"#{TIME} runs on. Set #{names.tests[first]} ... = 0 and call G65 P{PROGRAM} once; then set them to 0.001 "
+            f"(as good as nothing) and call once a second until #{names.corrections[first]} ... are 0.001. In MDI, "
+            "command the axis to a place in the work coordinate system; set the indicator to zero. No sensor is "
+            "needed.",
             lambda k, um: f"#{tests[k - 1]} = {um:g}, then G65 P{PROGRAM} once a second, then the same place again",
             lambda k, um: f"#{STATUS} = {Mode.TEST:d}, #{corrections[k - 1]} = {um:g}",
             f"Set #{names.tests[first]} ... to 0 and call G65 P{PROGRAM} until the correction is back.",
@@ -138,12 +142,13 @@ def macro_variables(model: ModelFile) -> MacroVariables:
         readings={item.name: next(volatile) for item in model.inputs},
         z={name: next(volatile) for name in variables},
         tests={output.name: next(volatile) for output in model.outputs},
+        test_left=next(volatile),
         starts={item.name: next(kept) for item in model.inputs if item.reference == "rise"},
         levels={key: next(kept) for key in taus},
         aims={output.name: next(kept) for output in model.outputs},
         corrections={output.name: next(kept) for output in model.outputs},
     )
-    for used, last in ((max(names.tests.values()), LAST_VOLATILE), (max(names.corrections.values()), LAST_KEPT)):
+    for used, last in ((names.test_left, LAST_VOLATILE), (max(names.corrections.values()), LAST_KEPT)):
         if used > last:
             raise ExportRefusedError(
                 f"the model needs common variables up to #{used}",
@@ -184,7 +189,7 @@ def _program(model: ModelFile, names: MacroVariables, left_out: Sequence[str], *
         lines += _aimed(output, limits[output.name], names)
     lines += _faulted(model, names)
     written = {axes[name]: variable for name, variable in names.corrections.items()}
-    lines += _tested(limits, names)
+    lines += _tested(limits, names, longest_test_s(model))
     for k, output in enumerate(model.outputs):
         lines += _moved(output, axes[output.name], limits[output.name], names, _FIRST_TESTED + k)
     lines += [*offset_written(written, _END), f"N{_END}", "M99", "%"]
@@ -213,6 +218,7 @@ def _begun(model: ModelFile, names: MacroVariables) -> Iterator[str]:
     yield f"#{_LAST_CALL}=#{TIME}"
     yield f"#{_HAS_BEGUN}=0."
     yield f"#{_GOOD_FOR}={_NOT_GOOD}"
+    yield f"#{names.test_left}=0."
     yield from (f"#{kept}=0." for of in (names.aims, names.corrections) for kept in of.values())
     yield "N10"
     yield f"#{_DT}=#{TIME}-#{_LAST_CALL}"
@@ -220,6 +226,7 @@ def _begun(model: ModelFile, names: MacroVariables) -> Iterator[str]:
     yield f"#{_SLEWED}=#{_DT}"
     yield f"IF[#{_SLEWED}LT0.]THEN#{_SLEWED}=0."
     yield f"IF[#{_SLEWED}GT{literal(LONGEST_S)}]THEN#{_SLEWED}=0."
+    yield f"IF[#{STATUS}EQ{literal(float(Mode.TEST))}]THEN#{names.test_left}=#{names.test_left}-#{_SLEWED}"
     yield f"IF[#{_SLEWED}GT{literal(LONGEST_STEP_S)}]THEN#{_SLEWED}={literal(LONGEST_STEP_S)}"
 
 
@@ -340,9 +347,9 @@ def _faulted(model: ModelFile, names: MacroVariables) -> Iterator[str]:
     yield f"N{_MOVE}"
 
 
-def _tested(limits: Mapping[str, DecidedLimits], names: MacroVariables) -> Iterator[str]:
+def _tested(limits: Mapping[str, DecidedLimits], names: MacroVariables, longest_s: float) -> Iterator[str]:
     """What is commanded by hand, 0 if nothing is."""
-    yield from remarks("sign test")
+    yield from remarks("sign test - only after all were 0, and not for ever")
     yield f"#{_IS_TEST}=0."
     for k, (name, test) in enumerate(names.tests.items(), _FIRST_TESTED):
         clamp = literal(limits[name].clamp_um)
@@ -351,6 +358,10 @@ def _tested(limits: Mapping[str, DecidedLimits], names: MacroVariables) -> Itera
         yield f"IF[ABS[#{k}]GT{literal(LARGEST_NUMBER)}]THEN#{k}=0."
         yield f"IF[#{k}NE0.]THEN#{_IS_TEST}=1."
         yield from limited(k, f"-{clamp}", clamp)
+    left = names.test_left
+    yield f"IF[#{_IS_TEST}EQ0.]THEN#{left}={literal(longest_s)}"
+    yield f"IF[#{left}EQ#0]THEN#{left}=0."
+    yield f"IF[#{left}LE0.]THEN#{_IS_TEST}=0."
     yield f"IF[#{_IS_TEST}EQ1.]THEN#{STATUS}={literal(float(Mode.TEST))}"
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from fractions import Fraction
 
 from selector.controllers.guard.codes import LONGEST_S, LONGEST_STEP_S, SAMPLE_S, Mode, SensorCode
-from selector.controllers.guard.decided import DecidedLimits, decided_limits, valid_positions_m
+from selector.controllers.guard.decided import DecidedLimits, decided_limits, longest_test_s, valid_positions_m
 from selector.controllers.model_file import ModelFile, Output, PositionPart
 from selector.controllers.program.guarded_program import axes_of
 from selector.controllers.program.text_of_program import plain
@@ -127,7 +127,8 @@ class Source:
             (w, f"level_{k}", "0", f"memory of {source} over {tau:g} s, 2^-{FRACTION_BITS} counts")
             for (source, tau), k in self._levels.items()
         ]
-        kept += [(n, "is_first", "1", ""), *((n, name, "0", "") for name in ("was_restart", "since_ms", "held_ms"))]
+        kept.append((n, "is_first", "1", ""))
+        kept += [(n, name, "0", "") for name in ("was_restart", "since_ms", "held_ms", "test_left_ms")]
         kept.append((n, "follows", str(int(Mode.HOLD)), ""))
         titles = ("inputs", "outputs", "to be kept when the control is off", "state")
         return dict(zip(titles, (inputs, outputs, retained, kept), strict=True))
@@ -195,7 +196,7 @@ class Source:
         yield f"void {NAME}_step({NAME} *m)"
         yield "{"
         yield f"    int32_t dt = m->dt_ms > 0 && m->dt_ms <= {milliseconds(LONGEST_S)} ? m->dt_ms : 0;"
-        yield f"    int32_t slewed = (int32_t)limited(dt, 0, {milliseconds(LONGEST_STEP_S)});"
+        yield f"    int32_t slewed = (int32_t)limited(dt, 0, {milliseconds(LONGEST_STEP_S)}), is_test = 0;"
         if self._axes:
             yield f"    int32_t {', '.join(f'back_{k} = 0' for k in self._axes.values())};"
         yield "    if (m->is_restart && !m->was_restart)"
@@ -218,6 +219,8 @@ class Source:
             yield "    }"
         yield f"    m->since_ms = (int32_t)limited((int64_t)m->since_ms + dt, 0, {milliseconds(LONGEST_S)});"
         yield f"    if (m->is_first || m->since_ms >= {milliseconds(SAMPLE_S)}) {{"
+        yield f"        if (m->mode == {Mode.TEST:d})"
+        yield "            m->test_left_ms = m->test_left_ms > m->since_ms ? m->test_left_ms - m->since_ms : 0;"
         yield from (f"        sensor_{k}(m);" for k in self._index.values())
         yield f"        m->follows = {believed}"
         yield f"            ? {Mode.MODEL:d} : {Mode.RAMP_TO_ZERO if on_fault == 'ramp-to-zero' else Mode.HOLD:d};"
@@ -240,11 +243,17 @@ class Source:
         yield "    m->mode = m->follows;"
         yield "    if (!m->is_wanted)"
         yield f"        m->mode = {Mode.SWITCHED_OFF:d};"
+        yield "    /* sign test: only after all were 0 while ready, and not for ever */"
         for k in range(1, len(self._model.outputs) + 1):
-            yield f"    if (m->test_nm_{k} != 0 && m->test_nm_{k} != {MISSING} && m->test_nm_{k} != {LARGEST_INT32})"
-            yield f"        m->mode = {Mode.TEST:d};"
-        yield "    if (!m->is_ready)"
+            yield f"    is_test = is_test || (m->test_nm_{k} != 0 && !({_is_none(k)}));"
+        yield "    if (!is_test)"
+        yield f"        m->test_left_ms = {milliseconds(longest_test_s(self._model))};"
+        yield "    else if (m->test_left_ms > 0)"
+        yield f"        m->mode = {Mode.TEST:d};"
+        yield "    if (!m->is_ready) {"
         yield f"        m->mode = {Mode.OFF:d};"
+        yield "        m->test_left_ms = 0;"
+        yield "    }"
         for k, output in enumerate(self._model.outputs, 1):
             yield from self._moved(k, output)
         yield "}"
@@ -268,7 +277,7 @@ class Source:
                 elif guard.new_start_after_s is not None:
                     yield f"    m->{flag} = off > {milliseconds(guard.new_start_after_s)} ? 0 : m->{flag};"
         yield "    m->is_first = 1;"
-        yield "    m->since_ms = m->held_ms = 0;"
+        yield "    m->since_ms = m->held_ms = m->test_left_ms = 0;"
         yield f"    m->follows = {Mode.HOLD:d};"
         for k, output in enumerate(self._model.outputs, 1):
             yield from (f"    m->{name}_{k} = 0;" for name in ("aim", *_moving(output)))
@@ -294,8 +303,7 @@ class Source:
             yield f"            m->correction_{k} = (int32_t)limited(m->correction_{k} + scaled((int64_t)m->slope_{k} *"
             yield f"                ((int64_t)where - m->where_{k})), -{clamp}, {clamp});"
             yield f"        m->where_{k} = where;"
-        is_none = f"m->test_nm_{k} == {MISSING} || m->test_nm_{k} == {LARGEST_INT32}"
-        test = f"{is_none} ? 0 : (int32_t)limited(m->test_nm_{k}, -{clamp}, {clamp})"
+        test = f"{_is_none(k)} ? 0 : (int32_t)limited(m->test_nm_{k}, -{clamp}, {clamp})"
         yield from self._towards(f"k0_{k}", f"aim_{k}", test, f"rest_{k}", limits.own_slew_um_per_s)
         if part is None:
             yield f"        m->correction_{k} = m->k0_{k};"
@@ -314,6 +322,11 @@ class Source:
         yield f"        m->{now} = moved(m->{now}, m->mode == {Mode.SWITCHED_OFF:d} ? 0"
         yield f"            : m->mode != {Mode.TEST:d} ? m->{aim} : {test},"
         yield f"            {_slew_pm(slew_um_per_s)}LL, slewed, &m->{rest});"
+
+
+def _is_none(k: int) -> str:
+    """Nothing is commanded for the k-th output."""
+    return f"m->test_nm_{k} == {MISSING} || m->test_nm_{k} == {LARGEST_INT32}"
 
 
 def _moving(output: Output) -> tuple[str, ...]:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from selector.controllers.guard.codes import Mode
-from selector.controllers.guard.decided import decided_limits
+from selector.controllers.guard.decided import decided_limits, longest_test_s
 from selector.controllers.model_file import ModelFile
 from selector.controllers.signs import is_turned
 
@@ -52,7 +53,7 @@ class SignTest:
     after : str
         How the test ends.
     by : str
-        What commands the correction.
+        What commands the correction, and until when.
     wrong : str
         What to do if the indicator reads the other sign.
     """
@@ -60,8 +61,8 @@ class SignTest:
     before: str
     commanded: tuple[Commanded, ...]
     after: str
-    by: str = "The program itself commands the correction; the model has no say meanwhile."
-    wrong: str = ""
+    by: str
+    wrong: str
 
 
 def sign_test(
@@ -72,7 +73,7 @@ def sign_test(
     after: str,
     *,
     direction: float = 1.0,
-    by: str = SignTest.by,
+    by: str | None = None,
     has_slew: bool = True,
 ) -> SignTest:
     """The test by the inputs for it of a generated program.
@@ -85,7 +86,8 @@ def sign_test(
         From the number of the output (from 1) and the commanded value [µm] to what a person sets, and sees.
     direction : float
         −1 where what is commanded has the sign of the displacement.
-    by : str
+    by : str, optional
+        Default: the program does.
     has_slew : bool
         Whether what is commanded comes no faster than the slew limit.
     """
@@ -99,7 +101,17 @@ def sign_test(
         lines.append(
             Commanded(output.name, output.axis or "", command(k, test_um), shown(k, test_um), expected, wait_s)
         )
-    return SignTest(before, tuple(lines), after, by, _wrong(model))
+    return SignTest(before, tuple(lines), after, _by_program(model) if by is None else by, _wrong(model))
+
+
+def _by_program(model: ModelFile) -> str:
+    minutes = math.floor(longest_test_s(model) / 60.0)
+    return (
+        "The program itself commands the correction; the model has no say meanwhile. It does so only after a call in "
+        f"which nothing was commanded while the axis was ready, and for {minutes} min at most. After that, and after "
+        "every restart, set what is commanded to 0 before anything else. While the mode is not "
+        f"{Mode.TEST:d}, nothing is tested, and what is read is the model."
+    )
 
 
 def _wrong(model: ModelFile) -> str:

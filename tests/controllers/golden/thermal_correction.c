@@ -51,6 +51,7 @@ void thermal_correction_init(thermal_correction *m)
     m->is_first = 1;
     m->since_sample_s = 0.0;
     m->held_s = 0.0;
+    m->test_left_s = 0.0;
     m->follows = 2;
 }
 
@@ -66,6 +67,7 @@ void thermal_correction_step(thermal_correction *m)
     double z_1;
     double z_2;
     double own;
+    int is_test;
     double slewed_s;
     double towards;
     double most;
@@ -96,6 +98,7 @@ void thermal_correction_step(thermal_correction *m)
         m->is_first = 1;
         m->since_sample_s = 0.0;
         m->held_s = 0.0;
+        m->test_left_s = 0.0;
         m->follows = 2;
         m->k0_1 = 0.0;
         m->rest_1 = 0.0;
@@ -128,6 +131,12 @@ void thermal_correction_step(thermal_correction *m)
         m->since_sample_s = 1000000.0;
     }
     if (m->is_first || (m->since_sample_s >= 1.0)) {
+        if (m->mode == 5) {
+            m->test_left_s = m->test_left_s - m->since_sample_s;
+            if (m->test_left_s < 0.0) {
+                m->test_left_s = 0.0;
+            }
+        }
         /* sensor T1 */
         if ((!(m->has_memory_1) || !(m->has_start_1)) && !(m->is_new_1)) {
             m->has_memory_1 = 0;
@@ -375,12 +384,14 @@ void thermal_correction_step(thermal_correction *m)
     if (!(m->is_wanted)) {
         m->mode = 4;
     }
+    /* sign test: only after all were 0 while ready, and not for ever */
+    is_test = 0;
     tested_1 = 0.0;
     if ((m->test_um_1 >= -1000000000.0) && (m->test_um_1 <= 1000000000.0)) {
         tested_1 = m->test_um_1;
     }
     if ((tested_1 < 0.0) || (tested_1 > 0.0)) {
-        m->mode = 5;
+        is_test = 1;
     }
     if (tested_1 < -90.0) {
         tested_1 = -90.0;
@@ -393,7 +404,7 @@ void thermal_correction_step(thermal_correction *m)
         tested_2 = m->test_um_2;
     }
     if ((tested_2 < 0.0) || (tested_2 > 0.0)) {
-        m->mode = 5;
+        is_test = 1;
     }
     if (tested_2 < -54.0) {
         tested_2 = -54.0;
@@ -401,8 +412,15 @@ void thermal_correction_step(thermal_correction *m)
     if (tested_2 > 54.0) {
         tested_2 = 54.0;
     }
+    if (!(is_test)) {
+        m->test_left_s = 780.0;
+    }
+    if (is_test && (m->test_left_s > 0.0)) {
+        m->mode = 5;
+    }
     if (!(m->is_ready)) {
         m->mode = 0;
+        m->test_left_s = 0.0;
     }
     slewed_s = passed_s;
     if (slewed_s > 10.0) {

@@ -53,6 +53,7 @@ typedef struct thermal_correction {
     int is_first; /* no sample yet */
     double since_sample_s; /* since the last sample [s] */
     double held_s; /* held for so long [s] */
+    double test_left_s; /* a sign test may go on for so long [s] */
     int follows; /* as mode, while ready and wanted */
 } thermal_correction;
 

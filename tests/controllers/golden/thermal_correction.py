@@ -53,6 +53,7 @@ class ThermalCorrection:
         self.is_first = True  # no sample yet
         self.since_sample_s = 0.0  # since the last sample [s]
         self.held_s = 0.0  # held for so long [s]
+        self.test_left_s = 0.0  # a sign test may go on for so long [s]
         self.follows = 2  # as mode, while ready and wanted
 
     def step(self):
@@ -76,6 +77,7 @@ class ThermalCorrection:
             self.is_first = True
             self.since_sample_s = 0.0
             self.held_s = 0.0
+            self.test_left_s = 0.0
             self.follows = 2
             self.k0_1 = 0.0
             self.rest_1 = 0.0
@@ -102,6 +104,10 @@ class ThermalCorrection:
         if self.since_sample_s > 1000000.0:
             self.since_sample_s = 1000000.0
         if self.is_first or (self.since_sample_s >= 1.0):
+            if self.mode == 5:
+                self.test_left_s = self.test_left_s - self.since_sample_s
+                if self.test_left_s < 0.0:
+                    self.test_left_s = 0.0
             # sensor T1
             if (not (self.has_memory_1) or not (self.has_start_1)) and not (self.is_new_1):
                 self.has_memory_1 = False
@@ -284,11 +290,13 @@ class ThermalCorrection:
         self.mode = self.follows
         if not (self.is_wanted):
             self.mode = 4
+        # sign test: only after all were 0 while ready, and not for ever
+        is_test = False
         tested_1 = 0.0
         if (self.test_um_1 >= -1000000000.0) and (self.test_um_1 <= 1000000000.0):
             tested_1 = self.test_um_1
         if (tested_1 < 0.0) or (tested_1 > 0.0):
-            self.mode = 5
+            is_test = True
         if tested_1 < -90.0:
             tested_1 = -90.0
         if tested_1 > 90.0:
@@ -297,13 +305,18 @@ class ThermalCorrection:
         if (self.test_um_2 >= -1000000000.0) and (self.test_um_2 <= 1000000000.0):
             tested_2 = self.test_um_2
         if (tested_2 < 0.0) or (tested_2 > 0.0):
-            self.mode = 5
+            is_test = True
         if tested_2 < -54.0:
             tested_2 = -54.0
         if tested_2 > 54.0:
             tested_2 = 54.0
+        if not (is_test):
+            self.test_left_s = 780.0
+        if is_test and (self.test_left_s > 0.0):
+            self.mode = 5
         if not (self.is_ready):
             self.mode = 0
+            self.test_left_s = 0.0
         slewed_s = passed_s
         if slewed_s > 10.0:
             slewed_s = 10.0

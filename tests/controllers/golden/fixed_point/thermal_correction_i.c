@@ -77,6 +77,7 @@ void thermal_correction_i_init(thermal_correction_i *m)
     m->was_restart = 0;
     m->since_ms = 0;
     m->held_ms = 0;
+    m->test_left_ms = 0;
     m->follows = 2;
 }
 
@@ -242,7 +243,7 @@ static void restarted(thermal_correction_i *m)
     m->good_ms_2 = -1;
     m->is_new_2 = 1;
     m->is_first = 1;
-    m->since_ms = m->held_ms = 0;
+    m->since_ms = m->held_ms = m->test_left_ms = 0;
     m->follows = 2;
     m->aim_1 = 0;
     m->correction_1 = 0;
@@ -257,7 +258,7 @@ static void restarted(thermal_correction_i *m)
 void thermal_correction_i_step(thermal_correction_i *m)
 {
     int32_t dt = m->dt_ms > 0 && m->dt_ms <= 1000000000 ? m->dt_ms : 0;
-    int32_t slewed = (int32_t)limited(dt, 0, 10000);
+    int32_t slewed = (int32_t)limited(dt, 0, 10000), is_test = 0;
     if (m->is_restart && !m->was_restart)
         restarted(m);
     m->was_restart = m->is_restart;
@@ -269,6 +270,8 @@ void thermal_correction_i_step(thermal_correction_i *m)
     }
     m->since_ms = (int32_t)limited((int64_t)m->since_ms + dt, 0, 1000000000);
     if (m->is_first || m->since_ms >= 1000) {
+        if (m->mode == 5)
+            m->test_left_ms = m->test_left_ms > m->since_ms ? m->test_left_ms - m->since_ms : 0;
         sensor_1(m);
         sensor_2(m);
         m->follows = m->sensor_1 <= 1 && m->sensor_2 <= 1
@@ -285,12 +288,17 @@ void thermal_correction_i_step(thermal_correction_i *m)
     m->mode = m->follows;
     if (!m->is_wanted)
         m->mode = 4;
-    if (m->test_nm_1 != 0 && m->test_nm_1 != (-2147483647 - 1) && m->test_nm_1 != 2147483647)
+    /* sign test: only after all were 0 while ready, and not for ever */
+    is_test = is_test || (m->test_nm_1 != 0 && !(m->test_nm_1 == (-2147483647 - 1) || m->test_nm_1 == 2147483647));
+    is_test = is_test || (m->test_nm_2 != 0 && !(m->test_nm_2 == (-2147483647 - 1) || m->test_nm_2 == 2147483647));
+    if (!is_test)
+        m->test_left_ms = 780000;
+    else if (m->test_left_ms > 0)
         m->mode = 5;
-    if (m->test_nm_2 != 0 && m->test_nm_2 != (-2147483647 - 1) && m->test_nm_2 != 2147483647)
-        m->mode = 5;
-    if (!m->is_ready)
+    if (!m->is_ready) {
         m->mode = 0;
+        m->test_left_ms = 0;
+    }
     /* correction of Z: no faster than the slew limit */
     if (m->mode == 0) {
         m->correction_1 = 0;

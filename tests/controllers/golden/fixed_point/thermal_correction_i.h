@@ -63,6 +63,7 @@ typedef struct thermal_correction_i {
     int32_t was_restart;
     int32_t since_ms;
     int32_t held_ms;
+    int32_t test_left_ms;
     int32_t follows;
 } thermal_correction_i;
 

@@ -89,6 +89,7 @@ struct correction {
     int is_first; /* no sample yet */
     double since_sample_s; /* since the last sample [s] */
     double held_s; /* held for so long [s] */
+    double test_left_s; /* a sign test may go on for so long [s] */
     int follows; /* as mode, while ready and wanted */
 };
 
@@ -136,6 +137,7 @@ static void begin(struct correction *m)
     m->is_first = 1;
     m->since_sample_s = 0.0;
     m->held_s = 0.0;
+    m->test_left_s = 0.0;
     m->follows = 2;
 }
 
@@ -151,6 +153,7 @@ static void step(struct correction *m)
     double z_1;
     double z_2;
     double own;
+    int is_test;
     double slewed_s;
     double towards;
     double most;
@@ -181,6 +184,7 @@ static void step(struct correction *m)
         m->is_first = 1;
         m->since_sample_s = 0.0;
         m->held_s = 0.0;
+        m->test_left_s = 0.0;
         m->follows = 2;
         m->k0_1 = 0.0;
         m->rest_1 = 0.0;
@@ -213,6 +217,12 @@ static void step(struct correction *m)
         m->since_sample_s = 1000000.0;
     }
     if (m->is_first || (m->since_sample_s >= 1.0)) {
+        if (m->mode == 5) {
+            m->test_left_s = m->test_left_s - m->since_sample_s;
+            if (m->test_left_s < 0.0) {
+                m->test_left_s = 0.0;
+            }
+        }
         /* sensor T1 */
         if ((!(m->has_memory_1) || !(m->has_start_1)) && !(m->is_new_1)) {
             m->has_memory_1 = 0;
@@ -460,12 +470,14 @@ static void step(struct correction *m)
     if (!(m->is_wanted)) {
         m->mode = 4;
     }
+    /* sign test: only after all were 0 while ready, and not for ever */
+    is_test = 0;
     tested_1 = 0.0;
     if ((m->test_um_1 >= -1000000000.0) && (m->test_um_1 <= 1000000000.0)) {
         tested_1 = m->test_um_1;
     }
     if ((tested_1 < 0.0) || (tested_1 > 0.0)) {
-        m->mode = 5;
+        is_test = 1;
     }
     if (tested_1 < -90.0) {
         tested_1 = -90.0;
@@ -478,7 +490,7 @@ static void step(struct correction *m)
         tested_2 = m->test_um_2;
     }
     if ((tested_2 < 0.0) || (tested_2 > 0.0)) {
-        m->mode = 5;
+        is_test = 1;
     }
     if (tested_2 < -54.0) {
         tested_2 = -54.0;
@@ -486,8 +498,15 @@ static void step(struct correction *m)
     if (tested_2 > 54.0) {
         tested_2 = 54.0;
     }
+    if (!(is_test)) {
+        m->test_left_s = 780.0;
+    }
+    if (is_test && (m->test_left_s > 0.0)) {
+        m->mode = 5;
+    }
     if (!(m->is_ready)) {
         m->mode = 0;
+        m->test_left_s = 0.0;
     }
     slewed_s = passed_s;
     if (slewed_s > 10.0) {
