@@ -26,6 +26,8 @@ from selector.readers.workbook_extent import check_extent
 
 MAX_UNPACKED_BYTES = 1_500_000_000
 """Size of the unpacked parts of a workbook beyond which it is taken for a zip bomb."""
+_MOST_TIMES, _MOST_TIMES_ODS, _ALWAYS_BYTES = 60, 200, 30_000_000
+"""An xlsx unpacks to 5 to 20 times its size, an ods to 20 to 175 times where most of its columns never change."""
 
 
 def read_excel(path: Path, data: bytes, overrides: Overrides) -> list[Table]:
@@ -82,10 +84,12 @@ def _workbook(data: bytes, where: str) -> python_calamine.CalamineWorkbook:
         try:
             with zipfile.ZipFile(io.BytesIO(data)) as archive:
                 unpacked = sum(entry.file_size for entry in archive.infolist())
-                most = min(MAX_UNPACKED_BYTES, 400 * len(data) + 50_000_000)
+                is_xlsx = any(entry.filename.lower().startswith("xl/") for entry in archive.infolist())
+                times = _MOST_TIMES if is_xlsx else _MOST_TIMES_ODS
+                most = min(MAX_UNPACKED_BYTES, times * len(data) + _ALWAYS_BYTES)
                 if unpacked > most:
                     raise ReadError(
-                        f"a workbook of {len(data) / 1e6:.1f} MB that unpacks to {unpacked / 1e6:.0f} MB",
+                        f"a workbook of {len(data) / 1e6:.2g} MB that unpacks to {unpacked / 1e6:.0f} MB",
                         expected=f"at most {most / 1e6:.0f} MB unpacked for a file of this size",
                         where=where,
                         advice="export the sheet as CSV or Parquet",

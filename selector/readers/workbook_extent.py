@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import re
+import sys
 import zipfile
 from collections.abc import Iterator
 
@@ -42,10 +44,17 @@ def check_extent(archive: zipfile.ZipFile, where: str) -> None:
 
 
 def _tags(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, pattern: re.Pattern[bytes]) -> Iterator[re.Match[bytes]]:
-    """The tags of a part in their order; a tag longer than `_LONGEST_TAG` is cut."""
-    rest = b""
-    with archive.open(entry) as stream:
+    """The tags of a part in their order; a tag longer than `_LONGEST_TAG` is cut. A part is as long as told."""
+    rest, length = b"", 0
+    to_its_end = copy.copy(entry)
+    to_its_end.file_size = sys.maxsize
+    with archive.open(to_its_end) as stream:
         while piece := stream.read(_CHUNK_BYTES):
+            length += len(piece)
+            if length > entry.file_size:
+                raise zipfile.BadZipFile(
+                    f"{entry.filename} is longer than the {entry.file_size} bytes it is told to be"
+                )
             piece = rest + piece
             # from the last "<" on, the tag may go on in the next piece
             cut = piece.rfind(b"<")

@@ -14,10 +14,11 @@ import pytest
 from selector.errors import InputError, ReadError, RecordingError
 from selector.readers import read
 
+SHEET = "xl/worksheets/sheet1.xml"
 XLSX_PARTS = {
     "[Content_Types].xml": "<Types/>",
     "xl/workbook.xml": "<workbook/>",
-    "xl/worksheets/sheet1.xml": " " * 90_000_000,
+    SHEET: " " * 90_000_000,
 }
 
 
@@ -27,6 +28,11 @@ def zipped(parts: dict[str, str]) -> bytes:
         for name, content in parts.items():
             archive.writestr(name, content)
     return buffer.getvalue()
+
+
+def with_told_size(content: bytes, true: int, told: int) -> bytes:
+    """A zip archive whose directory tells another size of a part."""
+    return content.replace(true.to_bytes(4, "little"), told.to_bytes(4, "little"))
 
 
 def parquet_bytes() -> bytes:
@@ -55,6 +61,8 @@ BAD: dict[str, tuple[bytes, str]] = {
     "gzip": (b"\x1f\x8b\x08....", "gzip"),
     "plain zip": (zipped({"a.csv": "t,T1\n0,1\n"}), "cannot be opened"),
     "zip bomb": (zipped(XLSX_PARTS), "unpacks to"),
+    "small zip bomb": (zipped({**XLSX_PARTS, SHEET: "<row>" + "<c><v>1</v></c>" * 2_500_000 + "</row>"}), "unpacks to"),
+    "zip bomb that lies": (with_told_size(zipped(XLSX_PARTS), 90_000_000, 1000), "longer than"),
     "cut workbook": (b"PK\x03\x04" + bytes(100), "cannot be opened"),
     "protected workbook": (
         b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(600) + "EncryptedPackage".encode("utf-16-le"),
