@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 from selector.figures import style
 from selector.figures.changes import changed
-from selector.figures.loops import POINTS_PER_RUN, LoopShown, displacement_loops, loop_width_um
+from selector.figures.loops import MOST_SENSORS, LoopShown, displacement_loops, loop_width_um
 from selector.figures.set_errors import SetError, set_error_changes, set_errors_picture
 from selector.figures.validity import POINTS, validity_pairs
 from selector.models.hull import validity_hull
@@ -26,37 +28,70 @@ def test_the_width_of_a_loop(width_um):
     assert loop_width_um(*loop(width_um)) == pytest.approx(width_um, abs=0.5)
 
 
+def shown(run: str, reading: np.ndarray, displacement_um: np.ndarray, left: float | None = None) -> LoopShown:
+    """A run with one sensor; a model leaves a share of the displacement."""
+    return LoopShown(run, reading[:, None], displacement_um, None if left is None else left * displacement_um)
+
+
 def test_a_run_that_only_warms_up_has_no_loop():
     rising = np.linspace(0.0, 5.0, 100)
-    drawn = displacement_loops("T1", "Z", [LoopShown("day 1", rising, rising[:1].repeat(100))])
-    assert np.isnan(loop_width_um(rising, 2 * rising)) or loop_width_um(rising, 2 * rising) < 0.5
+    drawn = displacement_loops(["T1"], "Z", [shown("day 1", rising, 2 * rising)])
+    assert np.isnan(loop_width_um(rising, 2 * rising))
+    assert "no run warms up and cools down again" in drawn.layout.title.text
     assert drawn.layout.xaxis.title.text == "ΔT1 [K]"
+    assert drawn.layout.yaxis.title.text == "Z [µm]"
 
 
-def test_loops_are_thinned_and_the_widest_is_named():
-    runs = [LoopShown(f"<b>day {k}</b>", *loop(float(k))) for k in (1, 5)]
-    drawn = displacement_loops("<i>T1</i>", "Z", runs, rise=False)
+def test_the_widest_loop_is_named_with_what_the_model_leaves():
+    runs = [shown(f"<b>day {k}</b>", *loop(float(k)), left=0.5) for k in (1, 5)]
+    drawn = displacement_loops(["<i>T1</i>"], "Z", runs, rise=False)
     assert "&lt;b&gt;day 5" in drawn.layout.title.text.replace("<br>", " ")
-    assert [len(line.x) for line in drawn.data] == [POINTS_PER_RUN] * 2
+    assert [len(line.x) for line in drawn.data] == [2000] * 2
     assert "<i>" not in drawn.to_json()
     assert drawn.layout.xaxis.title.text.endswith("[°C]")
+    widths = re.search(r": ([\d.]+) µm; residual ([\d.]+) µm", drawn.layout.annotations[0].text)
+    assert [float(width) for width in widths.groups()] == pytest.approx([5.0, 2.5], abs=0.5)
+
+
+def test_of_many_runs_the_widest_stands_out_and_too_many_sensors_are_not_drawn():
+    reading, displacement_um = loop(1.0, 60)
+    readings = np.repeat(reading[:, None], MOST_SENSORS + 2, axis=1)
+    runs = [LoopShown(f"day {k}", readings, displacement_um + (k == 3) * (np.arange(60) > 30)) for k in range(9)]
+    drawn = displacement_loops([f"T{j}" for j in range(MOST_SENSORS + 2)], "Z", runs)
+    assert len(drawn.data) == 9 * MOST_SENSORS
+    assert {line.line.color for line in drawn.data} == {style.PREDICTED, style.BEFORE}
+    assert [line.name for line in drawn.data if line.showlegend] == ["other runs", "widest loop"]
+    assert "(day 3)" in drawn.layout.title.text
 
 
 def test_samples_outside_the_hull_are_told():
     rng = np.random.default_rng(0)
     training = rng.uniform(-1, 1, (500, 3))
     samples = np.vstack([0.3 * training[:300], np.full((100, 3), 5.0)])
-    drawn = validity_pairs(validity_hull(training), ["T1", "T2", "T3"], samples)
+    axes = ["ΔT1 [K]", "ΔT2 [K]", "n [rpm]"]
+    drawn = validity_pairs(validity_hull(training), axes, samples)
     assert "25 % of the samples" in drawn.layout.title.text.replace("<br>", " ")
-    outside = [trace for trace in drawn.data if trace.name == "outside"]
+    outside = [trace for trace in drawn.data if trace.name == "farther outside: 25 %"]
     assert len(outside) == 3
     assert {len(trace.x) for trace in outside} == {100}
-    assert "No sample" in validity_pairs(validity_hull(training), ["T1", "T2", "T3"], 0.3 * training).layout.title.text
+    assert "No sample" in validity_pairs(validity_hull(training), axes, 0.3 * training).layout.title.text
+    assert [drawn.layout[f"xaxis{k}"].title.text for k in ("", "2", "3")] == ["ΔT1 [K]", "ΔT1 [K]", "ΔT2 [K]"]
+
+
+def test_distances_to_something_else_than_the_hull_are_taken_as_they_are():
+    samples = np.random.default_rng(1).uniform(-1, 1, (400, 2))
+    beyond = np.repeat([0.0, 0.5, 2.0, 0.0], 100)
+    drawn = validity_pairs(validity_hull(samples), ["a [K]", "b [K]"], samples, beyond, "what the other runs cover")
+    assert drawn.layout.title.text.startswith(
+        "25 % of the samples lie more than one standard deviation outside what the"
+    )
+    assert [trace.name.rpartition(": ")[2] for trace in drawn.data[1:]] == ["50 %", "25 %", "25 %"]
+    assert [style.share(np.arange(400) < n) for n in (0, 1, 400)] == ["0 %", "less than 1 %", "100 %"]
 
 
 def test_inputs_on_a_line_and_many_samples():
     line = np.linspace(0.0, 1.0, 4000)[:, None] * np.ones(2)
-    drawn = validity_pairs(validity_hull(line), ["T1", "T2"], line)
+    drawn = validity_pairs(validity_hull(line), ["T1 [K]", "T2 [K]"], line)
     assert sum(len(trace.x) for trace in drawn.data if trace.mode == "markers") == POINTS
 
 

@@ -89,6 +89,10 @@ def _selection_page(result: Result, say: Say) -> str:
     from selector.selection.result_file import selection_of
 
     selection = made_of(result, selection_of)
+    if not selection.readings:
+        say(
+            f"{result.path}: left out: loops and the range of the inputs; an earlier version wrote it, without readings"
+        )
     study = _unchanged_study(result, say, "how the recordings were read, and where the sensors sit")
     description, date = None, None
     if study is not None:

@@ -11,58 +11,91 @@ from numpy.typing import NDArray
 
 from selector.figures import style
 
-POINTS_PER_RUN = 300
+MOST_SENSORS = 6
+_COLUMNS = 3
+_PANEL_PX = 300
 _ONE_COLOUR_FROM = len(style.GROUPS)
+_STEPS = 30
 
 
 @dataclass(frozen=True)
 class LoopShown:
-    """One run: its name, readings of one sensor [K or °C] and the displacement [µm] at the same instants."""
+    """One run: its name, readings of some sensors [K or °C] and, at the same instants, displacements.
+
+    Attributes
+    ----------
+    run : str
+    readings : ndarray of shape (n_samples, n_sensors)
+    displacement_um : ndarray of shape (n_samples,)
+    residual_um : ndarray of shape (n_samples,), optional
+        What a model leaves of the displacement.
+    """
 
     run: str
-    reading: NDArray[np.float64]
+    readings: NDArray[np.float64]
     displacement_um: NDArray[np.float64]
+    residual_um: NDArray[np.float64] | None = None
 
 
-def displacement_loops(sensor: str, response: str, runs: Sequence[LoopShown], *, rise: bool = True) -> go.Figure:
-    """Displacement over the reading of one sensor; where the way back is another one, the loop has a width.
+def displacement_loops(
+    sensors: Sequence[str], response: str, runs: Sequence[LoopShown], *, rise: bool = True
+) -> go.Figure:
+    """Displacement over the reading of each sensor; where the way back is another one, the loop has a width.
 
-    Every run is thinned to `POINTS_PER_RUN` samples, evenly in time. The width that the title tells is the largest
-    difference of the displacement between the way up to a run's highest reading and the way down from it, at the same
-    reading.
+    The width is the largest difference of the displacement between the way up to a run's highest reading and the way
+    down from it, at the same reading, see `loop_width_um`. At most `MOST_SENSORS` sensors are drawn.
 
     Parameters
     ----------
-    sensor, response : str
+    sensors : sequence of str
+    response : str
     runs : sequence of LoopShown
+        Drawn as they are: thin them first.
     rise : bool
         Whether readings are differences to the start of the run.
     """
-    widths = {one.run: loop_width_um(one.reading, one.displacement_um) for one in runs}
-    known = {run: width for run, width in widths.items() if np.isfinite(width)}
-    name = ("Δ" if rise else "") + style.label(sensor)
-    title = f"{style.label(response)} over {name}: "
-    if known:
-        widest = max(known, key=lambda run: known[run])
-        title += f"up and down again differ by up to {style.number(known[widest])} µm ({style.label(widest)})"
-    else:
-        title += "no run goes up and down again"
-    drawn = style.figure(title, 460)
-    for k, one in enumerate(runs):
-        keep = np.unique(np.linspace(0, len(one.reading) - 1, min(POINTS_PER_RUN, len(one.reading))).astype(np.int64))
-        colour = style.GROUPS[k] if len(runs) <= _ONE_COLOUR_FROM else style.PREDICTED
-        drawn.add_scatter(
-            x=one.reading[keep].astype(np.float32),
-            y=one.displacement_um[keep].astype(np.float32),
-            mode="lines",
-            name=style.label(one.run),
-            line={"color": colour, "width": 1.4},
-            opacity=0.85,
-            hovertemplate=f"{style.label(one.run)}: %{{x:.3g}}, %{{y:.4g}} µm<extra></extra>",
-            showlegend=len(runs) <= _ONE_COLOUR_FROM,
-        )
-    drawn.update_xaxes(title_text=f"{name} [{'K' if rise else '°C'}]")
-    drawn.update_yaxes(title_text=f"{style.label(response)} [µm]")
+    shown = [("Δ" if rise else "") + style.label(name, 14) for name in sensors[:MOST_SENSORS]]
+    widest = [_widest(runs, j) for j in range(len(shown))]
+    drawn = style.figure(_title(response, shown, widest, runs), 60 + _PANEL_PX * -(-len(shown) // _COLUMNS))
+    drawn.update_layout(margin={"b": 10})
+    wide, rows = min(_COLUMNS, len(shown)), -(-len(shown) // _COLUMNS)
+    few = len(runs) <= _ONE_COLOUR_FROM
+    stands_out = {k for k in (one[0] for one in widest) if k is not None}
+    for j, name in enumerate(shown):
+        row, column = divmod(j, _COLUMNS)
+        number = str(j + 1) if j else ""
+        # what stands out is drawn last
+        for k in sorted(range(len(runs)), key=lambda k: k == widest[j][0]):
+            one = runs[k]
+            colour = style.GROUPS[k] if few else style.PREDICTED if k == widest[j][0] else style.BEFORE
+            drawn.add_scatter(
+                x=one.readings[:, j].astype(np.float32),
+                y=one.displacement_um.astype(np.float32),
+                xaxis=f"x{number}",
+                yaxis=f"y{number}",
+                mode="lines",
+                name=style.label(one.run) if few else "widest loop" if k in stands_out else "other runs",
+                legendgroup=one.run if few else colour,
+                line={"color": colour, "width": 1.6 if few or k == widest[j][0] else 1.0},
+                hovertemplate=f"{style.label(one.run)}: %{{x:.3g}}, %{{y:.4g}} µm<extra></extra>",
+                showlegend=len(runs) > 1 and j == 0 and (few or k == widest[0][0] or k == _first_other(runs, widest)),
+            )
+        low, high = 1 - (row + 1) / rows, 1 - row / rows
+        drawn.layout[f"xaxis{number}"] = {
+            "domain": [column / wide + (0.045 if column else 0), (column + 1) / wide - (0.01 if wide > 1 else 0)],
+            "anchor": f"y{number}",
+            "title": {"text": f"{name} [{'K' if rise else '°C'}]", "standoff": 4},
+        }
+        drawn.layout[f"yaxis{number}"] = {
+            "domain": [low + 0.20 / rows, high - 0.10 / rows],
+            "anchor": f"x{number}",
+            "title": {"text": f"{style.label(response, 14)} [µm]" if column == 0 else ""},
+            **({"matches": "y"} if j else {}),
+        }
+        drawn.add_annotation(
+            text=_panel_text(runs, widest[j], j), x=column / wide + (0.045 if column else 0), xanchor="left",
+            xref="paper", y=high - 0.09 / rows, yanchor="bottom", yref="paper", showarrow=False,
+        )  # fmt: skip
     return drawn
 
 
@@ -77,12 +110,51 @@ def loop_width_um(reading: NDArray[np.float64], displacement_um: NDArray[np.floa
     if len(x) < 4 or np.ptp(x) == 0:
         return float("nan")
     top = int(np.argmax(x))
-    edges = np.linspace(x.min(), x.max(), 31)
+    edges = np.linspace(x.min(), x.max(), _STEPS + 1)
     ways = []
     for part in (slice(0, top + 1), slice(top, None)):
-        step = np.clip(np.digitize(x[part], edges) - 1, 0, 29)
-        n = np.bincount(step, minlength=30)
-        total = np.bincount(step, weights=y[part], minlength=30)
+        step = np.clip(np.digitize(x[part], edges) - 1, 0, _STEPS - 1)
+        n = np.bincount(step, minlength=_STEPS)
+        total = np.bincount(step, weights=y[part], minlength=_STEPS)
         ways.append(np.where(n > 0, total / np.maximum(n, 1), np.nan))
-    differences = np.abs(ways[0] - ways[1])
+    # the step of the highest reading is in both ways
+    differences = np.abs(ways[0] - ways[1])[: _STEPS - 1]
     return float(np.nanmax(differences)) if np.isfinite(differences).any() else float("nan")
+
+
+_Widest = tuple[int | None, float]
+
+
+def _widest(runs: Sequence[LoopShown], j: int) -> _Widest:
+    """Position of the run with the widest loop over one sensor, and its width [µm]; (None, NaN) without any."""
+    widths = [loop_width_um(one.readings[:, j], one.displacement_um) for one in runs]
+    known = [k for k, width in enumerate(widths) if np.isfinite(width)]
+    best = max(known, key=lambda k: widths[k], default=None)
+    return best, float("nan") if best is None else widths[best]
+
+
+def _first_other(runs: Sequence[LoopShown], widest: Sequence[_Widest]) -> int | None:
+    return next((k for k in range(len(runs)) if k != widest[0][0]), None)
+
+
+def _title(response: str, shown: Sequence[str], widest: Sequence[_Widest], runs: Sequence[LoopShown]) -> str:
+    name = style.label(response)
+    known = [j for j in range(len(shown)) if widest[j][0] is not None]
+    if not known:
+        return f"{name}: no run warms up and cools down again, so that no loop can be seen"
+    j = max(known, key=lambda j: widest[j][1])
+    k, width = widest[j]
+    return (
+        f"{name}: at the same {shown[j]} it differs by up to {style.number(width, 2)} µm before and after the warmest "
+        f"moment ({style.label(runs[k or 0].run)})"
+    )
+
+
+def _panel_text(runs: Sequence[LoopShown], widest: _Widest, j: int) -> str:
+    """How wide the widest loop is, and how wide one of what the model leaves."""
+    if widest[0] is None:
+        return "no way back"
+    text = f"{style.label(runs[widest[0]].run, 14)}: {style.number(widest[1], 2)} µm"
+    left = [loop_width_um(one.readings[:, j], one.residual_um) for one in runs if one.residual_um is not None]
+    left = [width for width in left if np.isfinite(width)]
+    return f"{text}; residual {style.number(max(left), 2)} µm" if left else text

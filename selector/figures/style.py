@@ -121,6 +121,12 @@ def number(value: float, digits: int = 3) -> str:
     return f"{value:.{decimals}f}".replace("-", "−")
 
 
+def share(mask: NDArray[np.bool_]) -> str:
+    """How many are true, as a percentage without digits that their number does not carry."""
+    percent = 100.0 * float(mask.mean()) if len(mask) else 0.0
+    return "less than 1 %" if 0 < percent < 1 else f"{percent:.0f} %"
+
+
 def level_text(level: float) -> str:
     """λ with six digits: levels on one machine often part in the fifth."""
     return f"{level:.6g}"

@@ -15,46 +15,58 @@ from selector.models.hull import ValidityHull
 
 POINTS = 1500
 MOST_PAIRS = 6
+INSIDE, FAR = 0.1, 1.0
+"""Distances in standard deviations of the inputs: up to the first a sample is inside, but for noise; beyond the second
+one it is far outside. With many inputs hardly a sample is inside: no two days are alike in all of them."""
+
 _COLUMNS = 3
-_OUTSIDE = 1e-9
+_PANEL_PX = 290
 
 
 def validity_pairs(
-    hull: ValidityHull, inputs: Sequence[str], samples: NDArray[np.float64], *, rise: bool = True
+    hull: ValidityHull,
+    axes: Sequence[str],
+    samples: NDArray[np.float64],
+    beyond: NDArray[np.float64] | None = None,
+    known: str = "what the model has learnt from",
 ) -> go.Figure:
-    """Every pair of inputs with the outline of the hull; samples that lie outside the whole hull stand out.
+    """Pairs of inputs with the outline of the hull; samples that lie outside what is known stand out.
 
     A sample may lie outside the hull of all inputs and inside that of every pair; it is marked in each picture. At
-    most `POINTS` samples are judged and drawn, evenly spaced, and at most `MOST_PAIRS` pairs.
+    most `POINTS` samples are judged and drawn, evenly spaced, and at most `MOST_PAIRS` pairs, those of the first
+    inputs.
 
     Parameters
     ----------
     hull : ValidityHull
         Of the training samples, as a `Selection` has it.
-    inputs : sequence of str
-        Names of its variables, two at least.
+    axes : sequence of str
+        Names of its variables with their units, two at least.
     samples : ndarray of shape (n_samples, n_inputs)
         In the unit of the inputs, e.g. another run.
-    rise : bool
-        Whether inputs are differences to the start of a run.
+    beyond : ndarray of shape (n_samples,), optional
+        Distance of each sample to what is known, in standard deviations; default: to the hull.
+    known : str
+        What that is, for the title.
     """
     keep = np.unique(np.linspace(0, len(samples) - 1, min(POINTS, len(samples))).astype(np.int64))
     shown = samples[keep]
-    outside = hull.distance(shown) > _OUTSIDE if len(shown) else np.zeros(0, dtype=np.bool_)
-    share = float(outside.mean()) if len(outside) else 0.0
-    pairs = list(combinations(range(len(inputs)), 2))[:MOST_PAIRS]
-    all_pairs = len(inputs) * (len(inputs) - 1) // 2
-    title = (
-        "No sample lies outside what the model has learnt from"
-        if not outside.any()
-        else f"{100 * share:.3g} % of the samples lie outside what the model has learnt from"
-    ) + (f"; {len(pairs)} of {all_pairs} pairs of inputs are drawn" if len(pairs) < all_pairs else "")
-    rows = -(-len(pairs) // _COLUMNS)
-    drawn = style.figure(title, 90 + 290 * max(rows, 1))
-    sign, unit = ("Δ", "K") if rise else ("", "°C")
+    distance = beyond[keep] if beyond is not None else hull.distance(shown) if len(shown) else np.zeros(0)
+    far = distance > FAR
+    pairs = sorted(combinations(range(len(axes)), 2), key=lambda pair: pair[1])[:MOST_PAIRS]
+    title = f"{style.share(far).capitalize()} of the samples lie" if far.any() else "No sample lies"
+    title += f" more than one standard deviation outside {known}"
+    classes = (
+        (distance <= INSIDE, "inside", style.MUTED),
+        ((distance > INSIDE) & ~far, "outside by up to 1 standard deviation", style.GROUPS[4]),
+        (far, "farther outside", style.RESIDUAL),
+    )
+    rows = max(-(-len(pairs) // _COLUMNS), 1)
+    drawn = style.figure(title, 60 + _PANEL_PX * rows)
+    drawn.update_layout(margin={"b": 10})
+    wide = min(_COLUMNS, len(pairs))
     for k, (i, j) in enumerate(pairs):
         row, column = divmod(k, _COLUMNS)
-        wide = min(_COLUMNS, len(pairs))
         axis = {"xaxis": f"x{k + 1}", "yaxis": f"y{k + 1}"}
         around = _outline(hull.points[:, [i, j]] * hull.scale[[i, j]])
         drawn.add_scatter(
@@ -62,22 +74,22 @@ def validity_pairs(
             line={"color": style.CHOSEN, "width": 1.5}, fillcolor="rgba(0,158,115,0.12)", hoverinfo="skip",
             showlegend=k == 0,
         )  # fmt: skip
-        for mask, name, colour in ((~outside, "inside", style.MUTED), (outside, "outside", style.RESIDUAL)):
+        for mask, name, colour in classes:
             drawn.add_scatter(
                 x=shown[mask, i].astype(np.float32), y=shown[mask, j].astype(np.float32), **axis, mode="markers",
-                name=name, legendgroup=name, marker={"color": colour, "size": 4, "opacity": 0.7},
-                hovertemplate="%{x:.3g}, %{y:.3g}<extra></extra>", showlegend=k == 0,
+                name=f"{name}: {style.share(mask)}", legendgroup=name, showlegend=k == 0 and bool(mask.any()),
+                marker={"color": colour, "size": 4, "opacity": 0.7}, hovertemplate="%{x:.3g}, %{y:.3g}<extra></extra>",
             )  # fmt: skip
         left, right = column / wide, (column + 1) / wide
         top, bottom = 1 - row / rows, 1 - (row + 1) / rows
         number = str(k + 1) if k else ""
         drawn.layout[f"xaxis{number}"] = {
             "domain": [left + 0.05, right - 0.01], "anchor": f"y{k + 1}",
-            "title": {"text": f"{sign}{style.label(inputs[i], 14)} [{unit}]", "standoff": 2},
+            "title": {"text": style.label(axes[i]), "standoff": 2},
         }  # fmt: skip
         drawn.layout[f"yaxis{number}"] = {
             "domain": [bottom + 0.20 / rows, top - 0.04 / rows], "anchor": f"x{k + 1}",
-            "title": {"text": f"{sign}{style.label(inputs[j], 14)} [{unit}]", "standoff": 2},
+            "title": {"text": style.label(axes[j]), "standoff": 2},
         }  # fmt: skip
     return drawn
 

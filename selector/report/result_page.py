@@ -14,7 +14,7 @@ from selector.figures import style
 from selector.report.numbers import NONE, listed, number_text, share_text, span_text
 from selector.report.page import Picture, Pictures, rendered
 from selector.report.tables import Table, remarks_of, table
-from selector.selection.result_file import FindingPart
+from selector.selection.document import FindingPart
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Perhaps = Number | None

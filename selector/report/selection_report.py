@@ -10,7 +10,7 @@ import numpy as np
 
 from selector import __version__, figures
 from selector.atomic_file import write_whole
-from selector.report import origin, tables
+from selector.report import origin, readings_part, tables
 from selector.report.formula import formula_text, legend_rows
 from selector.report.page import Picture, Pictures, rendered
 from selector.report.wording import advice, data_label
@@ -91,6 +91,8 @@ def _study(pictures: Pictures, selection: Selection, description: Description | 
         "curves": [pictures.add(figures.error_against_sensors(selection, name), _CURVE) for name in names],
         "per_run": [pictures.add(figures.errors_per_run(selection, name), _PER_RUN) for name in names],
         "traces": [picture for name in names for picture in _traces(pictures, selection, name)],
+        "loops": readings_part.loops(pictures, selection),
+        "readings_told": "" if selection.readings else readings_part.NO_READINGS,
         "places": _places(pictures, selection, description or {}),
         "lambda_because": _sentence(selection.grouping.because),
         "groups": tables.groups_table(selection),
@@ -110,6 +112,7 @@ def _study(pictures: Pictures, selection: Selection, description: Description | 
         "legend": legend_rows(selection),
         "quality": tables.quality_table(selection),
         "range": tables.range_table(selection),
+        "validity": readings_part.validity(pictures, selection),
         "fault_picture": pictures.add(figures.fault_table(selection), _FAULTS) if selection.faults else None,
         "faults": tables.faults_table(selection),
         "sensors": tables.sensors_table(selection),

@@ -19,6 +19,7 @@ from selector.selection.candidates import Grouping
 from selector.selection.fallbacks import Fallback
 from selector.selection.fitting import Recipe
 from selector.selection.options import Options
+from selector.selection.readings import Readings
 
 SCHEMA = "selector.selection/1"
 
@@ -134,6 +135,8 @@ class Selection:
     provenance : mapping
     fallbacks : tuple of Fallback
         The model without each of its inputs, for the time when that one is broken.
+    readings : tuple of Readings
+        Some samples of some runs; none in a result of an earlier version.
     """
 
     options: Options
@@ -153,6 +156,7 @@ class Selection:
     findings: tuple[Finding, ...]
     provenance: Mapping[str, Any]
     fallbacks: tuple[Fallback, ...] = ()
+    readings: tuple[Readings, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
         """JSON form (`selector.selection/1`); numbers that do not exist are null."""
@@ -214,6 +218,7 @@ class Selection:
                 name: [float(low), float(high)]
                 for name, low, high in zip(self.recipe.design.variables, self.hull.low, self.hull.high, strict=True)
             },
+            "hull": {"scale": self.hull.scale.tolist(), "points": self.hull.points.tolist()},
             "models": {name: self._model(name) for name in self.models},
             "proof": {
                 "left_out": self.proof.left_out,
@@ -233,6 +238,7 @@ class Selection:
             "fallbacks": [
                 {"without": one.without, "heldout_rmse_um": dict(one.heldout_rmse_um)} for one in self.fallbacks
             ],
+            "readings": [one.as_dict(self.recipe.design.variables, tuple(self.models)) for one in self.readings],
             "stability": dict(self.stability),
             "options": self.options.as_dict(),
             "provenance": dict(self.provenance),

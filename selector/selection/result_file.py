@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
 
-from selector.findings import Finding, Where
 from selector.models.design import Datum, Design
 from selector.models.faults import FaultGain
 from selector.models.hull import ValidityHull
@@ -18,197 +16,31 @@ from selector.models.memory import Lag
 from selector.models.terms import Form, Scaling, Term
 from selector.models.validation import ErrorCurvePoint
 from selector.selection.candidates import Grouping, Screening
+from selector.selection.document import (
+    ModelPart,
+    OptionsPart,
+    PointPart,
+    ReadingsPart,
+    RoundPart,
+    RunPart,
+    SelectionDocument,
+    TracePart,
+)
 from selector.selection.fitting import Recipe
 from selector.selection.library import Shape
 from selector.selection.options import Options
+from selector.selection.readings import Readings
 from selector.selection.result import Combination, Proof, RunProof, Selection, Trace
 from selector.sensors.groups import FStatistic, LambdaAxis, Partition, lambda_axis
 from selector.sensors.screening import ScreeningRound
 from selector.sensors.similarity import Similarity
 
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Perhaps = Number | None
-Count = Annotated[int, Field(strict=True, ge=0)]
-Names = tuple[str, ...]
-ByName = dict[str, Number]
-
-
-class _Part(BaseModel):
-    """A part of the document; fields that a later version adds are not looked at."""
-
-    model_config = ConfigDict(extra="ignore", frozen=True)
-
-
-class FindingPart(_Part):
-    """A finding."""
-
-    id: str
-    level: Literal["info", "warning", "error"]
-    statement: str
-    where: dict[Literal["channel", "run", "from_s", "to_s", "file"], str | Number] = {}
-    evidence: dict[str, Any] = {}
-    suggestion: str = ""
-    action: Literal["none", "leave-out-stretch", "leave-out-run", "leave-out-channel"] = "none"
-
-    def finding(self) -> Finding:
-        """As a value."""
-        where: dict[str, Any] = {str(key): value for key, value in self.where.items()}
-        return Finding(self.id, self.level, self.statement, Where(**where), self.evidence, self.suggestion, self.action)
-
-
-class _Round(_Part):
-    level: Annotated[Number, Field(alias="lambda")]
-    groups: tuple[Names, ...]
-    representatives: Names
-
-
-class _Screening(_Part):
-    level: Annotated[Number, Field(alias="lambda")]
-    lambda_of_rounds: Annotated[tuple[Number, ...], Field(min_length=1)]
-    representatives: Names
-    f_statistic: Perhaps
-    heldout_relative: Perhaps
-    chosen: bool
-
-
-class _Step(_Part):
-    f_statistic: Perhaps
-
-
-class _Combination(_Part):
-    sensors: Names
-    response: str
-    r2: Perhaps
-    adjusted_r2: Perhaps
-    heldout_rmse_um: Perhaps
-    origin: str
-
-
-class _Chosen(_Part):
-    sensors: Annotated[Names, Field(min_length=1)]
-    because: str
-    reasons: dict[str, str]
-    degree: Annotated[int, Field(ge=1, le=3)]
-    interactions: bool
-    sensor_taus_s: tuple[Number, ...]
-    speed_taus_s: tuple[Number, ...]
-
-
-class _Scaled(_Part):
-    variables: Names
-    centre: tuple[Number, ...]
-    scale: tuple[Number, ...]
-    terms: tuple[dict[str, Annotated[int, Field(ge=1, le=9)]], ...]
-    coefficients: tuple[Number, ...]
-    covariance: tuple[tuple[Perhaps, ...], ...]
-    vif: tuple[Perhaps, ...]
-
-
-class _Lag(_Part):
-    source: str
-    tau_s: Number
-
-
-class _Run(_Part):
-    rmse_um: Perhaps = None
-    max_um: Perhaps = None
-    heldout_rmse_um: Perhaps = None
-    heldout_max_um: Perhaps = None
-    heldout_mean_um: Perhaps = None
-    heldout_samples: Count | None = None
-    before_rmse_um: Perhaps = None
-    before_max_um: Perhaps = None
-    heldout_sensors: Names = ()
-
-
-class _Model(_Part):
-    lags: tuple[_Lag, ...]
-    r2: Perhaps
-    adjusted_r2: Perhaps
-    rmse_um: Perhaps
-    per_run: dict[str, _Run]
-    scaled: _Scaled
-    n_samples: Count
-    ridge: Number
-    condition_number: Perhaps
-    durbin_watson: Perhaps
-    ljung_box_p: Perhaps
-    max_cooks_distance: Perhaps
-
-
-class _Point(_Part):
-    n_sensors: Count
-    heldout_rmse_um: dict[str, Perhaps]
-    standard_error_um: dict[str, Perhaps]
-    per_part_um: tuple[dict[str, Perhaps], ...]
-
-
-class _Trace(_Part):
-    run: str
-    time_s: Annotated[tuple[Number, ...], Field(min_length=1)]
-    measured_um: dict[str, tuple[Perhaps, ...]]
-    predicted_um: dict[str, tuple[Perhaps, ...]]
-
-
-class _Proof(_Part):
-    left_out: Literal["run", "condition", "block"]
-    curve: tuple[_Point, ...]
-    baselines_um: dict[str, dict[str, Perhaps]]
-    traces: tuple[_Trace, ...]
-
-
-class _Fault(_Part):
-    sensor: str
-    response: str
-    per_kelvin_um: Perhaps
-    stuck_um: Perhaps
-    open_um: Perhaps
-
-
-class _Options(_Part):
-    responses: Names
-    level: Annotated[Literal["auto"] | tuple[Number, ...], Field(alias="lambda")]
-    rounds: int
-    max_sensors: int
-    degree: int
-    interactions: bool
-    memory: bool
-    reference: Literal["rise", "absolute"]
-    absolute_similarity: bool
-    must: Names
-    never: Names
-    cost: ByName
-    tolerance: Perhaps
-    ridge: bool
-    conditions: dict[str, str]
-    seed: int
-
-
-class SelectionDocument(_Part):
-    """The fields of a selection's JSON that its report shows."""
-
-    sensors: Annotated[Names, Field(min_length=1)]
-    similarity: tuple[tuple[Number, ...], ...]
-    level: Annotated[Number, Field(alias="lambda")]
-    lambda_because: str
-    rounds: Annotated[tuple[_Round, ...], Field(min_length=1)]
-    screenings: tuple[_Screening, ...]
-    combinations: tuple[_Combination, ...]
-    chosen: _Chosen
-    valid_range: dict[str, tuple[Number, Number]]
-    models: Annotated[dict[str, _Model], Field(min_length=1)]
-    proof: _Proof
-    faults: tuple[_Fault, ...]
-    stability: dict[str, Perhaps]
-    options: _Options
-    provenance: dict[str, Any]
-    findings: tuple[FindingPart, ...]
-
 
 def selection_of(document: Mapping[str, Any]) -> Selection:
     """The selection whose JSON form this is: its `as_dict` is the same document, but for what no report shows.
 
-    Fallback models, classical covariances and the points of the validity hull are not in a document.
+    Fallback models and classical covariances are not in a document; the points of the validity hull and the readings
+    are not in one of an earlier version.
 
     Raises
     ------
@@ -254,15 +86,16 @@ def selection_of(document: Mapping[str, Any]) -> Selection:
             FaultGain(f.sensor, f.response, _nan(f.per_kelvin_um), _nan(f.stuck_um), _nan(f.open_um))
             for f in told.faults
         ),
-        hull=ValidityHull(np.empty((0, len(low))), np.ones(len(low)), low, high),
+        hull=_hull(told, low, high),
         stability={name: _nan(share) for name, share in told.stability.items()},
         findings=tuple(part.finding() for part in told.findings),
         provenance=told.provenance,
+        readings=tuple(_readings(part, recipe.design.variables, names) for part in told.readings),
     )
 
 
-def _options(told: _Options) -> Options:
-    values = {name: getattr(told, name) for name in _Options.model_fields if name != "level"}
+def _options(told: OptionsPart) -> Options:
+    values = {name: getattr(told, name) for name in OptionsPart.model_fields if name != "level"}
     return Options(level=None if told.level == "auto" else tuple(told.level), **values)
 
 
@@ -297,7 +130,7 @@ def _grouping(told: SelectionDocument) -> Grouping:
     return Grouping(similarity, axis, (), tuple(screenings), chosen, told.lambda_because)
 
 
-def _round(part: _Round, position: Mapping[str, int]) -> ScreeningRound:
+def _round(part: RoundPart, position: Mapping[str, int]) -> ScreeningRound:
     kept = tuple(sorted(position[name] for group in part.groups for name in group))
     label = {position[name]: i for i, group in enumerate(part.groups) for name in group}
     names = list(position)
@@ -311,7 +144,7 @@ def _known_of_round(axis: LambdaAxis, level: float) -> ScreeningRound:
     return ScreeningRound(level, tuple(range(len(partition.labels))), partition, (), ())
 
 
-def _model(name: str, told: _Model) -> FittedModel:
+def _model(name: str, told: ModelPart) -> FittedModel:
     scaled = told.scaled
     scaling = Scaling(scaled.variables, scaled.centre, scaled.scale)
     covariance = _array(scaled.covariance)
@@ -341,7 +174,7 @@ def _model(name: str, told: _Model) -> FittedModel:
     )
 
 
-def _run_proofs(per_run: Mapping[str, _Run]) -> tuple[RunProof, ...]:
+def _run_proofs(per_run: Mapping[str, RunPart]) -> tuple[RunProof, ...]:
     return tuple(
         RunProof(
             run,
@@ -358,7 +191,7 @@ def _run_proofs(per_run: Mapping[str, _Run]) -> tuple[RunProof, ...]:
     )
 
 
-def _point(told: _Point, names: Sequence[str]) -> ErrorCurvePoint:
+def _point(told: PointPart, names: Sequence[str]) -> ErrorCurvePoint:
     def row(values: Mapping[str, float | None]) -> tuple[float, ...]:
         return tuple(_nan(values[name]) for name in names)
 
@@ -370,11 +203,31 @@ def _point(told: _Point, names: Sequence[str]) -> ErrorCurvePoint:
     )
 
 
-def _trace(told: _Trace, names: Sequence[str]) -> Trace:
+def _trace(told: TracePart, names: Sequence[str]) -> Trace:
     measured, predicted = (
         np.column_stack([_array(courses[name]) for name in names]) for courses in (told.measured_um, told.predicted_um)
     )
     return Trace(told.run, _array(told.time_s), measured, predicted)
+
+
+def _hull(told: SelectionDocument, low: NDArray[np.float64], high: NDArray[np.float64]) -> ValidityHull:
+    points, scale = np.empty((0, len(low))), np.ones(len(low))
+    if told.hull is not None:
+        points, scale = _array(told.hull.points), _array(told.hull.scale)
+        if points.shape[1:] != low.shape or scale.shape != low.shape:
+            raise ValueError(f"points of the hull of shape {points.shape} for {len(low)} variables")
+    return ValidityHull(points, scale, low, high)
+
+
+def _readings(told: ReadingsPart, variables: Sequence[str], names: Sequence[str]) -> Readings:
+    read, moved = (
+        _array([courses[name] for name in wanted]).T
+        for courses, wanted in ((told.variables, variables), (told.displacement_um, names))
+    )
+    made = Readings(told.run, told.n_samples, _array(told.time_s), read, moved, _array(told.beyond_others))
+    if len({len(made.time_s), len(made.variables), len(made.displacement_um), len(made.beyond_others)}) > 1:
+        raise ValueError(f"courses of {told.run} that are not equally long")
+    return made
 
 
 def _array(values: Any) -> NDArray[np.float64]:

@@ -24,6 +24,7 @@ from selector.selection.folds import Folds, blocks_per_run
 from selector.selection.library import Bench
 from selector.selection.options import Options, Progress, Question, question_of
 from selector.selection.proving import baselines, error_curve, left_out_errors, relative_error
+from selector.selection.readings import kept_readings
 from selector.selection.reasons import because_of, combinations_of, reasons_of, stability_of
 from selector.selection.result import Proof, Selection
 from selector.selection.survey import RunsOf, survey
@@ -150,6 +151,7 @@ def select(
         findings=(),
         provenance=dict(provenance or {}),
         fallbacks=fallbacks,
+        readings=kept_readings(rows, parts),
     )
     say("looking for doubts", 0.95)
     doubted = doubts(selection, surveyed, datum, rows, ridge, offer_errors, offer, stride)

@@ -45,6 +45,23 @@ def test_what_is_not_a_number_comes_back_as_that(selection):
     assert all(share != share for share in again.stability.values())
 
 
+def test_a_result_of_an_earlier_version_has_no_readings_and_says_so(selection):
+    document = json.loads(json.dumps(selection.as_dict()))
+    for name in ("readings", "hull"):
+        document.pop(name)
+    again = selection_of(document)
+    page, whole = selection_html(again), selection_html(selection)
+    assert "An earlier version of selector wrote this result, without readings" in page
+    assert "An earlier version of selector" not in whole
+    for caption, is_drawn in (
+        ("A temperature that tells all gives one line", True),
+        # of a single input there are no pairs: the table has its range
+        ("the range of the inputs from which the model", len(selection.recipe.design.variables) > 1),
+    ):
+        assert (caption in whole) == is_drawn
+        assert caption not in page
+
+
 @pytest.mark.parametrize(
     "spoil",
     [
@@ -54,6 +71,8 @@ def test_what_is_not_a_number_comes_back_as_that(selection):
         lambda d: d["similarity"][0].__setitem__(0, "1"),
         lambda d: d["proof"]["curve"][0].update(n_sensors=-1),
         lambda d: next(iter(d["models"].values()))["scaled"].update(terms=[{"T1": 99}]),
+        lambda d: d["hull"]["scale"].__setitem__(0, 0.0),
+        lambda d: d["readings"][0].pop("beyond_others"),
     ],
 )
 def test_a_field_of_the_wrong_kind_is_refused(selection, spoil):
@@ -72,6 +91,9 @@ def test_a_field_of_the_wrong_kind_is_refused(selection, spoil):
         lambda d: d.update(screenings=[]),
         lambda d: d["valid_range"].clear(),
         lambda d: d["proof"]["baselines_um"].clear(),
+        lambda d: d["readings"][0]["time_s"].pop(),
+        lambda d: d["readings"][0]["variables"].clear(),
+        lambda d: d["hull"]["scale"].append(1.0),
     ],
 )
 def test_fields_that_contradict_each_other_are_refused(selection, spoil):
