@@ -19,6 +19,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO, Literal
 
+from selector.errors import InputError
+from selector.workbench.study_folder import trouble_with
+
 State = Literal["queued", "running", "done", "failed", "cancelled"]
 
 GRACE_S = 4.0
@@ -41,6 +44,8 @@ class Job:
         Share of the work that is done, where it is known.
     said : str
         What it printed for people: its answer, or when it failed, why and what to do.
+    problem : InputError or None
+        What is wrong with the study folder, if that is why it failed.
     """
 
     number: int
@@ -51,6 +56,7 @@ class Job:
     doing: str = ""
     share: float | None = None
     said: str = ""
+    problem: InputError | None = None
 
     @property
     def is_over(self) -> bool:
@@ -139,19 +145,22 @@ class Jobs:
                 try:
                     child = _started(job.command, self._folder)
                 except OSError as error:
-                    self._on_end(self._change(job.number, state="failed", said=f"not started: {error}"))
+                    said, problem = f"not started: {error.strerror or error}", trouble_with(self._folder)
+                    self._on_end(self._change(job.number, state="failed", said=said, problem=problem))
                     continue
                 self._change(job.number, state="running")
                 self._child = (job.number, child)
             with child:
                 said = self._heard(job.number, child)
             _sweep(job.out)
+            is_done = child.returncode == 0
+            problem = None if is_done else trouble_with(self._folder)
             with self._lock:
                 self._child = None
                 ended = self._jobs[job.number]
                 if ended.state != "cancelled":
-                    is_done = child.returncode == 0
-                    ended = self._change(job.number, state="done" if is_done else "failed", said=said, doing="")
+                    state: State = "done" if is_done else "failed"
+                    ended = self._change(job.number, state=state, said=said, doing="", problem=problem)
             self._on_end(ended)
 
     def _heard(self, number: int, child: subprocess.Popen[str]) -> str:

@@ -22,7 +22,7 @@ from selector.workbench.bench import Bench
 from selector.workbench.commands import command_words
 from selector.workbench.pages import diagnosis, export, recordings, selection, sensors
 from selector.workbench.refusals import UPLOAD, answer_refusals, tell
-from selector.workbench.study_folder import RECORDINGS, UPLOADS, inside, stored
+from selector.workbench.study_folder import RECORDINGS, UPLOADS, inside, stored, trouble_with
 
 PAGES: tuple[ModuleType, ...] = (recordings, sensors, selection, diagnosis, export)
 """The tabs, from left to right. What a page is: see `selector.workbench.pages`."""
@@ -42,7 +42,7 @@ def page(bench: Bench, access: Access) -> dash.Dash:
         serve_locally=True,
         title="selector workbench",
         update_title=None,  # type: ignore[arg-type]
-        on_error=_said,
+        on_error=lambda error: _said(bench, error),
         external_stylesheets=[_LOOK],
         # parts of pages appear with what they show
         suppress_callback_exceptions=True,
@@ -174,8 +174,9 @@ def _status(bench: Bench) -> list[Component]:
     ]
 
 
-def _said(error: Exception) -> None:
-    """Shows what a callback could not do; a defect of ours says so."""
+def _said(bench: Bench, error: Exception) -> None:
+    """Shows what a callback could not do; a study folder that cannot be used comes first, a defect of ours says so."""
+    error = trouble_with(bench.folder) or error
     if not isinstance(error, InputError):
         tell("a callback of the page", error)
         error = InputError(

@@ -226,6 +226,9 @@ def job_answer(job: Job, is_open: bool = False) -> Component:
     """What a job that is over said; nothing while it runs."""
     if not job.is_over or job.state == "cancelled":
         return html.Div()
+    if job.problem is not None:
+        # the command itself only met a file that is not there
+        return problem(job.problem)
     if job.state == "failed":
         return html.Div(
             [html.P(f"{job.title}: not done", className="first"), html.Pre(job.said.removeprefix("selector: "))],

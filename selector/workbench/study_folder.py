@@ -162,6 +162,28 @@ def _too_large(name: str) -> ReadError:
     )
 
 
+def trouble_with(folder: Path) -> OptionError | None:
+    """Why a study folder that was in use can be used no more; None: it can."""
+    if not folder.is_dir():
+        return OptionError(
+            "the study folder is gone: it was removed or renamed, or its drive is not there",
+            expected="the folder in which the workbench was started",
+            where=str(folder),
+            advice="put it back under this name and start again; or end the workbench (Ctrl-C) and start it in another "
+            "folder: selector workbench --folder NEW. Recordings that were dropped into the page were in it",
+        )
+    try:
+        _probe(folder)
+    except OSError as error:
+        return OptionError(
+            f"nothing can be written into the study folder ({error.strerror or error})",
+            expected="a folder in which files can be made",
+            where=str(folder),
+            advice="let the folder be written to, or make room on the disk, and start again; what is there stays",
+        )
+    return None
+
+
 def require_usable(folder: Path) -> Path:
     """The folder, made if it is missing.
 
@@ -172,9 +194,7 @@ def require_usable(folder: Path) -> Path:
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / f".{secrets.token_hex(8)}.part"
-        probe.touch()
-        probe.unlink()
+        _probe(folder)
     except OSError as error:
         raise OptionError(
             f"{folder} cannot be used ({error.strerror})",
@@ -183,3 +203,9 @@ def require_usable(folder: Path) -> Path:
             advice="choose another folder",
         ) from error
     return folder.resolve()
+
+
+def _probe(folder: Path) -> None:
+    probe = folder / f".{secrets.token_hex(8)}.part"
+    probe.touch()
+    probe.unlink()

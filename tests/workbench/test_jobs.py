@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 import time
 from pathlib import Path
 
 import pytest
+from plotly.utils import PlotlyJSONEncoder
 
 from selector.shipped import shipped
 from selector.workbench import jobs as jobs_module
 from selector.workbench.jobs import Job, Jobs
+from selector.workbench.parts import job_answer
 
 PATENT = shipped("patent8")
 SELECT = (
@@ -179,3 +182,22 @@ def lives(pid: int) -> bool:
         return False
     status = Path(f"/proc/{pid}/status")
     return not (status.exists() and "State:\tZ" in status.read_text())
+
+
+def test_a_study_folder_that_goes_away_is_told_before_and_while_a_command_runs(tmp_path, program):
+    study = tmp_path / "study"
+    study.mkdir()
+    made = Jobs(study)
+    program("import os, sys; os.rmdir(sys.argv[1]); sys.exit('no such file or folder')")
+    made.start("Selection", (str(study),), study / "selection")
+    made.start("Selection", ("select",), study / "selection")
+    try:
+        for number in (0, 1):
+            job = waited(made, number)
+            assert job.state == "failed"
+            assert "the study folder is gone" in str(job.problem)
+            shown = json.dumps(job_answer(job), cls=PlotlyJSONEncoder)
+            assert "he study folder is gone" in shown
+            assert "no such file" not in shown
+    finally:
+        made.close()

@@ -15,7 +15,16 @@ from hypothesis import strategies as st
 
 from selector.errors import OptionError, ReadError
 from selector.workbench import study_folder
-from selector.workbench.study_folder import files_in, free_name, inside, new_folder, require_usable, safe_name, stored
+from selector.workbench.study_folder import (
+    files_in,
+    free_name,
+    inside,
+    new_folder,
+    require_usable,
+    safe_name,
+    stored,
+    trouble_with,
+)
 
 
 @pytest.mark.parametrize(
@@ -160,3 +169,17 @@ def test_a_folder_that_cannot_be_used_is_refused(tmp_path):
     with pytest.raises(OptionError) as refused:
         require_usable(tmp_path / "file")
     assert "--folder" in str(refused.value)
+
+
+def test_a_study_folder_that_went_away_is_told(tmp_path, monkeypatch):
+    study = tmp_path / "study"
+    assert "put it back" in str(trouble_with(study))
+    study.mkdir()
+    assert trouble_with(study) is None
+    assert list(study.iterdir()) == []
+
+    def read_only(*_, **__):
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr(Path, "touch", read_only)
+    assert "Read-only file system" in str(trouble_with(study))
