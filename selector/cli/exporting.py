@@ -17,7 +17,7 @@ from selector.cli.progress import counted_progress
 from selector.cli.showing import AsJson
 from selector.cli.source import Source, pairs, with_source
 from selector.errors import ModelFileError, OptionError
-from selector.findings import Finding, Where
+from selector.findings import Finding
 
 if TYPE_CHECKING:
     from selector.controllers.model_file import ModelFile
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 SCHEMA = "selector.export/1"
 SHEET = "commissioning.html"
 MODEL = "model.json"
-SEEN_UM = 0.01
-"""What a smaller guard costs less is not told."""
 _FEWEST_DIGITS = 8
 
 For = Annotated[
@@ -179,6 +177,7 @@ def _positive(text: str, where: str) -> float:
 def _replayed(
     model: ModelFile, target: Target, files: Mapping[str, str], reading: Reading
 ) -> tuple[Replay | None, list[Finding]]:
+    from selector.controllers.replay.replay_findings import replay_findings
     from selector.controllers.replay.replayed import replayed
     from selector.controllers.sampling import other_sampling
     from selector.controllers.writers.targets import NotExecutableError
@@ -204,71 +203,7 @@ def _replayed(
                 )
             ]
     of_clock = other_sampling(model, reading.recording, is_guarded=target.has_guard)
-    return proof, [*reading.findings, *of_clock, *_of_runs(proof), *_of_parts(proof)]
-
-
-def _of_parts(proof: Replay) -> Iterator[Finding]:
-    """Files that are farther from what they have to give than their numbers explain; what a smaller guard costs."""
-    for part in proof.parts:
-        evidence = {"file": part.file, "output": part.output}
-        if not part.is_explained:
-            yield Finding(
-                "replay-differs",
-                "error",
-                f"{part.file}: {part.output} and the reference differ by up to {part.max_abs_difference_um:.3g} µm; "
-                f"{part.allowed_um:.3g} µm is what its numbers explain"
-                + (
-                    f", and the reference in single precision, which it has to be to the last bit, by "
-                    f"{part.in_single_um:.3g} µm."
-                    if part.in_single_um > 0.0
-                    else "."
-                ),
-                evidence=evidence
-                | {
-                    "max_abs_difference_um": part.max_abs_difference_um,
-                    "allowed_um": part.allowed_um,
-                    "in_single_um": part.in_single_um,
-                },
-                suggestion="do not use this file: other rules of arithmetic were at work, a sensor was judged "
-                "otherwise at the very edge of a limit, or it is a defect of ours",
-            )
-        if part.lacks and part.guard_difference_um > max(part.allowed_um, SEEN_UM):
-            yield Finding(
-                "guard-differs",
-                "warning",
-                f"{part.file}: what {part.output} gets and what the whole guard would give differ by up to "
-                f"{part.guard_difference_um:.3g} µm on these runs: {part.lacks}.",
-                evidence=evidence | {"guard_difference_um": part.guard_difference_um},
-                suggestion="see in the sheet which run it is, and whether a sensor failed there or a limit acted",
-            )
-
-
-def _of_runs(proof: Replay) -> Iterator[Finding]:
-    """Runs in which the program did not follow the whole model, or made the error larger."""
-    for run in proof.runs:
-        if run.faulty_share > 0.0:
-            did = "the program held, ramped to zero or fell back to a model without it"
-            if not proof.tells_mode:
-                did = "the whole guard would have held, ramped to zero or fallen back; this control followed it"
-            yield Finding(
-                "not-the-whole-model",
-                "warning",
-                f"Run {run.run}: a sensor was not to be believed in {run.faulty_share:.1%} of the samples; {did}.",
-                Where(run=run.run),
-                {"share_of_samples": run.faulty_share},
-                "see `selector apply` for the sensor, and the sheet for what the correction did there",
-            )
-        for name, of in run.accuracy.items():
-            if of.rmse_um is not None and of.before_rmse_um is not None and of.rmse_um > of.before_rmse_um:
-                yield Finding(
-                    "worse-than-nothing",
-                    "error",
-                    f"Run {run.run}: the program makes {name} worse: RMS error {of.rmse_um:.3g} µm with it, "
-                    f"{of.before_rmse_um:.3g} µm without.",
-                    Where(channel=name, run=run.run),
-                    of.as_dict(),
-                    "do not use it like this; check the sign, the first readings and the sensors",
-                )
+    return proof, [*reading.findings, *of_clock, *replay_findings(proof, has_guard=target.has_guard)]
 
 
 def _refuse_limits(target: Target, clamps: list[str] | None, slews: list[str] | None) -> None:
@@ -345,7 +280,8 @@ def _write(
     from selector.controllers.model_io import write_model
     from selector.report.commissioning import write_commissioning_sheet
 
-    with folder_written_whole(out) as part:
+    earlier = [path.name for pattern in target.not_always for path in out.glob(pattern)]
+    with folder_written_whole(out, earlier) as part:
         for name, text in exported.files.items():
             (part / name).write_text(text, encoding="utf-8", newline="\n")
         if MODEL in files:

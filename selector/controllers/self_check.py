@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from selector.controllers.evaluator import Equations, Evaluator
+from selector.controllers.guard_check import guard_findings
 from selector.controllers.model_file import CheckVector, Input, ModelFile, Output, Term
 from selector.controllers.model_io import read_model
 from selector.findings import Finding
@@ -43,7 +44,13 @@ def check_model(path: str | Path) -> tuple[Finding, ...]:
 
 def model_findings(model: ModelFile) -> tuple[Finding, ...]:
     """As `check_model`, for a model in memory."""
-    return (*_vector_findings(model), *_size_findings(model), *_range_findings(model), *_unused_findings(model))
+    return (
+        *_vector_findings(model),
+        *_size_findings(model),
+        *_range_findings(model),
+        *_unused_findings(model),
+        *guard_findings(model),
+    )
 
 
 def check_vectors(
@@ -263,15 +270,6 @@ def _range_findings(model: ModelFile) -> Iterator[Finding]:
                 f"{item.name}: the centre {item.centre:g} is outside the valid range {low:g} … {high:g}.",
                 evidence=evidence,
                 suggestion="check that centre and range are both of the rise, or both of the reading",
-            )
-        codes = [code for code in model.guard.break_codes if low <= code <= high]
-        if item.unit == "degC" and item.reference == "absolute" and codes:
-            yield Finding(
-                "break-code-in-valid-range",
-                "warning",
-                f"{item.name}: the break code {codes[0]:g} °C is inside the valid range {low:g} … {high:g} °C.",
-                evidence=evidence | {"break_code": codes[0]},
-                suggestion="remove the code from guard.break_codes, or clean the recording and fit again",
             )
 
 

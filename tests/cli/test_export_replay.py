@@ -131,6 +131,20 @@ def test_a_drive_follows_whatever_it_reads_and_is_told_so(tmp_path, capsys):
     assert "this control followed it" in told
 
 
+@pytest.mark.parametrize(("target", "did"), [("fanuc", "took the end of the range"), ("rexroth", "extrapolates")])
+def test_readings_beyond_the_valid_range_are_told(tmp_path, capsys, target, did):
+    model, run, machine = folder_of(tmp_path / "f", recover_after_s=0.0)
+    table = pd.read_csv(run)
+    table.loc[150:, "T1"] += 15.0
+    table.to_csv(run, index=False)
+    said = exported(capsys, model, target, tmp_path / "out", run, machine)
+    (told,) = [one for one in said["findings"] if one["id"] == "outside-valid-range"]
+    assert told["level"] == "warning"
+    assert told["where"]["channel"] == "T1"
+    assert told["evidence"]["share_of_samples"] == pytest.approx(0.5, abs=0.05)
+    assert did in told["statement"]
+
+
 NAMES = ["T'1\"x", "Tä °µ 温度", "T*) x := 1; (*", "T*/ int x; /*", "what?", "a??/", "??", "L" * 100, "[red]T[/red]",
          "<script>alert(1)</script>", "../../x", "a;b,c", "]]>", "a\\", "$(x)`x`", "50% {x}", "# x"]  # fmt: skip
 

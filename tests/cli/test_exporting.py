@@ -186,3 +186,19 @@ def test_no_input_is_lost(tmp_path, capsys):
     assert export(named, "--for", "python", "--out", named.parent) == 2
     assert "would be lost" in capsys.readouterr().err
     assert named.read_bytes() == PATENT.read_bytes()
+
+
+def test_files_that_this_model_does_not_get_are_not_left_from_an_earlier_export(tmp_path, capsys):
+    out, model = tmp_path / "out", json.loads(PATENT.read_text(encoding="utf-8"))
+    assert export(PATENT, "--for", "c", "--out", out) == 0
+    (out / "mine.c").write_text("kept", encoding="utf-8")
+    assert (out / "thermal_correction_i.c").exists()
+    # fixed point holds clamps of 2 m at most
+    assert export(PATENT, "--for", "c", "--out", out, "--clamp", f"{model['outputs'][0]['name']}=999999") == 0
+    assert (out / "thermal_correction_i.c").exists()
+    model["outputs"][0]["terms"][0]["coefficient"] = 1e30
+    model["test_vectors"] = []
+    (tmp_path / "m.json").write_text(json.dumps(model), encoding="utf-8")
+    assert export(tmp_path / "m.json", "--for", "c", "--out", out) == 0
+    assert sorted(path.name for path in out.glob("*_i.*")) == []
+    assert (out / "mine.c").read_text(encoding="utf-8") == "kept"

@@ -10,7 +10,7 @@ import pytest
 
 from selector.controllers import self_check
 from selector.controllers.evaluator import evaluate
-from selector.controllers.model_file import Input, ModelFile, Output, Term
+from selector.controllers.model_file import Guard, Input, ModelFile, Output, OutputLimits, Term
 from selector.controllers.model_io import model_text, write_model
 from selector.controllers.self_check import check_model, model_findings, output_bound_um
 from selector.errors import ModelFileError
@@ -149,6 +149,26 @@ def test_ranges_are_looked_at():
         ("break-code-in-valid-range", "T3"),
         ("input-not-used", "T4"),
     }
+
+
+def test_settings_of_the_guard_that_are_hardly_meant_are_told():
+    odd = Guard(
+        limits=(OutputLimits(output="Z", clamp_um=10.0, slew_um_per_s=1e-300, dead_band_um=10.0),),
+        break_codes=(850.0, 20.0),
+        hold_at_most_s=1e9,
+    )
+    told = {finding.id for finding in model_findings(rise_model(guard=odd)) if finding.level == "warning"}
+    assert told == {"break-code-in-valid-range", "dead-band-beyond-clamp", "slew-too-slow", "holds-too-long"}
+    usual = Guard(limits=(OutputLimits(output="Z", clamp_um=50.0, slew_um_per_s=0.01, dead_band_um=0.5),))
+    assert [one for one in model_findings(rise_model(guard=usual)) if one.level == "warning"] == []
+
+
+def test_a_break_code_that_the_limits_of_readings_exclude_is_no_temperature():
+    item = Input(name="T1", valid_min=-1.0, valid_max=8.0, reading_min=5.0, reading_max=60.0)
+    for code, is_told in ((65.0, False), (55.0, True), (0.0, False)):
+        model = rise_model(inputs=(item,), outputs=(Output(name="Z", intercept=1.0),), guard=Guard(break_codes=(code,)))
+        told = [one.evidence["break_code"] for one in model_findings(model) if one.id == "break-code-in-valid-range"]
+        assert told == [code] * is_told
 
 
 def test_a_file_that_breaks_the_schema_is_refused(tmp_path):

@@ -13,6 +13,7 @@ from selector.controllers.model_file import ModelFile
 from selector.controllers.program.guarded_program import axes_of
 from selector.controllers.replay.parts import TIME_STEP_S, Part
 from selector.controllers.replay.rows import Answers, Array, Rows, reference_answers
+from selector.controllers.sensor_check import unit_of_difference
 from selector.controllers.signs import is_turned
 from selector.recording import Recording
 
@@ -100,6 +101,27 @@ class ExecutedPart:
             yield PartDifference(part.file, output.name, executed_by, size, allowed, bits, guard, part.lacks)
 
 
+@dataclass(frozen=True)
+class BeyondValid:
+    """An input that was beyond its valid range, which the guard takes for the end of the range.
+
+    Attributes
+    ----------
+    input, unit : str
+    is_rise : bool
+        The range is one of the rise.
+    valid_min, valid_max : float
+    share_of_samples : float
+    """
+
+    input: str
+    unit: str
+    is_rise: bool
+    valid_min: float
+    valid_max: float
+    share_of_samples: float
+
+
 @dataclass(frozen=True, eq=False)
 class ReplayedRun:
     """One run.
@@ -117,6 +139,7 @@ class ReplayedRun:
     faulty_share : float
         Share of the samples in which the program did not follow the whole model, as it says itself; where it does not,
         in which the whole guard would not have followed it.
+    beyond_valid : tuple of BeyondValid
     """
 
     run: str
@@ -126,6 +149,7 @@ class ReplayedRun:
     recorded_um: Array
     accuracy: dict[str, Accuracy]
     faulty_share: float
+    beyond_valid: tuple[BeyondValid, ...] = ()
 
     @property
     def max_abs_difference_um(self) -> float:
@@ -241,7 +265,17 @@ def _run(
         for k, output in enumerate(model.outputs)
     }
     time_s, faulty = recording.time_s(run), faulty_share(telling, whole)
-    return ReplayedRun(run, time_s, correction_um, main.expected_um, recorded, accuracy, faulty)
+    beyond = tuple(_beyond_valid(model, whole))
+    return ReplayedRun(run, time_s, correction_um, main.expected_um, recorded, accuracy, faulty, beyond)
+
+
+def _beyond_valid(model: ModelFile, whole: Answers) -> Iterator[BeyondValid]:
+    for item, codes in zip(model.inputs, whole.sensors.T, strict=True):
+        share = float(np.mean(codes == SensorCode.LIMITED)) if len(codes) else 0.0
+        if share > 0.0:
+            is_rise = item.reference == "rise"
+            unit = unit_of_difference(item) if is_rise else item.unit
+            yield BeyondValid(item.name, unit, is_rise, item.valid_min, item.valid_max, share)
 
 
 def faulty_share(telling: Answers, whole: Answers) -> float:

@@ -76,12 +76,15 @@ class Target:
         Its files that compute something, the main program first.
     has_guard : bool
         Whether it checks sensors and limits the correction.
+    not_always : tuple of str
+        Patterns of the files that not every model gets: those of an earlier export are not left beside a new one.
     """
 
     title: str
     write: Writer
     parts: tuple[Part, ...]
     has_guard: bool = True
+    not_always: tuple[str, ...] = ()
 
 
 def _own(what: str) -> Callable[[], str]:
@@ -139,6 +142,7 @@ TARGETS: Mapping[str, Target] = {
                 _SMALLER,
             ),
         ),
+        not_always=(f"{SINGLE_NAME}.[ch]", f"{FIXED_POINT_NAME}.[ch]"),
     ),
     "st": Target("IEC 61131-3 Structured Text", st_export, (Part(_ST_FILE, _alone(_st), parser_name),)),
     "tcpou": Target("Beckhoff TwinCAT 3", tcpou_export, (_BLOCK_OF_TWINCAT,)),
@@ -169,6 +173,7 @@ TARGETS: Mapping[str, Target] = {
             _BLOCK_OF_TWINCAT,
             Part(ADS_TABLE, temp_comp_answers, _own("formula of TF5200"), _line, tenths_um, _NO_CLAMP),
         ),
+        not_always=("temp_comp_*.lis",),
     ),
     "fanuc": Target(
         "FANUC custom macro B",
