@@ -157,10 +157,11 @@ def test_settings_of_the_guard_that_are_hardly_meant_are_told():
         break_codes=(850.0, 20.0),
         hold_at_most_s=1e9,
     )
-    told = {finding.id for finding in model_findings(rise_model(guard=odd)) if finding.level == "warning"}
+    told = {finding.id for finding in model_findings(with_vectors(rise_model(guard=odd))) if finding.level == "warning"}
     assert told == {"break-code-in-valid-range", "dead-band-beyond-clamp", "slew-too-slow", "holds-too-long"}
     usual = Guard(limits=(OutputLimits(output="Z", clamp_um=50.0, slew_um_per_s=0.01, dead_band_um=0.5),))
-    assert [one for one in model_findings(rise_model(guard=usual)) if one.level == "warning"] == []
+    told = model_findings(with_vectors(rise_model(guard=usual)))
+    assert [one.id for one in told if one.level == "warning"] == []
 
 
 def test_a_break_code_that_the_limits_of_readings_exclude_is_no_temperature():
