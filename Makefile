@@ -16,7 +16,10 @@ BIN   := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
 # The tests run in several processes already; a thread pool in each of them only makes them wait for each other.
-TEST_ENVIRONMENT := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
+# Every process that they start would compile the package again if its bytecode were not kept.
+TEST_ENVIRONMENT := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE=
+# Neighbours stay in one process, which shares what they prepare; a process that is done takes over from the slowest.
+PYTEST := $(TEST_ENVIRONMENT) $(BIN)/python -m pytest -n $(WORKERS) --maxprocesses 8 --dist worksteal
 
 .PHONY: demo test setup lint types layers pytest reference docs constraints clean
 
@@ -29,7 +32,7 @@ test: $(STAMP)
 	@echo "== ruff format";   $(BIN)/ruff format --check .
 	@echo "== mypy --strict"; $(BIN)/mypy
 	@echo "== lint-imports";  $(BIN)/lint-imports
-	@echo "== pytest";        $(TEST_ENVIRONMENT) $(BIN)/python -m pytest -n $(WORKERS) --maxprocesses 8 $(TESTS)
+	@echo "== pytest";        $(PYTEST) $(TESTS)
 	@echo "make test: all checks passed (ruff, format, types, layers, tests)"
 
 lint: $(STAMP)
@@ -43,7 +46,7 @@ layers: $(STAMP)
 	@$(BIN)/lint-imports
 
 pytest: $(STAMP)
-	@$(TEST_ENVIRONMENT) $(BIN)/python -m pytest -n $(WORKERS) --maxprocesses 8 $(TESTS)
+	@$(PYTEST) $(TESTS)
 
 # Pages and lists that are written by the program and checked by the tests.
 reference: $(STAMP)
