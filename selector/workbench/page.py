@@ -19,6 +19,7 @@ from selector.report.page import TEMPLATES
 from selector.workbench import parts
 from selector.workbench.access import RESULT_POLICY, Access, guard
 from selector.workbench.bench import Bench
+from selector.workbench.checked import CheckedDash
 from selector.workbench.commands import command_words
 from selector.workbench.pages import diagnosis, export, recordings, selection, sensors
 from selector.workbench.refusals import UPLOAD, answer_refusals, tell
@@ -36,7 +37,7 @@ _SHOWN_RESULTS = (".html", ".json", ".toml", ".csv", ".txt")
 
 def page(bench: Bench, access: Access) -> dash.Dash:
     """The application: ``page(…).server`` answers requests that `access` lets in."""
-    app = dash.Dash(
+    app = CheckedDash(
         "selector.workbench",
         assets_folder=str(Path(__file__).with_name("assets")),
         serve_locally=True,
@@ -144,8 +145,8 @@ def _register(app: dash.Dash, bench: Bench) -> None:
         prevent_initial_call=True,
     )
     def _cancel(clicks: list[int | None]) -> None:
-        if any(clicks):
-            bench.jobs.cancel(dash.ctx.triggered_id["job"])
+        if any(clicks) and isinstance(number := dash.ctx.triggered_id["job"], int):
+            bench.jobs.cancel(number)
 
     @app.callback(Output("saved", "children"), Input("save", "n_clicks"), prevent_initial_call=True)
     def _save(_: int) -> str:

@@ -165,7 +165,7 @@ def register_start(
     """
 
     @app.callback(Input(f"{page}-start", "n_clicks"), prevent_initial_call=True)
-    def _start(_: Any) -> None:
+    def _start(_: int) -> None:
         asked = command()
         if asked is None:
             raise missing()
@@ -204,7 +204,7 @@ def register_answer(
         Input(REVISION, "data"),
         State(f"{page}-answered", "data"),
     )
-    def _answer(_: Any, shown: Any) -> tuple[Any, Any]:
+    def _answer(_: int, shown: Any) -> tuple[Any, Any]:
         job = next((job for job in reversed(bench.jobs.all) if job.title == title), None)
         path = bench.folder / sheet()
         stamp = str(path.stat().st_mtime_ns if path.is_file() else 0)

@@ -90,7 +90,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
     def _remove(clicks: list[int | None]) -> None:
         if any(clicks):
             files = {path.name: path for path in bench.simulated}
-            name = dash.ctx.triggered_id["file"]
+            name = str(dash.ctx.triggered_id["file"])
             if name in files:
                 bench.drop_simulated(files[name])
             parts.tell(bench)
@@ -101,9 +101,9 @@ def register(app: dash.Dash, bench: Bench) -> None:
         Input(f"{ID}-false_alarm", "value"),
         prevent_initial_call=True,
     )
-    def _choose(responses: list[str], holdout: str, false_alarm: str) -> None:
+    def _choose(responses: list[str] | None, holdout: str | None, false_alarm: str | None) -> None:
         try:
-            probability = float(false_alarm)
+            probability = float(false_alarm or "")
         except ValueError:
             raise OptionError(
                 repr(false_alarm),
@@ -112,7 +112,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
                 advice="e.g. 0.02",
             ) from None
         if bench.choose_diagnosis(
-            responses=tuple(responses), holdout=holdout.strip() or "last", false_alarm=probability
+            responses=tuple(responses or ()), holdout=(holdout or "").strip() or "last", false_alarm=probability
         ):
             parts.tell(bench)
 

@@ -86,11 +86,11 @@ def register(app: dash.Dash, bench: Bench) -> None:
         prevent_initial_call=True,
     )
     def _choose(model: str | None, target: str, replayed: list[str], sign: list[str]) -> None:
-        used = bench.used
+        runs = {str(number): path for number, path in enumerate(bench.used)}
         if bench.choose_export(
             model=model or "",
             target=target if target in TARGETS else "c",
-            replayed=tuple(used[int(number)] for number in replayed if int(number) < len(used)),
+            replayed=tuple(runs[number] for number in replayed if number in runs),
             is_sign_verified=bool(sign),
         ):
             parts.tell(bench)

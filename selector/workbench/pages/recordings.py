@@ -115,7 +115,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
         )
 
     @app.callback(Output(f"{ID}-courses", "children"), Input(f"{ID}-run", "value"), Input(f"{ID}-shown", "data"))
-    def _draw(run: str | None, _: int) -> Any:
+    def _draw(run: str | None, _: int | None) -> Any:
         reading = bench.material.reading
         if reading is None or run not in reading.recording.runs:
             return None
@@ -173,7 +173,7 @@ def _register_corrections(app: dash.Dash, bench: Bench) -> None:
         *(State(f"{ID}-as-{name}", "value") for name, _, _ in _READING),
         prevent_initial_call=True,
     )
-    def _again(clicks: int | None, *values: Any) -> None:
+    def _again(clicks: int | None, *values: str | None) -> None:
         if clicks:
             said = {
                 name: value for (name, _, _), value in zip(_READING, values, strict=True) if value not in (None, "")

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 import dash
 from dash import ALL, Input, Output, State, dcc, html
@@ -15,10 +14,10 @@ from selector.recording import SENSOR_ROLES
 from selector.workbench import parts
 from selector.workbench.bench import Bench
 from selector.workbench.commands import SELECTION, option_arguments
+from selector.workbench.wished import USES, cost_of, use_of, wishes
 
 ID, TITLE = "selection", "Selection"
 
-_USES = ("may be used", "must be kept", "never")
 _NUMBERS = (("max_sensors", "Most sensors in a set"), ("rounds", "Rounds of screening"))
 _TICKS = (
     ("interactions", "Products of sensors"),
@@ -121,14 +120,21 @@ def _register_options(app: dash.Dash, bench: Bench) -> None:
         *(Input(f"{ID}-{name}", "value") for name, _ in _NUMBERS),
         prevent_initial_call=True,
     )
-    def _choose(responses: list[str], level: str, degree: str, reference: str, ticks: list[str], *numbers: str) -> None:
+    def _choose(
+        responses: list[str] | None,
+        level: str | None,
+        degree: Literal["1", "2", "3"],
+        reference: Literal["rise", "absolute"],
+        ticks: list[str],
+        *numbers: str | None,
+    ) -> None:
         counts = {name: _whole(text, title) for text, (name, title) in zip(numbers, _NUMBERS, strict=True)}
         levels = _levels(level)
         if isinstance(levels, tuple):
             counts["rounds"] = max(counts["rounds"], len(levels))
         flags = {name: name in ticks for name, _ in _TICKS}
         if bench.choose(
-            responses=tuple(responses), level=levels, degree=int(degree), reference=reference, **counts, **flags
+            responses=tuple(responses or ()), level=levels, degree=int(degree), reference=reference, **counts, **flags
         ):
             parts.tell(bench)
 
@@ -138,14 +144,10 @@ def _register_options(app: dash.Dash, bench: Bench) -> None:
         State({"type": f"{ID}-use", "sensor": ALL}, "id"),
         prevent_initial_call=True,
     )
-    def _restrict(uses: list[str], costs: list[str], ids: list[dict[str, str]]) -> None:
-        names = [one["sensor"] for one in ids]
-        said = {name: _positive(text, name) for name, text in zip(names, costs, strict=True) if (text or "1") != "1"}
-        if bench.choose(
-            must=tuple(name for name, use in zip(names, uses, strict=True) if use == _USES[1]),
-            never=tuple(name for name, use in zip(names, uses, strict=True) if use == _USES[2]),
-            cost=said,
-        ):
+    def _restrict(uses: list[str], costs: list[str | None], ids: list[dict[str, str]]) -> None:
+        reading = bench.material.reading
+        known = () if reading is None else reading.recording.names
+        if bench.choose(**wishes([one["sensor"] for one in ids], uses, costs, known)):
             parts.tell(bench)
 
     @app.callback(
@@ -192,14 +194,12 @@ def _sensors(bench: Bench) -> Component:
         if channel.role not in SENSOR_ROLES:
             continue
         name = channel.name
-        use = _USES[1] if name in asked.must else _USES[2] if name in asked.never else _USES[0]
-        cost = f"{asked.cost.get(name, 1.0):g}"
         rows.append(
             [
                 html.Span(name, className="name"),
                 channel.place or "",
-                parts.choice({"type": f"{ID}-use", "sensor": name}, _USES, use),
-                _input({"type": f"{ID}-cost", "sensor": name}, cost),
+                parts.choice({"type": f"{ID}-use", "sensor": name}, USES, use_of(asked, name)),
+                _input({"type": f"{ID}-cost", "sensor": name}, cost_of(asked, name)),
             ]
         )
     summary = f"Sensors that must or must not be used, and what they cost ({len(rows)} sensors)"
@@ -241,13 +241,3 @@ def _whole(text: str | None, title: str) -> int:
         return int(text or "")
     except ValueError:
         raise OptionError(repr(text), expected="a whole number", where=title, advice="e.g. 5") from None
-
-
-def _positive(text: str, name: str) -> float:
-    try:
-        cost = float(text)
-    except ValueError:
-        cost = math.nan
-    if not math.isfinite(cost):
-        raise OptionError(repr(text), expected="a number", where=f"cost of {name}", advice="e.g. 2")
-    return cost

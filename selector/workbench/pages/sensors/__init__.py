@@ -117,7 +117,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
             return flask.jsonify(_moved(bench, flask.request.get_json()))
         except InputError as refused:
             return flask.jsonify({"refused": str(refused)})
-        except (TypeError, ValueError) as wrong:
+        except (TypeError, ValueError, OverflowError) as wrong:
             return flask.jsonify({"refused": f"this move cannot be understood: {wrong}"})
 
     parts.register_start(app, bench, ID, "Selection", lambda: command(bench), lambda: SELECTION, _missing)

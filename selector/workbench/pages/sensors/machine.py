@@ -7,13 +7,13 @@ import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import dash
 import numpy as np
 from dash import Input, dcc, html
 from dash.development.base_component import Component
 from numpy.typing import NDArray
+from pydantic import BaseModel
 
 from selector.errors import OptionError
 from selector.physics.thermal.field import machine_outline
@@ -39,6 +39,13 @@ class Pins:
     names: tuple[str, ...]
     points_m: NDArray[np.float64]
     outline_m: Sequence[NDArray[np.float64]]
+
+
+class Dragged(BaseModel):
+    """A pin that was let go of: its number, and where [m]."""
+
+    number: int
+    at: list[float]
 
 
 def controls() -> Component:
@@ -67,11 +74,11 @@ def register(app: dash.Dash, bench: Bench) -> None:
     """A pin that was let go of is written into the machine file."""
 
     @app.callback(Input(f"{ID}-dragged", "data"), prevent_initial_call=True)
-    def _dropped(dragged: dict[str, Any] | None) -> None:
+    def _dropped(dragged: Dragged | None) -> None:
         if dragged is None:
             raise dash.exceptions.PreventUpdate
         sensors = sensors_of(bench)
-        number, at = int(dragged["number"]), [float(v) for v in dragged["at"]]
+        number, at = dragged.number, dragged.at
         if not 0 <= number < len(sensors) or len(at) != 3 or not all(abs(v) < 1e6 for v in at):
             raise OptionError(
                 "a pin that is not on the machine", expected="a pin of this picture", where="machine picture",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import dash
@@ -14,8 +13,7 @@ from selector.workbench import parts
 from selector.workbench.bench import Bench
 from selector.workbench.pages.sensors.machine import sensors_of
 from selector.workbench.pages.sensors.names import ID
-
-_USES = ("may be used", "must be kept", "never")
+from selector.workbench.wished import USES, cost_of, use_of, wishes
 
 
 def table() -> Component:
@@ -36,7 +34,9 @@ def register(app: dash.Dash, bench: Bench) -> None:
         State({"type": f"{ID}-cost", "sensor": ALL}, "value"),
         State({"type": f"{ID}-place", "sensor": ALL}, "value"),
     )
-    def _show(_: int, ids: list[dict[str, str]], uses: list[str], costs: list[str], places: list[str]) -> Any:
+    def _show(
+        _: int, ids: list[dict[str, str]], uses: list[str], costs: list[str | None], places: list[str | None]
+    ) -> Any:
         rows = _rows(bench)
         names = [one["sensor"] for one in ids]
         if [list(row) for row in zip(names, uses, costs, places, strict=True)] == [row[:1] + row[2:] for row in rows]:
@@ -49,22 +49,16 @@ def register(app: dash.Dash, bench: Bench) -> None:
         State({"type": f"{ID}-use", "sensor": ALL}, "id"),
         prevent_initial_call=True,
     )
-    def _wish(uses: list[str], costs: list[str], ids: list[dict[str, str]]) -> None:
-        names = [one["sensor"] for one in ids]
-        said = {name: _cost(text, name) for name, text in zip(names, costs, strict=True)}
-        changed = bench.choose(
-            must=tuple(name for name, use in zip(names, uses, strict=True) if use == _USES[1]),
-            never=tuple(name for name, use in zip(names, uses, strict=True) if use == _USES[2]),
-            cost={name: cost for name, cost in said.items() if cost != 1.0},
-        )
-        if changed:
+    def _wish(uses: list[str], costs: list[str | None], ids: list[dict[str, str]]) -> None:
+        known = [one.name for one in sensors_of(bench)]
+        if bench.choose(**wishes([one["sensor"] for one in ids], uses, costs, known)):
             parts.tell(bench)
 
     @app.callback(
         Input({"type": f"{ID}-place", "sensor": ALL}, "value"),
         prevent_initial_call=True,
     )
-    def _place(texts: list[str]) -> None:
+    def _place(texts: list[str | None]) -> None:
         asked = dash.ctx.triggered_id
         if asked is None or len(dash.ctx.triggered) != 1 or not (text := dash.ctx.triggered[0]["value"]):
             raise dash.exceptions.PreventUpdate
@@ -82,8 +76,8 @@ def _rows(bench: Bench) -> list[list[str]]:
         [
             channel.name,
             channel.place or "",
-            _USES[1] if channel.name in asked.must else _USES[2] if channel.name in asked.never else _USES[0],
-            f"{asked.cost.get(channel.name, 1.0):g}",
+            use_of(asked, channel.name),
+            cost_of(asked, channel.name),
             "" if channel.xyz_m is None else ", ".join(f"{v:g}" for v in channel.xyz_m),
         ]
         for channel in sensors_of(bench)
@@ -95,7 +89,7 @@ def _table(rows: list[list[str]]) -> Component:
         [
             html.Span(name, className="name"),
             words,
-            parts.choice({"type": f"{ID}-use", "sensor": name}, _USES, use),
+            parts.choice({"type": f"{ID}-use", "sensor": name}, USES, use),
             dcc.Input(id={"type": f"{ID}-cost", "sensor": name}, value=cost, type="text", debounce=True),
             dcc.Input(
                 id={"type": f"{ID}-place", "sensor": name}, value=place, type="text", debounce=True, className="place"
@@ -104,16 +98,6 @@ def _table(rows: list[list[str]]) -> Component:
         for name, words, use, cost, place in rows
     ]
     return parts.table(["sensor", "place", "use", "cost", "x, y, z [m]"], shown, name="channels sensors")
-
-
-def _cost(text: str | None, name: str) -> float:
-    try:
-        cost = float(text or "1")
-    except ValueError:
-        cost = math.nan
-    if not math.isfinite(cost):
-        raise OptionError(repr(text), expected="a number", where=f"cost of {name}", advice="e.g. 2")
-    return cost
 
 
 def _coordinates(text: str, name: str) -> tuple[float, float, float]:

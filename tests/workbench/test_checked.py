@@ -1,0 +1,133 @@
+"""What another program sends in place of the page is refused, and nothing of it is kept."""
+
+from __future__ import annotations
+
+import json
+import time
+
+import pytest
+
+from selector.readers import Overrides
+from selector.selection import Options
+from selector.study import DiagnoseSection
+from selector.workbench.access import Access
+from selector.workbench.bench import Bench
+from selector.workbench.commands import Export
+from selector.workbench.page import page
+from tests.workbench import studies
+
+OWN = "http://127.0.0.1:8050"
+WRONG = [None, True, 7, -1.5, "x", [7], [[None]], {"a": [1]}, {"number": 0, "at": ["x"]}, 1e999]
+CELLS = {"use": "may be used", "cost": "1", "place": "", "role": "temperature", "unit": "degC", "axis": ""}
+"""What stands in the cells of a table."""
+
+
+@pytest.fixture
+def bench(tmp_path):
+    (tmp_path / "recordings").mkdir()
+    (tmp_path / "study").mkdir()
+    files = studies.written(tmp_path / "recordings")
+    found = Bench((tmp_path / "study").resolve(), files, files[0].with_name("machine.toml"))
+    found.read()
+    end = time.monotonic() + 60
+    while found.is_reading:
+        assert time.monotonic() < end
+        time.sleep(0.02)
+    return found
+
+
+@pytest.fixture
+def app(bench, monkeypatch):
+    monkeypatch.setattr(bench, "start", lambda *_: None)
+    monkeypatch.setattr(bench.live, "exploration", lambda *_: None)
+    return page(bench, Access(8050, "t"))
+
+
+@pytest.fixture
+def client(app):
+    found = app.server.test_client()
+    found.set_cookie("selector_8050", "t", domain="127.0.0.1")
+    return found
+
+
+def send(client, request: dict):
+    text = json.dumps(request)
+    return client.post("/_dash-update-component", base_url=OWN, data=text, content_type="application/json")
+
+
+def asked(app, client) -> list[dict]:
+    """Every callback that the server runs: as the page asks it, in turn with one value that is wrong."""
+    fields = {one.id: one for one in app.layout()._traverse() if isinstance(getattr(one, "id", None), str)}
+    return [
+        request
+        for one in client.get("/_dash-dependencies", base_url=OWN).get_json()
+        if not one["clientside_function"]
+        for position in range(len(one["inputs"]) + len(one["state"]))
+        for wrong in WRONG
+        for request in [_request(one, position, wrong, fields)]
+    ]
+
+
+def _request(of: dict, position: int, wrong: object, fields: dict) -> dict:
+    sent = []
+    for number, place in enumerate([*of["inputs"], *of["state"]]):
+        name, kind = place["id"], place["property"]
+        if name.startswith("{"):
+            parts = json.loads(name)
+            own = {key: "Z" if value == ["ALL"] else value for key, value in parts.items()}
+            right = own if kind == "id" else 1 if kind == "n_clicks" else CELLS.get(parts["type"].partition("-")[2])
+            value = wrong if number == position else right
+            sent.append([{"id": own, "property": kind, "value": value}])
+        else:
+            right = 1 if kind == "n_clicks" else getattr(fields.get(name), kind, None)
+            sent.append({"id": name, "property": kind, "value": wrong if number == position else right})
+    first = sent[0][0] if isinstance(sent[0], list) else sent[0]
+    name = first["id"] if isinstance(first["id"], str) else json.dumps(first["id"], sort_keys=True)
+    given = of["output"]
+    outputs = [dict(zip(("id", "property"), one.rsplit(".", 1), strict=True)) for one in given.strip(".").split("...")
+               ] if "." in given else []  # fmt: skip
+    return {
+        "output": given,
+        "outputs": outputs if given.startswith("..") else outputs[0] if outputs else [],
+        "inputs": sent[: len(of["inputs"])],
+        "state": sent[len(of["inputs"]) :],
+        "changedPropIds": [f"{name.replace(' ', '')}.{first['property']}"],
+    }
+
+
+def kept(bench) -> list[object]:
+    return [bench.options, bench.overrides, bench.diagnosis, bench.export, bench.used]
+
+
+def of_right_kinds(bench) -> bool:
+    """Whether all that is kept consists of texts, numbers and names that there are."""
+    names = bench.material.reading.recording.names
+    options, overrides = bench.options, bench.overrides
+    texts = [
+        *options.responses, *options.must, *options.never, *options.cost, bench.diagnosis.holdout,
+        *bench.diagnosis.responses, bench.export.model, bench.export.target,
+        *(getattr(overrides, name) or "" for name in ("encoding", "separator", "decimal", "sheet", "time_column")),
+        *(getattr(overrides, name) or "" for name in ("time_unit", "date_order")),
+    ]  # fmt: skip
+    return all(type(text) is str for text in texts) and {*options.must, *options.never, *options.cost} <= {*names}
+
+
+def test_values_of_wrong_kinds_are_neither_kept_nor_a_failure(app, client, bench):
+    requests = asked(app, client)
+    assert len(requests) > 400
+    for request in requests:
+        answer = send(client, request)
+        assert answer.status_code in (200, 204), (request, answer.text)
+        assert of_right_kinds(bench), (request, kept(bench))
+        assert not (bench.folder / "machine.toml").exists(), request
+        bench._options, bench._overrides = Options(), Overrides()
+        bench._diagnosis, bench._export = DiagnoseSection(), Export()
+
+
+def test_a_value_of_a_wrong_kind_says_what_is_wrong(app, client):
+    body = next(one for one in asked(app, client) if "selection-responses" in str(one["inputs"]))
+    body["inputs"][0]["value"] = "Z"
+    answer = send(client, body).text
+    assert "a valid list" in answer
+    assert "load the page again" in answer
+    assert "defect" not in answer
