@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from selector.controllers.model_file import Guard, Input, ModelFile, Output, PositionPart, State, Term
+from selector.controllers.guard import GuardedModel
+from selector.controllers.model_file import Guard, Input, ModelFile, Output, OutputLimits, PositionPart, State, Term
 from selector.recording import Channel, Recording
 
 PATENT = Path(__file__).parents[2] / "fixtures" / "models" / "patent-two-sensors.json"
@@ -106,3 +107,25 @@ def recording_of(runs: dict[str, pd.DataFrame], roles: dict[str, str] | None = N
 def run_table(time_s: np.ndarray, columns: dict[str, np.ndarray]) -> pd.DataFrame:
     """One run as `Recording.from_runs` takes it."""
     return pd.DataFrame(columns, index=pd.Index(time_s, name="time_s"))
+
+
+def guarded(
+    *,
+    rate: float | None = None,
+    slew: float = 1.0,
+    clamp: float = 100.0,
+    dead: float = 0.0,
+    part: PositionPart | None = None,
+    number: Any = float,
+    **guard: Any,
+) -> GuardedModel:
+    """`rise_model` behind a guard with these limits of Z, and what its model file says besides."""
+    limits = OutputLimits(output="Z", clamp_um=clamp, slew_um_per_s=slew, dead_band_um=dead)
+    first, second = rise_model().inputs
+    output = rise_model().outputs[0].model_copy(update={"position": part})
+    model = rise_model(
+        inputs=(first.model_copy(update={"rate_limit_per_min": rate}), second),
+        outputs=(output,),
+        guard=Guard.model_validate({"limits": (limits,), **guard}),
+    )
+    return GuardedModel(model, number)
