@@ -17,6 +17,7 @@ from selector.controllers.evaluator import evaluate, first_finite
 from selector.controllers.model_file import Input, ModelFile, Output
 from selector.controllers.sampling import other_sampling
 from selector.controllers.sensor_check import outside_valid_range, time_share, usable_readings
+from selector.csv_text import defused
 from selector.errors import OptionError, RecordingError, UnitError
 from selector.findings import Finding, Where
 from selector.recording import SENSOR_ROLES, Recording
@@ -144,25 +145,17 @@ def apply_model(
 def write_predictions(application: Application, path: str | Path) -> None:
     """Write the predictions as CSV (``run,time_s,<output>…``, UTF-8, empty = no prediction), whole or not at all.
 
-    A name that a spreadsheet would run as a formula (it begins with ``= + - @``, tab or return) gets a leading
-    apostrophe, and what does not print becomes a blank. Numbers are the shortest text that reads back to the same
-    float64.
+    Names are those of `selector.csv_text.defused`. Numbers are the shortest text that reads back to the same float64.
 
     Raises
     ------
     OptionError
         Nothing can be written at this path.
     """
-    table = application.predictions.rename(columns=_no_formula)
-    table["run"] = table["run"].map({run: _no_formula(run) for run in table["run"].unique()})
+    table = application.predictions.rename(columns=defused)
+    table["run"] = table["run"].map({run: defused(run) for run in table["run"].unique()})
     text = table.to_csv(index=False, lineterminator="\n")
     write_whole(Path(path), text.encode("utf-8"))
-
-
-def _no_formula(text: str) -> str:
-    safe = f"'{text}" if text.startswith(("=", "+", "-", "@", "\t", "\r")) else text
-    # pandas does not quote a lone return, which other readers take for the end of the row
-    return "".join(character if character.isprintable() else " " for character in safe)
 
 
 def _predictions(

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
-import io
 from collections.abc import Sequence
 from typing import Any
 
 from selector import __version__
+from selector.csv_text import csv_text
 from selector.proof.confusion import confusion
 from selector.proof.intervals import Measured
 from selector.proof.runner import TOOL, Outcome
@@ -108,12 +107,10 @@ def judgement(outcome: Outcome) -> str:
 
 def cases_csv(outcomes: Sequence[Outcome]) -> str:
     """Every outcome as a row of a CSV table."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(_COLUMNS)
+    rows: list[Sequence[object]] = []
     for one in outcomes:
         judged, truth = one.judged, one.truth
-        writer.writerow(
+        rows.append(
             [
                 one.answerer,
                 one.scenario,
@@ -139,7 +136,7 @@ def cases_csv(outcomes: Sequence[Outcome]) -> str:
                 one.stated.error,
             ]
         )
-    return text.getvalue()
+    return csv_text(_COLUMNS, rows)
 
 
 def row_texts(row: Row) -> tuple[str, str, str, str, str, str, str]:

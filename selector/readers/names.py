@@ -9,6 +9,7 @@ import unicodedata
 from collections.abc import Iterable, Sequence
 from itertools import islice
 
+from selector.csv_text import as_written
 from selector.readers.layout import is_time_name
 from selector.readers.tables import Column
 from selector.units import parse_unit
@@ -97,6 +98,7 @@ def found_column(columns: Sequence[Column], name: str) -> Column | None:
 
 def found_header(headers: Sequence[str], name: str) -> int | None:
     """Position of the header that `name` means, or None when there is none or more than one."""
+    name = as_written(name)
     for form in (lambda text: text, str.strip, lambda text: name_and_unit(text)[0], folded_name):
         wanted = {form(name), name}
         hits = [i for i, header in enumerate(headers) if form(header) in wanted]

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from selector.csv_text import as_written
 from selector.errors import ReadError
 from selector.findings import Finding
 
@@ -160,13 +161,16 @@ def checked_size(n_cells: int, where: str) -> None:
 
 
 def unique_headers(headers: list[str], where: str) -> tuple[list[str], list[Finding]]:
-    """Headers without blanks at the ends, empty ones as ``col3``, repeated ones as ``T1.2``, and what was changed."""
+    """Headers without blanks at the ends, empty ones as ``col3``, repeated ones as ``T1.2``, and what was changed.
+
+    The apostrophe that keeps a spreadsheet from running a name is no part of it.
+    """
     findings: list[Finding] = []
     taken: set[str] = set()
     unique: list[str] = []
     repeated: dict[str, list[str]] = {}
     for position, raw in enumerate(headers, start=1):
-        text = clean_name(raw) or f"col{position}"
+        text = as_written(clean_name(raw)) or f"col{position}"
         name, count = text, 1
         while name in taken:
             count += 1

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import os
 import re
 import tempfile
@@ -15,6 +13,7 @@ import pyarrow as pa
 import pyarrow.csv as arrow_csv
 import pyarrow.parquet as pq
 
+from selector.csv_text import csv_text
 from selector.errors import OptionError
 from selector.readers.machine_file import ChannelSection, Machine, MachineSection, TimeSection, machine_text
 from selector.readers.reading import Reading
@@ -43,8 +42,8 @@ def convert(reading: Reading, out_dir: Path, format: str = "csv") -> list[Path]:
     """Write clean recordings and their ``machine.toml``; reading them back gives bit-identical values.
 
     One file per run, called after it: UTF-8, comma, decimal point, one header row, first column ``time_s`` from the
-    start of the run, canonical units, missing values empty. A header that a spreadsheet would take for a formula (it
-    starts with ``= + - @``) gets an apostrophe in front; the machine file maps it back to the channel's name.
+    start of the run, canonical units, missing values empty. A header that a spreadsheet would take for a formula gets
+    an apostrophe in front (`selector.csv_text.defused`), which is dropped when it is read.
 
     Returns
     -------
@@ -113,9 +112,8 @@ def run_files(runs: tuple[str, ...], folder: Path, ending: str) -> dict[str, Pat
 
 
 def _headers(recording: Recording) -> list[str]:
-    """Header cells of the channels: their names, unless these cannot stand in a header."""
-    wanted = ["time_s", *(("'" + name) if name[:1] in ("=", "+", "-", "@") else name for name in recording.names)]
-    headers, _ = unique_headers(wanted, "the output")
+    """Headers of the channels as they are read again: their names, unless these cannot stand in a header."""
+    headers, _ = unique_headers(["time_s", *recording.names], "the output")
     return headers[1:]
 
 
@@ -164,10 +162,8 @@ def _run_writer(recording: Recording, run: str, headers: list[str], form: str) -
             ]
             pq.write_table(pa.table(arrays, schema=pa.schema(fields)), target, row_group_size=200_000)
             return
-        head = io.StringIO()
-        csv.writer(head, lineterminator="\n").writerow(["time_s", *headers])
         with target.open("wb") as stream:
-            stream.write(head.getvalue().encode("utf-8"))
+            stream.write(csv_text(["time_s", *headers]).encode("utf-8"))
             names = [str(k) for k in range(len(arrays))]
             options = arrow_csv.WriteOptions(include_header=False, quoting_style="none")
             arrow_csv.write_csv(pa.table(arrays, names=names), stream, options)

@@ -165,6 +165,19 @@ def test_headers_that_a_spreadsheet_would_run_are_defused_and_read_back(reads, t
     again = read([out])
     assert again.recording.names == ("=1+1", "@SUM", "-x", "+y")
     assert np.array_equal(again.recording.frame, reading.recording.frame)
+    # without the machine file, too
+    (out / "machine.toml").unlink()
+    alone = read([out], overrides=Overrides(roles=dict.fromkeys(reading.recording.names, "state")))
+    assert alone.recording.names == reading.recording.names
+
+
+def test_a_machine_file_may_name_a_defused_header_either_way(tmp_path):
+    (tmp_path / "r1.csv").write_text("time_s,'=1+1\n0,1\n1,2\n2,3\n", encoding="utf-8")
+    for said in ("'=1+1", "=1+1"):
+        (tmp_path / "machine.toml").write_text(
+            f'[channels.T1]\ncolumn = "{said}"\nrole = "temperature"\nunit = "degC"\n', encoding="utf-8"
+        )
+        assert read([tmp_path]).recording.names == ("T1",)
 
 
 def test_names_of_runs_become_names_that_every_system_takes(reads, tmp_path):

@@ -46,6 +46,12 @@ def test_a_table_is_copied_for_a_spreadsheet_and_pictures_are_smaller_on_paper(t
             "addEventListener('copy', (event) => window.was.push(event.clipboardData.getData('text/plain'))); }"
         )
         table = page.locator(".advice .scroll")
+        cells = ["=HYPERLINK(1)", "\u22121.5", "-1+1", "+2.5 %"]
+        page.evaluate(
+            "(texts) => { const row = document.querySelector('.advice .scroll table').rows[0];"
+            " texts.forEach((text) => { row.insertCell().textContent = text; }); }",
+            cells,
+        )
         table.hover()
         table.locator(".copy").click()
         (copied,) = page.evaluate("window.was")
@@ -58,7 +64,8 @@ def test_a_table_is_copied_for_a_spreadsheet_and_pictures_are_smaller_on_paper(t
     rows = [line.split("\t") for line in copied.split("\n")]
     assert rows[0][0] == "error of"
     assert [row[0] for row in rows[1:]] == ["Z", "Y"]
-    assert all(len(row) == len(rows[0]) for row in rows)
+    assert rows[0][-4:] == ["'=HYPERLINK(1)", "-1.5", "'-1+1", "+2.5 %"]
+    assert all(len(row) == len(rows[0]) - 4 for row in rows[1:])
     assert float(rows[1][1]) > 0
     assert after == before
     assert all(on <= off for on, off in zip(paper, before, strict=True))

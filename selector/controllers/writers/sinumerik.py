@@ -6,8 +6,6 @@ and 43920 (Siemens, Function Manual K3 "Compensations"). The PLC (S7-300) has no
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Mapping
 
 from selector.controllers.guard.codes import Mode
@@ -28,6 +26,7 @@ from selector.controllers.writers.structured_text import (
     head_lines,
     joined,
 )
+from selector.csv_text import csv_text
 from selector.findings import Finding
 
 BLOCK_OF_SETTING_DATA = "FB_ThermalToSD"
@@ -173,12 +172,10 @@ def _reference_mm(output: Output) -> float:
 
 def _settings(model: ModelFile, step: float, slope: float, factor: float) -> str:
     """One line per datum: comma separated, ASCII."""
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(("axis", "datum", "value", "unit", "meaning"))
+    table: list[tuple[str, ...]] = []
     sign = "SIGN: prove on the machine that +0.010 mm in SD43900 moves the axis 10 um towards +"
     for k, output in enumerate(model.outputs, start=1):
-        axis = _cell(_axis(output))
+        axis = plain(_axis(output))
         has_line = has_own_line(output)
         source = "k0" if has_line or output.position is None else "correction"
         rows = (
@@ -192,14 +189,8 @@ def _settings(model: ModelFile, step: float, slope: float, factor: float) -> str
              f"tan(beta) = slope_{k} [um/m] x 0.000001" if has_line else "0"),
             ("SD43920 $SA_TEMP_COMP_REF_POSITION", f"{_reference_mm(output):.10g}", "mm", "P0"),
         )  # fmt: skip
-        table.writerows((axis, *row) for row in rows)
-    return text.getvalue()
-
-
-def _cell(name: str) -> str:
-    """A name that no spreadsheet takes for a formula."""
-    text = plain(name)
-    return f"'{text}" if text.startswith(("=", "+", "-", "@")) else text
+        table += [(axis, *row) for row in rows]
+    return csv_text(("axis", "datum", "value", "unit", "meaning"), table)
 
 
 def _limit_findings(

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Iterator, Mapping
 
+from selector.csv_text import csv_text
 from selector.physics.thermal.correction_program import CorrectionProgram, Operation
 
 _RULES = """\
@@ -58,17 +57,15 @@ def notation(operation: Operation) -> str:
 def program_table(programs: Mapping[str, CorrectionProgram]) -> str:
     """The programs (response → program) as CSV, one row a correction; times are rounded down to 0.0001 min.
 
-    A response whose name a spreadsheet would run as a formula gets a leading apostrophe.
+    Names of responses are those of `selector.csv_text.defused`.
     """
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(_HEADINGS)
+    rows: list[tuple[object, ...]] = []
     for response, program in programs.items():
         for number, operation in enumerate(program.operations, start=1):
             for correction, (time_s, duration_s, step_um, offset_um) in enumerate(_rows(operation), start=1):
-                writer.writerow(
+                rows.append(
                     (
-                        _no_formula(_one_line(response)),
+                        response,
                         number,
                         correction,
                         f"{_ten_thousandths(time_s):.4f}",
@@ -79,7 +76,7 @@ def program_table(programs: Mapping[str, CorrectionProgram]) -> str:
                         f"{offset_um / 1000.0:.6f}",
                     )
                 )
-    return text.getvalue()
+    return csv_text(_HEADINGS, rows)
 
 
 def program_blocks(programs: Mapping[str, CorrectionProgram]) -> str:
@@ -136,7 +133,3 @@ def _short(value: float) -> str:
 
 def _one_line(text: str) -> str:
     return "".join(sign if sign.isprintable() else " " for sign in text)
-
-
-def _no_formula(text: str) -> str:
-    return "'" + text if text[:1] in ("=", "+", "-", "@") else text

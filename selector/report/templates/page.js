@@ -29,9 +29,13 @@ window.addEventListener("afterprint", () => {
     Plotly.relayout(plot, { autosize: true, width: null, height: heights[k] });
   });
 });
-// cells with tabs between, and signs that a spreadsheet takes for numbers
-const copied = (table) => [...table.rows].map((row) =>
-  [...row.cells].map((cell) => cell.textContent.trim().replaceAll("\u2212", "-")).join("\t")).join("\n");
+// cells with tabs between, and signs that a spreadsheet takes for numbers; a text is no formula there (selector.csv_text)
+const isNumber = /^[-+]?\d[\d.,\s]*(e[-+]?\d+)?\s*%?$/i;
+const cellText = (cell) => {
+  const text = cell.textContent.trim().replaceAll("\u2212", "-");
+  return /^'*[=+\-@]/.test(text) && !isNumber.test(text) ? `'${text}` : text;
+};
+const copied = (table) => [...table.rows].map((row) => [...row.cells].map(cellText).join("\t")).join("\n");
 for (const table of document.querySelectorAll(".scroll > table")) {
   const button = document.createElement("button");
   button.className = "copy";
