@@ -15,6 +15,7 @@ from selector.sensors.fuzzy import transitive_closure
 from selector.sensors.groups import dendrogram
 
 _NUMBERS_UP_TO = 14
+_FOUR_DECIMALS_UP_TO = 9
 _LONGEST_CELL_LABEL = 16
 
 
@@ -42,7 +43,8 @@ def similarity_and_closure(selection: Selection) -> go.Figure:
     labels = [_sensor_label(selection, name, _LONGEST_CELL_LABEL) for name in names]
     longest = max(len(style.label(name, _LONGEST_CELL_LABEL)) for name in names)
     is_turned = n > 8 or longest > 6
-    cell = 20 if n > _NUMBERS_UP_TO else 46
+    # four decimals must fit into a cell on paper, too
+    cell = 20 if n > _NUMBERS_UP_TO else 46 if n > _FOUR_DECIMALS_UP_TO else 58
     drawn = style.figure(title, 120 + cell * n + (7 * longest if is_turned else 20))
     hover = [
         [
@@ -64,12 +66,12 @@ def similarity_and_closure(selection: Selection) -> go.Figure:
         hoverongaps=False,
         text=[[_cell(value, n) for value in row] for row in both] if n <= _NUMBERS_UP_TO else None,
         texttemplate="%{text}" if n <= _NUMBERS_UP_TO else None,
-        textfont={"size": 11 if n <= 9 else 9},
+        textfont={"size": 11 if n <= _FOUR_DECIMALS_UP_TO else 9},
         customdata=hover,
         hovertemplate="%{customdata}<extra></extra>",
         showscale=n > _NUMBERS_UP_TO,
         colorbar={
-            "title": {"text": "r, t [–]", "side": "right"},
+            "title": {"text": "r, t [–]", "side": "top"},
             "thickness": 14,
             "outlinewidth": 0,
             **style.level_axis(low, high, room=0.08),
@@ -202,4 +204,4 @@ def _sensor_label(selection: Selection, name: str, longest: int = style.LONGEST_
 def _cell(value: float, n: int) -> str:
     if math.isnan(value):
         return ""
-    return f"{value:.4f}" if n <= 9 else f"{value:.3f}"
+    return f"{value:.4f}" if n <= _FOUR_DECIMALS_UP_TO else f"{value:.3f}"

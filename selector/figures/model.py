@@ -55,7 +55,7 @@ def coefficients_title(response: str, terms: Sequence[TermShown]) -> str:
     n = len(terms)
     which = [term.label for term in terms if term.is_unsure]
     if not which:
-        which_terms = "the only term is" if n == 1 else f"all {n} terms are"
+        which_terms = {1: "the only term is", 2: "both terms are"}.get(n, f"all {n} terms are")
         return f"{style.label(response)}: {which_terms} clearly different from zero"
     listed = ", ".join(which[:5]) + (f" and {len(which) - 5} more" if len(which) > 5 else "")
     return f"{style.label(response)}: {len(which)} of {n} terms cannot be told from zero: {listed}"

@@ -44,11 +44,11 @@ def coefficient_rows(selection: Selection, response: str) -> list[tuple[str, str
     vif = {tuple(sorted(term.powers)): float(value) for term, value in zip(model.terms, model.vif, strict=True)}
     rows = []
     if model.has_intercept:
-        rows.append(("intercept", uncertain_text(float(coefficients[0]), float(errors[0])), "µm", NONE))
+        rows.append(("intercept", uncertain_text(float(coefficients[0]), float(errors[0]), least=0), "µm", NONE))
     for term, value, error in zip(terms, coefficients[1:], errors[1:], strict=True):
         inflation = vif.get(tuple(sorted(term.powers)))
         unit = _unit_of_term(selection, term)
-        text = uncertain_text(float(value), float(error))
+        text = uncertain_text(float(value), float(error), least=0)
         rows.append((term_text(selection, term), text, unit, number_text(inflation)))
     return rows
 

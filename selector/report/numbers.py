@@ -16,11 +16,13 @@ def number_text(value: float | None, digits: int = 3) -> str:
     return NONE if value is None else number(value, digits)
 
 
-def uncertain_text(value: float, error: float) -> str:
-    """A value ± its standard error: the error with two digits, the value with at least four.
+def uncertain_text(value: float, error: float, least: int = 4) -> str:
+    """A value ± its standard error: the error with two digits, the value with at least so many.
 
-    >>> uncertain_text(6.04762, 0.0312)
-    '6.048 ± 0.031'
+    Four are for formulas that are computed with: terms that move together need more digits than their errors say.
+
+    >>> uncertain_text(6.04762, 0.312), uncertain_text(6.04762, 0.312, least=0)
+    ('6.048 ± 0.31', '6.05 ± 0.31')
     """
     if not math.isfinite(value):
         return NONE
@@ -28,11 +30,11 @@ def uncertain_text(value: float, error: float) -> str:
         return number_text(value, 4)
     if max(abs(value), error) < 1e-3 or max(abs(value), error) >= 1e7:
         power = math.floor(math.log10(max(abs(value), error)))
-        inner = uncertain_text(value / 10.0**power, error / 10.0**power)
+        inner = uncertain_text(value / 10.0**power, error / 10.0**power, least)
         return f"({inner})·10{str(power).translate(SUPERSCRIPTS)}"
     wanted = [1 - math.floor(math.log10(error))]
-    if value:
-        wanted.append(3 - math.floor(math.log10(abs(value))))
+    if value and least:
+        wanted.append(least - 1 - math.floor(math.log10(abs(value))))
     decimals = min(max(0, *wanted), 9)
     return f"{value:.{decimals}f} ± {error:.{max(0, min(wanted[0], 9))}f}".replace("-", "−")
 
@@ -48,6 +50,28 @@ def rounded_text(value: float, error: float) -> str:
     power = math.floor(math.log10(error))
     decimals = max(0, (1 if error < 2 * 10.0**power else 0) - power)
     return f"{value:.{decimals}f} ± {error:.{decimals}f}".replace("-", "−")
+
+
+def p_text(value: float) -> str:
+    """A probability; one that is too small to be computed is not nothing.
+
+    >>> p_text(0.0), p_text(0.0321)
+    ('below 10⁻³⁰⁰', '0.032')
+    """
+    return f"below 10{'-300'.translate(SUPERSCRIPTS)}" if value < 1e-300 else number_text(value, 2)
+
+
+def beside_text(value: float, scale: float) -> str:
+    """A value with the decimals that a larger one beside it has when it is told with three digits.
+
+    >>> beside_text(-0.0441, 0.773), beside_text(-0.0389, 17.0), beside_text(0.249, 13.8)
+    ('−0.044', '0.0', '0.2')
+    """
+    most = max(abs(value), abs(scale))
+    if not math.isfinite(value) or not 1e-4 <= most < 1e7:
+        return number_text(value)
+    text = f"{value:.{max(0, 2 - math.floor(math.log10(most)))}f}"
+    return text.replace("-", "−") if float(text) else text.replace("-", "")
 
 
 def share_text(value: float) -> str:

@@ -132,7 +132,8 @@ def _cell(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
-        return number_text(value, 6) if value != int(value) else str(int(value))
+        text = number_text(value, 6)
+        return text.rstrip("0").rstrip(".") if "." in text and "·" not in text else text
     if isinstance(value, Mapping):
         return ", ".join(f"{key}: {_cell(item)}" for key, item in value.items()) or NONE
     if isinstance(value, list | tuple | set | frozenset):

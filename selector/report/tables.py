@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from selector.findings import Finding
 from selector.report.formula import coefficient_rows, unit_of, variable_text
-from selector.report.numbers import NONE, number_text, place_text, rounded_text, share_text
+from selector.report.numbers import NONE, beside_text, number_text, p_text, place_text, rounded_text, share_text
 from selector.report.wording import rmse_error_um
 from selector.selection import Selection
 from selector.selection.result import Combination
@@ -183,7 +183,7 @@ def runs_table(selection: Selection, response: str) -> Table:
             number_text(part.before_max_um),
             number_text(part.rmse_um),
             number_text(part.max_um),
-            number_text(part.mean_um),
+            beside_text(part.mean_um, part.rmse_um),
             number_text(fitted[part.name][0]) if part.name in fitted else NONE,
             ", ".join(part.sensors),
         )
@@ -213,7 +213,7 @@ def coefficients_table(selection: Selection, response: str) -> Table:
         "Standard errors are robust to autocorrelation within runs. VIF belongs to the centred, scaled terms in which "
         "the model was fitted; above 10 a term moves together with the others. Where there are powers or products, the "
         "coefficient of a single sensor is its slope where all variables are zero, and in the picture where they have "
-        "their means.",
+        "their means. The formula above has more digits than these errors allow, to be computed with.",
     )
 
 
@@ -229,7 +229,7 @@ def quality_table(selection: Selection) -> Table:
         ("samples [–]", [str(model.n_samples) for model in models.values()]),
         ("condition number [–]", [number_text(model.diagnostics.condition_number) for model in models.values()]),
         ("Durbin–Watson [–]", [number_text(model.diagnostics.durbin_watson) for model in models.values()]),
-        ("Ljung–Box p [–]", [number_text(model.diagnostics.ljung_box_p, 2) for model in models.values()]),
+        ("Ljung–Box p [–]", [p_text(model.diagnostics.ljung_box_p) for model in models.values()]),
         (
             "largest Cook's distance [–]",
             [number_text(model.diagnostics.max_cooks_distance, 2) for model in models.values()],
@@ -265,8 +265,8 @@ def range_table(selection: Selection) -> Table:
         [
             (
                 variable_text(selection, name),
-                number_text(float(low)),
-                number_text(float(high)),
+                beside_text(float(low), float(high - low)),
+                beside_text(float(high), float(high - low)),
                 unit_of(selection, name),
             )
             for name, low, high in zip(

@@ -273,9 +273,9 @@ def _range_findings(selection: Selection, rows: Rows) -> list[Finding]:
             continue
         outside = _box_excess(rows.variables[mine], hull.low, hull.high)
         j = int(np.argmax(outside / hull.scale))
-        name = selection.recipe.design.variables[j]
+        name, unit = _variable_and_unit(selection, j)
         beyond[run] = distance
-        far = f", {name} by up to {outside[j]:.3g}" if outside[j] > 0.1 * hull.scale[j] else ""
+        far = f", {name} by up to {outside[j]:.3g} {unit}" if outside[j] > 0.1 * hull.scale[j] else ""
         words.append(f"{run} by {distance:.2g}{far}")
     if not beyond:
         return []
@@ -290,6 +290,15 @@ def _range_findings(selection: Selection, rows: Rows) -> list[Finding]:
             "more runs of this kind would prove the model there",
         )
     ]
+
+
+def _variable_and_unit(selection: Selection, j: int) -> tuple[str, str]:
+    """A variable of the model as a person calls it, and the unit of its differences."""
+    design = selection.recipe.design
+    name = design.variables[j]
+    lag = next((lag for lag in design.lags if lag.name == name), None)
+    source = lag.source if lag else name
+    return f"{source} lagged {lag.tau_s:.0f} s" if lag else name, "K" if source in selection.chosen else "rpm"
 
 
 def _stability_findings(selection: Selection) -> list[Finding]:

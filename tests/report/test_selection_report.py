@@ -18,7 +18,7 @@ from selector.findings import Finding, Where
 from selector.models.terms import design_matrix
 from selector.report import selection_html, write_report
 from selector.report.formula import coefficient_rows, formula_text
-from selector.report.numbers import listed, number_text, place_text, span_text, uncertain_text
+from selector.report.numbers import beside_text, listed, number_text, p_text, place_text, span_text, uncertain_text
 from selector.report.wording import advice, data_label, rmse_error_um
 from tests.report import studies
 
@@ -396,6 +396,42 @@ def test_numbers(value, digits, text):
 )
 def test_values_with_their_errors(value, error, text):
     assert uncertain_text(value, error) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "text"),
+    [
+        (-0.5908, 0.204, "−0.59 ± 0.20"),
+        (6.04762, 0.0312, "6.048 ± 0.031"),
+        (0.0559, 0.076, "0.056 ± 0.076"),
+        (1234.5, 67.8, "1234 ± 68"),
+        (-1.868e-4, 4.4e-5, "(−1.87 ± 0.44)·10⁻⁴"),
+    ],
+)
+def test_coefficients_have_no_more_digits_than_their_errors(value, error, text):
+    assert uncertain_text(value, error, least=0) == text
+
+
+def test_small_values_beside_large_ones_have_their_decimals():
+    told = [(-0.0441, 0.773), (-0.0389, 17.0), (0.249, 13.8), (12.3, 12.3), (float("nan"), 1.0), (0.0, 0.0)]
+    assert [beside_text(*pair) for pair in told] == ["−0.044", "0.0", "0.2", "12.3", "–", "0"]
+
+
+def test_a_probability_too_small_to_be_computed_is_not_nothing():
+    assert [p_text(p) for p in (0.0, 4.5e-17, 0.0321, float("nan"))] == ["below 10⁻³⁰⁰", "4.5·10⁻¹⁷", "0.032", "–"]
+
+
+def test_the_table_of_coefficients_has_the_digits_of_their_errors():
+    for name in ("Z", "Y"):
+        for _, text, _, _ in coefficient_rows(studies.small(), name):
+            value, error = re.findall(r"[\d.]+", text.replace("10⁻", ""))[:2]
+            assert len(value.partition(".")[2]) == len(error.partition(".")[2])
+
+
+def test_options_have_no_empty_digits():
+    selection = studies.select(studies.recording(4, 4, 120), studies.Options(level=(0.995,), tolerance=0.001))
+    cells = Page(selection_html(selection)).cells
+    assert {"0.995", "0.001"} <= set(cells)
 
 
 def test_places_and_spans():
