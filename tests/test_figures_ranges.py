@@ -68,20 +68,23 @@ def test_samples_outside_the_hull_are_told():
     rng = np.random.default_rng(0)
     training = rng.uniform(-1, 1, (500, 3))
     samples = np.vstack([0.3 * training[:300], np.full((100, 3), 5.0)])
-    axes = ["ΔT1 [K]", "ΔT2 [K]", "n [rpm]"]
+    axes = [("ΔT1", "K"), ("ΔT2", "K"), ("a spindle speed with a long name", "rpm")]
     drawn = validity_pairs(validity_hull(training), axes, samples)
     assert "25 % of the samples" in drawn.layout.title.text.replace("<br>", " ")
     outside = [trace for trace in drawn.data if trace.name == "farther outside: 25 %"]
     assert len(outside) == 3
     assert {len(trace.x) for trace in outside} == {100}
     assert "No sample" in validity_pairs(validity_hull(training), axes, 0.3 * training).layout.title.text
+    assert drawn.layout.yaxis3.title.text == "a spindle speed with a … [rpm]"
     assert [drawn.layout[f"xaxis{k}"].title.text for k in ("", "2", "3")] == ["ΔT1 [K]", "ΔT1 [K]", "ΔT2 [K]"]
 
 
 def test_distances_to_something_else_than_the_hull_are_taken_as_they_are():
     samples = np.random.default_rng(1).uniform(-1, 1, (400, 2))
     beyond = np.repeat([0.0, 0.5, 2.0, 0.0], 100)
-    drawn = validity_pairs(validity_hull(samples), ["a [K]", "b [K]"], samples, beyond, "what the other runs cover")
+    drawn = validity_pairs(
+        validity_hull(samples), [("a", "K"), ("b", "K")], samples, beyond, "what the other runs cover"
+    )
     assert drawn.layout.title.text.startswith(
         "25 % of the samples lie more than one standard deviation outside what the"
     )
@@ -91,7 +94,7 @@ def test_distances_to_something_else_than_the_hull_are_taken_as_they_are():
 
 def test_inputs_on_a_line_and_many_samples():
     line = np.linspace(0.0, 1.0, 4000)[:, None] * np.ones(2)
-    drawn = validity_pairs(validity_hull(line), ["T1 [K]", "T2 [K]"], line)
+    drawn = validity_pairs(validity_hull(line), [("T1", "K"), ("T2", "K")], line)
     assert sum(len(trace.x) for trace in drawn.data if trace.mode == "markers") == POINTS
 
 

@@ -63,6 +63,32 @@ def duty_cycle(prediction: Prediction, response: str) -> go.Figure:
     return drawn
 
 
+def thermal_modes(prediction: Prediction, response: str) -> go.Figure | None:
+    """What each thermal mode contributes to a displacement in the duty cycle, and their sum; None without modes."""
+    if prediction.mode_um is None:
+        return None
+    r = prediction.responses.index(response)
+    courses, taus_s = prediction.mode_um[:, :, r], [mode.tau_s for mode in prediction.modes]
+    names = [f"mode {k}, {style.number(tau / 60.0)} min" for k, tau in enumerate(taus_s, start=1)]
+    most = int(np.argmax(np.abs(courses).max(axis=0)))
+    largest = courses[int(np.argmax(np.abs(courses[:, most]))), most]
+    title = f"{style.label(response)}: " + (
+        f"{names[most]}, moves it most, by up to {style.number(float(largest))} µm in this duty cycle"
+        if len(names) > 1
+        else f"one mode of {style.number(taus_s[0] / 60.0)} min moves it"
+    )
+    lines = [
+        Line(name, prediction.time_s, courses[:, k], style.GROUPS[k % len(style.GROUPS)])
+        for k, name in enumerate(names)
+    ]
+    if len(names) > 1:
+        lines.append(
+            Line("all together", prediction.time_s, prediction.displacement_um[:, r], style.INK, dash="dash", width=2.2)
+        )
+    panels = [Panel(f"{style.label(response, 12)} [µm]", lines, height_px=260, least=0.0)]
+    return stacked(title, panels, float(prediction.time_s[-1]))
+
+
 def prediction_of_tests(prediction: Prediction, response: str, repeats: tuple[RepeatedTest, ...]) -> go.Figure:
     """The tests beside what the method makes of them, the residual below; `repeats` are those of the prediction."""
     r = prediction.responses.index(response)

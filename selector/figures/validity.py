@@ -25,7 +25,7 @@ _PANEL_PX = 290
 
 def validity_pairs(
     hull: ValidityHull,
-    axes: Sequence[str],
+    axes: Sequence[tuple[str, str]],
     samples: NDArray[np.float64],
     beyond: NDArray[np.float64] | None = None,
     known: str = "what the model has learnt from",
@@ -40,8 +40,8 @@ def validity_pairs(
     ----------
     hull : ValidityHull
         Of the training samples, as a `Selection` has it.
-    axes : sequence of str
-        Names of its variables with their units, two at least.
+    axes : sequence of (str, str)
+        Its variables and their units, two at least.
     samples : ndarray of shape (n_samples, n_inputs)
         In the unit of the inputs, e.g. another run.
     beyond : ndarray of shape (n_samples,), optional
@@ -85,13 +85,17 @@ def validity_pairs(
         number = str(k + 1) if k else ""
         drawn.layout[f"xaxis{number}"] = {
             "domain": [left + 0.05, right - 0.01], "anchor": f"y{k + 1}",
-            "title": {"text": style.label(axes[i]), "standoff": 2},
+            "title": {"text": _axis_text(*axes[i]), "standoff": 2},
         }  # fmt: skip
         drawn.layout[f"yaxis{number}"] = {
             "domain": [bottom + 0.20 / rows, top - 0.04 / rows], "anchor": f"x{k + 1}",
-            "title": {"text": style.label(axes[j]), "standoff": 2},
+            "title": {"text": _axis_text(*axes[j]), "standoff": 2},
         }  # fmt: skip
     return drawn
+
+
+def _axis_text(name: str, unit: str) -> str:
+    return f"{style.label(name, 24)} [{unit}]"
 
 
 def _outline(points: NDArray[np.float64]) -> NDArray[np.float64]:

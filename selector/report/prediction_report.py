@@ -12,7 +12,7 @@ import numpy as np
 
 from selector import __version__
 from selector.atomic_file import write_whole
-from selector.figures.duty_cycle import duty_cycle, prediction_of_tests
+from selector.figures.duty_cycle import duty_cycle, prediction_of_tests, thermal_modes
 from selector.findings import Where
 from selector.physics.thermal.correction_text import program_blocks
 from selector.physics.thermal.cyclogram_kind import cyclogram_kind
@@ -101,6 +101,11 @@ def prediction_html(
         "tests": [picture for name in names for picture in _tests(pictures, prediction, name)],
         "accuracy": _accuracy_table(prediction),
         "modes": _modes_table(prediction),
+        "mode_courses": [
+            pictures.add(drawn, _MODES if i == 0 else "")
+            for i, drawn in enumerate(thermal_modes(prediction, name) for name in names)
+            if drawn is not None
+        ],
         "cycle": _cycle_table(prediction),
         "remarks": remarks_of(prediction.findings),
         "reading": origin.reading_tables(described),
@@ -228,7 +233,7 @@ def _cycle_table(prediction: Prediction) -> Table:
     cyclogram = prediction.cyclogram
     lengths = np.diff(np.r_[cyclogram.start_s, cyclogram.end_s])
     rows = [
-        (number_text(start / 60, 4), number_text(float(speed), 5), span_text(float(length)))
+        (f"{start / 60:.6g}", f"{float(speed):.6g}", span_text(float(length)))
         for start, speed, length in zip(cyclogram.start_s.tolist(), cyclogram.speed_rpm, lengths, strict=True)
     ]
     more = f" {len(rows) - MOST_ROWS} more rows are not shown." if len(rows) > MOST_ROWS else ""
@@ -239,6 +244,11 @@ def _cycle_table(prediction: Prediction) -> Table:
     return table([">from [min]", ">speed [r/min]", ">for"], rows[:MOST_ROWS], note)
 
 
+_MODES = (
+    "The displacement in parts that settle with a time constant each: a short one follows the speed within minutes, a "
+    "long one is the warmth that a machine keeps over breaks. What parts with similar time constants have each is less "
+    "sure than their sum."
+)
 _COURSE = (
     "Top: the duty cycle. Middle: the predicted displacement; green: what the zeros of the operations and the "
     "corrections take off. Bottom: what is left of it; the band is the tolerance."

@@ -69,7 +69,7 @@ def validity(pictures: Pictures, selection: Selection) -> Picture | None:
         return None
     beyond = np.concatenate([one.beyond_others for one in selection.readings])
     samples = np.concatenate([one.variables for one in selection.readings])[np.isfinite(beyond)]
-    axes = [f"{variable_text(selection, name)} [{unit_of(selection, name)}]" for name in variables]
+    axes = [(variable_text(selection, name), unit_of(selection, name)) for name in variables]
     part = selection.proof.left_out
     drawn = figures.validity_pairs(
         selection.hull, axes, samples, beyond[np.isfinite(beyond)], f"what the other {part}s cover"
@@ -84,9 +84,11 @@ def validity(pictures: Pictures, selection: Selection) -> Picture | None:
 def _memory(selection: Selection) -> str:
     lags = selection.recipe.design.lags
     if not lags:
-        return "This model has no memory terms."
-    taus = dict.fromkeys(span_text(lag.tau_s) for lag in lags)
-    return f"This model has memory terms with time constants of {listed(list(taus))}."
+        offered = "they were offered and did not pay" if selection.options.memory else "--memory offers them"
+        return f"This model has no memory terms; {offered}."
+    taus = list(dict.fromkeys(span_text(lag.tau_s) for lag in lags))
+    constants = "a time constant" if len(taus) == 1 else "time constants"
+    return f"This model has memory terms with {constants} of {listed(taus)}."
 
 
 def _thinning(selection: Selection) -> str:

@@ -168,8 +168,8 @@ def prediction_page(document: Mapping[str, Any]) -> str:
         "Duty cycle",
         f"In this {told.kind} duty cycle {said}.",
         [f"Predicted by the {told.method} method."],
-        "The spindle speed, the heating and cooling tests and how well they are repeated: prediction.json does not "
-        "hold them. `selector predict` makes the whole page.",
+        "The spindle speed, the heating and cooling tests, how well they are repeated and what each mode contributes: "
+        "prediction.json does not hold them. `selector predict` makes the whole page.",
         sections,
         told.findings,
     )

@@ -193,6 +193,10 @@ def _offer_findings(errors: Mapping[Offer, float], taken: Offer) -> list[Finding
     ]
 
 
+def _three_digits(value: float) -> str:
+    return f"{value:.0f}" if 100 <= value < 1e7 else f"{value:.3g}"
+
+
 def _model_findings(selection: Selection, ridge: tuple[float, float, float]) -> list[Finding]:
     found = []
     # every response has the same terms, so their collinearity is one statement
@@ -205,8 +209,9 @@ def _model_findings(selection: Selection, ridge: tuple[float, float, float]) -> 
             Finding(
                 "collinear-terms",
                 "warning",
-                f"The terms of the model move together (VIF of {worst} {vif:.3g}, condition number {condition:.3g}): "
-                "single coefficients are uncertain, and a sensor fault or another season is amplified.",
+                f"The terms of the model move together (VIF of {worst} {_three_digits(vif)}, condition number "
+                f"{_three_digits(condition)}): single coefficients are uncertain, and a sensor fault or another season "
+                "is amplified.",
                 Where(),
                 {"vif": float(vif), "term": str(worst), "condition_number": condition},
                 "use fewer sensors, or --ridge, which shrinks the coefficients and shows what that costs",

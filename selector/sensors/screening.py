@@ -199,8 +199,8 @@ def _without_effect(level: float, closure: NDArray[np.float64]) -> Finding:
     return Finding(
         id="round-without-effect",
         level="info",
-        statement=f"Screening {n} sensors at λ = {level:g} drops none: no two of them that could be merged are linked "
-        "at this level. Sensors kept by an earlier round at the same or a lower λ never merge again.",
+        statement=f"Screening {n} sensor{'s' * (n > 1)} at λ = {level:g} drops none: no two of them that could be "
+        "merged are linked at this level. Sensors kept by an earlier round at the same or a lower λ never merge again.",
         evidence={"lambda": float(level), "sensors": n, "next_level": nearest},
         suggestion="leave the round out"
         if nearest is None

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from selector.errors import OptionError
+from selector.figures.duty_cycle import thermal_modes
 from selector.findings import Finding, Where
 from selector.report import prediction_html, write_prediction_report
 from selector.report.prediction_wording import prediction_advice
@@ -48,6 +49,19 @@ def test_what_to_do_comes_first():
     assert said.first.endswith("; the drift then stays within 10 µm.")
     assert "SUBTRACTED" not in said.first
     assert "verify the sign" in said.more[1]
+
+
+def test_every_mode_has_its_course_and_they_sum_up():
+    prediction = predictions.prediction("modal")
+    assert prediction.mode_um.shape == (len(prediction.time_s), len(prediction.modes), 2)
+    np.testing.assert_allclose(prediction.mode_um.sum(axis=1), prediction.displacement_um, atol=1e-9)
+    drawn = thermal_modes(prediction, HOSTILE[0])
+    named = [line.name for line in drawn.data]
+    assert [name for name in named if name.startswith("mode 1, ")]
+    assert len(named) == len(prediction.modes) + (len(prediction.modes) > 1)
+    assert thermal_modes(predictions.prediction("piecewise"), HOSTILE[0]) is None
+    assert "The displacement in parts that settle" in text_of(Page(prediction_html(prediction)))
+    assert "The displacement in parts that settle" not in text_of(Page(prediction_html(predictions.prediction())))
 
 
 def test_many_corrections_are_counted_and_the_first_one_told():
@@ -102,7 +116,7 @@ def test_the_page_holds_program_blocks_tests_cycle_findings_and_origin(page):
         assert where in text
     assert "some/where" not in text
     assert "Simulated data" in text
-    assert {"0", "60.00", "120.0"} <= set(page.cells)
+    assert {"0", "60", "120"} <= set(page.cells)
     assert "Thermal modes" not in text
     assert "The thermal modes" not in text
 

@@ -141,6 +141,10 @@ class ModalModel:
         """Displacements [µm], shape (n_times, n_responses), at times [s] of shape (n_times,); see `states_at`."""
         return self._displacement(self.states_at(cyclogram, time_s, start))
 
+    def mode_displacement_um(self, cyclogram: Cyclogram, time_s: Vector) -> Vector:
+        """What each mode contributes [µm], shape (n_times, n_modes, n_responses); the sum is the displacement."""
+        return np.asarray(np.einsum("nkj,jkr->nkr", self.states_at(cyclogram, time_s), self.gains_um))
+
     def characteristic(self, speed_rpm: float, time_s: Vector) -> Vector:
         """δ(n, t) [µm], shape (n_times, n_responses): continuous running from rest; errors as in `states_at`."""
         end_s = float(max(np.max(time_s, initial=0.0), 1.0))

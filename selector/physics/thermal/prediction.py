@@ -77,6 +77,8 @@ class Prediction:
         What to know about it.
     repeats : tuple of RepeatedTest
         The tests beside what the method makes of them.
+    mode_um : ndarray of shape (n_times, n_modes, n_responses) or None
+        What each mode contributes to the displacement [µm]; None for the piecewise method.
     """
 
     responses: tuple[str, ...]
@@ -90,6 +92,7 @@ class Prediction:
     heldout_um: Vector | None
     findings: tuple[Finding, ...]
     repeats: tuple[RepeatedTest, ...] = ()
+    mode_um: Vector | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """JSON form, `selector.prediction/1`."""
@@ -194,6 +197,7 @@ def predict(
     modes: tuple[Mode, ...] = ()
     residual: Vector | None = None
     heldout: Vector | None = None
+    mode_um: Vector | None = None
     if method == "modal":
         from selector.physics.thermal.mode_choice import choose_modes
 
@@ -208,6 +212,7 @@ def predict(
         findings += [*_longer_than_tests(usable, cyclogram)]
         time = _times(lambda t: fit.model.displacement_um(cyclogram, t), cyclogram, operations_s)
         displacement = fit.model.displacement_um(cyclogram, time)
+        mode_um = fit.model.mode_displacement_um(cyclogram, time)
         repeats = modal_repeats(usable, fit.model, warm=fit.warm, with_hall=fit.with_hall)
     else:
         curves = characteristics(usable, responses)
@@ -241,6 +246,7 @@ def predict(
         heldout,
         tuple(findings),
         repeats,
+        mode_um,
     )
 
 
