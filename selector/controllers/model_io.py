@@ -13,8 +13,9 @@ from selector.atomic_file import write_whole
 from selector.controllers.model_file import SCHEMA, ContradictionError, ModelFile, Output, Sign
 from selector.controllers.strict_json import json_path, json_text, parsed_json, shown
 from selector.errors import ModelFileError
+from selector.text_file import text_of
 
-LARGEST_FILE_BYTES = 16 * 1024 * 1024
+LARGEST_FILE_BYTES = 16_000_000
 """A model of 37 sensors with all pair products and 37 fallbacks takes half of it."""
 
 _EXPECTED = {
@@ -42,40 +43,17 @@ def read_model(path: str | Path) -> ModelFile:
         message has the JSON path and the value.
     """
     place = Path(path)
-    if place.exists() and not (place.is_file() or place.is_dir()):
-        # opening a pipe would wait for ever
-        raise ModelFileError(
-            "not a regular file but a device, a pipe or a socket",
-            expected=f"a model file ({SCHEMA})",
+
+    def refused(found: str) -> ModelFileError:
+        return ModelFileError(
+            found,
+            expected=f"a model file ({SCHEMA}), JSON text of at most {LARGEST_FILE_BYTES // 1_000_000} MB in UTF-8",
             where=str(place),
-            advice="write the model into a file and name that",
+            advice="check the path; `selector select --out DIR` writes DIR/model.json, and no editor may change its "
+            "encoding",
         )
-    try:
-        with place.open("rb") as file:
-            content = file.read(LARGEST_FILE_BYTES + 1)
-    except OSError as error:
-        raise ModelFileError(
-            f"the file cannot be read: {error.strerror or error}",
-            expected=f"a model file ({SCHEMA})",
-            where=str(place),
-            advice="check the path; `selector select --out DIR` writes DIR/model.json",
-        ) from error
-    if len(content) > LARGEST_FILE_BYTES:
-        raise ModelFileError(
-            f"more than {LARGEST_FILE_BYTES // 2**20} MiB",
-            expected=f"a model file ({SCHEMA}) of at most {LARGEST_FILE_BYTES // 2**20} MiB",
-            where=str(place),
-            advice="give the model file, not a recording",
-        )
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise ModelFileError(
-            f"byte {content[error.start]:#04x} at offset {error.start} is not UTF-8",
-            expected="a JSON text in UTF-8",
-            where=str(place),
-            advice="give the model file as selector wrote it; an editor may have saved it in another encoding",
-        ) from None
+
+    text = text_of(place, LARGEST_FILE_BYTES, refused)
     return parsed_model(text, where=str(place))
 
 

@@ -20,6 +20,7 @@ from selector.errors import ModelFileError
 from selector.physics.model_entries import NO_SUCH_KIND, Entry, is_choice_tag
 from selector.physics.model_headers import bracket_slip
 from selector.physics.model_mistakes import expected_text
+from selector.text_file import text_of
 
 LARGEST_FILE_BYTES = 4_000_000
 """A thermal network of the largest size that is allowed takes a tenth of it."""
@@ -102,22 +103,7 @@ class ModelFamily(Generic[File]):
         return any(_section_at(schema, path, tuple(path))[0].startswith("[[") for schema in self.kinds.values())
 
     def _text(self, place: Path) -> str:
-        if place.exists() and not (place.is_file() or place.is_dir()):
-            # opening a pipe would wait for ever
-            raise self._no_model_file("not a regular file but a device, a pipe or a socket", str(place))
-        try:
-            with place.open("rb") as file:
-                content = file.read(LARGEST_FILE_BYTES + 1)
-        except OSError as error:
-            said = f"a file that cannot be opened ({error.strerror or error})"
-            raise self._no_model_file(said, str(place)) from error
-        if len(content) > LARGEST_FILE_BYTES:
-            raise self._no_model_file(f"a file of more than {LARGEST_FILE_BYTES // 10**6} MB", str(place))
-        try:
-            text = content.decode("utf-8-sig")
-        except UnicodeDecodeError as error:
-            raise self._no_model_file(f"text that is not UTF-8 at byte {error.start}", str(place)) from None
-        return text.replace("\r\n", "\n")
+        return text_of(place, LARGEST_FILE_BYTES, lambda found: self._no_model_file(found, str(place)))
 
     def _no_model_file(self, found: str, where: str) -> ModelFileError:
         expected, advice = f"a {self.physics} model file (TOML text)", f"check the path; see {self.examples}"

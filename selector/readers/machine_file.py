@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from selector.errors import ReadError, RecordingError, UnitError
 from selector.readers.names import closest
 from selector.readers.numeric_clock import time_unit
+from selector.text_file import text_of
 from selector.units import ROLES, unit_for_role
 
 _MAX_BYTES = 10_000_000
@@ -113,23 +114,16 @@ def machine(path: Path) -> Machine:
         Two channels are read from the same column.
     """
     where = str(path)
-    try:
-        if path.exists() and not (path.is_file() or path.is_dir()):
-            # a device has no size to be judged by, and opening a pipe would wait for ever
-            raise _unreadable(
-                where, "not a regular file but a device, a pipe or a socket", "write it into a file and name that"
-            )
-        with path.open("rb") as file:
-            content = file.read(_MAX_BYTES + 1)
-        if len(content) > _MAX_BYTES:
-            raise _unreadable(where, "a file of more than 10 MB", "check whether this is the machine file")
-        text = content.decode("utf-8-sig").replace("\r\n", "\n")
-    except OSError as error:
-        raise _unreadable(where, f"a file that cannot be opened ({error.strerror})", "check the path") from error
-    except UnicodeDecodeError as error:
-        raise _unreadable(
-            f"{where}, byte {error.start}", "text that is not UTF-8", "save the machine file as UTF-8"
-        ) from error
+    text = text_of(
+        path,
+        _MAX_BYTES,
+        lambda found: ReadError(
+            found,
+            expected="a machine file (TOML text in UTF-8)",
+            where=where,
+            advice="check the path, and whether this is the machine file",
+        ),
+    )
     return machine_from_text(text, where)
 
 
@@ -213,10 +207,6 @@ def _toml(value: Any) -> str:
     escapes = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r", "\b": "\\b", "\f": "\\f"}
     out = "".join(escapes.get(c) or (c if c.isprintable() or ord(c) > 0x9F else f"\\u{ord(c):04x}") for c in str(value))
     return f'"{out}"'
-
-
-def _unreadable(where: str, found: str, advice: str) -> ReadError:
-    return ReadError(found, expected="a machine file (TOML text)", where=where, advice=advice)
 
 
 def _invalid(error: ValidationError, text: str, where: str) -> ReadError:

@@ -11,8 +11,9 @@ from pydantic import ValidationError
 
 from selector.controllers.strict_json import json_path, parsed_json, shown
 from selector.errors import InputError, ModelFileError, ResultError
+from selector.text_file import text_of
 
-LARGEST_FILE_BYTES = 128 * 1024 * 1024
+LARGEST_FILE_BYTES = 128_000_000
 MOST_VALUES = 5_000_000
 NAMES = ("selection.json", "diagnosis.json", "prediction.json", "model.json")
 """Results that a folder may hold, the one that is shown first."""
@@ -70,20 +71,7 @@ def read_result(path: str | Path) -> Result:
         `SCHEMAS`.
     """
     place = result_place(path)
-    if place.exists() and not place.is_file():
-        # opening a pipe would wait for ever
-        raise _unreadable("not a regular file", place)
-    try:
-        with place.open("rb") as file:
-            content = file.read(LARGEST_FILE_BYTES + 1)
-    except OSError as error:
-        raise _unreadable(f"a file that cannot be opened ({error.strerror or error})", place) from error
-    if len(content) > LARGEST_FILE_BYTES:
-        raise _unreadable(f"a file of more than {LARGEST_FILE_BYTES // 2**20} MiB", place)
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise _unreadable(f"text that is not UTF-8 at byte {error.start}", place) from None
+    text = text_of(place, LARGEST_FILE_BYTES, lambda found: _unreadable(found, place))
     try:
         document = parsed_json(text, where=str(place), most_entries=MOST_VALUES, most_values=MOST_VALUES)
     except ModelFileError as error:

@@ -15,6 +15,7 @@ from selector.physics.model_mistakes import expected_text
 from selector.physics.model_text import key_text, sections_of_text, shown
 from selector.readers.names import closest
 from selector.study.study_file import SCHEMA, Study
+from selector.text_file import text_of
 
 STUDY_FILE = "study.toml"
 LARGEST_FILE_BYTES = 16_000_000
@@ -46,21 +47,8 @@ def read_study(path: str | Path) -> Study:
         message has the key and the nearest known name.
     """
     place = study_place(path)
-    if place.exists() and not place.is_file():
-        # opening a pipe would wait for ever
-        raise _unreadable("not a regular file", place)
-    try:
-        with place.open("rb") as file:
-            content = file.read(LARGEST_FILE_BYTES + 1)
-    except OSError as error:
-        raise _unreadable(f"a file that cannot be opened ({error.strerror or error})", place) from error
-    if len(content) > LARGEST_FILE_BYTES:
-        raise _unreadable(f"a file of more than {LARGEST_FILE_BYTES // 10**6} MB", place)
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise _unreadable(f"text that is not UTF-8 at byte {error.start}", place) from None
-    return parsed_study(text.replace("\r\n", "\n"), where=str(place))
+    text = text_of(place, LARGEST_FILE_BYTES, lambda found: _unreadable(found, place))
+    return parsed_study(text, where=str(place))
 
 
 def parsed_study(text: str, *, where: str = "study file") -> Study:
