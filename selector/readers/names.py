@@ -14,7 +14,7 @@ from selector.readers.layout import is_time_name
 from selector.readers.tables import Column
 from selector.units import parse_unit
 
-_BRACKETED = re.compile(r"^(?P<name>.*?)\s*[\[(（【{<](?P<unit>[^\[\](){}（）]{0,20})[\])）】}>]\s*(?P<rest>.*)$")
+_BRACKETED = re.compile(r"[\[(（【{<](?P<unit>[^\[\](){}（）]{0,20})[\])）】}>]")
 _TRAILING = (
     re.compile(r"^(?P<name>.+?)\s+(?P<unit>(?:mm|m|in|l|r|U|u|1|rev|об|мм|л)/(?:min|s|h|мин))$"),
     re.compile(r"^(?P<name>.+?)\s*/\s*(?P<unit>[^/\s].{0,11})$"),
@@ -48,13 +48,15 @@ def name_and_unit(header: str, *, time: bool = False) -> tuple[str, str | None]:
     With `time`, one-letter suffixes such as ``t_s`` count as units too.
     """
     text = unicodedata.normalize("NFKC", header).strip()
-    match = _BRACKETED.match(text)
-    if match is not None:
-        unit = match["unit"].strip()
-        if unit and unit not in ("1", "-") and not unit.isdigit() and _is_unit(unit):
-            return f"{match['name']} {match['rest']}".strip() or header, unit
-        if unit in ("", "-", "1") and unit != "1":
-            return f"{match['name']} {match['rest']}".strip() or header, "1" if unit == "-" else None
+    in_brackets = [(_without(text, match), match["unit"].strip()) for match in _BRACKETED.finditer(text)]
+    if in_brackets:
+        # the name may have brackets of its own
+        for name, unit in reversed(in_brackets):
+            if unit and unit not in ("1", "-") and not unit.isdigit() and _is_unit(unit):
+                return name or header, unit
+        name, unit = in_brackets[-1]
+        if unit in ("", "-"):
+            return name or header, "1" if unit == "-" else None
         return header.strip(), None
     for pattern in _TRAILING:
         match = pattern.match(text)
@@ -65,6 +67,10 @@ def name_and_unit(header: str, *, time: bool = False) -> tuple[str, str | None]:
         unit = _SLASH_WORDS.get(match["unit"].lower(), match["unit"])
         return match["name"].strip(), unit
     return header.strip(), None
+
+
+def _without(text: str, match: re.Match[str]) -> str:
+    return f"{text[: match.start()].rstrip()} {text[match.end() :].lstrip()}".strip()
 
 
 def _is_unit(text: str) -> bool:

@@ -1,11 +1,12 @@
 """A study file: what was asked of which recordings, so that the answer can be made again, here or anywhere."""
 
-from selector.study.asked import diagnose_section, options_of, overrides_of, select_section, study_of
+from selector.study.asked import diagnose_section, export_section, options_of, overrides_of, select_section, study_of
 from selector.study.inputs import Change, change_words, changes, require_unchanged
 from selector.study.places import input_file, path_at, reference_to
 from selector.study.study_file import (
     SCHEMA,
     DiagnoseSection,
+    ExportSection,
     InputFile,
     ReadingSection,
     Recordings,
@@ -20,6 +21,7 @@ __all__ = [
     "STUDY_FILE",
     "Change",
     "DiagnoseSection",
+    "ExportSection",
     "InputFile",
     "ReadingSection",
     "Recordings",
@@ -28,6 +30,7 @@ __all__ = [
     "change_words",
     "changes",
     "diagnose_section",
+    "export_section",
     "input_file",
     "options_of",
     "overrides_of",

@@ -16,6 +16,7 @@ from selector.study.inputs import listed_files
 from selector.study.places import reference_to
 from selector.study.study_file import (
     DiagnoseSection,
+    ExportSection,
     InputFile,
     ReadingSection,
     Recordings,
@@ -35,6 +36,7 @@ def study_of(
     overrides: Overrides | None = None,
     select: Options | SelectSection | None = None,
     diagnose: DiagnoseSection | None = None,
+    export: ExportSection | None = None,
     files: Sequence[InputFile] = (),
     date: str | None = None,
     results: Mapping[str, str] | None = None,
@@ -53,6 +55,8 @@ def study_of(
     select : Options or SelectSection, optional
     diagnose : DiagnoseSection, optional
         As `diagnose_section` makes it.
+    export : ExportSection, optional
+        As `export_section` makes it.
     files : sequence of InputFile
         What was read, as `input_file` makes it.
     date : str, optional
@@ -70,6 +74,7 @@ def study_of(
         reading=_reading_section(overrides or Overrides()),
         select=select_section(select) if isinstance(select, Options) else select,
         diagnose=diagnose,
+        export=export,
         files=listed_files(files),
         results=dict(results or {}),
     )
@@ -126,6 +131,23 @@ def diagnose_section(
         "model": None if model is None else reference_to(model, folder),
     }
     return _made(DiagnoseSection, {**paths, **values})
+
+
+def export_section(
+    folder: str | Path, *, model: str | Path | None, replay: Sequence[str | Path] = (), **values: Any
+) -> ExportSection:
+    """``[export]`` for a study file in `folder`; further values under the names of `ExportSection`.
+
+    Raises
+    ------
+    OptionError
+        A value cannot stand in a study file.
+    """
+    paths = {
+        "model": None if model is None else reference_to(model, folder),
+        "replay": tuple(reference_to(path, folder) for path in replay),
+    }
+    return _made(ExportSection, {**paths, **values})
 
 
 def require_diagnose(study: Study, *, where: str = "study file") -> DiagnoseSection:

@@ -35,6 +35,7 @@ Paths = Annotated[tuple[Path, ...], Field(strict=False, min_length=1, max_length
 Share = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
 Shares = Annotated[tuple[Share, ...], Field(strict=False, min_length=1, max_length=MAX_ROUNDS)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Limit = Annotated[float, Field(gt=0, lt=1e6, allow_inf_nan=False)]
 Seed = Annotated[int, Field(ge=0, lt=_LARGEST_INTEGER)]
 Kind = Literal["recording", "machine", "simulation", "model"]
 
@@ -104,6 +105,20 @@ class DiagnoseSection(_Section):
     false_alarm: Annotated[float, Field(gt=0, le=0.2, allow_inf_nan=False)] = 0.02
 
 
+class ExportSection(_Section):
+    """``[export]``: the model, the control, and the options of `selector export`, which the workbench takes up again.
+
+    That a sign test was passed is not kept: it is said anew for every program.
+    """
+
+    model: Path | None = None
+    target: Name = "c"
+    replay: Annotated[tuple[Path, ...], Field(strict=False, max_length=MOST_FILES)] = ()
+    clamp: Mapping[Name, Limit] = Field(default_factory=dict)
+    slew: Mapping[Name, Limit] = Field(default_factory=dict)
+    invert: Names = ()
+
+
 class InputFile(_Section):
     """``[[files]]``: one file that was read, and what it held then.
 
@@ -136,6 +151,7 @@ class Study(_Section):
     reading : ReadingSection
     select : SelectSection or None
     diagnose : DiagnoseSection or None
+    export : ExportSection or None
     files : tuple of InputFile
         In the order in which they were read.
     results : mapping of str to str
@@ -149,6 +165,7 @@ class Study(_Section):
     reading: ReadingSection = ReadingSection()
     select: SelectSection | None = None
     diagnose: DiagnoseSection | None = None
+    export: ExportSection | None = None
     files: Annotated[tuple[InputFile, ...], Field(strict=False, max_length=MOST_FILES)] = ()
     results: Mapping[FileName, Sha256] = Field(default_factory=dict)
 

@@ -25,6 +25,7 @@ _HEAD = (
     "# What was asked of which recordings; `selector select --study` or `selector diagnose --study` does it again.\n"
     "# Paths are relative to this file: move it together with the recordings.\n"
 )
+_ASKED = ("select", "diagnose", "export")
 _LEVEL = '"auto", a number from 0 to 1, or an array of one a round'
 _ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r", "\b": "\\b", "\f": "\\f"}
 
@@ -103,7 +104,7 @@ def _lines_of(key: tuple[str, ...], values: Mapping[str, Any]) -> Iterator[str]:
         if not isinstance(value, Mapping):
             yield f"{_key(name)} = {_toml(value)}"
     for name, value in values.items():
-        if isinstance(value, Mapping) and (name in ("select", "diagnose") or any(one != {} for one in value.values())):
+        if isinstance(value, Mapping) and (name in _ASKED or any(one != {} for one in value.values())):
             inner = (*key, _key(name))
             yield ""
             yield f"[{'.'.join(inner)}]"

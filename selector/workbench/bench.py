@@ -77,6 +77,7 @@ class Bench:
         self._lock = threading.RLock()
         self._revision = 0
         self._asked = 0
+        self._started = -1, 0
         self._is_reading = self._has_reader = False
         saved = asked_in(folder)
         asked = saved or Asked()
@@ -88,7 +89,7 @@ class Bench:
         self._overrides = asked.overrides
         self._options = asked.options
         self._diagnosis = asked.diagnosis
-        self._export = commands.Export()
+        self._export = asked.export
         self._material = Material()
         self.live = Live(self.changed)
         self._results: dict[Path, tuple[float, dict[str, Any]]] = {}
@@ -328,12 +329,22 @@ class Bench:
 
     def save(self) -> Path:
         """Writes the study file of the study folder, see `saved_study.save`."""
-        asked = Asked(self.used, self._machine, self._overrides, self._options, self.diagnosis)
+        asked = Asked(self.used, self._machine, self._overrides, self._options, self.diagnosis, self._export)
         return save(self.folder, asked, self._material.reading, self.simulated)
 
     def start(self, title: str, command: Sequence[str], out: Path | None = None) -> Job:
-        """Runs a command, the words after ``selector``, in the study folder; `out` is the folder it writes."""
-        return self.jobs.start(title, command, out)
+        """Runs a command, the words after ``selector``, in the study folder; `out` is the folder it writes.
+
+        Started again while it waits or runs and nothing has changed on the bench, as by a double click, it is that job.
+        """
+        with self._lock:
+            number, revision = self._started
+            last = self.jobs.all[number] if number >= 0 else None
+            is_same = last is not None and not last.is_over and last.command == tuple(command)
+            if last is None or not is_same or revision != self._revision:
+                last = self.jobs.start(title, command, out)
+                self._started = last.number, self._revision
+            return last
 
     def result(self, relative: str) -> dict[str, Any] | None:
         """A JSON file of the study folder, e.g. ``"selection/selection.json"``; None: it is not there."""

@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 import shlex
 import subprocess
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from selector.controllers.writers.targets import TARGETS
 from selector.readers import Overrides
 from selector.selection import Options
 from selector.study import DiagnoseSection
@@ -31,12 +32,31 @@ class Export:
         Recordings that are run through the program.
     is_sign_verified : bool
         Whether the sign test of the commissioning sheet was passed.
+    tested : str
+        Digits of the equations SHA-256 of the program that passed it; empty: nobody said.
+    clamp_um, slew_um_per_s : mapping of str to float
+        Output → largest correction, and fastest change of it; none: what the model says, or the export decides.
+    inverted : tuple of str
+        Outputs whose axis the control counts the other way.
     """
 
     model: str = ""
     target: str = "c"
     replayed: tuple[Path, ...] = ()
     is_sign_verified: bool = False
+    tested: str = ""
+    clamp_um: Mapping[str, float] = field(default_factory=dict)
+    slew_um_per_s: Mapping[str, float] = field(default_factory=dict)
+    inverted: tuple[str, ...] = ()
+
+    def of(self, outputs: Sequence[str]) -> Export:
+        """What is asked of these outputs; another model has others."""
+        return replace(
+            self,
+            clamp_um={name: self.clamp_um[name] for name in outputs if name in self.clamp_um},
+            slew_um_per_s={name: self.slew_um_per_s[name] for name in outputs if name in self.slew_um_per_s},
+            inverted=tuple(name for name in outputs if name in self.inverted),
+        )
 
     @property
     def folder(self) -> str:
@@ -80,8 +100,8 @@ def source_arguments(
 def _reading_words(folder: Path, machine: Path | None, overrides: Overrides) -> Iterator[str]:
     if machine is not None:
         yield from ("--machine", told_path(folder, machine))
-    for field, option in _READING.items():
-        value = getattr(overrides, field)
+    for name, option in _READING.items():
+        value = getattr(overrides, name)
         if value is not None:
             yield from (option, f"{value:.12g}" if isinstance(value, float) else str(value))
     for name, unit in overrides.units.items():
@@ -103,12 +123,12 @@ def _option_words(options: Options) -> Iterator[str]:
         yield from ("--lambda", repr(level))
     if options.rounds > max(1, len(options.levels or ())):
         yield from ("--rounds", str(options.rounds))
-    for field, option in _VALUES.items():
-        value = getattr(options, field)
-        if value != getattr(default, field):
+    for name, option in _VALUES.items():
+        value = getattr(options, name)
+        if value != getattr(default, name):
             yield from (option, repr(value) if isinstance(value, float) else str(value))
-    for field, option in _FLAGS.items():
-        if getattr(options, field):
+    for name, option in _FLAGS.items():
+        if getattr(options, name):
             yield option
     for name in options.must:
         yield from ("--must", name)
@@ -126,13 +146,13 @@ def diagnosis_arguments(asked: DiagnoseSection) -> tuple[str, ...]:
     words = [word for path in asked.simulation for word in ("--simulation", path)]
     words += [] if asked.model is None else ["--model", asked.model]
     words += [word for name in asked.responses for word in ("--response", name)]
-    for field, option in (
+    for name, option in (
         ("simulation_time_unit", "--simulation-time-unit"),
         ("holdout", "--holdout"),
         ("seed", "--seed"),
     ):
-        if getattr(asked, field) != getattr(default, field):
-            words += [option, str(getattr(asked, field))]
+        if getattr(asked, name) != getattr(default, name):
+            words += [option, str(getattr(asked, name))]
     if asked.false_alarm != default.false_alarm:
         words += ["--false-alarm", repr(asked.false_alarm)]
     return tuple(words)
@@ -143,7 +163,13 @@ def export_command(folder: Path, asked: Export, machine: Path | None, overrides:
     words = ["export", asked.model, "--for", asked.target, "--out", asked.folder]
     words += [word for path in asked.replayed for word in ("--replay", told_path(folder, path))]
     words += _reading_words(folder, machine, overrides) if asked.replayed else ()
-    words += ["--sign-verified"] if asked.is_sign_verified else []
+    # a control without a guard refuses limits
+    limits = (("--clamp", asked.clamp_um), ("--slew", asked.slew_um_per_s)) if TARGETS[asked.target].has_guard else ()
+    for option, values in limits:
+        words += [word for name, value in values.items() for word in (option, f"{name}={value:.12g}")]
+    words += [word for name in asked.inverted for word in ("--invert", name)]
+    if asked.is_sign_verified:
+        words += ["--sign-verified", *(["--tested", asked.tested] if asked.tested else [])]
     return tuple(words)
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import dash
@@ -16,6 +17,7 @@ from selector.figures import style
 from selector.findings import Finding
 from selector.workbench.bench import Bench
 from selector.workbench.jobs import Job
+from selector.workbench.typed import in_words_of_fields
 
 REVISION = "revision"
 """Store of the frame: `Bench.revision` as the page shows it. ``Input(REVISION, "data")`` hears of every change."""
@@ -46,21 +48,41 @@ def marks(**attributes: str) -> dict[str, Any]:
 def problem(error: InputError) -> Component:
     """What the reader, or an option, says about unusable input."""
     rows = (("Where", error.where), ("Expected", error.expected), ("What to do", error.advice))
-    lines = [html.P([html.Strong(f"{name}: "), text]) for name, text in rows if text]
-    found = error.found[:1].upper() + error.found[1:]
+    lines = [html.P([html.Strong(f"{name}: "), in_words_of_fields(text)]) for name, text in rows if text]
+    found = in_words_of_fields(error.found[:1].upper() + error.found[1:])
     return html.Div([html.P(found, className="first"), *lines], className="advice bad", role="alert")
 
 
 def remarks(findings: Iterable[Finding]) -> Component:
-    """Findings as the report shows them: level, statement, where, what can be done."""
-    return html.Ul([_remark(finding) for finding in findings], className="remarks")
+    """Findings as the report shows them: level, statement, where, what can be done; one entry a kind and level."""
+    kinds: dict[tuple[str, str], list[Finding]] = {}
+    for finding in findings:
+        kinds.setdefault((finding.level, finding.id), []).append(finding)
+    return html.Ul([_kind(alike) for alike in kinds.values()], className="remarks")
+
+
+def _kind(alike: Sequence[Finding]) -> Component:
+    """The first finding of a kind, where else there are such ones, and all of them to be unfolded."""
+    first, *others = alike
+    if not others:
+        return _remark(first)
+    places = list(dict.fromkeys(place for one in others if (place := _place(one)) and place != _place(first)))
+    more = f"{len(others)} more like it" + (f": {'; '.join(places)}" if places else "")
+    every = html.Ul([_remark(one) for one in others])
+    entry = _remark(first)
+    entry.children = [*entry.children, html.Details([html.Summary(more), every])]
+    return entry
+
+
+def _place(finding: Finding) -> str:
+    return ", ".join(part for part in (finding.where.run, finding.where.channel) if part)
 
 
 def _remark(finding: Finding) -> Component:
-    where = finding.where
-    place = ", ".join(part for part in (where.run, where.channel) if part)
+    place = _place(finding)
     first: list[Any] = [html.Span(finding.level, className="level"), f" {place}: " if place else " ", finding.statement]
-    more = [html.P(f"→ {finding.suggestion}", className="about")] if finding.suggestion else []
+    advice = in_words_of_fields(finding.suggestion)
+    more = [html.P(f"→ {advice}", className="about")] if advice else []
     return html.Li([html.P(first), *more], className=finding.level)
 
 
@@ -136,6 +158,28 @@ def framed(relative: str, title: str, stamp: str = "") -> Component:
 def download(relative: str, text: str) -> Component:
     """A link that saves a file of the study folder."""
     return html.A(text, href=f"{result_address(relative)}?download=1", download=relative.rpartition("/")[2])
+
+
+@contextmanager
+def showing_what_counts(
+    boxes: Sequence[Any], sent: Sequence[str | None], counts: Callable[[], Sequence[str]]
+) -> Iterator[None]:
+    """Around what takes typed texts over: afterwards, also when they were refused, the fields show what counts.
+
+    Parameters
+    ----------
+    boxes : sequence of ids
+    sent : sequence of str
+        What stood in them.
+    counts : callable
+        What is to stand in them.
+    """
+    try:
+        yield
+    finally:
+        for box, text, now in zip(boxes, sent, counts(), strict=True):
+            if text != now:
+                set_props(box, {"value": now})
 
 
 def register_start(

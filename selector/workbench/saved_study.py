@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
+from selector.controllers.writers.targets import TARGETS
 from selector.errors import OptionError
 from selector.readers import Overrides, Reading
 from selector.readers.files import recording_files
@@ -12,7 +13,9 @@ from selector.selection import Options
 from selector.study import (
     STUDY_FILE,
     DiagnoseSection,
+    ExportSection,
     InputFile,
+    export_section,
     input_file,
     options_of,
     overrides_of,
@@ -21,6 +24,7 @@ from selector.study import (
     study_of,
     write_study,
 )
+from selector.workbench.commands import Export
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,6 +36,7 @@ class Asked:
     overrides: Overrides = dataclasses.field(default_factory=Overrides)
     options: Options = dataclasses.field(default_factory=Options)
     diagnosis: DiagnoseSection = dataclasses.field(default_factory=DiagnoseSection)
+    export: Export = dataclasses.field(default_factory=Export)
 
 
 def asked_in(folder: Path) -> Asked | None:
@@ -55,6 +60,7 @@ def asked_in(folder: Path) -> Asked | None:
         overrides_of(study),
         Options() if study.select is None else options_of(study, where=str(place)),
         study.diagnose or DiagnoseSection(),
+        _export_of(study.export, folder),
     )
 
 
@@ -87,8 +93,35 @@ def save(folder: Path, asked: Asked, reading: Reading | None, simulated: tuple[P
         overrides=asked.overrides,
         select=asked.options,
         diagnose=asked.diagnosis if is_compared else None,
+        export=_export_section(asked.export, folder) if asked.export.model else None,
         files=tuple(files.values()),
     )
     place = folder / STUDY_FILE
     write_study(study, place)
     return place
+
+
+def _export_of(said: ExportSection | None, folder: Path) -> Export:
+    """What is asked of an export; that the sign test was passed is never taken up."""
+    if said is None or said.target not in TARGETS:
+        return Export()
+    return Export(
+        said.model or "",
+        said.target,
+        tuple(path_at(path, folder) for path in said.replay),
+        clamp_um=dict(said.clamp),
+        slew_um_per_s=dict(said.slew),
+        inverted=said.invert,
+    )
+
+
+def _export_section(asked: Export, folder: Path) -> ExportSection:
+    return export_section(
+        folder,
+        model=folder / asked.model,
+        replay=asked.replayed,
+        target=asked.target,
+        clamp=dict(asked.clamp_um),
+        slew=dict(asked.slew_um_per_s),
+        invert=asked.inverted,
+    )

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Sequence
 from typing import Any
 
-from selector.errors import OptionError
 from selector.selection import Options
+from selector.workbench import parts, typed
+from selector.workbench.bench import Bench
+from selector.workbench.typed import FIELDS
 
-USES = ("may be used", "must be kept", "never")
+USES = ("may be used", FIELDS["--must"], FIELDS["--never"])
 
 
 def use_of(options: Options, name: str) -> str:
@@ -19,7 +20,7 @@ def use_of(options: Options, name: str) -> str:
 
 def cost_of(options: Options, name: str) -> str:
     """The cost as it stands in a field."""
-    return f"{options.cost.get(name, 1.0):g}"
+    return f"{options.cost.get(name, 1.0):.12g}"
 
 
 def wishes(
@@ -30,10 +31,10 @@ def wishes(
     Raises
     ------
     OptionError
-        A cost is no number.
+        A cost is no number of 0 or more.
     """
     rows = [row for row in zip(names, uses, costs, strict=True) if row[0] in known]
-    asked = {name: _cost(text, name) for name, _, text in rows}
+    asked = {name: typed.number(text or "1", f"cost of {name}", 0.0) for name, _, text in rows}
     return {
         "must": tuple(name for name, use, _ in rows if use == USES[1]),
         "never": tuple(name for name, use, _ in rows if use == USES[2]),
@@ -41,11 +42,33 @@ def wishes(
     }
 
 
-def _cost(text: str | None, name: str) -> float:
-    try:
-        cost = float(text or "1")
-    except ValueError:
-        cost = math.nan
-    if not math.isfinite(cost):
-        raise OptionError(repr(text), expected="a number", where=f"cost of {name}", advice="e.g. 2")
-    return cost
+def choose(
+    bench: Bench, page: str, ids: Sequence[dict[str, str]], uses: Sequence[str], costs: Sequence[str | None]
+) -> None:
+    """Takes over the rows of a page's table; where they are refused, they show again what counts.
+
+    Parameters
+    ----------
+    page : str
+        ``ID`` of the page, with which the ids of the fields begin.
+    ids : sequence of mapping
+        Of the fields for the use, ``{"type": …, "sensor": name}``.
+    uses, costs : sequences of str
+        An empty cost is 1.
+
+    Raises
+    ------
+    OptionError
+        A cost is no number of 0 or more, or more sensors must be kept than a set may have.
+    """
+    reading = bench.material.reading
+    known = () if reading is None else reading.recording.names
+    names = [one["sensor"] for one in ids]
+    boxes = [{"type": f"{page}-{kind}", "sensor": name} for kind in ("use", "cost") for name in names]
+
+    def counting() -> list[str]:
+        return [said(bench.options, name) for said in (use_of, cost_of) for name in names]
+
+    with parts.showing_what_counts(boxes, [*uses, *costs], counting):
+        if bench.choose(**wishes(names, uses, costs, known)):
+            parts.tell(bench)

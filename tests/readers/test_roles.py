@@ -43,6 +43,8 @@ WARM = np.linspace(20, 30, 50)
         ("F_z [kN]", "force", "kN", "Z"),
         ("motor current [A]", "current", "A", None),
         ("v [m/s]", "velocity", "m/s", None),
+        ("Spindellager vorne (Öl) [°C]", "temperature", "degC", None),
+        ("T3 [°C] (hinten)", "temperature", "degC", None),
         ("oil flow [l/min]", "flow", "liter/min", None),
     ],
 )

@@ -15,6 +15,7 @@ from selector.shipped import shipped
 from selector.workbench import bench as bench_module
 from selector.workbench.bench import Bench
 from selector.workbench.channel_corrections import corrected, rows_of
+from selector.workbench.commands import Export, export_command
 
 VMC = shipped("vmc37")
 
@@ -131,6 +132,16 @@ def test_options_are_judged_as_on_the_command_line(bench):
     assert bench.options.max_sensors == 3
 
 
+def test_a_double_click_is_one_job(bench):
+    first = bench.start("Long", ("prove", "--jobs", "1", "--out", "proof"))
+    assert bench.start("Long", ("prove", "--jobs", "1", "--out", "proof")) == first
+    assert bench.start("Other", ("prove", "--jobs", "1", "--out", "other")).number == 1
+    # the same words mean something else when the machine file was corrected meanwhile
+    reading = bench.material.reading
+    bench.correct(corrected(reading, rows_of(reading)))
+    assert bench.start("Other", ("prove", "--jobs", "1", "--out", "other")).number == 2
+
+
 def test_results_are_read_again_when_they_change(bench, tmp_path):
     assert bench.result("selection/selection.json") is None
     (tmp_path / "selection").mkdir()
@@ -169,6 +180,27 @@ def test_a_diagnosis_is_saved_with_what_it_compares(bench, tmp_path):
     assert again.diagnosis == bench.diagnosis
     assert again.diagnosis.simulation == ("simulation",)
     assert again.diagnosis.holdout == "0.25"
+
+
+def test_an_export_is_taken_up_again_but_nobody_is_told_that_a_sign_test_was_passed(bench, tmp_path):
+    asked = {
+        "model": "selection/model.json", "target": "st", "replayed": (VMC / "r2.csv",), "clamp_um": {"Z": 40.5},
+        "slew_um_per_s": {"Z": 0.5}, "inverted": ("Z",),
+    }  # fmt: skip
+    bench.choose_export(**asked, is_sign_verified=True, tested="0123456789abcdef")
+    bench.save()
+    again = Bench(tmp_path)
+    assert again.export == Export(**asked)
+    words = export_command(tmp_path, bench.export, None, Overrides())
+    assert words[-9:] == (
+        "--clamp", "Z=40.5", "--slew", "Z=0.5", "--invert", "Z", "--sign-verified", "--tested", "0123456789abcdef",
+    )  # fmt: skip
+    # another model has other outputs, and a control without a guard no limits
+    assert bench.export.of(("Y",)).clamp_um == {}
+    bench.choose_export(target="rexroth", is_sign_verified=False)
+    words = export_command(tmp_path, bench.export, None, Overrides())
+    assert words[-2:] == ("--invert", "Z")
+    assert "--clamp" not in words
 
 
 def test_without_recordings_there_is_nothing_to_save(tmp_path):

@@ -127,8 +127,25 @@ def test_a_diagnosis_and_an_export(page, bench, study):
 
     page.locator("#to-export").click()
     page.get_by_text("export diagnosis/model.json --for c").wait_for()
+    page.locator("#export-replayed").click()
+    page.get_by_role("option", name="r2.csv").click()
+    page.locator("#command").get_by_text("r2.csv").wait_for()
+    page.keyboard.press("Escape")
+    limits = page.locator("#export-outputs input.dash-input-element")
+    limits.nth(0).fill("45,5")
+    limits.nth(0).press("Enter")
+    page.get_by_text("Z=45.5").wait_for()
+    limits.nth(1).fill("fast")
+    limits.nth(1).press("Enter")
+    page.locator("#notice").get_by_text("fastest change of Z").wait_for()
+    page.locator("#export-outputs input[type=checkbox]").first.click()
+    page.get_by_text("--invert").wait_for()
+    # what is replayed is a file, not a place in the list: another list keeps it
+    bench.use([DIAGNOSIS / "r2.csv", DIAGNOSIS / "r3.csv"])
     page.get_by_text("The sign test was passed").click()
     page.get_by_text("--sign-verified").wait_for()
+    assert bench.export.replayed == (DIAGNOSIS / "r2.csv",)
+    assert bench.export.slew_um_per_s == {}
     page.get_by_role("button", name="Export").click()
     page.get_by_role("heading", name="Files in export-c").wait_for()
     page.locator("summary", has_text="thermal_correction.c").click()
@@ -137,6 +154,41 @@ def test_a_diagnosis_and_an_export(page, bench, study):
     sheet = page.frame_locator("#page-export iframe")
     sheet.get_by_text("Sign test").first.wait_for()
     assert bench.jobs.all[-1].command[-1] == "--sign-verified"
+
+
+def test_what_is_typed_counts_or_is_refused_in_the_words_of_the_field(page, bench):
+    bench.add(PATENT / "recording.csv")
+    page.locator("#to-selection").click()
+    level, most = page.locator("#selection-level"), page.locator("#selection-max_sensors")
+    cost = page.locator("#selection-sensors input.dash-input-element")
+
+    def typed(box, text):
+        box.fill(text)
+        box.press("Enter")
+
+    typed(level, "0,98")
+    page.get_by_text("--lambda 0.98 ").wait_for()
+    for box, text, said in (
+        (level, "98", "“98”"),
+        (level, "fine", "“fine”"),
+        (most, "many", "“many”"),
+        (most, "0", "a whole number of at least 1"),
+    ):
+        typed(box, text)
+        page.locator("#notice").get_by_text(said).wait_for()
+        assert "--" not in page.locator("#notice").inner_text()
+    page.wait_for_function("document.querySelector('#selection-max_sensors').value === '5'")
+    assert level.input_value() == "0.98"
+    # an empty field is what counts when nothing is said
+    typed(level, "")
+    page.wait_for_function("document.querySelector('#selection-level').value === 'auto'")
+    assert bench.options.level is None
+    page.locator("#selection-sensors summary").click()
+    typed(cost.first, "2,5")
+    page.get_by_text("=2.5").wait_for()
+    typed(cost.first, "-1")
+    page.locator("#notice").get_by_text("at least 0").wait_for()
+    page.wait_for_function("document.querySelector('#selection-sensors input.dash-input-element').value === '2.5'")
 
 
 def test_a_running_command_is_cancelled(page, bench, study):

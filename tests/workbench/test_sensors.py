@@ -103,9 +103,9 @@ def test_a_set_is_taken_and_let_go(client, bench):
 @pytest.mark.parametrize(
     ("asked", "said"),
     [
-        ({"level": 1.5}, "λ = 1.5"),
+        ({"level": 1.5}, "λ: “1.5”. Expected: a number from 0 to 1"),
         ({"take": ["T99"]}, "T99"),
-        ({"level": "high"}, "understood"),
+        ({"level": "high"}, "λ: “high”"),
         ({"step": None}, "move"),
     ],
 )

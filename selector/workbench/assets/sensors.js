@@ -29,7 +29,8 @@
       });
       const told = await answer.json();
       window.dash_clientside.set_props("notice", { children: told.refused || null });
-      if (!told.refused) show(told, what);
+      if (told.refused) bar.level.value = bar.level.dataset.counts;
+      else show(told, what);
     } catch (error) {
       window.dash_clientside.set_props("notice", { children: "No answer; is the workbench still running?" });
     } finally {
@@ -52,7 +53,7 @@
       slider: made("input", undefined, {
         type: "range", min: 0, step: 1, id: `${PAGE}-slider`, "aria-label": "λ: number of the step, coarse to fine",
       }),
-      level: made("input", undefined, { type: "number", min: 0, max: 1, step: "any", id: `${PAGE}-level` }),
+      level: made("input", undefined, { type: "text", inputmode: "decimal", id: `${PAGE}-level` }),
       response: made("select", undefined, { id: `${PAGE}-response`, "aria-label": "displacement" }),
       back: made("button", "Back to the set of λ", { type: "button", id: `${PAGE}-back` }),
       facts: made("dl", undefined, { class: "facts", id: `${PAGE}-facts`, role: "status", "aria-live": "polite" }),
@@ -65,7 +66,8 @@
     row.append(slide, level, bar.response, bar.back);
     root.replaceChildren(row, bar.facts);
     bar.slider.addEventListener("input", () => ask({ step: Number(bar.slider.value) }));
-    bar.level.addEventListener("change", () => bar.level.value !== "" && ask({ level: Number(bar.level.value) }));
+    // as it was typed: 0,98 is a number, too
+    bar.level.addEventListener("change", () => ask({ level: bar.level.value }));
     bar.response.addEventListener("change", () => ask({ response: bar.response.value }));
     bar.back.addEventListener("click", () => ask({ take: [] }));
     return bar;
@@ -78,6 +80,7 @@
     if (!("step" in asked)) slider.value = told.step;
     slider.setAttribute("aria-valuetext", `λ = ${told.level}`);
     level.value = told.level;
+    level.dataset.counts = told.level;
     back.hidden = !told.is_taken;
     response.hidden = told.responses.length < 2;
     response.replaceChildren(...told.responses.map((name) => made("option", name, { value: name })));

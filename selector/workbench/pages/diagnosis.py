@@ -12,9 +12,11 @@ from dash.development.base_component import Component
 from selector.errors import OptionError
 from selector.figures.style import number
 from selector.quality.wording import duration
-from selector.workbench import parts
+from selector.study import DiagnoseSection
+from selector.workbench import parts, typed
 from selector.workbench.bench import Bench
 from selector.workbench.commands import DIAGNOSIS, diagnosis_arguments
+from selector.workbench.typed import FIELDS
 
 ID, TITLE = "diagnosis", "Diagnosis"
 
@@ -26,6 +28,8 @@ _FILES = (
     ("model.json", "Model for a control"),
     ("study.toml", "Study file"),
 )
+_BOXES = (f"{ID}-holdout", f"{ID}-false_alarm")
+_LEAST, _MOST = 1e-9, 0.2
 _GOOD = ("missing-physics", "nothing-missing")
 
 
@@ -39,13 +43,13 @@ def layout(bench: Bench) -> Component:
             "None: all that are simulated.",
         ),
         parts.field(
-            "Held out",
-            dcc.Input(id=f"{ID}-holdout", value=asked.holdout, type="text", debounce=True),
+            FIELDS["--holdout"],
+            dcc.Input(id=f"{ID}-holdout", value=_texts(bench)[0], type="text", debounce=True),
             "last, the name of a run, or a share such as 0.3",
         ),
         parts.field(
-            "Allowed false alarms",
-            dcc.Input(id=f"{ID}-false_alarm", value=f"{asked.false_alarm:g}", type="text", debounce=True),
+            FIELDS["--false-alarm"],
+            dcc.Input(id=f"{ID}-false_alarm", value=_texts(bench)[1], type="text", debounce=True),
             "probability of naming something where nothing is",
         ),
     ]
@@ -102,19 +106,14 @@ def register(app: dash.Dash, bench: Bench) -> None:
         prevent_initial_call=True,
     )
     def _choose(responses: list[str] | None, holdout: str | None, false_alarm: str | None) -> None:
-        try:
-            probability = float(false_alarm or "")
-        except ValueError:
-            raise OptionError(
-                repr(false_alarm),
-                expected="a probability above 0 and up to 0.2",
-                where="allowed false alarms",
-                advice="e.g. 0.02",
-            ) from None
-        if bench.choose_diagnosis(
-            responses=tuple(responses or ()), holdout=(holdout or "").strip() or "last", false_alarm=probability
-        ):
-            parts.tell(bench)
+        with parts.showing_what_counts(_BOXES, [holdout, false_alarm], lambda: _texts(bench)):
+            default = DiagnoseSection()
+            probability = default.false_alarm
+            if false_alarm:
+                probability = typed.number(false_alarm, FIELDS["--false-alarm"], _LEAST, _MOST)
+            said = (holdout or "").strip() or default.holdout
+            if bench.choose_diagnosis(responses=tuple(responses or ()), holdout=said, false_alarm=probability):
+                parts.tell(bench)
 
     parts.register_start(app, bench, ID, TITLE, lambda: command(bench), lambda: DIAGNOSIS, _missing)
     parts.register_answer(
@@ -129,6 +128,11 @@ def _missing() -> OptionError:
         where=TITLE,
         advice="load recordings on the first page, and simulated runs here",
     )
+
+
+def _texts(bench: Bench) -> list[str]:
+    """What stands in `_BOXES` when they say what counts."""
+    return [bench.diagnosis.holdout, f"{bench.diagnosis.false_alarm:.12g}"]
 
 
 def _files(bench: Bench) -> Component:

@@ -2,23 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import dash
-from dash import Input, Output, State, dcc, html
+from dash import ALL, Input, Output, State, dcc, html
 from dash.development.base_component import Component
 
 from selector.controllers.writers.targets import TARGETS
 from selector.errors import OptionError
-from selector.workbench import parts
+from selector.workbench import parts, typed
 from selector.workbench.bench import Bench
 from selector.workbench.commands import DIAGNOSIS, SELECTION, export_command
+from selector.workbench.typed import FIELDS
 
 ID, TITLE = "export", "Export"
 
 _SHEET = "commissioning.html"
 _LONGEST_SHOWN = 60_000
+_LEAST_LIMIT, _LARGEST_LIMIT = 1e-6, 999_999.0
+_LIMITS = (
+    "Empty: what the model says (in grey), or what the export decides and tells. Turned round: the control counts the "
+    "axis the other way, and its correction is the displacement itself."
+)
+_NO_LIMITS = (
+    "This control has neither limit: limit the temperature that it passes on. Turned round: it counts the axis the "
+    "other way, and its correction is the displacement itself."
+)
 _SIGN = (
     "Tick this only after the sign test of the commissioning sheet was passed at the machine: a correction with the "
     "wrong sign doubles the error. Without it the program says SIGN UNVERIFIED."
@@ -40,17 +51,24 @@ def layout(bench: Bench) -> Component:
     ]
     sign = dcc.Checklist(
         id=f"{ID}-sign",
-        options=[{"label": "The sign test was passed", "value": "verified"}],
+        options=[{"label": FIELDS["--sign-verified"], "value": "verified"}],
         value=["verified"] if asked.is_sign_verified else [],
+    )
+    tested = parts.field(
+        FIELDS["--tested"],
+        dcc.Input(id=f"{ID}-tested", value=asked.tested, type="text", debounce=True),
+        "8 digits or more, from its head; another program, or the other sign, is then not called verified.",
     )
     return html.Div(
         [
             html.H1("Program for a control"),
             html.Div(fields, className="fields wide"),
-            html.Div([sign, html.P(_SIGN, className="about")]),
+            html.Div(id=f"{ID}-outputs"),
+            html.Div([sign, html.P(_SIGN, className="about"), html.Div(tested, className="fields wide")]),
             html.Div([html.Button("Export", id=f"{ID}-start", className="main")], className="row"),
             html.Div(id=f"{ID}-answer"),
             dcc.Store(id=f"{ID}-answered", data=None),
+            dcc.Store(id=f"{ID}-shown", data=None),
         ]
     )
 
@@ -58,9 +76,10 @@ def layout(bench: Bench) -> Component:
 def command(bench: Bench) -> tuple[str, ...] | None:
     """`selector export` with what is asked."""
     asked = bench.export
-    return (
-        export_command(bench.folder, asked, bench.machine, bench.overrides) if asked.model in _models(bench) else None
-    )
+    if asked.model not in _models(bench):
+        return None
+    asked = asked.of([output["name"] for output in _outputs(bench, asked.model)])
+    return export_command(bench.folder, asked, bench.machine, bench.overrides)
 
 
 def register(app: dash.Dash, bench: Bench) -> None:
@@ -70,30 +89,67 @@ def register(app: dash.Dash, bench: Bench) -> None:
         Output(f"{ID}-model", "options"),
         Output(f"{ID}-model", "value"),
         Output(f"{ID}-replayed", "options"),
+        Output(f"{ID}-replayed", "value"),
         Input(parts.REVISION, "data"),
         State(f"{ID}-model", "value"),
     )
     def _show(_: int, model: str | None) -> tuple[Any, ...]:
         models = _models(bench)
-        runs = [{"label": path.name, "value": str(number)} for number, path in enumerate(bench.used)]
-        return models, model if model in models else next(iter(models), None), runs
+        runs = [{"label": path.name, "value": str(path)} for path in bench.used]
+        replayed = [str(path) for path in bench.export.replayed if path in bench.used]
+        return models, model if model in models else next(iter(models), None), runs, replayed
+
+    @app.callback(
+        Output(f"{ID}-outputs", "children"),
+        Output(f"{ID}-shown", "data"),
+        Input(parts.REVISION, "data"),
+        State(f"{ID}-shown", "data"),
+    )
+    def _show_outputs(_: int, shown: Any) -> tuple[Any, Any]:
+        asked = bench.export
+        outputs = _outputs(bench, asked.model)
+        now = [asked.model, TARGETS[asked.target].has_guard, outputs]
+        if now == shown:
+            raise dash.exceptions.PreventUpdate
+        return _limits(bench, outputs) if outputs else None, now
 
     @app.callback(
         Input(f"{ID}-model", "value"),
         Input(f"{ID}-target", "value"),
         Input(f"{ID}-replayed", "value"),
         Input(f"{ID}-sign", "value"),
+        Input(f"{ID}-tested", "value"),
         prevent_initial_call=True,
     )
-    def _choose(model: str | None, target: str, replayed: list[str], sign: list[str]) -> None:
-        runs = {str(number): path for number, path in enumerate(bench.used)}
+    def _choose(
+        model: str | None, target: str, replayed: list[str] | None, sign: list[str], tested: str | None
+    ) -> None:
         if bench.choose_export(
             model=model or "",
             target=target if target in TARGETS else "c",
-            replayed=tuple(runs[number] for number in replayed if number in runs),
+            replayed=tuple(path for path in bench.used if str(path) in (replayed or ())),
             is_sign_verified=bool(sign),
+            tested=(tested or "").strip(),
         ):
             parts.tell(bench)
+
+    @app.callback(
+        *(Input({"type": f"{ID}-{name}", "output": ALL}, "value") for name in ("clamp", "slew", "invert")),
+        State({"type": f"{ID}-invert", "output": ALL}, "id"),
+        prevent_initial_call=True,
+    )
+    def _limit(
+        clamps: list[str | None], slews: list[str | None], inverts: list[list[str]], ids: list[dict[str, str]]
+    ) -> None:
+        names = [one["output"] for one in ids]
+        boxes = [{"type": f"{ID}-{kind}", "output": name} for kind in ("clamp", "slew") for name in names]
+        with parts.showing_what_counts(boxes, [*clamps, *slews], lambda: _texts(bench, names)):
+            if bench.choose_export(
+                clamp_um=_typed(names, clamps, FIELDS["--clamp"]),
+                slew_um_per_s=_typed(names, slews, FIELDS["--slew"]),
+                inverted=tuple(name for name, ticks in zip(names, inverts, strict=True) if ticks),
+            ):
+                parts.tell(bench)
 
     parts.register_start(app, bench, ID, TITLE, lambda: command(bench), lambda: bench.export.folder, _missing)
     parts.register_answer(
@@ -114,6 +170,67 @@ def _missing() -> OptionError:
         where=TITLE,
         advice="run a selection first",
     )
+
+
+def _outputs(bench: Bench, model: str) -> list[dict[str, Any]]:
+    """Name, and limits that the model file has, of every output of a model."""
+    read = bench.result(model) if model in _models(bench) else None
+    if read is None:
+        return []
+    given = {limits["output"]: limits for limits in read.get("guard", {}).get("limits", ())}
+    return [
+        {
+            "name": output["name"],
+            **{key: given.get(output["name"], {}).get(key) for key in ("clamp_um", "slew_um_per_s")},
+        }
+        for output in read["outputs"]
+    ]
+
+
+def _limits(bench: Bench, outputs: Sequence[Mapping[str, Any]]) -> Component:
+    """A row for each output: its limits, and whether it is turned round."""
+    has_guard = TARGETS[bench.export.target].has_guard
+    names = [output["name"] for output in outputs]
+    texts = _texts(bench, names)
+    rows = []
+    for number, output in enumerate(outputs):
+        name = output["name"]
+        clamp, slew = (
+            dcc.Input(
+                id={"type": f"{ID}-{kind}", "output": name}, value=text, type="text", debounce=True,
+                disabled=not has_guard, placeholder="decided" if output[key] is None else f"{output[key]:g}",
+            )
+            for kind, key, text in (
+                ("clamp", "clamp_um", texts[number]), ("slew", "slew_um_per_s", texts[len(names) + number])
+            )
+        )  # fmt: skip
+        tick = dcc.Checklist(
+            id={"type": f"{ID}-invert", "output": name},
+            options=[{"label": "", "value": "invert"}],
+            value=["invert"] if name in bench.export.inverted else [],
+        )
+        rows.append([html.Span(name, className="name"), clamp, slew, tick])
+    columns = ["output", f"{FIELDS['--clamp']} [µm]", f"{FIELDS['--slew']} [µm/s]", FIELDS["--invert"]]
+    note = _LIMITS if has_guard else _NO_LIMITS
+    return html.Div([parts.table(columns, rows, name="channels sensors"), html.P(note, className="about")])
+
+
+def _texts(bench: Bench, names: Sequence[str]) -> list[str]:
+    """What stands in the fields of the limits: all largest corrections, then all fastest changes."""
+    asked = bench.export
+    return [
+        f"{values[name]:.12g}" if name in values else ""
+        for values in (asked.clamp_um, asked.slew_um_per_s)
+        for name in names
+    ]
+
+
+def _typed(names: Sequence[str], texts: Sequence[str | None], title: str) -> dict[str, float]:
+    return {
+        name: typed.number(text, f"{title} of {name}", _LEAST_LIMIT, _LARGEST_LIMIT)
+        for name, text in zip(names, texts, strict=True)
+        if text
+    }
 
 
 def _models(bench: Bench) -> list[str]:

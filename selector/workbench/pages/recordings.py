@@ -8,30 +8,33 @@ import dash
 from dash import ALL, Input, Output, State, dcc, html, no_update
 from dash.development.base_component import Component
 
-from selector.errors import OptionError
 from selector.figures.recorded import courses
 from selector.quality.wording import duration
 from selector.readers import Overrides
 from selector.units import ROLES
-from selector.workbench import parts
+from selector.workbench import parts, typed
 from selector.workbench.bench import Bench, Loaded
 from selector.workbench.channel_corrections import NO_CHANNEL, Row, corrected, row_of, rows_of
 from selector.workbench.commands import told_path
 from selector.workbench.excerpt import excerpt
+from selector.workbench.typed import FIELDS
 
 ID, TITLE = "recordings", "Recordings"
 
 _CELLS = ("role", "unit", "place", "axis")
-_READING = (
-    ("encoding", "Encoding", "e.g. cp1252, gb18030"),
-    ("separator", "Separator", "a sign, or tab"),
-    ("decimal", "Decimal mark", ". or ,"),
-    ("header_row", "Row of names", "counted from 1; 0: none"),
-    ("sheet", "Sheet", "Excel sheet, TDMS group, MAT variable"),
-    ("time_column", "Time column", "its name"),
-    ("time_unit", "Unit of time", "s, ms, min, h, d or datetime"),
-    ("date_order", "Order of dates", "dmy, mdy or ymd"),
-    ("period_s", "Period [s]", "without a time column"),
+_READING = tuple(
+    (name, FIELDS[f"--{name.replace('_', '-')}"], note)
+    for name, note in (
+        ("encoding", "e.g. cp1252, gb18030"),
+        ("separator", "a sign, or tab"),
+        ("decimal", ". or ,"),
+        ("header_row", "counted from 1; 0: none"),
+        ("sheet", "Excel sheet, TDMS group, MAT variable"),
+        ("time_column", "its name"),
+        ("time_unit", "s, ms, min, h, d or datetime"),
+        ("date_order", "dmy, mdy or ymd"),
+        ("period_s", "without a time column"),
+    )
 )
 _GUESS = "* guessed, nobody said it"
 
@@ -184,15 +187,10 @@ def _register_corrections(app: dash.Dash, bench: Bench) -> None:
 
 def _overrides(said: dict[str, Any]) -> Overrides:
     """Texts of the form as what the reader takes."""
-    for name, kind in (("header_row", int), ("period_s", float)):
-        if name in said:
-            try:
-                said[name] = kind(str(said[name]).replace(",", "."))
-            except ValueError:
-                title = next(title for one, title, _ in _READING if one == name)
-                raise OptionError(
-                    repr(said[name]), expected="a number", where=title, advice="correct it, or leave it empty"
-                ) from None
+    if "header_row" in said:
+        said["header_row"] = typed.whole(said["header_row"], FIELDS["--header-row"], 0)
+    if "period_s" in said:
+        said["period_s"] = typed.number(said["period_s"], FIELDS["--period-s"], 1e-9)
     return Overrides(**said)
 
 

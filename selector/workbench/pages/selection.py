@@ -6,24 +6,25 @@ from collections.abc import Sequence
 from typing import Any, Literal
 
 import dash
-from dash import ALL, Input, Output, State, dcc, html
+from dash import ALL, Input, Output, State, dcc, html, no_update
 from dash.development.base_component import Component
 
 from selector.errors import OptionError
 from selector.recording import SENSOR_ROLES
-from selector.workbench import parts
+from selector.selection import Options
+from selector.workbench import parts, typed, wished
 from selector.workbench.bench import Bench
 from selector.workbench.commands import SELECTION, option_arguments
-from selector.workbench.wished import USES, cost_of, use_of, wishes
+from selector.workbench.earlier import other_than_asked
+from selector.workbench.typed import FIELDS
 
 ID, TITLE = "selection", "Selection"
 
-_NUMBERS = (("max_sensors", "Most sensors in a set"), ("rounds", "Rounds of screening"))
-_TICKS = (
-    ("interactions", "Products of sensors"),
-    ("memory", "Memory: lagged temperatures and speed"),
-    ("ridge", "Shrink coefficients as far as unseen runs profit"),
-    ("absolute_similarity", "Group a sensor with its mirror image"),
+_DEFAULT = Options()
+_NUMBERS = (("max_sensors", FIELDS["--max-sensors"]), ("rounds", FIELDS["--rounds"]))
+_BOXES = (f"{ID}-level", *(f"{ID}-{name}" for name, _ in _NUMBERS))
+_TICKS = tuple(
+    (name, FIELDS[f"--{name.replace('_', '-')}"]) for name in ("interactions", "memory", "ridge", "absolute_similarity")
 )
 _FILES = (
     ("report.html", "Report"),
@@ -38,12 +39,12 @@ def layout(bench: Bench) -> Component:
     asked = bench.options
     fields = [
         parts.field(
-            "Displacements to predict",
+            FIELDS["--response"],
             dcc.Dropdown(id=f"{ID}-responses", options=[], value=list(asked.responses), multi=True),
             "None: all that are there.",
         ),
         parts.field(
-            "λ",
+            FIELDS["--lambda"],
             _input(f"{ID}-level", _level_text(bench)),
             "auto, a number from 0 to 1, or one for each round: 0.99, 0.95",
         ),
@@ -53,8 +54,8 @@ def layout(bench: Bench) -> Component:
             )
             for name, title in _NUMBERS
         ),
-        parts.field("Highest power", parts.choice(f"{ID}-degree", ["1", "2", "3"], str(asked.degree))),
-        parts.field("Readings", parts.choice(f"{ID}-reference", ["rise", "absolute"], asked.reference)),
+        parts.field(FIELDS["--degree"], parts.choice(f"{ID}-degree", ["1", "2", "3"], str(asked.degree))),
+        parts.field(FIELDS["--reference"], parts.choice(f"{ID}-reference", ["rise", "absolute"], asked.reference)),
     ]
     ticks = [{"label": title, "value": name} for name, title in _TICKS]
     return html.Div(
@@ -69,6 +70,7 @@ def layout(bench: Bench) -> Component:
             dcc.Checklist(id=f"{ID}-ticks", options=ticks, value=_ticked(bench), className="ticks"),
             html.Div(id=f"{ID}-sensors"),
             html.Div([html.Button("Start", id=f"{ID}-start", className="main")], className="row"),
+            html.Div(id=f"{ID}-earlier", role="status"),
             html.Div(id=f"{ID}-answer"),
             dcc.Store(id=f"{ID}-answered", data=None),
             dcc.Store(id=f"{ID}-shown", data=None),
@@ -104,6 +106,15 @@ def register(app: dash.Dash, bench: Bench) -> None:
             return None, now, []
         return _sensors(bench), now, list(reading.recording.with_role("displacement"))
 
+    @app.callback(Output(f"{ID}-earlier", "children"), Input(parts.REVISION, "data"))
+    def _earlier(_: int) -> Component | None:
+        """What was chosen since the answer below was made."""
+        if bench.result(f"{SELECTION}/selection.json") is None:
+            return None
+        others = other_than_asked(bench.folder / SELECTION, bench.options, bench.overrides, bench.used)
+        said = f"The answer below was asked with other settings than those above: {', '.join(others)}. Start again."
+        return html.P(said, className="advice first bad") if others else None
+
     parts.register_start(app, bench, ID, TITLE, lambda: command(bench), lambda: SELECTION, _missing)
     parts.register_answer(
         app, bench, ID, TITLE, lambda: f"{SELECTION}/report.html", lambda stamp: _answered(bench, stamp)
@@ -128,15 +139,24 @@ def _register_options(app: dash.Dash, bench: Bench) -> None:
         ticks: list[str],
         *numbers: str | None,
     ) -> None:
-        counts = {name: _whole(text, title) for text, (name, title) in zip(numbers, _NUMBERS, strict=True)}
-        levels = _levels(level)
-        if isinstance(levels, tuple):
-            counts["rounds"] = max(counts["rounds"], len(levels))
-        flags = {name: name in ticks for name, _ in _TICKS}
-        if bench.choose(
-            responses=tuple(responses or ()), level=levels, degree=int(degree), reference=reference, **counts, **flags
-        ):
-            parts.tell(bench)
+        with parts.showing_what_counts(_BOXES, [level, *numbers], lambda: _texts(bench)):
+            counts = {
+                name: typed.whole(text, title) if text else getattr(_DEFAULT, name)
+                for text, (name, title) in zip(numbers, _NUMBERS, strict=True)
+            }
+            levels = _levels(level)
+            if isinstance(levels, tuple):
+                counts["rounds"] = max(counts["rounds"], len(levels))
+            flags = {name: name in ticks for name, _ in _TICKS}
+            if bench.choose(
+                responses=tuple(responses or ()),
+                level=levels,
+                degree=int(degree),
+                reference=reference,
+                **counts,
+                **flags,
+            ):
+                parts.tell(bench)
 
     @app.callback(
         Input({"type": f"{ID}-use", "sensor": ALL}, "value"),
@@ -145,22 +165,23 @@ def _register_options(app: dash.Dash, bench: Bench) -> None:
         prevent_initial_call=True,
     )
     def _restrict(uses: list[str], costs: list[str | None], ids: list[dict[str, str]]) -> None:
-        reading = bench.material.reading
-        known = () if reading is None else reading.recording.names
-        if bench.choose(**wishes([one["sensor"] for one in ids], uses, costs, known)):
-            parts.tell(bench)
+        wished.choose(bench, ID, ids, uses, costs)
 
     @app.callback(
         Output(f"{ID}-level", "value"),
         Output(f"{ID}-responses", "value"),
         *(Output(f"{ID}-{name}", "value") for name, _ in _NUMBERS),
         Input(parts.REVISION, "data"),
+        State(f"{ID}-level", "value"),
+        State(f"{ID}-responses", "value"),
+        *(State(f"{ID}-{name}", "value") for name, _ in _NUMBERS),
         prevent_initial_call=True,
     )
-    def _follow(_: int) -> tuple[Any, ...]:
-        """Other pages choose options, too."""
-        asked = bench.options
-        return _level_text(bench), list(asked.responses), *(str(getattr(asked, name)) for name, _ in _NUMBERS)
+    def _follow(_: int, *shown: Any) -> list[Any]:
+        """Other pages choose options, too; what is the same is left alone, for somebody may be typing there."""
+        level, *counts = _texts(bench)
+        now = [level, list(bench.options.responses), *counts]
+        return [no_update if one == there else one for one, there in zip(now, shown, strict=True)]
 
 
 def _missing() -> OptionError:
@@ -194,12 +215,13 @@ def _sensors(bench: Bench) -> Component:
         if channel.role not in SENSOR_ROLES:
             continue
         name = channel.name
+        use, cost = wished.use_of(asked, name), wished.cost_of(asked, name)
         rows.append(
             [
                 html.Span(name, className="name"),
                 channel.place or "",
-                parts.choice({"type": f"{ID}-use", "sensor": name}, USES, use_of(asked, name)),
-                _input({"type": f"{ID}-cost", "sensor": name}, cost_of(asked, name)),
+                parts.choice({"type": f"{ID}-use", "sensor": name}, wished.USES, use),
+                _input({"type": f"{ID}-cost", "sensor": name}, cost),
             ]
         )
     summary = f"Sensors that must or must not be used, and what they cost ({len(rows)} sensors)"
@@ -217,6 +239,11 @@ def _ticked(bench: Bench) -> list[str]:
     return [name for name, _ in _TICKS if getattr(bench.options, name)]
 
 
+def _texts(bench: Bench) -> list[str]:
+    """What stands in `_BOXES` when they say what counts."""
+    return [_level_text(bench), *(str(getattr(bench.options, name)) for name, _ in _NUMBERS)]
+
+
 def _level_text(bench: Bench) -> str:
     level = bench.options.level
     levels: Sequence[float] = () if level is None else level if isinstance(level, tuple) else (level,)
@@ -224,20 +251,7 @@ def _level_text(bench: Bench) -> str:
 
 
 def _levels(text: str | None) -> float | tuple[float, ...] | None:
-    words = (text or "auto").replace(";", " ").replace(",", " ").split()
-    if words == ["auto"]:
+    if (text or "").strip().lower() in ("", "auto"):
         return None
-    try:
-        levels = tuple(float(word) for word in words)
-    except ValueError:
-        raise OptionError(
-            repr(text), expected="auto, or numbers with a decimal point", where="λ", advice="e.g. 0.995"
-        ) from None
+    levels = typed.numbers(text, FIELDS["--lambda"], 0.0, 1.0)
     return levels[0] if len(levels) == 1 else levels
-
-
-def _whole(text: str | None, title: str) -> int:
-    try:
-        return int(text or "")
-    except ValueError:
-        raise OptionError(repr(text), expected="a whole number", where=title, advice="e.g. 5") from None

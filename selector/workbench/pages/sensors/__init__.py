@@ -21,6 +21,7 @@ from selector.workbench.commands import SELECTION, command_text, option_argument
 from selector.workbench.live import View
 from selector.workbench.pages.sensors import machine, pictures, tables, wishes
 from selector.workbench.pages.sensors.names import ID
+from selector.workbench.typed import FIELDS, in_words_of_fields, number
 
 __all__ = ["ID", "TITLE", "command", "layout", "register"]
 
@@ -29,6 +30,10 @@ TITLE = "Sensors"
 _NOTE = (
     "The error on left-out runs is here that of sets as they are: coefficients are fitted anew without each run, but "
     "the choice of the set has seen them all, so it flatters. “Run this selection” chooses anew without each run."
+)
+_LINEAR = (
+    "Numbers and pictures here are of linear models without memory, whatever the Selection page asks of powers, "
+    "products, memory and shrinking; the command below asks for all of it."
 )
 _GRAPH: Any = {**parts.GRAPH, "displayModeBar": False}
 
@@ -43,6 +48,7 @@ def layout(bench: Bench) -> Component:
                 [
                     # filled by sensors.js
                     html.Div(id=f"{ID}-bar", className="lambda"),
+                    html.P(_LINEAR, className="about"),
                     html.Div([_picture(name) for name in pictures.NAMES], className="pictures"),
                     html.P(_NOTE, className="about"),
                     parts.section("Groups", html.Div(id=f"{ID}-groups", className="scroll")),
@@ -116,7 +122,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
         try:
             return flask.jsonify(_moved(bench, flask.request.get_json()))
         except InputError as refused:
-            return flask.jsonify({"refused": str(refused)})
+            return flask.jsonify({"refused": in_words_of_fields(str(refused))})
         except (TypeError, ValueError, OverflowError) as wrong:
             return flask.jsonify({"refused": f"this move cannot be understood: {wrong}"})
 
@@ -130,8 +136,8 @@ def _missing() -> OptionError:
 def _moved(bench: Bench, asked: Any) -> dict[str, Any]:
     """Looks where the browser asks to look; what is different then.
 
-    `asked` holds one of ``step`` (number of the step of λ, the coarsest 0), ``level``, ``take`` (sensors; none: the set
-    of λ) and ``response``.
+    `asked` holds one of ``step`` (number of the step of λ, the coarsest 0), ``level`` (as it was typed), ``take``
+    (sensors; none: the set of λ) and ``response``.
     """
     view = _view(bench)
     if view is None or not isinstance(asked, dict):
@@ -141,7 +147,7 @@ def _moved(bench: Bench, asked: Any) -> dict[str, Any]:
         last = len(exploration.steps) - 1
         bench.live.look_at(level=exploration.level_of(last - min(max(int(asked["step"]), 0), last)))
     elif "level" in asked:
-        level = float(asked["level"])
+        level = number(str(asked["level"]), FIELDS["--lambda"], 0.0, 1.0)
         exploration.cut(level)
         bench.live.look_at(level=level)
     elif "take" in asked:

@@ -9,11 +9,12 @@ from dash import ALL, Input, Output, State, dcc, html
 from dash.development.base_component import Component
 
 from selector.errors import OptionError
-from selector.workbench import parts
+from selector.workbench import parts, typed, wished
 from selector.workbench.bench import Bench
 from selector.workbench.pages.sensors.machine import sensors_of
 from selector.workbench.pages.sensors.names import ID
-from selector.workbench.wished import USES, cost_of, use_of, wishes
+
+_FARTHEST_M = 1e6
 
 
 def table() -> Component:
@@ -50,9 +51,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
         prevent_initial_call=True,
     )
     def _wish(uses: list[str], costs: list[str | None], ids: list[dict[str, str]]) -> None:
-        known = [one.name for one in sensors_of(bench)]
-        if bench.choose(**wishes([one["sensor"] for one in ids], uses, costs, known)):
-            parts.tell(bench)
+        wished.choose(bench, ID, ids, uses, costs)
 
     @app.callback(
         Input({"type": f"{ID}-place", "sensor": ALL}, "value"),
@@ -63,21 +62,26 @@ def register(app: dash.Dash, bench: Bench) -> None:
         if asked is None or len(dash.ctx.triggered) != 1 or not (text := dash.ctx.triggered[0]["value"]):
             raise dash.exceptions.PreventUpdate
         name = asked["sensor"]
-        if text == {row[0]: row[4] for row in _rows(bench)}.get(name):
+        if text == _places(bench).get(name):
             raise dash.exceptions.PreventUpdate
-        bench.place({name: _coordinates(text, name)})
-        parts.tell(bench)
+        with parts.showing_what_counts([asked], [text], lambda: [_places(bench).get(name, "")]):
+            bench.place({name: _coordinates(text, name)})
+            parts.tell(bench)
+
+
+def _places(bench: Bench) -> dict[str, str]:
+    """Name → coordinates as they stand in the table."""
+    return {row[0]: row[4] for row in _rows(bench)}
 
 
 def _rows(bench: Bench) -> list[list[str]]:
     """Name, words for the place, use, cost and coordinates of every sensor."""
-    asked = bench.options
     return [
         [
             channel.name,
             channel.place or "",
-            use_of(asked, channel.name),
-            cost_of(asked, channel.name),
+            wished.use_of(bench.options, channel.name),
+            wished.cost_of(bench.options, channel.name),
             "" if channel.xyz_m is None else ", ".join(f"{v:g}" for v in channel.xyz_m),
         ]
         for channel in sensors_of(bench)
@@ -89,7 +93,7 @@ def _table(rows: list[list[str]]) -> Component:
         [
             html.Span(name, className="name"),
             words,
-            parts.choice({"type": f"{ID}-use", "sensor": name}, USES, use),
+            parts.choice({"type": f"{ID}-use", "sensor": name}, wished.USES, use),
             dcc.Input(id={"type": f"{ID}-cost", "sensor": name}, value=cost, type="text", debounce=True),
             dcc.Input(
                 id={"type": f"{ID}-place", "sensor": name}, value=place, type="text", debounce=True, className="place"
@@ -101,12 +105,10 @@ def _table(rows: list[list[str]]) -> Component:
 
 
 def _coordinates(text: str, name: str) -> tuple[float, float, float]:
-    try:
-        x, y, z = (float(word) for word in text.replace(";", ",").split(","))
-        if all(abs(v) < 1e6 for v in (x, y, z)):
-            return x, y, z
-    except ValueError:
-        pass
-    raise OptionError(
-        repr(text), expected="three numbers in metres, x, y, z", where=f"place of {name}", advice="e.g. 0.1, 0.6, 1.2"
-    )
+    values = typed.numbers(text, f"x, y, z of {name}", -_FARTHEST_M, _FARTHEST_M)
+    if len(values) != 3:
+        raise OptionError(
+            f"“{text}”", expected="three numbers in metres: x, y, z", where=f"x, y, z of {name}",
+            advice="e.g. 0.1, 0.6, 1.2 or 0,1 0,6 1,2",
+        )  # fmt: skip
+    return values[0], values[1], values[2]

@@ -1,0 +1,113 @@
+"""What a person typed into a field: numbers with either decimal mark, and what is said of them in the fields' words."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+
+from selector.errors import OptionError
+
+FIELDS = {
+    "--encoding": "Encoding", "--separator": "Separator", "--decimal": "Decimal mark", "--header-row": "Row of names",
+    "--sheet": "Sheet", "--time-column": "Time column", "--time-unit": "Unit of time", "--date-order": "Order of dates",
+    "--period-s": "Period [s]", "--unit": "unit", "--role": "role",
+    "--response": "Displacements to predict", "--lambda": "λ", "--max-sensors": "Most sensors in a set",
+    "--rounds": "Rounds of screening", "--degree": "Highest power", "--reference": "Readings",
+    "--interactions": "Products of sensors", "--memory": "Memory: lagged temperatures and speed",
+    "--ridge": "Shrink coefficients as far as unseen runs profit",
+    "--absolute-similarity": "Group a sensor with its mirror image",
+    "--must": "must be kept", "--never": "never", "--cost": "cost",
+    "--holdout": "Held out", "--false-alarm": "Allowed false alarms",
+    "--clamp": "largest correction", "--slew": "fastest change", "--invert": "turned round",
+    "--sign-verified": "The sign test was passed", "--tested": "Equations SHA-256 of the tested program",
+}  # fmt: skip
+"""Option of the command line → title of the field that does the same."""
+
+_OPTION = re.compile(r"(?P<mark>`?)(?P<option>--[a-z][a-z-]*[a-z])(?P=mark)")
+_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
+
+
+def in_words_of_fields(text: str) -> str:
+    """A message with the titles of fields in place of options.
+
+    >>> in_words_of_fields("name the unit (or `--time-unit`); see --help")
+    'name the unit (or “Unit of time”); see --help'
+    """
+    return _OPTION.sub(lambda of: f"“{FIELDS[of['option']]}”" if of["option"] in FIELDS else of[0], text)
+
+
+def number(text: str | None, where: str, low: float = -math.inf, high: float = math.inf) -> float:
+    """The number that was typed, with a point or a comma.
+
+    Raises
+    ------
+    OptionError
+        It is none, or not within the limits.
+
+    >>> number("0,98", "λ"), number(" 1e-3 ", "cost")
+    (0.98, 0.001)
+    """
+    value = _value(text or "")
+    if value is None or not low <= value <= high:
+        raise _refused(text, f"a number{_limits(low, high)}, e.g. {_example(low, high)}", where)
+    return value
+
+
+def whole(text: str | None, where: str, least: int = 1) -> int:
+    """The whole number that was typed.
+
+    Raises
+    ------
+    OptionError
+        It is none, or too small.
+    """
+    value = _value(text or "")
+    if value is None or value != int(value) or value < least:
+        raise _refused(text, f"a whole number of at least {least}", where)
+    return int(value)
+
+
+def numbers(text: str | None, where: str, low: float = -math.inf, high: float = math.inf) -> tuple[float, ...]:
+    """The numbers that were typed, apart by blanks, semicolons, or commas where these are no decimal marks.
+
+    Raises
+    ------
+    OptionError
+        One of them is no number or not within the limits, or it cannot be told which commas are decimal marks.
+
+    >>> numbers("0,99 0,95", "λ"), numbers("0.99,0.95", "λ"), numbers("0,99; 0,95", "λ"), numbers("1, 0,95", "λ")
+    ((0.99, 0.95), (0.99, 0.95), (0.99, 0.95), (1.0, 0.95))
+    """
+    found = [_value(word) for word in _words(text or "")]
+    values = tuple(value for value in found if value is not None and low <= value <= high)
+    if not values or len(values) != len(found):
+        example = _example(low, high)
+        raise _refused(text, f"numbers{_limits(low, high)}, e.g. {example}; several apart by blanks", where)
+    return values
+
+
+def _words(text: str) -> Iterator[str]:
+    for word in re.split(r"[;\s]+|,\s+", text.strip(" ,;")):
+        yield from word.split(",") if "." in word else [word]
+
+
+def _value(text: str) -> float | None:
+    text = text.strip()
+    value = float(text.replace(",", ".")) if _NUMBER.fullmatch(text) else math.nan
+    return value if math.isfinite(value) else None
+
+
+def _limits(low: float, high: float) -> str:
+    if math.isfinite(low) and math.isfinite(high):
+        return f" from {low:g} to {high:g}"
+    return f" of at least {low:g}" if math.isfinite(low) else ""
+
+
+def _example(low: float, high: float) -> str:
+    return "0.98 or 0,98" if (low, high) == (0.0, 1.0) else "0.5 or 0,5" if high <= 1.0 else "2.5 or 2,5"
+
+
+def _refused(text: str | None, expected: str, where: str) -> OptionError:
+    found = f"“{text}”" if text else "nothing"
+    return OptionError(found, expected=expected, where=where, advice="type it again; the field shows what counts now")

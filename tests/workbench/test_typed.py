@@ -1,0 +1,64 @@
+"""What is typed into a field: either decimal mark, and refusals in the words of the fields."""
+
+from __future__ import annotations
+
+import pytest
+import typer
+
+from selector.cli import app
+from selector.errors import OptionError
+from selector.workbench.pages import diagnosis, recordings, selection
+from selector.workbench.typed import FIELDS, in_words_of_fields, number, numbers, whole
+
+
+@pytest.mark.parametrize("text", ["0,98", "0.98", " 0,98 ", "9.8e-1", ".98", ",98"])
+def test_either_decimal_mark(text):
+    assert number(text, "λ", 0.0, 1.0) == 0.98
+
+
+@pytest.mark.parametrize("text", ["", None, "98", "-0,1", "1.000,5", "0,9,8", "nan", "inf", "λ", "1_0"])
+def test_what_is_no_number_says_the_field_and_what_is_expected(text):
+    with pytest.raises(OptionError) as refused:
+        number(text, "λ", 0.0, 1.0)
+    assert refused.value.where == "λ"
+    assert "from 0 to 1, e.g. 0.98 or 0,98" in refused.value.expected
+    assert refused.value.found == (f"“{text}”" if text else "nothing")
+
+
+def test_several_numbers():
+    for text in ("0.99 0.95", "0,99 0,95", "0.99, 0.95", "0,99, 0,95", "0.99,0.95", "0,99;0,95", "0.99; 0.95;"):
+        assert numbers(text, "λ", 0.0, 1.0) == (0.99, 0.95), text
+    assert numbers("0,98", "λ", 0.0, 1.0) == (0.98,)
+    for text in ("0,99,0,95", "0.99 x", "", "  ", "0.9 98"):
+        with pytest.raises(OptionError, match="λ"):
+            numbers(text, "λ", 0.0, 1.0)
+
+
+def test_whole_numbers():
+    assert whole("3", "Rounds") == 3
+    for text in ("2,5", "0", "", "-1"):
+        with pytest.raises(OptionError, match="at least 1"):
+            whole(text, "Rounds")
+
+
+def test_options_become_the_titles_of_fields():
+    assert in_words_of_fields("try --lambda auto (or `--time-unit min`), raise --max-sensors; --no-such stays") == (
+        "try “λ” auto (or `“Unit of time” min`), raise “Most sensors in a set”; --no-such stays"
+    )
+
+
+def test_every_option_of_the_fields_is_one_of_the_command_line():
+    known = set()
+    waiting = [typer.main.get_command(app)]
+    while waiting:
+        one = waiting.pop()
+        waiting += getattr(one, "commands", {}).values()
+        known |= {word for parameter in one.params for word in parameter.opts}
+    assert set(FIELDS) <= known
+
+
+def test_the_fields_of_the_pages_have_these_titles():
+    titles = set(FIELDS.values())
+    for page in (recordings._READING, selection._NUMBERS, selection._TICKS):
+        assert {row[1] for row in page} <= titles
+    assert diagnosis._BOXES
