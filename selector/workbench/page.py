@@ -16,7 +16,7 @@ from dash.development.base_component import Component
 from selector import __version__
 from selector.errors import InputError, ReadError
 from selector.report.page import TEMPLATES
-from selector.workbench import parts
+from selector.workbench import parts, wished
 from selector.workbench.access import RESULT_POLICY, Access, guard
 from selector.workbench.bench import Bench
 from selector.workbench.checked import CheckedDash
@@ -53,6 +53,7 @@ def page(bench: Bench, access: Access) -> dash.Dash:
     _register(app, bench)
     for one in PAGES:
         one.register(app, bench)
+    parts.register_table(app, "sensors", wished.COLUMNS, lambda: wished.rows(bench))
     _add_routes(app.server, bench)
     guard(app.server, access, app.csp_hashes())
     answer_refusals(app.server)

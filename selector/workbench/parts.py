@@ -7,11 +7,13 @@ from contextlib import contextmanager
 from typing import Any
 
 import dash
+import flask
 import plotly.graph_objects as go
 from dash import Input, Output, State, dcc, html, set_props
 from dash.development.base_component import Component
 from dash.exceptions import PreventUpdate
 
+from selector.csv_text import csv_text
 from selector.errors import InputError
 from selector.figures import style
 from selector.findings import Finding
@@ -257,6 +259,26 @@ def register_answer(
             raise PreventUpdate
         said = None if job is None else job_answer(job, is_open)
         return [said, answered(stamp)], now
+
+
+def table_download(name: str) -> Component:
+    """A link that saves a table as CSV; `register_table` answers it."""
+    return html.A("Download as CSV", href=f"/tables/{name}.csv", download=f"{name}.csv")
+
+
+def register_table(
+    app: dash.Dash, name: str, columns: Sequence[str], rows: Callable[[], Iterable[Sequence[object]]]
+) -> None:
+    """The address of `table_download` gives the table as it is then, with nothing in it that a spreadsheet runs."""
+
+    def given() -> flask.Response:
+        # a spreadsheet takes a text without the mark for one of its own country
+        content = csv_text(columns, rows()).encode("utf-8-sig")
+        headers = {"Content-Disposition": f"attachment; filename={name}.csv"}
+        return flask.Response(content, mimetype="text/csv", headers=headers)
+
+    server: flask.Flask = app.server
+    server.add_url_rule(f"/tables/{name}.csv", name, given)
 
 
 def result_address(relative: str) -> str:

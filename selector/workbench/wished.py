@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from typing import Any
 
+from selector.recording import SENSOR_ROLES
 from selector.selection import Options
 from selector.workbench import parts, typed
 from selector.workbench.bench import Bench
 from selector.workbench.typed import FIELDS
 
 USES = ("may be used", FIELDS["--must"], FIELDS["--never"])
+COLUMNS = ("sensor", "place", "use", "cost", "x [m]", "y [m]", "z [m]")
 
 
 def use_of(options: Options, name: str) -> str:
@@ -72,3 +74,13 @@ def choose(
     with parts.showing_what_counts(boxes, [*uses, *costs], counting):
         if bench.choose(**wishes(names, uses, costs, known)):
             parts.tell(bench)
+
+
+def rows(bench: Bench) -> list[list[object]]:
+    """A row for each sensor under `COLUMNS`: what is wished of it, and where it sits."""
+    reading, asked = bench.material.reading, bench.options
+    return [
+        [one.name, one.place or "", use_of(asked, one.name), asked.cost.get(one.name, 1.0), *(one.xyz_m or ())]
+        for one in (() if reading is None else reading.recording.channels)
+        if one.role in SENSOR_ROLES
+    ]

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import csv
+import dataclasses
+import io
 import time
 
 import pytest
@@ -9,6 +12,7 @@ import pytest
 from selector.errors import OptionError
 from selector.readers import machine as machine_file
 from selector.selection import Exploration, Options
+from selector.workbench import wished
 from selector.workbench.access import Access
 from selector.workbench.bench import Bench
 from selector.workbench.page import page
@@ -186,3 +190,23 @@ def test_an_exploration_of_other_options_is_another_one(bench):
     bench.choose(reference="rise", cost={"T1": 2.0})
     assert ready(bench).question.options.cost == {"T1": 2.0}
     assert Options().cost == {}
+
+
+def test_tables_are_downloaded_as_csv_that_no_spreadsheet_runs(bench, client):
+    reading = bench.material.reading
+    channels = list(reading.recording.channels)
+    hostile = dataclasses.replace(channels[0], place="=HYPERLINK(1)")
+    recording = dataclasses.replace(reading.recording, channels=(hostile, *channels[1:]))
+    bench._material = dataclasses.replace(bench.material, reading=dataclasses.replace(reading, recording=recording))
+    bench.choose(must=(hostile.name,), cost={hostile.name: 2.5})
+    answer = client.get("/tables/sensors.csv", base_url="http://127.0.0.1:8050")
+    assert answer.headers["Content-Disposition"] == "attachment; filename=sensors.csv"
+    rows = list(csv.DictReader(io.StringIO(answer.data.decode("utf-8-sig"))))
+    assert [row["sensor"] for row in rows] == list(studies.SENSORS)
+    assert rows[0]["place"] == "'=HYPERLINK(1)"
+    assert (rows[0]["use"], rows[0]["cost"]) == (wished.USES[1], "2.5")
+    ready(bench)
+    groups = client.get("/tables/groups.csv", base_url="http://127.0.0.1:8050").data.decode("utf-8-sig")
+    rows = list(csv.DictReader(io.StringIO(groups)))
+    assert {row["sensor"] for row in rows} == set(studies.SENSORS)
+    assert any(row["represents"] == "True" for row in rows)

@@ -227,7 +227,7 @@ def _sensors(bench: Bench) -> Component:
     summary = f"Sensors that must or must not be used, and what they cost ({len(rows)} sensors)"
     restricted = bool(asked.must or asked.never or asked.cost)
     table = parts.table(["sensor", "place", "use", "cost"], rows, name="channels sensors")
-    return html.Details([html.Summary(summary), table], open=restricted)
+    return html.Details([html.Summary(summary), table, parts.table_download("sensors")], open=restricted)
 
 
 def _input(name: Any, value: str) -> Component:

@@ -51,7 +51,9 @@ def layout(bench: Bench) -> Component:
                     html.P(_LINEAR, className="about"),
                     html.Div([_picture(name) for name in pictures.NAMES], className="pictures"),
                     html.P(_NOTE, className="about"),
-                    parts.section("Groups", html.Div(id=f"{ID}-groups", className="scroll")),
+                    parts.section(
+                        "Groups", html.Div(id=f"{ID}-groups", className="scroll"), parts.table_download("groups")
+                    ),
                     wishes.table(),
                     machine.controls(),
                     html.Div(html.Button("Run this selection", id=f"{ID}-start", className="main"), className="row"),
@@ -80,6 +82,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
     """The whole page after a change of the bench; what changed in it after a move."""
     machine.register(app, bench)
     wishes.register(app, bench)
+    parts.register_table(app, "groups", tables.GROUP_COLUMNS, lambda: _group_rows(bench))
 
     @app.callback(
         Output(f"{ID}-body", "hidden"),
@@ -127,6 +130,14 @@ def register(app: dash.Dash, bench: Bench) -> None:
             return flask.jsonify({"refused": f"this move cannot be understood: {wrong}"})
 
     parts.register_start(app, bench, ID, "Selection", lambda: command(bench), lambda: SELECTION, _missing)
+
+
+def _group_rows(bench: Bench) -> list[list[object]]:
+    try:
+        view = _view(bench)
+    except InputError:
+        return []
+    return [] if view is None else tables.group_rows(view)
 
 
 def _missing() -> OptionError:

@@ -11,6 +11,7 @@ from selector.sensors.groups import dendrogram
 from selector.workbench.live import View
 
 _INFINITE_VIF = 1e12
+GROUP_COLUMNS = ("group", "sensor", "represents", "shown", "because")
 
 
 def facts(view: View) -> list[tuple[str, str]]:
@@ -45,4 +46,13 @@ def groups(view: View) -> list[dict[str, Any]]:
             "because": group.because,
         }
         for own, group in zip(members, view.cut.groups, strict=True)
+    ]
+
+
+def group_rows(view: View) -> list[list[object]]:
+    """A row for each sensor under `GROUP_COLUMNS`."""
+    return [
+        [number, name, name in group["representatives"], name in group["shown"], group["because"]]
+        for number, group in enumerate(groups(view), start=1)
+        for name in group["sensors"]
     ]

@@ -20,7 +20,12 @@ _FARTHEST_M = 1e6
 def table() -> Component:
     """Where the table is; it stays open when its rows change."""
     return html.Details(
-        [html.Summary("Must, never, cost and place of each sensor"), html.Div(id=f"{ID}-wishes")], id=f"{ID}-every"
+        [
+            html.Summary("Must, never, cost and place of each sensor"),
+            html.Div(id=f"{ID}-wishes"),
+            parts.table_download("sensors"),
+        ],
+        id=f"{ID}-every",
     )
 
 
