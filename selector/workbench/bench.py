@@ -12,15 +12,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from selector.errors import InputError
-from selector.findings import Finding
-from selector.quality import inspect
-from selector.readers import Machine, Overrides, Reading, guessed_clock, read, write_machine_file
+from selector.readers import Machine, Overrides, guessed_clock, write_machine_file
 from selector.selection import Options
 from selector.study import DiagnoseSection, diagnose_section
 from selector.workbench import commands
 from selector.workbench.jobs import Job, Jobs
 from selector.workbench.live import Live
+from selector.workbench.material import Loaded, Material, as_far_as_readable, inspected
 from selector.workbench.saved_study import Asked, asked_in, save
 from selector.workbench.sensor_places import placed
 from selector.workbench.study_folder import MACHINE, MACHINE_BEFORE, RECORDINGS, SIMULATION, files_in
@@ -29,28 +27,6 @@ MODEL_ENDINGS = (".toml", ".fmu")
 """Of models that a diagnosis runs itself."""
 
 _COMPARED = {"simulation", "model"}
-
-
-@dataclasses.dataclass(frozen=True)
-class Loaded:
-    """A recording on the bench: where it is, whether it is used, and what the reader said when it refused it."""
-
-    path: Path
-    is_used: bool = True
-    problem: InputError | None = None
-
-
-@dataclasses.dataclass(frozen=True)
-class Material:
-    """What was read from the recordings in use, and what was found on the way; `problem` where nothing was.
-
-    `number` is another one for each reading.
-    """
-
-    number: int = 0
-    reading: Reading | None = None
-    findings: tuple[Finding, ...] = ()
-    problem: InputError | None = None
 
 
 class Bench:
@@ -241,8 +217,7 @@ class Bench:
             self._is_reading = True
             number = self._asked
         try:
-            reading = read(self.used, machine=machine, overrides=self._overrides)
-            findings = (*reading.findings, *inspect(reading.recording))
+            reading, findings = inspected(self.used, machine, self._overrides)
             own = self.folder / MACHINE
             if own.exists():
                 own.replace(own.with_name(MACHINE_BEFORE))
@@ -285,7 +260,7 @@ class Bench:
         while True:
             with self._lock:
                 number = self._asked
-            loaded, material = self._as_far_as_readable()
+            loaded, material = as_far_as_readable(self.loaded, self._machine, self._overrides)
             with self._lock:
                 if number != self._asked:
                     continue
@@ -294,34 +269,9 @@ class Bench:
                 self._is_reading = self._has_reader = False
                 return
 
-    def _as_far_as_readable(self) -> tuple[dict[Path, Loaded], Material]:
-        """What was read, without the recordings that are refused even alone; and the recordings, those marked."""
-        loaded = {one.path: one for one in self.loaded}
-        used = [path for path, one in loaded.items() if one.is_used]
-        material = self._read_together(used)
-        if material.problem is None:
-            return loaded, material
-        refused = {path: problem for path in used if (problem := self._read_together([path]).problem) is not None}
-        loaded |= {path: Loaded(path, is_used=False, problem=problem) for path, problem in refused.items()}
-        if refused:
-            material = self._read_together([path for path in used if path not in refused])
-        return loaded, material
-
     def _publish(self, material: Material) -> None:
         self._material = dataclasses.replace(material, number=self._material.number + 1)
         self.changed()
-
-    def _read_together(self, paths: Sequence[Path]) -> Material:
-        if not paths:
-            return Material()
-        try:
-            reading = read(paths, machine=self._machine, overrides=self._overrides)
-            return Material(0, reading, (*reading.findings, *inspect(reading.recording)))
-        except InputError as problem:
-            return Material(problem=problem)
-        except Exception as error:
-            # the thread that reads must not die silently
-            return Material(problem=_input_error(error))
 
     def source_arguments(self) -> tuple[str, ...]:
         """The recordings in use, as the words of a command line."""
@@ -363,19 +313,3 @@ class Bench:
         """Something that pages show is different now, e.g. a file of the study folder."""
         with self._lock:
             self._revision += 1
-
-
-def _input_error(error: Exception) -> InputError:
-    if isinstance(error, (OSError, MemoryError)):
-        return InputError(
-            str(error) or "more data than the memory of this machine holds",
-            expected="recordings that can be opened and that fit into memory",
-            where="recordings",
-            advice="close the program that holds them open, or give fewer of them",
-        )
-    return InputError(
-        f"this is a defect of the program, not of your data: {type(error).__name__}: {error}",
-        expected="recordings that are read, or refused with a reason",
-        where="recordings",
-        advice="report it, with the recording; leave it out meanwhile",
-    )

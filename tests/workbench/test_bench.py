@@ -12,7 +12,7 @@ from selector.cli import exit_status
 from selector.errors import InputError
 from selector.readers import Overrides
 from selector.shipped import shipped
-from selector.workbench import bench as bench_module
+from selector.workbench import material as material_module
 from selector.workbench.bench import Bench
 from selector.workbench.channel_corrections import corrected, rows_of
 from selector.workbench.commands import Export, export_command
@@ -217,7 +217,7 @@ def test_a_broken_study_file_is_refused(tmp_path):
 
 def test_many_files_at_once_are_read_one_reading_at_a_time(bench, tmp_path, monkeypatch):
     running, most = 0, 0
-    real = bench_module.read
+    real = material_module.read
 
     def counted(*arguments, **options):
         nonlocal running, most
@@ -228,7 +228,7 @@ def test_many_files_at_once_are_read_one_reading_at_a_time(bench, tmp_path, monk
         finally:
             running -= 1
 
-    monkeypatch.setattr(bench_module, "read", counted)
+    monkeypatch.setattr(material_module, "read", counted)
     for name in ("r3.csv", "r4.csv", "r5.csv", "r6.csv"):
         bench.add(VMC / name)
     assert len(settled(bench).material.reading.runs) == 6
@@ -239,6 +239,6 @@ def test_a_defect_of_a_reader_is_told_and_the_page_goes_on(bench, monkeypatch):
     def broken(*_, **__):
         raise ZeroDivisionError("a defect")
 
-    monkeypatch.setattr(bench_module, "read", broken)
+    monkeypatch.setattr(material_module, "read", broken)
     bench.read()
     assert all("ZeroDivisionError" in str(one.problem) for one in settled(bench).loaded)

@@ -13,10 +13,11 @@ from selector.quality.wording import duration
 from selector.readers import Overrides
 from selector.units import ROLES
 from selector.workbench import parts, typed
-from selector.workbench.bench import Bench, Loaded
+from selector.workbench.bench import Bench
 from selector.workbench.channel_corrections import NO_CHANNEL, Row, corrected, row_of, rows_of
 from selector.workbench.commands import told_path
 from selector.workbench.excerpt import excerpt
+from selector.workbench.material import Loaded
 from selector.workbench.typed import FIELDS
 
 ID, TITLE = "recordings", "Recordings"
