@@ -30,7 +30,7 @@ LEAST_FEED = 0.1
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 # not kept on disk one by one: what is kept is the loop with all that it calls, all of them in this file
-compiled = njit(nogil=True, error_model="numpy")
+compiled = njit(nogil=True, error_model="numpy", forceinline=True)
 
 
 class Plan(NamedTuple):
@@ -149,6 +149,12 @@ def _through(k, beta, u):
 
 
 @compiled
+def _swung(plan, turn, t):
+    """What run-out adds at a time."""
+    return plan.runout * math.sin(2 * math.pi * (turn + plan.per_s * t)) if plan.runout != 0.0 else 0.0
+
+
+@compiled
 def _fallen(plan, x, r, a, h, slower):
     """Allowance and removal after h at the rate a."""
     if plan.lag_s > 0.0:
@@ -257,6 +263,7 @@ def _part(plan, number, seed, ends, record, period_s):
     whole = _weights(plan, h)
     rows, row = len(record), 0
     done, t = 0, 0.0
+    swung = _swung(plan, turn, t)
     while True:
         # events that are due
         if edge <= t:
@@ -264,7 +271,7 @@ def _part(plan, number, seed, ends, record, period_s):
             edge += (plan.share if inside else 1.0 - plan.share) * pitch
             continue
         groove = plan.depth if inside else 0.0
-        still = x - worn + plan.runout * math.sin(2 * math.pi * (turn + plan.per_s * t)) - groove
+        still = x - worn + swung - groove
         if stage < stages and not waiting:
             if redraw <= t:
                 extra = plan.relay_noise * np.random.standard_normal()
@@ -304,7 +311,8 @@ def _part(plan, number, seed, ends, record, period_s):
             f1 = rho * f + spread * np.random.standard_normal()
             bridge = slope * (from_f * f + to_f * f1 + own * np.random.standard_normal())
         x1, r1 = _fallen(plan, x, r, a, hs, slower)
-        besides = f1 - worn + plan.runout * math.sin(2 * math.pi * (turn + plan.per_s * to)) - groove
+        swung = _swung(plan, turn, to)
+        besides = f1 - worn + swung - groove
         v1 = _voltage(plan, x1 + besides)
         y1 = keep * y + early * v0 + late * v1 + bridge
         # until where the feed of the beginning acts, and what then is left
@@ -349,9 +357,9 @@ def _part(plan, number, seed, ends, record, period_s):
                 left = math.exp((fed - now) / plan.lag_s) if plan.lag_s > 0.0 else 0.0
                 at_x, _ = _fallen(plan, x_fed, r_fed, a, now - fed, left)
                 acts = stage
-            swung = plan.runout * math.sin(2 * math.pi * (turn + plan.per_s * now))
             feed = plan.feed[acts] * scale if acts < stages else 0.0
-            _put(record[row], at_x, at_x - worn + swung - groove + f + s * (f1 - f), level, feed, acts)
+            shown = at_x - worn + _swung(plan, turn, now) - groove + f + s * (f1 - f)
+            _put(record[row], at_x, shown, level, feed, acts)
             row += 1
         x, r, f, y, t = x1, r1, f1, y1, to
         if to == end:
