@@ -24,6 +24,8 @@ Matrix = NDArray[np.float64]
 _BLOCKS = 24
 _ROUNDS = 4
 _MOST_SAMPLES = 2.0
+_AT_ONCE = 32
+"""Candidates that are whitened together: one by one the calls take longer than the numbers, all at once need memory."""
 OF_MODEL = "model: "
 """Begins the name of a column that is a parameter of a simulation that can be run again."""
 
@@ -132,8 +134,11 @@ class Bench:
     def white_columns(self) -> Matrix:
         """Candidate columns behind the noise filter, fitted rows only, shape (len(rows), m)."""
         result = np.empty((len(self.rows), len(self.scales)))
-        for v, candidate in enumerate(self.candidates):
-            result[:, candidate.columns] = whitened(self.noise, self.raw(v), self.parts)[self.rows]
+        for first in range(0, len(self.candidates), _AT_ONCE):
+            some = self.candidates[first : first + _AT_ONCE]
+            columns = slice(some[0].columns.start, some[-1].columns.stop)
+            raw = np.column_stack([one.variant.columns for one in some]) / self.scales[columns]
+            result[:, columns] = whitened(self.noise, raw, self.parts)[self.rows]
         return self._single(result)
 
     def _single(self, white: Matrix) -> Matrix:
