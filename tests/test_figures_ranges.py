@@ -59,8 +59,8 @@ def test_of_many_runs_the_widest_stands_out_and_too_many_sensors_are_not_drawn()
     runs = [LoopShown(f"day {k}", readings, displacement_um + (k == 3) * (np.arange(60) > 30)) for k in range(9)]
     drawn = displacement_loops([f"T{j}" for j in range(MOST_SENSORS + 2)], "Z", runs)
     assert len(drawn.data) == 9 * MOST_SENSORS
-    assert {line.line.color for line in drawn.data} == {style.PREDICTED, style.BEFORE}
-    assert [line.name for line in drawn.data if line.showlegend] == ["other runs", "widest loop"]
+    assert {line.line.color for line in drawn.data} == {style.MEASURED, style.BEFORE}
+    assert [line.name for line in drawn.data if line.showlegend] == ["other runs", "run with the widest loop"]
     assert "(day 3)" in drawn.layout.title.text
 
 

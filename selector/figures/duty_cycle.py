@@ -16,6 +16,8 @@ from selector.physics.thermal.repeated_tests import RepeatedTest
 Vector = NDArray[np.float64]
 
 POINTS_PER_TEST = 600
+_MODES = style.GROUPS[2:]
+"""Colours of modes: without those of what is predicted and what is left."""
 
 
 def duty_cycle(prediction: Prediction, response: str) -> go.Figure:
@@ -77,13 +79,10 @@ def thermal_modes(prediction: Prediction, response: str) -> go.Figure | None:
         if len(names) > 1
         else f"one mode of {style.number(taus_s[0] / 60.0)} min moves it"
     )
-    lines = [
-        Line(name, prediction.time_s, courses[:, k], style.GROUPS[k % len(style.GROUPS)])
-        for k, name in enumerate(names)
-    ]
+    lines = [Line(name, prediction.time_s, courses[:, k], _MODES[k % len(_MODES)]) for k, name in enumerate(names)]
     if len(names) > 1:
         lines.append(
-            Line("all together", prediction.time_s, prediction.displacement_um[:, r], style.INK, dash="dash", width=2.2)
+            Line("all together", prediction.time_s, prediction.displacement_um[:, r], style.PREDICTED, width=2.2)
         )
     panels = [Panel(f"{style.label(response, 12)} [µm]", lines, height_px=260, least=0.0)]
     return stacked(title, panels, float(prediction.time_s[-1]))

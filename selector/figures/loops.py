@@ -14,7 +14,6 @@ from selector.figures import style
 MOST_SENSORS = 6
 _COLUMNS = 3
 _PANEL_PX = 300
-_ONE_COLOUR_FROM = len(style.GROUPS)
 _STEPS = 30
 
 
@@ -59,26 +58,27 @@ def displacement_loops(
     drawn = style.figure(_title(response, shown, widest, runs), 60 + _PANEL_PX * -(-len(shown) // _COLUMNS))
     drawn.update_layout(margin={"b": 10})
     wide, rows = min(_COLUMNS, len(shown)), -(-len(shown) // _COLUMNS)
-    few = len(runs) <= _ONE_COLOUR_FROM
-    stands_out = {k for k in (one[0] for one in widest) if k is not None}
     for j, name in enumerate(shown):
         row, column = divmod(j, _COLUMNS)
         number = str(j + 1) if j else ""
-        # what stands out is drawn last
-        for k in sorted(range(len(runs)), key=lambda k: k == widest[j][0]):
-            one = runs[k]
-            colour = style.GROUPS[k] if few else style.PREDICTED if k == widest[j][0] else style.BEFORE
+        # the widest is drawn last, on top of the others
+        order = sorted(range(len(runs)), key=lambda k: k == widest[j][0])
+        for place, k in enumerate(order):
+            one, stands_out = runs[k], k == widest[j][0] or len(runs) == 1
             drawn.add_scatter(
                 x=one.readings[:, j].astype(np.float32),
                 y=one.displacement_um.astype(np.float32),
                 xaxis=f"x{number}",
                 yaxis=f"y{number}",
                 mode="lines",
-                name=style.label(one.run) if few else "widest loop" if k in stands_out else "other runs",
-                legendgroup=one.run if few else colour,
-                line={"color": colour, "width": 1.6 if few or k == widest[j][0] else 1.0},
+                name="run with the widest loop" if stands_out else "other runs",
+                legendgroup=str(stands_out),
+                line={
+                    "color": style.MEASURED if stands_out else style.BEFORE,
+                    "width": 1.6 if stands_out else 1.0,
+                },
                 hovertemplate=f"{style.label(one.run)}: %{{x:.3g}}, %{{y:.4g}} µm<extra></extra>",
-                showlegend=len(runs) > 1 and j == 0 and (few or k == widest[0][0] or k == _first_other(runs, widest)),
+                showlegend=len(runs) > 1 and j == 0 and (stands_out or place == 0),
             )
         low, high = 1 - (row + 1) / rows, 1 - row / rows
         drawn.layout[f"xaxis{number}"] = {
@@ -131,10 +131,6 @@ def _widest(runs: Sequence[LoopShown], j: int) -> _Widest:
     known = [k for k, width in enumerate(widths) if np.isfinite(width)]
     best = max(known, key=lambda k: widths[k], default=None)
     return best, float("nan") if best is None else widths[best]
-
-
-def _first_other(runs: Sequence[LoopShown], widest: Sequence[_Widest]) -> int | None:
-    return next((k for k in range(len(runs)) if k != widest[0][0]), None)
 
 
 def _title(response: str, shown: Sequence[str], widest: Sequence[_Widest], runs: Sequence[LoopShown]) -> str:

@@ -61,6 +61,8 @@ def template() -> go.layout.Template:
             "margin": {"l": 60, "r": 20, "t": 40, "b": 50},
             "paper_bgcolor": "#ffffff",
             "plot_bgcolor": "#ffffff",
+            # a comma between thousands is a decimal comma to many readers
+            "separators": ".\u202f",
             "title": {"x": 0.01, "xanchor": "left", "yref": "container", "font": {"size": 15}},
             "xaxis": axis,
             "yaxis": axis,

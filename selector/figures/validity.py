@@ -58,8 +58,8 @@ def validity_pairs(
     title += f" more than one standard deviation outside {known}"
     classes = (
         (distance <= INSIDE, "inside", style.MUTED),
-        ((distance > INSIDE) & ~far, "outside by up to 1 standard deviation", style.GROUPS[4]),
-        (far, "farther outside", style.RESIDUAL),
+        ((distance > INSIDE) & ~far, "outside by up to 1 standard deviation", style.HARM_SCALE[1][1]),
+        (far, "farther outside", style.HARM_SCALE[-1][1]),
     )
     rows = max(-(-len(pairs) // _COLUMNS), 1)
     drawn = style.figure(title, 60 + _PANEL_PX * rows)

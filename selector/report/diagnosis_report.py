@@ -12,7 +12,7 @@ from selector import __version__
 from selector.atomic_file import write_whole
 from selector.diagnosis.answer import Diagnosis, Errors, Fit, NamedEffect, Place, recalibration_of
 from selector.diagnosis.effects.catalogue import catalogue
-from selector.diagnosis.shown_units import displayed, p_words
+from selector.diagnosis.shown_units import displayed, p_words, unit_words
 from selector.diagnosis.wording import (
     amount,
     duration_words,
@@ -147,7 +147,7 @@ def _places(found: Diagnosis) -> Table | None:
 
 def _place(place: Place) -> list[str]:
     times = [NONE if time is None else duration_words(time) for time in (place.from_s, place.to_s)]
-    cells = [place.channel, place.place or NONE, place.run or "all", *times, place.regime or NONE]
+    cells = [place.channel, place.place or NONE, place.run or "all", *times, unit_words(place.regime or NONE)]
     return [_visible(cell) for cell in cells] + [share_text(place.share)]
 
 

@@ -36,7 +36,7 @@ from selector.report.gauging_wording import (
     trade_off_table,
     verdict,
 )
-from selector.report.numbers import NONE, number_text
+from selector.report.numbers import NONE, given_text
 from selector.report.page import Picture, Pictures, rendered
 from selector.report.simulation_report import channels_table
 from selector.report.tables import Table, remarks_of, table
@@ -287,7 +287,7 @@ def _parameters(page: GaugingPage) -> Table | None:
     if not page.parameters:
         return None
     rows = [
-        (name, number_text(value, 5), NONE if unit in ("", "1") else unit, said)
+        (name, given_text(value), NONE if unit in ("", "1") else unit, said)
         for name, value, unit, said in page.parameters
     ]
     more = f"{len(rows) - MOST_PARAMETERS} more are in the model file." if len(rows) > MOST_PARAMETERS else ""

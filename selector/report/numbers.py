@@ -52,6 +52,16 @@ def rounded_text(value: float, error: float) -> str:
     return f"{value:.{decimals}f} ± {error:.{decimals}f}".replace("-", "−")
 
 
+def given_text(value: float) -> str:
+    """A number that somebody gave, as it was given: up to six digits, without those that say nothing.
+
+    >>> given_text(0.9950), given_text(20.0), given_text(-0.0053), given_text(1.5e-7)
+    ('0.995', '20', '−0.0053', '1.5·10⁻⁷')
+    """
+    mantissa, times, power = number_text(value, 6).partition("·")
+    return (mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa) + times + power
+
+
 def p_text(value: float) -> str:
     """A probability; one that is too small to be computed is not nothing.
 

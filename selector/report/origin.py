@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from selector import __version__
-from selector.report.numbers import NONE, file_name, number_text, span_text
+from selector.report.numbers import NONE, file_name, given_text, number_text, span_text
 from selector.report.tables import Table, table
 from selector.selection import Selection
 
@@ -132,8 +132,7 @@ def _cell(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
-        text = number_text(value, 6)
-        return text.rstrip("0").rstrip(".") if "." in text and "·" not in text else text
+        return given_text(value)
     if isinstance(value, Mapping):
         return ", ".join(f"{key}: {_cell(item)}" for key, item in value.items()) or NONE
     if isinstance(value, list | tuple | set | frozenset):

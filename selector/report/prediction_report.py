@@ -18,7 +18,7 @@ from selector.physics.thermal.correction_text import program_blocks
 from selector.physics.thermal.cyclogram_kind import cyclogram_kind
 from selector.physics.thermal.prediction import Prediction
 from selector.report import origin
-from selector.report.numbers import NONE, number_text, span_text
+from selector.report.numbers import NONE, given_text, number_text, span_text
 from selector.report.page import Picture, Pictures, rendered
 from selector.report.prediction_wording import prediction_advice
 from selector.report.tables import Table, remarks_of, table
@@ -233,7 +233,7 @@ def _cycle_table(prediction: Prediction) -> Table:
     cyclogram = prediction.cyclogram
     lengths = np.diff(np.r_[cyclogram.start_s, cyclogram.end_s])
     rows = [
-        (f"{start / 60:.6g}", f"{float(speed):.6g}", span_text(float(length)))
+        (given_text(start / 60), given_text(float(speed)), span_text(float(length)))
         for start, speed, length in zip(cyclogram.start_s.tolist(), cyclogram.speed_rpm, lengths, strict=True)
     ]
     more = f" {len(rows) - MOST_ROWS} more rows are not shown." if len(rows) > MOST_ROWS else ""

@@ -10,6 +10,7 @@ import plotly.graph_objects as go
 from pydantic import BaseModel, ConfigDict, Field
 
 from selector import __version__
+from selector.diagnosis.shown_units import unit_words
 from selector.figures import style
 from selector.report.numbers import NONE, listed, number_text, share_text, span_text
 from selector.report.page import Picture, Pictures, rendered
@@ -251,7 +252,7 @@ def _places(told: DiagnosisDocument) -> Table | None:
     rows = [
         (
             one.channel, one.place or NONE, one.run or "all", span_text(one.from_s), span_text(one.to_s),
-            one.regime or NONE, share_text(one.share),
+            unit_words(one.regime or NONE), share_text(one.share),
         )
         for one in told.where
     ]  # fmt: skip

@@ -18,7 +18,7 @@ from selector.findings import Finding
 from selector.physics.thermal.parameters import Parameter
 from selector.recording import Recording
 from selector.report import origin
-from selector.report.numbers import NONE, number_text, span_text
+from selector.report.numbers import NONE, beside_text, given_text, number_text, span_text
 from selector.report.page import Picture, Pictures, rendered
 from selector.report.tables import Table, remarks_of, table
 
@@ -169,14 +169,15 @@ def channels_table(recording: Recording, inputs: Sequence[str]) -> Table:
     rows = []
     for channel in recording.channels:
         values = recording.frame[channel.name]
+        low, high = float(values.min()), float(values.max())
         rows.append(
             (
                 channel.name,
                 "input" if channel.name in inputs else "output",
                 channel.role.replace("_", " "),
                 channel.place or channel.axis or NONE,
-                number_text(float(values.min()), 4),
-                number_text(float(values.max()), 4),
+                beside_text(low, high - low),
+                beside_text(high, high - low),
                 _UNITS.get(channel.unit, channel.unit),
             )
         )
@@ -211,7 +212,7 @@ def _balance_table(balance: Mapping[str, Any]) -> Table:
 def _parameters_table(parameters: Mapping[str, Parameter]) -> Table | None:
     if not parameters:
         return None
-    rows = [(name, number_text(one.value, 5), one.unit or NONE) for name, one in parameters.items()]
+    rows = [(name, given_text(one.value), one.unit or NONE) for name, one in parameters.items()]
     more = f"{len(rows) - MOST_ROWS} more are in the model file." if len(rows) > MOST_ROWS else ""
     return table(["parameter", ">value", "unit"], rows[:MOST_ROWS], more)
 

@@ -38,7 +38,7 @@ from selector.physics.vibration.vibration_summary import RELATIVE, VibrationSumm
 from selector.recording import Recording
 from selector.report import origin
 from selector.report.channels_part import channels_part, difference_sentence
-from selector.report.numbers import NONE, listed, number_text, share_text
+from selector.report.numbers import NONE, given_text, listed, share_text
 from selector.report.page import Picture, Pictures, rendered
 from selector.report.simulation_report import channels_table
 from selector.report.tables import Table, remarks_of, table
@@ -342,7 +342,7 @@ def _parameters(page: VibrationPage) -> Table | None:
     if not page.parameters:
         return None
     rows = [
-        (name, number_text(value, 5), NONE if unit in ("", "1") else unit, said)
+        (name, given_text(value), NONE if unit in ("", "1") else unit, said)
         for name, value, unit, said in page.parameters
     ]
     more = f"{len(rows) - MOST_PARAMETERS} more are in the model file." if len(rows) > MOST_PARAMETERS else ""

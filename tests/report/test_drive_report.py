@@ -87,7 +87,7 @@ def test_where_a_number_is_from_is_told():
     forward = cells.index("axes.X.servo.velocity_feedforward")
     assert cells[forward + 3] == "left out: default"
     command_limit = cells.index("axes.X.servo.command_limit")
-    assert (cells[command_limit + 1], cells[command_limit + 3]) == ("20.000", "model file")
+    assert (cells[command_limit + 1], cells[command_limit + 3]) == ("20", "model file")
 
 
 def test_what_varies_is_shown_with_the_instants_of_its_loop(kind, page):

@@ -18,7 +18,16 @@ from selector.findings import Finding, Where
 from selector.models.terms import design_matrix
 from selector.report import selection_html, write_report
 from selector.report.formula import coefficient_rows, formula_text
-from selector.report.numbers import beside_text, listed, number_text, p_text, place_text, span_text, uncertain_text
+from selector.report.numbers import (
+    beside_text,
+    given_text,
+    listed,
+    number_text,
+    p_text,
+    place_text,
+    span_text,
+    uncertain_text,
+)
 from selector.report.wording import advice, data_label, rmse_error_um
 from tests.report import studies
 
@@ -415,6 +424,11 @@ def test_coefficients_have_no_more_digits_than_their_errors(value, error, text):
 def test_small_values_beside_large_ones_have_their_decimals():
     told = [(-0.0441, 0.773), (-0.0389, 17.0), (0.249, 13.8), (12.3, 12.3), (float("nan"), 1.0), (0.0, 0.0)]
     assert [beside_text(*pair) for pair in told] == ["−0.044", "0.0", "0.2", "12.3", "–", "0"]
+
+
+def test_given_numbers_have_no_empty_digits():
+    given = [0.9950, 20.0, -0.0053, 1.5e-7, 6.9459612e-5, 123456.0]
+    assert [given_text(v) for v in given] == ["0.995", "20", "−0.0053", "1.5·10⁻⁷", "6.94596·10⁻⁵", "123456"]
 
 
 def test_a_probability_too_small_to_be_computed_is_not_nothing():
