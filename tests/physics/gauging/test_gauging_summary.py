@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 from functools import cache
 from pathlib import Path
 
@@ -32,8 +33,12 @@ def example(name):
 
 
 def of(values, *changes):
-    built = gauging_model(checked_model_file(changed(values, *changes)))
-    return gauging_summary(built)
+    return _summary_of(json.dumps(changed(values, *changes)))
+
+
+@cache
+def _summary_of(text):
+    return gauging_summary(gauging_model(checked_model_file(json.loads(text))))
 
 
 def told(summary):
