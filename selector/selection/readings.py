@@ -105,7 +105,11 @@ def _extremes(columns: NDArray[np.float64]) -> NDArray[np.int64]:
 
 def _beyond_others(rows: Rows, parts: Sequence[Part], judged: NDArray[np.int64]) -> NDArray[np.float64]:
     distance = np.full(len(rows.run), np.nan)
+    kept = {rows.runs[r] for r in np.unique(rows.run[judged]).tolist()}
     for part in parts:
+        # of thousands of runs only some are kept, and to look for the samples of each takes a pass over all of them
+        if kept.isdisjoint(part.runs):
+            continue
         mine = np.intersect1d(judged, np.flatnonzero(part.unseen(rows)))
         training = part.training(rows)
         if len(mine) and training.any():
