@@ -66,6 +66,7 @@ def machine_picture(
     outline_m: Sequence[NDArray[np.float64]],
     title: str,
     photos: Mapping[str, str] = MappingProxyType({}),
+    longest: int = style.LONGEST_LABEL,
 ) -> go.Figure:
     """Front and side view of a machine with places of sensors; `machine_changes` colours them.
 
@@ -80,6 +81,8 @@ def machine_picture(
         Plain text, as `style.label` makes it; none: room for the legend only.
     photos : mapping of str to str
         ``"front view"``, ``"side view"`` → address of a picture that fills this view.
+    longest : int
+        Letters of a name beside its place.
     """
     everything = np.vstack([points_m, *outline_m]) if len(points_m) or outline_m else np.zeros((1, 3))
     low, high = everything.min(axis=0), everything.max(axis=0)
@@ -120,7 +123,7 @@ def machine_picture(
             xaxis=axis,
             mode="markers+text",
             marker={"size": 17, "symbol": "circle-open", "color": style.INK, "line": {"width": 2.5}},
-            text=[f"<b>{name}</b>" for name in shown],
+            text=[f"<b>{style.label(name, longest)}</b>" for name in names],
             textposition=_label_sides(points_m[:, [across, 2]], float((high - low).max())),
             hoverinfo="skip",
             name="kept",

@@ -30,8 +30,9 @@ def stretch(from_s: float, to_s: float) -> str:
 
 
 def reading(value: float, channel: Channel) -> str:
-    """A value with its unit."""
-    return f"{value:.6g} {_UNITS.get(channel.unit, channel.unit)}".rstrip()
+    """A value with its unit; a temperature to 0.01 °C, as no thermometer on a machine tells more."""
+    shown = f"{value if channel.unit != 'degC' else round(value, 2) + 0.0:.6g}"
+    return f"{shown} {_UNITS.get(channel.unit, channel.unit)}".rstrip()
 
 
 def difference(value: float, channel: Channel) -> str:

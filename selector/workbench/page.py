@@ -153,8 +153,13 @@ def _register(app: dash.Dash, bench: Bench) -> None:
     def _save(_: int) -> str:
         return f"{bench.save().name} written {datetime.datetime.now():%H:%M:%S}"
 
-    @app.callback(Output(parts.NOTICE, "children"), Input(parts.REVISION, "data"), prevent_initial_call=True)
-    def _clear(_: int) -> None:
+    @app.callback(
+        Output(parts.NOTICE, "children"),
+        Input(parts.REVISION, "data"),
+        Input("address", "hash"),
+        prevent_initial_call=True,
+    )
+    def _clear(_: int, __: str | None) -> None:
         return None
 
 

@@ -301,4 +301,4 @@ def job_answer(job: Job, is_open: bool = False) -> Component:
             className="advice bad",
             role="alert",
         )
-    return html.Details([html.Summary("What the command said"), html.Pre(job.said)], open=is_open)
+    return html.Details([html.Summary("What the command said"), html.Pre(job.said, className="said")], open=is_open)

@@ -109,5 +109,5 @@ def _example(low: float, high: float) -> str:
 
 
 def _refused(text: str | None, expected: str, where: str) -> OptionError:
-    found = f"“{text}”" if text else "nothing"
+    found = f"“{text}” was typed" if text else "nothing was typed"
     return OptionError(found, expected=expected, where=where, advice="type it again; the field shows what counts now")

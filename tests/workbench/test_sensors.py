@@ -6,18 +6,21 @@ import csv
 import dataclasses
 import io
 import time
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from selector.errors import OptionError
 from selector.readers import machine as machine_file
+from selector.recording import Channel
 from selector.selection import Exploration, Options
 from selector.workbench import wished
 from selector.workbench.access import Access
 from selector.workbench.bench import Bench
 from selector.workbench.page import page
 from selector.workbench.pages import sensors
-from selector.workbench.pages.sensors import machine
+from selector.workbench.pages.sensors import machine, pictures
 from tests.workbench import studies
 
 
@@ -107,7 +110,7 @@ def test_a_set_is_taken_and_let_go(client, bench):
 @pytest.mark.parametrize(
     ("asked", "said"),
     [
-        ({"level": 1.5}, "λ: “1.5”. Expected: a number from 0 to 1"),
+        ({"level": 1.5}, "λ: “1.5” was typed. Expected: a number from 0 to 1"),
         ({"take": ["T99"]}, "T99"),
         ({"level": "high"}, "λ: “high”"),
         ({"step": None}, "move"),
@@ -163,6 +166,34 @@ def test_pins_go_into_the_machine_file_and_nothing_is_read_again(client, bench):
     again.read()
     wait(lambda: again.material.reading is not None)
     assert again.material.reading.recording.channel("T7").xyz_m == (0.0, 0.0, 2.0)
+
+
+@pytest.mark.parametrize("n", [1, 7, 37])
+def test_pins_without_a_place_do_not_cover_each_other(bench, monkeypatch, n):
+    sensors = [Channel(f"T{k}", "temperature", "degC") for k in range(n)]
+    monkeypatch.setattr(machine, "sensors_of", lambda _: sensors)
+    points = machine.pins(bench).points_m
+    body = np.vstack(machine.pins(bench).outline_m)
+    size = float(np.ptp(body, axis=0).max())
+    assert (points[:, 2] < body[:, 2].min()).all()
+    for view in ((0, 2), (1, 2)):
+        # a pin is 9 px, a ring 17 px in a picture of about 400 px, of which the machine takes at least a third
+        apart = np.linalg.norm(points[:, None, view] - points[None, :, view], axis=2)
+        assert (apart[~np.eye(n, dtype=bool)] > 0.05 * size).all()
+
+
+def test_long_names_have_room_beside_the_pictures(bench):
+    explored = ready(bench)
+    view = bench.live.view(explored)
+    short = pictures.frames(view, machine.pins(bench), {})
+    question = dataclasses.replace(
+        explored.question, sensors=tuple(f"{name} Spindellager vorne links" for name in explored.question.sensors)
+    )
+    long = pictures._name_margins(dataclasses.replace(view, exploration=SimpleNamespace(question=question)))
+    for name, side in (("tree", "r"), ("coefficients", "l"), ("faults", "l")):
+        letters = min(len(question.sensors[0]), 28 if name != "coefficients" else 18)
+        assert long[name][side] >= 6.5 * letters
+        assert long[name][side] > getattr(short[name].layout.margin, side)
 
 
 def test_a_place_of_nothing_is_refused(bench):

@@ -106,7 +106,7 @@ def test_the_keyboard_moves_groups_coefficients_and_command_together(page, bench
 
     page.locator("#sensors-level").fill("7")
     page.locator("#sensors-level").press("Enter")
-    page.locator("#notice").get_by_text("“7”. Expected: a number from 0 to 1").wait_for()
+    page.locator("#notice").get_by_text("“7” was typed. Expected: a number from 0 to 1").wait_for()
     assert page.locator("#sensors-level").input_value() == "0.9"
     page.locator("#sensors-level").fill("0,95")
     page.locator("#sensors-level").press("Enter")

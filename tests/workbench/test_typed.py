@@ -22,7 +22,7 @@ def test_what_is_no_number_says_the_field_and_what_is_expected(text):
         number(text, "λ", 0.0, 1.0)
     assert refused.value.where == "λ"
     assert "from 0 to 1, e.g. 0.98 or 0,98" in refused.value.expected
-    assert refused.value.found == (f"“{text}”" if text else "nothing")
+    assert refused.value.found == (f"“{text}” was typed" if text else "nothing was typed")
 
 
 def test_several_numbers():

@@ -27,13 +27,15 @@ MOST_PHOTO_BYTES = 8_000_000
 _VIEWS = {"front": "front view", "side": "side view"}
 _SIGNS = {b"\x89PNG\r\n\x1a\n": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 _BESIDE, _EDGE = 0.25, 0.12
+_MOST_BELOW, _ROW = 10, 0.08
+"""Sensors without a place that stand in one column, and the height of a row as a share of the machine's."""
 
 
 @dataclass(frozen=True)
 class Pins:
     """Sensors as they are drawn [m], and the lines of the machine's body.
 
-    A sensor without a place stands in a row below the machine, one far away at the edge.
+    Sensors without a place stand below the machine, one beneath the other, one far away at the edge.
     """
 
     names: tuple[str, ...]
@@ -102,7 +104,7 @@ def pins(bench: Bench) -> Pins:
     body = np.vstack(outline)
     low, high = body.min(axis=0), body.max(axis=0)
     homeless = [one.name for one in sensors if one.xyz_m is None]
-    row = np.linspace(0.0, 1.0, max(len(homeless), 2))
+    columns = -(-len(homeless) // _MOST_BELOW)
     # one in the hall stands at the edge of the picture, or the machine would be small
     reach = _EDGE * float((high - low).max())
     points: list[tuple[float, float, float]] = []
@@ -111,9 +113,9 @@ def pins(bench: Bench) -> Pins:
             x, y, z = np.clip(one.xyz_m, low - reach, high + reach).tolist()
             points.append((x, y, z))
             continue
-        along = row[homeless.index(one.name)]
-        x, y = (float(low[k] + along * (high[k] - low[k])) for k in (0, 1))
-        points.append((x, y, float(low[2] - 0.08 * (high[2] - low[2]))))
+        row, column = divmod(homeless.index(one.name), columns)
+        x, y = (float(low[k] + column / columns * (high[k] - low[k])) for k in (0, 1))
+        points.append((x, y, float(low[2] - (row + 1) * _ROW * (high[2] - low[2]))))
     return Pins(tuple(one.name for one in sensors), np.array(points, dtype=np.float64).reshape(-1, 3), outline)
 
 

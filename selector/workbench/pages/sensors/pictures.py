@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 from collections.abc import Mapping
 from typing import Any
 
@@ -41,13 +42,18 @@ _HEIGHT = 300
 _TREE = (110, 12, 380)
 """Room of the tree, height of a sensor in it, and least height [px]."""
 _MARGINS = {
-    "tree": {"t": 24, "b": 84, "l": 14, "r": 120},
+    "tree": {"t": 24, "b": 84, "l": 14},
     "machine": {"t": 10, "b": 84, "l": 56, "r": 10},
     "sets": {"t": 10, "b": 96, "l": 60, "r": 14},
     "runs": {"t": 24, "b": 76, "l": 90, "r": 110},
-    "coefficients": {"t": 10, "b": 84, "l": 110, "r": 14},
-    "faults": {"t": 10, "b": 52, "l": 110, "r": 14},
+    "coefficients": {"t": 10, "b": 84, "r": 14},
+    "faults": {"t": 10, "b": 52, "r": 14},
 }
+_LETTER_PX, _BESIDE_LETTERS_PX = 6.7, 24
+"""Width of a letter of a name, bold ones included, and what stands beside a name."""
+_LONGEST_TERM = 18
+_LONGEST_BESIDE_PIN = 20
+"""Two views stand side by side."""
 
 
 def frames(view: View, pins: Pins, photos: Mapping[str, str]) -> dict[str, go.Figure]:
@@ -57,7 +63,7 @@ def frames(view: View, pins: Pins, photos: Mapping[str, str]) -> dict[str, go.Fi
     room, each, least = _TREE
     drawn = {
         "tree": tree_picture(tree, "", max(least, room + each * len(tree.leaf_order))),
-        "machine": machine_picture(pins.names, pins.points_m, pins.outline_m, "", photos),
+        "machine": machine_picture(pins.names, pins.points_m, pins.outline_m, "", photos, _LONGEST_BESIDE_PIN),
         "sets": set_errors_picture(view.response, _HEIGHT),
         "runs": run_errors_picture(view.response, _runs(view), ""),
         "coefficients": coefficients_picture(view.response, _HEIGHT, ""),
@@ -68,11 +74,27 @@ def frames(view: View, pins: Pins, photos: Mapping[str, str]) -> dict[str, go.Fi
         # the page gives the width; titles are headings
         one.update_layout(title=None, width=None, height=None, autosize=True)
         one.update_layout(legend={"yref": "container", "y": 0.0, "yanchor": "bottom"})
-    for name, margin in _MARGINS.items():
+    # two lines each, which lie across
+    filled["faults"].update_xaxes(tickangle=0)
+    for name, margin in (_MARGINS | _name_margins(view)).items():
         # margins that follow the labels would lay every picture out twice
-        filled[name].update_layout(margin=margin)
+        filled[name].update_layout(margin={**_MARGINS[name], **margin})
         filled[name].update_xaxes(automargin=False).update_yaxes(automargin=False)
     return filled
+
+
+def _name_margins(view: View) -> dict[str, dict[str, float]]:
+    """Room for the longest name, whichever sensors are shown."""
+    letters = max(len(html.unescape(style.label(name))) for name in view.exploration.question.sensors)
+
+    def room(n: int) -> float:
+        return _BESIDE_LETTERS_PX + _LETTER_PX * n
+
+    return {
+        "tree": {"r": room(letters)},
+        "coefficients": {"l": room(1 + min(letters, _LONGEST_TERM))},
+        "faults": {"l": room(letters)},
+    }
 
 
 def moved(view: View, pins: Pins) -> dict[str, list[tuple[tuple[str | int, ...], Any]]]:
@@ -137,7 +159,7 @@ def _terms(view: View, model: FixedModel) -> list[TermShown]:
     sign = "Δ" if view.exploration.question.options.reference == "rise" else ""
     return [
         TermShown(
-            sign + style.label(one.sensor, 18),
+            sign + style.label(one.sensor, _LONGEST_TERM),
             one.per_deviation_um,
             NORMAL_95 * one.per_deviation_error_um,
             one.vif,

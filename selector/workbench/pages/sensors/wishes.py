@@ -113,7 +113,7 @@ def _coordinates(text: str, name: str) -> tuple[float, float, float]:
     values = typed.numbers(text, f"x, y, z of {name}", -_FARTHEST_M, _FARTHEST_M)
     if len(values) != 3:
         raise OptionError(
-            f"“{text}”", expected="three numbers in metres: x, y, z", where=f"x, y, z of {name}",
+            f"“{text}” was typed", expected="three numbers in metres: x, y, z", where=f"x, y, z of {name}",
             advice="e.g. 0.1, 0.6, 1.2 or 0,1 0,6 1,2",
         )  # fmt: skip
     return values[0], values[1], values[2]
