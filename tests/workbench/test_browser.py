@@ -177,18 +177,19 @@ def test_what_is_typed_counts_or_is_refused_in_the_words_of_the_field(page, benc
         typed(box, text)
         page.locator("#notice").get_by_text(said).wait_for()
         assert "--" not in page.locator("#notice").inner_text()
-    page.wait_for_function("document.querySelector('#selection-max_sensors').value === '5'")
+    # not wait_for_function: its words are a script of the page, which the page's own policy forbids
+    api.expect(most).to_have_value("5", timeout=PATIENCE_MS)
     assert level.input_value() == "0.98"
     # an empty field is what counts when nothing is said
     typed(level, "")
-    page.wait_for_function("document.querySelector('#selection-level').value === 'auto'")
+    api.expect(level).to_have_value("auto", timeout=PATIENCE_MS)
     assert bench.options.level is None
     page.locator("#selection-sensors summary").click()
     typed(cost.first, "2,5")
     page.get_by_text("=2.5").wait_for()
     typed(cost.first, "-1")
     page.locator("#notice").get_by_text("at least 0").wait_for()
-    page.wait_for_function("document.querySelector('#selection-sensors input.dash-input-element').value === '2.5'")
+    api.expect(cost.first).to_have_value("2.5", timeout=PATIENCE_MS)
 
 
 def test_a_running_command_is_cancelled(page, bench, study):
@@ -207,6 +208,30 @@ def test_a_wrong_file_says_why_and_the_others_stay(page, bench, tmp_path):
     assert "What to do" in page.get_by_role("alert").first.inner_text()
     page.get_by_text("The first lines of the file").wait_for()
     assert [run.name for run in bench.material.reading.runs] == ["recording"]
+
+
+def test_a_file_is_dropped_and_one_beside_the_zone_is_not_taken(page, bench, study):
+    held = page.evaluate_handle(
+        """text => {
+          const held = new DataTransfer();
+          held.items.add(new File([text], "día 1.csv"));
+          return held;
+        }""",
+        (PATENT / "recording.csv").read_text(encoding="utf-8"),
+    )
+    drop = "{bubbles: true, cancelable: true, dataTransfer: held}"
+    at = f"([zone, held]) => zone.dispatchEvent(new DragEvent('drop', {drop}))"
+    # true would mean that the browser goes on to show the file in place of the page
+    assert page.evaluate(at, [page.locator("h1").first.element_handle(), held]) is False
+    zone = page.locator("#page-recordings .drop")
+    zone.dispatch_event("dragover", {"dataTransfer": held})
+    page.locator("#page-recordings .drop.over").wait_for()
+    zone.dispatch_event("drop", {"dataTransfer": held})
+    page.get_by_role("cell", name="día 1.csv").wait_for()
+    assert page.locator(".drop.over").count() == 0
+    (path,) = (study / "recordings").iterdir()
+    assert path.name == "día 1.csv"
+    assert path.read_bytes() == (PATENT / "recording.csv").read_bytes()
 
 
 def test_names_are_text(page, bench, tmp_path):

@@ -39,23 +39,29 @@ def bench(tmp_path):
     return Bench(folder.resolve(), files, recordings / "machine.toml")
 
 
+@pytest.fixture(scope="module")
+def browser():
+    with api.sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield opened
+        opened.close()
+
+
 @pytest.fixture
-def page(bench):
+def page(browser, bench):
     server = started(bench)
     said: list[str] = []
-    with api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        opened = browser.new_page(viewport={"width": 1280, "height": 900})
-        opened.set_default_timeout(PATIENCE_MS)
-        opened.on("pageerror", lambda error: said.append(str(error)))
-        opened.on("console", lambda line: said.append(line.text) if line.type == "error" else None)
-        opened.goto(server.access.address)
-        opened.locator("#to-sensors").click()
-        opened.locator("#sensors-facts dd").first.wait_for()
-        for name in ("tree", "machine", "sets", "runs", "coefficients", "faults"):
-            opened.locator(f"#sensors-{name} .main-svg").first.wait_for()
-        yield opened
-        browser.close()
+    opened = browser.new_page(viewport={"width": 1280, "height": 900})
+    opened.set_default_timeout(PATIENCE_MS)
+    opened.on("pageerror", lambda error: said.append(str(error)))
+    opened.on("console", lambda line: said.append(line.text) if line.type == "error" else None)
+    opened.goto(server.access.address)
+    opened.locator("#to-sensors").click()
+    opened.locator("#sensors-facts dd").first.wait_for()
+    for name in ("tree", "machine", "sets", "runs", "coefficients", "faults"):
+        opened.locator(f"#sensors-{name} .main-svg").first.wait_for()
+    yield opened
+    opened.close()
     server.close()
     assert said == []
 
