@@ -210,7 +210,8 @@ def _add_routes(server: flask.Flask, bench: Bench) -> None:
         try:
             path = stored(bench.folder / kind, said, flask.request.stream.read, length)
         except InputError as refused:
-            return flask.Response(f"{refused}\n", 413 if isinstance(refused, ReadError) else 507, mimetype="text/plain")
+            status = 413 if isinstance(refused, ReadError) else 507
+            return flask.Response(f"{trouble_with(bench.folder) or refused}\n", status, mimetype="text/plain")
         if kind == RECORDINGS:
             bench.add(path)
         else:

@@ -212,6 +212,14 @@ def test_a_disk_that_takes_nothing_is_told(client, study, monkeypatch):
     assert "What to do" in answer.text
 
 
+def test_a_study_folder_that_is_gone_is_told_to_who_sends_a_file(client, study):
+    study.rmdir()
+    answer = client.post("/upload/recordings?name=r1.csv", base_url=OWN, data=b"x")
+    assert answer.status_code == 507
+    assert "the study folder is gone" in answer.text
+    assert not study.exists()
+
+
 @pytest.mark.parametrize("path", ["/_dash-update-component", "/sensors/move", "/nonsense"])
 def test_requests_without_a_file_are_small(client, monkeypatch, path):
     monkeypatch.setattr(refusals, "MOST_REQUEST_BYTES", 1000)
