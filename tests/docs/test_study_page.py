@@ -16,6 +16,7 @@ SECTIONS = {
     "`[reading]`": schema.ReadingSection,
     "`[select]`": schema.SelectSection,
     "`[diagnose]`": schema.DiagnoseSection,
+    "`[export]`": schema.ExportSection,
     "`[[files]]`": schema.InputFile,
 }
 
