@@ -209,7 +209,7 @@ def test_names_that_a_spreadsheet_would_run_are_written_harmlessly(folder, capfd
     ("arguments", "said"),
     [
         (["nothing.toml", "--out", "run.csv"], "nothing.toml"),
-        ([".", "--out", "run.csv"], "opened"),
+        ([".", "--out", "run.csv"], "a folder"),
         (["cycle.csv", "--out", "run.csv"], "TOML"),
         (["model.toml"], "--out"),
         (["model.toml", "--out", "run.xlsx"], ".csv"),
