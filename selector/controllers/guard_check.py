@@ -8,6 +8,7 @@ from selector.controllers.model_file import Input, ModelFile, OutputLimits
 from selector.findings import Finding
 
 DAY_S = 86_400.0
+CLOCKS_END_S = 1e6
 COLDEST_DEGC, HOTTEST_DEGC = -30.0, 120.0
 """What a working machine can have anywhere."""
 
@@ -15,12 +16,14 @@ COLDEST_DEGC, HOTTEST_DEGC = -30.0, 120.0
 def guard_findings(model: ModelFile) -> tuple[Finding, ...]:
     """Settings that are allowed, but hardly meant.
 
-    Findings ``break-code-in-valid-range``, ``dead-band-beyond-clamp``, ``slew-too-slow``, ``holds-too-long``.
+    Findings ``break-code-in-valid-range``, ``dead-band-beyond-clamp``, ``slew-too-slow``, ``holds-too-long``,
+    ``waits-too-long``.
     """
     return (
         *_break_codes(model),
         *(finding for limits in model.guard.limits for finding in _limits(limits)),
         *_hold(model),
+        *_never(model),
     )
 
 
@@ -81,3 +84,22 @@ def _hold(model: ModelFile) -> Iterator[Finding]:
             evidence={"hold_at_most_s": hold},
             suggestion="choose minutes to hours in guard.hold_at_most_s of the model file",
         )
+
+
+def _never(model: ModelFile) -> Iterator[Finding]:
+    """Times that a machine in use does not reach; clocks of programs stop at 10⁶ s."""
+    guard = model.guard
+    for field, value_s, longest_s, what in (
+        ("recover_after_s", guard.recover_after_s, DAY_S, "no sensor is believed, and nothing corrected,"),
+        ("stuck_after_s", guard.stuck_after_s, CLOCKS_END_S, "a sensor that stands still is not found"),
+        ("new_start_after_s", guard.new_start_after_s, CLOCKS_END_S, "old start readings are kept"),
+    ):
+        if value_s is not None and value_s >= longest_s:
+            yield Finding(
+                "waits-too-long",
+                "warning",
+                f"guard.{field} is {value_s:g} s ({value_s / DAY_S:.3g} days): {what} for so long"
+                + (", or for ever: programs count to 10⁶ s." if value_s >= CLOCKS_END_S else "."),
+                evidence={"field": field, "seconds": value_s},
+                suggestion=f"choose a shorter guard.{field} in the model file",
+            )

@@ -86,4 +86,4 @@ def test_a_sign_test_needs_a_zero_before_it_and_ends_by_itself(tmp_path):
     assert not tested[35:41].any(), "restart, and no zero since"
     assert tested[41 : 41 + 620].all()
     assert not tested[41 + 622 :].any()
-    assert found["correction_1"][-1] == -2000
+    assert (found["mode"][-1], found["correction_1"][-1]) == (4, 0), "what is forgotten goes to zero"

@@ -23,7 +23,7 @@ LEAST_GOOD_SAMPLES = 6
 """Of the time that a reading has to be good, one sample counts for this part at most: one wrong time proves nothing."""
 
 TEST_S = 600.0
-"""A sign test that goes on for longer, its way not counted, was forgotten: the model takes over."""
+"""A sign test that goes on for longer, its way not counted, was forgotten: the correction goes to zero."""
 
 FORGIVEN_S = 600.0
 """A changed reading is believed again when it could have got there within this time; what jumped further never is."""
@@ -57,7 +57,7 @@ class Mode(IntEnum):
     HOLD = 2
     RAMP_TO_ZERO = 3
     SWITCHED_OFF = 4
-    """The operator does not want the correction: ramped to zero."""
+    """The operator does not want the correction, or has forgotten a test value: ramped to zero."""
     TEST = 5
     """A value is commanded by hand, for the sign test: the program goes there, its other outputs to zero."""
     FALLBACK = 10

@@ -128,7 +128,7 @@ class GuardedModel:
         test_um : mapping of str to float, optional
             Per output [µm], for the sign test: while one is a number other than 0, its output goes there, the others
             to zero, whatever sensors and operator say. Only after a call in which all were 0 and the axis was ready,
-            and for `longest_test_s`: what was forgotten there commands nothing.
+            and for `longest_test_s`: what was forgotten there ramps the correction to zero.
         """
         number = self._number
         with np.errstate(all="ignore"):
@@ -207,8 +207,8 @@ class GuardedModel:
         mode = self._follows if is_wanted else int(Mode.SWITCHED_OFF)
         if not any(tests):
             self._test_left_s = self._longest_test_s
-        elif self._test_left_s > self._zero:
-            mode = int(Mode.TEST)
+        else:
+            mode = int(Mode.TEST if self._test_left_s > self._zero else Mode.SWITCHED_OFF)
         if not is_ready:
             mode, self._test_left_s = int(Mode.OFF), self._zero
         return mode

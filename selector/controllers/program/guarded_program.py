@@ -125,14 +125,16 @@ class _Guarded:
         w.assign(self._mode, self._follows)
         with w.when(~self._wanted):
             w.assign(self._mode, Mode.SWITCHED_OFF)
-        w.remark("sign test: only after all were 0 while ready, and not for ever")
+        w.remark("sign test: only after all were 0 while ready, and not for ever; else to zero")
         w.assign(is_test, False)
         for one in self._outputs:
             one.tested(is_test)
-        with w.when(~is_test):
+        with w.when(is_test):
+            w.assign(self._mode, Mode.SWITCHED_OFF)
+            with w.when(left > 0.0):
+                w.assign(self._mode, Mode.TEST)
+        with w.otherwise():
             w.assign(left, longest_test_s(self._model))
-        with w.when(is_test & (left > 0.0)):
-            w.assign(self._mode, Mode.TEST)
         with w.when(~self._ready):
             w.assign(self._mode, Mode.OFF)
             w.assign(left, 0.0)

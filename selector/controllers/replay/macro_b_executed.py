@@ -179,8 +179,8 @@ class MacroB:
 def macro_b_answers(model: ModelFile, rows: Rows, files: Mapping[str, str] | None = None) -> Answers:
     """What the generated macro leaves in the external work offset, called in every row, and the mode that it tells.
 
-    Only `dt_s`, `readings` and `test_um` of the rows are looked at; what is not finite is vacant. Which sensor is bad
-    it tells for one only: sensor codes are 0.
+    Only `dt_s`, `readings`, `is_wanted` and `test_um` of the rows are looked at; what is not finite is vacant. Which
+    sensor is bad it tells for one only: sensor codes are 0.
     """
     macro = MacroB((files or fanuc_export(model).files)[FILE])
     names = macro_variables(model)
@@ -189,6 +189,7 @@ def macro_b_answers(model: ModelFile, rows: Rows, files: Mapping[str, str] | Non
     found = Answers.empty(len(rows), len(model.outputs), len(model.inputs), len(axes_of(model)))
     for k, time_s in enumerate(np.cumsum(rows.dt_s).tolist()):
         macro.variables[TIME] = time_s
+        macro.variables[names.off] = float(not rows.is_wanted[k])
         for number, reading in zip(numbers, written[k], strict=True):
             macro.variables.pop(number, None)
             if np.isfinite(reading):

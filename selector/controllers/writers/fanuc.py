@@ -38,6 +38,7 @@ LONGEST_PAUSE_S = 600.0
 
 _TOTAL, _PRODUCT, _CHANGE, _DT, _SLEWED, _SINCE, _IS_TEST, _FIRST_TESTED = range(1, 9)
 _MODEL, _LAST_CALL, _LAST_SAMPLE, STATUS, _FAULTY, _HAS_BEGUN, _GOOD_FOR = range(FIRST_KEPT, FIRST_KEPT + 7)
+_SWITCHED_OFF = "4."
 _BEGIN, _JUDGED, _FAULT, _WAIT, _MOVE, _END = 30, 31, 800, 810, 850, 900
 _IS_BEGUN, _IS_CANDIDATE, _NOT_GOOD = "1.", "2.", "-1."
 """Of start readings: believed, or good so far, but not yet for long enough; of the time for which all are good."""
@@ -51,6 +52,8 @@ class MacroVariables:
     ----------
     readings, z, tests : dict of str to int
         Per input; per input and state; per output, for the sign test (volatile).
+    off : int
+        Not 0: no correction is wanted (volatile).
     test_left : int
         A sign test may go on for so long [s] (volatile).
     starts : dict of str to int
@@ -64,6 +67,7 @@ class MacroVariables:
     readings: dict[str, int]
     z: dict[str, int]
     tests: dict[str, int]
+    off: int
     test_left: int
     starts: dict[str, int]
     levels: dict[tuple[str, float], int]
@@ -97,7 +101,8 @@ def fanuc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
             "variables of the caller). It asks the control for G20 or G21 and writes inches or mm; G90 and G91 "
             "are as before afterwards, and are not touched where they are something else (lathes, G-code system A). "
             "Programs O9000 to O9999 may be protected, and X may be a diameter: check in the manual.",
-            f"After each call #{STATUS} says 1 model, 2 hold, 3 ramp to zero, and #{_FAULTY} which reading is bad.",
+            f"After each call #{STATUS} says 1 model, 2 hold, 3 ramp to zero, 4 switched off, 5 sign test, and "
+            f"#{_FAULTY} which reading is bad.",
             f"After {LONGEST_PAUSE_S / 60.0:g} min without a call (the control was off) no reading is believed at "
             f"once, as after a bad one: before the first cut of a day call the program {LEAST_GOOD_SAMPLES + 2} times, "
             f"{max(1.0, model.guard.recover_after_s / LEAST_GOOD_SAMPLES):g} s apart or more.",
@@ -106,13 +111,13 @@ def fanuc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
         ),
         sign_test=sign_test(
             model,
-            f"#{TIME} runs on. Set #{names.tests[first]} ... = 0 and call G65 P{PROGRAM} once; then set them to 0.001 "
-            f"(as good as nothing) and call once a second until #{names.corrections[first]} ... are 0.001. In MDI, "
-            "command the axis to a place in the work coordinate system; set the indicator to zero. No sensor is "
-            "needed.",
+            f"#{TIME} runs on. Set #{names.off} = 1 (no correction) and #{names.tests[first]} ... = 0; call "
+            f"G65 P{PROGRAM} once a second until #{names.corrections[first]} ... are 0. In MDI, command the axis to a "
+            "place in the work coordinate system. No sensor is needed.",
             lambda k, um: f"#{tests[k - 1]} = {um:g}, then G65 P{PROGRAM} once a second, then the same place again",
             lambda k, um: f"#{STATUS} = {Mode.TEST:d}, #{corrections[k - 1]} = {um:g}",
-            f"Set #{names.tests[first]} ... to 0 and call G65 P{PROGRAM} until the correction is back.",
+            f"Set #{names.tests[first]} ... to 0, call G65 P{PROGRAM} until the corrections are 0, then set "
+            f"#{names.off} = 0.",
         ),
         silently=(
             "The external work offset is overwritten: whatever else was in it is gone.",
@@ -142,6 +147,7 @@ def macro_variables(model: ModelFile) -> MacroVariables:
         readings={item.name: next(volatile) for item in model.inputs},
         z={name: next(volatile) for name in variables},
         tests={output.name: next(volatile) for output in model.outputs},
+        off=next(volatile),
         test_left=next(volatile),
         starts={item.name: next(kept) for item in model.inputs if item.reference == "rise"},
         levels={key: next(kept) for key in taus},
@@ -177,6 +183,7 @@ def _program(model: ModelFile, names: MacroVariables, left_out: Sequence[str], *
     for output in model.outputs:
         lines += remarks(f"NO. {names.corrections[output.name]} - correction for {output.name} in um")
         lines += remarks(f"NO. {names.tests[output.name]} - sign test of {output.name}, not 0 commands so much in um")
+    lines += remarks(f"NO. {names.off} - not 0 switches off, the correction goes to zero")
     lines += [f"IF[#{TIME}EQ#0]GOTO{_END}", *offset_asked(axes.values())]
     lines += _begun(model, names)
     lines += _kept_checked(model, names)
@@ -349,7 +356,10 @@ def _faulted(model: ModelFile, names: MacroVariables) -> Iterator[str]:
 
 def _tested(limits: Mapping[str, DecidedLimits], names: MacroVariables, longest_s: float) -> Iterator[str]:
     """What is commanded by hand, 0 if nothing is."""
-    yield from remarks("sign test - only after all were 0, and not for ever")
+    yield from remarks("switched off")
+    yield f"IF[#{names.off}EQ#0]THEN#{names.off}=0."
+    yield f"IF[#{names.off}NE0.]THEN#{STATUS}={_SWITCHED_OFF}"
+    yield from remarks("sign test - only after all were 0, and not for ever, else to zero")
     yield f"#{_IS_TEST}=0."
     for k, (name, test) in enumerate(names.tests.items(), _FIRST_TESTED):
         clamp = literal(limits[name].clamp_um)
@@ -361,6 +371,7 @@ def _tested(limits: Mapping[str, DecidedLimits], names: MacroVariables, longest_
     left = names.test_left
     yield f"IF[#{_IS_TEST}EQ0.]THEN#{left}={literal(longest_s)}"
     yield f"IF[#{left}EQ#0]THEN#{left}=0."
+    yield f"IF[#{_IS_TEST}EQ1.]THEN#{STATUS}={_SWITCHED_OFF}"
     yield f"IF[#{left}LE0.]THEN#{_IS_TEST}=0."
     yield f"IF[#{_IS_TEST}EQ1.]THEN#{STATUS}={literal(float(Mode.TEST))}"
 
@@ -370,6 +381,7 @@ def _moved(output: Output, axis: str, limits: DecidedLimits, names: MacroVariabl
     yield from remarks(f"axis {axis} - no faster than {limits.slew_um_per_s:g} um/s")
     yield f"#{_CHANGE}={literal(limits.slew_um_per_s)}*#{_SLEWED}"
     yield f"#{_TOTAL}=#{aim}"
+    yield f"IF[#{STATUS}EQ{_SWITCHED_OFF}]THEN#{_TOTAL}=0."
     yield f"IF[#{_IS_TEST}EQ1.]THEN#{_TOTAL}=#{tested}"
     yield from limited(_TOTAL, f"[#{now}-#{_CHANGE}]", f"[#{now}+#{_CHANGE}]")
     yield f"#{now}=#{_TOTAL}"

@@ -35,7 +35,7 @@ def left_out_of_macro(model: ModelFile, has_begun: int) -> Iterator[str]:
     for output in model.outputs:
         if output.position is not None:
             yield f"position-dependent part of {output.name}: the work offset is the same at every position"
-    yield "no enabling by a switch"
+    yield "it does not know whether the drives are on and the axis is referenced"
 
 
 def findings_of_macro(model: ModelFile, left_out: Sequence[str]) -> Iterator[Finding]:

@@ -15,6 +15,12 @@ TEST_UM = 10.0
 """Large enough for an indicator of 1 µm, too small to break anything."""
 
 
+_UNLESS = (
+    f"If the mode is not {Mode.TEST:d}, there is no test and the reading counts for nothing: command 0, let the "
+    "program run for some seconds, and command the line again."
+)
+
+
 @dataclass(frozen=True)
 class Commanded:
     """The test of one output.
@@ -56,6 +62,8 @@ class SignTest:
         What commands the correction, and until when.
     wrong : str
         What to do if the indicator reads the other sign.
+    unless : str
+        How it is seen that there is no test, and what to do; empty: there always is.
     """
 
     before: str
@@ -63,6 +71,7 @@ class SignTest:
     after: str
     by: str
     wrong: str
+    unless: str
 
 
 def sign_test(
@@ -101,16 +110,16 @@ def sign_test(
         lines.append(
             Commanded(output.name, output.axis or "", command(k, test_um), shown(k, test_um), expected, wait_s)
         )
-    return SignTest(before, tuple(lines), after, _by_program(model) if by is None else by, _wrong(model))
+    unless = "" if by is not None else _UNLESS
+    return SignTest(before, tuple(lines), after, by or _by_program(model), _wrong(model), unless)
 
 
 def _by_program(model: ModelFile) -> str:
     minutes = math.floor(longest_test_s(model) / 60.0)
     return (
         "The program itself commands the correction; the model has no say meanwhile. It does so only after a call in "
-        f"which nothing was commanded while the axis was ready, and for {minutes} min at most. After that, and after "
-        "every restart, set what is commanded to 0 before anything else. While the mode is not "
-        f"{Mode.TEST:d}, nothing is tested, and what is read is the model."
+        f"which nothing was commanded while the axis was ready, and for {minutes} min at most. After that, and after a "
+        "restart, the correction goes to zero and stays there until 0 was commanded."
     )
 
 

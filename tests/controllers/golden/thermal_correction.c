@@ -384,7 +384,7 @@ void thermal_correction_step(thermal_correction *m)
     if (!(m->is_wanted)) {
         m->mode = 4;
     }
-    /* sign test: only after all were 0 while ready, and not for ever */
+    /* sign test: only after all were 0 while ready, and not for ever; else to zero */
     is_test = 0;
     tested_1 = 0.0;
     if ((m->test_um_1 >= -1000000000.0) && (m->test_um_1 <= 1000000000.0)) {
@@ -412,11 +412,13 @@ void thermal_correction_step(thermal_correction *m)
     if (tested_2 > 54.0) {
         tested_2 = 54.0;
     }
-    if (!(is_test)) {
+    if (is_test) {
+        m->mode = 4;
+        if (m->test_left_s > 0.0) {
+            m->mode = 5;
+        }
+    } else {
         m->test_left_s = 780.0;
-    }
-    if (is_test && (m->test_left_s > 0.0)) {
-        m->mode = 5;
     }
     if (!(m->is_ready)) {
         m->mode = 0;

@@ -290,7 +290,7 @@ class ThermalCorrection:
         self.mode = self.follows
         if not (self.is_wanted):
             self.mode = 4
-        # sign test: only after all were 0 while ready, and not for ever
+        # sign test: only after all were 0 while ready, and not for ever; else to zero
         is_test = False
         tested_1 = 0.0
         if (self.test_um_1 >= -1000000000.0) and (self.test_um_1 <= 1000000000.0):
@@ -310,10 +310,12 @@ class ThermalCorrection:
             tested_2 = -54.0
         if tested_2 > 54.0:
             tested_2 = 54.0
-        if not (is_test):
+        if is_test:
+            self.mode = 4
+            if self.test_left_s > 0.0:
+                self.mode = 5
+        else:
             self.test_left_s = 780.0
-        if is_test and (self.test_left_s > 0.0):
-            self.mode = 5
         if not (self.is_ready):
             self.mode = 0
             self.test_left_s = 0.0

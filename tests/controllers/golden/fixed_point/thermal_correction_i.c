@@ -288,13 +288,13 @@ void thermal_correction_i_step(thermal_correction_i *m)
     m->mode = m->follows;
     if (!m->is_wanted)
         m->mode = 4;
-    /* sign test: only after all were 0 while ready, and not for ever */
+    /* sign test: only after all were 0 while ready, and not for ever; else to zero */
     is_test = is_test || (m->test_nm_1 != 0 && !(m->test_nm_1 == (-2147483647 - 1) || m->test_nm_1 == 2147483647));
     is_test = is_test || (m->test_nm_2 != 0 && !(m->test_nm_2 == (-2147483647 - 1) || m->test_nm_2 == 2147483647));
     if (!is_test)
         m->test_left_ms = 780000;
-    else if (m->test_left_ms > 0)
-        m->mode = 5;
+    else
+        m->mode = m->test_left_ms > 0 ? 5 : 4;
     if (!m->is_ready) {
         m->mode = 0;
         m->test_left_ms = 0;
