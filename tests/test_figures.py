@@ -179,15 +179,21 @@ def test_curve_holds_the_held_out_errors():
     selection = studies.small()
     for j, response in enumerate(selection.models):
         drawn = figures.error_against_sensors(selection, response)
-        curve = named(drawn, "best set")[0]
+        curve = named(drawn, "best of each size")[0]
         assert list(curve.x) == [point.n_sensors for point in selection.proof.curve]
         assert list(curve.y) == [point.rmse_um[j] for point in selection.proof.curve]
         assert list(curve.error_y.array) == [point.standard_error_um[j] for point in selection.proof.curve]
-        ring = named(drawn, "chosen")[0]
+        ring = named(drawn, "whole procedure")[0]
         assert (ring.x[0], ring.y[0]) == (len(selection.chosen), selection.proof.rmse_um(response))
         for way, value in selection.proof.baselines_um[response].items():
             colour = style.BASELINES.get(way, style.OTHER_BASELINE)
             assert any(trace.y[0] == value for trace in drawn.data if trace.line.color == colour)
+        fixed = named(drawn, "fixed set")[0]
+        assert dict(zip(fixed.x, fixed.y, strict=True)) == selection.fixed_set_errors_um(response)
+        # the title names both errors that stand at the chosen size
+        title, at_size = style.title_text(drawn), dict(zip(curve.x, curve.y, strict=True))[ring.x[0]]
+        assert f"whole procedure (ring) {style.number(ring.y[0])} µm" in title
+        assert f"best of each size {style.number(at_size)} µm" in title
 
 
 def test_a_curve_that_buys_nothing_says_so():

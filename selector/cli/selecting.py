@@ -299,6 +299,8 @@ def write_selection_report(selection: Selection, material: Material, folder: Pat
 
 def show_selection(console: Console, selection: Selection) -> None:
     """The answer for people: what to keep, how good it is, and what to doubt."""
+    from selector.selection.unseen_words import BEST_OF_SIZE, FIXED_SET, PROCEDURE, told_apart
+
     console.print(f"Keep {', '.join(selection.chosen)}.", style="bold", markup=False)
     console.print(selection.because, markup=False)
     rows = []
@@ -317,7 +319,7 @@ def show_selection(console: Console, selection: Selection) -> None:
             )
         )
     columns = ["response", "as it is", "unseen RMS", "unseen largest", "in-sample RMS", "adjusted R²", "worst fault"]
-    console.print(showing.table("Error of the model [µm]", columns, rows, numeric=columns[1:]))
+    console.print(showing.table(f"Error of the model [µm]; unseen: {PROCEDURE}", columns, rows, numeric=columns[1:]))
     for name, model in selection.models.items():
         terms, coefficients, errors = model.physical()
         lines: list[tuple[str, float, float, float | None]] = [("1", coefficients[0], errors[0], None)]
@@ -337,15 +339,24 @@ def show_selection(console: Console, selection: Selection) -> None:
         for members in groups.partition.members
     ]
     console.print(showing.table(f"Groups at λ = {groups.level:.6g}", ["sensors", "representative"], rows_of_groups))
+    fixed = [selection.fixed_set_errors_um(name) for name in selection.models]
     points = [
         (
             point.n_sensors,
-            *(f"{rmse:.3g} ± {error:.2g}" for rmse, error in zip(point.rmse_um, point.standard_error_um, strict=True)),
+            *(
+                text
+                for rmse, error, of in zip(point.rmse_um, point.standard_error_um, fixed, strict=True)
+                for text in (
+                    f"{rmse:.3g} ± {error:.2g}",
+                    f"{of[point.n_sensors]:.3g}" if point.n_sensors in of else "–",
+                )
+            ),
         )
         for point in selection.proof.curve
     ]
-    columns = ["sensors", *selection.models]
+    columns = ["sensors", *(f"{name}, {what}" for name in selection.models for what in (BEST_OF_SIZE, FIXED_SET))]
     console.print(showing.table("Unseen RMS error against number of sensors [µm]", columns, points, numeric=columns))
+    console.print(told_apart(selection.proof.left_out), markup=False)
     showing.show_findings(console, selection.findings)
 
 

@@ -13,6 +13,7 @@ from selector.figures import style
 from selector.figures.traces import Traced, beside_each_other, common_ranges, telling_samples
 from selector.selection import Selection
 from selector.selection.result import Trace
+from selector.selection.unseen_words import BEST_OF_SIZE, FIXED_SET, PROCEDURE
 
 POINTS_PER_RUN = 400
 _WAYS = {
@@ -36,10 +37,11 @@ def error_against_sensors(selection: Selection, response: str) -> go.Figure:
     ways = proof.baselines_um[response]
     size, achieved = len(selection.chosen), proof.rmse_um(response)
     than = "against" if achieved < ways["none"] else "no better than the"
+    of_size = [f", {BEST_OF_SIZE} {style.number(error[sizes.index(size)])} µm"] if size in sizes else []
     title = (
-        f"{style.label(response)}: {size} sensor{'s' * (size != 1)} reach{'es' * (size == 1)} "
-        f"{style.number(achieved)} µm on {_UNSEEN[proof.left_out]}, {than} {style.number(ways['none'])} µm "
-        "without compensation"
+        f"{style.label(response)} with {size} sensor{'s' * (size != 1)} on {_UNSEEN[proof.left_out]}: {PROCEDURE} "
+        f"(ring) {style.number(achieved)} µm{''.join(of_size)}, {than} {style.number(ways['none'])} µm without "
+        "compensation"
     )
     drawn = style.figure(title, 480)
     parts = proof.per_response[response]
@@ -75,20 +77,31 @@ def error_against_sensors(selection: Selection, response: str) -> go.Figure:
         y=error,
         error_y={"type": "data", "array": spread, "thickness": 1.5, "width": 5},
         mode="lines+markers",
-        name="best set of each size, ± standard error",
+        name=f"{BEST_OF_SIZE}, ± standard error",
         line={"color": style.PREDICTED, "width": 2},
         marker={"size": 8},
         hovertemplate="%{x} sensors: %{y:.3g} µm<extra></extra>",
+    )
+    fixed = selection.fixed_set_errors_um(response)
+    drawn.add_scatter(
+        x=list(fixed),
+        y=list(fixed.values()),
+        mode="markers",
+        name=f"{FIXED_SET}, the best of each size: what the choice compares",
+        marker={"color": style.CHOSEN, "size": 11, "symbol": "line-ew-open", "line": {"width": 2.5}},
+        hovertemplate="%{x} sensors, " + FIXED_SET + ": %{y:.3g} µm<extra></extra>",
     )
     drawn.add_scatter(
         x=[size],
         y=[achieved],
         mode="markers",
-        name=f"chosen: {style.number(achieved)} µm",
+        name=f"{PROCEDURE}: {style.number(achieved)} µm",
         marker={"color": "rgba(0,0,0,0)", "size": 20, "line": {"color": style.CHOSEN, "width": 3}, "symbol": "circle"},
-        hovertemplate="chosen, the whole procedure: %{y:.3g} µm<extra></extra>",
+        hovertemplate=f"{PROCEDURE}: %{{y:.3g}} µm<extra></extra>",
     )
-    values = [value for value in (*error, achieved, *ways.values(), *(y for _, y, _ in single)) if value > 0]
+    values = [
+        value for value in (*error, achieved, *ways.values(), *fixed.values(), *(y for _, y, _ in single)) if value > 0
+    ]
     drawn.update_xaxes(title_text="sensors [–]", range=[0.5, last], dtick=1, showgrid=False)
     drawn.update_yaxes(title_text=f"error of {style.label(response)}, rms [µm]", **_value_axis(values))
     drawn.update_layout(margin={"b": 110}, legend={"yref": "container", "y": 0.0, "yanchor": "bottom"})

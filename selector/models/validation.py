@@ -106,8 +106,17 @@ def response_power(m: Moments) -> NDArray[np.float64]:
     return np.asarray(np.maximum(total[at, at] / n - (total[0, at] / n) ** 2, 1e-300))
 
 
+WORTH_OF_A_SENSOR = 0.05
+"""Root mean square errors that are nearer to each other than this share count as equal."""
+MOST_ABOVE_BEST = 0.10
+
+
 def within_one_standard_error(
-    errors: NDArray[np.float64], weights: NDArray[np.float64], *, cap: float = 0.10, worth: float = 0.05
+    errors: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    *,
+    cap: float = MOST_ABOVE_BEST,
+    worth: float = WORTH_OF_A_SENSOR,
 ) -> NDArray[np.bool_]:
     """Which candidates predict unseen groups as well as the best one does, as far as the groups can tell.
 

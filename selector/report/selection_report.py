@@ -15,6 +15,7 @@ from selector.report.formula import formula_text, legend_rows
 from selector.report.page import Picture, Pictures, rendered
 from selector.report.wording import advice, data_label
 from selector.selection import Selection
+from selector.selection.unseen_words import FIXED_SET, told_apart
 
 MOST_RUNS = 12
 RUNS_PER_PICTURE = 6
@@ -88,7 +89,10 @@ def _study(pictures: Pictures, selection: Selection, description: Description | 
         "gain": tables.gain_table(selection),
         "urgent": tables.remarks(selection, "error", "warning"),
         "because": selection.because,
-        "curves": [pictures.add(figures.error_against_sensors(selection, name), _CURVE) for name in names],
+        "curves": [
+            pictures.add(figures.error_against_sensors(selection, name), told_apart(selection.proof.left_out))
+            for name in names
+        ],
         "per_run": [pictures.add(figures.errors_per_run(selection, name), _PER_RUN) for name in names],
         "traces": [picture for name in names for picture in _traces(pictures, selection, name)],
         "loops": readings_part.loops(pictures, selection),
@@ -97,6 +101,7 @@ def _study(pictures: Pictures, selection: Selection, description: Description | 
         "lambda_because": _sentence(selection.grouping.because),
         "groups": tables.groups_table(selection),
         "grouping": _grouping(pictures, selection),
+        "fixed_set": FIXED_SET,
         "combinations": [(name, tables.combinations_table(selection, name)) for name in names],
         "shape": str(selection.recipe.shape),
         "models": [
@@ -180,10 +185,6 @@ def _places(pictures: Pictures, selection: Selection, description: Description) 
 
 
 _PLACES = "Where the sensors sit, as the machine file says. Sensors of one colour move together."
-_CURVE = (
-    "Each blue point: sets of that many sensors, chosen anew without the data on which they are tested. The ring is "
-    "the whole procedure, which chooses the number of sensors anew too."
-)
 _PER_RUN = "Each of them was predicted by sensors, terms and coefficients that were chosen without it."
 _TRACES = "The residual is measured minus predicted. All panels have the same scales."
 _SCAN = (

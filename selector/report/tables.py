@@ -12,6 +12,7 @@ from selector.report.numbers import NONE, beside_text, number_text, p_text, plac
 from selector.report.wording import rmse_error_um
 from selector.selection import Selection
 from selector.selection.result import Combination
+from selector.selection.unseen_words import FIXED_SET, PROCEDURE
 
 MOST_COMBINATIONS = 12
 _ACTIONS = {
@@ -104,7 +105,7 @@ def gain_table(selection: Selection) -> Table:
             )
         )
     headings = [
-        "error of", ">without [µm]", ">with, unseen [µm]", f">single {proof.left_out}s [µm]", ">largest [µm]",
+        "error of", ">without [µm]", f">unseen, {PROCEDURE} [µm]", f">single {proof.left_out}s [µm]", ">largest [µm]",
         ">worst sensor fault [µm]", ">1 K too high [µm]",
     ]  # fmt: skip
     note = (
@@ -124,7 +125,7 @@ def combinations_table(selection: Selection, response: str) -> Table:
     rows = [one for one in compared if one in shown]
     left = len(compared) - len(rows)
     return table(
-        ["sensors", ">R²", ">adjusted R²", ">held-out rms [µm]", "from"],
+        ["sensors", ">R²", ">adjusted R²", f">unseen, {FIXED_SET}: rms [µm]", "from"],
         [
             (", ".join(one.sensors), _r2(one.r2), _r2(one.adjusted_r2), number_text(one.heldout_rmse_um), one.origin)
             for one in rows
@@ -224,8 +225,8 @@ def quality_table(selection: Selection) -> Table:
         ("R²", [_r2(model.r2) for model in models.values()]),
         ("adjusted R²", [_r2(model.adjusted_r2) for model in models.values()]),
         ("error in sample, rms [µm]", [number_text(model.rmse_um) for model in models.values()]),
-        ("error unseen, rms [µm]", [number_text(proof.rmse_um(name)) for name in models]),
-        ("error unseen, largest [µm]", [number_text(proof.max_um(name)) for name in models]),
+        (f"error unseen, {PROCEDURE}, rms [µm]", [number_text(proof.rmse_um(name)) for name in models]),
+        (f"error unseen, {PROCEDURE}, largest [µm]", [number_text(proof.max_um(name)) for name in models]),
         ("samples [–]", [str(model.n_samples) for model in models.values()]),
         ("condition number [–]", [number_text(model.diagnostics.condition_number) for model in models.values()]),
         ("Durbin–Watson [–]", [number_text(model.diagnostics.durbin_watson) for model in models.values()]),

@@ -8,14 +8,16 @@ import numpy as np
 
 from selector.models.least_squares import FittedModel
 from selector.models.moments import coefficients, squared_error
-from selector.models.validation import response_power
+from selector.models.validation import MOST_ABOVE_BEST, WORTH_OF_A_SENSOR, response_power
 from selector.selection.candidates import Grouping
-from selector.selection.choice import Choice
+from selector.selection.choice import Choice, Trial
 from selector.selection.library import Bench, Library, Shape
 from selector.selection.options import Question
 from selector.selection.result import Combination, Proof
+from selector.selection.unseen_words import FIXED_SET, PROCEDURE
 
 BOOTSTRAP_SAMPLES = 100
+_ONE_ERROR = "one standard error of the differences run by run"
 
 
 def combinations_of(question: Question, bench: Bench, choice: Choice) -> tuple[Combination, ...]:
@@ -35,12 +37,17 @@ def combinations_of(question: Question, bench: Bench, choice: Choice) -> tuple[C
 
 
 def because_of(
-    question: Question, choice: Choice, shape: Shape, proof: Proof, models: Mapping[str, FittedModel]
+    question: Question,
+    choice: Choice,
+    shape: Shape,
+    proof: Proof,
+    models: Mapping[str, FittedModel],
+    combinations: Sequence[Combination],
 ) -> str:
-    """One or two sentences: why these sensors."""
+    """A few sentences: why these sensors, and the errors that were compared for it."""
     trial = choice.trial
     options = question.options
-    sensors = _listed(trial.set.sensors)
+    sensors, compared = _listed(trial.set.sensors), ""
     errors = ", ".join(
         f"{name} from {proof.baselines_um[name]['none']:.1f} to {proof.rmse_um(name):.1f} µm" for name in models
     )
@@ -54,23 +61,51 @@ def because_of(
         )
     else:
         top = min(choice.trials, key=lambda t: t.error)
+        most = f"of at most {options.max_sensors} sensors" if options.max_sensors < len(question.sensors) else ""
         rule = (
-            f"the cheapest set that predicts unseen data as well as the best one ({_listed(top.set.sensors)}), "
-            "within one standard error"
+            f"the cheapest set whose {FIXED_SET} error is as good as that of the best{most and f' {most}'} "
+            f"({_listed(top.set.sensors)})"
             if top.set.sensors != trial.set.sensors
-            else "the set that predicts unseen data best"
+            else f"the set{most and f' {most}'} with the smallest {FIXED_SET} error"
         )
+        compared = _compared(question, choice, combinations, models)
     if set(trial.set.sensors) <= set(options.must):
-        rule = "what --must asks for, not a choice"
+        rule, compared = "what --must asks for, not a choice", ""
     source = {
         "representatives": "representatives of their groups",
         "all sensors": f"found by the exact search over all {len(question.sensors)} sensors",
     }[trial.set.origin]
     unit = {"run": "runs", "condition": "conditions", "block": "stretches of the only run"}[proof.left_out]
     return (
-        f"{sensors} ({source}; {shape}) is {rule}. "
-        f"On {unit} that the model has not seen, the root mean square error goes: {errors}."
+        f"{sensors} ({source}; {shape}) is {rule}. {compared}"
+        f"On {unit} that the model has not seen, the root mean square error of the {PROCEDURE} goes: {errors}."
     )
+
+
+def _compared(
+    question: Question, choice: Choice, combinations: Sequence[Combination], models: Mapping[str, FittedModel]
+) -> str:
+    """The errors that the rule compared: of the best set, of the chosen one, and of the best with one sensor less."""
+    trial, top = choice.trial, min(choice.trials, key=lambda t: t.error)
+    known = {(one.sensors, one.response): one.heldout_rmse_um for one in combinations}
+
+    def told(label: str, other: Trial, why: str = "") -> str:
+        # µm are known in the chosen shape only
+        errors = [f"{name} {known[other.set.sensors, name]:.3g} µm" for name in models if other.shape == trial.shape]
+        above = f"({100 * (other.error / max(top.error, 1e-300) - 1):.0f} % above the best: {why})" if why else ""
+        return " ".join(filter(None, [label, ", ".join(errors), above]))
+
+    found = [told("best", top)]
+    if top is not trial:
+        equal = trial.error <= top.error * (1.0 + WORTH_OF_A_SENSOR)
+        why = f"up to {100 * WORTH_OF_A_SENSOR:.0f} % count as equal" if equal else f"less than {_ONE_ERROR}"
+        found.append(told("chosen", trial, why))
+    fewer = choice.by_size.get(len(trial.set.sensors) - 1)
+    if fewer is not None and fewer.error > trial.error and not question.options.cost:
+        far = fewer.error > top.error * (1.0 + MOST_ABOVE_BEST)
+        why = f"more than {100 * MOST_ABOVE_BEST:.0f} %" if far else f"more than {_ONE_ERROR}"
+        found.append(told(f"best with {len(fewer.set.sensors)}", fewer, why))
+    return f"{FIXED_SET[0].upper()}{FIXED_SET[1:]} errors: {'; '.join(found)}. "
 
 
 def reasons_of(grouping: Grouping, sensors: Sequence[str], chosen: Sequence[str], choice: Choice) -> dict[str, str]:

@@ -158,6 +158,15 @@ class Selection:
     fallbacks: tuple[Fallback, ...] = ()
     readings: tuple[Readings, ...] = ()
 
+    def fixed_set_errors_um(self, response: str) -> dict[int, float]:
+        """Number of sensors → smallest error of a compared fixed set [µm], in the chosen shape."""
+        found: dict[int, float] = {}
+        for one in self.combinations:
+            if one.response == response and math.isfinite(one.heldout_rmse_um):
+                size = len(one.sensors)
+                found[size] = min(one.heldout_rmse_um, found.get(size, math.inf))
+        return dict(sorted(found.items()))
+
     def as_dict(self) -> dict[str, Any]:
         """JSON form (`selector.selection/1`); numbers that do not exist are null."""
         from selector.sensors.fuzzy import transitive_closure

@@ -133,13 +133,14 @@ def select(
     )
     hull = validity_hull(rows.variables)
     stability = stability_of(question, library, found_all.grouping, choice)
+    combinations = combinations_of(question, Bench.of(library, folds.all), choice)
     selection = Selection(
         options=question.options,
         sensors=question.sensors,
         grouping=found_all.grouping,
-        combinations=combinations_of(question, Bench.of(library, folds.all), choice),
+        combinations=combinations,
         chosen=recipe.sensors,
-        because=because_of(question, choice, recipe.shape, proof, models),
+        because=because_of(question, choice, recipe.shape, proof, models, combinations),
         reasons=reasons_of(found_all.grouping, question.sensors, recipe.sensors, choice),
         recipe=recipe,
         models=models,

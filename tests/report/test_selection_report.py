@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import dataclasses
 import hashlib
+import html
 import json
 import math
 import re
@@ -103,6 +104,14 @@ class Page(HTMLParser):
 @pytest.fixture(scope="module")
 def page() -> Page:
     return Page(selection_html(studies.small(), description=DESCRIPTION, date="2026-11-20"))
+
+
+def test_every_unseen_error_says_which_one_it_is():
+    page = html.unescape(selection_html(studies.small()))
+    assert "unseen, whole procedure [µm]" in page
+    assert "unseen, fixed set: rms [µm]" in page
+    for words in ("Whole procedure: ", "Best of each size: ", "Fixed set: "):
+        assert words in page
 
 
 def test_what_to_do_comes_first():

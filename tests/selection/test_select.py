@@ -241,6 +241,15 @@ class TestResult:
         for name, reason in plain.reasons.items():
             assert reason.startswith("kept:" if name in plain.chosen else "dropped:")
 
+    def test_the_reason_holds_the_errors_that_the_rule_compares(self, plain):
+        errors = {set_.sensors: set_.heldout_rmse_um for set_ in plain.combinations}
+        best = min(errors.values())
+        assert f"Fixed set errors: best Z {best:.3g} µm" in plain.because
+        fewer = plain.fixed_set_errors_um("Z")[len(plain.chosen) - 1]
+        assert f"best with {len(plain.chosen) - 1} Z {fewer:.3g} µm (" in plain.because
+        assert f"{100 * (fewer / best - 1):.0f} % above the best: more than" in plain.because
+        assert "error of the whole procedure goes: Z from" in plain.because
+
     def test_json_is_strict_and_complete(self, plain):
         text = json.dumps(plain.as_dict(), allow_nan=False)
         document = json.loads(text)
