@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -40,27 +39,21 @@ def apply(
     are left out of the comparison.
     """
     from selector.controllers.application import apply_model, write_predictions
+    from selector.controllers.compared import displacement_starts, without_displacement_faults
     from selector.controllers.model_io import read_model
     from selector.models.design import datum_of
-    from selector.quality import inspect, without_faults
 
     read = read_model(model)
     reading = source.reading()
     if out is not None:
         refuse_to_replace_input(out, [model, *source.machine_files, *(run.file for run in reading.runs)], "--out")
-    outputs = [output.name for output in read.outputs]
-    # what is missing altogether, apply_model says in the words of the model
-    used = {*outputs, *(item.name for item in read.inputs)} & set(reading.recording.names)
-    quality = [_of_comparison(finding, outputs) for finding in inspect(reading.recording, used)]
-    compared = without_faults(reading.recording, quality)
+    compared, quality = without_displacement_faults(read, reading.recording)
     rises = [item.name for item in read.inputs if item.reference == "rise" and item.name in compared.names]
-    zeros = [item.name for item in read.outputs if item.reference == "rise" and item.name in compared.names]
-    levels = datum_of(compared, rises, zeros, "rise").levels
-    application = apply_model(
-        read, compared, start_readings=_only(levels, rises), displacement_start=_only(levels, zeros)
-    )
+    levels = datum_of(compared, rises, (), "rise").levels
+    application = apply_model(read, compared, start_readings=_only(levels, rises))
     told = [finding for finding in quality if not any(_says_the_same(other, finding) for other in application.findings)]
-    findings = (*reading.findings, *told, *_without_start(levels, rises), *application.findings)
+    of_starts = (*_without_start(levels, rises), *_not_zeroed(displacement_starts(read, compared)))
+    findings = (*reading.findings, *told, *of_starts, *application.findings)
     application = dataclasses.replace(application, findings=findings)
     if out is not None:
         write_predictions(application, out)
@@ -71,14 +64,6 @@ def apply(
         _show(console, application)
     if out is not None:
         console.print(f"wrote {out}", markup=False)
-
-
-def _of_comparison(finding: Finding, outputs: list[str]) -> Finding:
-    """The finding with the action that it has here: only faulty displacement is left out."""
-    if finding.action == "none" or (finding.action == "leave-out-stretch" and finding.where.channel in outputs):
-        return finding
-    suggestion = re.sub(r" *\bThe \w+ (is|are) left out\.", "", finding.suggestion)
-    return dataclasses.replace(finding, action="none", suggestion=suggestion)
 
 
 def _says_the_same(said: Finding, finding: Finding) -> bool:
@@ -114,18 +99,18 @@ def _without_start(levels: Mapping[str, Mapping[str, float]], rises: list[str]) 
                 )
 
 
-def _not_zeroed(levels: Mapping[str, Mapping[str, float]], zeros: list[str]) -> Iterator[Finding]:
+def _not_zeroed(starts: Mapping[str, Mapping[str, float]]) -> Iterator[Finding]:
     """Displacements whose start was taken as their zero, which the predictions then count from too."""
-    for run, found in levels.items():
-        for name in zeros:
-            if found.get(name, 0.0):
+    for run, found in starts.items():
+        for name, start_um in found.items():
+            if start_um:
                 yield Finding(
                     "gauge-not-zeroed",
                     "info",
-                    f"{name} starts run {run} at {found[name]:.4g} µm: errors count from there, and the predictions "
+                    f"{name} starts run {run} at {start_um:.4g} µm: errors count from there, and the predictions "
                     "that are written have this start added, so that they lie over the recording.",
                     Where(channel=name, run=run),
-                    {"start_um": found[name]},
+                    {"start_um": start_um},
                     "zero the gauge before a run",
                 )
 
@@ -137,6 +122,11 @@ def _show(console: Console, application: Application) -> None:
     rows += [("all runs", name, *_cells(accuracy)) for name, accuracy in application.overall.items()]
     columns = ["run", "response", "RMS error", "largest", "RMS before", "largest before"]
     console.print(showing.table("Displacement with and without compensation [µm]", columns, rows, numeric=columns[2:]))
+    console.print(
+        "Before: displacement as recorded, from its start. Error: what the model itself leaves of it, at the samples "
+        "that have a prediction; without limits and guard of a control, which `selector export --replay` adds.",
+        markup=False,
+    )
     showing.show_findings(console, application.findings)
 
 

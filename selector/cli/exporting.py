@@ -177,19 +177,22 @@ def _positive(text: str, where: str) -> float:
 def _replayed(
     model: ModelFile, target: Target, files: Mapping[str, str], reading: Reading
 ) -> tuple[Replay | None, list[Finding]]:
+    from selector.controllers.compared import without_displacement_faults
     from selector.controllers.replay.replay_findings import replay_findings
     from selector.controllers.replay.replayed import replayed
     from selector.controllers.sampling import other_sampling
     from selector.controllers.writers.targets import NotExecutableError
 
-    total = len(reading.recording.runs)
+    recording, quality = without_displacement_faults(model, reading.recording)
+    left_out = [finding for finding in quality if finding.action != "none"]
+    total = len(recording.runs)
     with counted_progress("replaying") as say:
         done = iter(range(total))
         try:
             proof = replayed(
                 model,
                 files,
-                reading.recording,
+                recording,
                 target.parts,
                 lambda run: say(next(done), total, f"run {run}"),
             )
@@ -203,7 +206,7 @@ def _replayed(
                 )
             ]
     of_clock = other_sampling(model, reading.recording, is_guarded=target.has_guard)
-    return proof, [*reading.findings, *of_clock, *replay_findings(proof, has_guard=target.has_guard)]
+    return proof, [*reading.findings, *left_out, *of_clock, *replay_findings(proof, has_guard=target.has_guard)]
 
 
 def _refuse_limits(target: Target, clamps: list[str] | None, slews: list[str] | None) -> None:
@@ -299,7 +302,7 @@ def _write(
 
 
 def _show(target: Target, proof: Replay | None, findings: list[Finding], out: Path, files: list[str]) -> None:
-    from selector.report.commissioning import verdict_of
+    from selector.report.commissioning import errors_of, verdict_of
 
     console = showing.screen()
     console.print(f"{target.title}: {', '.join(files)}", style="bold", markup=False)
@@ -311,13 +314,7 @@ def _show(target: Target, proof: Replay | None, findings: list[Finding], out: Pa
                 f"{part.allowed_um:.3g} µm allowed ({part.executed_by})",
                 markup=False,
             )
-        for run in proof.runs:
-            for name, of in run.accuracy.items():
-                if of.rmse_um is not None:
-                    console.print(
-                        f"run {run.run}, {name}: {of.before_rmse_um:.3g} µm rms as recorded, {of.rmse_um:.3g} µm with "
-                        "this correction",
-                        markup=False,
-                    )
+        for line in errors_of(proof):
+            console.print(line, markup=False)
     showing.show_findings(console, findings)
     console.print(f"wrote {out}", markup=False)

@@ -13,6 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from selector.atomic_file import write_whole
+from selector.controllers.compared import displacement_starts
 from selector.controllers.evaluator import evaluate, first_finite
 from selector.controllers.model_file import Input, ModelFile, Output
 from selector.controllers.sampling import other_sampling
@@ -102,7 +103,7 @@ def apply_model(
     start_readings : mapping of run to mapping of input to reading, optional
         Readings at the start of a run, for inputs that are rises. Default: the first finite reading.
     displacement_start : mapping of run to mapping of output to float, optional
-        Displacement [µm] that counts as zero. Default: 0, or the first finite value if the output itself is a rise.
+        Displacement [µm] that counts as zero. Default: 0, or `displacement_starts` if the output itself is a rise.
 
     Raises
     ------
@@ -117,17 +118,18 @@ def apply_model(
     _require_starts(start_readings, recording.runs, [item.name for item in model.inputs], "start_readings")
     _require_starts(displacement_start, recording.runs, [item.name for item in model.outputs], "displacement_start")
     findings = list(other_sampling(model, recording))
+    zeros = displacement_starts(model, recording)
     per_run: dict[str, dict[str, Accuracy]] = {}
     tables: list[pd.DataFrame] = []
     recorded: dict[str, list[Array]] = {output.name: [] for output in model.outputs}
     modelled: dict[str, list[Array]] = {output.name: [] for output in model.outputs}
     for run in recording.runs:
-        start = (start_readings or {}).get(run, {})
+        start, given = (start_readings or {}).get(run, {}), (displacement_start or {}).get(run, {})
         predicted, about_run = _predictions(model, recording, run, start)
         findings.extend(about_run)
         per_run[run] = {}
         for output in model.outputs:
-            zero = zero_of(output, recording, run, (displacement_start or {}).get(run, {}).get(output.name))
+            zero = given.get(output.name, zeros[run].get(output.name, 0.0))
             recorded[output.name].append(displacement_of(output, recording, run) - zero)
             modelled[output.name].append(predicted[output.name])
             per_run[run][output.name] = Accuracy.of(predicted[output.name], recorded[output.name][-1])
@@ -193,14 +195,6 @@ def displacement_of(output: Output, recording: Recording, run: str) -> Array:
     if output.name not in recording.names:
         return np.full(len(recording.time_s(run)), np.nan)
     return recording.values(run, [output.name])[:, 0]
-
-
-def zero_of(output: Output, recording: Recording, run: str, given: float | None) -> float:
-    """What the recorded displacement counts from; 0 where there is none."""
-    if given is not None:
-        return given
-    first = first_finite(displacement_of(output, recording, run)) if output.reference == "rise" else 0.0
-    return first if math.isfinite(first) else 0.0
 
 
 def require_channels(model: ModelFile, recording: Recording) -> None:

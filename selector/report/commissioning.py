@@ -11,6 +11,7 @@ import numpy as np
 from selector import __version__
 from selector.atomic_file import write_whole
 from selector.controllers.formula import formula_text, legend_text
+from selector.controllers.guard.codes import LEAST_GOOD_SAMPLES
 from selector.controllers.model_file import ModelFile
 from selector.controllers.model_io import equations_sha256
 from selector.controllers.replay.replayed import Replay
@@ -108,6 +109,38 @@ def verdict_of(replay: Replay) -> str:
     )
 
 
+BEFORE_AND_AFTER = (
+    "Without correction: displacement as recorded, from its start. With correction: what is left of it with the "
+    "correction that this program gave, limits, guard and start readings from single samples included."
+)
+
+
+def errors_of(replay: Replay) -> list[str]:
+    """What the recorded displacement was without the correction and with it, a line per run and output."""
+    said = [
+        f"run {run.run}, {name}: {number_text(of.before_rmse_um)} µm rms without correction, {number_text(of.rmse_um)} "
+        f"µm with it (largest {number_text(of.max_um)} µm)"
+        for run in replay.runs
+        for name, of in run.accuracy.items()
+        if of.rmse_um is not None
+    ]
+    return [*said, *_beginnings(replay), *([BEFORE_AND_AFTER] if said else [])]
+
+
+def _beginnings(replay: Replay) -> list[str]:
+    """How long nothing was corrected at the start of the runs; nothing where the control does not wait."""
+    waited = [run.begins_s for run in replay.runs if run.begins_s > 0.0]
+    if not waited:
+        return []
+    shortest, longest = f"{min(waited):.0f}", f"{max(waited):.0f}"
+    first = longest if shortest == longest else f"{shortest} … {longest}"
+    return [
+        f"No correction in the first {first} s of a run: readings have to be good for some time first, in "
+        f"{LEAST_GOOD_SAMPLES} samples or more, and the correction then grows at its slew limit; the largest errors "
+        "may be from there. A control that has run for some time is past this."
+    ]
+
+
 def replay_table(replay: Replay) -> Table:
     """One row per run and output."""
     rows = []
@@ -126,10 +159,10 @@ def replay_table(replay: Replay) -> Table:
                 )
             )
     return table(
-        ["run", "output", ">samples", ">program − reference [µm]", ">recorded: rms [µm]", ">with correction: rms [µm]",
-         ">largest [µm]", ">not the whole model"],
+        ["run", "output", ">samples", ">program − reference [µm]", ">without correction: rms [µm]",
+         ">with correction: rms [µm]", ">with correction: largest [µm]", ">not the whole model"],
         rows,
-        "With correction: recorded displacement and the correction that this program gave, limits and guard included.",
+        " ".join([BEFORE_AND_AFTER, *_beginnings(replay)]),
     )  # fmt: skip
 
 

@@ -6,8 +6,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from selector.controllers.application import Accuracy, displacement_of, position_channels, require_channels, zero_of
+from selector.controllers.application import Accuracy, displacement_of, position_channels, require_channels
+from selector.controllers.compared import displacement_starts
 from selector.controllers.guard.codes import Mode, SensorCode
 from selector.controllers.model_file import ModelFile
 from selector.controllers.program.guarded_program import axes_of
@@ -133,13 +135,15 @@ class ReplayedRun:
     correction_um, reference_um : ndarray of shape (n_samples, n_outputs)
         Of the main program, and what it has to give in float64.
     recorded_um : ndarray of shape (n_samples, n_outputs)
-        Recorded displacement from its own zero; NaN where there is none.
+        Recorded displacement from its own start (`displacement_starts`); NaN where there is none.
     accuracy : dict of str to Accuracy
         Per output, recorded displacement with and without this correction.
     faulty_share : float
         Share of the samples in which the program did not follow the whole model, as it says itself; where it does not,
         in which the whole guard would not have followed it.
     beyond_valid : tuple of BeyondValid
+    begins_s : float
+        How long the program corrected nothing at the start, because readings have to be good for some time first.
     """
 
     run: str
@@ -150,6 +154,7 @@ class ReplayedRun:
     accuracy: dict[str, Accuracy]
     faulty_share: float
     beyond_valid: tuple[BeyondValid, ...] = ()
+    begins_s: float = 0.0
 
     @property
     def max_abs_difference_um(self) -> float:
@@ -213,6 +218,7 @@ def replayed(
     """
     require_channels(model, recording)
     written = [part for part in parts if part.file in files]
+    starts = displacement_starts(model, recording)
     found: list[ReplayedRun] = []
     differences: list[PartDifference] = []
     for run in recording.runs:
@@ -223,7 +229,7 @@ def replayed(
         main, *others = executed(model, files, written, rows, whole)
         differences += [one for of in (main, *others) for one in of.differences(model)]
         telling = main.answers if main.part.tells_mode else whole
-        found.append(_run(model, recording, run, main, telling, whole))
+        found.append(_run(model, recording, run, starts[run], main, telling, whole))
     return Replay(tuple(found), written[0].executed_by(), _over_runs(differences), written[0].tells_mode)
 
 
@@ -254,19 +260,33 @@ def executed(
 
 
 def _run(
-    model: ModelFile, recording: Recording, run: str, main: ExecutedPart, telling: Answers, whole: Answers
+    model: ModelFile,
+    recording: Recording,
+    run: str,
+    starts: Mapping[str, float],
+    main: ExecutedPart,
+    telling: Answers,
+    whole: Answers,
 ) -> ReplayedRun:
     correction_um = main.answers.correction_um
-    recorded = np.column_stack(
-        [displacement_of(of, recording, run) - zero_of(of, recording, run, None) for of in model.outputs]
-    )
+    recorded = np.column_stack([displacement_of(of, recording, run) - starts.get(of.name, 0.0) for of in model.outputs])
     accuracy = {
         output.name: Accuracy.of((1.0 if is_turned(output) else -1.0) * correction_um[:, k], recorded[:, k])
         for k, output in enumerate(model.outputs)
     }
     time_s, faulty = recording.time_s(run), faulty_share(telling, whole)
     beyond = tuple(_beyond_valid(model, whole))
-    return ReplayedRun(run, time_s, correction_um, main.expected_um, recorded, accuracy, faulty, beyond)
+    begins_s = _begins_s(time_s, main, whole)
+    return ReplayedRun(run, time_s, correction_um, main.expected_um, recorded, accuracy, faulty, beyond, begins_s)
+
+
+def _begins_s(time_s: Array, main: ExecutedPart, whole: Answers) -> float:
+    """How long the program waited for new sensors; 0 if it waits for none, and then says of nothing what it follows."""
+    waits = _is_new(whole) & (main.answers.mode != Mode.MODEL)
+    if not main.part.tells_mode or not waits.any():
+        return 0.0
+    first = len(waits) - 1 if waits.all() else int(np.argmin(waits))
+    return float(time_s[first] - time_s[0])
 
 
 def _beyond_valid(model: ModelFile, whole: Answers) -> Iterator[BeyondValid]:
@@ -285,9 +305,14 @@ def faulty_share(telling: Answers, whole: Answers) -> float:
     """
     if len(telling.mode) == 0:
         return 0.0
-    is_new = (whole.mode != Mode.MODEL) & (whole.sensors <= SensorCode.RECOVERING).all(axis=1)
+    is_new = _is_new(whole)
     begun = len(is_new) if is_new.all() else int(np.argmin(is_new))
     return float(np.sum(telling.mode[begun:] != Mode.MODEL)) / len(telling.mode)
+
+
+def _is_new(whole: Answers) -> NDArray[np.bool_]:
+    """At which calls the whole guard only waited for readings to be good for long enough."""
+    return (whole.mode != Mode.MODEL) & (whole.sensors <= SensorCode.RECOVERING).all(axis=1)
 
 
 def _largest(difference: Array) -> list[float]:

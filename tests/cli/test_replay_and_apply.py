@@ -1,0 +1,90 @@
+"""`selector apply` and `selector export --replay` speak of the same recorded displacement, in words that say which."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from selector.cli import exit_status
+from selector.controllers import Input, ModelFile, Output, Term, apply_model
+from selector.controllers.compared import displacement_starts, without_displacement_faults
+from selector.controllers.model_io import read_model, write_model
+from selector.controllers.replay.replayed import replayed
+from selector.controllers.writers.targets import TARGETS
+from selector.readers import read
+
+
+def folder_of(folder: Path, *, start_um: float = 0.0, spike: bool = False) -> tuple[Path, Path, Path]:
+    """A model of the rise of one temperature, a noisy recording of it a sample a minute, and its machine file."""
+    item = Input(name="T1", reference="rise", valid_min=-1.0, valid_max=30.0, centre=0.0, scale=1.0)
+    output = Output(
+        name="Z", axis="Z", reference="rise", intercept=0.0, terms=(Term(powers={"T1": 1}, coefficient=3.0),)
+    )
+    write_model(ModelFile(name="one", inputs=(item,), outputs=(output,)), folder / "m.json")
+    noise = np.random.default_rng(5)
+    time_s = 60.0 * np.arange(300)
+    rise = 9.0 * (1.0 - np.exp(-time_s / 3000.0))
+    z_um = start_um + 3.0 * rise + 0.4 * noise.normal(size=300)
+    z_um[0] = start_um + 0.6
+    if spike:
+        z_um[150] += 500.0
+    table = pd.DataFrame({"time_s": time_s, "T1": 20.0 + rise + 0.05 * noise.normal(size=300), "Z": z_um})
+    table.to_csv(folder / "r.csv", index=False)
+    (folder / "machine.toml").write_text(
+        '[time]\ncolumn = "time_s"\nunit = "s"\n[channels.T1]\nrole = "temperature"\nunit = "degC"\n'
+        '[channels.Z]\nrole = "displacement"\nunit = "um"\n'
+    )
+    return folder / "m.json", folder / "r.csv", folder / "machine.toml"
+
+
+@pytest.mark.parametrize(("start_um", "spike"), [(0.0, False), (80.0, False), (0.0, True)])
+def test_before_is_the_same_to_the_digit(tmp_path, capsys, start_um, spike):
+    model, run, machine = folder_of(tmp_path, start_um=start_um, spike=spike)
+    assert exit_status(["apply", str(model), str(run), "--machine", str(machine), "--json"]) == 0
+    applied = json.loads(capsys.readouterr().out)
+    of_apply = applied["overall"]["Z"]
+    assert ("gauge-not-zeroed" in {one["id"] for one in applied["findings"]}) == (start_um != 0.0)
+    out = tmp_path / "out"
+    words = ["export", model, "--for", "python", "--out", out, "--replay", run, "--machine", machine]
+    assert exit_status([*map(str, words), "--json"]) == 0
+    told = {one["id"]: one for one in json.loads(capsys.readouterr().out)["findings"]}
+    assert ("spike" in told) == spike
+
+    source = read([run], machine=machine).recording
+    read_back = read_model(model)
+    kept, _ = without_displacement_faults(read_back, source)
+    export = TARGETS["python"].write(read_back, is_sign_verified=False)
+    (of_run,) = replayed(read_back, export.files, kept, TARGETS["python"].parts).runs
+    assert of_run.accuracy["Z"].before_rmse_um == of_apply["before_rmse_um"]
+    assert of_run.accuracy["Z"].before_max_um == of_apply["before_max_um"]
+    # zeroed: the first sample is noise; not zeroed: nearer to its start than the first sample is
+    assert abs(displacement_starts(read_back, kept)["r"]["Z"] - start_um) < (0.59 if start_um else 1e-12)
+
+
+def test_the_first_minutes_without_a_correction_are_told(tmp_path, capsys):
+    model, run, machine = folder_of(tmp_path)
+    words = ["export", model, "--for", "python", "--out", tmp_path / "out", "--replay", run, "--machine", machine]
+    assert exit_status([*map(str, words)]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "No correction in the first 360 s of a run: readings have to be good" in said
+    assert "Without correction: displacement as recorded, from its start." in said
+    assert re.search(r"run r, Z: [0-9.]+ µm rms without correction, [0-9.]+ µm with it \(largest [0-9.]+ µm\)", said)
+    page = (tmp_path / "out" / "commissioning.html").read_text(encoding="utf-8")
+    assert "No correction in the first 360 s" in page
+    # a drive waits for nothing
+    words[3:6] = ["rexroth", "--out", tmp_path / "drive"]
+    assert exit_status([*map(str, words)]) == 0
+    assert "No correction in the first" not in " ".join(capsys.readouterr().out.split())
+
+
+def test_the_default_zero_of_apply_model_is_the_same(tmp_path):
+    model, run, machine = folder_of(tmp_path)
+    source = read([run], machine=machine).recording
+    recorded = source.frame["Z"].to_numpy()
+    of = apply_model(read_model(model), source).overall["Z"]
+    assert of.before_rmse_um == pytest.approx(float(np.sqrt(np.mean(recorded**2))), rel=1e-12)
