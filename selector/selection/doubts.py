@@ -16,6 +16,7 @@ from selector.selection.choice import Offer
 from selector.selection.regimes import regime_findings
 from selector.selection.result import Selection
 from selector.selection.survey import Survey
+from selector.selection.unseen_words import BEST_OF_SIZE
 from selector.sensors.groups import chaining_findings
 from selector.sensors.similarity import similarity_findings
 
@@ -45,6 +46,7 @@ def doubts(
         *_chaining(selection),
         *(finding for one in screening.rounds for finding in one.findings),
         *_proof_findings(selection, surveyed, stride),
+        *_limit_findings(selection),
         *regime_findings(selection),
         *_offer_findings(offer_errors, offer),
         *_model_findings(selection, ridge),
@@ -108,7 +110,7 @@ def _proof_findings(selection: Selection, surveyed: Survey, stride: int) -> list
             Finding(
                 "few-runs",
                 "warning",
-                f"There are {len(surveyed.runs)} runs; an error over so few days is itself uncertain.",
+                f"There are {len(surveyed.runs)} runs; an error over so few runs is itself uncertain.",
                 Where(),
                 {"runs": len(surveyed.runs)},
                 "record more runs, with other speeds and another season",
@@ -160,6 +162,33 @@ def _proof_findings(selection: Selection, surveyed: Survey, stride: int) -> list
             )
         )
     return found
+
+
+def _limit_findings(selection: Selection) -> list[Finding]:
+    """Whether more sensors than allowed might do better: the choice is as large as it may be, and the curve falls."""
+    most, there_are = selection.options.max_sensors, len(selection.sensors)
+    chosen = set(selection.chosen)
+    if len(chosen) != most or there_are <= most or chosen <= set(selection.options.must):
+        return []
+    falls = []
+    for j, name in enumerate(selection.models):
+        of_size = {point.n_sensors: point.rmse_um[j] for point in selection.proof.curve}
+        if most in of_size and most - 1 in of_size and of_size[most] < of_size[most - 1]:
+            falls.append(f"{name} from {of_size[most - 1]:.3g} to {of_size[most]:.3g} µm")
+    if most > 1 and not falls:
+        return []
+    step = f" and from {most - 1} to {most} the error of the {BEST_OF_SIZE} still falls ({', '.join(falls)})"
+    return [
+        Finding(
+            "choice-at-limit",
+            "info",
+            f"{most} sensor{'s were' if most > 1 else ' was'} chosen, the most that --max-sensors allows"
+            f"{step if falls else ''}: more might predict better.",
+            Where(),
+            {"max_sensors": most, "sensors": there_are},
+            f"see whether more are worth their cost: --max-sensors {min(most + 3, there_are)}",
+        )
+    ]
 
 
 def _reversed(selection: Selection, name: str, run: str) -> bool:
@@ -214,7 +243,10 @@ def _model_findings(selection: Selection, ridge: tuple[float, float, float]) -> 
                 "is amplified.",
                 Where(),
                 {"vif": float(vif), "term": str(worst), "condition_number": condition},
-                "use fewer sensors, or --ridge, which shrinks the coefficients and shows what that costs",
+                "the unseen error was found with sets like this one and stands for data like these; do not read single "
+                "coefficients"
+                + ("" if selection.options.ridge else ", and see with --ridge what shrinking them costs")
+                + ("" if len(selection.chosen) < 2 else "; a smaller --max-sensors gives terms that are less alike"),
             )
         )
     watson = {name: one.diagnostics.durbin_watson for name, one in selection.models.items()}

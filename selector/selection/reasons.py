@@ -61,7 +61,11 @@ def because_of(
         )
     else:
         top = min(choice.trials, key=lambda t: t.error)
-        most = f"of at most {options.max_sensors} sensors" if options.max_sensors < len(question.sensors) else ""
+        most = (
+            f"of at most {options.max_sensors} sensor{'s' * (options.max_sensors > 1)}"
+            if options.max_sensors < len(question.sensors)
+            else ""
+        )
         rule = (
             f"the cheapest set whose {FIXED_SET} error is as good as that of the best{most and f' {most}'} "
             f"({_listed(top.set.sensors)})"

@@ -241,6 +241,24 @@ class TestResult:
         for name, reason in plain.reasons.items():
             assert reason.startswith("kept:" if name in plain.chosen else "dropped:")
 
+    def test_a_choice_at_the_limit_is_told(self, plain):
+        found = selected(machine(), max_sensors=1)
+        finding = one_finding(found, "choice-at-limit")
+        assert "1 sensor was chosen, the most that --max-sensors allows" in finding.statement
+        assert "--max-sensors 4" in finding.suggestion
+        assert "the set of at most 1 sensor with the smallest fixed set error" in found.because
+        assert "choice-at-limit" not in found_ids(plain)
+        assert "choice-at-limit" not in found_ids(selected(machine(), max_sensors=1, must=("T1",)))
+
+    def test_collinear_terms_do_not_take_back_the_choice(self):
+        for ridge in (False, True):
+            advice = one_finding(
+                selected(machine(), must=("T1", "T2", "T3"), ridge=ridge), "collinear-terms"
+            ).suggestion
+            assert "the unseen error" in advice
+            assert "use fewer sensors" not in advice
+            assert ("--ridge" in advice) is not ridge
+
     def test_the_reason_holds_the_errors_that_the_rule_compares(self, plain):
         errors = {set_.sensors: set_.heldout_rmse_um for set_ in plain.combinations}
         best = min(errors.values())
