@@ -34,6 +34,12 @@ _BLOCK = re.compile(
 _COMPARED: dict[str, Callable[[float, float], bool]] = {
     "EQ": operator.eq, "NE": operator.ne, "GT": operator.gt, "GE": operator.ge, "LT": operator.lt, "LE": operator.le,
 }  # fmt: skip
+_JOINED: dict[str, Callable[[float, float], float]] = {
+    "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv,
+}  # fmt: skip
+_Read = Callable[[int], float | None]
+"""From the number of a variable to what it holds; None: it is vacant."""
+_Value = Callable[[_Read], float | None]
 
 
 class MacroError(ValueError):
@@ -85,7 +91,7 @@ class MacroB:
         for _ in range(MOST_BLOCKS):
             block, at = self._blocks[at], at + 1
             goto = block["goto"]
-            if block["condition"] and self._holds(block["condition"]):
+            if block["condition"] and _condition(block["condition"])(self._read):
                 goto = block["jump"]
                 if block["then"]:
                     self._assign(block["then"], block["value"])
@@ -94,7 +100,7 @@ class MacroB:
             if block["axis"]:
                 if self.modal.get(ABSOLUTE_OR_NOT) == 91.0:
                     raise MacroError("G10 in incremental mode")
-                self.offsets[block["axis"]] = _number(self._value(block["offset"]))
+                self.offsets[block["axis"]] = _number(_value(block["offset"])(self._read))
             if block["modal"]:
                 if ABSOLUTE_OR_NOT not in self.modal:
                     raise MacroError("G90 is a turning cycle here")
@@ -116,64 +122,15 @@ class MacroB:
         return {name: text or "" for name, text in match.groupdict().items()}
 
     def _assign(self, to: str, text: str) -> None:
-        value = self._value(text)
+        value = _value(text)(self._read)
         if int(to) == ALARM:
             raise MacroError(f"alarm {3000 + _number(value):.0f}")
         self.variables.pop(int(to), None)
         if value is not None:
             self.variables[int(to)] = value
 
-    def _holds(self, text: str) -> bool:
-        tokens = list(_tokens(text))
-        left = self._sum(tokens)
-        compare = _COMPARED[tokens.pop(0)]
-        right = self._sum(tokens)
-        if tokens:
-            raise MacroError(text)
-        if left is None or right is None:
-            # vacant equals #0 alone; the generated text compares with it by EQ only
-            return (
-                bool(compare(left is None, right is None)) if "#0" in text else compare(_number(left), _number(right))
-            )
-        return bool(compare(left, right))
-
-    def _value(self, text: str) -> float | None:
-        tokens = list(_tokens(text))
-        value = self._sum(tokens)
-        if tokens:
-            raise MacroError(text)
-        return value
-
-    def _sum(self, tokens: list[str]) -> float | None:
-        total = self._term(tokens)
-        while tokens and tokens[0] in "+-":
-            sign, right = tokens.pop(0), self._term(tokens)
-            total = _number(total) + _number(right) if sign == "+" else _number(total) - _number(right)
-        return total
-
-    def _term(self, tokens: list[str]) -> float | None:
-        total = self._factor(tokens)
-        while tokens and tokens[0] in "*/":
-            sign, right = tokens.pop(0), self._factor(tokens)
-            total = _number(total) * _number(right) if sign == "*" else _number(total) / _number(right)
-        return total
-
-    def _factor(self, tokens: list[str]) -> float | None:
-        word = tokens.pop(0) if tokens else ""
-        if word == "-":
-            return -_number(self._factor(tokens))
-        if word == "ABS" and tokens and tokens[0] == "[":
-            return abs(_number(self._factor(tokens)))
-        if word == "[":
-            value = self._sum(tokens)
-            if not tokens or tokens.pop(0) != "]":
-                raise MacroError("a bracket is not closed")
-            return value
-        if word.startswith("#"):
-            return {**self.variables, **self.modal}.get(int(word[1:]))
-        if not word[:1].isdigit():
-            raise MacroError(f"{word!r} is no value")
-        return float(word)
+    def _read(self, number: int) -> float | None:
+        return self.modal.get(number, self.variables.get(number))
 
 
 def macro_b_answers(model: ModelFile, rows: Rows, files: Mapping[str, str] | None = None) -> Answers:
@@ -206,6 +163,76 @@ def macro_b_called_at_most_once_a_second(model: ModelFile, rows: Rows, files: Ma
     calls = sampled_rows(rows)
     answers = macro_b_answers(model, rows_at(rows, calls), files)
     return Answers(*(held(getattr(answers, field.name), calls, len(rows)) for field in dataclasses.fields(Answers)))
+
+
+@cache
+def _value(text: str) -> _Value:
+    """The value of an expression, from what the variables hold."""
+    tokens = list(_tokens(text))
+    value = _sum(tokens)
+    if tokens:
+        raise MacroError(text)
+    return value
+
+
+@cache
+def _condition(text: str) -> Callable[[_Read], bool]:
+    tokens = list(_tokens(text))
+    left = _sum(tokens)
+    compare = _COMPARED[tokens.pop(0)]
+    right = _sum(tokens)
+    if tokens:
+        raise MacroError(text)
+
+    def holds(read: _Read) -> bool:
+        one, other = left(read), right(read)
+        if "#0" in text and (one is None or other is None):
+            # vacant equals #0 alone; the generated text compares with it by EQ only
+            return bool(compare(one is None, other is None))
+        return bool(compare(_number(one), _number(other)))
+
+    return holds
+
+
+def _sum(tokens: list[str]) -> _Value:
+    total = _product(tokens)
+    while tokens and tokens[0] in "+-":
+        total = _joined(tokens.pop(0), total, _product(tokens))
+    return total
+
+
+def _product(tokens: list[str]) -> _Value:
+    total = _factor(tokens)
+    while tokens and tokens[0] in "*/":
+        total = _joined(tokens.pop(0), total, _factor(tokens))
+    return total
+
+
+def _joined(sign: str, left: _Value, right: _Value) -> _Value:
+    join = _JOINED[sign]
+    return lambda read: join(_number(left(read)), _number(right(read)))
+
+
+def _factor(tokens: list[str]) -> _Value:
+    word = tokens.pop(0) if tokens else ""
+    if word == "-":
+        negated = _factor(tokens)
+        return lambda read: -_number(negated(read))
+    if word == "ABS" and tokens and tokens[0] == "[":
+        of = _factor(tokens)
+        return lambda read: abs(_number(of(read)))
+    if word == "[":
+        value = _sum(tokens)
+        if not tokens or tokens.pop(0) != "]":
+            raise MacroError("a bracket is not closed")
+        return value
+    if word.startswith("#"):
+        number = int(word[1:])
+        return lambda read: read(number)
+    if not word[:1].isdigit():
+        raise MacroError(f"{word!r} is no value")
+    literal = float(word)
+    return lambda read: literal
 
 
 def _number(value: float | None) -> float:
