@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
@@ -127,14 +128,27 @@ class Language:
         yield from self.lines(body, depth + 1)
 
 
-_SPELLED = str.maketrans({"µ": "u", "°": "deg ", "Δ": "d", "−": "-", "·": "*"})
+_SPELLED = str.maketrans(
+    {"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ẞ": "SS", "æ": "ae", "Æ": "Ae",
+     "œ": "oe", "Œ": "Oe", "ø": "oe", "Ø": "Oe", "ł": "l", "Ł": "L", "đ": "d", "Đ": "D", "ı": "i", "þ": "th", "Þ": "Th",
+     "µ": "u", "μ": "u", "°": "deg", "Δ": "d", "−": "-", "–": "-", "·": "*", "⁄": "/"}
+)  # fmt: skip
 _SUPERSCRIPTS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 
 
 def plain(text: str) -> str:
-    """ASCII without anything that would end a remark in any language."""
-    spelled = re.sub("[⁻⁰¹²³⁴-⁹]+", lambda power: "^" + power[0].translate(_SUPERSCRIPTS), text.translate(_SPELLED))
-    ascii_text = spelled.encode("ascii", "replace").decode("ascii")
+    """ASCII without anything that would end a remark in any language.
+
+    Letters are spelled as their languages do without them, else lose their accents; what is left becomes ``?``.
+
+    >>> plain("Ständer außen, Tête [°C]")
+    'Staender aussen, Tete [degC]'
+    """
+    spelled = unicodedata.normalize("NFC", text).translate(_SPELLED)
+    spelled = re.sub("[⁻⁰¹²³⁴-⁹]+", lambda power: "^" + power[0].translate(_SUPERSCRIPTS), spelled)
+    parts = unicodedata.normalize("NFKD", spelled).translate(_SPELLED)
+    bare = "".join(character for character in parts if not unicodedata.combining(character))
+    ascii_text = bare.encode("ascii", "replace").decode("ascii")
     for end in ("*/", "/*", "*)", "(*", "//", "\\", "{", "}", "]]>", "??", "\x00"):
         ascii_text = ascii_text.replace(end, "_")
     return "".join(character if character.isprintable() else " " for character in ascii_text)
