@@ -24,6 +24,7 @@ from selector.quality.relations import Relations
 from selector.quality.siblings import leaving_group, stuck_beside_siblings
 from selector.quality.streams import StreamWithoutFaults
 from selector.quality.survey import Survey
+from selector.quality.unit_explains import agreed
 from selector.quality.wrong_units import wrong_length_units, wrong_temperature_units
 from selector.recording import Recording
 
@@ -91,6 +92,7 @@ def inspect(recording: Recording, channels: Iterable[str] | None = None) -> tupl
             new = list(check(survey))
             survey.leave_out(new)
             found += new
+    found = agreed(found)
     runs = {name: k for k, name in enumerate(recording.runs)}
     order = {name: k for k, name in enumerate(recording.names)}
 

@@ -25,7 +25,7 @@ table (-200, 850, 1372), the end of a 16-, 24- or 32-bit number in steps of 1, 0
 _SOFT_CODES = (0.0, 85.0)
 """Codes that could be readings: an open input, the power-on value of a DS18B20. Only believed after a clear jump."""
 
-_PLAUSIBLE = {"temperature": (-60.0, 250.0), "ambient": (-60.0, 80.0)}
+PLAUSIBLE = {"temperature": (-60.0, 250.0), "ambient": (-60.0, 80.0)}
 """Beyond these, a temperature on or around a machine tool is not one [°C]."""
 
 _MEASURED = ("temperature", "ambient", "displacement", "size", "amplitude")
@@ -58,7 +58,7 @@ def out_of_range(survey: Survey) -> Iterator[Finding]:
     for run in survey.runs:
         for column in survey.columns(*THERMAL_ROLES):
             channel = survey.channels[column]
-            low, high = _PLAUSIBLE[channel.role]
+            low, high = PLAUSIBLE[channel.role]
             x = survey.values[run][column]
             outside = (x < low) | (x > high)
             if not outside.any():
@@ -66,12 +66,13 @@ def out_of_range(survey: Survey) -> Iterator[Finding]:
             windows = joined(survey.time[run], outside, np.isfinite(x))
             seen = x[outside]
             worst = float(seen[np.argmax(np.abs(seen - (low + high) / 2))])
+            way = "up" if worst > high else "down"
             yield from told(
                 Finding(
                     "out-of-range",
                     "error",
-                    f"{channel.name} in run {run} reads up to {reading(worst, channel)} {{when}}; on a machine tool "
-                    f"{low:g} to {high:g} °C can be.",
+                    f"{channel.name} in run {run} reads {way} to {reading(worst, channel)} {{when}}; on a machine "
+                    f"tool −{-low:g} to {high:g} °C can be.",
                     Where(channel.name, run),
                     {"samples": int(outside.sum()), "value": worst, "plausible": [low, high]},
                     "Check the sensor and the unit in the machine file. The stretch is left out.",
@@ -150,7 +151,7 @@ def _apart(x: Floats, coded: NDArray[np.bool_], far: float, role: str) -> NDArra
     """The coded samples that stand at least `far` from every reading; readings that lead up to a code make it one."""
     readings = x[~coded]
     if not coded.any() or readings.size == 0:
-        low, high = _PLAUSIBLE.get(role, (-np.inf, np.inf))
+        low, high = PLAUSIBLE.get(role, (-np.inf, np.inf))
         return np.asarray(coded & ((x < low) | (x > high)))
     if role not in THERMAL_ROLES:
         low, high = np.quantile(readings, [0.02, 0.98])

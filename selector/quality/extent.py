@@ -64,7 +64,7 @@ def few_values(survey: Survey) -> Iterator[Finding]:
                 f"{channel.name} is {reading(low, channel)} in every sample of every run.",
                 Where(channel.name),
                 {"value": low},
-                "It cannot explain anything and is not used.",
+                f"{'Check the sensor and its wiring. ' * (channel.role in MEASURED_ROLES)}A constant is not used.",
             )
             continue
         if channel.role not in MEASURED_ROLES or sum(scale.count for scale in scales) < _SHORT:

@@ -32,10 +32,14 @@ def stretch(from_s: float, to_s: float) -> str:
 def reading(value: float, channel: Channel) -> str:
     """A value with its unit; a temperature to 0.01 °C, as no thermometer on a machine tells more."""
     shown = f"{value if channel.unit != 'degC' else round(value, 2) + 0.0:.6g}"
-    return f"{shown} {_UNITS.get(channel.unit, channel.unit)}".rstrip()
+    return _true_minus(f"{shown} {_UNITS.get(channel.unit, channel.unit)}".rstrip())
 
 
 def difference(value: float, channel: Channel) -> str:
     """A difference of two values with its unit: of temperatures in K."""
     unit = "K" if channel.unit == "degC" else _UNITS.get(channel.unit, channel.unit)
-    return f"{value:.3g} {unit}".rstrip()
+    return _true_minus(f"{value:.3g} {unit}".rstrip())
+
+
+def _true_minus(text: str) -> str:
+    return f"−{text[1:]}" if text.startswith("-") else text

@@ -15,6 +15,7 @@ from selector.report.numbers import listed, number_text, rounded_text
 from selector.selection import Selection
 from selector.selection.result import RunProof
 
+_UNUSABLE = ("constant-sensor", "sensor-missing")
 USELESS = "no-better-than-nothing"
 _UNSEEN = {
     "run": "On runs that the model has not seen",
@@ -117,8 +118,15 @@ def _of(names: tuple[str, ...], selection: Selection) -> str:
 
 
 def _dropped(selection: Selection) -> tuple[str, ...]:
-    dropped = len(selection.sensors) - len(selection.chosen)
-    return (f"The other {dropped} of {len(selection.sensors)} sensors are not needed.",) if dropped > 1 else ()
+    dropped, found = len(selection.sensors) - len(selection.chosen), []
+    gone = (one.where.channel for one in selection.findings if one.id in _UNUSABLE)
+    unusable = [name for name in dict.fromkeys(gone) if name is not None and name not in selection.sensors]
+    if dropped > 1:
+        usable = " usable" if unusable else ""
+        found.append(f"The other {dropped} of {len(selection.sensors)}{usable} sensors are not needed.")
+    if unusable:
+        found.append(f"Not usable and left out: {listed(unusable)} (see the warnings).")
+    return tuple(found)
 
 
 def _improvement(selection: Selection, names: tuple[str, ...]) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -57,11 +57,11 @@ class RunsOf:
         return self._runs
 
 
-def survey(source: RunSource, question: Question, datum: Datum) -> Survey:
+def survey(source: RunSource, question: Question, datum: Datum, found_before: Iterable[Finding] = ()) -> Survey:
     """Decide which runs and sensors can be used.
 
     A sensor that is constant, that copies another one, or that is missing where others could stand in for it is not a
-    candidate; every such decision is a finding.
+    candidate; every such decision is a finding, which names what was `found_before` as the cause.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def survey(source: RunSource, question: Question, datum: Datum) -> Survey:
                 where="--response",
                 advice="leave it out (a direction that stays put needs no model), or check the gauge",
             )
-    kept, about_sensors = usable_sensors(RunsOf(source, runs), question, missing / total, low, high)
+    kept, about_sensors = usable_sensors(RunsOf(source, runs), question, missing / total, low, high, found_before)
     return Survey(
         tuple(runs),
         total,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,7 @@ def usable_sensors(
     missing: NDArray[np.float64],
     low: NDArray[np.float64],
     high: NDArray[np.float64],
+    found: Iterable[Finding] = (),
 ) -> tuple[list[str], list[Finding]]:
     """Sensors that can be candidates, and findings about those that cannot or that cost samples.
 
@@ -42,6 +43,8 @@ def usable_sensors(
     ----------
     missing, low, high : ndarray of shape (≥ n_sensors,)
         Share of samples without a reading, smallest and largest reading of each sensor, sensors first.
+    found : iterable of Finding, optional
+        What was left out of the recording before: the cause of readings that are not there.
 
     Raises
     ------
@@ -49,11 +52,12 @@ def usable_sensors(
         Nothing usable is left, or a sensor that must be kept cannot be.
     """
     reasons: Reasons = {}
+    before = tuple(found)
     for j, name in enumerate(question.sensors):
         if not np.isfinite(low[j]) or missing[j] >= 1.0:
-            reasons[name] = ("sensor-missing", "has no reading where the displacement is known", "check its wiring")
+            reasons[name] = ("sensor-missing", *_why_no_reading(name, before))
         elif high[j] - low[j] <= 1e-9 * max(1.0, abs(high[j])):
-            reasons[name] = ("constant-sensor", f"always reads {high[j]:.6g} °C", "a constant cannot explain anything")
+            reasons[name] = ("constant-sensor", f"always reads {high[j]:.6g} °C", "check the sensor and its wiring")
     gaps = {name: float(missing[j]) for j, name in enumerate(question.sensors) if name not in reasons}
     likeness = _left_out_for_gaps(source, question.options.must, gaps, reasons)
     for name, (_, why, _) in reasons.items():
@@ -75,6 +79,19 @@ def usable_sensors(
     findings = [_not_a_candidate(name, *reason) for name, reason in reasons.items()]
     findings += [_samples_lost(name, gaps[name], likeness[name]) for name in likeness if name in kept]
     return kept, findings
+
+
+def _why_no_reading(name: str, found: Sequence[Finding]) -> tuple[str, str]:
+    """(why a sensor has no reading, advice): what was found before, not the wiring, if that left its readings out."""
+    left_out = [one for one in found if one.where.channel == name and one.action != "none"]
+    units = [one for one in found if one.id == "wrong-unit" and one.where.channel in (None, name)]
+    if left_out and units:
+        mistake = units[0].evidence.get("mistake", "another unit")
+        return f"has no reading left, as its unit looks wrong ({mistake})", "mend its unit as wrong-unit says"
+    if left_out:
+        kinds = ", ".join(dict.fromkeys(one.id for one in left_out))
+        return f"has no reading left where the displacement is known ({kinds})", f"see what {kinds} says of {name}"
+    return "has no reading where the displacement is known", "check its wiring"
 
 
 def _left_out_for_gaps(

@@ -73,7 +73,7 @@ def select(
     say("reading", 0.0)
     asked = question_of(source, options or Options())
     datum = datum_of(source, asked.sensors, asked.responses, asked.options.reference)
-    surveyed = survey(source, asked, datum)
+    surveyed = survey(source, asked, datum, findings)
     question = surveyed.question
     runs = RunsOf(source, surveyed.runs)
     n_blocks = blocks_per_run(len(surveyed.runs), surveyed.n_samples)
@@ -157,7 +157,10 @@ def select(
     say("looking for doubts", 0.95)
     doubted = doubts(selection, surveyed, datum, rows, ridge, offer_errors, offer, stride)
     say("done", 1.0)
-    everything = sorted((*findings, *surveyed.findings, *doubted), key=lambda finding: LEVELS[finding.level])
+    constant = {one.where.channel for one in surveyed.findings if one.id == "constant-sensor"}
+    # a dead sensor is told once
+    others = (one for one in findings if one.id != "constant-channel" or one.where.channel not in constant)
+    everything = sorted((*others, *surveyed.findings, *doubted), key=lambda finding: LEVELS[finding.level])
     return replace(selection, findings=tuple(everything))
 
 

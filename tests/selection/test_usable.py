@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 from selector.errors import OptionError
+from selector.findings import Finding, Where
 from selector.models.design import datum_of
+from selector.quality import inspect
+from selector.report.wording import advice
 from selector.selection import Options, select
 from selector.selection.options import question_of
 from selector.selection.survey import survey
@@ -78,6 +81,33 @@ def test_a_dead_sensor_is_no_candidate():
     found = surveyed(source)
     assert "T7" not in found.question.sensors
     assert found.findings[0].id == "sensor-missing"
+
+
+def test_a_sensor_without_readings_points_to_what_left_them_out():
+    source = changed(machine(n_runs=3, n=100), lambda _run, values: values.update(T7=np.full(100, np.nan)))
+    at = Where("T7", "day1")
+    unit = Finding("wrong-unit", "warning", "", at, {"mistake": "°C taken for K"})
+    gone = Finding("out-of-range", "error", "", at, {}, "", "leave-out-stretch")
+    told = (
+        ((), "has no reading where the displacement is known"),
+        ((gone,), "out-of-range"),
+        ((unit, gone), "as its unit looks wrong (°C taken for K)"),
+    )
+    for before, words in told:
+        finding = one_finding(select(source, findings=before), "sensor-missing")
+        assert words in finding.statement
+        assert ("wiring" in finding.suggestion) is (not before)
+
+
+def test_a_dead_sensor_is_told_once_and_counted():
+    source = changed(machine(n_runs=3, n=100), lambda _run, values: values.update(T7=np.full(100, 20.0)))
+    found = select(source, findings=inspect(source))
+    about = [one for one in found.findings if one.where.channel == "T7"]
+    assert [one.id for one in about] == ["constant-sensor"]
+    assert "wiring" in about[0].suggestion
+    said = " ".join(advice(found).more)
+    assert "of 6 usable sensors are not needed" in said
+    assert "left out: T7" in said
 
 
 def test_a_patchy_sensor_that_others_can_stand_in_for_costs_no_samples():
