@@ -29,6 +29,7 @@ SCHEMA = "selector.export/1"
 SHEET = "commissioning.html"
 MODEL = "model.json"
 _FEWEST_DIGITS = 8
+_LIMITS_BELOW = 1e6
 
 For = Annotated[
     str,
@@ -89,6 +90,8 @@ def export(
     if target not in TARGETS:
         raise OptionError(repr(target), expected="one of " + ", ".join(TARGETS), where="--for", advice="choose one")
     chosen = TARGETS[target]
+    if not source.runs:
+        source.refuse_unread("--replay")
     require_writable_folder(out, "--out")
     usable, of_model = _usable(model)
     turned = with_turned_signs(usable, invert or ())
@@ -159,18 +162,24 @@ def _with_limits(model: ModelFile, clamps: dict[str, str], slews: dict[str, str]
                     advice="correct the name",
                 )
             limits = given.get(name, OutputLimits(output=name))
-            given[name] = limits.model_copy(update={field: _positive(text, f"{option} {name}")})
+            given[name] = limits.model_copy(update={field: _limit(text, option, name)})
     guard = model.guard.model_copy(update={"limits": tuple(given[name] for name in names if name in given)})
     return model.model_copy(update={"guard": guard})
 
 
-def _positive(text: str, where: str) -> float:
+def _limit(text: str, option: str, name: str) -> float:
     try:
         value = float(text)
     except ValueError:
         value = math.nan
-    if not 0.0 < value < 1e6:
-        raise OptionError(text, expected="a number above 0", where=where, advice="e.g. --clamp Z=50 --slew Z=1")
+    if not 0.0 < value < _LIMITS_BELOW:
+        unit, example = ("µm", 50) if option == "--clamp" else ("µm/s", 1)
+        raise OptionError(
+            text,
+            expected=f"a number above 0 and below {_LIMITS_BELOW:.0f} {unit}",
+            where=f"{option} {name}",
+            advice=f"e.g. {option} {name}={example}",
+        )
     return value
 
 

@@ -125,6 +125,27 @@ class Source:
 
         return read(self.runs, machine=self.machine, overrides=self.overrides())
 
+    def refuse_unread(self, option: str) -> None:
+        """Ends with an error where something is said about recordings though none are named; `option` names them.
+
+        Raises
+        ------
+        OptionError
+            It is.
+        """
+        for name, annotation in inspect.get_annotations(Source, eval_str=True).items():
+            value = getattr(self, name)
+            if name == "runs" or value is None or value == []:
+                continue
+            # typer keeps the first name of an annotated option in the place of its default
+            said = get_args(annotation)[1].default
+            raise OptionError(
+                f"{said} {value[0] if isinstance(value, list) else value} without {option}",
+                expected=f"{option} beside it: {said} says how recordings are read",
+                where=said,
+                advice=f"name recordings with {option}, or leave {said} out",
+            )
+
     def overrides(self) -> Overrides:
         """What the user decides instead of the reader.
 
