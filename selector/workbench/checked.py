@@ -18,10 +18,11 @@ class CheckedDash(dash.Dash):
     def callback(self, *of: Any, **options: Any) -> Callable[..., Any]:
         """As `dash.Dash.callback`."""
         register = super().callback(*of, **options)
-        return lambda function: register(_checked(function))
+        return lambda function: register(checked(function))
 
 
-def _checked(function: Callable[..., Any]) -> Callable[..., Any]:
+def checked(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A function that is called only with arguments of the kinds that its annotations name."""
     judged = validate_call(config=ConfigDict(strict=True))(function)
 
     @functools.wraps(function)

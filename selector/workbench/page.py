@@ -32,6 +32,9 @@ _LOOK = "/look.css"
 """The style sheet of the reports, which the page begins with."""
 
 _LOOK_MS = 700
+_NOTICED = "noticed"
+"""Store: the revision of the bench at which the notice was said; a later one takes it away."""
+
 _SHOWN_RESULTS = (".html", ".json", ".toml", ".csv", ".txt")
 
 
@@ -70,6 +73,7 @@ def _frame(bench: Bench) -> Component:
             dcc.Location(id="address", refresh=False),
             dcc.Store(id=parts.REVISION, data=bench.revision),
             dcc.Store(id="tick", data=-1),
+            dcc.Store(id=_NOTICED, data=-1),
             dcc.Interval(id="look", interval=_LOOK_MS),
             html.Header(
                 [
@@ -157,10 +161,12 @@ def _register(app: dash.Dash, bench: Bench) -> None:
         Output(parts.NOTICE, "children"),
         Input(parts.REVISION, "data"),
         Input("address", "hash"),
+        State(_NOTICED, "data"),
         prevent_initial_call=True,
     )
-    def _clear(_: int, __: str | None) -> None:
-        return None
+    def _clear(revision: int, _: str | None, noticed: int) -> None:
+        if dash.ctx.triggered_id == parts.REVISION and revision <= noticed:
+            raise dash.exceptions.PreventUpdate
 
 
 def _status(bench: Bench) -> list[Component]:
@@ -193,6 +199,7 @@ def _said(bench: Bench, error: Exception) -> None:
             advice="report it, with what you did; the files of the study are as they were",
         )
     dash.set_props(parts.NOTICE, {"children": parts.problem(error)})
+    dash.set_props(_NOTICED, {"data": bench.revision})
 
 
 def _add_routes(server: flask.Flask, bench: Bench) -> None:

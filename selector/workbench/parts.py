@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
 import dash
@@ -18,6 +20,7 @@ from selector.errors import InputError
 from selector.figures import style
 from selector.findings import Finding
 from selector.workbench.bench import Bench
+from selector.workbench.checked import checked
 from selector.workbench.jobs import Job
 from selector.workbench.typed import in_words_of_fields
 
@@ -166,7 +169,7 @@ def download(relative: str, text: str) -> Component:
 def showing_what_counts(
     boxes: Sequence[Any], sent: Sequence[str | None], counts: Callable[[], Sequence[str]]
 ) -> Iterator[None]:
-    """Around what takes typed texts over: afterwards, also when they were refused, the fields show what counts.
+    """Around what takes typed texts over: afterwards the fields show what counts; what was refused stays there.
 
     Parameters
     ----------
@@ -176,12 +179,43 @@ def showing_what_counts(
     counts : callable
         What is to stand in them.
     """
-    try:
-        yield
-    finally:
-        for box, text, now in zip(boxes, sent, counts(), strict=True):
-            if text != now:
-                set_props(box, {"value": now})
+    yield
+    follow(boxes, sent, [None] * len(boxes), counts())
+
+
+def follow(boxes: Sequence[Any], shown: Sequence[Any], before: Sequence[Any], now: Sequence[Any]) -> None:
+    """Fields show what counts now where it is other than before: elsewhere somebody may be typing, or was refused."""
+    for box, text, was, counts in zip(boxes, shown, before, now, strict=True):
+        if counts not in (was, text):
+            set_props(box, {"value": counts})
+
+
+Place = tuple[Any, str]
+"""Id of a component, and one of its properties."""
+
+
+@dataclass(frozen=True)
+class Form:
+    """Fields of a page, and what takes over what stands in them.
+
+    Attributes
+    ----------
+    fields : tuple of Place
+        What is taken over as soon as it is changed.
+    take : callable
+        Takes what stands in `fields` and `beside`, in this order, to the bench and tells it, or raises `InputError`.
+    beside : tuple of Place
+        What `take` must know, too.
+    """
+
+    fields: tuple[Place, ...]
+    take: Callable[..., None]
+    beside: tuple[Place, ...] = ()
+
+    def register(self, app: dash.Dash) -> None:
+        """What is changed goes to the bench at once, so that the command shows it."""
+        heard = (Input(*place) for place in self.fields)
+        app.callback(*heard, *(State(*place) for place in self.beside), prevent_initial_call=True)(self.take)
 
 
 def register_start(
@@ -192,8 +226,12 @@ def register_start(
     command: Callable[[], Sequence[str] | None],
     folder: Callable[[], str],
     missing: Callable[[], InputError],
+    forms: Sequence[Form],
 ) -> None:
     """The button ``{page}-start`` puts the page's command, which writes `folder`, into the queue.
+
+    It first takes over what stands in the page's fields: the browser sends the end of typing and the click together,
+    and what was refused is refused again instead of what counted before being started.
 
     Parameters
     ----------
@@ -208,10 +246,16 @@ def register_start(
         Folder of the results in the study folder.
     missing : callable
         What is said when something is missing.
+    forms : sequence of Form
+        The page's fields.
     """
+    places = [place for form in forms for place in (*form.fields, *form.beside)]
 
-    @app.callback(Input(f"{page}-start", "n_clicks"), prevent_initial_call=True)
-    def _start(_: int) -> None:
+    @app.callback(Input(f"{page}-start", "n_clicks"), *(State(*place) for place in places), prevent_initial_call=True)
+    def _start(_: int, *shown: Any) -> None:
+        stands = iter(shown)
+        for form in forms:
+            checked(form.take)(*islice(stands, len(form.fields) + len(form.beside)))
         asked = command()
         if asked is None:
             raise missing()

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TypeVar
 
 from selector.errors import OptionError
 
@@ -24,6 +26,8 @@ FIELDS = {
 }  # fmt: skip
 """Option of the command line → title of the field that does the same."""
 
+_AGAIN = "type it again; until then the earlier value counts, and this page starts nothing"
+_Read = TypeVar("_Read")
 _OPTION = re.compile(r"(?P<mark>`?)(?P<option>--[a-z][a-z-]*[a-z])(?P=mark)")
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
 
@@ -37,20 +41,43 @@ def in_words_of_fields(text: str) -> str:
     return _OPTION.sub(lambda of: f"“{FIELDS[of['option']]}”" if of["option"] in FIELDS else of[0], text)
 
 
-def number(text: str | None, where: str, low: float = -math.inf, high: float = math.inf) -> float:
-    """The number that was typed, with a point or a comma.
+@contextmanager
+def judged() -> Iterator[Callable[[Callable[[], _Read], _Read], _Read]]:
+    """Gives a function that reads a field, or gives its second argument where the field is refused.
+
+    Raises
+    ------
+    OptionError
+        At the end: the first refusal. What stands in the other fields could be taken.
+    """
+    refused: list[OptionError] = []
+
+    def read(reading: Callable[[], _Read], otherwise: _Read) -> _Read:
+        try:
+            return reading()
+        except OptionError as error:
+            refused.append(error)
+            return otherwise
+
+    yield read
+    if refused:
+        raise refused[0]
+
+
+def number(text: str | None, where: str, low: float = -math.inf, high: float = math.inf, unit: str = "") -> float:
+    """The number that was typed, with a point or a comma, alone or with the unit of the field.
 
     Raises
     ------
     OptionError
         It is none, or not within the limits.
 
-    >>> number("0,98", "λ"), number(" 1e-3 ", "cost")
-    (0.98, 0.001)
+    >>> number("0,98", "λ"), number(" 1e-3 ", "cost"), number("0,5 um/s", "fastest change", unit="µm/s")
+    (0.98, 0.001, 0.5)
     """
-    value = _value(text or "")
+    value = _value(_without_unit(text or "", unit))
     if value is None or not low <= value <= high:
-        raise _refused(text, f"a number{_limits(low, high)}, e.g. {_example(low, high)}", where)
+        raise _refused(text, f"a number{_limits(low, high, unit)}, e.g. {_example(low, high)}", where)
     return value
 
 
@@ -68,7 +95,9 @@ def whole(text: str | None, where: str, least: int = 1) -> int:
     return int(value)
 
 
-def numbers(text: str | None, where: str, low: float = -math.inf, high: float = math.inf) -> tuple[float, ...]:
+def numbers(
+    text: str | None, where: str, low: float = -math.inf, high: float = math.inf, unit: str = ""
+) -> tuple[float, ...]:
     """The numbers that were typed, apart by blanks, semicolons, or commas where these are no decimal marks.
 
     Raises
@@ -79,11 +108,11 @@ def numbers(text: str | None, where: str, low: float = -math.inf, high: float = 
     >>> numbers("0,99 0,95", "λ"), numbers("0.99,0.95", "λ"), numbers("0,99; 0,95", "λ"), numbers("1, 0,95", "λ")
     ((0.99, 0.95), (0.99, 0.95), (0.99, 0.95), (1.0, 0.95))
     """
-    found = [_value(word) for word in _words(text or "")]
+    found = [_value(word) for word in _words(_without_unit(text or "", unit))]
     values = tuple(value for value in found if value is not None and low <= value <= high)
     if not values or len(values) != len(found):
         example = _example(low, high)
-        raise _refused(text, f"numbers{_limits(low, high)}, e.g. {example}; several apart by blanks", where)
+        raise _refused(text, f"numbers{_limits(low, high, unit)}, e.g. {example}; several apart by blanks", where)
     return values
 
 
@@ -98,10 +127,19 @@ def _value(text: str) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _limits(low: float, high: float) -> str:
+def _without_unit(text: str, unit: str) -> str:
+    """The text without the unit behind its numbers; a micro sign may be a mu or a u."""
+    if not unit:
+        return text
+    return re.sub(rf"(?<=[\d.,])\s*{re.escape(unit).replace('µ', '[µμu]')}(?![\w/])", "", text)
+
+
+def _limits(low: float, high: float, unit: str) -> str:
     if math.isfinite(low) and math.isfinite(high):
-        return f" from {low:g} to {high:g}"
-    return f" of at least {low:g}" if math.isfinite(low) else ""
+        said = f" from {low:g} to {high:g}"
+    else:
+        said = f" of at least {low:g}" if math.isfinite(low) else ""
+    return f"{said} {'' if said else 'in '}{unit}" if unit else said
 
 
 def _example(low: float, high: float) -> str:
@@ -110,4 +148,4 @@ def _example(low: float, high: float) -> str:
 
 def _refused(text: str | None, expected: str, where: str) -> OptionError:
     found = f"“{text}” was typed" if text else "nothing was typed"
-    return OptionError(found, expected=expected, where=where, advice="type it again; the field shows what counts now")
+    return OptionError(found, expected=expected, where=where, advice=_AGAIN)

@@ -146,7 +146,19 @@ def test_a_diagnosis_and_an_export(page, bench, study):
     page.get_by_text("--sign-verified").wait_for()
     assert bench.export.replayed == (DIAGNOSIS / "r2.csv",)
     assert bench.export.slew_um_per_s == {}
-    page.get_by_role("button", name="Export").click()
+    # what was refused stays, and nothing is exported with what counted before
+    export = page.get_by_role("button", name="Export")
+    export.click()
+    page.locator("#notice").get_by_text("“fast” was typed").wait_for()
+    limits.nth(1).fill("fifty")
+    export.click()
+    page.locator("#notice").get_by_text("“fifty” was typed").wait_for()
+    page.wait_for_timeout(1000)  # longer than the page waits until it looks at the bench again
+    assert page.locator("#notice").get_by_text("fastest change of Z").is_visible()
+    assert limits.nth(1).input_value() == "fifty"
+    assert [job.title for job in bench.jobs.all] == ["Diagnosis"]
+    limits.nth(1).fill("0,5 µm/s")
+    export.click()
     page.get_by_role("heading", name="Files in export-c").wait_for()
     page.locator("summary", has_text="thermal_correction.c").click()
     program = (study / "export-c" / "thermal_correction.c").read_text(encoding="utf-8")
@@ -154,6 +166,7 @@ def test_a_diagnosis_and_an_export(page, bench, study):
     sheet = page.frame_locator("#page-export iframe")
     sheet.get_by_text("Sign test").first.wait_for()
     assert bench.jobs.all[-1].command[-1] == "--sign-verified"
+    assert "Z=0.5" in bench.jobs.all[-1].command
 
 
 def test_what_is_typed_counts_or_is_refused_in_the_words_of_the_field(page, bench):
@@ -168,18 +181,21 @@ def test_what_is_typed_counts_or_is_refused_in_the_words_of_the_field(page, benc
 
     typed(level, "0,98")
     page.get_by_text("--lambda 0.98 ").wait_for()
-    for box, text, said in (
-        (level, "98", "“98”"),
-        (level, "fine", "“fine”"),
-        (most, "many", "“many”"),
-        (most, "0", "a whole number of at least 1"),
+    for box, counts, text, said in (
+        (level, "0.98", "98", "“98”"),
+        (level, "0.98", "fine", "“fine”"),
+        (most, "5", "many", "“many”"),
+        (most, "5", "0", "a whole number of at least 1"),
     ):
         typed(box, text)
         page.locator("#notice").get_by_text(said).wait_for()
         assert "--" not in page.locator("#notice").inner_text()
-    # not wait_for_function: its words are a script of the page, which the page's own policy forbids
-    api.expect(most).to_have_value("5", timeout=PATIENCE_MS)
-    assert level.input_value() == "0.98"
+        # a change elsewhere does not take away what was typed
+        bench.changed()
+        page.wait_for_timeout(900)
+        assert box.input_value() == text
+        typed(box, counts)
+    assert (bench.options.level, bench.options.max_sensors) == (0.98, 5)
     # an empty field is what counts when nothing is said
     typed(level, "")
     api.expect(level).to_have_value("auto", timeout=PATIENCE_MS)
@@ -189,7 +205,23 @@ def test_what_is_typed_counts_or_is_refused_in_the_words_of_the_field(page, benc
     page.get_by_text("=2.5").wait_for()
     typed(cost.first, "-1")
     page.locator("#notice").get_by_text("at least 0").wait_for()
-    api.expect(cost.first).to_have_value("2.5", timeout=PATIENCE_MS)
+    page.get_by_role("button", name="Start").click()
+    page.wait_for_timeout(900)
+    assert page.locator("#notice").get_by_text("at least 0").is_visible()
+    assert cost.first.input_value() == "-1"
+    assert bench.jobs.all == ()
+    # typing that ends with the click
+    cost.first.fill("3")
+    most.fill("drei")
+    page.get_by_role("button", name="Start").click()
+    page.locator("#notice").get_by_text("“drei”").wait_for()
+    assert bench.jobs.all == ()
+    most.fill("2")
+    page.get_by_role("button", name="Start").click()
+    page.get_by_text("The answer").wait_for()
+    command = " ".join(bench.jobs.all[0].command)
+    assert "--max-sensors 2" in command
+    assert "=3 " in command
 
 
 def test_a_running_command_is_cancelled(page, bench, study):

@@ -124,6 +124,35 @@ def test_values_of_wrong_kinds_are_neither_kept_nor_a_failure(app, client, bench
         bench._diagnosis, bench._export = DiagnoseSection(), Export()
 
 
+@pytest.mark.parametrize(
+    ("page", "box", "text"),
+    [
+        ("selection", "selection-max_sensors", "drei"),
+        ("selection", "selection-level", "98"),
+        ("diagnosis", "diagnosis-false_alarm", "often"),
+        ("export", "export-clamp", "twelve"),
+        ("sensors", "sensors-cost", "-1"),
+    ],
+)
+def test_what_was_refused_is_not_started_with_what_counted_before(app, client, bench, monkeypatch, page, box, text):
+    """Whatever the server hears first, the end of typing or the click: the click brings what was typed along."""
+    started = []
+    monkeypatch.setattr(bench, "start", lambda *of: started.append(of))
+    before = kept(bench)
+    start = next(one for one in asked(app, client) if one["changedPropIds"] == [f"{page}-start.n_clicks"])
+    right = {"selection-responses": [], "selection-ticks": [], "diagnosis-responses": [], "export-invert": []}
+    start["inputs"][0]["value"] = 1
+    for said in start["state"]:
+        one = said[0] if isinstance(said, list) else said
+        name = one["id"] if isinstance(one["id"], str) else one["id"]["type"]
+        value = one["value"] if one["property"] == "id" else right.get(name, one["value"])
+        one["value"] = text if name == box else value
+    answer = send(client, start).text
+    assert json.dumps(f"“{text}” was typed")[1:-1] in answer
+    assert started == []
+    assert kept(bench) == before
+
+
 def test_a_value_of_a_wrong_kind_says_what_is_wrong(app, client):
     body = next(one for one in asked(app, client) if "selection-responses" in str(one["inputs"]))
     body["inputs"][0]["value"] = "Z"

@@ -25,6 +25,19 @@ def test_what_is_no_number_says_the_field_and_what_is_expected(text):
     assert refused.value.found == (f"“{text}” was typed" if text else "nothing was typed")
 
 
+@pytest.mark.parametrize("text", ["12 µm", "12µm", "12 μm", "12,0 um", "12"])
+def test_a_number_with_the_unit_of_its_field(text):
+    assert number(text, "largest correction", 0.0, 100.0, "µm") == 12.0
+    assert number("0,5 µm/s", "fastest change", unit="µm/s") == 0.5
+    assert numbers("0,1 m; 0,6 m 1,2m", "x, y, z", unit="m") == (0.1, 0.6, 1.2)
+
+
+@pytest.mark.parametrize("text", ["12 mm", "12 µm/s", "µm", "12 µm 3", "12 m"])
+def test_a_number_with_another_unit_is_refused(text):
+    with pytest.raises(OptionError, match="from 0 to 100 µm"):
+        number(text, "largest correction", 0.0, 100.0, "µm")
+
+
 def test_several_numbers():
     for text in ("0.99 0.95", "0,99 0,95", "0.99, 0.95", "0,99, 0,95", "0.99,0.95", "0,99;0,95", "0.99; 0.95;"):
         assert numbers(text, "λ", 0.0, 1.0) == (0.99, 0.95), text

@@ -29,8 +29,8 @@
       });
       const told = await answer.json();
       window.dash_clientside.set_props("notice", { children: told.refused || null });
-      if (told.refused) bar.level.value = bar.level.dataset.counts;
-      else show(told, what);
+      // a λ that was refused stays in its field
+      if (!told.refused) show(told, what);
     } catch (error) {
       window.dash_clientside.set_props("notice", { children: "No answer; is the workbench still running?" });
     } finally {
@@ -45,6 +45,14 @@
 
   // ---- the bar: slider, number, displacement, facts
   let bar = null;
+  let typed = null;
+
+  // a λ that was typed and is not looked at, or not yet; the button that starts asks for it
+  function keep(text) {
+    if (text === typed) return;
+    typed = text;
+    window.dash_clientside.set_props(`${PAGE}-typed`, { data: text });
+  }
 
   function builtBar() {
     const root = place("bar");
@@ -67,7 +75,11 @@
     root.replaceChildren(row, bar.facts);
     bar.slider.addEventListener("input", () => ask({ step: Number(bar.slider.value) }));
     // as it was typed: 0,98 is a number, too
-    bar.level.addEventListener("change", () => ask({ level: bar.level.value }));
+    bar.level.addEventListener("change", () => {
+      // before the click that may have ended the typing
+      keep(bar.level.value);
+      ask({ level: bar.level.value });
+    });
     bar.response.addEventListener("change", () => ask({ response: bar.response.value }));
     bar.back.addEventListener("click", () => ask({ take: [] }));
     return bar;
@@ -77,10 +89,13 @@
     const { slider, level, response, back, facts } = builtBar();
     slider.max = told.last;
     // the hand that drags may be further already
-    if (!("step" in asked)) slider.value = told.step;
+    if (!asked || !("step" in asked)) slider.value = told.step;
     slider.setAttribute("aria-valuetext", `λ = ${told.level}`);
-    level.value = told.level;
-    level.dataset.counts = told.level;
+    // a λ that was typed stays until it, or what was done after it, is answered
+    if (typed === null || (asked && !(waits && "level" in waits))) {
+      level.value = told.level;
+      keep(null);
+    }
     back.hidden = !told.is_taken;
     response.hidden = told.responses.length < 2;
     response.replaceChildren(...told.responses.map((name) => made("option", name, { value: name })));
@@ -186,7 +201,7 @@
     requestAnimationFrame(() => setTimeout(next));
   }
 
-  function show(told, asked = {}) {
+  function show(told, asked = null) {
     showBar(told, asked);
     for (const [name, text] of Object.entries(told.titles)) place(`${name}-title`).textContent = text;
     showGroups(told.groups);

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import partial
 from typing import Any
 
 import dash
@@ -99,23 +100,21 @@ def register(app: dash.Dash, bench: Bench) -> None:
                 bench.drop_simulated(files[name])
             parts.tell(bench)
 
-    @app.callback(
-        Input(f"{ID}-responses", "value"),
-        Input(f"{ID}-holdout", "value"),
-        Input(f"{ID}-false_alarm", "value"),
-        prevent_initial_call=True,
-    )
-    def _choose(responses: list[str] | None, holdout: str | None, false_alarm: str | None) -> None:
-        with parts.showing_what_counts(_BOXES, [holdout, false_alarm], lambda: _texts(bench)):
+    def take(responses: list[str] | None, holdout: str | None, false_alarm: str | None) -> None:
+        with parts.showing_what_counts(_BOXES, [holdout, false_alarm], lambda: _texts(bench)), typed.judged() as read:
             default = DiagnoseSection()
             probability = default.false_alarm
             if false_alarm:
-                probability = typed.number(false_alarm, FIELDS["--false-alarm"], _LEAST, _MOST)
+                typed_one = partial(typed.number, false_alarm, FIELDS["--false-alarm"], _LEAST, _MOST)
+                probability = read(typed_one, bench.diagnosis.false_alarm)
             said = (holdout or "").strip() or default.holdout
             if bench.choose_diagnosis(responses=tuple(responses or ()), holdout=said, false_alarm=probability):
                 parts.tell(bench)
 
-    parts.register_start(app, bench, ID, TITLE, lambda: command(bench), lambda: DIAGNOSIS, _missing)
+    fields = tuple((f"{ID}-{name}", "value") for name in ("responses", "holdout", "false_alarm"))
+    form = parts.Form(fields, take)
+    form.register(app)
+    parts.register_start(app, bench, ID, TITLE, lambda: command(bench), lambda: DIAGNOSIS, _missing, [form])
     parts.register_answer(
         app, bench, ID, TITLE, lambda: f"{DIAGNOSIS}/report.html", lambda stamp: _answered(bench, stamp)
     )

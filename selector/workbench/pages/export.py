@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from selector.workbench.typed import FIELDS
 ID, TITLE = "export", "Export"
 
 _SHEET = "commissioning.html"
+_KINDS = ("clamp", "slew")
 _LONGEST_SHOWN = 60_000
 _LEAST_LIMIT, _LARGEST_LIMIT = 1e-6, 999_999.0
 _LIMITS = (
@@ -104,54 +106,29 @@ def register(app: dash.Dash, bench: Bench) -> None:
         Output(f"{ID}-shown", "data"),
         Input(parts.REVISION, "data"),
         State(f"{ID}-shown", "data"),
+        *(State({"type": f"{ID}-{kind}", "output": ALL}, "value") for kind in _KINDS),
+        State({"type": f"{ID}-invert", "output": ALL}, "id"),
     )
-    def _show_outputs(_: int, shown: Any) -> tuple[Any, Any]:
+    def _show_outputs(
+        _: int, shown: Any, clamps: list[str | None], slews: list[str | None], ids: list[dict[str, str]]
+    ) -> tuple[Any, Any]:
         asked = bench.export
         outputs = _outputs(bench, asked.model)
         now = [asked.model, TARGETS[asked.target].has_guard, outputs]
         if now == shown:
             raise dash.exceptions.PreventUpdate
-        return _limits(bench, outputs) if outputs else None, now
+        # what was refused stays in the fields of the other control
+        typed_texts = {
+            (kind, one["output"]): text or ""
+            for kind, texts in zip(_KINDS, (clamps, slews), strict=True)
+            for one, text in zip(ids, texts, strict=True)
+        }
+        return _limits(bench, outputs, typed_texts) if outputs else None, now
 
-    @app.callback(
-        Input(f"{ID}-model", "value"),
-        Input(f"{ID}-target", "value"),
-        Input(f"{ID}-replayed", "value"),
-        Input(f"{ID}-sign", "value"),
-        Input(f"{ID}-tested", "value"),
-        prevent_initial_call=True,
-    )
-    def _choose(
-        model: str | None, target: str, replayed: list[str] | None, sign: list[str], tested: str | None
-    ) -> None:
-        if bench.choose_export(
-            model=model or "",
-            target=target if target in TARGETS else "c",
-            replayed=tuple(path for path in bench.used if str(path) in (replayed or ())),
-            is_sign_verified=bool(sign),
-            tested=(tested or "").strip(),
-        ):
-            parts.tell(bench)
-
-    @app.callback(
-        *(Input({"type": f"{ID}-{name}", "output": ALL}, "value") for name in ("clamp", "slew", "invert")),
-        State({"type": f"{ID}-invert", "output": ALL}, "id"),
-        prevent_initial_call=True,
-    )
-    def _limit(
-        clamps: list[str | None], slews: list[str | None], inverts: list[list[str]], ids: list[dict[str, str]]
-    ) -> None:
-        names = [one["output"] for one in ids]
-        boxes = [{"type": f"{ID}-{kind}", "output": name} for kind in ("clamp", "slew") for name in names]
-        with parts.showing_what_counts(boxes, [*clamps, *slews], lambda: _texts(bench, names)):
-            if bench.choose_export(
-                clamp_um=_typed(names, clamps, FIELDS["--clamp"]),
-                slew_um_per_s=_typed(names, slews, FIELDS["--slew"]),
-                inverted=tuple(name for name, ticks in zip(names, inverts, strict=True) if ticks),
-            ):
-                parts.tell(bench)
-
-    parts.register_start(app, bench, ID, TITLE, lambda: command(bench), lambda: bench.export.folder, _missing)
+    forms = (_limits_form(bench), _form(bench))
+    for form in forms:
+        form.register(app)
+    parts.register_start(app, bench, ID, TITLE, lambda: command(bench), lambda: bench.export.folder, _missing, forms)
     parts.register_answer(
         app,
         bench,
@@ -161,6 +138,58 @@ def register(app: dash.Dash, bench: Bench) -> None:
         lambda stamp: _files(bench.folder / bench.export.folder, stamp),
         is_open=True,
     )
+
+
+def _form(bench: Bench) -> parts.Form:
+    def take(model: str | None, target: str, replayed: list[str] | None, sign: list[str], tested: str | None) -> None:
+        if bench.choose_export(
+            model=model or "",
+            target=target if target in TARGETS else "c",
+            replayed=tuple(path for path in bench.used if str(path) in (replayed or ())),
+            is_sign_verified=bool(sign),
+            tested=(tested or "").strip(),
+        ):
+            parts.tell(bench)
+
+    names = ("model", "target", "replayed", "sign", "tested")
+    return parts.Form(tuple((f"{ID}-{name}", "value") for name in names), take)
+
+
+def _limits_form(bench: Bench) -> parts.Form:
+    def take(
+        clamps: list[str | None],
+        slews: list[str | None],
+        inverts: list[list[str]],
+        ids: list[dict[str, str]],
+        target: str,
+    ) -> None:
+        names = [one["output"] for one in ids]
+        boxes = [{"type": f"{ID}-{kind}", "output": name} for kind in _KINDS for name in names]
+        inverted = tuple(name for name, ticks in zip(names, inverts, strict=True) if ticks)
+        if target in TARGETS and not TARGETS[target].has_guard:
+            # what stands in fields that cannot be typed into is not judged
+            if bench.choose_export(inverted=inverted):
+                parts.tell(bench)
+            return
+        asked = bench.export
+        with parts.showing_what_counts(boxes, [*clamps, *slews], lambda: _texts(bench, names)), typed.judged() as read:
+
+            def limits(texts: list[str | None], title: str, unit: str, now: Mapping[str, float]) -> dict[str, float]:
+                found = {
+                    name: read(partial(_limit, text, f"{title} of {name}", unit), now.get(name))
+                    for name, text in zip(names, texts, strict=True)
+                }
+                return {name: limit for name, limit in found.items() if limit is not None}
+
+            if bench.choose_export(
+                clamp_um=limits(clamps, FIELDS["--clamp"], "µm", asked.clamp_um),
+                slew_um_per_s=limits(slews, FIELDS["--slew"], "µm/s", asked.slew_um_per_s),
+                inverted=inverted,
+            ):
+                parts.tell(bench)
+
+    fields = tuple(({"type": f"{ID}-{kind}", "output": ALL}, "value") for kind in (*_KINDS, "invert"))
+    return parts.Form(fields, take, (({"type": f"{ID}-invert", "output": ALL}, "id"), (f"{ID}-target", "value")))
 
 
 def _missing() -> OptionError:
@@ -187,8 +216,10 @@ def _outputs(bench: Bench, model: str) -> list[dict[str, Any]]:
     ]
 
 
-def _limits(bench: Bench, outputs: Sequence[Mapping[str, Any]]) -> Component:
-    """A row for each output: its limits, and whether it is turned round."""
+def _limits(
+    bench: Bench, outputs: Sequence[Mapping[str, Any]], typed_texts: Mapping[tuple[str, str], str]
+) -> Component:
+    """A row for each output: its limits as they were typed, or as they count; and whether it is turned round."""
     has_guard = TARGETS[bench.export.target].has_guard
     names = [output["name"] for output in outputs]
     texts = _texts(bench, names)
@@ -197,7 +228,8 @@ def _limits(bench: Bench, outputs: Sequence[Mapping[str, Any]]) -> Component:
         name = output["name"]
         clamp, slew = (
             dcc.Input(
-                id={"type": f"{ID}-{kind}", "output": name}, value=text, type="text", debounce=True,
+                id={"type": f"{ID}-{kind}", "output": name}, type="text", debounce=True,
+                value=typed_texts.get((kind, name), text),
                 disabled=not has_guard, placeholder="decided" if output[key] is None else f"{output[key]:g}",
             )
             for kind, key, text in (
@@ -225,12 +257,9 @@ def _texts(bench: Bench, names: Sequence[str]) -> list[str]:
     ]
 
 
-def _typed(names: Sequence[str], texts: Sequence[str | None], title: str) -> dict[str, float]:
-    return {
-        name: typed.number(text, f"{title} of {name}", _LEAST_LIMIT, _LARGEST_LIMIT)
-        for name, text in zip(names, texts, strict=True)
-        if text
-    }
+def _limit(text: str | None, where: str, unit: str) -> float | None:
+    """The limit that was typed; none where nothing was."""
+    return typed.number(text, where, _LEAST_LIMIT, _LARGEST_LIMIT, unit) if text else None
 
 
 def _models(bench: Bench) -> list[str]:

@@ -191,7 +191,7 @@ def _overrides(said: dict[str, Any]) -> Overrides:
     if "header_row" in said:
         said["header_row"] = typed.whole(said["header_row"], FIELDS["--header-row"], 0)
     if "period_s" in said:
-        said["period_s"] = typed.number(said["period_s"], FIELDS["--period-s"], 1e-9)
+        said["period_s"] = typed.number(said["period_s"], FIELDS["--period-s"], 1e-9, unit="s")
     return Overrides(**said)
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, Literal
 
 import dash
-from dash import ALL, Input, Output, State, dcc, html, no_update
+from dash import Input, Output, State, dcc, html
 from dash.development.base_component import Component
 
 from selector.errors import OptionError
@@ -74,6 +75,8 @@ def layout(bench: Bench) -> Component:
             html.Div(id=f"{ID}-answer"),
             dcc.Store(id=f"{ID}-answered", data=None),
             dcc.Store(id=f"{ID}-shown", data=None),
+            dcc.Store(id=f"{ID}-followed", data=[list(asked.responses), *_texts(bench)]),
+            wished.followed(ID),
         ]
     )
 
@@ -87,7 +90,10 @@ def command(bench: Bench) -> tuple[str, ...] | None:
 
 def register(app: dash.Dash, bench: Bench) -> None:
     """Options go to the bench as soon as they are changed, so that the command shows them."""
-    _register_options(app, bench)
+    forms = (_form(bench), wished.form(bench, ID))
+    for form in forms:
+        form.register(app)
+    _register_following(app, bench)
 
     @app.callback(
         Output(f"{ID}-sensors", "children"),
@@ -98,8 +104,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
     )
     def _show(_: int, shown: Any) -> tuple[Any, Any, list[str]]:
         reading = bench.material.reading
-        asked = bench.options
-        now = [bench.material.number, list(asked.must), list(asked.never), dict(asked.cost)]
+        now = bench.material.number
         if now == shown:
             raise dash.exceptions.PreventUpdate
         if reading is None:
@@ -115,23 +120,14 @@ def register(app: dash.Dash, bench: Bench) -> None:
         said = f"The answer below was asked with other settings than those above: {', '.join(others)}. Start again."
         return html.P(said, className="advice first bad") if others else None
 
-    parts.register_start(app, bench, ID, TITLE, lambda: command(bench), lambda: SELECTION, _missing)
+    parts.register_start(app, bench, ID, TITLE, lambda: command(bench), lambda: SELECTION, _missing, forms)
     parts.register_answer(
         app, bench, ID, TITLE, lambda: f"{SELECTION}/report.html", lambda stamp: _answered(bench, stamp)
     )
 
 
-def _register_options(app: dash.Dash, bench: Bench) -> None:
-    @app.callback(
-        Input(f"{ID}-responses", "value"),
-        Input(f"{ID}-level", "value"),
-        Input(f"{ID}-degree", "value"),
-        Input(f"{ID}-reference", "value"),
-        Input(f"{ID}-ticks", "value"),
-        *(Input(f"{ID}-{name}", "value") for name, _ in _NUMBERS),
-        prevent_initial_call=True,
-    )
-    def _choose(
+def _form(bench: Bench) -> parts.Form:
+    def take(
         responses: list[str] | None,
         level: str | None,
         degree: Literal["1", "2", "3"],
@@ -139,12 +135,13 @@ def _register_options(app: dash.Dash, bench: Bench) -> None:
         ticks: list[str],
         *numbers: str | None,
     ) -> None:
-        with parts.showing_what_counts(_BOXES, [level, *numbers], lambda: _texts(bench)):
+        asked = bench.options
+        with parts.showing_what_counts(_BOXES, [level, *numbers], lambda: _texts(bench)), typed.judged() as read:
             counts = {
-                name: typed.whole(text, title) if text else getattr(_DEFAULT, name)
+                name: read(partial(typed.whole, text, title), getattr(asked, name)) if text else getattr(_DEFAULT, name)
                 for text, (name, title) in zip(numbers, _NUMBERS, strict=True)
             }
-            levels = _levels(level)
+            levels = read(partial(_levels, level), asked.level)
             if isinstance(levels, tuple):
                 counts["rounds"] = max(counts["rounds"], len(levels))
             flags = {name: name in ticks for name, _ in _TICKS}
@@ -158,30 +155,25 @@ def _register_options(app: dash.Dash, bench: Bench) -> None:
             ):
                 parts.tell(bench)
 
-    @app.callback(
-        Input({"type": f"{ID}-use", "sensor": ALL}, "value"),
-        Input({"type": f"{ID}-cost", "sensor": ALL}, "value"),
-        State({"type": f"{ID}-use", "sensor": ALL}, "id"),
-        prevent_initial_call=True,
-    )
-    def _restrict(uses: list[str], costs: list[str | None], ids: list[dict[str, str]]) -> None:
-        wished.choose(bench, ID, ids, uses, costs)
+    names = ("responses", "level", "degree", "reference", "ticks", *(name for name, _ in _NUMBERS))
+    return parts.Form(tuple((f"{ID}-{name}", "value") for name in names), take)
+
+
+def _register_following(app: dash.Dash, bench: Bench) -> None:
+    """Other pages choose options, too."""
+    boxes = [f"{ID}-responses", *_BOXES]
+    wished.register_following(app, ID, lambda: wished.said_of(bench))
 
     @app.callback(
-        Output(f"{ID}-level", "value"),
-        Output(f"{ID}-responses", "value"),
-        *(Output(f"{ID}-{name}", "value") for name, _ in _NUMBERS),
+        Output(f"{ID}-followed", "data"),
         Input(parts.REVISION, "data"),
-        State(f"{ID}-level", "value"),
-        State(f"{ID}-responses", "value"),
-        *(State(f"{ID}-{name}", "value") for name, _ in _NUMBERS),
-        prevent_initial_call=True,
+        State(f"{ID}-followed", "data"),
+        *(State(box, "value") for box in boxes),
     )
-    def _follow(_: int, *shown: Any) -> list[Any]:
-        """Other pages choose options, too; what is the same is left alone, for somebody may be typing there."""
-        level, *counts = _texts(bench)
-        now = [level, list(bench.options.responses), *counts]
-        return [no_update if one == there else one for one, there in zip(now, shown, strict=True)]
+    def _follow(_: int, before: list[Any], *shown: Any) -> list[Any]:
+        now = [list(bench.options.responses), *_texts(bench)]
+        parts.follow(boxes, shown, before, now)
+        return now
 
 
 def _missing() -> OptionError:

@@ -7,6 +7,7 @@ numbers and the pictures together: the browser asks the server for what changes 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import dash
@@ -63,6 +64,8 @@ def layout(bench: Bench) -> Component:
             ),
             dcc.Store(id=f"{ID}-shown", data=None),
             dcc.Store(id=f"{ID}-now", data=None),
+            # a λ that was typed and is not looked at, or not yet: kept by sensors.js
+            dcc.Store(id=f"{ID}-typed", data=None),
         ]
     )
 
@@ -81,7 +84,7 @@ def command(bench: Bench) -> tuple[str, ...] | None:
 def register(app: dash.Dash, bench: Bench) -> None:
     """The whole page after a change of the bench; what changed in it after a move."""
     machine.register(app, bench)
-    wishes.register(app, bench)
+    forms = (*wishes.register(app, bench), parts.Form((), _level_taken(bench), ((f"{ID}-typed", "data"),)))
     parts.register_table(app, "groups", tables.GROUP_COLUMNS, lambda: _group_rows(bench))
 
     @app.callback(
@@ -129,7 +132,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
         except (TypeError, ValueError, OverflowError) as wrong:
             return flask.jsonify({"refused": f"this move cannot be understood: {wrong}"})
 
-    parts.register_start(app, bench, ID, "Selection", lambda: command(bench), lambda: SELECTION, _missing)
+    parts.register_start(app, bench, ID, "Selection", lambda: command(bench), lambda: SELECTION, _missing, forms)
 
 
 def _group_rows(bench: Bench) -> list[list[object]]:
@@ -138,6 +141,14 @@ def _group_rows(bench: Bench) -> list[list[object]]:
     except InputError:
         return []
     return [] if view is None else tables.group_rows(view)
+
+
+def _level_taken(bench: Bench) -> Callable[[str | None], None]:
+    def take(text: str | None) -> None:
+        if text is not None and _view(bench) is not None:
+            _moved(bench, {"level": text})
+
+    return take
 
 
 def _missing() -> OptionError:

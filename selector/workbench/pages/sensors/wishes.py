@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import dash
@@ -24,54 +25,55 @@ def table() -> Component:
             html.Summary("Must, never, cost and place of each sensor"),
             html.Div(id=f"{ID}-wishes"),
             parts.table_download("sensors"),
+            dcc.Store(id=f"{ID}-wished", data=None),
+            wished.followed(ID),
+            wished.followed(ID, "place"),
         ],
         id=f"{ID}-every",
     )
 
 
-def register(app: dash.Dash, bench: Bench) -> None:
-    """The table follows the bench, and the bench the table."""
+def register(app: dash.Dash, bench: Bench) -> tuple[parts.Form, ...]:
+    """The table follows the bench, and the bench the table; its forms."""
 
     @app.callback(
         Output(f"{ID}-wishes", "children"),
+        Output(f"{ID}-wished", "data"),
         Input(parts.REVISION, "data"),
-        State({"type": f"{ID}-use", "sensor": ALL}, "id"),
-        State({"type": f"{ID}-use", "sensor": ALL}, "value"),
-        State({"type": f"{ID}-cost", "sensor": ALL}, "value"),
-        State({"type": f"{ID}-place", "sensor": ALL}, "value"),
+        State(f"{ID}-wished", "data"),
     )
-    def _show(
-        _: int, ids: list[dict[str, str]], uses: list[str], costs: list[str | None], places: list[str | None]
-    ) -> Any:
-        rows = _rows(bench)
-        names = [one["sensor"] for one in ids]
-        if [list(row) for row in zip(names, uses, costs, places, strict=True)] == [row[:1] + row[2:] for row in rows]:
+    def _show(_: int, shown: int | None) -> tuple[Any, int]:
+        if bench.material.number == shown:
             raise dash.exceptions.PreventUpdate
-        return _table(rows)
+        return _table(_rows(bench)), bench.material.number
 
-    @app.callback(
-        Input({"type": f"{ID}-use", "sensor": ALL}, "value"),
-        Input({"type": f"{ID}-cost", "sensor": ALL}, "value"),
-        State({"type": f"{ID}-use", "sensor": ALL}, "id"),
-        prevent_initial_call=True,
-    )
-    def _wish(uses: list[str], costs: list[str | None], ids: list[dict[str, str]]) -> None:
-        wished.choose(bench, ID, ids, uses, costs)
+    wished.register_following(app, ID, lambda: wished.said_of(bench))
+    wished.register_following(app, ID, lambda: {name: [text] for name, text in _places(bench).items()}, ["place"])
+    forms = (wished.form(bench, ID), _places_form(bench))
+    for form in forms:
+        form.register(app)
+    return forms
 
-    @app.callback(
-        Input({"type": f"{ID}-place", "sensor": ALL}, "value"),
-        prevent_initial_call=True,
-    )
-    def _place(texts: list[str | None]) -> None:
-        asked = dash.ctx.triggered_id
-        if asked is None or len(dash.ctx.triggered) != 1 or not (text := dash.ctx.triggered[0]["value"]):
-            raise dash.exceptions.PreventUpdate
-        name = asked["sensor"]
-        if text == _places(bench).get(name):
-            raise dash.exceptions.PreventUpdate
-        with parts.showing_what_counts([asked], [text], lambda: [_places(bench).get(name, "")]):
-            bench.place({name: _coordinates(text, name)})
-            parts.tell(bench)
+
+def _places_form(bench: Bench) -> parts.Form:
+    def take(texts: list[str | None], ids: list[dict[str, str]]) -> None:
+        known = _places(bench)
+        named = {one["sensor"]: text for one, text in zip(ids, texts, strict=True) if text}
+        changed = {name: text for name, text in named.items() if name in known and text != known[name]}
+        boxes = [{"type": f"{ID}-place", "sensor": name} for name in changed]
+        shown = [*changed.values()]
+
+        def counting() -> list[str]:
+            return [_places(bench)[name] for name in changed]
+
+        with parts.showing_what_counts(boxes, shown, counting), typed.judged() as read:
+            places_m = {name: read(partial(_coordinates, text, name), None) for name, text in changed.items()}
+            if places := {name: place for name, place in places_m.items() if place is not None}:
+                bench.place(places)
+                parts.tell(bench)
+
+    place = {"type": f"{ID}-place", "sensor": ALL}
+    return parts.Form(((place, "value"),), take, ((place, "id"),))
 
 
 def _places(bench: Bench) -> dict[str, str]:
@@ -110,7 +112,7 @@ def _table(rows: list[list[str]]) -> Component:
 
 
 def _coordinates(text: str, name: str) -> tuple[float, float, float]:
-    values = typed.numbers(text, f"x, y, z of {name}", -_FARTHEST_M, _FARTHEST_M)
+    values = typed.numbers(text, f"x, y, z of {name}", -_FARTHEST_M, _FARTHEST_M, "m")
     if len(values) != 3:
         raise OptionError(
             f"“{text}” was typed", expected="three numbers in metres: x, y, z", where=f"x, y, z of {name}",
