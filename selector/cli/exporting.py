@@ -115,6 +115,7 @@ def export(
         proof, of_replay = _replayed(read, chosen, exported.files, reading)
         findings += of_replay
     findings += of_sign
+    findings += _of_other_targets(target, out, files)
     _write(out, files, read, chosen, exported, proof, findings, sign_verified)
     answer: dict[str, Any] = {
         "schema": SCHEMA,
@@ -277,6 +278,29 @@ def _of_sign(model: ModelFile, is_verified: bool, tested: str | None) -> Iterato
                 evidence={"output": output.name},
                 suggestion="do the sign test of the sheet with this program",
             )
+
+
+def _of_other_targets(target: str, out: Path, files: list[str]) -> Iterator[Finding]:
+    """Programs of other controls in the folder, which the new model and sheet do not belong to."""
+    from selector.controllers.writers.targets import TARGETS
+
+    left: dict[str, str] = {}
+    for name, other in TARGETS.items():
+        patterns = [*(part.file for part in other.parts), *other.not_always]
+        found = sorted({path.name for pattern in patterns for path in out.glob(pattern)} - set(files))
+        if name != target:
+            left |= {file: name for file in found if file not in left}
+    if left:
+        listed = ", ".join(f"{file} ({name})" for file, name in left.items())
+        yield Finding(
+            "other-target-in-folder",
+            "warning",
+            f"{out} also holds programs of other controls: {listed}. {MODEL} and {SHEET} beside them are of this "
+            "export and do not describe them.",
+            evidence={"files": list(left)},
+            suggestion="delete them with what was copied from them, or export again with an --out of its own for each "
+            "control",
+        )
 
 
 def _write(
