@@ -144,6 +144,40 @@ def test_an_output_without_a_linear_axis_of_its_own_is_not_wired(axes):
     assert ("thermcorr.counts-2 => axis.x.eoffset-counts" in wiring) is not is_double
 
 
+def test_the_sheet_names_the_axis_as_halcmd_has_it():
+    exported = linuxcnc_export(read_model(PATENT))
+    told = [one.shown for one in exported.sign_test.commanded]
+    assert [re.search(r"axis\..\.eoffset -?[0-9.]+ mm", shown) is not None for shown in told] == [True, True]
+    assert "axis.z.eoffset 0.01 mm" in told[0]
+    assert not any("axis.L" in line for line in (*told, *exported.install))
+
+
+def test_an_output_that_moves_no_axis_has_no_offset_on_the_sheet():
+    term = (Term(powers={"T": 1}, coefficient=1.0),)
+    item = Input(name="T", valid_min=0.0, valid_max=1.0)
+    output = Output(name="d", axis=None, intercept=0.0, terms=term)
+    exported = linuxcnc_export(ModelFile(name="m", inputs=(item,), outputs=(output,)))
+    (one,) = exported.sign_test.commanded
+    assert "eoffset" not in one.shown
+    assert "no axis is wired to it" in one.shown
+
+
+@pytest.mark.usefixtures("linuxcnc")
+@pytest.mark.parametrize(
+    ("tried", "refused"), [("setp thermcorr.in0 0", "connected to a signal"), ("sets thermcorr-wanted 0", "has writer")]
+)
+def test_a_linked_switch_is_set_only_by_what_it_is_linked_to(tried, refused):
+    exported = linuxcnc_export(read_model(PATENT))
+    for line in (exported.sign_test.before, exported.sign_test.after):
+        assert "where the line net thermcorr-wanted is in use, the switch that it names" in line
+    linked = "loadrt or2 names=thermcorr,pyvcp\nnet thermcorr-wanted pyvcp.out => thermcorr.in0\n"
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name, single_session(), as_root_or_skipped():
+        Path(name).chmod(0o777)
+        with pytest.raises(OptionError):
+            halrun(linked + tried + "\n", Path(name), 60.0)
+        assert refused in (Path(name) / "said.txt").read_text(encoding="utf-8")
+
+
 def test_positions_come_from_the_axis_or_are_told_as_missing():
     exported = linuxcnc_export(hostile.model())
     assert "\nnet thermcorr-position-1 axis.z.pos-cmd => thermcorr.position-1" in exported.files["thermcorr.hal"]

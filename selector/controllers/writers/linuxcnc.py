@@ -47,6 +47,7 @@ def linuxcnc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expo
     """The component, its wiring, and two files that keep start readings while LinuxCNC is closed."""
     wired, findings = _wired_axes(model)
     axes = "".join(f" [AXIS_{letter.upper()}]" for letter in wired.values())
+    offsets = {k: f"axis.{letter}.eoffset" for k, letter in wired.items()}
     inputs = ", ".join(f"reading-{k}" for k in range(1, len(model.inputs) + 1))
     return Exported(
         files={
@@ -69,18 +70,18 @@ def linuxcnc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expo
             f"A machine in inches ([TRAJ]LINEAR_UNITS = inch): eoffset-scale {0.0001 / 25.4:.12f} instead of 0.0001, "
             "and positions times 25.4 before they reach position-1 ...",
             f"Start, machine on, home; halcmd show pin {NAME}: mode 1, sensor-1 ... 0, counts-1 ... = ten times "
-            "correction-1 ... [um], and axis.L.eoffset the same in mm.",
+            "correction-1 ... [um]"
+            + (f", and {', '.join(offsets.values())} the same in mm." if offsets else "; no axis is wired."),
         ),
         sign_test=sign_test(
             model,
-            f"Machine on, homed, tool at rest; halcmd setp {NAME}.is-wanted 0; wait until correction-1 ... are 0. No "
-            "sensor is needed.",
+            f"Machine on, homed, tool at rest; {_switched(0)}; wait until correction-1 ... are 0. No sensor is needed.",
             lambda k, um: f"halcmd setp {NAME}.test-um-{k} {um:g}",
             lambda k, um: (
-                f"halcmd getp {NAME}.mode: {Mode.TEST:d}, {NAME}.counts-{k}: {round(COUNTS_PER_UM * um)}; "
-                f"axis.L.eoffset {um / 1000:g} mm"
+                f"halcmd getp {NAME}.mode: {Mode.TEST:d}, {NAME}.counts-{k}: {round(COUNTS_PER_UM * um)}"
+                + (f"; {offsets[k]} {um / 1000:g} mm" if k in offsets else "; no axis is wired to it")
             ),
-            f"halcmd setp {NAME}.test-um-1 0 ...; when the indicator is back at zero, halcmd setp {NAME}.is-wanted 1.",
+            f"halcmd setp {NAME}.test-um-1 0 ...; when the indicator is back at zero, {_switched(1)}.",
         ),
         silently=(
             "While LinuxCNC is not ready, correction and counts are 0. At machine off the axis stays where it is and "
@@ -100,6 +101,14 @@ def linuxcnc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expo
             "shutdown, or the first ones after the start.",
         ),
         findings=findings,
+    )
+
+
+def _switched(to: int) -> str:
+    """The operator's switch by hand; halcmd refuses to set a linked pin, and a signal that a pin writes."""
+    return (
+        f"halcmd setp {NAME}.is-wanted {to} (where the line net {NAME}-wanted is in use, the switch that it names: "
+        f"{'on' if to else 'off'}; halcmd refuses to set a pin that is linked)"
     )
 
 
