@@ -49,7 +49,7 @@ def test_the_widest_loop_is_named_with_what_the_model_leaves():
     assert [len(line.x) for line in drawn.data] == [2000] * 2
     assert "<i>" not in drawn.to_json()
     assert drawn.layout.xaxis.title.text.endswith("[°C]")
-    widths = re.search(r": ([\d.]+) µm; residual ([\d.]+) µm", drawn.layout.annotations[0].text)
+    widths = re.search(r": ([\d.]+) µm<br>residual ([\d.]+) µm", drawn.layout.annotations[0].text)
     assert [float(width) for width in widths.groups()] == pytest.approx([5.0, 2.5], abs=0.5)
 
 

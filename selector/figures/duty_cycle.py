@@ -102,11 +102,11 @@ def prediction_of_tests(prediction: Prediction, response: str, repeats: tuple[Re
         residual = one.measured_um[:, r] - one.predicted_um[:, r]
         kept = telling_samples(residual, POINTS_PER_TEST)
         speeds = [f"{speed:.4g}" for speed in dict.fromkeys(one.speed_rpm.tolist()) if speed > 0]
-        turning = f", {speeds[0]} r/min" if len(speeds) == 1 else ""
+        turning = f"{speeds[0]} r/min: " if len(speeds) == 1 else ""
         traced.append(
             Traced(
                 one.run,
-                f"{turning}: rms {style.number(float(one.rmse_um[r]), 2)} µm, "
+                f"{turning}rms {style.number(float(one.rmse_um[r]), 2)} µm, "
                 f"largest {style.number(float(np.nanmax(np.abs(residual))), 2)} µm",
                 one.time_s[kept],
                 one.measured_um[kept, r],

@@ -13,7 +13,10 @@ from selector.figures import style
 
 MOST_SENSORS = 6
 _COLUMNS = 3
-_PANEL_PX = 300
+_PANEL_PX = 320
+_HEAD = 0.16
+"""Share of a panel's height for its two lines of text, on paper too, where it is lower."""
+_LONGEST_NAME = 20
 _STEPS = 30
 
 
@@ -87,14 +90,14 @@ def displacement_loops(
             "title": {"text": f"{name} [{'K' if rise else '°C'}]", "standoff": 4},
         }
         drawn.layout[f"yaxis{number}"] = {
-            "domain": [low + 0.20 / rows, high - 0.10 / rows],
+            "domain": [low + 0.20 / rows, high - _HEAD / rows],
             "anchor": f"x{number}",
-            "title": {"text": f"{style.label(response, 14)} [µm]" if column == 0 else ""},
+            "title": {"text": f"{style.label(response, 18)} [µm]" if column == 0 else ""},
             **({"matches": "y"} if j else {}),
         }
         drawn.add_annotation(
             text=_panel_text(runs, widest[j], j), x=column / wide + (0.045 if column else 0), xanchor="left",
-            xref="paper", y=high - 0.09 / rows, yanchor="bottom", yref="paper", showarrow=False,
+            xref="paper", y=high - (_HEAD - 0.01) / rows, yanchor="bottom", yref="paper", showarrow=False, align="left",
         )  # fmt: skip
     return drawn
 
@@ -150,7 +153,7 @@ def _panel_text(runs: Sequence[LoopShown], widest: _Widest, j: int) -> str:
     """How wide the widest loop is, and how wide one of what the model leaves."""
     if widest[0] is None:
         return "no way back"
-    text = f"{style.label(runs[widest[0]].run, 14)}: {style.number(widest[1], 2)} µm"
+    text = f"{style.label(runs[widest[0]].run, _LONGEST_NAME)}: {style.number(widest[1], 2)} µm"
     left = [loop_width_um(one.readings[:, j], one.residual_um) for one in runs if one.residual_um is not None]
     left = [width for width in left if np.isfinite(width)]
-    return f"{text}; residual {style.number(max(left), 2)} µm" if left else text
+    return f"{text}<br>residual {style.number(max(left), 2)} µm" if left else text

@@ -87,7 +87,7 @@ def error_against_sensors(selection: Selection, response: str) -> go.Figure:
         x=list(fixed),
         y=list(fixed.values()),
         mode="markers",
-        name=f"{FIXED_SET}, the best of each size: what the choice compares",
+        name=f"{FIXED_SET}, best of that size",
         marker={"color": style.CHOSEN, "size": 11, "symbol": "line-ew-open", "line": {"width": 2.5}},
         hovertemplate="%{x} sensors, " + FIXED_SET + ": %{y:.3g} µm<extra></extra>",
     )
@@ -103,7 +103,7 @@ def error_against_sensors(selection: Selection, response: str) -> go.Figure:
         value for value in (*error, achieved, *ways.values(), *fixed.values(), *(y for _, y, _ in single)) if value > 0
     ]
     drawn.update_xaxes(title_text="sensors [–]", range=[0.5, last], dtick=1, showgrid=False)
-    drawn.update_yaxes(title_text=f"error of {style.label(response)}, rms [µm]", **_value_axis(values))
+    drawn.update_yaxes(title_text=f"error of {style.label(response, 14)}<br>rms [µm]", **_value_axis(values))
     drawn.update_layout(margin={"b": 110}, legend={"yref": "container", "y": 0.0, "yanchor": "bottom"})
     return drawn
 
@@ -135,7 +135,7 @@ def measured_and_predicted(selection: Selection, response: str, runs: Sequence[s
     for run in wanted:
         time_s, measured, predicted = _drawn_samples(traces[run], j)
         part = proofs.get(run)
-        more = f": rms {style.number(part.rmse_um)} µm, largest {style.number(part.max_um)} µm" if part else ""
+        more = f"rms {style.number(part.rmse_um)} µm, largest {style.number(part.max_um)} µm" if part else ""
         shown.append(Traced(run, more, time_s, measured, predicted))
     ranges = common_ranges(
         [trace.measured_um[:, j] for trace in selection.proof.traces],

@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 from selector.figures import style
 
 Vector = NDArray[np.float64]
-_ROW_PX = 260
+_ROW_PX = 290
+_HEAD_PX = 42
+"""For the two lines above a panel, on paper too, where a row is lower."""
 
 
 @dataclass(frozen=True)
 class Traced:
-    """One run of a picture: its name, a remark beside it, times [s] and displacements [µm], NaN where there is none."""
+    """One run of a picture: its name, a remark below it, times [s] and displacements [µm], NaN where there is none."""
 
     run: str
     remark: str
@@ -84,29 +86,30 @@ def beside_each_other(
             "title": {"text": f"time [{unit}]", "standoff": 2},
         }
         layout[f"yaxis{2 * k + 1 if k else ''}"] = {
-            "domain": [middle + 0.012 / rows * 2, top - 0.085 / rows],
+            "domain": [middle + 0.012 / rows * 2, top - _HEAD_PX / _ROW_PX / rows],
             "anchor": x,
-            "title": {"text": f"{style.label(response, 12)} [µm]" if is_first else ""},
+            "title": {"text": f"{style.label(response, 14)}<br>[µm]" if is_first else ""},
             "range": list(value_range),
         }
         layout[f"yaxis{2 * k + 2}"] = {
             "domain": [bottom + gap, middle],
             "anchor": x,
-            "title": {"text": "residual [µm]" if is_first else ""},
+            "title": {"text": "residual<br>[µm]" if is_first else ""},
             "range": list(residual_range),
             "zeroline": True,
             "zerolinecolor": style.MUTED,
             "nticks": 4,
         }
         drawn.add_annotation(
-            text=f"<b>{style.label(one.run)}</b>{one.remark}",
+            text="<br>".join(filter(None, [f"<b>{style.label(one.run)}</b>", one.remark])),
             x=left,
-            y=top - 0.08 / rows,
+            y=top - (_HEAD_PX - 2) / _ROW_PX / rows,
             xref="paper",
             yref="paper",
             xanchor="left",
             yanchor="bottom",
             showarrow=False,
+            align="left",
         )
     return drawn
 

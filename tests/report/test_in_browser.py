@@ -5,10 +5,14 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 
+import pandas as pd
 import pytest
 
+from selector.recording import Recording
 from selector.report import write_report
+from selector.selection import Options, Selection, select
 from tests.report import studies
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -70,3 +74,50 @@ def test_a_table_is_copied_for_a_spreadsheet_and_pictures_are_smaller_on_paper(t
     assert after == before
     assert all(on <= off for on, off in zip(paper, before, strict=True))
     assert sum(paper) < 0.95 * sum(before)
+
+
+_TOUCHING = """() => {
+  const told = [];
+  for (const plot of document.querySelectorAll('.plot')) {
+    const within = plot.getBoundingClientRect();
+    const texts = [...plot.querySelectorAll('.annotation-text, [class*="g-y"] text')];
+    const boxes = texts.map((one) => [one.textContent, one.getBoundingClientRect()]);
+    boxes.filter(([, box]) => box.width > 0 && box.right > within.right + 1).forEach(([text]) => told.push(text));
+    boxes.forEach(([a, p], i) => boxes.slice(i + 1).forEach(([b, q]) => {
+      if (Math.min(p.right, q.right) - Math.max(p.left, q.left) > 1
+          && Math.min(p.bottom, q.bottom) - Math.max(p.top, q.top) > 1) told.push(`${a} | ${b}`);
+    }));
+  }
+  return told;
+}"""
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
+def test_long_names_of_runs_and_displacements_do_not_run_into_each_other(tmp_path):
+    sync_api = pytest.importorskip("playwright.sync_api")
+    names = ["Lauf 3 Wechsel 12:30", "Lauf 2 Stufen morgens und nachmittags mit Pause, Halle offen", *"ab"]
+    found = long_named(names, "Verlagerung Spindel Z")
+    path = write_report(found, tmp_path / "report.html")
+    with sync_api.sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1280, "height": 900})
+        page.goto(path.as_uri())
+        on_screen = page.evaluate(_TOUCHING)
+        page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+        on_paper = page.evaluate(_TOUCHING)
+        browser.close()
+    assert on_screen == []
+    assert on_paper == []
+
+
+def long_named(runs: list[str], displacement: str) -> Selection:
+    """A study of three sensors whose runs and displacement have these names."""
+    source = studies.recording(5)
+    wanted = [channel for channel in source.channels if channel.name.startswith(("T3", "T4", "T5", "Z"))]
+    columns = [channel.name for channel in wanted]
+    channels = [replace(one, name=displacement) if one.name == "Z" else one for one in wanted]
+    tables = {
+        name: pd.DataFrame(source.values(run, columns), source.time_s(run), [one.name for one in channels])
+        for name, run in zip(runs, source.runs, strict=True)
+    }
+    return select(Recording.from_runs(tables, channels), Options(must=("T3", "T4", "T5")))
