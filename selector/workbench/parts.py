@@ -58,6 +58,12 @@ def problem(error: InputError) -> Component:
     return html.Div([html.P(found, className="first"), *lines], className="advice bad", role="alert")
 
 
+def asked_otherwise(others: Sequence[str], what: str, button: str) -> Component | None:
+    """That what is shown below was asked otherwise than the form asks now; None: it was not."""
+    said = f"The {what} with other settings than those above: {', '.join(others)}. {button} again."
+    return html.P(said, className="advice first bad") if others else None
+
+
 def remarks(findings: Iterable[Finding]) -> Component:
     """Findings as the report shows them: level, statement, where, what can be done; one entry a kind and level."""
     kinds: dict[tuple[str, str], list[Finding]] = {}

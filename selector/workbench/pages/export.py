@@ -11,22 +11,23 @@ import dash
 from dash import ALL, Input, Output, State, dcc, html
 from dash.development.base_component import Component
 
+from selector.controllers import decided_limits
 from selector.controllers.writers.targets import TARGETS
 from selector.errors import OptionError
 from selector.workbench import parts, typed
 from selector.workbench.bench import Bench
 from selector.workbench.commands import DIAGNOSIS, SELECTION, export_command
+from selector.workbench.exported import SHEET, model_at, other_than_exported
 from selector.workbench.typed import FIELDS
 
 ID, TITLE = "export", "Export"
 
-_SHEET = "commissioning.html"
 _KINDS = ("clamp", "slew")
 _LONGEST_SHOWN = 60_000
 _LEAST_LIMIT, _LARGEST_LIMIT = 1e-6, 999_999.0
 _LIMITS = (
-    "Empty: what the model says (in grey), or what the export decides and tells. Turned round: the control counts the "
-    "axis the other way, and its correction is the displacement itself."
+    "Empty: the number in grey, from the model, or, where nobody has decided it, a cautious one. Turned round: the "
+    "control counts the axis the other way, and its correction is the displacement itself."
 )
 _NO_LIMITS = (
     "This control has neither limit: limit the temperature that it passes on. Turned round: it counts the axis the "
@@ -68,6 +69,7 @@ def layout(bench: Bench) -> Component:
             html.Div(id=f"{ID}-outputs"),
             html.Div([sign, html.P(_SIGN, className="about"), html.Div(tested, className="fields wide")]),
             html.Div([html.Button("Export", id=f"{ID}-start", className="main")], className="row"),
+            html.Div(id=f"{ID}-earlier", role="status"),
             html.Div(id=f"{ID}-answer"),
             dcc.Store(id=f"{ID}-answered", data=None),
             dcc.Store(id=f"{ID}-shown", data=None),
@@ -125,6 +127,21 @@ def register(app: dash.Dash, bench: Bench) -> None:
         }
         return _limits(bench, outputs, typed_texts) if outputs else None, now
 
+    @app.callback(Output(f"{ID}-earlier", "children"), Input(parts.REVISION, "data"))
+    def _earlier(_: int) -> Component | None:
+        """What was chosen, or made, since the files below were written."""
+        now = command(bench)
+        files = bench.folder / bench.export.folder
+        if now is None or not (files / SHEET).is_file():
+            return None
+        jobs = [job for job in bench.jobs.all if job.state == "done" and job.out == files]
+        then = jobs[-1].command if jobs else None
+        return parts.asked_otherwise(
+            other_than_exported(files, bench.folder / bench.export.model, bench.export, now, then),
+            "files below were written",
+            "Export",
+        )
+
     forms = (_limits_form(bench), _form(bench))
     for form in forms:
         form.register(app)
@@ -134,7 +151,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
         bench,
         ID,
         TITLE,
-        lambda: f"{bench.export.folder}/{_SHEET}",
+        lambda: f"{bench.export.folder}/{SHEET}",
         lambda stamp: _files(bench.folder / bench.export.folder, stamp),
         is_open=True,
     )
@@ -202,17 +219,20 @@ def _missing() -> OptionError:
 
 
 def _outputs(bench: Bench, model: str) -> list[dict[str, Any]]:
-    """Name, and limits that the model file has, of every output of a model."""
-    read = bench.result(model) if model in _models(bench) else None
+    """Name of every output of a model, and what counts where no limit is typed."""
+    read = model_at(bench.folder / model) if model in _models(bench) else None
     if read is None:
         return []
-    given = {limits["output"]: limits for limits in read.get("guard", {}).get("limits", ())}
+    given = {limits.output: limits for limits in read.guard.limits}
+    decided, _ = decided_limits(read)
+
+    def said(name: str, key: str) -> str:
+        is_decided = getattr(given.get(name), key, None) is not None
+        return f"{getattr(decided[name], key):g}{'' if is_decided else ' (cautious)'}"
+
     return [
-        {
-            "name": output["name"],
-            **{key: given.get(output["name"], {}).get(key) for key in ("clamp_um", "slew_um_per_s")},
-        }
-        for output in read["outputs"]
+        {"name": name, **{key: said(name, key) for key in ("clamp_um", "slew_um_per_s")}}
+        for name in (output.name for output in read.outputs)
     ]
 
 
@@ -230,7 +250,7 @@ def _limits(
             dcc.Input(
                 id={"type": f"{ID}-{kind}", "output": name}, type="text", debounce=True,
                 value=typed_texts.get((kind, name), text),
-                disabled=not has_guard, placeholder="decided" if output[key] is None else f"{output[key]:g}",
+                disabled=not has_guard, placeholder=output[key],
             )
             for kind, key, text in (
                 ("clamp", "clamp_um", texts[number]), ("slew", "slew_um_per_s", texts[len(names) + number])
@@ -269,7 +289,7 @@ def _models(bench: Bench) -> list[str]:
 
 def _files(folder: Path, stamp: str) -> Component | None:
     """Every file as text, and the sheet in a frame; None: nothing was exported."""
-    if not (folder / _SHEET).is_file():
+    if not (folder / SHEET).is_file():
         return None
     texts = [path for path in sorted(folder.iterdir()) if path.is_file() and path.suffix not in (".html", ".json")]
     links = [
@@ -282,7 +302,7 @@ def _files(folder: Path, stamp: str) -> Component | None:
         html.Div([html.Span("Save: "), *links], className="row"),
         *(_text(path, number) for number, path in enumerate(texts)),
         html.H3("Commissioning sheet"),
-        parts.framed(f"{folder.name}/{_SHEET}", "Commissioning sheet", stamp),
+        parts.framed(f"{folder.name}/{SHEET}", "Commissioning sheet", stamp),
     )
 
 

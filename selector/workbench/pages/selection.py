@@ -117,8 +117,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
         if bench.result(f"{SELECTION}/selection.json") is None:
             return None
         others = other_than_asked(bench.folder / SELECTION, bench.options, bench.overrides, bench.used)
-        said = f"The answer below was asked with other settings than those above: {', '.join(others)}. Start again."
-        return html.P(said, className="advice first bad") if others else None
+        return parts.asked_otherwise(others, "answer below was asked", "Start")
 
     parts.register_start(app, bench, ID, TITLE, lambda: command(bench), lambda: SELECTION, _missing, forms)
     parts.register_answer(

@@ -1,0 +1,84 @@
+"""Files of an export that was asked otherwise than the form asks now are told, in the words of the fields."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+
+import pytest
+from typer.testing import CliRunner
+
+from selector.cli import app
+from selector.controllers import read_model, write_model
+from selector.readers import Overrides
+from selector.shipped import shipped
+from selector.workbench.bench import Bench
+from selector.workbench.commands import Export, export_command
+from selector.workbench.exported import other_than_exported
+from selector.workbench.pages import export
+
+PATENT = shipped("patent8")
+ASKED = Export("selection/model.json", clamp_um={"Z": 40.0}, inverted=("Z",))
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    """A study folder with a model and its export as `ASKED`."""
+    folder = tmp_path_factory.mktemp("study")
+    words = ["select", str(PATENT / "recording.csv"), "--machine", str(PATENT / "machine.toml"), "--response", "Z"]
+    done = CliRunner().invoke(app, [*words, "--max-sensors", "2", "--out", str(folder / "selection")])
+    assert done.exit_code == 0, done.output
+    command = [*export_command(folder, ASKED, None, Overrides())]
+    command[1], command[command.index("--out") + 1] = str(folder / ASKED.model), str(folder / ASKED.folder)
+    done = CliRunner().invoke(app, command)
+    assert done.exit_code == 0, done.output
+    return folder
+
+
+def others(study, then=None, **changes):
+    asked = dataclasses.replace(ASKED, **changes)
+    now = export_command(study, asked, None, Overrides())
+    return other_than_exported(study / asked.folder, study / asked.model, asked, now, then)
+
+
+def test_what_was_chosen_since_the_files_were_written(study):
+    assert others(study) == ()
+    assert others(study, clamp_um={"Z": 41.0}) == ("largest correction of Z",)
+    assert others(study, clamp_um={}, slew_um_per_s={"Z": 2.0}) == (
+        "largest correction of Z", "fastest change of Z",
+    )  # fmt: skip
+    # the cautious one counts where none is typed
+    assert others(study, slew_um_per_s={"Z": 1.0}) == ()
+    assert others(study, inverted=()) == ("turned round",)
+    assert others(study, is_sign_verified=True) == ("The sign test was passed",)
+    then = export_command(study, ASKED, None, Overrides())
+    assert others(study, then, replayed=(study / "r1.csv",)) == ("the recordings to run through the program",)
+    assert others(study, replayed=(study / "r1.csv",)) == ()
+
+
+def test_a_model_that_was_made_since_is_told(study):
+    place = study / ASKED.model
+    before = place.read_bytes()
+    model = read_model(place)
+    try:
+        write_model(model.model_copy(update={"name": "another"}), place)
+        assert others(study) == ("the model",)
+        place.unlink()
+        assert others(study) == ()
+    finally:
+        place.write_bytes(before)
+
+
+def test_the_number_in_grey_is_the_one_that_counts(study):
+    (limits,) = export._outputs(Bench(study), ASKED.model)
+    assert limits["slew_um_per_s"] == "1 (cautious)"
+    assert limits["clamp_um"] == f"{read_model(study / ASKED.model).guard.limits[0].clamp_um:g}"
+    decided = json.loads((study / ASKED.folder / "model.json").read_text(encoding="utf-8"))
+    place = study / ASKED.model
+    before = place.read_bytes()
+    place.write_text(json.dumps(decided), encoding="utf-8")
+    try:
+        (limits,) = export._outputs(Bench(study), ASKED.model)
+        assert (limits["clamp_um"], limits["slew_um_per_s"]) == ("40", "1")
+    finally:
+        place.write_bytes(before)
