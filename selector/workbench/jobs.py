@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO, Literal
 
-from selector.errors import InputError
+from selector.errors import InputError, OptionError
 from selector.workbench.study_folder import trouble_with
 
 State = Literal["queued", "running", "done", "failed", "cancelled"]
@@ -45,7 +45,7 @@ class Job:
     said : str
         What it printed for people: its answer, or when it failed, why and what to do.
     problem : InputError or None
-        What is wrong with the study folder, if that is why it failed.
+        What is wrong with the study folder, if that is why it failed, or why what it wrote is not there.
     """
 
     number: int
@@ -153,8 +153,8 @@ class Jobs:
             with child:
                 said = self._heard(job.number, child)
             _sweep(job.out)
-            is_done = child.returncode == 0
-            problem = None if is_done else trouble_with(self._folder)
+            problem = trouble_with(self._folder) if child.returncode else _lost(self._folder, job.out)
+            is_done = child.returncode == 0 and problem is None
             with self._lock:
                 self._child = None
                 ended = self._jobs[job.number]
@@ -218,6 +218,18 @@ def _end(child: subprocess.Popen[str]) -> None:
         except subprocess.TimeoutExpired:
             continue
         return
+
+
+def _lost(folder: Path, out: Path | None) -> OptionError | None:
+    """Why the result of a command that ended well is not where it belongs; None: it is there."""
+    if out is None or out.is_dir():
+        return None
+    return trouble_with(folder) or OptionError(
+        f"the command ended, and {out.name} is not in the study folder",
+        expected=str(out),
+        where=str(folder),
+        advice="see whether the study folder was moved meanwhile: the result is where it is now; or start again",
+    )
 
 
 def _sweep(out: Path | None) -> None:

@@ -201,3 +201,24 @@ def test_a_study_folder_that_goes_away_is_told_before_and_while_a_command_runs(t
             assert "no such file" not in shown
     finally:
         made.close()
+
+
+def test_a_result_that_went_away_with_its_folder_is_not_called_done(tmp_path, program):
+    study = tmp_path / "study"
+    study.mkdir()
+    made = Jobs(study)
+    try:
+        # the child goes on in the folder that has another name now
+        program("import os, sys; os.rename(*sys.argv[1:]); os.mkdir('selection')")
+        made.start("Selection", (str(study), str(tmp_path / "elsewhere")), study / "selection")
+        job = waited(made, 0, 10.0)
+        assert (job.state, "the study folder is gone" in str(job.problem)) == ("failed", True)
+    finally:
+        made.close()
+
+
+def test_a_result_that_is_not_in_the_study_folder_is_told(jobs, program, tmp_path):
+    program("print('done')")
+    jobs.start("Selection", (), tmp_path / "selection")
+    job = waited(jobs, 0, 10.0)
+    assert (job.state, "selection is not in the study folder" in str(job.problem)) == ("failed", True)
