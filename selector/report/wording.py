@@ -14,6 +14,7 @@ from selector.models.faults import FaultGain
 from selector.report.numbers import listed, number_text, rounded_text
 from selector.selection import Selection
 from selector.selection.result import RunProof
+from selector.selection.unseen_words import PROCEDURE
 
 _UNUSABLE = ("constant-sensor", "sensor-missing")
 USELESS = "no-better-than-nothing"
@@ -138,16 +139,17 @@ def _improvement(selection: Selection, names: tuple[str, ...]) -> str:
         before, after = falls[names[0]]
         error = rmse_error_um(proof.per_response[names[0]])
         return (
-            f"{where} the {names[0]} error falls from {number_text(before, 2)} to {rounded_text(after, error)} µm (rms)"
+            f"{where} the {names[0]} error falls from {number_text(before, 2)} to {rounded_text(after, error)} µm "
+            f"(rms, {PROCEDURE})"
         )
     if len(names) <= MOST_SAID:
         said = (
             f"{name} from {number_text(before, 2)} to {rounded_text(after, rmse_error_um(proof.per_response[name]))} µm"
             for name, (before, after) in falls.items()
         )
-        return f"{where} the errors fall: {', '.join(said)} (rms)"
+        return f"{where} the errors fall: {', '.join(said)} (rms, {PROCEDURE})"
     spans = (f"{number_text(min(ends), 2)}–{number_text(max(ends), 2)}" for ends in zip(*falls.values(), strict=True))
-    return f"{where} the errors of {len(names)} displacements fall from {' to '.join(spans)} µm (rms)"
+    return f"{where} the errors of {len(names)} displacements fall from {' to '.join(spans)} µm (rms, {PROCEDURE})"
 
 
 def _worse(selection: Selection, names: tuple[str, ...]) -> tuple[str, ...]:

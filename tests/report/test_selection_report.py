@@ -110,6 +110,7 @@ def test_every_unseen_error_says_which_one_it_is():
     page = html.unescape(selection_html(studies.small()))
     assert "unseen, whole procedure [µm]" in page
     assert "unseen, fixed set: rms [µm]" in page
+    assert "(rms, whole procedure)" in advice(studies.small()).first
     for words in ("Whole procedure: ", "Best of each size: ", "Fixed set: "):
         assert words in page
 
