@@ -37,3 +37,9 @@ def test_names_are_no_markup():
     drawn = courses(recording(["<b>T</b>"]), "r1")
     assert drawn.data[1].name == "&lt;b&gt;T&lt;/b&gt;"
     assert "<b>T" not in drawn.to_json().replace("\\u003c", "<")
+
+
+def test_long_names_have_room_at_the_ends_of_the_lines():
+    short, long = (courses(recording([name]), "r1").layout.margin.r for name in ("T1", "Gehäuse oben links & rechts"))
+    assert short == 150
+    assert long >= 24 * 7

@@ -21,6 +21,9 @@ _GAP_PX = 16
 _LABEL_PX = 17
 _BOTTOM_PX = 44
 _MARGIN_RIGHT_PX = 150
+_LONGEST_NAME, _LETTER_PX, _BESIDE_PX = 24, 7.3, 14
+"""Letters of a name at the end of a line, the width of one, and what stands beside it."""
+
 _ROOM = 0.08
 _FEWEST_TICKS = 5
 """At most so many: with steps of 1, 2 or 5 an axis then has two at least."""
@@ -83,7 +86,7 @@ def stacked(
     top = int(drawn.layout.margin.t)
     drawn.update_layout(
         height=top + inside + _BOTTOM_PX,
-        margin={"b": _BOTTOM_PX, "r": _MARGIN_RIGHT_PX},
+        margin={"b": _BOTTOM_PX, "r": _right_px(panels)},
         showlegend=False,
     )
     unit, seconds = style.time_unit(end_s)
@@ -146,6 +149,12 @@ def stacked(
     return drawn
 
 
+def _right_px(panels: Sequence[Panel]) -> float:
+    """Room for the longest name."""
+    letters = max((min(len(line.name), _LONGEST_NAME) for panel in panels for line in panel.lines), default=0)
+    return max(_MARGIN_RIGHT_PX, _BESIDE_PX + _LETTER_PX * letters)
+
+
 def shown_samples(time_s: Vector, values: Vector, steps: bool = False, points: int = POINTS) -> NDArray[np.int64]:
     """Positions of the samples that draw a course: of each stretch the ends, the lowest and the highest; all steps."""
     n = len(values)
@@ -190,7 +199,7 @@ def _name_lines(drawn: go.Figure, panel: Panel, floor_px: float, height_px: int,
         ceiling = placed[k] - _LABEL_PX
     for k, at in zip(order, placed, strict=True):
         drawn.add_annotation(
-            text=style.label(named[k].name, 24), font={"color": named[k].colour, "size": 12},
+            text=style.label(named[k].name, _LONGEST_NAME), font={"color": named[k].colour, "size": 12},
             x=1.0, xref="paper", xanchor="left", xshift=6, y=(floor_px + at) / inside_px, yref="paper",
             yanchor="middle", showarrow=False,
         )  # fmt: skip

@@ -196,6 +196,14 @@ def test_what_is_typed_counts_or_is_refused_in_the_words_of_the_field(page, benc
         assert box.input_value() == text
         typed(box, counts)
     assert (bench.options.level, bench.options.max_sensors) == (0.98, 5)
+    # several λ ask for as many rounds, and give them back
+    rounds = page.locator("#selection-rounds")
+    typed(level, "0,99, 0,95")
+    api.expect(rounds).to_have_value("2", timeout=PATIENCE_MS)
+    assert bench.options.rounds == 2
+    typed(level, "0,98")
+    api.expect(rounds).to_have_value("1", timeout=PATIENCE_MS)
+    assert bench.options.rounds == 1
     # an empty field is what counts when nothing is said
     typed(level, "")
     api.expect(level).to_have_value("auto", timeout=PATIENCE_MS)
@@ -208,6 +216,7 @@ def test_what_is_typed_counts_or_is_refused_in_the_words_of_the_field(page, benc
     page.get_by_role("button", name="Start").click()
     page.wait_for_timeout(900)
     assert page.locator("#notice").get_by_text("at least 0").is_visible()
+    assert page.locator("#notice").bounding_box()["y"] >= 0
     assert cost.first.input_value() == "-1"
     assert bench.jobs.all == ()
     # typing that ends with the click

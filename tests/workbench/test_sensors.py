@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 
 from selector.errors import OptionError
+from selector.figures import style
+from selector.figures.run_errors import RunError
 from selector.readers import machine as machine_file
 from selector.recording import Channel
 from selector.selection import Exploration, Options
@@ -194,6 +196,14 @@ def test_long_names_have_room_beside_the_pictures(bench):
         letters = min(len(question.sensors[0]), 28 if name != "coefficients" else 18)
         assert long[name][side] >= 6.5 * letters
         assert long[name][side] > getattr(short[name].layout.margin, side)
+
+
+def test_titles_are_text_and_long_names_of_runs_have_room(bench, monkeypatch):
+    view = bench.live.view(ready(bench))
+    monkeypatch.setattr(pictures, "_runs", lambda _: [RunError("Warmlauf auf 3 Wechsel", 1.0, 0.5)])
+    monkeypatch.setattr(pictures, "run_errors_title", lambda *_: style.label("Run </script>"))
+    assert pictures.titles(view)["runs"] == "Run </script>"
+    assert pictures.frames(view, machine.pins(bench), {})["runs"].layout.margin.l > 140
 
 
 def test_a_place_of_nothing_is_refused(bench):

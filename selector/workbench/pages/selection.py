@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any, Literal
 
 import dash
-from dash import Input, Output, State, dcc, html
+from dash import Input, Output, State, dcc, html, set_props
 from dash.development.base_component import Component
 
 from selector.errors import OptionError
@@ -23,6 +23,9 @@ ID, TITLE = "selection", "Selection"
 
 _DEFAULT = Options()
 _NUMBERS = (("max_sensors", FIELDS["--max-sensors"]), ("rounds", FIELDS["--rounds"]))
+_RAISED = f"{ID}-raised"
+"""Store: the rounds that several λ ask for, and those that were asked before."""
+
 _BOXES = (f"{ID}-level", *(f"{ID}-{name}" for name, _ in _NUMBERS))
 _TICKS = tuple(
     (name, FIELDS[f"--{name.replace('_', '-')}"]) for name in ("interactions", "memory", "ridge", "absolute_similarity")
@@ -76,6 +79,7 @@ def layout(bench: Bench) -> Component:
             dcc.Store(id=f"{ID}-answered", data=None),
             dcc.Store(id=f"{ID}-shown", data=None),
             dcc.Store(id=f"{ID}-followed", data=[list(asked.responses), *_texts(bench)]),
+            dcc.Store(id=_RAISED, data=None),
             wished.followed(ID),
         ]
     )
@@ -132,8 +136,11 @@ def _form(bench: Bench) -> parts.Form:
         degree: Literal["1", "2", "3"],
         reference: Literal["rise", "absolute"],
         ticks: list[str],
-        *numbers: str | None,
+        max_sensors: str | None,
+        rounds: str | None,
+        raised: list[int] | None,
     ) -> None:
+        numbers = (max_sensors, rounds)
         asked = bench.options
         with parts.showing_what_counts(_BOXES, [level, *numbers], lambda: _texts(bench)), typed.judged() as read:
             counts = {
@@ -141,8 +148,13 @@ def _form(bench: Bench) -> parts.Form:
                 for text, (name, title) in zip(numbers, _NUMBERS, strict=True)
             }
             levels = read(partial(_levels, level), asked.level)
-            if isinstance(levels, tuple):
-                counts["rounds"] = max(counts["rounds"], len(levels))
+            # several λ raise the rounds, and give them back when they go
+            if raised and raised[0] == counts["rounds"]:
+                counts["rounds"] = raised[-1]
+            own = counts["rounds"]
+            if isinstance(levels, tuple) and len(levels) > own:
+                counts["rounds"] = len(levels)
+            set_props(_RAISED, {"data": [counts["rounds"], own] if counts["rounds"] > own else None})
             flags = {name: name in ticks for name, _ in _TICKS}
             if bench.choose(
                 responses=tuple(responses or ()),
@@ -155,7 +167,7 @@ def _form(bench: Bench) -> parts.Form:
                 parts.tell(bench)
 
     names = ("responses", "level", "degree", "reference", "ticks", *(name for name, _ in _NUMBERS))
-    return parts.Form(tuple((f"{ID}-{name}", "value") for name in names), take)
+    return parts.Form(tuple((f"{ID}-{name}", "value") for name in names), take, ((_RAISED, "data"),))
 
 
 def _register_following(app: dash.Dash, bench: Bench) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import plotly.graph_objects as go
@@ -84,8 +84,13 @@ def frames(view: View, pins: Pins, photos: Mapping[str, str]) -> dict[str, go.Fi
 
 
 def _name_margins(view: View) -> dict[str, dict[str, float]]:
-    """Room for the longest name, whichever sensors are shown."""
-    letters = max(len(html.unescape(style.label(name))) for name in view.exploration.question.sensors)
+    """Room for the longest name, whichever sensors and runs are shown."""
+
+    def longest(names: Iterable[str]) -> int:
+        return max(len(html.unescape(style.label(name))) for name in names)
+
+    letters = longest(view.exploration.question.sensors)
+    runs = longest(one.name for one in _runs(view))
 
     def room(n: int) -> float:
         return _BESIDE_LETTERS_PX + _LETTER_PX * n
@@ -94,6 +99,7 @@ def _name_margins(view: View) -> dict[str, dict[str, float]]:
         "tree": {"r": room(letters)},
         "coefficients": {"l": room(1 + min(letters, _LONGEST_TERM))},
         "faults": {"l": room(letters)},
+        "runs": {"l": max(_MARGINS["runs"]["l"], room(runs))},
     }
 
 
@@ -104,18 +110,19 @@ def moved(view: View, pins: Pins) -> dict[str, list[tuple[tuple[str | int, ...],
 
 
 def titles(view: View) -> dict[str, str]:
-    """What every picture says now."""
+    """What every picture says now, as text that is no markup."""
     model = view.fixed.models[view.response]
     kind = KINDS[view.exploration.parts]
-    return {
+    said = {
         "tree": tree_title(_cut(view)),
         "machine": f"{len(view.fixed.sensors)} of {len(view.exploration.available)} sensors: "
         + style.listed(view.fixed.sensors),
-        "sets": f"{view.response}: error of sets on left-out {kind}",
+        "sets": f"{style.label(view.response)}: error of sets on left-out {kind}",
         "runs": run_errors_title(view.response, _runs(view), kind),
         "coefficients": coefficients_title(view.response, _terms(view, model)),
         "faults": faults_title(view.faults),
     }
+    return {name: html.unescape(title) for name, title in said.items()}
 
 
 def _changes(view: View, pins: Pins, tree: Dendrogram) -> dict[str, Changes]:
