@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import inspect
 import os
 import signal
@@ -117,4 +118,10 @@ def main() -> None:
     status = exit_status()
     # all is written and said: a Ctrl-C while the interpreter takes itself down must not turn success into a death
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if status == running.STOPPED:
+        # compiled code that was interrupted may abort the interpreter while it takes itself down
+        for stream in (sys.stdout, sys.stderr):
+            with contextlib.suppress(OSError, ValueError):
+                stream.flush()
+        os._exit(status)
     sys.exit(status)
