@@ -8,7 +8,8 @@
 # Part of the tests:    make test TESTS=tests/architecture
 
 PYTHON  ?= $(shell .ci/python)
-WORKERS ?= auto
+# one more than processors: tests that wait for a control or a browser leave theirs to others
+WORKERS ?= $(shell $(PYTHON) -c "import os; print((os.cpu_count() or 1) + 1)")
 TESTS   ?=
 
 VENV  := .venv
