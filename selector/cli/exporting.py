@@ -286,10 +286,11 @@ def _of_other_targets(target: str, out: Path, files: list[str]) -> Iterator[Find
 
     left: dict[str, str] = {}
     for name, other in TARGETS.items():
+        if name == target:
+            continue
         patterns = [*(part.file for part in other.parts), *other.not_always]
-        found = sorted({path.name for pattern in patterns for path in out.glob(pattern)} - set(files))
-        if name != target:
-            left |= {file: name for file in found if file not in left}
+        for file in sorted({path.name for pattern in patterns for path in out.glob(pattern)} - set(files)):
+            left.setdefault(file, name)
     if left:
         listed = ", ".join(f"{file} ({name})" for file, name in left.items())
         yield Finding(

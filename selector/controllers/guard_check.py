@@ -9,6 +9,7 @@ from selector.findings import Finding
 
 DAY_S = 86_400.0
 CLOCKS_END_S = 1e6
+"""`LONGEST_S` of the guard, which itself stands on this check."""
 COLDEST_DEGC, HOTTEST_DEGC = -30.0, 120.0
 """What a working machine can have anywhere."""
 

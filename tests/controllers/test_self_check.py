@@ -10,6 +10,8 @@ import pytest
 
 from selector.controllers import self_check
 from selector.controllers.evaluator import evaluate
+from selector.controllers.guard.codes import LONGEST_S
+from selector.controllers.guard_check import CLOCKS_END_S
 from selector.controllers.model_file import Guard, Input, ModelFile, Output, OutputLimits, Term
 from selector.controllers.model_io import model_text, write_model
 from selector.controllers.self_check import check_model, model_findings, output_bound_um
@@ -165,6 +167,10 @@ def test_settings_of_the_guard_that_are_hardly_meant_are_told():
     usual = Guard(limits=(OutputLimits(output="Z", clamp_um=50.0, slew_um_per_s=0.01, dead_band_um=0.5),))
     told = model_findings(with_vectors(rise_model(guard=usual)))
     assert [one.id for one in told if one.level == "warning"] == []
+
+
+def test_the_check_and_the_guard_stop_their_clocks_at_the_same_time():
+    assert CLOCKS_END_S == LONGEST_S
 
 
 def test_a_break_code_that_the_limits_of_readings_exclude_is_no_temperature():

@@ -38,7 +38,7 @@ LONGEST_PAUSE_S = 600.0
 
 _TOTAL, _PRODUCT, _CHANGE, _DT, _SLEWED, _SINCE, _IS_TEST, _FIRST_TESTED = range(1, 9)
 _MODEL, _LAST_CALL, _LAST_SAMPLE, STATUS, _FAULTY, _HAS_BEGUN, _GOOD_FOR = range(FIRST_KEPT, FIRST_KEPT + 7)
-_SWITCHED_OFF = "4."
+_SWITCHED_OFF = literal(float(Mode.SWITCHED_OFF))
 _BEGIN, _JUDGED, _FAULT, _WAIT, _MOVE, _END = 30, 31, 800, 810, 850, 900
 _IS_BEGUN, _IS_CANDIDATE, _NOT_GOOD = "1.", "2.", "-1."
 """Of start readings: believed, or good so far, but not yet for long enough; of the time for which all are good."""
