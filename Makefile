@@ -53,6 +53,7 @@ pytest: $(STAMP)
 reference: $(STAMP)
 	@$(BIN)/python -m docs.make_command_line
 	@$(BIN)/python -m docs.make_effects
+	@$(BIN)/python -m docs.make_findings
 	@$(BIN)/python -m docs.strip_notebooks
 	@$(BIN)/python -m tests.architecture.public_names
 

@@ -11,8 +11,8 @@ from collections import Counter, defaultdict
 
 import numpy as np
 
-from selector.physics.drive.ball_bar import BallBarTrace
-from selector.physics.drive.circle_causes import FeedCauses, circle_causes
+from selector.physics.drive.ball_bar.causes import FeedCauses, circle_causes
+from selector.physics.drive.ball_bar.circle import BallBarTrace
 
 NOISE_UM = 2.0
 """So large that no alarm is below the smallest size that is told."""

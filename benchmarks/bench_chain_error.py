@@ -14,12 +14,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.physics.vibration.chain_error import Agreement, ChainAccuracy, chain_accuracy
-from selector.physics.vibration.coupled import receptance, response
-from selector.physics.vibration.model_file import read_model_file
-from selector.physics.vibration.modes import receptance_by_modes, structure_modes
-from selector.physics.vibration.spectrum import excitation
-from selector.physics.vibration.structure import Structure
+from selector.physics.vibration.chain.chain_error import Agreement, ChainAccuracy, chain_accuracy
+from selector.physics.vibration.file.model_file import read_model_file
+from selector.physics.vibration.structure.modes import receptance_by_modes, structure_modes
+from selector.physics.vibration.structure.source import excitation
+from selector.physics.vibration.structure.structure import Structure, receptance, response
 from selector.physics.vibration.vibration_model import VibrationModel, vibration_model
 from selector.physics.vibration.vibration_summary import judged_frequencies_hz
 
@@ -100,7 +99,8 @@ def varied(structure: Structure, seed: int) -> Structure:
 
 
 def short(part: Agreement) -> str:
-    return f"{100 * part.share_within:3.0f} ({100 * part.amplitude_share_within(0.1):3.0f}) % {part.rms_db:5.1f} dB"
+    of_amplitude = np.mean(np.abs(np.abs(part.ratio) - 1.0) <= 0.1)
+    return f"{100 * part.share_within:3.0f} ({100 * of_amplitude:3.0f}) % {part.rms_db:5.1f} dB"
 
 
 def seconds(run: Callable[[], object]) -> float:

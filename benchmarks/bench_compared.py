@@ -22,9 +22,10 @@ from pathlib import Path
 
 import numpy as np
 
-from selector.models.subsets import best_subsets, cross_products
+from selector.models.best_subsets.cross_products import cross_products
+from selector.models.best_subsets.subsets import best_subsets
 from selector.physics.drive.identification import identified_axis_of_servo
-from selector.physics.drive.servo import Servo
+from selector.physics.drive.parts.axis import Servo
 from selector.readers import read
 from selector.recording import Recording
 from selector.selection import Options, select

@@ -16,14 +16,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.physics.thermal.characteristics import characteristics
-from selector.physics.thermal.cyclogram import Cyclogram
-from selector.physics.thermal.cyclogram_kind import cyclogram_kind
 from selector.physics.thermal.field.virtual_machine import VirtualMachine, virtual_machining_centre
-from selector.physics.thermal.laws import Conditions
-from selector.physics.thermal.mode_choice import choose_modes
-from selector.physics.thermal.piecewise import piecewise_displacement_um
-from selector.physics.thermal.thermal_test import ThermalTest
+from selector.physics.thermal.modes.choice import choose_modes
+from selector.physics.thermal.modes.cyclogram import Cyclogram, cyclogram_kind
+from selector.physics.thermal.modes.thermal_test import ThermalTest
+from selector.physics.thermal.network.laws import Conditions
+from selector.physics.thermal.prediction.characteristics import characteristics
+from selector.physics.thermal.prediction.piecewise import piecewise_displacement_um
 
 Vector = NDArray[np.float64]
 
@@ -153,7 +152,7 @@ def cases(machine: VirtualMachine, noise_um: float, seed: int, *, slow: bool) ->
 
 
 def _largest_drift_um(time_s: Vector, predicted_um: Vector, true_um: Vector, operations_s: list[float]) -> float:
-    from selector.physics.thermal.correction_program import correction_program
+    from selector.physics.thermal.prediction.correction_program import correction_program
 
     program = correction_program(time_s, predicted_um, operations_s, TOLERANCE_UM)
     _, left = program.drift_left_um(time_s, true_um)

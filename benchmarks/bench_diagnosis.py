@@ -29,7 +29,7 @@ SETTINGS: dict[str, list[dict[str, int]]] = {
 
 def comparison(samples: int, responses: int, inputs: int):
     """Three runs of a warming machine; temperatures near and far, distractors as far as `inputs` goes."""
-    from selector.diagnosis.entrance.alignment import comparison_of
+    from selector.diagnosis.matching.alignment import comparison_of
     from selector.recording import Channel, Recording
 
     draw = np.random.default_rng(0)

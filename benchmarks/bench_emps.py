@@ -14,17 +14,14 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import optimize
 from scipy.io import loadmat
 
-from selector.physics.drive.axis import Axis
-from selector.physics.drive.friction import Friction
 from selector.physics.drive.identification import identified_axis_of_servo, identified_rigid_axis
-from selector.physics.drive.loop_identification import fitted_in_loop, loop_errors
-from selector.physics.drive.mechanics import RigidMechanics
-from selector.physics.drive.reference import Reference
-from selector.physics.drive.servo import Sensing, Servo
+from selector.physics.drive.motion import Motion, Reference
+from selector.physics.drive.parts.axis import Axis, AxisState, Sensing, Servo
+from selector.physics.drive.parts.mechanics import Friction, RigidMechanics
 from selector.physics.drive.simulation import simulate_axis
-from selector.physics.drive.state import AxisState
 from selector.physics.drive.trajectory import recorded
 
 Vector = NDArray[np.float64]
@@ -78,9 +75,68 @@ def axis_of(values: Vector | tuple[float, ...], servo: Servo, law: str = RECORDE
     return Axis(RigidMechanics(mass, viscous), servo, Friction(coulomb, offset_n=offset), sensing=LAWS[law])
 
 
+@dataclass(frozen=True)
+class LoopErrors:
+    """How the simulated loop differs from a record: position that the control sees [m], its output [V]."""
+
+    position_rms_m: float
+    position_max_m: float
+    relative_position_error: float  #: ‖difference‖ / ‖recorded position‖
+    command_rms: float
+
+
+def loop_errors(motion: Motion, record: Record) -> LoopErrors:
+    position = (motion.measured_m - record.position_m)[SKIP:]
+    command = (motion.command - record.output_v)[SKIP:]
+    return LoopErrors(
+        float(np.sqrt(np.mean(position**2))),
+        float(np.abs(position).max()),
+        float(np.linalg.norm(position) / np.linalg.norm(record.position_m[SKIP:])),
+        float(np.sqrt(np.mean(command**2))),
+    )
+
+
+def fitted_in_loop(axis: Axis, record: Record) -> tuple[Vector, Vector]:
+    """Parameters `NAMES` with which the simulated loop leaves the least of position and command, and standard errors.
+
+    Residuals of both are divided by what the first simulation leaves of each, so that both count alike; the steps of
+    the encoder, which would hide what a small change of a parameter does, are left out of the search. Standard errors
+    are those of residuals that are independent of each other, so too small where they are not.
+    """
+    before = loop_errors(simulate_axis(axis, record.reference, step_s=PERIOD_S, start=record.start), record)
+    smooth = replace(axis, sensing=replace(axis.sensing, motor_resolution=0.0))
+    begin = np.array(
+        [
+            axis.mechanics.mass_kg,
+            axis.mechanics.guide_damping_ns_per_m,
+            axis.friction.coulomb_n,
+            axis.friction.offset_n,
+        ]
+    )
+    size = np.abs(begin)
+
+    def residuals(scaled: Vector) -> Vector:
+        mass, viscous, coulomb, offset = (scaled * size).tolist()
+        one = replace(smooth, mechanics=RigidMechanics(mass, viscous), friction=Friction(coulomb, offset_n=offset))
+        motion = simulate_axis(one, record.reference, step_s=PERIOD_S, start=record.start)
+        return np.concatenate(
+            [
+                (motion.measured_m - record.position_m)[SKIP:] / before.position_rms_m,
+                (motion.command - record.output_v)[SKIP:] / before.command_rms,
+            ]
+        )
+
+    # steps of the finite differences are large beside the moments at which friction changes its sign
+    bounds = ([1e-3, 0.0, 0.0, -np.inf], np.inf)
+    found = optimize.least_squares(residuals, begin / size, bounds=bounds, diff_step=1e-3, xtol=1e-6, ftol=1e-8)
+    spread = 2.0 * found.cost / (len(found.fun) - len(begin))
+    covariance = np.linalg.pinv(found.jac.T @ found.jac) * spread
+    return found.x * size, np.sqrt(np.diag(covariance)) * size
+
+
 def closed(record: Record, axis: Axis) -> str:
     motion = simulate_axis(axis, record.reference, step_s=PERIOD_S, start=record.start)
-    errors = loop_errors(motion, record.position_m, record.output_v, skip=SKIP)
+    errors = loop_errors(motion, record)
     # relative to the whole voltage, as the authors' force
     share = errors.command_rms * (len(record.voltage_v) - SKIP) ** 0.5 / np.linalg.norm(record.voltage_v[SKIP:])
     return (
@@ -128,24 +184,16 @@ def main() -> None:
     for law in LAWS:
         for record in (nominal, pulses):
             begin = time.perf_counter()
-            fit = fitted_in_loop(
-                axis_of(first.values, servo, law),
-                record.reference,
-                record.position_m,
-                record.output_v,
-                step_s=PERIOD_S,
-                start=record.start,
-                skip=SKIP,
-            )
-            fits[law, record.name] = fit
+            values, standard_errors = fitted_in_loop(axis_of(first.values, servo, law), record)
+            fits[law, record.name] = values
             seconds = time.perf_counter() - begin
-            print(f"{law:18s}{record.name:20s}{row(fit.values)}  ±{row(fit.standard_errors)}  {seconds:.1f} s")
+            print(f"{law:18s}{record.name:20s}{row(values)}  ±{row(standard_errors)}  {seconds:.1f} s")
 
     print("\nclosed loop, simulated − recorded")
     parameters = {
         "published": np.array(PUBLISHED),
         "inverse model": first.values,
-        "in the loop": fits[RECORDED, nominal.name].values,
+        "in the loop": fits[RECORDED, nominal.name],
     }
     for label, values in parameters.items():
         for law in LAWS:

@@ -33,8 +33,8 @@ from selector.physics.thermal.field import (
 from selector.physics.thermal.field.machine import CELL_M, displacement_readings
 from selector.physics.thermal.field.solvers import direct_solver
 from selector.physics.thermal.field.thermoelasticity import elastic_matrices
-from selector.physics.thermal.laws import Conditions, FilmLaw, HeatLaw, Laws
-from selector.physics.thermal.transient import simulate_heat
+from selector.physics.thermal.network.laws import Conditions, FilmLaw, HeatLaw, Laws
+from selector.physics.thermal.network.transient import simulate_heat
 
 HEAT_W = {"lower bearing": 150.0, "upper bearing": 100.0, "motor": 200.0, "gearbox": 100.0}
 FILM_W_PER_M2_K = 8.0
@@ -84,7 +84,7 @@ def shift(refinement: float, step_s: float) -> dict[str, float]:
     """8 h with the full model."""
     machine = field_machine(refinement=refinement, probes=BEARING_SEAT)
     heat = tuple(HeatLaw(name, speed_w=heat_w, reference_rpm=3000.0) for name, heat_w in HEAT_W.items())
-    laws = Laws(heat, tuple(FilmLaw(name, FILM_W_PER_M2_K) for name in machine.patches))
+    laws = Laws(heat, tuple(FilmLaw(name, FILM_W_PER_M2_K) for name in machine.system.films))
     hours = np.array([0.0, 2.0, 4.0, 6.0, 8.0])
     speed = np.array([1500.0, 2000.0, 2500.0, 3000.0, 3000.0])
     off, room = np.zeros(5), np.full(5, 20.0)

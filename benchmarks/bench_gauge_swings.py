@@ -15,8 +15,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from selector.physics.gauging.characteristic import characteristic
-from selector.physics.gauging.steady_swing import steady_swing
+from selector.physics.gauging.gauge.characteristic import characteristic
+from selector.physics.gauging.gauge.vibrating_contact import steady_swing
 from tests.physics.gauging.examples import TRANSDUCER
 from tests.physics.gauging.test_steady_swing import tuned
 

@@ -15,11 +15,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from selector.physics.thermal.mode_choice import choose_modes, fit_modes
+from selector.physics.thermal.modes.choice import choose_modes
 from tests.physics.thermal.mode_machines import (
     RESPONSES,
     Machine,
     duty_cycles,
+    fitted_modes,
     heat_and_cool,
     modal_machine,
     random_bar,
@@ -56,7 +57,8 @@ def accuracy(machines: int, cycles: int) -> None:
             errors = 100 * relative_errors(machine, fit.model, courses)
             chosen.append((np.median(errors[:, 0]), errors[:, 0].max()))
             others.append(np.median(errors[:, 1:]))
-            two = fit_modes(tests, RESPONSES, n_modes=2, law_kind="levels").model
+            plain_fit, data = fitted_modes(tests, 2, "levels")
+            two = plain_fit.model(data, RESPONSES)
             errors = 100 * relative_errors(machine, two, courses)
             plain.append((np.median(errors[:, 0]), errors[:, 0].max()))
         mine, his = np.array(chosen), np.array(plain)

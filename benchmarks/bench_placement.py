@@ -34,9 +34,7 @@ import numpy as np
 import pandas as pd
 from bench_reduction import shift
 
-from selector.models.design import datum_of
-from selector.models.memory import lagged
-from selector.models.rows import rows_of
+from selector.models.design import datum_of, lagged, rows_of
 from selector.physics.thermal.field import Sensor, VirtualMachine, sensor_candidates, virtual_machining_centre
 from selector.recording import Channel, Recording
 from selector.selection import Options, Selection, select

@@ -15,14 +15,14 @@ import sys
 import time
 from pathlib import Path
 
-from selector.cli.files import folder_written_whole
-from selector.cli.showing import json_text
-from selector.proof.page import page_of
-from selector.proof.results import cases_csv, line_of, row_texts, score_object, tables
+from selector.atomic_file import folder_written_whole
+from selector.cli.shared.showing import json_text
+from selector.proof.results import cases_csv, line_of, page_of, row_texts, score_object, tables
 from selector.proof.rivals import rivals
 from selector.proof.runner import TOOL, Answerer, Exam, Outcome, answer_of_selector, outcomes, questions
 from selector.proof.scenarios import scenarios
-from selector.report.proof_report import proof_html
+from selector.telling.page import account_page
+from selector.telling.proof_report import proof_account
 
 PORTION = 40
 
@@ -65,7 +65,8 @@ def main() -> None:
             score = json_text(score_object(found, is_exam=options.exam)) + "\n"
             (folder / "score.json").write_text(score, encoding="utf-8")
             (folder / "cases.csv").write_text(cases_csv(found), encoding="utf-8")
-            (folder / "report.html").write_text(proof_html(page_of(found, is_exam=options.exam)), encoding="utf-8")
+            told = proof_account(page_of(found, is_exam=options.exam), drawn=True)
+            (folder / "report.html").write_text(account_page(told), encoding="utf-8")
 
 
 def say(done: int, total: int, outcome: Outcome) -> None:

@@ -14,9 +14,9 @@ import time
 import numpy as np
 
 from selector.physics.thermal.field.virtual_machine import film_sets, virtual_machining_centre
-from selector.physics.thermal.laws import Conditions
-from selector.physics.thermal.reduction import reduced
-from selector.physics.thermal.transient import HeatHistory, simulate_heat
+from selector.physics.thermal.network.laws import Conditions
+from selector.physics.thermal.network.reduction import projected, reduced_basis
+from selector.physics.thermal.network.transient import HeatHistory, simulate_heat
 
 TIME_S = np.arange(0.0, 8 * 3600 + 1, 60.0)
 FEW_SCALES_S = (60.0, 600.0, 6000.0, np.inf)
@@ -67,7 +67,8 @@ def main() -> None:
     for name, choice in choices.items():
         for tolerance in TOLERANCES:
             started = time.perf_counter()
-            small = reduced(machine.full, **({"film_coefficients": sets} | choice), tolerance=tolerance)
+            asked = {"film_coefficients": sets} | choice
+            small = projected(machine.full, reduced_basis(machine.full, **asked, tolerance=tolerance))
             build_s = time.perf_counter() - started
             worst, seconds = [], []
             for each, true in zip(conditions, truth, strict=True):

@@ -17,7 +17,7 @@ from scipy.signal import lfilter
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from selector.diagnosis.entrance.alignment import comparison_of
+from selector.diagnosis.matching.alignment import comparison_of
 from selector.diagnosis.mismatch.location import active_windows
 from selector.diagnosis.mismatch.omnibus import unexplained
 from selector.proof.scenarios import scenarios

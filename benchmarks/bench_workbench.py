@@ -21,16 +21,15 @@ import bench_select
 import numpy as np
 from playwright.sync_api import Page, sync_playwright
 
-from selector.models.design import datum_of
-from selector.models.faults import fault_gains
-from selector.models.rows import rows_of
+from selector.models.design import datum_of, rows_of
+from selector.models.validity import fault_gains
 from selector.recording import Recording
 from selector.selection import Exploration, Options
 from selector.selection.candidates import LINEAR, candidates
 from selector.selection.choice import tested
 from selector.selection.fitting import Recipe, final_models, predictions
-from selector.selection.folds import Folds, blocks_per_run
 from selector.selection.options import question_of
+from selector.selection.proving import Folds, blocks_per_run
 from selector.selection.survey import RunsOf, survey
 from selector.workbench.bench import Bench
 from selector.workbench.server import started

@@ -19,7 +19,8 @@ exclude_patterns = ["project/**/*.py"]
 
 # Pages are Markdown that a code host shows too: no extension of the syntax, headings get the anchors of a code host.
 myst_heading_anchors = 4
-suppress_warnings = ["myst.header"]  # a page of the project's root may begin below its title
+# a page of the project's root may begin below its title; shapes beside fields are read as types, which lead nowhere
+suppress_warnings = ["myst.header", "ref.python"]
 
 napoleon_google_docstring = False
 napoleon_numpy_docstring = True

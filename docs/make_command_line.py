@@ -10,7 +10,7 @@ from typing import Any
 import typer
 
 from selector.cli import app
-from selector.cli.source import READING_PANEL
+from selector.cli.shared.source import READING_PANEL
 
 PAGE = Path(__file__).parent / "reference" / "command-line.md"
 

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Effect
-from selector.diagnosis.entrance.alignment import comparison_of
+from selector.diagnosis.matching.alignment import comparison_of
 from selector.diagnosis.shapes.signals import filled
 from selector.diagnosis.shown_units import unit_words
 from selector.figures.panels import shown_samples
-from selector.figures.style import number, time_unit
+from selector.figures.style import time_unit
+from selector.number_text import number_text
 from selector.proof.case import Case, Scenario
 from selector.proof.scenarios import scenarios
 
@@ -82,7 +83,8 @@ def _section(effect: Effect) -> list[str]:
     if effect.parameters:
         lines += ["| parameter | from | to | unit | meaning |", "|---|---|---|---|---|"]
         lines += [
-            f"| `{one.name}` | {number(one.low)} | {number(one.high)} | {unit_words(one.unit) or '–'} | {meaning} |"
+            f"| `{one.name}` | {number_text(one.low)} | {number_text(one.high)} | {unit_words(one.unit) or '–'} | "
+            f"{meaning} |"
             for one, meaning in ((one, _cell(one.meaning)) for one in effect.parameters)
         ]
         lines.append("")
@@ -165,7 +167,7 @@ def _svg(comparison: Comparison, response: str, difference: Vector, course: Vect
         y = _TOP + inner * (1.0 - (np.clip(values[kept], low, high) - low) / max(high - low, 1e-300))
         return " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
 
-    ends = f"{number(time[-1] / seconds)} {unit}"
+    ends = f"{number_text(time[-1] / seconds)} {unit}"
     unit_y = unit_words(comparison.channel(response).unit)
     text = 'font-family="DejaVu Sans, Arial, sans-serif" font-size="11" fill="#555"'
     return "\n".join(
@@ -176,8 +178,8 @@ def _svg(comparison: Comparison, response: str, difference: Vector, course: Vect
             f'<path d="M{_LEFT} {_TOP}V{_TOP + inner}H{_WIDTH - _RIGHT}" fill="none" stroke="#8c8c8c"/>',
             f'<polyline points="{points(left)}" fill="none" stroke="#b5b5b5" stroke-width="1"/>',
             f'<polyline points="{points(shape)}" fill="none" stroke="#0072B2" stroke-width="2"/>',
-            f'<text x="{_LEFT - 5}" y="{_TOP + 9}" text-anchor="end" {text}>{number(high, 2)}</text>',
-            f'<text x="{_LEFT - 5}" y="{_TOP + inner}" text-anchor="end" {text}>{number(low, 2)}</text>',
+            f'<text x="{_LEFT - 5}" y="{_TOP + 9}" text-anchor="end" {text}>{number_text(high, 2)}</text>',
+            f'<text x="{_LEFT - 5}" y="{_TOP + inner}" text-anchor="end" {text}>{number_text(low, 2)}</text>',
             f'<text x="{_LEFT - 5}" y="{_TOP + inner / 2}" text-anchor="end" {text}>{unit_y}</text>',
             f'<text x="{_LEFT}" y="{_HEIGHT - 10}" {text}>0</text>',
             f'<text x="{_WIDTH - _RIGHT}" y="{_HEIGHT - 10}" text-anchor="end" {text}>{ends}</text>',

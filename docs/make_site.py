@@ -18,7 +18,7 @@ from pathlib import Path, PurePosixPath
 
 from docs.site_notebooks import notebook_page
 from docs.site_python import python_pages
-from docs.site_schemas import schema_pages
+from docs.site_schemas import model_pages, schema_pages
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -58,7 +58,7 @@ def lay_out(pages: Path) -> None:
         text = notebook_page(source) if source.suffix == ".ipynb" else source.read_text(encoding="utf-8")
         todo += [linked for linked in _links(text, source.parent) if linked.exists()]
         target.write_text(_moved(text, source), encoding="utf-8", newline="\n")
-    generated = {"reference/python": python_pages(), "reference/schemas": schema_pages(ROOT)}
+    generated = {"reference/python": python_pages(), "reference/schemas": schema_pages(ROOT) | model_pages()}
     for parent, made in generated.items():
         for name, text in made.items():
             (pages / f"{parent}-{name}.md").write_text(text, encoding="utf-8", newline="\n")

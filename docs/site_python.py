@@ -14,52 +14,52 @@ PARTS = {
     "sensors": ("Which sensors", "sensors"),
     "models": (
         "Which model",
-        "models.terms models.memory models.reference models.design models.cross_products models.least_squares"
-        " models.subsets models.sensor_sets models.subset_results models.search_limits models.moments"
-        " models.validation models.hull models.faults",
+        "models.terms models.design models.best_subsets.cross_products models.least_squares"
+        " models.best_subsets.subsets models.best_subsets.sensor_sets models.best_subsets.results"
+        " models.best_subsets.problem models.moments models.validation models.validity",
     ),
     "selection": ("The choice, scikit-learn, and the study file", "selection estimators study"),
     "heat": (
         "How the machine warms",
-        "physics.system physics.thermal.laws physics.thermal.network physics.thermal.transient"
-        " physics.thermal.steady_state physics.thermal.time_constants physics.thermal.reduction physics.thermal.field"
-        " physics.thermal.thermal_test physics.thermal.modes physics.thermal.mode_choice physics.thermal.cyclogram"
-        " physics.thermal.characteristics physics.thermal.piecewise physics.thermal.prediction"
-        " physics.thermal.correction_program physics.thermal.correction_text physics.thermal.model_file"
-        " physics.thermal.thermal_model physics.thermal.driving",
+        "physics.system physics.thermal.network.laws physics.thermal.network.network"
+        " physics.thermal.network.transient physics.thermal.file.systems"
+        " physics.thermal.network.reduction physics.thermal.field physics.thermal.modes.thermal_test"
+        " physics.thermal.modes.modes physics.thermal.modes.choice physics.thermal.modes.cyclogram"
+        " physics.thermal.prediction.characteristics physics.thermal.prediction.piecewise"
+        " physics.thermal.prediction.prediction physics.thermal.prediction.correction_program"
+        " physics.thermal.file.model_file physics.thermal.thermal_model physics.thermal.driving",
     ),
     "drives": (
         "How its axes follow",
-        "physics.drive.catalogue physics.drive.stiffness physics.drive.mechanics physics.drive.friction"
-        " physics.drive.transmission physics.drive.servo physics.drive.axis physics.drive.reference"
-        " physics.drive.trajectory physics.drive.course physics.drive.simulation physics.drive.motion"
-        " physics.drive.frequency physics.drive.stability physics.drive.gain_limits physics.drive.identification"
-        " physics.drive.loop_identification physics.drive.circle physics.drive.ball_bar"
-        " physics.drive.circle_quantities physics.drive.circle_causes physics.drive.model_file"
+        "physics.drive.parts.catalogue physics.drive.parts.stiffness physics.drive.parts.mechanics"
+        " physics.drive.parts.axis physics.drive.motion physics.drive.trajectory physics.drive.simulation"
+        " physics.drive.loop.stability physics.drive.identification physics.drive.ball_bar.circle"
+        " physics.drive.ball_bar.quantities physics.drive.ball_bar.causes physics.drive.file.model_file"
         " physics.drive.drive_model physics.drive.driving",
     ),
     "vibration": (
         "How it vibrates",
-        "physics.vibration.structure physics.vibration.source physics.vibration.shaft_course physics.vibration.chain"
-        " physics.vibration.coupled physics.vibration.chain_error physics.vibration.modes physics.vibration.run_up"
-        " physics.vibration.realisations physics.vibration.periodic_error physics.vibration.recorded_force"
-        " physics.vibration.model_file physics.vibration.vibration_model",
+        "physics.vibration.structure.structure physics.vibration.structure.source physics.vibration.chain.chain"
+        " physics.vibration.chain.chain_error physics.vibration.structure.modes physics.vibration.motion.run_up"
+        " physics.vibration.motion.realisations physics.vibration.motion.periodic_error"
+        " physics.vibration.recorded.force physics.vibration.file.model_file physics.vibration.vibration_model",
     ),
     "gauging": (
         "How it grinds to size",
-        "physics.gauging.transducer physics.gauging.vibrating_contact physics.gauging.characteristic"
-        " physics.gauging.process physics.gauging.threshold physics.gauging.gauged_grinding"
-        " physics.gauging.finished_sizes physics.gauging.size_distribution physics.gauging.capability"
-        " physics.gauging.trade_off physics.gauging.model_file physics.gauging.gauging_model",
+        "physics.gauging.gauge.transducer physics.gauging.gauge.vibrating_contact"
+        " physics.gauging.gauge.characteristic physics.gauging.process physics.gauging.gauge.threshold"
+        " physics.gauging.grinding.gauged_grinding physics.gauging.grinding.finished_sizes"
+        " physics.gauging.sizes.size_distribution physics.gauging.sizes.capability physics.gauging.sizes.trade_off"
+        " physics.gauging.file.model_file physics.gauging.gauging_model",
     ),
     "diagnosis": (
         "What the simulation left out",
-        "diagnosis.entrance.alignment diagnosis.comparison diagnosis.workflow diagnosis.answer diagnosis.correction"
+        "diagnosis.matching.alignment diagnosis.comparison diagnosis.workflow diagnosis.answer"
         " diagnosis.effects.catalogue diagnosis.effects.effect diagnosis.open_model.runnable",
     ),
     "proof": ("The blind proof", "proof.case proof.scenarios proof.runner proof.scoring"),
-    "control": ("Model to control", "controllers controllers.from_selection"),
-    "showing": ("Figures, report, audit", "figures report audit"),
+    "control": ("Model to control", "controllers controllers.from_selection exporting"),
+    "showing": ("Figures, report, audit", "figures telling audit"),
 }
 """Page → its title, and the packages and modules of `selector` that it shows."""
 

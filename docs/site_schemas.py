@@ -6,20 +6,36 @@ import json
 from pathlib import Path
 from typing import Any
 
+from selector.physics.simulation_kind import simulation_kinds
+
 
 def schema_pages(root: Path) -> dict[str, str]:
     """Name → Markdown of a page, one for every `selector/**/schema/*.json`."""
     return {
         path.stem.removeprefix("selector.").replace(".", "-"): _page(
-            json.loads(path.read_text(encoding="utf-8")), path.relative_to(root).as_posix()
+            schema,
+            f"From `{path.relative_to(root).as_posix()}`, which is shipped in the package.",
+            schema.get("$id", schema.get("title", path.name)),
         )
         for path in sorted((root / "selector").rglob("schema/*.json"))
+        for schema in [json.loads(path.read_text(encoding="utf-8"))]
     }
 
 
-def _page(schema: dict[str, Any], file: str) -> str:
-    title = schema.get("title", file)
-    lines = [f"# Fields of `{schema.get('$id', title)}`\n", f"From `{file}`, which is shipped in the package.\n"]
+def model_pages() -> dict[str, str]:
+    """Name → Markdown of a page, one for every kind of model file that `selector simulate` reads."""
+    return {
+        f"model-{word}": _page(
+            schema.model_json_schema(), f"Model files that `selector simulate {kind.name}` reads.", f'kind = "{word}"'
+        )
+        for kind in simulation_kinds().values()
+        for word, schema in kind.family().kinds.items()
+    }
+
+
+def _page(schema: dict[str, Any], said_of: str, heading: str) -> str:
+    title = schema.get("title", heading)
+    lines = [f"# Fields of `{heading}`\n", f"{said_of}\n"]
     for name, part in [(title, schema), *schema.get("$defs", {}).items()]:
         lines += [f"## {name}\n", part.get("description", "") + "\n"]
         if not part.get("properties"):
@@ -42,7 +58,7 @@ def _type(said: dict[str, Any]) -> str:
         return ", ".join(f"`{json.dumps(value)}`" for value in said["enum"])
     if "anyOf" in said or "oneOf" in said:
         return " or ".join(_type(one) for one in said.get("anyOf") or said["oneOf"])
-    kind = str(said.get("type", "any"))
+    kind = str(said.get("type", "any")) + (f" [{said['unit']}]" if "unit" in said else "")
     if kind == "array" and isinstance(said.get("items"), dict):
         return f"list of {_type(said['items'])}"
     if kind == "object":

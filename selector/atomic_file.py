@@ -1,9 +1,14 @@
-"""A file that is written whole or not at all."""
+"""Files and folders that are written whole or not at all, and nothing is overwritten that was read."""
 
 from __future__ import annotations
 
+import errno
 import os
 import secrets
+import shutil
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from selector.errors import OptionError
@@ -35,4 +40,123 @@ def write_whole(path: Path, content: bytes) -> None:
             expected="a path in an existing folder where you may write",
             where=str(path),
             advice="give another output path, or close the program that has the file open",
+        ) from error
+
+
+@contextmanager
+def folder_written_whole(folder: Path, earlier: Iterable[str] = ()) -> Iterator[Path]:
+    """An empty folder to write into; it takes the place of `folder` when the block ends without an error.
+
+    If `folder` exists, files of the same name are replaced and others stay, but those named `earlier`: they belong to
+    an earlier answer and go with it. When the block fails, or is stopped, `folder` is left as it was.
+    """
+    folder = Path(os.path.abspath(folder))  # noqa: PTH100 (resolve() would follow a link and replace its target's name)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    if folder.exists() and not folder.is_dir():
+        raise NotADirectoryError(errno.ENOTDIR, "not a folder", str(folder))
+    # named before it is made, so that a Ctrl-C at any moment finds it again
+    part = folder.parent / f".{folder.name[:60]}.{secrets.token_hex(8)}.part"
+    try:
+        part.mkdir()
+        yield part
+        if not folder.exists():
+            part.rename(folder)
+            return
+        _move_into(part, folder, earlier)
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def _move_into(part: Path, folder: Path, earlier: Iterable[str]) -> None:
+    """All files of `part` take their places in `folder`, or none does: old ones wait aside until the last is in."""
+    aside = part / f".{secrets.token_hex(8)}"
+    sources = sorted(part.rglob("*"))
+    aside.mkdir()
+    done: list[tuple[Path, Path]] = []
+    try:
+        for number, source in enumerate(sources):
+            target = folder / source.relative_to(part)
+            if source.is_dir():
+                target.mkdir(exist_ok=True)
+                continue
+            if target.is_dir():
+                raise IsADirectoryError(errno.EISDIR, "a folder in the place of a file", str(target))
+            old = aside / str(number)
+            if target.exists():
+                target.replace(old)
+            done.append((target, old))
+            source.replace(target)
+        for name in earlier:
+            target, old = folder / name, aside / name
+            if target.is_file() and not any(target == there for there, _ in done):
+                target.replace(old)
+                done.append((target, old))
+    except BaseException:
+        for target, old in done:
+            if old.exists():
+                old.replace(target)
+            else:
+                target.unlink(missing_ok=True)
+        raise
+
+
+def refuse_to_overwrite(path: Path, *, force: bool, option: str) -> None:
+    """Ends with an error when the file exists and the user did not say ``--force``.
+
+    Raises
+    ------
+    OptionError
+        The file exists.
+    """
+    if path.exists() and not force:
+        raise OptionError(
+            "a file of this name exists already",
+            expected="a name that is free, because the file may hold corrections made by hand",
+            where=f"{option} {path}",
+            advice="choose another name, or add --force to replace the file",
+        )
+
+
+def refuse_to_replace_input(path: Path, inputs: Iterable[str | Path], option: str) -> None:
+    """Ends with an error when the file to be written is one of those that were read, whatever its name there was.
+
+    Raises
+    ------
+    OptionError
+        It is.
+    """
+    if path.exists() and any(Path(file).exists() and path.samefile(file) for file in inputs):
+        raise OptionError(
+            "this file is one of the inputs, and would be lost",
+            expected="a file that is not read by the same command",
+            where=f"{option} {path}",
+            advice="choose another name",
+        )
+
+
+def require_writable_folder(folder: Path, option: str) -> None:
+    """Finds out before long work whether `folder` can be made or written to; leaves nothing behind.
+
+    Raises
+    ------
+    OptionError
+        It is a file, or its place cannot be written to.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise OptionError(
+            "a file of this name exists",
+            expected="a folder, or a name that is free",
+            where=f"{option} {folder}",
+            advice="choose another name",
+        )
+    place = next(parent for parent in (folder.absolute(), *folder.absolute().parents) if parent.exists())
+    try:
+        with tempfile.TemporaryDirectory(dir=place):
+            pass
+    except OSError as error:
+        raise OptionError(
+            f"{place} cannot be written to ({error.strerror})",
+            expected="a folder in which files can be made",
+            where=f"{option} {folder}",
+            advice="choose another folder, or change its rights",
         ) from error

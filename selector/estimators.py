@@ -19,8 +19,9 @@ from sklearn.feature_selection import SelectorMixin
 from sklearn.utils.validation import check_consistent_length, check_is_fitted, validate_data
 
 from selector.errors import InputError
-from selector.models.subset_scores import CRITERIA, Criterion
-from selector.models.subsets import best_subsets, cross_products, factor_from_rows
+from selector.models.best_subsets.cross_products import cross_products, factor_from_rows
+from selector.models.best_subsets.results import CRITERIA, Criterion
+from selector.models.best_subsets.subsets import best_subsets
 from selector.recording import Channel, Recording
 from selector.selection import Options, select
 from selector.sensors import correlation_similarity, lambda_axis, lambda_cut, screen, transitive_closure
@@ -124,7 +125,7 @@ class BestSubsetRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         0 for columns that were not chosen.
     intercept_ : float
     support_ : ndarray of bool of shape (n_features,)
-    search_ : selector.models.subset_results.SubsetSearch
+    search_ : selector.models.best_subsets.results.SubsetSearch
         The best subset of every size, and the proof.
     """
 

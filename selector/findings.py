@@ -30,32 +30,16 @@ class Where:
 
 @dataclass(frozen=True)
 class Finding:
-    """One statement about data or a model.
+    """One statement about data or a model."""
 
-    Attributes
-    ----------
-    id : str
-        Stable kebab-case name of the kind of finding, e.g. ``"stuck-channel"``.
-    level : {"info", "warning", "error"}
-        How much it matters.
-    statement : str
-        One or two plain sentences with numbers and units.
-    where : Where
-        Channel, run and time window.
-    evidence : mapping of str to JSON value
-        The numbers behind the statement.
-    suggestion : str
-        What the user can do about it.
-    action : {"none", "leave-out-stretch", "leave-out-run", "leave-out-channel"}
-        What the tool will do with the data because of it. Nothing is left out without a finding that says so.
-    """
-
-    id: str
-    level: Level
-    statement: str
-    where: Where = field(default_factory=Where)
-    evidence: Mapping[str, Any] = field(default_factory=dict)
-    suggestion: str = ""
+    id: str  #: Stable kebab-case name of the kind of finding, e.g. ``"stuck"``.
+    level: Level  #: {"info", "warning", "error"}: How much it matters
+    statement: str  #: One or two plain sentences with numbers and units
+    where: Where = field(default_factory=Where)  #: Channel, run and time window
+    evidence: Mapping[str, Any] = field(default_factory=dict)  #: The numbers behind the statement
+    suggestion: str = ""  #: What the user can do about it
+    #: {"none", "leave-out-stretch", "leave-out-run", "leave-out-channel"}: What the tool will do with the data because
+    #: of it. Nothing is left out without a finding that says so.
     action: Action = "none"
 
     def as_dict(self) -> dict[str, Any]:
@@ -69,3 +53,55 @@ class Finding:
             "suggestion": self.suggestion,
             "action": self.action,
         }
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What all findings of one id have in common; declared once, in the table of the room that makes them."""
+
+    #: How much such a finding can matter: one level, or the levels among which the numbers decide
+    level: Level | tuple[Level, ...]
+    title: str  #: What it means, in one line without numbers
+    #: What to do about it in general: the suggestion of every finding that has none of its own
+    advice: str = ""
+
+    @property
+    def levels(self) -> tuple[Level, ...]:
+        """Every level that such a finding can have."""
+        return (self.level,) if isinstance(self.level, str) else self.level
+
+
+class Kinds(dict[str, Kind]):
+    """The kinds of finding that one room of the package can make, by id."""
+
+    def finding(
+        self,
+        id_: str,
+        statement: str,
+        where: Where | None = None,
+        evidence: Mapping[str, Any] | None = None,
+        suggestion: str | None = None,
+        action: Action = "none",
+        *,
+        level: Level | None = None,
+    ) -> Finding:
+        """A finding of a declared kind.
+
+        The level is the kind's, and has to be given where the kind has several; the suggestion is the kind's advice
+        unless the finding has one of its own. Raises ``KeyError`` for an id and ``ValueError`` for a level that the
+        kind does not have.
+        """
+        kind = self[id_]
+        if level is None:
+            (level,) = kind.levels
+        elif level not in kind.levels:
+            raise ValueError(f"a finding {id_!r} has no level {level!r}")
+        return Finding(
+            id_,
+            level,
+            statement,
+            where or Where(),
+            evidence or {},
+            kind.advice if suggestion is None else suggestion,
+            action,
+        )

@@ -21,30 +21,14 @@ SENSOR_ROLES = ("temperature", "ambient")
 
 @dataclass(frozen=True)
 class Channel:
-    """One recorded quantity.
+    """One recorded quantity."""
 
-    Attributes
-    ----------
-    name : str
-        Unique in its recording.
-    role : str
-        One of `selector.units.ROLES`.
-    unit : str
-        The canonical unit of the role; values are converted when a file is read.
-    place : str or None
-        Where the sensor sits, in the user's words.
-    axis : str or None
-        Machine axis of a displacement, e.g. ``"Z"``.
-    xyz_m : tuple of three floats or None
-        Position on the machine [m].
-    """
-
-    name: str
-    role: str
-    unit: str
-    place: str | None = None
-    axis: str | None = None
-    xyz_m: tuple[float, float, float] | None = None
+    name: str  #: Unique in its recording
+    role: str  #: One of `selector.units.ROLES`
+    unit: str  #: The canonical unit of the role; values are converted when a file is read
+    place: str | None = None  #: Where the sensor sits, in the user's words
+    axis: str | None = None  #: Machine axis of a displacement, e.g. ``"Z"``.
+    xyz_m: tuple[float, float, float] | None = None  #: Position on the machine [m]
 
     def __post_init__(self) -> None:
         if self.role not in ROLES:
@@ -82,24 +66,17 @@ class RunSource(Protocol):
 class Recording:
     """One or more runs on a common set of channels.
 
-    Attributes
-    ----------
-    frame : DataFrame of shape (n_samples, n_channels)
-        Index (`run`, `time_s`): the rows of a run stand together, time [s] from the start of the run increases
-        strictly. Columns are float64 in canonical units; NaN = missing. Sampling may be irregular.
-    channels : tuple of Channel
-        One per column, in column order.
-    provenance : mapping
-        Where the data came from: per run the file name, its SHA-256, the absolute start if known, what was inferred.
-
     Raises
     ------
     RecordingError
         If the frame and the channels do not make a recording.
     """
 
+    #: (n_samples, n_channels): Index (`run`, `time_s`): the rows of a run stand together, time [s] from the start of
+    #: the run increases strictly. Columns are float64 in canonical units; NaN = missing. Sampling may be irregular.
     frame: pd.DataFrame
-    channels: tuple[Channel, ...]
+    channels: tuple[Channel, ...]  #: One per column, in column order
+    #: Where the data came from: per run the file name, its SHA-256, the absolute start if known, what was inferred
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

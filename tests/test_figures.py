@@ -12,6 +12,7 @@ import pytest
 
 from selector import figures
 from selector.figures import style
+from selector.number_text import number_text
 from selector.sensors.fuzzy import transitive_closure
 from selector.sensors.groups import dendrogram
 from tests.report import studies
@@ -192,8 +193,8 @@ def test_curve_holds_the_held_out_errors():
         assert dict(zip(fixed.x, fixed.y, strict=True)) == selection.fixed_set_errors_um(response)
         # the title names both errors that stand at the chosen size
         title, at_size = style.title_text(drawn), dict(zip(curve.x, curve.y, strict=True))[ring.x[0]]
-        assert f"whole procedure (ring) {style.number(ring.y[0])} µm" in title
-        assert f"best of each size {style.number(at_size)} µm" in title
+        assert f"whole procedure (ring) {number_text(ring.y[0])} µm" in title
+        assert f"best of each size {number_text(at_size)} µm" in title
 
 
 def test_a_curve_that_buys_nothing_says_so():
@@ -296,4 +297,4 @@ def test_level_axes_have_a_few_ticks_that_do_not_touch(low, high):
     [(83.64, "83.6"), (-2.0, "−2.00"), (0.0, "0"), (9.9996, "10.0"), (float("nan"), "–"), (2e-7, "2.00·10⁻⁷")],
 )
 def test_numbers(value, text):
-    assert style.number(value) == text
+    assert number_text(value) == text

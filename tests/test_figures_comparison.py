@@ -8,7 +8,7 @@ import re
 import numpy as np
 import pytest
 
-from selector.figures.comparison import recorded_and_simulated
+from selector.figures.simulated.drive import recorded_and_simulated
 from selector.figures.style import title_text
 from tests.report.studies import HOSTILE
 from tests.test_figures_thermal import strings_of

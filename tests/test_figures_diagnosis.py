@@ -11,9 +11,15 @@ import plotly.graph_objects as go
 import pytest
 
 from selector.figures import style
-from selector.figures.diagnosis import before_after, detectability, evidence, next_runs, told_apart
-from selector.figures.mismatch_map import mismatch_map
-from selector.figures.run_axis import RunAxis
+from selector.figures.diagnosis import (
+    RunAxis,
+    before_after,
+    detectability,
+    evidence,
+    mismatch_map,
+    next_runs,
+    told_apart,
+)
 from selector.recording import Channel
 from tests.diagnosis.answers import END_S, N, answer, memory_effect
 from tests.report.studies import HOSTILE

@@ -9,13 +9,12 @@ from dataclasses import replace
 import numpy as np
 import plotly.graph_objects as go
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from selector.figures.drive import (
+from selector.figures.simulated.drive import (
     FINEST_BIT,
-    ROTARY,
     axis_course,
     frequency_response,
     friction_over_speed,
@@ -25,6 +24,7 @@ from selector.figures.drive import (
     through_standstill,
     varying_against_constant,
 )
+from selector.physics.drive.drive_summary import ROTARY
 from selector.physics.drive.motion import Motion
 from tests.report.studies import HOSTILE
 from tests.test_figures_thermal import FLOAT32, drawn_values, strings_of
@@ -173,6 +173,7 @@ def test_a_short_limit_is_shaded_so_that_it_is_seen():
     assert short > 3 * wide
 
 
+@settings(max_examples=20)
 @given(st.floats(1e-3, 1e3), st.floats(-1.0, 1.0))
 def test_small_panels_have_two_ticks_at_least(size, middle):
     motion = replace(moved(), command=size * (middle + np.sin(TIME_S)))

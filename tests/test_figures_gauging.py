@@ -9,10 +9,17 @@ import numpy as np
 import plotly.graph_objects as go
 import pytest
 
-from selector.figures import style
-from selector.figures.gauged_sizes import MOST_MARKERS, filter_trade_off, size_histogram, sizes_over_parts
-from selector.figures.gauging import chain_waveform, gauge_characteristic, part_in_time
-from selector.physics.gauging.transducer import LinearGauge
+from selector.figures.simulated.gauging import (
+    MOST_MARKERS,
+    chain_waveform,
+    filter_trade_off,
+    gauge_characteristic,
+    part_in_time,
+    size_histogram,
+    sizes_over_parts,
+)
+from selector.number_text import number_text
+from selector.physics.gauging.gauge.transducer import LinearGauge
 from tests.report.studies import HOSTILE
 from tests.test_figures_thermal import FLOAT32, drawn_values, strings_of
 
@@ -128,7 +135,7 @@ def test_the_line_of_a_gauge_that_is_straight_is_never_off():
 
 def test_the_end_of_a_part_shows_only_the_thresholds_to_come():
     whole, end = part(), part(from_s=18.0)
-    size = style.number(LEFT_UM[-1])
+    size = number_text(LEFT_UM[-1])
     title = whole.layout.title.text.replace("<br>", " ")
     assert f"ends at {size} µm after 20.0 s, {size} µm above the wanted 0 µm" in title
     assert [bool(re.search("stage 1", note.text)) for note in whole.layout.annotations].count(True) == 1

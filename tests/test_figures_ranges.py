@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from selector.figures import style
-from selector.figures.changes import changed
-from selector.figures.loops import MOST_SENSORS, LoopShown, displacement_loops, loop_width_um
-from selector.figures.set_errors import SetError, set_error_changes, set_errors_picture
-from selector.figures.validity import POINTS, validity_pairs
-from selector.models.hull import validity_hull
+from selector.figures.errors import SetError, set_error_changes, set_errors_picture
+from selector.figures.loops import MOST_SENSORS, POINTS, LoopShown, displacement_loops, loop_width_um, validity_pairs
+from selector.figures.style import changed
+from selector.models.validity import validity_hull
+from selector.number_text import number_text
 
 
 def loop(width_um: float, n: int = 2000) -> tuple[np.ndarray, np.ndarray]:
@@ -108,4 +108,4 @@ def test_a_point_of_a_curve_carries_its_set():
     assert (drawn.data[3].x[0], drawn.data[3].y[0]) == (2, 1.0)
     low, high = drawn.layout.yaxis.range
     assert low < np.log10(1.0) < np.log10(9.0) < high
-    assert style.number(9.0) == "9.00"
+    assert number_text(9.0) == "9.00"

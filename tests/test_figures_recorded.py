@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from selector.figures.recorded import MOST_NAMED, courses
+from selector.figures.simulated.thermal import MOST_NAMED, courses
 from selector.recording import Channel, Recording
 
 

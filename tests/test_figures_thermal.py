@@ -15,22 +15,18 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from selector.figures.duty_cycle import duty_cycle, prediction_of_tests
-from selector.figures.field import machine_field
 from selector.figures.panels import shown_samples
-from selector.figures.simulation import heat_balance, inputs_and_displacements, largest_displacement, temperatures
+from selector.figures.simulated.field import machine_field
+from selector.figures.simulated.thermal import heat_balance, inputs_and_displacements, temperatures
+from selector.physics.thermal.drift_quantities import largest_displacement
 from selector.recording import Channel, Recording
 from tests.report import predictions
+from tests.report.predictions import CUBE, CUBE_M
 from tests.report.studies import HOSTILE
 
 FLOAT32 = 1e-6
 """Drawn values are float32: 2**-24 of the value."""
 
-CUBE_M = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
-# fmt: off
-CUBE = np.array([
-    [0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4],
-    [1, 5, 7], [1, 7, 3],
-])
 # fmt: on
 
 
@@ -48,8 +44,8 @@ def every_figure() -> list[go.Figure]:
         *(duty_cycle(prediction, name) for name in HOSTILE),
         duty_cycle(predictions.prediction(tolerance_um=None), HOSTILE[0]),
         prediction_of_tests(prediction, HOSTILE[0], prediction.repeats),
-        inputs_and_displacements(page.recording, run, page.inputs),
-        temperatures(page.recording, run, page.inputs),
+        inputs_and_displacements(page.recording, run, page.simulated.inputs),
+        temperatures(page.recording, run, page.simulated.inputs),
         heat_balance(page.recording.provenance["runs"][run]),
         cube(),
     ]

@@ -10,10 +10,7 @@ import numpy as np
 import plotly.graph_objects as go
 import pytest
 
-from selector.figures.chain_accuracy import accuracy_strips, error_of_chains
-from selector.figures.layers import layered_places
-from selector.figures.periodic_errors import ZONES, errors_over_wavelength
-from selector.figures.structure import (
+from selector.figures.simulated.structure import (
     AGAINST,
     BRANCH,
     HELD,
@@ -22,28 +19,32 @@ from selector.figures.structure import (
     PATH,
     can_be_drawn,
     chain_view,
+    layered_places,
     mode_view,
     structure_diagram,
 )
-from selector.figures.vibration import (
+from selector.figures.simulated.vibration import (
     MOST_BARS,
     MOST_SOURCES,
+    ZONES,
     Answer,
+    accuracy_strips,
+    error_of_chains,
+    errors_over_wavelength,
     line_amplitudes,
     motion_course,
     response_over_frequency,
     source_colours,
 )
-from selector.physics.vibration.chain_error import chain_accuracy
-from selector.physics.vibration.chain_values import Chain
-from selector.physics.vibration.cutting import Cutting
-from selector.physics.vibration.final_motion import final_motions
-from selector.physics.vibration.modes import structure_modes
-from selector.physics.vibration.periodic_error import Surface, periodic_errors
-from selector.physics.vibration.source import Line, Source
-from selector.physics.vibration.spectrum import excitation
-from selector.physics.vibration.structure import GROUND, Joint, Member, Structure
-from selector.physics.vibration.vibration_summary import RELATIVE, LineSummary
+from selector.physics.vibration.chain.chain import Chain
+from selector.physics.vibration.chain.chain_error import chain_accuracy
+from selector.physics.vibration.motion.final_motion import final_motions
+from selector.physics.vibration.motion.periodic_error import Cutting, Surface, periodic_errors
+from selector.physics.vibration.structure.modes import structure_modes
+from selector.physics.vibration.structure.source import Line, Source, excitation
+from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure
+from selector.physics.vibration.vibration_model import RELATIVE
+from selector.physics.vibration.vibration_summary import LineSummary
 from tests.report.studies import HOSTILE
 from tests.test_figures_thermal import FLOAT32, drawn_values, strings_of
 

@@ -20,10 +20,10 @@ sys.path.insert(0, str(ROOT))
 
 from benchmarks.bench_gauging import BASE, GRINDING
 from selector.figures import style
-from selector.physics.gauging.finished_sizes import finished_sizes
+from selector.physics.gauging.grinding.finished_sizes import finished_sizes
 from selector.physics.gauging.process import Noise
-from selector.physics.gauging.size_distribution import size_distribution
-from selector.physics.gauging.trade_off import mean_square_errors, trade_off
+from selector.physics.gauging.sizes.size_distribution import size_distribution
+from selector.physics.gauging.sizes.trade_off import mean_square_errors, trade_off
 
 PARTS, CHECKED = 4000, 7
 BIAS, VARIANCE, TOTAL, SIMULATED = style.RESIDUAL, style.PREDICTED, style.INK, style.BEFORE

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
-from selector.audit.line import AuditLine, judged
-from selector.audit.printed import PAIRS, Y_TWO_SENSORS, Z_TWO_SENSORS, PrintedModel
+from selector.audit.printed import PAIRS, Y_TWO_SENSORS, Z_TWO_SENSORS, AuditLine, PrintedModel, judged
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
 BEARING_RISE_K = (6.0, 10.0)
 
 CLAIMED_PERCENT = (80.0, 90.0)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.audit.line import AuditLine, judged
 from selector.audit.printed import (
     CLOSURE,
     CUT_ROWS,
@@ -15,6 +14,8 @@ from selector.audit.printed import (
     REPRESENTATIVES,
     SENSORS,
     SIMILARITY,
+    AuditLine,
+    judged,
 )
 from selector.sensors.fuzzy import transitive_closure
 from selector.sensors.groups import LambdaStep, lambda_axis, lambda_cut

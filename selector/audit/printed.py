@@ -1,8 +1,11 @@
-"""What patent CN1868666 prints: matrices, models, pairs of R², and what it claims of them."""
+"""What patent CN1868666 prints, and one printed number against ours."""
 
 from __future__ import annotations
 
+import textwrap
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,23 +67,12 @@ PAIRS = (PrintedPair(("T1", "T3"), 0.9989, 0.9988), PrintedPair(("T1", "T3", "T5
 
 @dataclass(frozen=True)
 class PrintedModel:
-    """A printed formula.
+    """A printed formula."""
 
-    Attributes
-    ----------
-    direction : {"Z", "Y"}
-    name : str
-        In words, for tables.
-    terms : tuple of tuple of str
-        The variables that each term multiplies; () is the constant.
-    printed : tuple of str
-        The coefficients with all their printed decimals.
-    """
-
-    direction: str
-    name: str
-    terms: tuple[tuple[str, ...], ...]
-    printed: tuple[str, ...]
+    direction: str  #: {"Z", "Y"}
+    name: str  #: In words, for tables
+    terms: tuple[tuple[str, ...], ...]  #: The variables that each term multiplies; () is the constant
+    printed: tuple[str, ...]  #: The coefficients with all their printed decimals
 
     @property
     def coefficients(self) -> NDArray[np.float64]:
@@ -114,3 +106,43 @@ Y_THREE_SENSORS = PrintedModel(
     ((), ("T1",), ("T3",), ("T1", "T3"), ("T3", "T5"), ("T1", "T5"), ("T5",)),
     ("-0.1298", "11.7861", "1.8778", "-0.8547", "1.0439", "-0.1995", "-10.4045"),
 )
+
+
+Verdict = Literal["agrees", "contradicts", "cannot be checked"]
+
+
+@dataclass(frozen=True)
+class AuditLine:
+    """One printed statement, checked."""
+
+    section: str  #: Part of the patent, e.g. ``"similarity"``.
+    item: str  #: What is checked
+    printed: str  #: The printed value, with its printed decimals
+    ours: str  #: What we get
+    #: {"agrees", "contradicts", "cannot be checked"}: Whether the printed value stands. "cannot be checked": the patent
+    #: prints nothing that would decide it
+    verdict: Verdict
+    why: str  #: How ours was obtained, and what a contradiction means
+
+    def as_dict(self) -> dict[str, str]:
+        """JSON form."""
+        return dict(vars(self))
+
+
+def judged(section: str, item: str, printed: str, ours: str, holds: bool, why: str) -> AuditLine:
+    """A line whose verdict is yes or no."""
+    return AuditLine(section, item, printed, ours, "agrees" if holds else "contradicts", why)
+
+
+def audit_table_text(lines: Iterable[AuditLine], *, width: int = 118) -> str:
+    """The lines as a plain table, one block per section, with the count of each verdict at the end."""
+    lines = tuple(lines)
+    out: list[str] = []
+    for section in dict.fromkeys(line.section for line in lines):
+        out += ["", section.upper()]
+        for line in (line for line in lines if line.section == section):
+            out.append(f"  {line.verdict:<17}  {line.item}: printed {line.printed}; ours {line.ours}")
+            out += textwrap.wrap(line.why, width, initial_indent=" " * 21, subsequent_indent=" " * 21)
+    counts = {verdict: sum(line.verdict == verdict for line in lines) for verdict in Verdict.__args__}  # type: ignore[attr-defined]
+    out += ["", ", ".join(f"{count} {verdict}" for verdict, count in counts.items())]
+    return "\n".join(out[1:]) + "\n"

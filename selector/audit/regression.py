@@ -8,7 +8,6 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.audit.line import AuditLine, judged
 from selector.audit.printed import (
     ENTRY_HALF_UNIT,
     PAIRS,
@@ -16,10 +15,12 @@ from selector.audit.printed import (
     Y_TWO_SENSORS,
     Z_THREE_SENSORS,
     Z_TWO_SENSORS,
+    AuditLine,
     PrintedPair,
+    judged,
 )
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
 _PAIR = "R² and adjusted R²"
 _MODELS = "models"
 

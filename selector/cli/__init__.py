@@ -7,9 +7,10 @@ import inspect
 import os
 import signal
 import sys
+import threading
 import warnings
 from collections.abc import Callable, Sequence
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -26,14 +27,12 @@ from selector.cli import (
     proving,
     reading,
     reporting,
-    running,
     selecting,
-    simulating_drive,
-    simulating_gauging,
-    simulating_thermal,
-    simulating_vibration,
+    simulating,
     workbench,
 )
+from selector.cli.shared import running
+from selector.physics.simulation_kind import own_kinds, simulation_kinds
 
 __all__ = ["app", "exit_status", "main"]
 
@@ -82,11 +81,28 @@ _command("demo", demo.demo)
 _command("apply", applying.apply)
 _command("export", exporting.export)
 _command("predict", predicting.predict)
-_simulate = typer.Typer(help="Write a recording of a machine that a model file describes.")
-_command("thermal", simulating_thermal.thermal, _simulate)
-_command("drive", simulating_drive.drive, _simulate)
-_command("vibration", simulating_vibration.vibration, _simulate)
-_command("gauging", simulating_gauging.gauging, _simulate)
+
+
+class _Kinds(typer.core.TyperGroup):
+    """The kinds of simulation that are shipped, and those that were registered since."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Names, those that were registered last."""
+        return list(simulation_kinds())
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """The command of a kind."""
+        kind = simulation_kinds().get(cmd_name)
+        if kind is None or cmd_name in self.commands:
+            return super().get_command(ctx, cmd_name)
+        alone = typer.Typer(add_completion=False, rich_markup_mode="rich")
+        _command(cmd_name, simulating.simulate_command(kind), alone)
+        return typer.main.get_command(alone)
+
+
+_simulate = typer.Typer(help="Write a recording of a machine that a model file describes.", cls=_Kinds)
+for _kind in own_kinds().values():
+    _command(_kind.name, simulating.simulate_command(_kind), _simulate)
 app.add_typer(_simulate, name="simulate")
 _model = typer.Typer(help="Look at a model file.")
 _command("show", models.show, _model)
@@ -102,7 +118,7 @@ _command("audit-patent", patent.audit_patent)
 
 
 def exit_status(arguments: Sequence[str] | None = None) -> int:
-    """The exit code of one command line (default: that of this process), see `selector.cli.running`."""
+    """The exit code of one command line (default: that of this process), see `selector.cli.shared.running`."""
     return running.exit_status(app, arguments)
 
 
@@ -118,8 +134,9 @@ def main() -> None:
     status = exit_status()
     # all is written and said: a Ctrl-C while the interpreter takes itself down must not turn success into a death
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if status == running.STOPPED:
-        # compiled code that was interrupted may abort the interpreter while it takes itself down
+    if status == running.STOPPED or threading.active_count() > 1:
+        # compiled code that was interrupted, or that a thread is still in, may abort the interpreter that takes
+        # itself down: the workbench ends while it reads recordings
         for stream in (sys.stdout, sys.stderr):
             with contextlib.suppress(OSError, ValueError):
                 stream.flush()

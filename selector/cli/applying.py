@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from selector.cli import showing
-from selector.cli.files import refuse_to_replace_input
+from selector.atomic_file import refuse_to_replace_input
 from selector.cli.models import Model
-from selector.cli.showing import AsJson
-from selector.cli.source import Source, with_source
+from selector.cli.shared import showing
+from selector.cli.shared.showing import AsJson
+from selector.cli.shared.source import Source, with_source
 from selector.findings import Finding, Where
 
 if TYPE_CHECKING:
@@ -38,9 +38,13 @@ def apply(
     mended: what is shown is what a control with this model would have done. Faults of the recorded displacement itself
     are left out of the comparison.
     """
-    from selector.controllers.application import apply_model, write_predictions
-    from selector.controllers.compared import displacement_starts, without_displacement_faults
-    from selector.controllers.model_io import read_model
+    from selector.controllers.application import (
+        apply_model,
+        displacement_starts,
+        without_displacement_faults,
+        write_predictions,
+    )
+    from selector.controllers.model_file import read_model
     from selector.models.design import datum_of
 
     read = read_model(model)
@@ -68,8 +72,10 @@ def apply(
 
 def _says_the_same(said: Finding, finding: Finding) -> bool:
     """Whether the model's own look at a sensor covers what the quality check found there."""
+    from selector.controllers.finding_table import SENSOR_LOOKS_BROKEN
+
     a, b = said.where, finding.where
-    if said.id != "sensor-looks-broken" or (a.channel, a.run) != (b.channel, b.run):
+    if said.id != SENSOR_LOOKS_BROKEN or (a.channel, a.run) != (b.channel, b.run):
         return False
     if a.from_s is None or a.to_s is None or b.from_s is None or b.to_s is None:
         return True
@@ -85,28 +91,29 @@ def _only(levels: Mapping[str, Mapping[str, float]], names: list[str]) -> dict[s
 
 def _without_start(levels: Mapping[str, Mapping[str, float]], rises: list[str]) -> Iterator[Finding]:
     """Sensors that have no reading at the start of a run: their rise counts from a later time."""
+    from selector.cli.finding_table import FINDINGS
+
     for run, found in levels.items():
         for name in rises:
             if not math.isfinite(found.get(name, math.nan)):
-                yield Finding(
+                yield FINDINGS.finding(
                     "start-missing",
-                    "warning",
                     f"{name} has no reading at the start of run {run}; its rise counts from its first reading, and the "
                     "prediction is too small by what happened before.",
                     Where(channel=name, run=run),
                     {},
-                    "record from the start of the run, or use a model that was selected with --reference absolute",
                 )
 
 
 def _not_zeroed(starts: Mapping[str, Mapping[str, float]]) -> Iterator[Finding]:
     """Displacements whose start was taken as their zero, which the predictions then count from too."""
+    from selector.cli.finding_table import FINDINGS
+
     for run, found in starts.items():
         for name, start_um in found.items():
             if start_um:
-                yield Finding(
+                yield FINDINGS.finding(
                     "gauge-not-zeroed",
-                    "info",
                     f"{name} starts run {run} at {start_um:.4g} µm: errors count from there, and the predictions "
                     "that are written have this start added, so that they lie over the recording.",
                     Where(channel=name, run=run),

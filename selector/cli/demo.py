@@ -8,11 +8,11 @@ from typing import Annotated
 
 import typer
 
-from selector.cli import showing
-from selector.cli.files import folder_written_whole
-from selector.cli.progress import progress_bar
-from selector.cli.selecting import show_selection, study, write_results
-from selector.cli.source import Source
+from selector.atomic_file import folder_written_whole
+from selector.cli.selecting import study, write_results
+from selector.cli.shared import showing
+from selector.cli.shared.progress import progress_bar
+from selector.cli.shared.source import Source
 
 
 def demo(
@@ -26,9 +26,9 @@ def demo(
     37 sensors of a simulated machining centre. Nothing here was measured on a real machine.
     """
     from selector.audit import audit_patent
-    from selector.report import write_report
     from selector.selection import Options
     from selector.shipped import shipped
+    from selector.telling.selected.account import selection_account, write_report
 
     console = showing.screen()
     studies = {
@@ -45,9 +45,11 @@ def demo(
             with progress_bar() as progress:
                 selection, material = study(Source(runs=[shipped(name)]), options, progress)
             console.rule(headings[name])
-            show_selection(console, selection)
+            account = selection_account(selection, material.description)
+            showing.show_account(console, account)
+            showing.show_findings(console, selection.findings)
             (folder / name).mkdir()
-            write_results(selection, material, folder / name)
+            write_results(selection, account, material, folder / name)
             selections.append(selection)
             descriptions.append(material.description)
         verdicts = Counter(line.verdict for line in audit_patent())

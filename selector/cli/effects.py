@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from selector.cli import showing
-from selector.cli.showing import AsJson
+from selector.cli.shared import showing
+from selector.cli.shared.showing import AsJson
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from selector.cli import showing
-from selector.cli.showing import AsJson
+from selector.cli.shared import showing
+from selector.cli.shared.showing import AsJson
 from selector.errors import ModelFileError
-
-if TYPE_CHECKING:
-    from selector.controllers.model_file import ModelFile
 
 Model = Annotated[Path, typer.Argument(metavar="MODEL.json", help="A model file, as `selector select` writes it.")]
 
 
 def show(model: Model, as_json: AsJson = False) -> None:
-    """Prints a model as formulas in readings and rises, with the range in which each sensor was seen."""
-    from selector.controllers.formula import formula_text, legend_text
-    from selector.controllers.model_io import read_model
+    """Prints a model as formulas in readings and rises, with the tables of its card."""
+    from selector.controllers.evaluator import formula_text, legend_text
+    from selector.controllers.guard.decided import is_turned
+    from selector.controllers.model_file import read_model
+    from selector.telling.account import Captioned, Heading
+    from selector.telling.model_card import card_blocks
 
     read = read_model(model)
     if as_json:
@@ -38,8 +38,14 @@ def show(model: Model, as_json: AsJson = False) -> None:
     console.print()
     console.print(legend_text(read), markup=False)
     console.print()
-    for line in _particulars(read):
-        console.print(line, markup=False)
+    for output in filter(is_turned, read.outputs):
+        console.print(f"sign of {output.name}: turned round, the correction is the displacement itself", markup=False)
+    caption = ""
+    for block in card_blocks(read, 2):
+        if isinstance(block, Heading):
+            caption = block.text
+        elif isinstance(block, Captioned):
+            showing.show_captioned(console, block, caption)
 
 
 def check(model: Model, as_json: AsJson = False) -> None:
@@ -71,48 +77,12 @@ def card(
     out: Annotated[Path, typer.Option("--out", metavar="FILE.html", help="Where to write the card.")],
 ) -> None:
     """Writes the card of a model: machine, data, method, ranges, coefficients, limits, validation, identity."""
-    from selector.cli.files import refuse_to_replace_input
-    from selector.controllers.model_io import read_model
-    from selector.report.model_card import write_model_card
+    from selector.atomic_file import refuse_to_replace_input
+    from selector.controllers.model_file import read_model
+    from selector.telling.model_card import model_card_account
+    from selector.telling.page import write_account
 
     read = read_model(model)
     refuse_to_replace_input(out, [model], "--out")
-    write_model_card(out, read)
+    write_account(model_card_account(read), out)
     showing.screen().print(f"wrote {out}", markup=False)
-
-
-def _particulars(model: ModelFile) -> list[str]:
-    """One line for each thing that a person decides on: memory, sign, proof, limits, faults, origin."""
-    from selector.controllers.signs import is_turned
-
-    lines = [
-        f"memory {state.name}: {state.source} through a first-order lag of {showing.duration_text(state.tau_s)}"
-        for state in model.states
-    ]
-    lines += [
-        f"sign of {output.name}: turned round, the correction is the displacement itself"
-        for output in model.outputs
-        if is_turned(output)
-    ]
-    for name, proof in model.validation.items():
-        if proof.heldout_rmse_um is None:
-            lines.append(f"proof of {name}: none; this model has not been tried on unseen runs")
-            continue
-        most = "" if proof.heldout_max_um is None else f", at most {proof.heldout_max_um:.3g} µm"
-        lines.append(
-            f"proof of {name}: {proof.heldout_rmse_um:.3g} µm RMS{most} on unseen data ({proof.method or '?'})"
-        )
-    guard = model.guard
-    if not guard.limits:
-        lines.append("correction: no limit decided")
-    for limit in guard.limits:
-        clamp = "no limit decided" if limit.clamp_um is None else f"at most ±{limit.clamp_um:g} µm"
-        slew = "" if limit.slew_um_per_s is None else f", {limit.slew_um_per_s:g} µm/s"
-        lines.append(f"correction of {limit.output}: {clamp}{slew}")
-    lines.append(f"when a sensor breaks: {guard.on_fault}; models without one sensor: {len(model.fallbacks)}")
-    lines.append(f"test vectors: {len(model.test_vectors)}")
-    origin = model.provenance
-    runs = ", ".join(origin.data_sha256) or "not said"
-    version = "" if origin.version is None else f", selector {origin.version}"
-    lines.append(f"made from runs: {runs}{version}{'' if origin.date is None else f', {origin.date}'}")
-    return lines

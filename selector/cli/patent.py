@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 
-from selector.cli import showing
-from selector.cli.showing import AsJson
+from selector.cli.shared import showing
+from selector.cli.shared.showing import AsJson
 
 
 def audit_patent(as_json: AsJson = False) -> None:

@@ -3,25 +3,19 @@
 from __future__ import annotations
 
 import os
-import sys
-from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from selector.cli import showing
-from selector.cli.files import folder_written_whole, require_writable_folder
-from selector.cli.progress import counted_progress
-from selector.cli.showing import AsJson
-from selector.errors import OptionError
+from selector.atomic_file import folder_written_whole, require_writable_folder
+from selector.cli.shared import proof_cases, showing
+from selector.cli.shared.showing import AsJson
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from selector.proof.case import Scenario
-    from selector.proof.runner import Answerer, Outcome
-    from selector.proof.score_table import Row
+    from selector.proof.runner import Outcome
 
 _WHICH = "Which cases"
 
@@ -110,140 +104,44 @@ def prove(
     from selector.proof import runner
     from selector.proof.scenarios import scenarios as all_scenarios
 
-    chosen = all_scenarios(_split(families), _split(scenarios), _published(recordings))
+    chosen = all_scenarios(proof_cases.split(families), proof_cases.split(scenarios), proof_cases.published(recordings))
     if list_only:
-        _show_list(chosen, as_json)
+        proof_cases.show_list(chosen, as_json)
         return
-    numbers = _seeds(seeds if seeds is not None else "10000:10005" if exam else "0:5")
+    numbers = proof_cases.seeds(seeds if seeds is not None else "10000:10005" if exam else "0:5")
     runner.require_seeds(numbers, is_exam=exam)
-    asked = runner.questions(chosen, _strengths(strengths), numbers)
-    if not asked:
-        raise OptionError(
-            "no scenario", expected="at least one", where="--families, --scenarios", advice="ask for others"
-        )
+    asked = runner.questions(chosen, proof_cases.strengths(strengths), numbers)
+    proof_cases.require_some(asked)
     for folder, option in ((out, "--out"), (write_cases, "--write-cases")):
         if folder is not None:
             require_writable_folder(folder, option)
     console = showing.screen(as_json)
     if write_cases is not None:
-        _write_cases(write_cases, asked, console, as_json)
+        proof_cases.write_cases(write_cases, asked, console, as_json)
         return
-    sitting = runner.Exam(asked, exam, (runner.Answerer(runner.TOOL, runner.answer_of_selector), *_rivals(rivals)))
-    outcomes = runner.outcomes(sitting, n_jobs=jobs or os.cpu_count() or 1, progress=_say)
+    answerers = (runner.Answerer(runner.TOOL, runner.answer_of_selector), *proof_cases.rivals(rivals))
+    sitting = runner.Exam(asked, exam, answerers)
+    outcomes = runner.outcomes(sitting, n_jobs=jobs or os.cpu_count() or 1, progress=proof_cases.say_done)
     _tell(outcomes, exam, out, console, as_json)
 
 
-def _published(folder: Path | None) -> tuple[Scenario, ...]:
-    """Scenarios of the recordings in a folder; what was looked for in vain is told."""
-    if folder is None:
-        return ()
-    from selector.proof.real import published
-
-    found, lacking = published(folder)
-    for name in lacking:
-        typer.echo(f"recording {name} is absent: there is no folder {folder / name}", err=True)
-    return found
-
-
 def _tell(outcomes: tuple[Outcome, ...], is_exam: bool, out: Path | None, console: Console, as_json: bool) -> None:
-    from selector.proof.results import cases_csv, score_object, tables
+    from selector.proof.results import cases_csv, page_of, score_object
+    from selector.telling.proof_report import proof_account
 
-    rows = tables(outcomes)
     result = score_object(outcomes, is_exam=is_exam)
+    page = page_of(outcomes, is_exam=is_exam)
     if out is not None:
-        from selector.proof.page import page_of
-        from selector.report.proof_report import proof_html
+        from selector.telling.page import write_account
 
         with folder_written_whole(out) as folder:
             files = {"score.json": showing.json_text(result) + "\n", "cases.csv": cases_csv(outcomes)}
-            files["report.html"] = proof_html(page_of(outcomes, is_exam=is_exam))
             for name, text in files.items():
                 (folder / name).write_text(text, encoding="utf-8", newline="\n")
+            write_account(proof_account(page, result, drawn=True), folder / "report.html")
     if as_json:
         showing.print_json(result)
     else:
-        _show(console, rows, result)
+        showing.show_account(console, proof_account(page, result))
     if out is not None:
         console.print(f"wrote {out}: score.json, cases.csv, report.html", markup=False)
-
-
-def _show(console: Console, rows: dict[str, tuple[Row, ...]], result: dict[str, Any]) -> None:
-    from selector.proof.results import row_texts
-
-    columns = ["score", "measured", "95 % interval", "n", "first bar", "goal", ""]
-    for name, table in rows.items():
-        console.print(showing.table(name, columns, [row_texts(row) for row in table], numeric=columns[1:6]))
-    for failure in result["failures"][:10]:
-        console.print(f"failed: {failure['scenario']}, seed {failure['seed']}: {failure['error']}", markup=False)
-    console.print(f"seal of the cases: {result['seal']}", markup=False)
-    console.print(f"hash of the answers: {result['answers_sha256']}", markup=False)
-
-
-def _say(done: int, total: int, outcome: Outcome) -> None:
-    """One line a case on stderr."""
-    from selector.proof.results import line_of
-
-    try:
-        sys.stderr.write(f"[{done}/{total}] {line_of(outcome)}\n")
-    except UnicodeEncodeError:
-        sys.stderr.write(f"[{done}/{total}] {line_of(outcome)}\n".encode("ascii", "replace").decode())
-
-
-def _show_list(scenarios: Sequence[Scenario], as_json: bool) -> None:
-    if as_json:
-        showing.print_json([{"name": s.name, "family": s.family, "kind": s.kind, "note": s.note} for s in scenarios])
-        return
-    rows = [(one.name, one.family, one.kind, one.note) for one in scenarios]
-    showing.screen().print(showing.table(f"{len(rows)} scenarios", ["name", "family", "kind", "note"], rows))
-
-
-def _write_cases(folder: Path, asked: Sequence[Any], console: Console, as_json: bool) -> None:
-    from selector.proof.bundles import write_bundles
-
-    with folder_written_whole(folder) as part, counted_progress("writing cases") as say:
-        sealed = write_bundles(asked, part, progress=say)
-    if as_json:
-        showing.print_json({"cases": len(asked), "answers_sha256": sealed})
-    else:
-        console.print(f"wrote {folder}: cases, answers.json apart; its SHA-256 is {sealed}", markup=False)
-
-
-def _rivals(names: list[str] | None) -> tuple[Answerer, ...]:
-    if not names:
-        return ()
-    from selector.proof.rivals import absent, rivals
-
-    found = rivals(_split(names))
-    if "all" in _split(names):
-        for rival in absent():
-            typer.echo(f"rival {rival.name} is absent: the package {rival.package} is not installed", err=True)
-    return found
-
-
-def _split(given: Iterable[str] | None) -> tuple[str, ...]:
-    return tuple(part.strip() for text in given or () for part in text.split(",") if part.strip())
-
-
-def _strengths(text: str) -> tuple[float, ...]:
-    try:
-        found = tuple(float(part) for part in text.split(",") if part.strip())
-    except ValueError:
-        found = ()
-    if not found or not all(0.0 < value <= 1000.0 for value in found):
-        raise OptionError(
-            repr(text), expected="numbers from 0 to 1000, with commas", where="--strengths", advice="e.g. 3,6,12"
-        )
-    return tuple(dict.fromkeys(found))
-
-
-def _seeds(text: str) -> tuple[int, ...]:
-    found: list[int] = []
-    try:
-        for part in text.split(","):
-            first, colon, end = part.partition(":")
-            found += range(int(first), int(end)) if colon else [int(first)]
-    except (ValueError, MemoryError):
-        raise OptionError(
-            repr(text), expected="FROM:TO, or numbers with commas", where="--seeds", advice="e.g. 0:5 or 3,7"
-        ) from None
-    return tuple(dict.fromkeys(found))

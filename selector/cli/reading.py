@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from selector.cli import showing
-from selector.cli.files import folder_written_whole, refuse_to_overwrite, refuse_to_replace_input
-from selector.cli.showing import AsJson
-from selector.cli.source import Source, with_source
+from selector.atomic_file import folder_written_whole, refuse_to_overwrite, refuse_to_replace_input
+from selector.cli.shared import showing
+from selector.cli.shared.showing import AsJson
+from selector.cli.shared.source import Source, with_source
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.table import Table
 
 
 class TableFormat(StrEnum):
@@ -40,7 +39,7 @@ def describe(
     With --write the guesses become a machine file: correct it and give it to every other command with --machine. A
     clock that was guessed stands in it as a comment only, so that every command says so until you do.
     """
-    from selector.cli.material import drift_of
+    from selector.cli.shared.recordings_used import drift_of
     from selector.quality import inspect, without_faults
     from selector.readers import guessed_clock, machine_of, write_machine_file
 
@@ -95,81 +94,16 @@ def convert(
 
 
 def _show(console: Console, description: Mapping[str, Any]) -> None:
-    """Runs, channels, the way of reading and the findings, for a person."""
-    runs = [
-        (
-            run["run"],
-            run["file"],
-            run["rows"],
-            showing.duration_text(run["duration_s"]),
-            "–" if run["period_s"] is None else showing.duration_text(run["period_s"]),
-            run["start"],
-        )
-        for run in description["runs"]
-    ]
-    columns = ["run", "file", "rows", "duration", "step", "start"]
-    console.print(showing.table("Runs", columns, runs, numeric=["rows", "duration", "step"]))
-    channels = [
-        (
-            channel["name"],
-            channel["column"],
-            channel["role"],
-            channel["unit"],
-            channel["unit_in_file"],
-            ", ".join(channel["guessed"]) or "nothing",
-        )
-        for channel in description["channels"]
-    ]
-    columns = ["channel", "column", "role", "unit", "unit in file", "guessed"]
-    console.print(showing.table("Channels", columns, channels))
-    if description["drift"]:
-        console.print(_drift_table(description["drift"]))
-    first, *others = _ways(description)
-    console.print(f"Read as: {first}", markup=False)
-    for other in others:
-        console.print(f"  but {other}", markup=False)
+    """Runs, channels, the way of reading, drift and the findings, for a person."""
+    from selector.telling.account import Captioned
+    from selector.telling.origin import drift_table, reading_tables
+
+    drift = drift_table(description)
+    for caption, one in [
+        *reading_tables(description, places=False),
+        *([("Drift after ISO 230-3", drift)] if drift else []),
+    ]:
+        showing.show_captioned(console, Captioned(caption, one))
     findings = description["findings"]
-    console.print(f"\n{len(findings)} finding{'' if len(findings) == 1 else 's'}", markup=False)
+    console.print(f"{len(findings)} finding{'' if len(findings) == 1 else 's'}", markup=False)
     showing.show_findings(console, findings)
-
-
-def _drift_table(drift: list[Mapping[str, Any]]) -> Table:
-    """Ranges of the first hour and of the whole test, a run a row."""
-    names = list(dict.fromkeys(one["name"] for run in drift for one in run["drifts"]))
-    rows = []
-    for run in drift:
-        told = {one["name"]: one for one in run["drifts"]}
-        cells = (
-            " / ".join(showing.cell_text(told[name][part]) for part in ("first_hour", "whole")) if name in told else ""
-            for name in names
-        )
-        rows.append((run["run"], run["test"], showing.duration_text(run["duration_s"]), *cells))
-    title = "Drift after ISO 230-3: range in the first 60 min / in the whole test [µm; A, B, C: µm/m]"
-    return showing.table(title, ["run", "moved", "test of", *names], rows, numeric=names)
-
-
-def _ways(description: Mapping[str, Any]) -> Iterator[str]:
-    """How the first file was read, then each run that was read in another way."""
-    reading = description["reading"]
-    yield _way(reading)
-    for run, own in reading.get("per_run", {}).items():
-        yield f"{run}: {_way(own)}"
-
-
-def _way(reading: Mapping[str, Any]) -> str:
-    names = {",": "comma", ".": "point", ";": "semicolon", "|": "bar"}
-    parts = [str(reading["format"])]
-    for key in ("encoding", "separator", "decimal"):
-        if reading.get(key) is not None:
-            parts.append(f"{key} {names.get(reading[key], reading[key])}")
-    if reading.get("sheet") is not None:
-        parts.append(f"sheet {reading['sheet']}")
-    if reading.get("header_row"):
-        parts.append(f"names in row {reading['header_row']}")
-    if reading.get("unit_row"):
-        parts.append("a row of units")
-    time = reading["time"]
-    clock = " and ".join(time["columns"])
-    guessed = f" ({' and '.join(time['guessed'])} guessed)" if time["guessed"] else ""
-    parts.append(f"time from {clock} [{time['unit']}]{guessed}" if clock else f"no time column{guessed}")
-    return ", ".join(parts)

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from selector.cli import showing
-from selector.cli.files import refuse_to_replace_input
-from selector.cli.progress import progress_bar
-from selector.cli.studying import OpenedStudy, source_of_study
+from selector.atomic_file import refuse_to_replace_input
+from selector.cli.shared import showing
+from selector.cli.shared.progress import progress_bar
+from selector.cli.shared.studying import OpenedStudy, source_of_study
 from selector.errors import InputError, OptionError
 
 if TYPE_CHECKING:
-    from selector.report.result_file import Result
+    from selector.telling.result_file import Result
 
 Say = Callable[[str], None]
 
@@ -40,8 +40,8 @@ def report(
     are unchanged; else it is left out, and told.
     """
     from selector.atomic_file import write_whole
-    from selector.report.page import one_page
-    from selector.report.result_file import read_result
+    from selector.telling.page import one_page
+    from selector.telling.result_file import read_result
 
     if out.is_dir():
         raise OptionError(
@@ -67,26 +67,37 @@ def report(
 
 def _page(result: Result, say: Say) -> str:
     """The page of one result."""
-    from selector.controllers.model_io import read_model
-    from selector.report.model_card import model_card_html
-    from selector.report.result_file import made_of
-    from selector.report.result_page import diagnosis_page, prediction_page
+    from selector.controllers.model_file import read_model
+    from selector.telling.model_card import model_card_account
+    from selector.telling.page import account_page
+    from selector.telling.predicted.account import prediction_account
+    from selector.telling.predicted.document import prediction_of
+    from selector.telling.result_file import made_of
 
     if result.kind == "selection":
         return _selection_page(result, say)
     if result.kind == "model":
-        return model_card_html(read_model(result.path))
+        return account_page(model_card_account(read_model(result.path)))
     if result.kind == "prediction":
-        return made_of(result, prediction_page)
-    again = _diagnosis_again(result, say)
-    return made_of(result, diagnosis_page) if again is None else again
+        return made_of(result, lambda told: account_page(prediction_account(prediction_of(told), drawn=True)))
+    return _diagnosis_again(result, say) or made_of(result, _diagnosis_alone)
+
+
+def _diagnosis_alone(document: dict[str, Any]) -> str:
+    """What a diagnosis.json holds of a diagnosis."""
+    from selector.telling.diagnosed.account import diagnosis_account
+    from selector.telling.diagnosed.document import diagnosis_of
+    from selector.telling.page import account_page
+
+    return account_page(diagnosis_account(diagnosis_of(document), is_alone=True))
 
 
 def _selection_page(result: Result, say: Say) -> str:
-    from selector.cli.material import material_of
-    from selector.report.result_file import made_of
-    from selector.report.selection_report import selection_html
+    from selector.cli.shared.recordings_used import material_of
     from selector.selection.result_file import selection_of
+    from selector.telling.page import account_page
+    from selector.telling.result_file import made_of
+    from selector.telling.selected.account import selection_account
 
     selection = made_of(result, selection_of)
     if not selection.readings:
@@ -97,14 +108,15 @@ def _selection_page(result: Result, say: Say) -> str:
     description, date = None, None
     if study is not None:
         description, date = material_of(study.source).description, study.study.date
-    return made_of(result, lambda _: selection_html(selection, description=description, date=date))
+    return made_of(result, lambda _: account_page(selection_account(selection, description, date=date, drawn=True)))
 
 
 def _diagnosis_again(result: Result, say: Say) -> str | None:
     """The whole page of a diagnosis, made from its recordings; None where that cannot be."""
-    from selector.cli.diagnosing import answered
-    from selector.cli.diagnosis_study import asked_of
-    from selector.report.diagnosis_report import diagnosis_html
+    from selector.cli.shared.diagnosed.answer import answered
+    from selector.cli.shared.diagnosed.asked import asked_of
+    from selector.telling.diagnosed.account import diagnosis_account
+    from selector.telling.page import account_page
 
     study = _unchanged_study(result, say, "pictures and evidence")
     if study is None or study.study.diagnose is None:
@@ -114,7 +126,8 @@ def _diagnosis_again(result: Result, say: Say) -> str | None:
     if showing.json_text(answer.found.as_dict()) + "\n" != result.path.read_text(encoding="utf-8"):
         say(f"{result.path}: done again, this is not the answer; the page shows what the file says, without pictures")
         return None
-    return diagnosis_html(answer.found, provenance=answer.told, description=answer.recorded.description())
+    description = answer.recorded.description()
+    return account_page(diagnosis_account(answer.found, provenance=answer.told, description=description, drawn=True))
 
 
 def _unchanged_study(result: Result, say: Say, what: str) -> OpenedStudy | None:

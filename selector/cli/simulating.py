@@ -1,26 +1,34 @@
-"""What all kinds of `simulate` share: where the files go, that all are written or none, and what is said of them."""
+"""`selector simulate KIND`: a model file in, a recording of the simulated machine and its machine file out."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from selector.cli import showing
-from selector.cli.simulation_files import LABEL, named_as_asked, require_places, written_together
-from selector.errors import CancelledError, InputError, OptionError
-from selector.findings import Finding
+from selector.cli.shared import showing
+from selector.cli.shared.files import require_page_place
+from selector.cli.shared.progress import counted_progress
+from selector.cli.shared.showing import AsJson
+from selector.cli.shared.simulation_files import (
+    driven_destination,
+    named,
+    named_runs,
+    own_destination,
+    require_free_folder,
+    require_inputs_for_machine,
+    write_simulation,
+)
+from selector.cli.shared.source import MachineFile
+from selector.errors import CancelledError
+from selector.physics.simulation_kind import DutyCycle, Option, RunSettings, SimulationKind
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
-    from selector.readers import Reading
-    from selector.recording import Recording
+    from selector.telling.account import Account
 
 Inputs = Annotated[
     list[Path] | None,
@@ -30,265 +38,114 @@ Inputs = Annotated[
         help="Recordings that drive the model, run by run, at their own time stamps; repeat.",
     ),
 ]
-Out = Annotated[
-    Path,
-    typer.Option("--out", metavar="RUN.csv", help="Recording to write; with --inputs a folder, one file a run."),
-]
 
 
-@dataclass(frozen=True)
-class Destination:
-    """Where a simulation goes: the file of each run, and the machine file beside them."""
+def simulate_command(kind: SimulationKind) -> Callable[..., None]:
+    """The command of a kind of simulation, with the options that only it has after those that all have."""
+    own = {option.name: _typed(option) for option in kind.options}
+    typed = {
+        "model": Annotated[Path, typer.Argument(metavar="MODEL.toml", help=kind.model_help)],
+        "out": Annotated[Path, typer.Option("--out", metavar="RUN.csv", help=kind.out_help)],
+        "inputs": Inputs,
+        **own,
+        "machine": MachineFile,
+        "seed": Annotated[int | None, typer.Option("--seed", metavar="N", min=0, help=kind.seed_help)],
+        "report": Annotated[Path | None, typer.Option("--report", metavar="REPORT.html", help=kind.report_help)],
+        "as_json": AsJson,
+    }
+    switches = {"as_json", *(option.name for option in kind.options if option.kind is bool)}
 
-    targets: Mapping[str, Path]
-    machine_path: Path
+    def command(**given: Any) -> None:
+        _simulate(kind, asked={name: given.pop(name) for name in own}, **given)
 
-
-@dataclass(frozen=True)
-class Simulated:
-    """A simulation: the recording, its places, what is to be said, and which model it came from.
-
-    Attributes
-    ----------
-    recording : Recording
-    destination : Destination
-    findings : tuple of Finding
-    command : str
-        Kind of the simulation: its word behind `simulate`.
-    model : mapping
-        ``file``, ``kind`` and ``name`` of the model.
-    seed : int or None
-        Of the noise, if there was any.
-    per_run : mapping of str to mapping
-        What else the JSON says of each run.
-    """
-
-    recording: Recording
-    destination: Destination
-    findings: tuple[Finding, ...]
-    command: str
-    model: Mapping[str, Any]
-    seed: int | None
-    per_run: Mapping[str, Mapping[str, Any]]
-
-
-def require_inputs_for_machine(machine: Path | None, inputs: Sequence[Path] | None) -> None:
-    """Refuses a machine file that describes no recordings.
-
-    Raises
-    ------
-    OptionError
-        `--machine` without `--inputs`.
-    """
-    if machine is not None and not inputs:
-        raise OptionError(
-            "--machine without --inputs",
-            expected="recordings that the machine file describes",
-            where="--machine",
-            advice="add --inputs RUN, or leave --machine out",
-        )
+    needed = ("model", "out")
+    command.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
+        [
+            inspect.Parameter(
+                name,
+                inspect.Parameter.KEYWORD_ONLY,
+                annotation=annotation,
+                default=inspect.Parameter.empty if name in needed else False if name in switches else None,
+            )
+            for name, annotation in typed.items()
+        ]
+    )
+    command.__annotations__ = typed
+    command.__doc__ = kind.about
+    return command
 
 
-def own_destination(
-    out: Path, runs: Sequence[str], report: Path | None, read: Iterable[str | Path], why_folder: str = ""
-) -> Destination:
-    """Where the runs go that a model file describes itself: one as a file called `out`, several into that folder.
-
-    `runs` of several; an empty name stands for a run that is called after the file.
-
-    Raises
-    ------
-    OptionError
-        `out` is no .csv, or several runs need a folder; or as `require_places`.
-    """
-    if len(runs) > 1:
-        return _folder(out, tuple(runs), why_folder, report, read)
-    if out.suffix.lower() != ".csv":
-        raise OptionError(
-            f"{out.name!r}",
-            expected="a file that ends in .csv",
-            where="--out",
-            advice="name the recording, e.g. --out run1.csv; only --inputs writes a folder",
-        )
-    return _checked(Destination({runs[0] or out.stem or "simulation": out}, _beside(out)), report, read)
+def _typed(option: Option) -> Any:
+    named_as = "--" + option.name.replace("_", "-")
+    told = typer.Option(named_as, metavar=option.metavar, help=option.help)
+    if option.kind is bool:
+        return Annotated[bool, told]
+    return Annotated[(Path if option.kind is DutyCycle else option.kind) | None, told]
 
 
-def driven_destination(out: Path, reading: Reading, report: Path | None, read: Iterable[str | Path]) -> Destination:
-    """Where simulations of these recorded runs go: a folder with one file a run, or a .csv for a single run.
-
-    Raises
-    ------
-    OptionError
-        `out` is a file and several runs need a folder; or as `require_places`.
-    """
-    runs = reading.recording.runs
-    read = [*read, *(Path(run.file) for run in reading.runs)]
-    if reading.machine_file is not None:
-        read.append(Path(reading.machine_file))
-    if out.suffix.lower() == ".csv" and not out.is_dir() and len(runs) == 1:
-        return _checked(Destination({runs[0]: out}, _beside(out)), report, read)
-    return _folder(out, runs, "--inputs writes one file a run", report, read)
-
-
-def require_free_folder(out: Path, why_folder: str) -> None:
-    """Refuses a file where a folder is to be; a name that ends in .csv may be meant for a single run.
-
-    Raises
-    ------
-    OptionError
-        There is such a file.
-    """
-    if out.exists() and not out.is_dir() and out.suffix.lower() != ".csv":
-        raise OptionError(
-            "a file of this name exists",
-            expected=f"a folder, or a name that is free: {why_folder}",
-            where=f"--out {out}",
-            advice="choose another name",
-        )
-
-
-def _folder(
-    out: Path, runs: tuple[str, ...], why_folder: str, report: Path | None, read: Iterable[str | Path]
-) -> Destination:
-    from selector.readers.writing import run_files
-
-    if out.suffix.lower() == ".csv" and not out.is_dir():
-        raise OptionError(
-            f"{out.name!r} for {len(runs)} runs",
-            expected=f"a folder: {why_folder}",
-            where=f"--out {out}",
-            advice="name a folder, e.g. --out simulated",
-        )
-    require_free_folder(out, why_folder)
-    return _checked(Destination(run_files(runs, out, "csv"), out / "machine.toml"), report, read)
-
-
-def _beside(out: Path) -> Path:
-    return out.with_suffix(".machine.toml")
-
-
-def _checked(destination: Destination, report: Path | None, read: Iterable[str | Path]) -> Destination:
-    require_places(destination.targets.values(), destination.machine_path, report, read)
-    return destination
-
-
-@contextmanager
-def named(model: Path, sections: Collection[str] = ()) -> Iterator[None]:
-    """Errors about a key, an axis or a run of the model file, or about one of its `sections`, name the file too."""
-    try:
-        yield
-    except InputError as error:
-        is_of_file = error.where.startswith(("key ", "model ", "axis ", "run ")) or _section(error.where) in sections
-        if not is_of_file:
-            raise
-        where = f"{model}, {error.where.removeprefix('model ')}"
-        raise type(error)(error.found, expected=error.expected, where=where, advice=error.advice) from error
-
-
-@contextmanager
-def named_runs(
-    files: Mapping[str, str | Path], model: Path | None = None, sections: Collection[str] = ()
-) -> Iterator[None]:
-    """Errors about a run name its file in the place of the run; those about `sections` of the model file this too."""
-    try:
-        yield
-    except InputError as error:
-        run = next((run for run in files if error.where.startswith(f"run {run}, ")), None)
-        if run is None:
-            raise
-        place = error.where.removeprefix(f"run {run}, ")
-        where = f"{files[run]}, " + (f"with {place} of {model}" if _section(place) in sections else place)
-        raise type(error)(error.found, expected=error.expected, where=where, advice=error.advice) from error
-
-
-def _section(where: str) -> str:
-    """First part of a place that is written as a key: ``joints`` of ``joints[2].between``."""
-    return re.split(r"[.\[,]", where, maxsplit=1)[0]
-
-
-def write(done: Simulated, report: Path | None, page: Callable[[Path], object] | None) -> None:
-    """The recordings, their machine file and the page, all or none; `page` writes it to a path."""
-    from selector.readers.writing import write_recording
-
-    targets, machine_path = done.destination.targets, done.destination.machine_path
-    pages = [] if page is None or report is None else [report]
-    paths = [*pages, *targets.values(), machine_path]
-    with named_as_asked(), written_together(paths) as drafts:
-        if page is not None and report is not None:
-            page(drafts[report])
-        at = {run: drafts[path] for run, path in targets.items()}
-        write_recording(done.recording, at, drafts[machine_path], f"{done.model['name']}{LABEL}")
-
-
-def tell(
-    done: Simulated,
+def _simulate(
+    kind: SimulationKind,
+    *,
+    model: Path,
+    out: Path,
+    inputs: Sequence[Path] | None,
+    machine: Path | None,
+    seed: int | None,
     report: Path | None,
     as_json: bool,
-    more: Mapping[str, Any] | None = None,
-    before_findings: Callable[[Console], None] | None = None,
+    asked: Mapping[str, Any],
 ) -> None:
-    """Says what was simulated and written: `selector.simulation/1` with `more` fields, or tables for people."""
-    summary = _summary(done, report) | dict(more or {})
+    from selector.cli.shared.simulation_inputs import columns_beside, driving_recordings, duty_cycle
+    from selector.telling.simulated import account_of
+    from selector.telling.simulated.result import SimulationResult, simulation_document
+
+    file = kind.read(model)
+    if report is not None:
+        require_page_place(report)
+    kind.require_options(file, asked, driven=bool(inputs), report=report is not None)
+    require_inputs_for_machine(machine, inputs)
+    with counted_progress("simulating") as say, named(model, kind.sections(file)):
+        columns, read, said = columns_beside(model, kind.columns_needed(file), kind.column_roles(), kind.column_section)
+        built = kind.model(file, columns)
+        read = [model, *read, *(path for path in asked.values() if isinstance(path, Path))]
+        if inputs:
+            require_free_folder(out, "--inputs writes one file a run")
+            reading = driving_recordings(kind, file, inputs, machine)
+            destination = driven_destination(out, reading, report, read)
+            said = (*said, *reading.findings)
+            with named_runs({run.name: run.file for run in reading.runs}, model, kind.sections(file)):
+                done = kind.driven(built, reading.recording, RunSettings(columns, seed, asked, say))
+        else:
+            destination = own_destination(out, kind.runs(built), report, read, kind.why_folder)
+            say(0, 1, "")
+            first = next(iter(destination.targets))
+            asked_of = {name: duty_cycle(kind, name, value) for name, value in asked.items()}
+            done = kind.planned(built, first, RunSettings(columns, seed, asked_of, say))
+        before = kind.findings_before(built)
+        summary = kind.summary(done, say)
+        findings = (*said, *before, *done.findings, *kind.findings_after(done, summary))
+        result = SimulationResult(kind.name, done, summary, findings, model, asked)
+        account = account_of(result, drawn=report is not None)
+        say(1, 1, "writing")
+        page = None
+        if report is not None:
+            from selector.telling.page import write_account
+
+            page = partial(write_account, account)
+        write_simulation(done.recording, built.name, destination, report, page)
+    told = simulation_document(result, destination.targets, destination.machine_path, report) | dict(account.data)
     try:
         if as_json:
-            showing.print_json(summary)
+            showing.print_json(told)
         else:
-            _show(showing.screen(), summary, before_findings)
+            _show(account, told)
     except KeyboardInterrupt:
         raise CancelledError("stopped after the simulation; its files were written") from None
 
 
-def _summary(done: Simulated, report: Path | None) -> dict[str, Any]:
-    """The contract `selector.simulation/1`."""
-    recording, targets = done.recording, done.destination.targets
-    runs = []
-    for run in recording.runs:
-        time_s = recording.time_s(run)
-        runs.append(
-            {
-                "run": run,
-                "file": targets[run],
-                "rows": len(time_s),
-                "duration_s": time_s[-1] - time_s[0],
-                **done.per_run.get(run, {}),
-            }
-        )
-    channels = []
-    for channel in recording.channels:
-        values = recording.frame[channel.name]
-        channels.append(
-            {
-                "name": channel.name,
-                "role": channel.role,
-                "unit": channel.unit,
-                "place": channel.place,
-                "axis": channel.axis,
-                "min": float(values.min()),
-                "max": float(values.max()),
-            }
-        )
-    return {
-        "schema": "selector.simulation/1",
-        "kind": done.command,
-        "model": dict(done.model),
-        "seed": done.seed,
-        "files": [*targets.values(), done.destination.machine_path],
-        "machine_file": done.destination.machine_path,
-        "report": report,
-        "runs": runs,
-        "channels": channels,
-        "findings": list(done.findings),
-    }
-
-
-def _show(console: Console, summary: Mapping[str, Any], before_findings: Callable[[Console], None] | None) -> None:
-    rows = [(c["name"], c["role"], c["unit"], c["place"] or c["axis"], c["min"], c["max"]) for c in summary["channels"]]
-    runs = len(summary["runs"])
-    title = f"{summary['model']['name']}: simulated, {runs} run{'s' * (runs != 1)}"
-    columns = ["channel", "role", "unit", "place or axis", "lowest", "highest"]
-    console.print(showing.table(title, columns, rows, numeric=["lowest", "highest"]))
-    if before_findings is not None:
-        before_findings(console)
+def _show(account: Account, summary: Mapping[str, Any]) -> None:
+    console = showing.screen()
+    showing.show_account(console, account)
     showing.show_findings(console, summary["findings"])
     *tables, machine_file = summary["files"]
     written = str(tables[0]) if len(tables) == 1 else f"{len(tables)} files to {tables[0].parent}"

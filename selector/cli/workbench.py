@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from selector.cli.source import MachineFile
+from selector.cli.shared.source import MachineFile
 
 Files = Annotated[
     list[Path] | None, typer.Argument(metavar="FILE...", help="Recordings to begin with; they are read where they are.")

@@ -1,8 +1,14 @@
 """From the model to the control: the model file, what it means, how it reads, what it does on other recordings."""
 
 from selector.controllers.application import Accuracy, Application, apply_model, write_predictions
-from selector.controllers.evaluator import Evaluator, evaluate
-from selector.controllers.formula import formula_text, legend_text, physical_coefficients, physical_slopes
+from selector.controllers.evaluator import (
+    Evaluator,
+    evaluate,
+    formula_text,
+    legend_text,
+    physical_coefficients,
+    physical_slopes,
+)
 from selector.controllers.guard import Corrected, DecidedLimits, GuardedModel, Mode, SensorCode, decided_limits
 from selector.controllers.model_file import (
     CheckVector,
@@ -18,8 +24,12 @@ from selector.controllers.model_file import (
     Term,
     Validation,
     model_json_schema,
+    model_sha256,
+    model_text,
+    parsed_model,
+    read_model,
+    write_model,
 )
-from selector.controllers.model_io import model_sha256, model_text, parsed_model, read_model, write_model
 from selector.controllers.self_check import check_model, check_vectors, model_findings, output_bound_um
 
 __all__ = [

@@ -1,8 +1,10 @@
-"""An exported model on other recordings: what it predicts, how well, and where it must not be trusted."""
+"""An exported model on other recordings: what it predicts, how well, and where it must not be believed."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,20 +12,118 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from selector.atomic_file import write_whole
-from selector.controllers.compared import displacement_starts
 from selector.controllers.evaluator import evaluate, first_finite
+from selector.controllers.finding_table import FINDINGS
 from selector.controllers.model_file import Input, ModelFile, Output
-from selector.controllers.sampling import other_sampling
 from selector.controllers.sensor_check import outside_valid_range, time_share, usable_readings
 from selector.csv_text import defused
 from selector.errors import OptionError, RecordingError, UnitError
 from selector.findings import Finding, Where
-from selector.recording import SENSOR_ROLES, Recording
+from selector.models.design import datum_of
+from selector.quality import inspect, without_faults
+from selector.quality.survey import duration
+from selector.recording import SENSOR_ROLES, Recording, RunSource
+from selector.types import Array
 
-Array = NDArray[np.float64]
+
+def displacement_starts(model: ModelFile, recording: Recording) -> dict[str, dict[str, float]]:
+    """Run → output → displacement [µm] that counts as zero, for the outputs that are rises and were recorded.
+
+    As in a selection, so that a model is compared with what it was fitted to: 0 where the gauge was zeroed, else the
+    start of a curve through the first samples (`gauge_start`); the first sample would leave its noise in the whole run.
+    """
+    rises = [output.name for output in model.outputs if output.reference == "rise" and output.name in recording.names]
+    levels = datum_of(recording, (), rises, "rise").levels
+    return {run: dict(found) for run, found in levels.items()}
+
+
+def without_displacement_faults(model: ModelFile, recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:
+    """The recording without the faults of its displacement, and what is wrong with the channels of the model.
+
+    A broken sensor is not mended: its readings stay what a control would get. What is missing altogether is left for
+    `require_channels`, which says it in the words of the model.
+    """
+    outputs = [output.name for output in model.outputs]
+    used = {*outputs, *(item.name for item in model.inputs)} & set(recording.names)
+    found = tuple(_of_comparison(finding, outputs) for finding in inspect(recording, used))
+    return without_faults(recording, found), found
+
+
+def _of_comparison(finding: Finding, outputs: list[str]) -> Finding:
+    """The finding with the action that it has here: only faulty displacement is left out."""
+    if finding.action == "none" or (finding.action == "leave-out-stretch" and finding.where.channel in outputs):
+        return finding
+    suggestion = re.sub(r" *\bThe \w+ (is|are) left out\.", "", finding.suggestion)
+    return dataclasses.replace(finding, action="none", suggestion=suggestion)
+
+
+FAR = 3.0
+"""Ratio of two sampling periods from which they are no longer alike."""
+
+_UNITS_OF_TIME = (60.0, 1000.0, 3600.0, 1440.0, 60_000.0, 86_400.0, 1e6)
+"""Ratios of units of time that are taken for each other: min and s, s and ms, h and s, d and min …"""
+_NEAR = 0.03
+
+
+def period_of(source: RunSource) -> float | None:
+    """Median over the runs of the time between two samples [s]; None: no run has two."""
+    first = [channel.name for channel in source.channels][:1]
+    steps = []
+    for run in source.runs:
+        pieces = [float(np.median(np.diff(time_s))) for time_s, _ in source.chunks(run, first) if len(time_s) > 1]
+        steps += [float(np.median(pieces))] if pieces else []
+    period_s = float(np.median(steps)) if steps else 0.0
+    return period_s if period_s > 0.0 else None
+
+
+def other_sampling(model: ModelFile, recording: Recording, *, is_guarded: bool = False) -> Iterator[Finding]:
+    """Runs that are sampled otherwise than those of the model; none where its file does not say how these were.
+
+    Parameters
+    ----------
+    is_guarded : bool
+        Whether the model is run with its guard, whose limits of change are in seconds, too.
+    """
+    fitted_s = model.provenance.period_s
+    if fitted_s is None:
+        return
+    rests_on = _on_the_clock(model, is_guarded=is_guarded)
+    for run in recording.runs:
+        time_s = recording.time_s(run)
+        period_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
+        if period_s <= 0.0 or max(period_s / fitted_s, fitted_s / period_s) < FAR:
+            continue
+        ratio = max(period_s / fitted_s, fitted_s / period_s)
+        is_unit = any(abs(ratio / of - 1.0) < _NEAR for of in _UNITS_OF_TIME)
+        is_guessed = "unit" in (recording.provenance.get("runs", {}).get(run, {}).get("time_guessed") or ())
+        doubt = " That looks like a wrong unit of time" if is_unit else ""
+        guess = ", which was only guessed here" if is_unit and is_guessed else ""
+        yield FINDINGS.finding(
+            "other-sampling",
+            f"Run {run} has a sample every {duration(period_s)}, the model was fitted on one every "
+            f"{duration(fitted_s)}: a factor of {ratio:.3g}.{doubt}{guess}{'.' if doubt else ''} "
+            + (f"On the clock depend {rests_on}." if rests_on else "This model's answers do not depend on the clock."),
+            Where(run=run),
+            {"period_s": period_s, "fitted_period_s": fitted_s, "looks_like_unit": is_unit, "unit_guessed": is_guessed},
+            "say the unit of the time: --time-unit min (or s, ms, h), or unit under [time] in the machine file"
+            if is_unit
+            else "check the unit of the time; if the logger was set otherwise, all is well",
+            level="info" if not rests_on else "error" if guess else "warning",
+        )
+
+
+def _on_the_clock(model: ModelFile, *, is_guarded: bool) -> str:
+    """What of a model depends on the time between two calls, in words; nothing: empty."""
+    parts = ["the model's memory"] if model.states else []
+    if is_guarded and any(limit.slew_um_per_s is not None for limit in model.guard.limits):
+        parts.append("the slew of the correction")
+    if is_guarded and any(item.rate_limit_per_min is not None for item in model.inputs):
+        parts.append("the fastest change that is believed of a sensor")
+    return ", ".join(parts[:-1]) + (" and " if len(parts) > 1 else "") + "".join(parts[-1:])
+
+
 PerRun = Mapping[str, Mapping[str, float]]
 
 SCHEMA = "selector.application/1"
@@ -55,21 +155,12 @@ class Accuracy:
 
 @dataclass(frozen=True, eq=False)
 class Application:
-    """The result of `apply_model`.
-
-    Attributes
-    ----------
-    per_run : mapping of run to mapping of output to Accuracy
-    overall : mapping of output to Accuracy
-        All samples of all runs together.
-    predictions : DataFrame
-        Columns ``run``, ``time_s`` and one per output: the predicted displacement [µm], counted from the zero of the
-        recording so that the two can be laid over each other; NaN = no prediction.
-    findings : tuple of Finding
-    """
+    """The result of `apply_model`."""
 
     per_run: Mapping[str, Mapping[str, Accuracy]]
-    overall: Mapping[str, Accuracy]
+    overall: Mapping[str, Accuracy]  #: All samples of all runs together
+    #: Columns ``run``, ``time_s`` and one per output: the predicted displacement [µm], counted from the zero of the
+    #: recording so that the two can be laid over each other; NaN = no prediction
     predictions: pd.DataFrame
     findings: tuple[Finding, ...]
 
@@ -178,13 +269,11 @@ def _predictions(
         if missing.any():
             share = time_share(time_s, missing)
             found.append(
-                Finding(
+                FINDINGS.finding(
                     "no-prediction",
-                    "warning",
                     f"Run {run} has no prediction of {name} for {share:.1%} of the time, for want of readings.",
                     Where(channel=name, run=run),
                     {"share_of_time": share, "samples": int(missing.sum())},
-                    "see the findings about its sensors; errors are counted over the other samples",
                 )
             )
     return predicted, found
@@ -291,9 +380,8 @@ def _without_displacement(runs: tuple[str, ...], recorded: Mapping[str, list[Arr
         lacking = [run for run, values in zip(runs, parts, strict=True) if not np.isfinite(values).any()]
         if lacking:
             said = "No run has" if len(lacking) == len(runs) else f"{', '.join(lacking)}: no"
-            yield Finding(
+            yield FINDINGS.finding(
                 "no-displacement",
-                "info",
                 f"{said} recorded displacement {name}; there are predictions, but no errors.",
                 Where(channel=name, run=lacking[0] if len(lacking) == 1 else None),
                 {"runs": lacking},
@@ -307,9 +395,8 @@ def _worse_than_nothing(overall: Mapping[str, Accuracy]) -> Iterator[Finding]:
             and figures.before_rmse_um is not None
             and figures.rmse_um > figures.before_rmse_um
         ):
-            yield Finding(
+            yield FINDINGS.finding(
                 "worse-than-nothing",
-                "error",
                 f"The model makes {name} worse: RMS error {figures.rmse_um:.3g} µm with compensation, "
                 f"{figures.before_rmse_um:.3g} µm without.",
                 Where(channel=name),

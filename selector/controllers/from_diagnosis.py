@@ -7,22 +7,20 @@ from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from selector import __version__
+from selector.controllers.finding_table import FINDINGS
 from selector.controllers.model_file import Guard, Input, ModelFile, Output, OutputLimits, Provenance, State, Term
 from selector.controllers.self_check import check_vectors
-from selector.diagnosis.answer import Diagnosis, recalibration_of
+from selector.diagnosis.answer import Correction, Diagnosis, corrections, recalibration_of
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.correction import Correction, corrections
 from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.shapes.signals import filled
 from selector.findings import Finding
-from selector.models.memory import Lag, lagged
+from selector.models.design import Lag, lagged
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
 _ROLES = ("temperature", "ambient", "spindle_speed")
 _ABSOLUTE = ("spindle_speed",)
 _MOST_TERMS = 6
@@ -244,13 +242,11 @@ def _largest(comparison: Comparison, fit: _Fit) -> float:
 
 def _not_expressible(name: str, effects: Sequence[str], fit: _Fit | None) -> Finding:
     why = "no temperature or speed was recorded" if fit is None else f"the best terms miss {fit.missed:.0%} of it"
-    return Finding(
+    return FINDINGS.finding(
         "correction-not-in-model-file",
-        "warning",
         f"No model.json holds the correction of {name} ({', '.join(effects)}); as readings and lags it cannot be "
         f"written: {why}.",
         evidence={"channel": name, "missed": None if fit is None else fit.missed},
-        suggestion="use the course in correction.json, or put the effect into the simulation",
     )
 
 
@@ -261,12 +257,10 @@ def _partly(comparison: Comparison, name: str, recalibration: Mapping[str, Quant
     delay = numbers["delay"].value if "delay" in numbers else 0.0
     offset = numbers["offset"].value if "offset" in numbers else 0.0
     late = f"{'−' if delay >= 0.0 else '+'} {abs(delay):.4g}"
-    return Finding(
+    return FINDINGS.finding(
         "correction-of-recalibrated",
-        "warning",
         f"model.json is to be added to the recalibrated simulation: {name} = {gain:.4g} · s(t {late} s) + its output, "
         f"where s is what the simulation says of {name} now. The offset of {offset:.4g} "
         f"{comparison.channel(name).unit} is in its intercept; gain and delay cannot be written as readings and lags.",
         evidence={"channel": name, "gain": gain, "delay_s": delay, "offset": offset},
-        suggestion="give the simulation this gain and delay, or use correction.json, which holds them",
     )

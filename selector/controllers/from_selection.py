@@ -9,6 +9,7 @@ from typing import Any, cast
 import numpy as np
 
 from selector import __version__
+from selector.controllers.application import period_of
 from selector.controllers.model_file import (
     Fallback,
     Guard,
@@ -21,13 +22,12 @@ from selector.controllers.model_file import (
     Term,
     Validation,
 )
-from selector.controllers.sampling import period_of
 from selector.controllers.self_check import check_vectors
 from selector.models.least_squares import FittedModel
 from selector.models.terms import Scaling
 from selector.recording import Channel, RunSource
 from selector.selection import Selection
-from selector.selection import fallbacks as selection_fallbacks
+from selector.selection import fitting as selection_fallbacks
 from selector.selection.fitting import Recipe
 
 RATE_MARGIN = 5.0

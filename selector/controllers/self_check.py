@@ -1,4 +1,4 @@
-"""Does a model file keep its word? Test vectors made and recomputed, values bounded, ranges looked at."""
+"""Does a model file keep its word? Test vectors made and recomputed, values bounded, settings of its guard sensible."""
 
 from __future__ import annotations
 
@@ -11,10 +11,100 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from selector.controllers.evaluator import Equations, Evaluator
-from selector.controllers.guard_check import guard_findings
-from selector.controllers.model_file import CheckVector, Input, ModelFile, Output, Term
-from selector.controllers.model_io import read_model
+from selector.controllers.finding_table import FINDINGS
+from selector.controllers.model_file import CheckVector, Input, ModelFile, Output, OutputLimits, Term, read_model
 from selector.findings import Finding
+
+DAY_S = 86_400.0
+CLOCKS_END_S = 1e6
+"""`LONGEST_S` of the guard, which itself stands on this check."""
+COLDEST_DEGC, HOTTEST_DEGC = -30.0, 120.0
+"""What a working machine can have anywhere."""
+
+
+def guard_findings(model: ModelFile) -> tuple[Finding, ...]:
+    """Settings that are allowed, but hardly meant.
+
+    Findings ``break-code-in-valid-range``, ``dead-band-beyond-clamp``, ``slew-too-slow``, ``holds-too-long``,
+    ``waits-too-long``.
+    """
+    return (
+        *_break_codes(model),
+        *(finding for limits in model.guard.limits for finding in _limits(limits)),
+        *_hold(model),
+        *_never(model),
+    )
+
+
+def _break_codes(model: ModelFile) -> Iterator[Finding]:
+    for item in model.inputs:
+        low, high = _plausible_degc(item)
+        for code in model.guard.break_codes:
+            if item.unit == "degC" and low <= code <= high:
+                yield FINDINGS.finding(
+                    "break-code-in-valid-range",
+                    f"{item.name}: {code:g} °C counts as a broken sensor, but is a temperature that it can have "
+                    f"({low:g} … {high:g} °C).",
+                    evidence={"input": item.name, "break_code": code, "from_degc": low, "to_degc": high},
+                )
+
+
+def _plausible_degc(item: Input) -> tuple[float, float]:
+    """Readings that are no fault otherwise."""
+    low = COLDEST_DEGC if item.reading_min is None else max(COLDEST_DEGC, item.reading_min)
+    high = HOTTEST_DEGC if item.reading_max is None else min(HOTTEST_DEGC, item.reading_max)
+    if item.reference == "absolute":
+        low, high = min(low, item.valid_min), max(high, item.valid_max)
+    return low, high
+
+
+def _limits(limits: OutputLimits) -> Iterator[Finding]:
+    name, clamp_um, slew = limits.output, limits.clamp_um, limits.slew_um_per_s
+    if clamp_um is not None and limits.dead_band_um >= clamp_um:
+        yield FINDINGS.finding(
+            "dead-band-beyond-clamp",
+            f"{name}: changes below {limits.dead_band_um:g} µm are not passed on, and the correction is at most "
+            f"±{clamp_um:g} µm: it moves from one end to the other, or not at all.",
+            evidence={"output": name, "dead_band_um": limits.dead_band_um, "clamp_um": clamp_um},
+        )
+    if clamp_um is not None and slew is not None and clamp_um / slew > DAY_S:
+        yield FINDINGS.finding(
+            "slew-too-slow",
+            f"{name}: at {slew:g} µm/s the correction takes {clamp_um / slew / DAY_S:.3g} days to {clamp_um:g} µm; "
+            "machines warm up in hours.",
+            evidence={"output": name, "slew_um_per_s": slew, "clamp_um": clamp_um},
+            suggestion=f"choose a faster slew limit, e.g. --slew {name}=1",
+        )
+
+
+def _hold(model: ModelFile) -> Iterator[Finding]:
+    hold = model.guard.hold_at_most_s
+    if hold is not None and hold > DAY_S:
+        yield FINDINGS.finding(
+            "holds-too-long",
+            f"A correction is held for {hold / DAY_S:.3g} days without sensors; by then the machine is at another "
+            "temperature.",
+            evidence={"hold_at_most_s": hold},
+        )
+
+
+def _never(model: ModelFile) -> Iterator[Finding]:
+    """Times that a machine in use does not reach; clocks of programs stop at 10⁶ s."""
+    guard = model.guard
+    for field, value_s, longest_s, what in (
+        ("recover_after_s", guard.recover_after_s, DAY_S, "no sensor is believed, and nothing corrected,"),
+        ("stuck_after_s", guard.stuck_after_s, CLOCKS_END_S, "a sensor that stands still is not found"),
+        ("new_start_after_s", guard.new_start_after_s, CLOCKS_END_S, "old start readings are kept"),
+    ):
+        if value_s is not None and value_s >= longest_s:
+            yield FINDINGS.finding(
+                "waits-too-long",
+                f"guard.{field} is {value_s:g} s ({value_s / DAY_S:.3g} days): {what} for so long"
+                + (", or for ever: programs count to 10⁶ s." if value_s >= CLOCKS_END_S else "."),
+                evidence={"field": field, "seconds": value_s},
+                suggestion=f"choose a shorter guard.{field} in the model file",
+            )
+
 
 TOLERANCE = 1e-9
 """Relative to the largest contribution to an output: 1e6 times the rounding of float64, so that a program that adds in
@@ -195,11 +285,9 @@ def _increasing(time_s: NDArray[np.float64]) -> list[float]:
 
 def _vector_findings(model: ModelFile) -> Iterator[Finding]:
     if not model.test_vectors:
-        yield Finding(
+        yield FINDINGS.finding(
             "no-test-vectors",
-            "warning",
             "The model file has no test vectors: a program on a control cannot check itself against it.",
-            suggestion="export the model again with selector",
         )
         return
     largest, samples, wrong = 0.0, 0, []
@@ -221,19 +309,22 @@ def _vector_findings(model: ModelFile) -> Iterator[Finding]:
             else:
                 largest = max(largest, float(np.max(difference)))
     for vector_name, output_name, k, given_um, found_um, count in wrong:
-        yield Finding(
+        yield FINDINGS.finding(
             "test-vector-mismatch",
-            "error",
             f"Test vector {vector_name!r}: the coefficients give {output_name} = {found_um:.9g} µm at sample {k}, the "
             f"file expects {given_um:.9g} µm ({count} such samples). The file was changed after it was exported.",
-            evidence={"vector": vector_name, "output": output_name, "sample": k, "expected_um": given_um,
-                      "computed_um": found_um if math.isfinite(found_um) else None, "samples": count},
-            suggestion="do not use this file; export the model again",
-        )  # fmt: skip
+            evidence={
+                "vector": vector_name,
+                "output": output_name,
+                "sample": k,
+                "expected_um": given_um,
+                "computed_um": found_um if math.isfinite(found_um) else None,
+                "samples": count,
+            },
+        )
     if not wrong:
-        yield Finding(
+        yield FINDINGS.finding(
             "test-vectors-agree",
-            "info",
             f"All {samples} expected outputs were recomputed; the largest difference is {largest:.3g} µm.",
             evidence={"samples": samples, "max_abs_difference_um": largest},
         )
@@ -242,12 +333,10 @@ def _vector_findings(model: ModelFile) -> Iterator[Finding]:
 def _size_findings(model: ModelFile) -> Iterator[Finding]:
     for output in model.outputs:
         if not math.isfinite(output_bound_um(model, output)):
-            yield Finding(
+            yield FINDINGS.finding(
                 "output-not-finite",
-                "error",
                 f"{output.name} can overflow while every input is in its valid range.",
                 evidence={"output": output.name},
-                suggestion="do not use this file; a coefficient is far too large or a scale far too small",
             )
 
 
@@ -256,20 +345,16 @@ def _range_findings(model: ModelFile) -> Iterator[Finding]:
         low, high = item.valid_min, item.valid_max
         evidence = {"input": item.name, "valid_min": low, "valid_max": high, "centre": item.centre, "scale": item.scale}
         if low == high:
-            yield Finding(
+            yield FINDINGS.finding(
                 "valid-range-empty",
-                "warning",
                 f"{item.name} was {low:g} throughout: the model does not know what a change of it does.",
                 evidence=evidence,
-                suggestion="leave the sensor out, or record a run in which it changes",
             )
         elif not low <= item.centre <= high and any(item.name in term.powers for term in _all_terms(model)):
-            yield Finding(
+            yield FINDINGS.finding(
                 "centre-outside-valid-range",
-                "info",
                 f"{item.name}: the centre {item.centre:g} is outside the valid range {low:g} … {high:g}.",
                 evidence=evidence,
-                suggestion="check that centre and range are both of the rise, or both of the reading",
             )
 
 
@@ -278,12 +363,8 @@ def _unused_findings(model: ModelFile) -> Iterator[Finding]:
     used |= {state.source for state in model.states if state.name in used}
     for name in (*(item.name for item in model.inputs), *(state.name for state in model.states)):
         if name not in used:
-            yield Finding(
-                "input-not-used",
-                "info",
-                f"{name} is in the model file, but no output depends on it.",
-                evidence={"input": name},
-                suggestion="leave it out, so that nobody wires a sensor for nothing",
+            yield FINDINGS.finding(
+                "input-not-used", f"{name} is in the model file, but no output depends on it.", evidence={"input": name}
             )
 
 

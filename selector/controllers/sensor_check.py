@@ -9,13 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from selector.controllers.finding_table import FINDINGS
 from selector.controllers.model_file import Input, ModelFile
 from selector.findings import Finding, Level, Where
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from selector.types import Array, Mask
 
 RANGE_SLACK = 1e-9
 """Of the width of a valid range: the rounding of a difference of two readings is not an excess."""
@@ -89,9 +87,8 @@ def outside_valid_range(
         width = item.valid_max - item.valid_min
         slight = share < SLIGHT_SHARE and float(excess[worst]) < SLIGHT_EXCESS * width
         said = f"{share:.1%}" if share >= 0.001 else "less than 0.1%"
-        yield Finding(
+        yield FINDINGS.finding(
             "outside-valid-range",
-            "info" if slight else "warning",
             f"{item.name} in run {run}: the {what} leaves the valid range {item.valid_min:.4g} … {item.valid_max:.4g} "
             f"{unit} of the model since {time_s[when[0]]:.0f} s, by up to {excess[worst]:.3g} {unit}, for {said} "
             "of the time. There the model extrapolates.",
@@ -105,7 +102,7 @@ def outside_valid_range(
                 "unit": unit,
                 "share_of_time": share,
             },
-            "add a run like this one to the recordings that the model is built from",
+            level="info" if slight else "warning",
         )
 
 
@@ -144,14 +141,13 @@ def _broken_finding(
     item: Input, run: str, kind: str, level: Level, statement: str, window_s: tuple[float, float], **evidence: object
 ) -> Finding:
     left_out = kind in ("break-code", "out-of-limits", "missing")
-    return Finding(
+    return FINDINGS.finding(
         "sensor-looks-broken",
-        level,
         statement,
         Where(channel=item.name, run=run, from_s=window_s[0], to_s=window_s[1]),
         {"kind": kind, **evidence},
-        "check the sensor and its wiring, or leave the run out",
-        "leave-out-stretch" if left_out else "none",
+        action="leave-out-stretch" if left_out else "none",
+        level=level,
     )
 
 
@@ -167,9 +163,8 @@ def _missing(item: Input, run: str, time_s: Array, missing: Mask) -> Iterator[Fi
     if share > MISSING_SHARE or ends_dead:
         yield _broken_finding(item, run, "missing", "error", statement, window, share_of_time=share, samples=len(when))
     else:
-        yield Finding(
+        yield FINDINGS.finding(
             "missing-readings",
-            "info",
             statement,
             Where(channel=item.name, run=run, from_s=window[0], to_s=window[1]),
             {"share_of_time": share, "samples": len(when)},

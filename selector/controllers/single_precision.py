@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from selector.controllers.evaluator import Equations
+from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.codes import LARGEST_NUMBER, SAMPLE_S
 from selector.controllers.guard.decided import DecidedLimits, decided_limits
 from selector.controllers.model_file import Input, ModelFile, Output, Term
@@ -43,13 +44,7 @@ _OF_BOUND = 1.0 + 1e-6
 
 @dataclass(frozen=True)
 class LargestError:
-    """Bounds of one output.
-
-    Attributes
-    ----------
-    correction_um, k0_um : float
-    slope_um_per_m : float
-    """
+    """Bounds of one output."""
 
     correction_um: float
     k0_um: float
@@ -115,9 +110,8 @@ def single_precision_findings(model: ModelFile, file: str) -> tuple[Finding, ...
     for name, of in rounding_errors(model).items():
         is_large = not of.correction_um <= WORTH_A_WARNING_UM
         found.append(
-            Finding(
+            FINDINGS.finding(
                 "single-precision-bound",
-                "warning" if is_large else "info",
                 f"{file}: {name} differs from the model in float64 by at most {_above(of.correction_um)} µm inside the "
                 "valid ranges, all roundings at their worst.",
                 evidence={"file": file, "output": name, "bound_um": of.correction_um},
@@ -125,6 +119,7 @@ def single_precision_findings(model: ModelFile, file: str) -> tuple[Finding, ...
                 "cancel each other and memory of many hours make it large"
                 if is_large
                 else "",
+                level="warning" if is_large else "info",
             )
         )
     return tuple(found)

@@ -1,4 +1,4 @@
-"""What a diagnosis says, as values: verdict, where, which effects, what the fit gained; the JSON is made of these."""
+"""What a diagnosis says, as values: verdict, where, which effects, what the fit gained, the correction."""
 
 from __future__ import annotations
 
@@ -7,15 +7,16 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Quantity
+from selector.diagnosis.shapes.signals import filled
 from selector.findings import Finding
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
 Verdict = Literal["missing-physics", "nothing-missing", "data-fault", "miscalibrated", "unexplained"]
 SCHEMA = "selector.diagnosis/1"
+CORRECTION_SCHEMA = "selector.correction/1"
 _ENDS = ("low", "high")
 _LEAST_GAIN = 0.1
 """Of the simulated course: of less than that no delay can be told."""
@@ -37,47 +38,31 @@ class Place:
 
 @dataclass(frozen=True)
 class NamedEffect:
-    """An effect that the evidence supports.
+    """An effect that the evidence supports."""
 
-    Attributes
-    ----------
-    id, channel, place, statement
-        As in the contract; `channel` is the response that shows it most, `channels` all that show it.
-    parameters : mapping of str to Quantity
-        Without intervals of no width.
-    confidence, p_value, share : float
-        Probability that the name is right, family-wise p, share of the mismatch that it explains.
-    cannot_be_told_from : tuple of str
-    experiment : str
-        The run that would tell.
-    suspected : bool
-        Supported, but not confirmed on a part of the data with another programme.
-    courses : mapping of str to ndarray of shape (n_rows,)
-        Response → the effect's fitted course [unit of the response].
-    acts : tuple of (str, float or None, float or None), or None
-        Run, begin and end [s from its start; None: of the run] of what acts in a part of one run only.
-    is_fitted : bool
-        Whether the improved model of `Fit` holds its courses; a fault that is only told, or left out, is not in it.
-    sources : tuple of str
-        Channels that its courses were made of.
-    """
-
+    #: id, channel, place and statement: As in the contract; `channel` is the response that shows it most, `channels`
+    #: all that show it
     id: str
     channel: str
     place: str | None
     statement: str
-    parameters: Mapping[str, Quantity]
+    parameters: Mapping[str, Quantity]  #: Without intervals of no width
+    #: confidence, p_value and share: Probability that the name is right, family-wise p, share of the mismatch that it
+    #: explains
     confidence: float
     p_value: float
     share: float
     cannot_be_told_from: tuple[str, ...]
-    experiment: str
+    experiment: str  #: The run that would tell
     channels: tuple[str, ...] = ()
-    suspected: bool = False
+    suspected: bool = False  #: Supported, but not confirmed on a part of the data with another programme
+    #: (n_rows,): Response → the effect's fitted course [unit of the response]
     courses: Mapping[str, Vector] = field(default_factory=dict)
+    #: Run, begin and end [s from its start; None: of the run] of what acts in a part of one run only
     acts: tuple[str, float | None, float | None] | None = None
+    #: Whether the improved model of `Fit` holds its courses; a fault that is only told, or left out, is not in it
     is_fitted: bool = False
-    sources: tuple[str, ...] = ()
+    sources: tuple[str, ...] = ()  #: Channels that its courses were made of
 
     def __post_init__(self) -> None:
         real = {name: quantity.with_real_interval() for name, quantity in self.parameters.items()}
@@ -241,3 +226,64 @@ def _quantity(quantity: Quantity) -> dict[str, Any]:
 
 def _known(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
+
+
+@dataclass(frozen=True)
+class Correction:
+    """What is to be added to one response of the simulation as it was given; all rows, finite."""
+
+    #: (n_rows,): All of it: recorded − `of_recording` − simulated − `add` has the error that `Fit` promises
+    add: Vector
+    of_effects: Vector  #: (n_rows,): The part of the effects of physics; the rest is recalibration
+    of_recording: Vector  #: (n_rows,): What named faults of the data added to the recording, as far as the fit holds it
+
+
+def corrections(found: Diagnosis) -> dict[str, Correction]:
+    """Response → correction, of every response in which the improved model differs from the simulation."""
+    result = {}
+    for name, fit in found.fit.items():
+        physics, faults = (_course(found, name, of_data=one) for one in (False, True))
+        added = fit.after - fit.before - faults
+        if np.nanmax(np.abs(added), initial=0.0) > 0.0:
+            result[name] = Correction(filled(found.comparison, added), physics, faults)
+    return result
+
+
+def correction_object(found: Diagnosis) -> dict[str, Any]:
+    """The JSON of the contract `selector.correction/1`: what makes of a simulation the error of its answer."""
+    comparison, of = found.comparison, corrections(found)
+    faulty = {name: one.of_recording for name, one in of.items() if one.of_recording.any()}
+    runs = {}
+    for run, rows in comparison.rows_of_runs():
+        runs[run] = {
+            "time_s": comparison.time_s[rows].tolist(),
+            "add": {name: one.add[rows].tolist() for name, one in of.items()},
+            "of_effects": {name: one.of_effects[rows].tolist() for name, one in of.items()},
+        }
+        if faulty:
+            runs[run]["subtract_from_recording"] = {name: course[rows].tolist() for name, course in faulty.items()}
+    return {
+        "schema": CORRECTION_SCHEMA,
+        "effects": [effect.id for effect in physics_of(found)],
+        "units": {name: comparison.channel(name).unit for name in of},
+        "recalibration": {
+            name: {key: dict(vars(one)) for key, one in recalibration_of(found.recalibration[name]).items()}
+            for name in of
+            if name in found.recalibration
+        },
+        "runs": runs,
+    }
+
+
+def physics_of(found: Diagnosis) -> tuple[NamedEffect, ...]:
+    """The named effects that are no fault of the recording."""
+    return tuple(effect for effect in found.effects if not effect.id.startswith("data."))
+
+
+def _course(found: Diagnosis, name: str, *, of_data: bool) -> Vector:
+    """The sum of the courses that the fit of a response holds: of physics, or of faults of the data."""
+    total = np.zeros(len(found.comparison.time_s))
+    for effect in found.effects:
+        if name in effect.courses and effect.id.startswith("data.") == of_data and (effect.is_fitted or not of_data):
+            total = total + effect.courses[name]
+    return total

@@ -12,53 +12,28 @@ from numpy.typing import NDArray
 from selector.errors import InputError
 from selector.findings import Finding
 from selector.recording import Channel
-
-Vector = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from selector.types import Mask, Vector
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Recordings and a simulation of the same runs, at the times of the recordings.
+    """Recordings and a simulation of the same runs, at the times of the recordings."""
 
-    Attributes
-    ----------
-    runs : tuple of str
-        Names of the runs, in order.
-    starts : tuple of int
-        First row of every run, and last of all the number of rows.
-    time_s : ndarray of shape (n_rows,)
-        From the start of the run [s]; increases within a run.
-    channels : tuple of Channel
-        The recorded channels.
-    recorded : mapping of str to ndarray of shape (n_rows,)
-        Every recorded channel in its canonical unit; NaN = missing.
-    simulated : mapping of str to ndarray of shape (n_rows,)
-        Every simulated channel at the same rows; NaN where the simulation does not reach. A channel that was not
-        recorded (a state, a heat flow of the simulation) may stand here too.
-    responses : tuple of str
-        What is compared: recorded and simulated.
-    held_out : ndarray of bool of shape (n_rows,)
-        Rows that nothing is fitted to.
-    resolution : mapping of str to float
-        Smallest step that a channel's readings make [unit of the channel]; 0 = none was seen.
-    findings : tuple of Finding
-        What was noticed while the files were brought together.
-    tangents : mapping of str to mapping of str to ndarray of shape (n_rows,)
-        Response → parameter, or direction of parameters, that the simulation has → change of the simulated response
-        with it; empty where the simulation cannot be run again.
-    """
-
-    runs: tuple[str, ...]
-    starts: tuple[int, ...]
-    time_s: Vector
-    channels: tuple[Channel, ...]
-    recorded: Mapping[str, Vector]
+    runs: tuple[str, ...]  #: Names of the runs, in order
+    starts: tuple[int, ...]  #: First row of every run, and last of all the number of rows
+    time_s: Vector  #: (n_rows,): From the start of the run [s]; increases within a run
+    channels: tuple[Channel, ...]  #: The recorded channels
+    recorded: Mapping[str, Vector]  #: (n_rows,): Every recorded channel in its canonical unit; NaN = missing
+    #: (n_rows,): Every simulated channel at the same rows; NaN where the simulation does not reach. A channel that was
+    #: not recorded (a state, a heat flow of the simulation) may stand here too.
     simulated: Mapping[str, Vector]
-    responses: tuple[str, ...]
-    held_out: Mask
+    responses: tuple[str, ...]  #: What is compared: recorded and simulated
+    held_out: Mask  #: (n_rows,): Rows that nothing is fitted to
+    #: Smallest step that a channel's readings make [unit of the channel]; 0 = none was seen
     resolution: Mapping[str, float] = field(default_factory=dict)
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[Finding, ...] = ()  #: What was noticed while the files were brought together
+    #: (n_rows,): Response → parameter, or direction of parameters, that the simulation has → change of the simulated
+    #: response with it; empty where the simulation cannot be run again
     tangents: Mapping[str, Mapping[str, Vector]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -10,6 +10,7 @@ from selector.diagnosis.answer import Diagnosis, Fit, NamedEffect, Place, recali
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Quantity
+from selector.diagnosis.finding_table import SLOW_REMAINDER
 from selector.diagnosis.shown_units import displayed
 
 _NOUNS = {
@@ -79,7 +80,7 @@ def headline(found: Diagnosis) -> str:
 
 def _wandering(found: Diagnosis) -> list[str]:
     """Responses in which noise may be a slow effect."""
-    names = [one.where.channel or "" for one in found.findings if one.id == "slow-remainder"]
+    names = [one.where.channel or "" for one in found.findings if one.id == SLOW_REMAINDER]
     return [f"What wanders slowly in {listed(names)} may be more than noise: see the findings."] if names else []
 
 

@@ -2,38 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.diagnosis.answer import Diagnosis, Evidence, Fit, NamedEffect, Place, Verdict
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Effect, Variant
-from selector.diagnosis.entrance.copied import diagnosis_of_copy, fit_of_copy
-from selector.diagnosis.entrance.unusable import identical_responses
-from selector.diagnosis.evidence.bench import Bench, bench_of
-from selector.diagnosis.evidence.confirmation import confirmation, not_ruinous
+from selector.diagnosis.evidence.confirmation import confirmation, held_out_faults, not_ruinous
 from selector.diagnosis.evidence.detectability import detectability
-from selector.diagnosis.evidence.held_out_faults import held_out_faults
+from selector.diagnosis.evidence.frozen import frozen_and_unnamed, with_frozen, without_frozen
+from selector.diagnosis.evidence.gain import fit_of
 from selector.diagnosis.evidence.naming import input_fault_effect, named_effect, unit_of, whole_record_effect
-from selector.diagnosis.evidence.recalibration import recalibrated
+from selector.diagnosis.evidence.recalibration import Recalibrated, recalibrated, whole_record_names
+from selector.diagnosis.evidence.response import Bench, bench_of
 from selector.diagnosis.evidence.search import Search, Standing, numbers, search
-from selector.diagnosis.evidence.showing import fit_of
-from selector.diagnosis.evidence.whole_record import whole_record_names
-from selector.diagnosis.evidence.without_frozen import diagnosis_without_frozen, frozen_and_unnamed
+from selector.diagnosis.matching.usable import (
+    diagnosis_of_copy,
+    told_of_copies,
+    with_copies,
+    without_fitted_difference,
+)
 from selector.diagnosis.mismatch.location import active_windows
 from selector.diagnosis.mismatch.omnibus import Structure, unexplained
-from selector.diagnosis.mismatch.wanders import told_of_wandering
+from selector.diagnosis.mismatch.wandering import told_of_wandering
 from selector.diagnosis.next_run.experiments import next_runs
-from selector.diagnosis.shapes.input_faults import input_faults, told_of_inputs
-from selector.diagnosis.shapes.leftover import least_squares
+from selector.diagnosis.shapes.input_faults import InputFault, input_faults, told_of_inputs
+from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.wording import headline
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
 _TRIFLE = 0.02
 """Of the share of the mismatch that the largest effect explains: what explains less is not named beside it."""
 _LEAST = 0.005
@@ -84,99 +86,249 @@ def diagnosis(
     InputError
         If the comparison is no basis for an answer.
     """
-    copied = diagnosis_of_copy(comparison, seed=seed)
-    if copied is not None:
-        return copied
-    copies = identical_responses(comparison)
-    if copies:
-        # without a difference there is no noise that a gain could be measured by
-        rest = replace(comparison, responses=tuple(name for name in comparison.responses if name not in copies))
-        found_in_rest = diagnosis(
-            rest, seed=seed, false_alarm=false_alarm, effects=effects, through_model=through_model, progress=progress
-        )
-        return replace(
-            found_in_rest, fit={**found_in_rest.fit, **{name: fit_of_copy(comparison, name) for name in copies}}
-        )
-    say = progress or (lambda done, total, text: None)
-    known = tuple(effects if effects is not None else catalogue())
+    state = _State(
+        comparison=comparison,
+        asked=_Asked(
+            seed=seed,
+            false_alarm=false_alarm,
+            effects=tuple(effects if effects is not None else catalogue()),
+            through_model=through_model or {},
+            say=progress or (lambda done, total, text: None),
+        ),
+    )
+    for stage in _STAGES:
+        if state.answer is None:
+            state = stage(state)
+    answer = state.answer or _answered(state)
+    # what was left out last was left out of a comparison that lacked the rest already
+    for put_back in reversed(state.left_out):
+        answer = put_back(answer)
+    return answer
+
+
+@dataclass(frozen=True, eq=False)
+class _Asked:
+    """What a diagnosis is asked, as of `diagnosis`."""
+
+    seed: int
+    false_alarm: float
+    effects: tuple[Effect, ...]
+    through_model: Mapping[str, Mapping[str, Sequence[Variant]]]
+    say: Progress
+
+
+@dataclass(frozen=True, eq=False)
+class _State:
+    """What is known after a stage."""
+
+    comparison: Comparison  #: What is left to be looked at
+    asked: _Asked
+    #: Of what was left out, how it comes back into an answer to the rest
+    left_out: tuple[Callable[[Diagnosis], Diagnosis], ...] = ()
+    untested: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  #: Response → effect id → why
+    search: Search = field(default_factory=lambda: Search({}, {}, {}, {}, {}))  #: What it named is in the fit
+    again: Mapping[str, Recalibrated] = field(default_factory=dict)  #: Response → recalibration
+    late: tuple[NamedEffect, ...] = ()  #: Faults in held-out rows alone
+    residuals: Mapping[str, Vector] = field(default_factory=dict)  #: Response → what is left [unit], (n_rows,)
+    white: Mapping[str, Vector] = field(default_factory=dict)  #: The same behind the noise filter
+    structures: Sequence[Structure] = ()  #: What nothing explains
+    effects: tuple[NamedEffect, ...] = ()
+    verdict: Verdict = "nothing-missing"
+    fit: Mapping[str, Fit] = field(default_factory=dict)
+    answer: Diagnosis | None = None  #: To what is left, where no later stage has to look at it
+
+    def say(self, done: int, text: str) -> None:
+        """Tells the progress; negative numbers count from the end."""
+        steps = len(self.comparison.responses) + 3
+        self.asked.say(done % steps, steps, text)
+
+
+def _searched(state: _State) -> _State:
+    """Effects that the fitted rows name, in what is left without copies and without frozen stretches.
+
+    What stands still says nothing about the machine, and would be fitted as if it did: the rest is searched anew.
+    """
+    while True:
+        state = _without_copies(state)
+        if state.answer is not None:
+            return state
+        state = _tested(state)
+        frozen = frozen_and_unnamed(state.comparison, state.search)
+        if not frozen:
+            return state
+        state = _without_frozen(state, frozen)
+        if state.answer is not None:
+            return state
+
+
+def _without_copies(state: _State) -> _State:
+    """Only responses with a difference: without one there is no noise that a gain could be measured by."""
+    copies = without_fitted_difference(state.comparison)
+    comparison = told_of_copies(state.comparison, copies)
+    if set(copies) == set(comparison.responses):
+        return replace(state, answer=diagnosis_of_copy(comparison, seed=state.asked.seed))
+    if not copies:
+        return replace(state, comparison=comparison)
+    rest = replace(comparison, responses=tuple(name for name in comparison.responses if name not in copies))
+    return _narrowed(state, rest, partial(with_copies, comparison=comparison, names=copies))
+
+
+def _without_frozen(state: _State, frozen: Sequence[InputFault]) -> _State:
+    rest = without_frozen(state.comparison, frozen)
+    narrowed = _narrowed(state, rest, partial(with_frozen, comparison=state.comparison, rest=rest, frozen=frozen))
+    if rest.responses:
+        return narrowed
+    nothing = Diagnosis(rest, "data-fault", findings=rest.findings, seed=state.asked.seed)
+    return replace(narrowed, answer=nothing)
+
+
+def _narrowed(state: _State, rest: Comparison, put_back: Callable[[Diagnosis], Diagnosis]) -> _State:
+    return replace(state, comparison=rest, left_out=(*state.left_out, put_back))
+
+
+def _tested(state: _State) -> _State:
+    """Every effect beside all others, in every response; what is a trifle or ruins unseen rows is no name."""
+    asked, comparison = state.asked, state.comparison
     benches: dict[str, Bench] = {}
     untested: dict[str, dict[str, str]] = {}
-    steps = len(comparison.responses) + 3
     for k, name in enumerate(comparison.responses):
-        say(k, steps, f"shapes of all effects in {name}")
-        benches[name], untested[name] = bench_of(comparison, name, known, (through_model or {}).get(name))
-    say(steps - 3, steps, "testing effects")
-    found = search(benches, false_alarm=false_alarm, seed=seed)
+        state.say(k, f"shapes of all effects in {name}")
+        benches[name], untested[name] = bench_of(comparison, name, asked.effects, asked.through_model.get(name))
+    state.say(-3, "testing effects")
+    found = search(benches, false_alarm=asked.false_alarm, seed=asked.seed)
     found = not_ruinous(comparison, _worth_naming(comparison, found))
-    frozen = frozen_and_unnamed(comparison, found)
-    if frozen:
-        # what stands still says nothing about the machine, and would be fitted as if it did
-        return diagnosis_without_frozen(
-            comparison,
-            frozen,
-            lambda rest: diagnosis(
-                rest, seed=seed, false_alarm=false_alarm, effects=effects, through_model=through_model,
-                progress=progress,
-            ),
-            seed=seed,
-        )  # fmt: skip
-    benches = dict(found.benches)
-    say(steps - 2, steps, "errors on held-out rows")
+    return replace(state, untested=untested, search=found)
+
+
+def _recalibrated(state: _State) -> _State:
+    """What offset, gain and delay of the simulation gain beside the named effects."""
+    state.say(-2, "errors on held-out rows")
+    found = state.search
     again = {
         name: recalibrated(
-            bench, numbers(found.named, name), _noise(bench, found, name), unit_of(comparison, name), seed=seed
+            bench,
+            numbers(found.named, name),
+            _noise(bench, found, name),
+            unit_of(state.comparison, name),
+            seed=state.asked.seed,
         )
-        for name, bench in benches.items()
+        for name, bench in found.benches.items()
     }
-    say(steps - 1, steps, "what nothing explains")
-    late = held_out_faults(comparison, found, known, false_alarm=false_alarm, seed=seed)
-    only_fitted = bool(found.named) or bool(late) or any(bench.is_off_cycle for bench in benches.values())
-    left = _left(comparison, found, only_fitted=only_fitted)
-    structures = unexplained(comparison, *left, seed=seed, false_alarm=false_alarm)
-    effects_found = [*(_confirmed(comparison, found, id_) for id_ in found.named), *late]
-    doubts = structures
-    if effects_found and not structures and max(effect.share for effect in effects_found) < _MOST:
-        # what wanders may be noise, but a name must be clearer than it, or explain most
-        doubts = unexplained(comparison, *left, seed=seed, false_alarm=false_alarm, wanders=False)
-    if doubts and not any(_stands(effect, found, doubts) for effect in effects_found):
-        # a fault of the data explains all that it concerns, or it is a proxy of what nothing explains
-        effects_found = [effect for effect in effects_found if effect.id == "data.stuck"]
-    if not effects_found and not structures:
-        whole = whole_record_names(comparison, again)
-        effects_found = [whole_record_effect(comparison, benches, again, id_, shown) for id_, shown in whole.items()]
-        effects_found += [input_fault_effect(comparison, fault) for fault in input_faults(comparison) if fault.sure]
-    named = tuple(sorted(effects_found, key=lambda effect: -effect.share))
-    found = _only(found, {effect.id for effect in named})
-    verdict = _verdict(named, structures, any(one.matters for one in again.values()))
+    return replace(state, again=again)
+
+
+def _looked_at_what_is_left(state: _State) -> _State:
+    """Faults that stand in held-out rows alone, and structure that nothing explains."""
+    state.say(-1, "what nothing explains")
+    asked, comparison, found = state.asked, state.comparison, state.search
+    late = held_out_faults(comparison, found, asked.effects, false_alarm=asked.false_alarm, seed=asked.seed)
+    only_fitted = bool(found.named) or bool(late) or any(bench.is_off_cycle for bench in found.benches.values())
+    residuals, white = _left(comparison, found, only_fitted=only_fitted)
+    structures = unexplained(comparison, residuals, white, seed=asked.seed, false_alarm=asked.false_alarm)
+    return replace(state, late=late, residuals=residuals, white=white, structures=structures)
+
+
+def _named(state: _State) -> _State:
+    """What the rows that were not fitted bear out, and faults that stand in them alone."""
+    confirmed = [_confirmed(state.comparison, state.search, id_) for id_ in state.search.named]
+    return replace(state, effects=(*confirmed, *state.late))
+
+
+def _named_clearly(state: _State) -> _State:
+    """Names only where they are clearer than the structure that is left.
+
+    A fault of the data explains all that it concerns, or it is a proxy of what nothing explains.
+    """
+    doubts = _doubts(state)
+    if not doubts or any(_stands(effect, state.search, doubts) for effect in state.effects):
+        return state
+    return replace(state, effects=tuple(effect for effect in state.effects if effect.id == "data.stuck"))
+
+
+def _doubts(state: _State) -> Sequence[Structure]:
+    """Structure that is left; beside names that explain little also what wanders, which otherwise may be noise."""
+    if state.structures or not state.effects or max(effect.share for effect in state.effects) >= _MOST:
+        return state.structures
+    asked = state.asked
+    return unexplained(
+        state.comparison, state.residuals, state.white, seed=asked.seed, false_alarm=asked.false_alarm, wanders=False
+    )
+
+
+def _named_by_whole_record(state: _State) -> _State:
+    """Where nothing else is found: faults of the recording that recalibration hides, and faults of the inputs."""
+    if state.effects or state.structures:
+        return state
+    comparison, benches = state.comparison, dict(state.search.benches)
+    whole = whole_record_names(comparison, state.again)
+    effects = [whole_record_effect(comparison, benches, state.again, id_, shown) for id_, shown in whole.items()]
+    effects += [input_fault_effect(comparison, fault) for fault in input_faults(comparison) if fault.sure]
+    return replace(state, effects=tuple(effects))
+
+
+def _judged(state: _State) -> _State:
+    """The largest effect first, nothing else in the fit, and the verdict."""
+    effects = tuple(sorted(state.effects, key=lambda effect: -effect.share))
+    found = _only(state.search, {effect.id for effect in effects})
+    verdict = _verdict(effects, state.structures, any(one.matters for one in state.again.values()))
+    return replace(state, effects=effects, search=found, verdict=verdict)
+
+
+def _fitted(state: _State) -> _State:
+    """What the improved model gains in every response; effects that make the unseen error larger are doubted."""
+    found, is_improved = state.search, state.verdict not in ("nothing-missing", "unexplained")
     fit = {
         name: fit_of(
-            comparison, bench, numbers(found.named, name), unit_of(comparison, name),
-            recalibrate=verdict not in ("nothing-missing", "unexplained") or again[name].matters, seed=seed,
+            state.comparison,
+            bench,
+            numbers(found.named, name),
+            unit_of(state.comparison, name),
+            recalibrate=is_improved or state.again[name].matters,
+            seed=state.asked.seed,
         )
-        for name, bench in benches.items()
-    }  # fmt: skip
-    named = tuple(
-        _doubted(effect) if effect.channel in fit and _harms(fit[effect.channel]) else effect for effect in named
+        for name, bench in found.benches.items()
+    }
+    effects = tuple(
+        _doubted(effect) if effect.channel in fit and _harms(fit[effect.channel]) else effect
+        for effect in state.effects
     )
+    return replace(state, effects=effects, fit=fit)
+
+
+def _answered(state: _State) -> Diagnosis:
+    """The answer to what is left."""
+    comparison, found, effects = state.comparison, state.search, state.effects
     answer = Diagnosis(
         comparison=comparison,
-        verdict=verdict,
+        verdict=state.verdict,
         headline="",
-        where=_where(comparison, named, structures, left[0]),
-        effects=named,
-        fit=fit,
-        evidence=tuple(_evidence(found, untested)),
-        detectable=detectability(comparison, found, false_alarm=false_alarm),
-        next_runs=next_runs(comparison, found, named),
-        recalibration={name: one.quantities for name, one in again.items()},
+        where=_where(comparison, effects, state.structures, state.residuals),
+        effects=effects,
+        fit=state.fit,
+        evidence=tuple(_evidence(found, state.untested)),
+        detectable=detectability(comparison, found, false_alarm=state.asked.false_alarm),
+        next_runs=next_runs(comparison, found, effects),
+        recalibration={name: one.quantities for name, one in state.again.items()},
         findings=(
             *comparison.findings,
-            *told_of_inputs(comparison, _channels_at_fault(named)),
-            *told_of_wandering(comparison, left[0], structures),
+            *told_of_inputs(comparison, _channels_at_fault(effects)),
+            *told_of_wandering(comparison, state.residuals, state.structures),
         ),
-        seed=seed,
+        seed=state.asked.seed,
     )
     return replace(answer, headline=headline(answer))
+
+
+_STAGES: tuple[Callable[[_State], _State], ...] = (
+    _searched,
+    _recalibrated,
+    _looked_at_what_is_left,
+    _named,
+    _named_clearly,
+    _named_by_whole_record,
+    _judged,
+    _fitted,
+)
 
 
 def _worth_naming(comparison: Comparison, found: Search) -> Search:

@@ -4,14 +4,13 @@ The visual language is in `selector.figures.style`: one colour a role, safe for 
 axis.
 """
 
+from selector.figures.errors import errors_per_run
 from selector.figures.grouping import lambda_scan, similarity_and_closure
-from selector.figures.loops import displacement_loops
+from selector.figures.loops import displacement_loops, validity_pairs
 from selector.figures.model import coefficient_intervals, fault_table
 from selector.figures.places import sensor_places
 from selector.figures.proof import error_against_sensors, measured_and_predicted
-from selector.figures.run_errors import errors_per_run
 from selector.figures.sensor_tree import sensor_tree
-from selector.figures.validity import validity_pairs
 
 __all__ = [
     "coefficient_intervals",

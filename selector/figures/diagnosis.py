@@ -1,20 +1,133 @@
-"""Pictures of a diagnosis: fit, evidence, what cannot be told apart, the run that tells, what is missed."""
+"""Pictures of a diagnosis: where recording and simulation part, fit, evidence, the run that would tell."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import plotly.graph_objects as go
-from numpy.typing import NDArray
 
 from selector.diagnosis.answer import Detectable, Diagnosis
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.shapes.signals import course
 from selector.diagnosis.shown_units import displayed, p_words
 from selector.diagnosis.wording import amount, listed
 from selector.figures import style
-from selector.figures.log_axis import log_ticks
 from selector.figures.panels import Line, Panel, stacked
-from selector.figures.run_axis import RunAxis
+from selector.figures.style import log_ticks
+from selector.number_text import number_text
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
+_GAP = 0.015
+_WIDTH_PX = 780.0
+_TICK_PX, _NAME_PX = 46.0, 60.0
+_STEPS_S: tuple[float, ...] = (
+    0.01,
+    0.02,
+    0.05,
+    0.1,
+    0.2,
+    0.5,
+    1,
+    2,
+    5,
+    10,
+    20,
+    30,
+    60,
+    120,
+    300,
+    600,
+    1200,
+    1800,
+    3600,
+)
+_STEPS_S += tuple(hours * 3600.0 for hours in (2, 4, 6, 12, 24, 48, 120, 240, 1000))
+
+
+class RunAxis:
+    """Where every sample stands.
+
+    Attributes
+    ----------
+    starts_s : tuple of float
+        Start of every run on the axis [s].
+    end_s : float
+        End of the axis [s].
+    """
+
+    def __init__(self, comparison: Comparison) -> None:
+        self._comparison = comparison
+        self._lengths = [_length_s(comparison, rows) for _, rows in comparison.rows_of_runs()]
+        gap = _GAP * sum(self._lengths)
+        starts = np.cumsum([0.0, *(length + gap for length in self._lengths)])
+        self.starts_s = tuple(float(start) for start in starts[:-1])
+        self.end_s = float(starts[-1] - gap)
+
+    def by_run(self, values: Vector) -> list[tuple[Vector, Vector]]:
+        """(times on the axis, values) of every run."""
+        rows = [part for _, part in self._comparison.rows_of_runs()]
+        time = self._comparison.time_s
+        pairs = zip(self.starts_s, rows, strict=True)
+        return [(start + time[part] - time[part][0], values[part]) for start, part in pairs]
+
+    def place_s(self, run: str, time_s: float) -> float:
+        """Where a time from the start of a run stands."""
+        k = self._comparison.runs.index(run)
+        return self.starts_s[k] + float(np.clip(time_s, 0.0, self._lengths[k]))
+
+    def held_out_s(self) -> list[tuple[float, float]]:
+        """Stretches of the axis that nothing was fitted to."""
+        found = []
+        for start, (_, rows) in zip(self.starts_s, self._comparison.rows_of_runs(), strict=True):
+            held = np.concatenate([[False], self._comparison.held_out[rows], [False]])
+            time = self._comparison.time_s[rows] - self._comparison.time_s[rows][0]
+            edges = np.flatnonzero(np.diff(held.astype(np.int8)))
+            found += [
+                (start + float(time[a]), start + float(time[b - 1]))
+                for a, b in zip(edges[::2], edges[1::2], strict=True)
+                if b - a > 1
+            ]
+        return found
+
+    def ticks(self, seconds: float) -> dict[str, Sequence[object]]:
+        """Ticks of a Plotly axis whose unit has that many seconds: the time from the start of each run."""
+        per_px = self.end_s / _WIDTH_PX
+        step = next((one for one in _STEPS_S if one >= _TICK_PX * per_px), _STEPS_S[-1])
+        values: list[float] = []
+        texts: list[str] = []
+        for start, length in zip(self.starts_s, self._lengths, strict=True):
+            if values and start / seconds - values[-1] < 0.4 * _TICK_PX * per_px / seconds:
+                continue
+            for k in range(int(length // step) + 1):
+                if k == 0 or k * step <= length - 0.25 * _TICK_PX * per_px:
+                    values.append((start + k * step) / seconds)
+                    texts.append(f"{k * step / seconds:.4g}")
+        return {"tickvals": values, "ticktext": texts}
+
+    def name_runs(self, drawn: go.Figure, seconds: float, xref: str = "x") -> None:
+        """Writes the names of the runs above the picture, and that a run is held out."""
+        room = self.end_s * _NAME_PX / _WIDTH_PX
+        last = -np.inf
+        for run, start, length, (_, rows) in zip(
+            self._comparison.runs, self.starts_s, self._lengths, self._comparison.rows_of_runs(), strict=True
+        ):
+            if start - last < room:
+                continue
+            last = start
+            is_held = bool(self._comparison.held_out[rows].all()) and length > 2 * room
+            text = f"<b>{style.label(run, 18)}</b>" + (" (held out)" if is_held else "")
+            drawn.add_annotation(
+                text=text, x=start / seconds, xref=xref, xanchor="left", y=1.0, yref="paper", yanchor="bottom",
+                showarrow=False, font={"size": 12},
+            )  # fmt: skip
+
+
+def _length_s(comparison: Comparison, rows: slice) -> float:
+    time = comparison.time_s[rows]
+    return float(time[-1] - time[0])
+
+
 _BAR_PX = 28
 _MOST_BARS = 10
 _MOST_EFFECTS = 4
@@ -52,7 +165,7 @@ def before_after(found: Diagnosis, response: str) -> go.Figure:
         ]
         panels.append(Panel(f"found [{fine_unit}]", lines, 110, least=0.0))
     if np.isfinite(error):
-        change = f"{style.number(fine * fit.heldout.rmse_before)} to {style.number(fine * error)} {fine_unit}"
+        change = f"{number_text(fine * fit.heldout.rmse_before)} to {number_text(fine * error)} {fine_unit}"
         fallen = "falls" if error < fit.heldout.rmse_before else "goes"
         title = f"The error of {style.label(response)} on what was held out {fallen} from {change}"
     else:
@@ -79,8 +192,8 @@ def evidence(found: Diagnosis) -> go.Figure:
         rest = max(others, key=lambda one: one.gain)
         title = (
             f"{style.listed([one.id for one in named])} {'gain' if len(named) > 1 else 'gains'} "
-            f"{' and '.join(style.number(one.gain) for one in named)}; the runner-up {style.label(rest.id)} "
-            f"{style.number(rest.gain)}"
+            f"{' and '.join(number_text(one.gain) for one in named)}; the runner-up {style.label(rest.id)} "
+            f"{number_text(rest.gain)}"
         )
     else:
         title = (
@@ -143,7 +256,7 @@ def next_runs(found: Diagnosis) -> go.Figure | None:
     best = weighed[-1]
     title = f"The run that would tell best: {style.label(best.description, 90)}"
     drawn = style.figure(title, 100 + 38 * len(weighed))
-    hours = [f"  {style.number((run.duration_s or 0.0) / 3600.0, 2)} h" if run.duration_s else "" for run in weighed]
+    hours = [f"  {number_text((run.duration_s or 0.0) / 3600.0, 2)} h" if run.duration_s else "" for run in weighed]
     drawn.add_bar(
         x=[100.0 * (run.power or 0.0) for run in weighed],
         y=[style.label(run.description, 60) for run in weighed],
@@ -203,3 +316,153 @@ def _relative(found: Diagnosis, one: Detectable) -> float | None:
 
 def _size(one: Detectable) -> str:
     return amount(one.size, one.unit)
+
+
+_CELLS = 600
+_ROW_PX = 44
+_MOST_STATES = 6
+_MOST_WINDOWS = 60
+_LIMIT = 2.5
+_SCALE = ((0.0, "#004a78"), (0.25, "#6baed6"), (0.5, "#ffffff"), (0.75, "#f4a26a"), (1.0, "#a33f00"))
+_STATE_SCALE = ((0.0, "#f2f2f2"), (1.0, "#4d4d4d"))
+_STATES = (
+    "spindle_speed", "feed_rate", "velocity", "position_command", "position", "state", "flow", "temperature", "ambient",
+    "force", "current",
+)  # fmt: skip
+
+
+def mismatch_map(found: Diagnosis) -> go.Figure:
+    """What recalibration leaves of the difference, response by response over all runs; windows of the answer framed.
+
+    A cell is the root mean square of its samples with the sign of their mean, in units of the root mean square of that
+    response. The grey strip shows recorded channels from their lowest (light) to their highest value (dark).
+    """
+    comparison = found.comparison
+    axis = RunAxis(comparison)
+    unit, seconds = style.time_unit(axis.end_s)
+    responses = [name for name in comparison.responses if name in found.fit]
+    causes = [name for effect in found.effects for name in effect.sources]
+    states = _states(comparison, causes)
+    height = _ROW_PX * max(len(responses), 1) + (24 + 20 * len(states) if states else 0)
+    drawn = style.figure(_title(found), height)
+    top = int(drawn.layout.margin.t)
+    drawn.update_layout(height=top + height + 50, margin={"b": 50, "r": 90}, showlegend=False)
+    edges = _edges(comparison, axis)
+    cells, texts, labels = [], [], []
+    for name in responses:
+        left = comparison.recorded[name] - found.fit[name].recalibrated
+        scale = float(np.sqrt(np.nanmean(left**2))) or 1.0
+        values = _binned(axis, left, edges)
+        cells.append(np.clip(values / scale, -_LIMIT, _LIMIT))
+        texts.append(values)
+        labels.append(f"{style.label(name, 16)}<br>{amount(scale, found.fit[name].unit)} rms")
+    split = 0.0 if not states else (20 * len(states)) / height
+    scale_part = 1.0 - split if len(responses) > 1 else 1.0
+    middles = 0.5 * (edges[1:] + edges[:-1]) / seconds
+    drawn.add_heatmap(
+        x=middles, y=list(range(len(responses))), z=np.array(cells), customdata=np.array(texts), zmin=-_LIMIT,
+        zmax=_LIMIT, colorscale=[list(stop) for stop in _SCALE], ygap=3, yaxis="y",
+        colorbar={"title": {"text": "× rms", "side": "top"}, "len": scale_part, "y": 1.0, "yanchor": "top",
+                  "thickness": 12, "tickvals": [-2, 0, 2], "ticktext": ["−2", "0", "+2"], "x": 1.01},
+        hovertemplate="%{customdata:.4g}: recorded − simulated<extra></extra>",
+    )  # fmt: skip
+    _frame(drawn, found, axis, responses, seconds)
+    drawn.layout.xaxis = {
+        "range": [0.0, axis.end_s / seconds],
+        "anchor": "y2" if states else "y",
+        "showgrid": False,
+        "title": {"text": f"time from the start of each run [{unit}]"},
+        **axis.ticks(seconds),
+    }
+    drawn.layout.yaxis = {
+        "domain": [split + (24 / height if states else 0.0), 1.0],
+        "anchor": "x",
+        "tickvals": list(range(len(responses))),
+        "ticktext": labels,
+        "range": [len(responses) - 0.5, -0.5],
+        "showgrid": False,
+    }
+    if states:
+        strip = np.array([_scaled(_binned(axis, course(comparison, name), edges, signed=False)) for name in states])
+        drawn.add_heatmap(
+            x=middles, y=list(range(len(states))), z=strip, zmin=0.0, zmax=1.0, showscale=False, yaxis="y2", ygap=2,
+            colorscale=[list(stop) for stop in _STATE_SCALE], hoverinfo="skip",
+        )  # fmt: skip
+        drawn.layout.yaxis2 = {
+            "domain": [0.0, split],
+            "anchor": "x",
+            "tickvals": list(range(len(states))),
+            "ticktext": [style.label(name, 16) for name in states],
+            "range": [len(states) - 0.5, -0.5],
+            "showgrid": False,
+        }
+    axis.name_runs(drawn, seconds)
+    return drawn
+
+
+def _title(found: Diagnosis) -> str:
+    windows = [place for place in found.where if place.run is not None]
+    if not windows:
+        return "No part of the difference stands out from noise" if not found.where else "The difference over all runs"
+    channels = list(dict.fromkeys(place.channel for place in windows))
+    return f"The mismatch sits in {style.listed(channels)}; windows that are named are framed"
+
+
+def _states(comparison: Comparison, causes: list[str]) -> list[str]:
+    """Channels that say what the machine was doing, the most telling first; the causes that were named are kept."""
+    moving = [
+        channel
+        for channel in comparison.channels
+        if channel.role in _STATES
+        and channel.name not in comparison.responses
+        and np.nanstd(np.where(np.isfinite(comparison.recorded[channel.name]), comparison.recorded[channel.name], 0.0))
+        > 0
+    ]
+    moving.sort(key=lambda channel: _STATES.index(channel.role))
+    names = [channel.name for channel in moving]
+    shown = [*(name for name in names if name in causes), *(name for name in names if name not in causes)][
+        :_MOST_STATES
+    ]
+    return [name for name in names if name in shown]
+
+
+def _edges(comparison: Comparison, axis: RunAxis) -> Vector:
+    """Edges of the cells on the axis; none lies across two runs."""
+    found = [0.0]
+    stops = [*axis.starts_s[1:], axis.end_s * (1.0 + 1e-9)]
+    for start, stop in zip(axis.starts_s, stops, strict=True):
+        count = max(4, round(_CELLS * (stop - start) / axis.end_s))
+        found += np.linspace(start, stop, count + 1)[1:].tolist()
+    return np.array(found)
+
+
+def _binned(axis: RunAxis, values: Vector, edges: Vector, *, signed: bool = True) -> Vector:
+    """Root mean square of the samples of each cell with the sign of their mean, or their mean; NaN without samples."""
+    time, shown = (np.concatenate(parts) for parts in zip(*axis.by_run(values), strict=True))
+    seen = np.isfinite(shown)
+    cell = np.clip(np.searchsorted(edges, time[seen], side="right") - 1, 0, len(edges) - 2)
+    count = np.bincount(cell, minlength=len(edges) - 1).astype(np.float64)
+    count[count == 0.0] = np.nan
+    mean = np.bincount(cell, weights=shown[seen], minlength=len(edges) - 1) / count
+    if not signed:
+        return np.asarray(mean)
+    square = np.bincount(cell, weights=shown[seen] ** 2, minlength=len(edges) - 1) / count
+    return np.asarray(np.sign(mean) * np.sqrt(square))
+
+
+def _scaled(values: Vector) -> Vector:
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    return np.asarray((values - low) / (high - low)) if high > low else values * 0.0
+
+
+def _frame(drawn: go.Figure, found: Diagnosis, axis: RunAxis, responses: list[str], seconds: float) -> None:
+    shown = [place for place in found.where if place.run in found.comparison.runs and place.channel in responses]
+    for place in sorted(shown, key=lambda place: -place.share)[:_MOST_WINDOWS]:
+        run = place.run or ""
+        start = axis.place_s(run, 0.0 if place.from_s is None else place.from_s)
+        stop = axis.place_s(run, np.inf if place.to_s is None else place.to_s)
+        row = responses.index(place.channel)
+        drawn.add_shape(
+            type="rect", xref="x", yref="y", x0=start / seconds, x1=stop / seconds, y0=row - 0.46, y1=row + 0.46,
+            line={"color": style.INK, "width": 1.4}, fillcolor="rgba(0,0,0,0)",
+        )  # fmt: skip

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import plotly.graph_objects as go
-from numpy.typing import NDArray
 
 from selector.figures import style
 from selector.figures.panels import Line, Panel, stacked
 from selector.figures.traces import Traced, beside_each_other, common_ranges, telling_samples
-from selector.physics.thermal.correction_program import CorrectionProgram
-from selector.physics.thermal.prediction import Prediction
-from selector.physics.thermal.repeated_tests import RepeatedTest
-
-Vector = NDArray[np.float64]
+from selector.number_text import number_text
+from selector.physics.thermal.prediction.correction_program import CorrectionProgram
+from selector.physics.thermal.prediction.prediction import Prediction
+from selector.physics.thermal.prediction.tests_judged import RepeatedTest
+from selector.types import Vector
 
 POINTS_PER_TEST = 600
 _MODES = style.GROUPS[2:]
@@ -29,29 +28,18 @@ def duty_cycle(prediction: Prediction, response: str) -> go.Figure:
     at_s = float(prediction.time_s[largest])
     unit, seconds = style.time_unit(end_s)
     title = (
-        f"{style.label(response)} moves by up to {style.number(float(displacement[largest]))} µm, "
+        f"{style.label(response)} moves by up to {number_text(float(displacement[largest]))} µm, "
         f"after {at_s / seconds:.2g} {unit}"
     )
     if program is not None:
         title += f"; {_corrections(program)} keep it within {program.tolerance_um:g} µm"
     lines = [Line("predicted", prediction.time_s, displacement, style.PREDICTED, width=2.2)]
-    panels = [
-        Panel(
-            "speed [r/min]",
-            [
-                Line(
-                    "",
-                    np.r_[cyclogram.start_s, end_s],
-                    np.r_[cyclogram.speed_rpm, cyclogram.speed_rpm[-1]],
-                    style.INK,
-                    steps=True,
-                )
-            ],
-            height_px=110,
-            least=0.0,
-        ),
-        Panel(f"{style.label(response, 12)} [µm]", lines, height_px=260, least=0.0),
-    ]
+    panels = []
+    if cyclogram is not None:
+        held = np.r_[cyclogram.speed_rpm, cyclogram.speed_rpm[-1]]
+        speed = Line("", np.r_[cyclogram.start_s, end_s], held, style.INK, steps=True)
+        panels.append(Panel("speed [r/min]", [speed], height_px=110, least=0.0))
+    panels.append(Panel(f"{style.label(response, 12)} [µm]", lines, height_px=260, least=0.0))
     marks: list[float] = []
     if program is not None:
         lines.append(_taken_off(program, prediction.time_s, displacement))
@@ -71,13 +59,13 @@ def thermal_modes(prediction: Prediction, response: str) -> go.Figure | None:
         return None
     r = prediction.responses.index(response)
     courses, taus_s = prediction.mode_um[:, :, r], [mode.tau_s for mode in prediction.modes]
-    names = [f"mode {k}, {style.number(tau / 60.0)} min" for k, tau in enumerate(taus_s, start=1)]
+    names = [f"mode {k}, {number_text(tau / 60.0)} min" for k, tau in enumerate(taus_s, start=1)]
     most = int(np.argmax(np.abs(courses).max(axis=0)))
     largest = courses[int(np.argmax(np.abs(courses[:, most]))), most]
     title = f"{style.label(response)}: " + (
-        f"{names[most]}, moves it most, by up to {style.number(float(largest))} µm in this duty cycle"
+        f"{names[most]}, moves it most, by up to {number_text(float(largest))} µm in this duty cycle"
         if len(names) > 1
-        else f"one mode of {style.number(taus_s[0] / 60.0)} min moves it"
+        else f"one mode of {number_text(taus_s[0] / 60.0)} min moves it"
     )
     lines = [Line(name, prediction.time_s, courses[:, k], _MODES[k % len(_MODES)]) for k, name in enumerate(names)]
     if len(names) > 1:
@@ -95,7 +83,7 @@ def prediction_of_tests(prediction: Prediction, response: str, repeats: tuple[Re
     how = {"modal": "the thermal modes repeat", "piecewise": "the pieces of the characteristics repeat"}
     title = (
         f"{style.label(response)}: {how[prediction.method]} the tests within "
-        f"{style.number(float(worst.rmse_um[r]), 2)} µm, root mean square ({style.label(worst.run)} is the worst)"
+        f"{number_text(float(worst.rmse_um[r]), 2)} µm, root mean square ({style.label(worst.run)} is the worst)"
     )
     traced = []
     for one in repeats:
@@ -106,8 +94,8 @@ def prediction_of_tests(prediction: Prediction, response: str, repeats: tuple[Re
         traced.append(
             Traced(
                 one.run,
-                f"{turning}rms {style.number(float(one.rmse_um[r]), 2)} µm, "
-                f"largest {style.number(float(np.nanmax(np.abs(residual))), 2)} µm",
+                f"{turning}rms {number_text(float(one.rmse_um[r]), 2)} µm, "
+                f"largest {number_text(float(np.nanmax(np.abs(residual))), 2)} µm",
                 one.time_s[kept],
                 one.measured_um[kept, r],
                 one.predicted_um[kept, r],

@@ -8,8 +8,9 @@ import numpy as np
 import plotly.graph_objects as go
 
 from selector.figures import style
-from selector.figures.changes import changed
 from selector.figures.sensor_tree import add_step_marks, cut_of, level_at, level_span, step_changes
+from selector.figures.style import changed
+from selector.number_text import number_text
 from selector.selection import Selection
 from selector.sensors.fuzzy import transitive_closure
 from selector.sensors.groups import dendrogram
@@ -114,8 +115,8 @@ def lambda_scan(selection: Selection) -> go.Figure:
     axis = grouping.axis
     chosen = grouping.chosen
     first, end = level_span(np.array(axis.levels))
-    error = "" if math.isnan(chosen.error) else f", held-out error {style.number(chosen.error)} of the spread"
-    f = "" if chosen.f is None or not math.isfinite(chosen.f.value) else f", F = {style.number(chosen.f.value)}"
+    error = "" if math.isnan(chosen.error) else f", held-out error {number_text(chosen.error)} of the spread"
+    f = "" if chosen.f is None or not math.isfinite(chosen.f.value) else f", F = {number_text(chosen.f.value)}"
     title = (
         f"{len(axis)} ways to group; chosen: λ = {style.level_text(chosen.level)} with "
         f"{len(cut_of(selection).groups)} groups{f}{error}"

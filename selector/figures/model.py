@@ -10,9 +10,10 @@ import numpy as np
 import plotly.graph_objects as go
 
 from selector.figures import style
-from selector.figures.changes import Changes, changed
-from selector.models.faults import FaultGain
+from selector.figures.style import Changes, changed
 from selector.models.terms import Term
+from selector.models.validity import FaultGain
+from selector.number_text import number_text
 from selector.selection import Selection
 
 COLLINEAR_VIF = 10.0
@@ -125,7 +126,7 @@ def coefficient_changes(terms: Sequence[TermShown]) -> Changes:
     vif = [term.vif if math.isfinite(term.vif) else math.nan for term in terms]
     changes["data", 2, "x"] = [max(value, 1.0) if math.isfinite(value) else None for value in vif]
     changes["data", 2, "y"] = list(range(n))
-    changes["data", 2, "text"] = [style.number(value, 2) for value in vif]
+    changes["data", 2, "text"] = [number_text(value, 2) for value in vif]
     changes["data", 2, "marker", "color"] = [style.RESIDUAL if value > COLLINEAR_VIF else style.BEFORE for value in vif]
     top = max(12.0, max((value for value in vif if math.isfinite(value)), default=1.0) * 1.3)
     changes["layout", "xaxis2", "range"] = [0, math.log10(top)]
@@ -150,7 +151,7 @@ def faults_title(faults: Sequence[FaultGain]) -> str:
     how = "open" if worst.open_um >= worst.stuck_um else "stuck"
     return (
         f"The worst single sensor fault, {style.label(worst.sensor)} {how}, "
-        f"moves the correction of {style.label(worst.response)} by {style.number(worst.worst_um)} µm"
+        f"moves the correction of {style.label(worst.response)} by {number_text(worst.worst_um)} µm"
     )
 
 
@@ -201,7 +202,7 @@ def fault_changes(sensors: Sequence[str], responses: Sequence[str], faults: Sequ
         ("data", 0, "z"): z,
         ("data", 0, "y"): list(range(n)),
         ("data", 0, "zmax"): max(1e-9, *(value for row in z for value in row)),
-        ("data", 0, "text"): [[style.number(value) for value in row] for row in z],
+        ("data", 0, "text"): [[number_text(value) for value in row] for row in z],
         ("data", 0, "customdata"): [[f"{name}, {text}" for _, _, text in columns] for name in names],
         ("layout", "yaxis", "range"): [n - 0.5, -0.5],
         ("layout", "yaxis", "tickvals"): list(range(n)),
@@ -226,4 +227,4 @@ def term_label(selection: Selection, term: Term) -> str:
 
 def _duration(seconds: float) -> str:
     unit, size = style.time_unit(seconds)
-    return f"{style.number(seconds / size, 2)} {unit}"
+    return f"{number_text(seconds / size, 2)} {unit}"

@@ -11,8 +11,7 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from selector.figures import style
-
-Vector = NDArray[np.float64]
+from selector.types import Vector
 
 POINTS = 900
 """Points of a line, about one a pixel."""

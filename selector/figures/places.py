@@ -10,8 +10,8 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from selector.figures import style
-from selector.figures.changes import Changes, changed
 from selector.figures.sensor_tree import cut_of, group_colours
+from selector.figures.style import Changes, changed
 from selector.selection import Selection
 from selector.sensors.groups import dendrogram
 

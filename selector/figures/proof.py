@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from selector.figures import style
 from selector.figures.traces import Traced, beside_each_other, common_ranges, telling_samples
+from selector.number_text import number_text
 from selector.selection import Selection
-from selector.selection.result import Trace
-from selector.selection.unseen_words import BEST_OF_SIZE, FIXED_SET, PROCEDURE
+from selector.selection.result import BEST_OF_SIZE, FIXED_SET, PROCEDURE, Trace
 
 POINTS_PER_RUN = 400
 _WAYS = {
@@ -37,10 +37,10 @@ def error_against_sensors(selection: Selection, response: str) -> go.Figure:
     ways = proof.baselines_um[response]
     size, achieved = len(selection.chosen), proof.rmse_um(response)
     than = "against" if achieved < ways["none"] else "no better than the"
-    of_size = [f", {BEST_OF_SIZE} {style.number(error[sizes.index(size)])} µm"] if size in sizes else []
+    of_size = [f", {BEST_OF_SIZE} {number_text(error[sizes.index(size)])} µm"] if size in sizes else []
     title = (
         f"{style.label(response)} with {size} sensor{'s' * (size != 1)} on {_UNSEEN[proof.left_out]}: {PROCEDURE} "
-        f"(ring) {style.number(achieved)} µm{''.join(of_size)}, {than} {style.number(ways['none'])} µm without "
+        f"(ring) {number_text(achieved)} µm{''.join(of_size)}, {than} {number_text(ways['none'])} µm without "
         "compensation"
     )
     drawn = style.figure(title, 480)
@@ -60,7 +60,7 @@ def error_against_sensors(selection: Selection, response: str) -> go.Figure:
             y=[value, value],
             mode="lines",
             line={"color": style.BASELINES.get(way, style.OTHER_BASELINE), "width": 2, "dash": dashes[way]},
-            name=f"{text}: {style.number(value)} µm",
+            name=f"{text}: {number_text(value)} µm",
             hoverinfo="name",
         )
     drawn.add_scatter(
@@ -95,7 +95,7 @@ def error_against_sensors(selection: Selection, response: str) -> go.Figure:
         x=[size],
         y=[achieved],
         mode="markers",
-        name=f"{PROCEDURE}: {style.number(achieved)} µm",
+        name=f"{PROCEDURE}: {number_text(achieved)} µm",
         marker={"color": "rgba(0,0,0,0)", "size": 20, "line": {"color": style.CHOSEN, "width": 3}, "symbol": "circle"},
         hovertemplate=f"{PROCEDURE}: %{{y:.3g}} µm<extra></extra>",
     )
@@ -127,15 +127,13 @@ def measured_and_predicted(selection: Selection, response: str, runs: Sequence[s
         "condition": "predicted from other conditions",
         "block": "predicted from the rest of the run",
     }[selection.proof.left_out]
-    title = (
-        f"{style.label(response)} measured and {source}: "
-        f"largest residual {style.number(selection.proof.max_um(response))} µm"
-    )
+    most = number_text(selection.proof.max_um(response))
+    title = f"{style.label(response)} measured and {source}: largest residual {most} µm"
     shown = []
     for run in wanted:
         time_s, measured, predicted = _drawn_samples(traces[run], j)
         part = proofs.get(run)
-        more = f"rms {style.number(part.rmse_um)} µm, largest {style.number(part.max_um)} µm" if part else ""
+        more = f"rms {number_text(part.rmse_um)} µm, largest {number_text(part.max_um)} µm" if part else ""
         shown.append(Traced(run, more, time_s, measured, predicted))
     ranges = common_ranges(
         [trace.measured_um[:, j] for trace in selection.proof.traces],

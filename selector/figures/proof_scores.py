@@ -11,8 +11,8 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from selector.figures import style
+from selector.number_text import number_text
 
-Vector = NDArray[np.float64]
 _CELL_PX, _ROW_PX = 26, 24
 _STRENGTH_COLOURS = ("#9ecae1", "#3787c0", "#08306b", "#000000")
 _MOST_BINS = 40
@@ -140,7 +140,7 @@ def power_by_effect(
 
 def reliability(confidence: Sequence[float], right: Sequence[Share], counts: Sequence[int], error: float) -> go.Figure:
     """The share of named effects that is right against the confidence with which they were named."""
-    drawn = style.figure(f"Confidence and truth differ by {style.number(error)} on average", 430)
+    drawn = style.figure(f"Confidence and truth differ by {number_text(error)} on average", 430)
     drawn.add_scatter(
         x=[0.0, 1.0], y=[0.0, 1.0], mode="lines", name="as sure as right", hoverinfo="skip",
         line={"color": style.MUTED, "dash": "dash"},
@@ -171,7 +171,7 @@ def gap_closed(shares: Mapping[str, Sequence[float]]) -> go.Figure:
     first = next(iter(shares))
     median = float(np.median(shares[first])) if len(shares[first]) else float("nan")
     drawn = style.figure(
-        f"{style.label(first)} closes {style.number(100 * median)} % of the gap in the median case",
+        f"{style.label(first)} closes {number_text(100 * median)} % of the gap in the median case",
         150 + 40 * len(shares),
     )
     for k, (name, values) in enumerate(shares.items()):
@@ -233,7 +233,7 @@ def seconds_histogram(seconds: Sequence[float], limits: Sequence[float]) -> go.F
     values = np.log10(np.maximum(values, 1e-3))
     median = 10.0 ** float(np.median(values))
     drawn = style.figure(
-        f"A case takes {style.number(median)} s in the median, {style.number(10.0 ** values.max())} s at most", 330
+        f"A case takes {number_text(median)} s in the median, {number_text(10.0 ** values.max())} s at most", 330
     )
     low, high = float(values.min()), max(float(values.max()), *(math.log10(limit) for limit in limits))
     edges = np.linspace(low - 0.05, high + 0.05, min(_MOST_BINS, 8 + len(values) // 4))

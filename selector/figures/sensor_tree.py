@@ -9,7 +9,7 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from selector.figures import style
-from selector.figures.changes import Changes, changed
+from selector.figures.style import Changes, changed
 from selector.selection import Selection
 from selector.sensors.groups import Dendrogram, dendrogram
 
@@ -20,23 +20,13 @@ _MARKS = (("circle", "chosen"), ("circle-open", "representative of its group"))
 
 @dataclass(frozen=True)
 class CutShown:
-    """What a picture shows of a cut.
+    """What a picture shows of a cut."""
 
-    Attributes
-    ----------
-    level : float
-        λ.
-    low, high : float
-        Every λ above `low` up to `high` gives the same groups.
-    groups : tuple of tuple of int
-        Sensors of each group, by position.
-    representatives, chosen : frozenset of int
-    """
-
-    level: float
+    level: float  #: λ
+    #: low and high: Every λ above `low` up to `high` gives the same groups
     low: float
     high: float
-    groups: tuple[tuple[int, ...], ...]
+    groups: tuple[tuple[int, ...], ...]  #: Sensors of each group, by position
     representatives: frozenset[int]
     chosen: frozenset[int]
 

@@ -1,11 +1,12 @@
-"""The visual language of every figure: colours by role, one template, safe labels, the axis of similarities."""
+"""The visual language of every figure: colours by role, one template, labels, axes, changes."""
 
 from __future__ import annotations
 
 import html
 import math
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -30,7 +31,6 @@ WIDTH = 1000
 TITLE_MARGIN = 40
 """Margin above the plot that a figure without its title needs [px]: for a legend."""
 LONGEST_LABEL = 28
-SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _TITLE_WIDTH = 95
 _MOST_NINES = 7.0
 _LEVEL_TICKS = (-1, -0.5, 0, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999, 0.9995, 0.9999, 0.99999)
@@ -73,9 +73,9 @@ def template() -> go.layout.Template:
 def figure(title: str, height: int) -> go.Figure:
     """An empty figure with this title (plain text, as `label` makes it) and height [px]."""
     lines = textwrap.wrap(title, _TITLE_WIDTH)
-    made = go.Figure()
+    # at once: a figure without a template of its own begins as a copy of Plotly's large one
+    made = go.Figure(layout={"template": template()})
     made.update_layout(
-        template=template(),
         width=WIDTH,
         height=height,
         title={"text": "<br>".join(lines), "y": 1.0, "yanchor": "top", "pad": {"t": 16}},
@@ -103,24 +103,6 @@ def listed(names: Sequence[str], most: int = 6) -> str:
     if len(names) > most:
         return ", ".join(shown) + f" and {len(names) - most} more"
     return shown[0] if len(shown) == 1 else ", ".join(shown[:-1]) + " and " + shown[-1]
-
-
-def number(value: float, digits: int = 3) -> str:
-    """A number with some significant digits, a true minus sign and powers of ten written out; a dash for none.
-
-    >>> number(-83.64), number(1.5e-7), number(float("nan")), number(123456.0)
-    ('−83.6', '1.50·10⁻⁷', '–', '123456')
-    """
-    if not math.isfinite(value):
-        return "–"
-    if value == 0:
-        return "0"
-    if not 1e-4 <= abs(value) < 1e7:
-        mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
-        return f"{mantissa}·10{str(int(exponent)).translate(SUPERSCRIPTS)}".replace("-", "−")
-    rounded = float(f"{value:.{digits - 1}e}")
-    decimals = max(0, digits - 1 - math.floor(math.log10(abs(rounded))))
-    return f"{value:.{decimals}f}".replace("-", "−")
 
 
 def share(mask: NDArray[np.bool_]) -> str:
@@ -175,3 +157,31 @@ def time_unit(longest_s: float) -> tuple[str, float]:
     if longest_s >= 2 * 3600:
         return "h", 3600.0
     return ("min", 60.0) if longest_s >= 120 else ("s", 1.0)
+
+
+Changes = Mapping[tuple[str | int, ...], Any]
+"""Path in the figure, e.g. ("data", 0, "x") → the value that stands there now."""
+
+
+def changed(drawn: go.Figure, changes: Changes) -> go.Figure:
+    """The same figure, with the changes made in it."""
+    for path, value in changes.items():
+        place: Any = drawn
+        for key in path[:-1]:
+            place = place[key]
+        place[path[-1]] = value
+    return drawn
+
+
+_MOST_DECADES = 3.7
+"""Above so many powers of ten there is room for these alone."""
+
+_POWERS = range(-9, 10)
+_STEPS = (1, 2, 5)
+
+
+def log_ticks(low: float, high: float) -> dict[str, Any]:
+    """Ticks of an axis from 10^low to 10^high: 1, 2, 5 of each power of ten, or these alone; more fit a zoomed axis."""
+    steps = _STEPS if high - low < _MOST_DECADES else (1,)
+    values = [step * 10.0**power for power in _POWERS for step in steps]
+    return {"tickvals": values, "ticktext": [f"{value:.10g}" for value in values]}

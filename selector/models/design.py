@@ -1,18 +1,221 @@
-"""From readings to the columns of a regression: rises, lags, scaled products, run by run and piece by piece."""
+"""From readings to the columns of a regression: rises, lags, scaled products, run by run."""
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
-from selector.models.memory import Lag, lagged
-from selector.models.reference import gauge_start, start_readings
 from selector.models.terms import Scaling, Term, design_matrix
 from selector.recording import RunSource
+
+
+@dataclass(frozen=True)
+class Lag:
+    """A first-order lag of a channel with time constant `tau_s` [s]."""
+
+    source: str
+    tau_s: float
+
+    @property
+    def name(self) -> str:
+        """Name of the lagged variable, e.g. ``"T1.lag1800s"``."""
+        return f"{self.source}.lag{self.tau_s:.6g}s"
+
+
+def lagged(
+    values: NDArray[np.float64],
+    time_s: NDArray[np.float64],
+    tau_s: NDArray[np.float64],
+    state: NDArray[np.float64],
+    last_s: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Lagged samples, the states after the last one and their time stamps, so that a run can be fed in pieces.
+
+    Backward Euler, s_k = s_{k−1} + Δt/(τ + Δt)·(x_k − s_{k−1}): stable for any step, and the control can compute it
+    with + − × ÷ alone, so that the model on the machine is the model that was fitted.
+
+    Parameters
+    ----------
+    values : ndarray of shape (n_samples, n_lags)
+        Source of each lag; where it is missing the state waits, and then takes the whole gap in one step.
+    time_s : ndarray of shape (n_samples,)
+        Time stamps [s], increasing, not necessarily regular.
+    tau_s : ndarray of shape (n_lags,)
+        Time constants [s].
+    state : ndarray of shape (n_lags,)
+        State before the first sample; NaN = equilibrium with the first reading.
+    last_s : ndarray of shape (n_lags,)
+        Time stamp of each state; anything where the state is NaN.
+
+    Returns
+    -------
+    ndarray of shape (n_samples, n_lags), ndarray of shape (n_lags,), ndarray of shape (n_lags,)
+    """
+    state, last_s = np.array(state, dtype=np.float64), np.array(last_s, dtype=np.float64)
+    result = np.empty(values.shape)
+    _lag_kernel(np.ascontiguousarray(values), time_s, np.asarray(tau_s, dtype=np.float64), state, last_s, result)
+    return result, state, last_s
+
+
+@njit(cache=True, nogil=True)
+def _lag_kernel(values, time_s, tau_s, state, last_s, result):  # type: ignore[no-untyped-def]
+    for k in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            x = values[k, j]
+            if np.isnan(x):
+                result[k, j] = np.nan
+                continue
+            if np.isnan(state[j]):
+                state[j] = x
+            else:
+                step = time_s[k] - last_s[j]
+                state[j] += step / (tau_s[j] + step) * (x - state[j])
+            last_s[j] = time_s[k]
+            result[k, j] = state[j]
+
+
+def time_constant_grid(period_s: float, duration_s: float, n: int = 9) -> NDArray[np.float64]:
+    """Time constants worth trying [s], evenly spaced in their logarithm.
+
+    From three sampling periods (a faster lag is noise) to the length of the longest run (a slower one is a straight
+    line there, and what it does on a longer day nobody has seen).
+    """
+    low = max(3.0 * period_s, duration_s / 200.0)
+    high = max(duration_s, 2.0 * low)
+    return np.geomspace(low, high, n)
+
+
+START_SAMPLES = 15
+NOISE_SAMPLES = 30
+SMALL_BEND = 0.7
+"""Largest next power, in its standard errors. At 1 a bend hides behind the noise and the start is off by more than one
+sample's noise; much below, too few samples are used (0.6 of a sample's noise on warming and cooling runs at 0.7)."""
+
+
+def start_reading(time_s: NDArray[np.float64], samples: NDArray[np.float64]) -> tuple[float, float]:
+    """Level at the start of a run and its standard error, from the first samples.
+
+    One sample carries the whole noise of the gauge into every later rise of the run. A straight line or a parabola
+    through the first k samples, read off at the first of them, carries less. Of both and all k up to 30, the one with
+    the smallest standard error is taken among those that the samples do not contradict: by their scatter (χ² at 10 %,
+    noise from second differences), and by the next power, which must be small against its own standard error, since
+    a bend that is barely seen already shifts the start. A level run is not assumed to be level for the same reason.
+
+    Parameters
+    ----------
+    time_s, samples : ndarray of shape (n_samples,)
+        The run's first samples (30 are enough); NaN = missing.
+
+    Returns
+    -------
+    float, float
+        Start level and its standard error, NaN if there is no reading. The error is NaN if it cannot be estimated.
+    """
+    known = np.isfinite(samples)
+    found, time = samples[known][:NOISE_SAMPLES], time_s[known][:NOISE_SAMPLES]
+    if len(found) == 0:
+        return np.nan, np.nan
+    if len(found) < 4:
+        return float(found[0]), np.nan
+    # second differences see the noise and not the warming
+    noise = float(np.median(np.abs(np.diff(found, 2)))) / (0.6745 * np.sqrt(6.0))
+    noise = max(noise, _quantum(found) / np.sqrt(12.0))
+    if noise < 0.1 * float(np.median(np.abs(np.diff(found)))):
+        # a smooth curve, whose second differences are its bend and not noise
+        return float(found[0]), noise
+    best = (float(found[0]), noise)
+    for fit in _start_fits(tuple((time - time[0]).tolist())):
+        if noise * fit.gain >= best[1]:
+            continue
+        values = found[: fit.basis.shape[0]]
+        coefficients = fit.solver @ values
+        misfit = float((((values - fit.basis @ coefficients) / noise) ** 2).sum())
+        bend = abs(float(fit.next_power @ values))
+        if misfit <= fit.limit and bend <= SMALL_BEND * noise * float(np.linalg.norm(fit.next_power)):
+            best = (float(coefficients[0]), noise * fit.gain)
+    return best
+
+
+@dataclass(frozen=True)
+class _StartFit:
+    """A polynomial through the first samples: its least squares, done once for each pattern of time stamps.
+
+    `gain` is the standard error of the start for a noise of 1, `next_power @ samples` the next coefficient.
+    """
+
+    basis: NDArray[np.float64]
+    solver: NDArray[np.float64]
+    next_power: NDArray[np.float64]
+    gain: float
+    limit: float
+
+
+@functools.lru_cache(maxsize=256)
+def _start_fits(time: tuple[float, ...]) -> tuple[_StartFit, ...]:
+    fits = []
+    for k in range(4, len(time) + 1):
+        powers = np.vander(np.array(time[:k]) / time[k - 1], 4, increasing=True)
+        for order in range(1, min(2, k - 3) + 1):
+            basis = powers[:, : order + 1]
+            solver = np.asarray(np.linalg.pinv(basis), dtype=np.float64)
+            further = np.asarray(np.linalg.pinv(powers[:, : order + 2])[-1], dtype=np.float64)
+            limit = float(chi2.ppf(0.9, k - order - 1))
+            fits.append(_StartFit(basis, solver, further, float(np.linalg.norm(solver[0])), limit))
+    return tuple(fits)
+
+
+def start_readings(source: RunSource, names: Sequence[str]) -> dict[str, dict[str, tuple[float, float]]]:
+    """`start_reading` of every channel in every run: {run: {channel: (level, standard error)}}.
+
+    A channel whose first reading comes later than `START_SAMPLES` samples into the run has no start: (NaN, NaN).
+    """
+    wanted = tuple(dict.fromkeys(names))
+    starts: dict[str, dict[str, tuple[float, float]]] = {}
+    for run in source.runs:
+        times: list[NDArray[np.float64]] = []
+        parts: list[NDArray[np.float64]] = []
+        for time_s, values in source.chunks(run, wanted):
+            times.append(time_s[: 4 * NOISE_SAMPLES])
+            parts.append(values[: 4 * NOISE_SAMPLES])
+            if sum(map(len, times)) >= 4 * NOISE_SAMPLES:
+                break
+        if not times:
+            starts[run] = dict.fromkeys(wanted, (np.nan, np.nan))
+            continue
+        time, head = np.concatenate(times), np.concatenate(parts)
+        starts[run] = {
+            name: start_reading(time, head[:, j]) if np.isfinite(head[:START_SAMPLES, j]).any() else (np.nan, np.nan)
+            for j, name in enumerate(wanted)
+        }
+    return starts
+
+
+def gauge_start(level: float, standard_error: float) -> float:
+    """The offset of a displacement gauge at the start of a run [µm]; 0 when it cannot be told from zero.
+
+    A gauge is zeroed before a run. Subtracting the first reading of a gauge that *was* zeroed would only add its
+    noise to the whole run. The start is the best of many fits and its standard error knows nothing of that choice, so
+    an offset counts as one from eight standard errors on.
+    """
+    if not np.isfinite(level):
+        return 0.0
+    if np.isfinite(standard_error) and abs(level) <= 8.0 * standard_error:
+        return 0.0
+    return level
+
+
+def _quantum(found: NDArray[np.float64]) -> float:
+    steps = np.abs(np.diff(np.unique(found)))
+    steps = steps[steps > 1e-9 * max(1.0, float(np.abs(found).max()))]
+    return float(steps.min()) if len(steps) and len(np.unique(found)) <= len(found) // 2 else 0.0
+
 
 Reference = Literal["rise", "absolute"]
 
@@ -47,20 +250,11 @@ def datum_of(source: RunSource, inputs: Sequence[str], responses: Sequence[str],
 
 @dataclass(frozen=True)
 class Piece:
-    """Some consecutive samples of a run.
+    """Some consecutive samples of a run."""
 
-    Attributes
-    ----------
-    time_s : ndarray of shape (n_samples,)
-    variables : ndarray of shape (n_samples, n_variables)
-        Rises (or absolute readings), then lags; NaN = missing.
-    responses : ndarray of shape (n_samples, n_responses)
-        Displacements [µm].
-    """
-
-    time_s: NDArray[np.float64]
-    variables: NDArray[np.float64]
-    responses: NDArray[np.float64]
+    time_s: NDArray[np.float64]  #: (n_samples,)
+    variables: NDArray[np.float64]  #: (n_samples, n_variables): Rises (or absolute readings), then lags; NaN = missing
+    responses: NDArray[np.float64]  #: (n_samples, n_responses): Displacements [µm]
 
 
 @dataclass(frozen=True)
@@ -111,3 +305,57 @@ class Columns:
     def matrix(self, variables: NDArray[np.float64]) -> NDArray[np.float64]:
         """Column per term, shape (n_samples, n_terms), from unscaled variables in the order of `scaling`."""
         return design_matrix(self.scaling.scaled(variables), self.scaling.variables, self.terms)
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Complete samples of some runs, one after the other."""
+
+    runs: tuple[str, ...]
+    run: NDArray[np.int64]  #: (n_samples,): Position in `runs`
+    time_s: NDArray[np.float64]  #: (n_samples,)
+    variables: NDArray[np.float64]  #: (n_samples, n_variables)
+    responses: NDArray[np.float64]  #: (n_samples, n_responses)
+
+    def only(self, keep: NDArray[np.bool_]) -> Rows:
+        """The samples for which `keep` is true."""
+        return Rows(self.runs, self.run[keep], self.time_s[keep], self.variables[keep], self.responses[keep])
+
+    def blocks(self, n_blocks: int) -> NDArray[np.int64]:
+        """Block of each sample within its run, −1 = purged at an edge; shape (n_samples,)."""
+        labels = np.full(len(self.run), -1, dtype=np.int64)
+        for r in range(len(self.runs)):
+            at = np.flatnonzero(self.run == r)
+            for i, (start, stop) in enumerate(block_bounds(len(at), n_blocks)):
+                labels[at[start:stop]] = i
+        return labels
+
+
+def block_bounds(n: int, n_blocks: int) -> list[tuple[int, int]]:
+    """(start, stop) of contiguous blocks; an eighth of a block is purged at each side that touches another.
+
+    Neighbouring samples of a warming machine are all but copies of each other, so a block next to the one left out
+    would give the answer away at the edge.
+    """
+    if n_blocks == 1:
+        return [(0, n)]
+    edges = np.linspace(0, n, n_blocks + 1).astype(int)
+    purge = max((n // n_blocks) // 8, 1)
+    return [
+        (int(edges[i]) + (purge if i else 0), int(edges[i + 1]) - (purge if i < n_blocks - 1 else 0))
+        for i in range(n_blocks)
+    ]
+
+
+def rows_of(source: RunSource, design: Design, runs: Sequence[str]) -> Rows:
+    """The complete samples of some runs."""
+    number: list[NDArray[np.int64]] = []
+    parts: list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]] = []
+    for r, run in enumerate(runs):
+        for piece in design.pieces(source, run):
+            parts.append((piece.time_s, piece.variables, piece.responses))
+            number.append(np.full(len(piece.time_s), r, dtype=np.int64))
+    empty = (np.zeros(0), np.zeros((0, len(design.variables))), np.zeros((0, len(design.responses))))
+    time_s, variables, responses = (np.concatenate(column) for column in zip(*(parts or [empty]), strict=True))
+    run_number = np.concatenate(number) if number else np.zeros(0, dtype=np.int64)
+    return Rows(tuple(runs), run_number, time_s, variables, responses)

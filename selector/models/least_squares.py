@@ -1,20 +1,27 @@
-"""A fitted model: coefficients with robust uncertainty, quality of fit, collinearity. Inference by statsmodels."""
+"""A fitted model: coefficients with robust uncertainty, quality of fit, collinearity; its inference in statsmodels.
+
+Coefficients and covariances are computed here, because every fallback of every model needs them and statsmodels takes
+a hundred times longer for the robust one; `FittedModel.statsmodels_results` gives the same fit to statsmodels.
+"""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
-from statsmodels.stats.stattools import durbin_watson
-from statsmodels.tsa.stattools import acf, q_stat
 
 from selector.errors import OptionError
-from selector.models.subset_scores import adjusted_r2
+from selector.models.best_subsets.results import adjusted_r2
 from selector.models.terms import Scaling, Term, design_matrix, physical_transform
+
+if TYPE_CHECKING:
+    from statsmodels.regression.linear_model import RegressionResultsWrapper
 
 _RANK = 1e-12
 """Unit columns that are nearer than this to depending on each other are taken to do so: what is left is noise."""
@@ -22,77 +29,38 @@ _RANK = 1e-12
 
 @dataclass(frozen=True)
 class Diagnostics:
-    """What the residuals and the design say about the trust in a fit.
+    """What the residuals and the design say about the trust in a fit."""
 
-    Attributes
-    ----------
-    durbin_watson : float
-        Near 2 = uncorrelated; near 0 = neighbouring residuals are alike. Within runs.
-    ljung_box_p : float
-        p-value of "no autocorrelation up to lag 10", smallest over runs.
-    condition_number : float
-        Of the centred, scaled columns.
-    max_cooks_distance : float
-        Largest influence of one sample, > 1 is a sample that bends the model alone.
-    most_influential : int
-        Its row.
-    """
-
-    durbin_watson: float
-    ljung_box_p: float
-    condition_number: float
-    max_cooks_distance: float
-    most_influential: int
+    durbin_watson: float  #: Near 2 = uncorrelated; near 0 = neighbouring residuals are alike. Within runs.
+    ljung_box_p: float  #: p-value of "no autocorrelation up to lag 10", smallest over runs
+    condition_number: float  #: Of the centred, scaled columns
+    max_cooks_distance: float  #: Largest influence of one sample, > 1 is a sample that bends the model alone
+    most_influential: int  #: Its row
 
 
 @dataclass(frozen=True)
 class FittedModel:
-    """A displacement as a polynomial of scaled variables, with all that is needed to use and to doubt it.
-
-    Attributes
-    ----------
-    response : str
-    scaling : Scaling
-        Centre and scale of the variables; fitted in z = (x − centre)/scale.
-    terms : tuple of Term
-    has_intercept : bool
-    coefficients : ndarray of shape (1 + n_terms,)
-        Intercept [µm], then one per term in z [µm].
-    covariance : ndarray of shape (1 + n_terms, 1 + n_terms)
-        Robust to autocorrelation within runs (HAC, Newey–West per run).
-    classical_covariance : ndarray of shape (1 + n_terms, 1 + n_terms)
-        σ²(X'X)⁻¹, right for independent residuals only: what other programs print.
-    vif : ndarray of shape (n_terms,)
-        Variance inflation of each column.
-    valid_range : tuple of (low, high) per variable
-        Smallest and largest value met while fitting, in x.
-    n_samples : int
-    r2, adjusted_r2 : float
-        About the mean; about zero without an intercept: never rank the two together.
-    rmse_um : float
-        √(mean squared residual), in sample.
-    residual_sd_um : float
-        √(rss/(n − coefficients)).
-    ridge : float
-        Penalty on the squared scaled coefficients, per sample; 0 = ordinary least squares.
-    """
+    """A displacement as a polynomial of scaled variables, with all that is needed to use and to doubt it."""
 
     response: str
-    scaling: Scaling
+    scaling: Scaling  #: Centre and scale of the variables; fitted in z = (x − centre)/scale
     terms: tuple[Term, ...]
     has_intercept: bool
-    coefficients: NDArray[np.float64]
+    coefficients: NDArray[np.float64]  #: (1 + n_terms,): Intercept [µm], then one per term in z [µm]
+    #: (1 + n_terms, 1 + n_terms): Robust to autocorrelation within runs (HAC, Newey–West per run)
     covariance: NDArray[np.float64]
+    #: (1 + n_terms, 1 + n_terms): σ²(X'X)⁻¹, right for independent residuals only: what other programs print
     classical_covariance: NDArray[np.float64]
-    vif: NDArray[np.float64]
-    valid_range: tuple[tuple[float, float], ...]
+    vif: NDArray[np.float64]  #: (n_terms,): Variance inflation of each column
+    valid_range: tuple[tuple[float, float], ...]  #: Smallest and largest value met while fitting, in x
     n_samples: int
+    #: r2 and adjusted_r2: About the mean; about zero without an intercept: never rank the two together
     r2: float
     adjusted_r2: float
-    rmse_um: float
-    residual_sd_um: float
+    rmse_um: float  #: √(mean squared residual), in sample
+    residual_sd_um: float  #: √(rss/(n − coefficients))
     diagnostics: Diagnostics
-    ridge: float = 0.0
+    ridge: float = 0.0  #: Penalty on the squared scaled coefficients, per sample; 0 = ordinary least squares
 
     def __post_init__(self) -> None:
         for array in (self.coefficients, self.covariance, self.classical_covariance, self.vif):
@@ -114,6 +82,50 @@ class FittedModel:
         covariance = self.covariance if robust else self.classical_covariance
         errors = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", matrix, covariance, matrix), 0.0))
         return terms, matrix @ self.coefficients, errors
+
+    def statsmodels_results(
+        self,
+        variables: NDArray[np.float64],
+        response: NDArray[np.float64],
+        runs: NDArray[np.int64] | None = None,
+        *,
+        robust: bool = True,
+    ) -> RegressionResultsWrapper:
+        """The same fit in statsmodels, in physical units: `summary()`, p values, tests of hypotheses, influence.
+
+        Parameters
+        ----------
+        variables, response, runs
+            The samples that this model was fitted to, as `fit` takes them.
+        robust : bool
+            Errors that allow for autocorrelation within runs (``hac-panel``), those of `physical`, or classical ones.
+
+        Raises
+        ------
+        OptionError
+            A ridge fit, or terms that ordinary least squares on physical variables does not have.
+        """
+        from statsmodels.regression.linear_model import OLS
+
+        terms, matrix = physical_transform(self.terms, self.scaling)
+        if self.ridge or len(terms) > len(self.terms) or (not self.has_intercept and matrix[0, 1:].any()):
+            raise OptionError(
+                f"a model of {self.response} " + ("with a ridge penalty" if self.ridge else "with terms of its own"),
+                expected="ordinary least squares, every product with its factors",
+                where="statsmodels_results",
+                advice="fit without ridge, or read the coefficients and errors of physical()",
+            )
+        names = [*(["Intercept"] if self.has_intercept else []), *map(str, terms)]
+        columns = design_matrix(variables, self.scaling.variables, terms)
+        columns = np.column_stack([np.ones(len(columns)), columns]) if self.has_intercept else columns
+        model = OLS(
+            pd.Series(response, name=self.response), pd.DataFrame(columns, columns=names), hasconst=self.has_intercept
+        )
+        if not robust:
+            return model.fit()
+        groups = np.zeros(len(response), dtype=np.int64) if runs is None else runs
+        lags = {"groups": groups, "maxlags": _largest_lag(groups), "df_correction": False}
+        return model.fit(cov_type="hac-panel", cov_kwds=lags, use_t=True)
 
 
 def fit(
@@ -163,7 +175,10 @@ def fit(
     residuals = response - exogenous @ beta
     rss = float(residuals @ residuals)
     residual_sd = float(np.sqrt(rss / (n - k)))
-    covariance = _robust_covariance(exogenous, residuals, groups, bread)
+    # the bread of the sandwich carries the ridge penalty
+    meat = long_run_covariance(exogenous * residuals[:, None], groups, 1 + _largest_lag(groups))
+    covariance = bread @ meat @ bread * n / (n - k)
+    covariance = (covariance + covariance.T) / 2.0
     classical = residual_sd**2 * (bread - bread @ penalty**2 @ bread)
     with warnings.catch_warnings():
         # an exact fit divides by a zero residual variance; the numbers say so themselves
@@ -212,6 +227,26 @@ def variance_inflation(columns: NDArray[np.float64], *, intercept: bool = True) 
     return result
 
 
+def long_run_covariance(scores: NDArray[np.float64], runs: NDArray[np.int64], width: int) -> NDArray[np.float64]:
+    """Newey–West sum of the lagged products of scores within each run, shape (k, k): the filling of the sandwich.
+
+    Parameters
+    ----------
+    scores : ndarray of shape (n_samples, k)
+    runs : ndarray of int of shape (n_samples,)
+        Run of each row, non-decreasing.
+    width : int
+        Of the Bartlett triangle, the largest lag + 1 [samples].
+    """
+    meat = np.zeros((scores.shape[1], scores.shape[1]))
+    for rows in _run_slices(runs):
+        # the triangle is a box run over a box: two running sums in place of a sum over all lags
+        sums = np.cumsum(np.pad(scores[rows], ((width, width), (0, 0))), axis=0)
+        box = sums[width:] - sums[:-width]
+        meat += box.T @ box / width
+    return meat
+
+
 def _solution(
     stacked: NDArray[np.float64], right: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -235,29 +270,10 @@ def _solution(
     return beta / norm, root @ root.T
 
 
-def _robust_covariance(
-    exogenous: NDArray[np.float64],
-    residuals: NDArray[np.float64],
-    groups: NDArray[np.int64],
-    bread: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Newey–West within each run, Bartlett weights; the bread of the sandwich carries the ridge penalty."""
-    n, k = exogenous.shape
-    parts = _run_slices(groups)
-    shortest = min(rows.stop - rows.start for rows in parts)
+def _largest_lag(groups: NDArray[np.int64]) -> int:
+    lengths = [rows.stop - rows.start for rows in _run_slices(groups)]
     # 4(n/100)^(2/9) is the textbook bandwidth; thermal residuals stay correlated for much longer
-    bandwidth = max(min(int(np.sqrt(n / len(parts))), shortest - 1), 0)
-    scores = exogenous * residuals[:, None]
-    # Bartlett's triangle is a box run over a box: two running sums in place of a sum over all lags
-    meat = np.zeros((k, k))
-    for rows in parts:
-        sums = np.zeros((rows.stop - rows.start + 2 * bandwidth + 2, k))
-        np.cumsum(scores[rows], axis=0, out=sums[bandwidth + 1 : len(sums) - bandwidth - 1])
-        sums[len(sums) - bandwidth - 1 :] = sums[len(sums) - bandwidth - 2]
-        box = sums[bandwidth + 1 :] - sums[: -bandwidth - 1]
-        meat += box.T @ box / (bandwidth + 1)
-    covariance = bread @ meat @ bread * n / max(n - k, 1)
-    return (covariance + covariance.T) / 2.0
+    return max(min(int(np.sqrt(len(groups) / len(lengths))), min(lengths) - 1), 0)
 
 
 def _diagnostics(
@@ -267,6 +283,8 @@ def _diagnostics(
     groups: NDArray[np.int64],
     intercept: bool,
 ) -> Diagnostics:
+    from statsmodels.stats.stattools import durbin_watson
+
     n, k = exogenous.shape
     rss = float(residuals @ residuals)
     parts = _run_slices(groups)
@@ -282,18 +300,19 @@ def _diagnostics(
     variance = rss / max(n - k, 1)
     cooks = residuals**2 * leverage / (k * max(variance, 1e-300) * (1.0 - leverage) ** 2)
     centred = columns - columns.mean(axis=0) if intercept else columns
-    singular = np.linalg.svd(centred / np.maximum(np.linalg.norm(centred, axis=0), 1e-300), compute_uv=False)
-    condition = float(singular[0] / singular[-1]) if len(singular) and singular[-1] > 0 else float("inf")
+    unit = centred / np.maximum(np.linalg.norm(centred, axis=0), 1e-300)
     return Diagnostics(
         durbin_watson=watson,
         ljung_box_p=min(box) if box else float("nan"),
-        condition_number=condition if columns.shape[1] else 1.0,
+        condition_number=float(np.linalg.cond(unit)) if columns.shape[1] else 1.0,
         max_cooks_distance=float(cooks.max()) if rss > 0 else 0.0,
         most_influential=int(cooks.argmax()),
     )
 
 
 def _ljung_box_p(residuals: NDArray[np.float64], lags: int) -> float:
+    from statsmodels.tsa.stattools import acf, q_stat
+
     # acorr_ljungbox correlates at all lags: its cost grows with the square of the run
     correlation = acf(residuals, nlags=lags, fft=True)[1:]
     return float(q_stat(correlation, len(residuals))[1][-1])

@@ -16,15 +16,9 @@ MAX_DEGREE = 3
 
 @dataclass(frozen=True)
 class Term:
-    """A product of powers of variables, e.g. T1·T3 or T1².
+    """A product of powers of variables, e.g. T1·T3 or T1²."""
 
-    Attributes
-    ----------
-    powers : tuple of (str, int)
-        Variable and exponent (≥ 1), in the order of the variables in their model.
-    """
-
-    powers: tuple[tuple[str, int], ...]
+    powers: tuple[tuple[str, int], ...]  #: Variable and exponent (≥ 1), in the order of the variables in their model
 
     @classmethod
     def of(cls, powers: Mapping[str, int]) -> Term:
@@ -47,18 +41,10 @@ class Term:
 
 @dataclass(frozen=True)
 class Form:
-    """Which terms a set of variables brings with it.
+    """Which terms a set of variables brings with it."""
 
-    Attributes
-    ----------
-    degree : int
-        Highest power of one variable, 1 to 3.
-    interactions : bool
-        Whether products of different variables come too, up to total degree max(2, degree).
-    """
-
-    degree: int = 1
-    interactions: bool = False
+    degree: int = 1  #: Highest power of one variable, 1 to 3
+    interactions: bool = False  #: Whether products of different variables come too, up to total degree max(2, degree)
 
     def __post_init__(self) -> None:
         if not 1 <= self.degree <= MAX_DEGREE:

@@ -16,17 +16,10 @@ Grouping = tuple[tuple[int, ...], ...]
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Errors on folds that a fit has not seen.
+    """Errors on folds that a fit has not seen."""
 
-    Attributes
-    ----------
-    sse : ndarray of shape (n_groups, n_responses)
-        Sum of squared prediction errors [µm²] in each group left out.
-    n_samples : ndarray of shape (n_groups,)
-    """
-
-    sse: NDArray[np.float64]
-    n_samples: NDArray[np.float64]
+    sse: NDArray[np.float64]  #: (n_groups, n_responses): Sum of squared prediction errors [µm²] in each group left out
+    n_samples: NDArray[np.float64]  #: (n_groups,)
 
     @property
     def mse(self) -> NDArray[np.float64]:
@@ -71,17 +64,10 @@ def _grouped(m: Moments, key: Callable[[tuple[str, ...]], str]) -> Grouping:
 
 @dataclass(frozen=True)
 class LeaveOneOut:
-    """Cross-products with each group left out, made once and used for every candidate.
+    """Cross-products with each group left out, made once and used for every candidate."""
 
-    Attributes
-    ----------
-    training : ndarray of shape (n_groups, k, k)
-    left_out : ndarray of shape (n_groups, k, k)
-    n_columns : int
-    """
-
-    training: NDArray[np.float64]
-    left_out: NDArray[np.float64]
+    training: NDArray[np.float64]  #: (n_groups, k, k)
+    left_out: NDArray[np.float64]  #: (n_groups, k, k)
     n_columns: int
 
     @classmethod

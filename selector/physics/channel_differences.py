@@ -6,36 +6,27 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.recording import Recording
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
 _LEVEL = 1e-9
 """Spread below which a recorded course is level, as a share of its size: nothing that a difference is a share of."""
 
 
 @dataclass(frozen=True, eq=False)
 class ChannelDifference:
-    """One channel in one run, simulated minus recorded, at the samples at which it was recorded.
-
-    Attributes
-    ----------
-    run, channel : str
-    unit : str
-        Of the channel, canonical.
-    time_s : ndarray of shape (n_samples,)
-        From the start of the run [s].
-    recorded, simulated : ndarray of shape (n_samples,)
-        Both courses [unit].
-    """
+    """One channel in one run, simulated minus recorded, at the samples at which it was recorded."""
 
     run: str
     channel: str
-    unit: str
-    time_s: Vector
+    unit: str  #: Of the channel, canonical; of a position of an axis "um" or "urad"
+    time_s: Vector  #: (n_samples,): From the start of the run [s]
+    #: recorded and simulated: (n_samples,): Both courses [unit]
     recorded: Vector
     simulated: Vector
+    axis: str = ""  #: That the channel is of, if its model has axes
+    kind: str = ""  #: What it is of the axis, of `drive_channels.KINDS`
 
     @property
     def rms(self) -> float:
@@ -54,7 +45,7 @@ class ChannelDifference:
 
     @property
     def relative(self) -> float | None:
-        """‖difference‖ / ‖recorded about its mean‖; None of a level course."""
+        """‖difference‖ / ‖recorded about its mean‖; None of a level course. It does not depend on where zero is."""
         spread = float(np.std(self.recorded))
         return self.rms / spread if spread > _LEVEL * float(np.abs(self.recorded).max()) else None
 

@@ -1,7 +1,4 @@
-"""What does a model file say: TOML text → checked values, or an error that names the key; the same for every physics.
-
-A `ModelFamily` knows the sections of one physics and what contradicts what in them; all else is common.
-"""
+"""What does a model file say: TOML text → checked values, or an error that names the key; the same for all kinds."""
 
 from __future__ import annotations
 
@@ -9,27 +6,158 @@ import difflib
 import json
 import re
 import tomllib
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Generic, TypeVar, get_args, get_origin
+from typing import Annotated, Any, Generic, TypeVar, get_args, get_origin
 
-from pydantic import BaseModel, Tag, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError
 
 from selector.errors import ModelFileError
-from selector.physics.model_entries import NO_SUCH_KIND, Entry, is_choice_tag
-from selector.physics.model_headers import bracket_slip
-from selector.physics.model_mistakes import expected_text
 from selector.text_file import text_of
+
+MOST_SAMPLES = 2_000_000
+"""Samples of one run, and steps of the calculation where they are as long as the samples."""
+
+NO_SUCH_KIND = "no_such_kind"
+"""Type of the problem where a table has none of the kinds that it may have."""
+
+_MARK = "\x1f"
+"""No name and no key of a file may hold it, so that it tells choices from keys."""
+
+
+def choice_tag(name: str) -> str:
+    """The tag of one of several forms of a section, which is no key of the file: for pydantic's ``Tag``."""
+    return f"{_MARK}{name}"
+
+
+def is_choice_tag(part: object) -> bool:
+    """Whether a part of a place is a tag of `choice_tag` and not a key."""
+    return isinstance(part, str) and part.startswith(_MARK)
+
+
+def by_kind(*kinds: str) -> Discriminator:
+    """Which of several forms a table has: the one with the `choice_tag` of its ``kind = "…"``."""
+
+    def tag(value: Any) -> str | None:
+        kind = value.get("kind") if isinstance(value, Mapping) else getattr(value, "kind", None)
+        return choice_tag(kind) if kind in kinds else None
+
+    words = ", ".join(f'"{kind}"' for kind in kinds)
+    return Discriminator(tag, custom_error_type=NO_SUCH_KIND, custom_error_message=f"one of {words}")
+
+
+def printable(text: str) -> str:
+    """The same text, if it may name something.
+
+    Raises
+    ------
+    ValueError
+        It is empty, longer than 100 characters, or has control characters.
+    """
+    if not text.strip() or not text.isprintable() or len(text) > 100:
+        raise ValueError("a name of 1 to 100 printable characters")
+    return text
+
+
+def limited(low: float, high: float, *, above: bool = False) -> Any:
+    """A pydantic field for finite numbers of [low, high], of (low, high] with `above`."""
+    bounds: dict[str, Any] = {"gt": low} if above else {"ge": low}
+    return Field(strict=True, allow_inf_nan=False, le=high, **bounds)
+
+
+Name = Annotated[str, AfterValidator(printable)]
+Positive = Annotated[float, limited(1e-9, 1e12)]
+NonNegative = Annotated[float, limited(0, 1e12)]
+Signed = Annotated[float, limited(-1e9, 1e9)]
+Share = Annotated[float, limited(0, 1)]
+Point = Annotated[tuple[Signed, Signed, Signed], Field()]
+Seed = Annotated[int, Field(strict=True, ge=0, lt=2**63)]
+Note = Annotated[str, Field(max_length=4000)]
+Bounds = Annotated[dict[str, Annotated[tuple[Signed, Signed], Field()]], Field(max_length=5_000)]
+
+
+class Entry(BaseModel):
+    """A section of the file: unknown keys are refused, nothing changes once it is read."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Column(Entry):
+    """A course that is read from a column of a recording in the folder of the model file; each value is held."""
+
+    file: Annotated[str, AfterValidator(printable)]
+    column: Annotated[str, Field(min_length=1, max_length=200)]
+
+
+_HEADER = re.compile(r"(\[\[?)([\w.\"' -]+)\]\]?")
+_LONGEST = 200
+
+
+def bracket_slip(text: str, is_array: Callable[[str], bool]) -> tuple[str, str, str, int] | None:
+    """(found, expected, advice, line) of a section that TOML cannot put beside one of the same name, or None.
+
+    Parameters
+    ----------
+    text : str
+        A model file that TOML refuses.
+    is_array : callable
+        Name of a section, as in ``grinding.stages`` → whether there may be several of it.
+    """
+    seen: Counter[tuple[str, str]] = Counter()
+    last: dict[str, int] = {}
+    for number, line in enumerate(text.split("\n"), 1):
+        bare = line[:_LONGEST].partition("#")[0].strip()
+        header = _HEADER.fullmatch(bare) if bare.startswith("[") else None
+        if header is not None:
+            seen[header[1], header[2].strip()] += 1
+            last[header[2].strip()] = number
+    for (brackets, name), count in seen.items():
+        several = seen["[[", name]
+        if brackets == "[[" or count + several < 2:
+            continue
+        times = f"[{name}] {'twice' if count == 2 else f'{count} times'}" if not several else f"[{name}] and [[{name}]]"
+        if is_array(name) or several:
+            advice = "write double brackets around what comes several times"
+            return times, f"[[{name}]] before each of them", advice, last[name]
+        advice = "put the keys into one section, or give the other a name of its own"
+        return times, "every section of a TOML file once", advice, last[name]
+    return None
+
+
+_WORDS = {
+    "dict_type": "a table, { key = value }",
+    "model_type": "a table, { key = value }",
+    "model_attributes_type": "a table, { key = value }",
+    "tuple_type": "an array, [ … ]",
+    "list_type": "an array, [ … ]",
+    "string_type": 'a text in quotation marks, "…"',
+    "bool_type": "true or false",
+    "int_type": "a whole number",
+    "float_type": "a number",
+    "string_pattern_mismatch": "a letter, then letters, digits and _, 16 at most",
+}
+_ENTRIES = {"Dictionary": "entry", "String": "character"}
+
+
+def expected_text(problem: Mapping[str, Any]) -> str:
+    """What a problem that pydantic found asks for, e.g. "at most 2 values"."""
+    kind, limits = str(problem["type"]), problem.get("ctx", {})
+    if kind in _WORDS:
+        return _WORDS[kind]
+    if kind in ("too_long", "too_short", "string_too_long", "string_too_short"):
+        bound, count = ("at most", "max_length") if kind.endswith("long") else ("at least", "min_length")
+        what = "character" if kind.startswith("string") else _ENTRIES.get(limits.get("field_type", ""), "value")
+        number = limits[count]
+        many = what if number == 1 else f"{what.removesuffix('y')}ies" if what.endswith("y") else f"{what}s"
+        return f"{bound} {number} {many}"
+    said = str(problem["msg"]).removeprefix("Value error, ").removeprefix("Input should be ")
+    return said.removeprefix("a valid ")
+
 
 LARGEST_FILE_BYTES = 4_000_000
 """A thermal network of the largest size that is allowed takes a tenth of it."""
-
-FAMILY_OF_KIND = {
-    "network": "thermal", "modes": "thermal", "field": "thermal",
-    "drive": "drive", "vibration": "vibration", "gauging": "gauging",
-}  # fmt: skip
-"""``kind`` of a model file → the physics, and the command of `selector simulate`, that it belongs to."""
 
 Key = tuple[str | int, ...]
 Contradiction = tuple[Key, str, str, str]
@@ -49,23 +177,13 @@ _LONG_KEY = re.compile(rf"(?:{_PART}[ \t]*+\.[ \t]*+){{{_MOST_PARTS}}}")
 
 @dataclass(frozen=True)
 class ModelFamily(Generic[File]):
-    """The model files of one physics.
+    """The model files of one physics."""
 
-    Attributes
-    ----------
-    physics : str
-        What they are called: "thermal" for thermal model files.
-    kinds : mapping of str to type
-        ``kind`` in ``[model]`` → its sections.
-    contradictions : callable
-        File → whatever does not fit together in it, as (key, found, expected, advice).
-    page, examples : str
-        Page that explains every key; folder with examples.
-    """
-
-    physics: str
-    kinds: Mapping[str, type[File]]
+    physics: str  #: What they are called: "thermal" for thermal model files
+    kinds: Mapping[str, type[File]]  #: ``kind`` in ``[model]`` → its sections
+    #: File → whatever does not fit together in it, as (key, found, expected, advice)
     contradictions: Callable[[File], Iterable[Contradiction]]
+    #: page and examples: Page that explains every key; folder with examples
     page: str
     examples: str
 
@@ -114,13 +232,16 @@ class ModelFamily(Generic[File]):
         kind = section.get("kind") if isinstance(section, Mapping) else None
         if isinstance(kind, str) and kind in self.kinds:
             return self.kinds[kind]
-        other = FAMILY_OF_KIND.get(kind) if isinstance(kind, str) else None
+        # which kinds there are is known above
+        from selector.physics.simulation_kind import kind_of_file
+
+        other = kind_of_file(kind) if isinstance(kind, str) else None
         example = f'begin the file with [model], kind = "{next(iter(self.kinds))}" and name = "…"'
         raise ModelFileError(
             f"kind {shown(kind)}" if isinstance(section, Mapping) and "kind" in section else "no kind of model",
             expected="one of " + ", ".join(f'"{name}"' for name in self.kinds),
             where=f"{where}, key model.kind",
-            advice=f"run such a model with `selector simulate {other}`" if other else example,
+            advice=f"run such a model with `selector simulate {other.name}`" if other else example,
         )
 
     def _invalid(self, error: ValidationError, schema: type[BaseModel], where: str) -> ModelFileError:

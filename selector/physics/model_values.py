@@ -1,22 +1,20 @@
-"""Which section of a model file describes a value, and which value does a section describe: keys are field names.
-
-So the file, the dataclass and the parameter of a fit have one name and one default, and whatever the dataclass
-refuses is refused with the key of the file.
-"""
+"""Which section of a model file describes a value, which value does a section describe, and how is one written."""
 
 from __future__ import annotations
 
 import dataclasses
+import json
+import re
 import types
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from pydantic import AfterValidator, Field, StrictBool, create_model
 
 from selector.errors import InputError
-from selector.physics.model_entries import Entry, limited
-from selector.physics.model_text import Contradiction, Key
+from selector.physics.model_fields import Limits as SaidLimits
+from selector.physics.model_text import Contradiction, Entry, Key, limited
 
 LARGEST = 1e15
 """Beyond it no number of a machine lies, in whatever unit."""
@@ -41,7 +39,7 @@ def entry_of(kind: type, *, called: str | None = None, limits: Limits = _no_limi
     With `called` it has ``kind = "called"`` as its first key; `limits` says how small and how large numbers may be;
     `more` are further keys as pydantic has them: (type, default).
     """
-    hints = get_type_hints(kind)
+    hints = get_type_hints(kind, include_extras=True)
     keys: dict[str, Any] = {} if called is None else {"kind": (Literal[called], ...)}
     for field in dataclasses.fields(kind):
         default: Any = ...
@@ -95,6 +93,7 @@ def _inner_value(kind: type[Value], section: Entry, name: str) -> Value:
 
 
 def _default(hint: Any, value: Any, limits: Limits) -> Any:
+    hint = get_args(hint)[0] if get_origin(hint) is Annotated else hint
     if dataclasses.is_dataclass(value):
         return entry_of(hint, limits=limits).model_construct()
     return dict(value) if isinstance(value, Mapping) else value
@@ -107,6 +106,10 @@ def _dataclass_in(hint: Any) -> Any:
 
 def _key_type(hint: Any, name: str, limits: Limits) -> Any:
     origin, inner = get_origin(hint), get_args(hint)
+    if origin is Annotated:
+        bounds = next((one for one in hint.__metadata__ if isinstance(one, SaidLimits)), None)
+        own = limits if bounds is None else lambda _: (bounds.least, bounds.most)
+        return Annotated[(_key_type(inner[0], name, own), *hint.__metadata__)]
     if origin in (Union, types.UnionType):
         return Union[tuple(kind if kind is type(None) else _key_type(kind, name, limits) for kind in inner)]  # noqa: UP007
     if origin is tuple:
@@ -134,3 +137,68 @@ def _large_enough(value: float, *, least: float) -> float:
     if 0.0 < abs(value) < least:
         raise ValueError(f"0, or a number of at least {least:g} in size")
     return value
+
+
+_DEEPEST = 3
+"""Parts of a header; tables further inside are written in a line."""
+
+
+def model_file_text(values: Mapping[str, Any], *, head: str = "") -> str:
+    """Plain values of a model file as TOML text; `head` becomes comment lines at its beginning.
+
+    >>> values = {"model": {"kind": "drive", "name": "axis"}, "links": [{"between": ["a", "b"]}]}
+    >>> print(model_file_text(values).rstrip())
+    [model]
+    kind = "drive"
+    name = "axis"
+    <BLANKLINE>
+    [[links]]
+    between = ["a", "b"]
+    """
+    comments = [f"# {line}".rstrip() for line in head.splitlines()]
+    return "\n".join([*comments, *_table(values, ())]).lstrip("\n") + "\n"
+
+
+def _table(values: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[str]:
+    inside = {key: value for key, value in values.items() if _has_sections(value, len(path))}
+    for key, value in values.items():
+        if value is not None and key not in inside:
+            yield f"{_key(key)} = {_value(value)}"
+    for key, value in inside.items():
+        several = not isinstance(value, Mapping)
+        name = ".".join(_key(part) for part in (*path, key))
+        for table in value if several else [value]:
+            if several or not table or any(not _has_sections(one, len(path) + 1) for one in table.values()):
+                yield from ("", f"[[{name}]]" if several else f"[{name}]")
+            yield from _table(table, (*path, key))
+
+
+def _has_sections(value: Any, depth: int) -> bool:
+    """Whether a value at this depth is written below headers of its own."""
+    return depth < _DEEPEST and (isinstance(value, Mapping) or _is_array_of_tables(value))
+
+
+def _is_array_of_tables(value: Any) -> bool:
+    return isinstance(value, list | tuple) and bool(value) and all(isinstance(one, Mapping) for one in value)
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _text(name)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int | float):
+        return repr(float(value)) if isinstance(value, float) else str(value)
+    if isinstance(value, Mapping):
+        parts = ", ".join(f"{_key(key)} = {_value(one)}" for key, one in value.items() if one is not None)
+        return "{ " + parts + " }" if parts else "{}"
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return "[" + ", ".join(_value(one) for one in value) + "]"
+    return _text(str(value))
+
+
+def _text(text: str) -> str:
+    # JSON's escapes are TOML's, but for the control character that JSON lets through
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

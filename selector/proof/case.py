@@ -1,10 +1,17 @@
-"""What a case of the blind proof is: recordings and a simulation on one side, the sealed truth on the other."""
+"""What a case of the blind proof is, how its truth is kept apart, and what could be reached at best."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import dataclasses
+import hashlib
+import json
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import chi2, ncx2
 
 from selector.recording import Recording
 
@@ -22,26 +29,13 @@ class Window:
 
 @dataclass(frozen=True)
 class TrueEffect:
-    """One concealed effect and what counts as right.
+    """One concealed effect and what counts as right."""
 
-    Attributes
-    ----------
-    id : str
-        What was put in; of the catalogue, or ``"hidden.…"``.
-    accept : tuple of str
-        Ids that are right.
-    channels : tuple of str
-        Responses in which it shows.
-    place : str or None
-    windows : tuple of Window
-        When it acts, where that is not always.
-    """
-
-    id: str
-    accept: tuple[str, ...]
-    channels: tuple[str, ...]
+    id: str  #: What was put in; of the catalogue, or ``"hidden.…"``
+    accept: tuple[str, ...]  #: Ids that are right
+    channels: tuple[str, ...]  #: Responses in which it shows
     place: str | None = None
-    windows: tuple[Window, ...] = ()
+    windows: tuple[Window, ...] = ()  #: When it acts, where that is not always
 
 
 @dataclass(frozen=True)
@@ -66,29 +60,16 @@ class HeldOut:
 
 @dataclass(frozen=True)
 class Truth:
-    """The sealed answer of a case.
+    """The sealed answer of a case."""
 
-    Attributes
-    ----------
-    verdicts : tuple of str
-        Verdicts that are right.
-    effects : tuple of TrueEffect
-        What was put in.
-    tolerated : tuple of str
-        Ids that may stand in the answer without being counted for or against it.
-    d_prime : float or None
-        Norm of the whitened effect in the fitted rows, recalibration projected off, all responses together; of several
-        effects that of the least clear one, the courses of the others projected off as well.
-    concealed : tuple of Concealment
-    held_out : mapping of str to HeldOut
-        Response → errors; empty where the fit is not scored.
-    """
-
-    verdicts: tuple[str, ...]
-    effects: tuple[TrueEffect, ...] = ()
-    tolerated: tuple[str, ...] = ()
+    verdicts: tuple[str, ...]  #: Verdicts that are right
+    effects: tuple[TrueEffect, ...] = ()  #: What was put in
+    tolerated: tuple[str, ...] = ()  #: Ids that may stand in the answer without being counted for or against it
+    #: Norm of the whitened effect in the fitted rows, recalibration projected off, all responses together; of several
+    #: effects that of the least clear one, the courses of the others projected off as well
     d_prime: float | None = None
     concealed: tuple[Concealment, ...] = ()
+    #: Response → errors; empty where the fit is not scored
     held_out: Mapping[str, HeldOut] = field(default_factory=dict)
 
 
@@ -120,3 +101,77 @@ class Scenario:
     note: str = ""
     has_strength: bool = True
     has_seeds: bool = True
+
+
+def truth_as_dict(truth: Truth) -> dict[str, Any]:
+    """The truth as JSON values."""
+    return {name: _plain(getattr(truth, name)) for name in (field.name for field in dataclasses.fields(truth))}
+
+
+def sealed_text(answers: Mapping[str, Mapping[str, Any]]) -> str:
+    """Answers by case as canonical JSON: sorted keys, so that equal answers have equal bytes and equal hashes."""
+    return json.dumps(answers, sort_keys=True, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
+
+
+def sha256_of_text(text: str) -> str:
+    """SHA-256 of a text in UTF-8."""
+    return hashlib.sha256(text.encode("utf-8")).hexdigest()
+
+
+def sealed_sha256_of_case(case: Case) -> str:
+    """SHA-256 of everything a case consists of: recordings, simulation, truth.
+
+    It shows afterwards that neither data nor answers were changed once the hash was known. Numbers enter with all
+    their bits, so that it also shows whether two machines make the same cases.
+    """
+    digest = hashlib.sha256()
+    digest.update(
+        sealed_text({case.name: {"truth": truth_as_dict(case.truth), "responses": list(case.responses)}}).encode()
+    )
+    for recording in (case.recording, case.simulation):
+        _update(digest, recording)
+    return digest.hexdigest()
+
+
+def seal_of(seals: Iterable[str]) -> str:
+    """One hash for many cases, whatever their order."""
+    return sha256_of_text("\n".join(sorted(set(seals))))
+
+
+def _update(digest: Any, recording: Recording) -> None:
+    for channel in recording.channels:
+        digest.update(repr(channel).encode())
+    for run in recording.runs:
+        digest.update(run.encode())
+        for values in (recording.time_s(run), recording.values(run, recording.names)):
+            digest.update(np.ascontiguousarray(values, dtype="<f8").tobytes())
+
+
+def _plain(value: Any) -> Any:
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {field.name: _plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, tuple | list):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.generic):
+        return value.item()
+    return value
+
+
+def detection_probability(d_prime: ArrayLike, *, false_alarm: float = 0.01, n_looks: int = 1) -> NDArray[np.float64]:
+    """Chance that a matched filter finds an effect of unknown size and sign.
+
+    The squared statistic of the filter is χ² with one degree of freedom, non-central by d′² where the effect is there
+    (S. M. Kay, Fundamentals of Statistical Signal Processing II, 1998, section 7.4.2).
+
+    Parameters
+    ----------
+    d_prime : array_like
+    false_alarm : float
+        Of all looks together.
+    n_looks : int
+        Effects that are tried, each with its own course; Bonferroni.
+    """
+    threshold = chi2.isf(false_alarm / n_looks, 1)
+    return np.asarray(ncx2.sf(threshold, 1, np.square(np.asarray(d_prime, dtype=np.float64))))

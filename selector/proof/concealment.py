@@ -1,19 +1,216 @@
-"""By which numbers is an effect hidden: below the noise, absorbed, rare, like a known course, ruled out by the loop."""
+"""How an effect is concealed: the noise beside it, how strong it is, and by which numbers it is hidden."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
-from selector.proof.case import Concealment
-from selector.proof.noise import Noise
-from selector.proof.strength import fitted_starts, recalibration, unabsorbed
+from selector.proof.case import Concealment, HeldOut
+from selector.types import Matrix, Vector
 
-Vector = NDArray[np.float64]
+
+@dataclass(frozen=True)
+class Noise:
+    """Stationary noise, sample by sample, independent from run to run."""
+
+    sd: float  #: Standard deviation of the coloured part [unit of the response]
+    phi: float = 0.0  #: Correlation from one sample to the next, AR(1): 0 = white, 0.85, 0.995 = almost a random walk
+    tails: float | None = None  #: Degrees of freedom of Student's t of the innovations (more than 2); None = normal
+    step: float = 0.0  #: What the readings are rounded to [unit]; adds the variance step²/12
+    #: cycle_samples and cycle_sd: A course of that many samples and that standard deviation [unit] that every run
+    #: repeats from its start
+    cycle_samples: int = 0
+    cycle_sd: float = 0.0
+
+    def drawn(self, generator: np.random.Generator, starts: Sequence[int]) -> Vector:
+        """One realisation over runs that begin at `starts` (last: the number of rows), before rounding."""
+        result = np.empty(starts[-1])
+        for first, stop in pairwise(starts):
+            if self.tails is None:
+                innovations = generator.standard_normal(stop - first)
+            else:
+                innovations = generator.standard_t(self.tails, stop - first) * np.sqrt(1.0 - 2.0 / self.tails)
+            innovations[1:] *= np.sqrt(1.0 - self.phi**2)
+            result[first:stop] = self.sd * lfilter([1.0], [1.0, -self.phi], innovations)
+        if self.cycle_samples:
+            course = generator.standard_normal(self.cycle_samples)
+            smooth = np.real(np.fft.ifft(np.fft.fft(course) / (1.0 + np.minimum(*_harmonics(self.cycle_samples)))))
+            smooth -= smooth.mean()
+            result += self.cycle_sd * (smooth / smooth.std())[self._phase(starts)]
+        return result
+
+    def rounded(self, values: Vector) -> Vector:
+        """The values as they are read: in multiples of `step`."""
+        return np.asarray(np.round(values / self.step) * self.step) if self.step > 0.0 else values
+
+    def whitened(self, columns: Matrix, starts: Sequence[int]) -> Matrix:
+        """Columns in units of the noise of a sample, innovations of AR(1) plus white noise of the rounding.
+
+        Of shape (n_rows, n_columns); a repeated course is not whitened but projected off, see `repeated`.
+        """
+        result = np.empty_like(columns, dtype=np.float64)
+        rounding = self.step**2 / 12.0
+        for first, stop in pairwise(starts):
+            part = np.ascontiguousarray(columns[first:stop], dtype=np.float64)
+            result[first:stop] = _innovations(part, self.sd**2, self.phi, rounding)
+        return result
+
+    def repeated(self, starts: Sequence[int]) -> Matrix:
+        """A column for every sample of the cycle that runs repeat, shape (n_rows, cycle_samples); none without one."""
+        if not self.cycle_samples:
+            return np.empty((starts[-1], 0))
+        return np.asarray(np.eye(self.cycle_samples)[self._phase(starts)])
+
+    def _phase(self, starts: Sequence[int]) -> NDArray[np.intp]:
+        lengths = np.diff(np.asarray(starts))
+        return np.concatenate([np.arange(length) % self.cycle_samples for length in lengths])
+
+
+def _harmonics(n: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    order = np.arange(n)
+    return order, n - order
+
+
+@njit(cache=True, nogil=True)
+def _innovations(columns, variance, phi, rounding):  # type: ignore[no-untyped-def]
+    n, m = columns.shape
+    result = np.empty((n, m))
+    state = np.zeros(m)
+    spread = variance
+    for k in range(n):
+        total = spread + rounding
+        gain = spread / total
+        for j in range(m):
+            surprise = columns[k, j] - state[j]
+            result[k, j] = surprise / np.sqrt(total)
+            state[j] = phi * (state[j] + gain * surprise)
+        spread = phi * phi * spread * (1.0 - gain) + (1.0 - phi * phi) * variance
+    return result
+
+
+def recalibration(simulated: Vector, time_s: Vector, starts: Sequence[int]) -> Matrix:
+    """What a user may set right without new physics, all runs alike: offset, gain, delay; shape (n_rows, 3)."""
+    slope = np.concatenate([np.gradient(simulated[a:b], time_s[a:b]) for a, b in pairwise(starts)])
+    return np.column_stack([np.ones_like(simulated), simulated, slope])
+
+
+def fitted_starts(starts: Sequence[int], share: float = 0.7) -> tuple[int, ...]:
+    """First rows, and last of all the number, of the fitted rows: all runs but the last, or `share` of a single one."""
+    return tuple(starts[:-1]) if len(starts) > 2 else (starts[0], starts[0] + int(share * (starts[1] - starts[0])))
+
+
+def d_prime(
+    effect_courses: Mapping[str, Vector],
+    noise: Mapping[str, Noise],
+    nuisances: Mapping[str, Matrix],
+    starts: Sequence[int],
+) -> float:
+    """Norm of an effect in units of the noise, over the fitted rows of all responses together.
+
+    d′² = Σ |(I − P) W e|², with W the whitening of the response's noise and P the projection on its whitened nuisances
+    (recalibration, and the repeated course of cycle-locked noise): the separation, in standard deviations, of the
+    statistic of a matched filter with the effect on and off (S. M. Kay, Fundamentals of Statistical Signal Processing
+    II, section 4.4). Whitening goes by second moments, for heavy tails too.
+
+    Parameters
+    ----------
+    effect_courses : mapping of str to ndarray of shape (n_rows,)
+        Response → course of the effect [unit of the response].
+    noise : mapping of str to Noise
+    nuisances : mapping of str to ndarray of shape (n_rows, n_nuisances)
+        Response → columns that may be fitted without new physics, e.g. `recalibration`.
+    starts : sequence of int
+        First row of every run, and last of all the number of rows; only `fitted_starts` of them count.
+    """
+    rows = fitted_starts(starts)
+    total = 0.0
+    for response, course in effect_courses.items():
+        colour = noise[response]
+        left = unabsorbed(course[:, None], nuisances[response], colour, rows)
+        total += float(np.sum(left**2))
+    return float(np.sqrt(total))
+
+
+def unabsorbed(columns: Matrix, nuisances: Matrix, noise: Noise, starts: Sequence[int]) -> Matrix:
+    """Whitened columns in the rows of `starts`, with the nuisances projected off; shape (starts[-1], n_columns)."""
+    stop = starts[-1]
+    free = np.column_stack([nuisances[:stop], noise.repeated(starts)])
+    lengths = np.linalg.norm(free, axis=0)
+    both = noise.whitened(np.column_stack([free / np.where(lengths > 0.0, lengths, 1.0), columns[:stop]]), starts)
+    basis, values, _ = np.linalg.svd(both[:, : free.shape[1]], full_matrices=False)
+    basis = basis[:, values > 1e-10 * values.max(initial=0.0)]
+    white = both[:, free.shape[1] :]
+    return np.asarray(white - basis @ (basis.T @ white))
+
+
+def scale_for(
+    target: float, strength: Callable[[float], float], *, first: float = 1.0, tolerance: float = 0.01
+) -> float:
+    """The size of an effect at which its `strength` (d′ as a function of size) is `target`, by secants of logarithms.
+
+    Raises
+    ------
+    ValueError
+        If no size within 12 steps gives the target to `tolerance` (relative).
+    """
+    size, found = first, strength(first)
+    slope = 1.0
+    for _ in range(12):
+        if not np.isfinite(found) or found <= 0.0:
+            break
+        if abs(found / target - 1.0) <= tolerance:
+            return size
+        last_size, last = size, found
+        size = size * float(np.clip((target / found) ** (1.0 / slope), 1e-3, 1e3))
+        found = strength(size)
+        if size != last_size and found > 0.0 and found != last:
+            slope = float(np.clip(np.log(found / last) / np.log(size / last_size), 0.2, 5.0))
+    if np.isfinite(found) and found > 0.0 and abs(found / target - 1.0) <= tolerance:
+        return size
+    raise ValueError(f"d′ {found:.3g} at size {size:.3g}, wanted {target:g}")
+
+
+def held_out_errors(
+    recorded: Vector,
+    simulated: Vector,
+    effect: Vector,
+    errors: Vector,
+    noise: Noise,
+    time_s: Vector,
+    starts: Sequence[int],
+) -> HeldOut:
+    """Root mean square errors of a response in the held-out rows: as given, recalibrated, by the oracle, noise alone.
+
+    The oracle adds the true course of the effect to the simulation and recalibrates; `errors` is recorded minus truth.
+    All courses of shape (n_rows,), NaN in `recorded` = missing.
+    """
+    rows = fitted_starts(starts)
+    kept = np.arange(starts[-1]) >= rows[-1]
+    kept &= np.isfinite(recorded)
+
+    def rest(model: Vector) -> Vector:
+        free = recalibration(model, time_s, starts)
+        difference = recorded - model
+        seen = np.isfinite(difference)
+        both = noise.whitened(np.column_stack([free, np.where(seen, difference, 0.0)])[: rows[-1]], rows)
+        both = both[seen[: rows[-1]]]
+        lengths = np.linalg.norm(both[:, :3], axis=0)
+        lengths = np.where(lengths > 0.0, lengths, 1.0)
+        coefficients = np.linalg.lstsq(both[:, :3] / lengths, both[:, 3], rcond=1e-10)[0] / lengths
+        return np.asarray(difference - free @ coefficients)
+
+    def rms(values: Vector) -> float:
+        return float(np.sqrt(np.mean(values[kept] ** 2)))
+
+    return HeldOut(rms(recorded - simulated), rms(rest(simulated)), rms(rest(simulated + effect)), rms(errors))
+
 
 BELOW_NOISE_DB = -10.0
 """An effect is below the noise of a sample if its root mean square is at most this, against the noise [dB]."""

@@ -1,13 +1,118 @@
-"""Is one answer right? Names, sets, windows, channels and gains of one case against its sealed truth."""
+"""Is one answer right? What it says, and its names, sets, windows, channels and gains against the sealed truth."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
 from selector.proof.case import TrueEffect, Truth, Window
-from selector.proof.stated import FAILED, Named, Stated, windows_of
+
+FAILED = "failed"
+"""Verdict of an answer that was never given, because the program raised."""
+
+
+@dataclass(frozen=True)
+class Named:
+    """An effect that the answer names: id, what it cannot be told from, channel, and how sure the answer is."""
+
+    id: str
+    channel: str
+    cannot_be_told_from: tuple[str, ...] = ()
+    confidence: float | None = None
+    suspected: bool = False
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """The id and those that it cannot be told from."""
+        return (self.id, *(other for other in self.cannot_be_told_from if other != self.id))
+
+
+@dataclass(frozen=True)
+class Pointed:
+    """A place that the answer points at; None in a field of the window = from the start, to the end, in every run."""
+
+    channel: str
+    run: str | None = None
+    from_s: float | None = None
+    to_s: float | None = None
+    share: float = 0.0
+
+
+@dataclass(frozen=True)
+class Stated:
+    """An answer, as far as it is scored."""
+
+    verdict: str  #: Of the contract, or `FAILED`
+    effects: tuple[Named, ...] = ()  #: In the order of the answer
+    where: tuple[Pointed, ...] = ()
+    #: Response → root mean square error of the improved model on held-out rows [its unit]
+    heldout_after: Mapping[str, float] = field(default_factory=dict)
+    #: Response → what wrong effects of the same size closed of the gap, with its interval
+    placebo: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    error: str = ""  #: What was raised, with the place in the program; empty if nothing was
+
+
+def stated(answer: Mapping[str, Any]) -> Stated:
+    """The scored part of an answer in the JSON form of ``selector.diagnosis/1``."""
+    fits: Mapping[str, Any] = answer.get("fit") or {}
+    after = {name: _finite(fit["heldout"]["rmse_after"]) for name, fit in fits.items() if fit.get("heldout")}
+    placebo = {name: _interval(fit["placebo_gain"]) for name, fit in fits.items() if fit.get("placebo_gain")}
+    return Stated(
+        verdict=str(answer["verdict"]),
+        effects=tuple(_named(one) for one in answer.get("effects") or ()),
+        where=tuple(_pointed(one) for one in answer.get("where") or ()),
+        heldout_after={name: value for name, value in after.items() if value is not None},
+        placebo={name: interval for name, interval in placebo.items() if interval is not None},
+    )
+
+
+def windows_of(
+    where: Sequence[Pointed], channels: Sequence[str], spans: Mapping[str, tuple[float, float]]
+) -> list[Window]:
+    """The windows pointed at in these channels, with the first and last time of the runs put in for None."""
+    found = []
+    for one in where:
+        if one.channel not in channels:
+            continue
+        for run in spans if one.run is None else [one.run]:
+            if run in spans:
+                first, last = spans[run]
+                start = first if one.from_s is None else one.from_s
+                found.append(Window(run, start, last if one.to_s is None else one.to_s))
+    return found
+
+
+def _named(effect: Mapping[str, Any]) -> Named:
+    return Named(
+        id=str(effect["id"]),
+        channel=str(effect["channel"]),
+        cannot_be_told_from=tuple(effect.get("cannot_be_told_from") or ()),
+        confidence=_finite(effect.get("confidence")),
+        suspected=bool(effect.get("suspected", False)),
+    )
+
+
+def _pointed(place: Mapping[str, Any]) -> Pointed:
+    return Pointed(
+        channel=str(place["channel"]),
+        run=place.get("run"),
+        from_s=_finite(place.get("from_s")),
+        to_s=_finite(place.get("to_s")),
+        share=_finite(place.get("share")) or 0.0,
+    )
+
+
+def _interval(quantity: Mapping[str, Any]) -> tuple[float, float, float] | None:
+    parts = [_finite(quantity.get(key)) for key in ("value", "low", "high")]
+    value, low, high = parts
+    return None if value is None or low is None or high is None else (value, low, high)
+
+
+def _finite(value: Any) -> float | None:
+    return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
+
 
 Credit = Literal["exact", "first", "set", "missed"]
 SMALLEST_GAP = 0.01
@@ -16,38 +121,23 @@ SMALLEST_GAP = 0.01
 
 @dataclass(frozen=True)
 class Judged:
-    """One answer, judged.
-
-    Attributes
-    ----------
-    verdict_right : bool
-    credits : tuple of {"exact", "first", "set", "missed"}
-        Of every true effect of the catalogue: its id alone, its id with others that it is not told from, another id
-        with it in the set, or neither.
-    false_names : tuple of str
-        Named, and neither right nor tolerated.
-    unexplained_right : bool or None
-        Outside the catalogue: said to be unexplained, without a false name; None of other cases.
-    channel_right : bool or None
-        Whether effects found, or the place pointed at first, are in a channel in which they show; None: nothing stated.
-    window_iou : float or None
-        Intersection over union of the windows pointed at and the true ones; None where the truth has no windows.
-    gap_closed : float or None
-        Share of the held-out gap from the recalibrated to the oracle's error; None where there is none.
-    placebo : tuple of (value, low, high)
-    confidences : tuple of (confidence, right)
-        Of every named effect that is not merely tolerated.
-    """
+    """One answer, judged."""
 
     verdict_right: bool
+    #: Of every true effect of the catalogue: its id alone, its id with others that it is not told from, another id with
+    #: it in the set, or neither
     credits: tuple[Credit, ...] = ()
-    false_names: tuple[str, ...] = ()
+    false_names: tuple[str, ...] = ()  #: Named, and neither right nor tolerated
+    #: Outside the catalogue: said to be unexplained, without a false name; None of other cases
     unexplained_right: bool | None = None
+    #: Whether effects found, or the place pointed at first, are in a channel in which they show; None: nothing stated
     channel_right: bool | None = None
+    #: Intersection over union of the windows pointed at and the true ones; None where the truth has no windows
     window_iou: float | None = None
+    #: Share of the held-out gap from the recalibrated to the oracle's error; None where there is none
     gap_closed: float | None = None
     placebo: tuple[tuple[float, float, float], ...] = ()
-    confidences: tuple[tuple[float, bool], ...] = ()
+    confidences: tuple[tuple[float, bool], ...] = ()  #: Of every named effect that is not merely tolerated
 
 
 def judged(answer: Stated, truth: Truth, spans: Mapping[str, tuple[float, float]]) -> Judged:

@@ -1,8 +1,4 @@
-"""What would others say: known methods of choosing terms, on the same exam and with the same columns.
-
-Each gets the residual after recalibration and, of every effect, the shape that fits it best. What it chooses is named;
-then everything chosen is fitted together and predicts the held-out rows.
-"""
+"""What would others say: known methods of choosing terms, on the same exam and with the same candidates."""
 
 from __future__ import annotations
 
@@ -13,17 +9,164 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
 
 from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.catalogue import catalogue
+from selector.diagnosis.shapes.signals import course, filled, rate
 from selector.errors import OptionError
-from selector.proof.candidates import Candidates, candidates
-from selector.proof.discrepancy import discrepancy
 from selector.proof.runner import Answerer
+from selector.types import Mask, Matrix, Vector
 
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
+MOST_ROWS = 4000
+_SMALL = 1e-8
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """One response: its recalibrated residual and one shape of every effect that can be tested there."""
+
+    response: str
+    #: (n_fitted,): On fitted rows (at most `MOST_ROWS`, evenly taken), offset, gain and delay projected off, of unit
+    #: size (RMS)
+    residual: Vector
+    columns: Matrix  #: (n_fitted, n_columns): The same was projected off, and each has unit size
+    owners: tuple[str, ...]  #: Id of the effect that every column belongs to
+    #: nuisances, unscaled, recorded and simulated: Columns of recalibration and of effects, recorded and simulated
+    #: course, over all rows, for the last fit
+    nuisances: Matrix
+    unscaled: Matrix
+    recorded: Vector
+    simulated: Vector
+    #: fitted and held_out: (n_rows,): Rows where both are there, of either part
+    fitted: Mask
+    held_out: Mask
+
+    def of(self, owners: Sequence[str]) -> list[int]:
+        """Columns of these effects."""
+        return [k for k, owner in enumerate(self.owners) if owner in set(owners)]
+
+    def left(self, owners: Sequence[str]) -> Vector:
+        """What is left of the difference, over all rows, once these effects are fitted beside offset, gain, delay."""
+        design = np.column_stack([self.nuisances, self.unscaled[:, self.of(owners)]])
+        sizes = np.sqrt(np.mean(design[self.fitted] ** 2, axis=0))
+        design = design / np.where(sizes > 0, sizes, 1.0)
+        difference = self.recorded - self.simulated
+        found, *_ = np.linalg.lstsq(design[self.fitted], difference[self.fitted], rcond=_SMALL)
+        return np.asarray(difference - design @ found)
+
+
+def candidates(comparison: Comparison, response: str) -> Candidates:
+    """Of every effect the shape that explains most of the residual, so that all rivals choose from the same columns."""
+    recorded, simulated = comparison.recorded[response], comparison.simulated[response]
+    seen = np.isfinite(recorded) & np.isfinite(simulated)
+    smooth = filled(comparison, simulated)
+    nuisances = np.column_stack([np.ones(len(smooth)), smooth, rate(comparison, smooth)])
+    fitted = seen & ~comparison.held_out
+    rows = np.flatnonzero(fitted)
+    rows = rows[:: max(1, -(-len(rows) // MOST_ROWS))]
+    free = _orthonormal(nuisances[rows])
+    residual = (recorded - simulated)[rows]
+    residual = residual - free @ (free.T @ residual)
+    size = _rms(residual)
+    residual = residual / (size if size > 0 else 1.0)
+    shapes: list[Matrix] = []
+    owners: list[str] = []
+    for effect in catalogue():
+        if effect.testable(comparison, response) is not None:
+            continue
+        best: tuple[float, Matrix] | None = None
+        for variant in effect.variants(comparison, response):
+            basis = _orthonormal(_without(free, variant.columns[rows]))
+            explained = float(np.sum((basis.T @ residual) ** 2))
+            if basis.shape[1] and (best is None or explained > best[0]):
+                best = (explained, variant.columns)
+        if best is not None:
+            shapes.append(best[1])
+            owners += [effect.id] * best[1].shape[1]
+    unscaled = np.column_stack(shapes) if shapes else np.empty((len(smooth), 0))
+    columns = _without(free, unscaled[rows])
+    sizes = np.sqrt(np.mean(columns**2, axis=0))
+    kept = sizes > _SMALL * np.sqrt(np.mean(unscaled[rows] ** 2, axis=0))
+    return Candidates(
+        response=response,
+        residual=residual,
+        columns=columns[:, kept] / sizes[kept],
+        owners=tuple(owner for owner, keep in zip(owners, kept, strict=True) if keep),
+        nuisances=nuisances,
+        unscaled=unscaled[:, kept],
+        recorded=recorded,
+        simulated=simulated,
+        fitted=fitted,
+        held_out=seen & comparison.held_out,
+    )
+
+
+def _without(free: Matrix, columns: Matrix) -> Matrix:
+    return np.asarray(columns - free @ (free.T @ columns))
+
+
+def _orthonormal(columns: Matrix) -> Matrix:
+    """An orthonormal basis of the columns; those that are sums of others, to rounding, are left out."""
+    sizes = np.linalg.norm(columns, axis=0)
+    columns = columns[:, sizes > 0] / sizes[sizes > 0]
+    if columns.shape[1] == 0:
+        return columns
+    basis, values, _ = np.linalg.svd(columns, full_matrices=False)
+    return np.asarray(basis[:, values > _SMALL * values[0]])
+
+
+def _rms(values: Vector) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
+
+
+MOST_POINTS = 250
+_CLEAR_NATS = 4.0
+"""Gain of log likelihood over noise alone that is called structure: two parameters and more by Akaike."""
+
+
+@dataclass(frozen=True, eq=False)
+class Discrepancy:
+    """What the process leaves of the difference over all rows [unit], and whether it saw more than noise."""
+
+    left: Vector
+    is_structured: bool
+
+
+def discrepancy(comparison: Comparison, offered: Candidates, seed: int) -> Discrepancy:
+    """The discrepancy term of Kennedy and O'Hagan (J. R. Statist. Soc. B 63, 2001, 425), after recalibration.
+
+    Its inputs are the recorded channels that are no response and the simulated response; it is fitted to at most
+    `MOST_POINTS` evenly taken rows.
+    """
+    from sklearn.exceptions import ConvergenceWarning
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
+
+    left = offered.left(())
+    names = [channel.name for channel in comparison.channels if channel.name not in comparison.responses]
+    inputs = np.column_stack([*(course(comparison, name) for name in names), offered.nuisances[:, 1]])
+    spread = inputs[offered.fitted].std(axis=0)
+    inputs = (inputs - inputs[offered.fitted].mean(axis=0)) / np.where(spread > 0, spread, 1.0)
+    rows = np.flatnonzero(offered.fitted)
+    rows = rows[np.linspace(0, len(rows) - 1, min(MOST_POINTS, len(rows))).astype(int)]
+    size = float(left[rows].std())
+    if size == 0.0:
+        return Discrepancy(left, False)
+    target = left[rows] / size
+    kernel = ConstantKernel(0.3, (1e-4, 1e2)) * RBF(2.0, (0.1, 1e2)) + WhiteKernel(0.7, (1e-4, 1e1))
+    with warnings.catch_warnings():
+        # bounds that are reached are an answer: no structure, or no noise
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        process = GaussianProcessRegressor(kernel, random_state=seed).fit(inputs[rows], target)
+    likelihood = float(process.log_marginal_likelihood_value_)
+    noise_alone = -0.5 * len(rows) * (np.log(2 * np.pi * np.mean(target**2)) + 1.0)
+    kept = np.flatnonzero(offered.held_out)
+    result = left.copy()
+    result[kept] -= size * process.predict(inputs[kept]) if len(kept) else 0.0
+    return Discrepancy(result, bool(likelihood - noise_alone > _CLEAR_NATS))
+
+
 _FALSE_ALARM = 0.01
 _BLOCKS = 4
 _THRESHOLDS = np.geomspace(0.02, 0.6, 8)

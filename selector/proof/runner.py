@@ -1,4 +1,4 @@
-"""How is the exam held: every scenario at every strength and seed, in parallel, each case answered blind and judged."""
+"""How is the exam held: every scenario at every strength and seed, in parallel, and cases handed out as folders."""
 
 from __future__ import annotations
 
@@ -6,16 +6,25 @@ import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from selector.diagnosis.comparison import Comparison
 from selector.errors import OptionError
-from selector.proof.case import Case, HeldOut, Scenario, Truth
-from selector.proof.judging import Judged, judged
-from selector.proof.sealing import sealed_sha256_of_case
-from selector.proof.stated import FAILED, Stated, stated
+from selector.proof.case import (
+    Case,
+    Scenario,
+    Truth,
+    sealed_sha256_of_case,
+    sealed_text,
+    sha256_of_text,
+    truth_as_dict,
+)
+from selector.proof.judging import FAILED, Judged, Stated, judged, stated
+from selector.readers.writing import run_files, write_recording
 from selector.recording import Recording
 
 DEVELOPMENT_SEEDS = range(0, 1000)
@@ -44,24 +53,7 @@ class Answerer:
 
 @dataclass(frozen=True)
 class Outcome:
-    """One case, answered by one answerer and judged.
-
-    Attributes
-    ----------
-    scenario, family, kind : str
-    d_prime_asked : float or None
-    seed : int
-    answerer : str
-    truth : Truth or None
-        None where the case could not be built.
-    stated : Stated
-    judged : Judged
-    seconds : float
-        Wall time of the answer alone [s], one thread.
-    seal : str
-        SHA-256 of the case's data and truth.
-    responses : tuple of str
-    """
+    """One case, answered by one answerer and judged."""
 
     scenario: str
     family: str
@@ -69,22 +61,17 @@ class Outcome:
     d_prime_asked: float | None
     seed: int
     answerer: str
-    truth: Truth | None
+    truth: Truth | None  #: None where the case could not be built
     stated: Stated
     judged: Judged
-    seconds: float
-    seal: str = ""
+    seconds: float  #: Wall time of the answer alone [s], one thread
+    seal: str = ""  #: SHA-256 of the case's data and truth
     responses: tuple[str, ...] = ()
 
     @property
     def failed(self) -> bool:
         """Whether the case could not be built or not be answered."""
         return self.stated.verdict == FAILED
-
-    @property
-    def held_out(self) -> Mapping[str, HeldOut]:
-        """Response → held-out errors of the truth."""
-        return {} if self.truth is None else self.truth.held_out
 
 
 @dataclass(frozen=True)
@@ -225,7 +212,7 @@ def _outcome(question: Question, case: Case, seal: str, answerer: Answerer) -> O
 
 def _blind(case: Case) -> Comparison:
     """What an answerer sees: the recordings and the simulation, nothing of the truth."""
-    from selector.diagnosis.entrance.alignment import comparison_of
+    from selector.diagnosis.matching.alignment import comparison_of
 
     return comparison_of(case.recording, case.simulation, responses=case.responses)
 
@@ -260,3 +247,53 @@ def _text(error: Exception) -> str:
         else ""
     )
     return f"{type(error).__name__}: {error}{place}"
+
+
+ANSWERS, HASH, CASES = "answers.json", "answers.sha256", "cases"
+
+
+def write_bundles(
+    questions: Sequence[Question], folder: Path, *, progress: Callable[[float, float, str], None] | None = None
+) -> str:
+    """Write every case as ``cases/case-001/`` (runs, machine.toml, sim/) and all truths as answers.json beside them.
+
+    The numbers are dealt out at random (always the same for the same questions), so that a folder's name tells
+    nothing. Returns the SHA-256 of answers.json, which stands in answers.sha256 too: that can be published, and
+    answers.json be kept away, before anybody answers.
+    """
+    order = np.random.default_rng(len(questions)).permutation(len(questions))
+    answers: dict[str, dict[str, Any]] = {}
+    width = max(3, len(str(len(questions))))
+    for place, number in enumerate(order):
+        question = questions[number]
+        case = question.scenario.build(question.seed, question.d_prime)
+        name = f"case-{place + 1:0{width}d}"
+        write_case(case, folder / CASES / name)
+        answers[name] = {
+            "name": case.name,
+            "family": case.family,
+            "kind": case.kind,
+            "responses": list(case.responses),
+            "seed": question.seed,
+            "d_prime_asked": question.d_prime,
+            "spans_s": {run: list(span) for run, span in spans(case.recording).items()},
+            "seal": sealed_sha256_of_case(case),
+            "truth": truth_as_dict(case.truth),
+        }
+        if progress is not None:
+            progress(place + 1, len(questions), name)
+    text = sealed_text(answers)
+    (folder / ANSWERS).write_text(text, encoding="utf-8", newline="\n")
+    sealed = sha256_of_text(text)
+    (folder / HASH).write_text(f"{sealed}  {ANSWERS}\n", encoding="utf-8", newline="\n")
+    return sealed
+
+
+def write_case(case: Case, folder: Path) -> None:
+    """Write one case as `selector diagnose` reads it: a file a run, machine.toml, and sim/ with a file a run."""
+    sim = folder / "sim"
+    sim.mkdir(parents=True)
+    write_recording(case.recording, run_files(case.recording.runs, folder, "csv"), folder / "machine.toml", "machine")
+    write_recording(case.simulation, run_files(case.simulation.runs, sim, "csv"), sim / "machine.toml")
+    # the simulation is read with the machine file of the recordings
+    (sim / "machine.toml").unlink()

@@ -11,12 +11,10 @@ from numpy.typing import NDArray
 
 from selector.proof import concealment
 from selector.proof.case import Case, Concealment, Kind, Scenario, TrueEffect, Truth
-from selector.proof.concealment import split, stacked
-from selector.proof.noise import Noise
-from selector.proof.strength import fitted_starts, held_out_errors, recalibration, scale_for
+from selector.proof.concealment import Noise, fitted_starts, held_out_errors, recalibration, scale_for, split, stacked
 from selector.recording import Channel, Recording
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
 Courses = Mapping[str, Vector]
 Runs = Mapping[str, Sequence[Vector]]
 Measure = Callable[[Courses, Courses, Courses, Mapping[str, Noise], Sequence[int]], Concealment]
@@ -30,45 +28,27 @@ _DRAWS = 4
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """A machine with an effect of any size, what is recorded of it, and what a simulation says of it.
+    """A machine with an effect of any size, what is recorded of it, and what a simulation says of it."""
 
-    Attributes
-    ----------
-    channels : tuple of Channel
-        Of the recording, responses included.
-    responses : tuple of str
-    time_s : mapping of str to ndarray
-        Run → stamps of the recorded rows [s].
-    simulation_time_s : mapping of str to ndarray
-        Run → stamps of the simulation [s].
-    recorded : callable (size) -> mapping of str to sequence of ndarray
-        Channel → course in every run [its unit], responses without their noise. Size 0 = the effect is off.
-    simulated : callable (size) -> mapping of str to sequence of ndarray
-        The same of the simulation, with parameters fitted to a machine with the effect if that is how it is hidden.
-    noise : mapping of str to Noise
-        Of the responses.
-    effects : callable (size) -> tuple of TrueEffect
-    first : float
-        A size to begin the search with.
-    distorted : callable (recorded, size) -> mapping, or None
-        What becomes of readings with their noise (a sensor that freezes reads no noise).
-    rival : World or None
-        The same machine with another effect in the place of this one, which this record does not tell from it.
-    lacking : tuple of World
-        Of several effects at once: the same world without the first one, without the second one, and so on.
-    """
-
-    channels: tuple[Channel, ...]
+    channels: tuple[Channel, ...]  #: Of the recording, responses included
     responses: tuple[str, ...]
-    time_s: Mapping[str, Vector]
-    simulation_time_s: Mapping[str, Vector]
+    time_s: Mapping[str, Vector]  #: Run → stamps of the recorded rows [s]
+    simulation_time_s: Mapping[str, Vector]  #: Run → stamps of the simulation [s]
+    #: (size) -> mapping of str to sequence of ndarray: Channel → course in every run [its unit], responses without
+    #: their noise. Size 0 = the effect is off.
     recorded: Callable[[float], Runs]
+    #: (size) -> mapping of str to sequence of ndarray: The same of the simulation, with parameters fitted to a machine
+    #: with the effect if that is how it is hidden
     simulated: Callable[[float], Runs]
-    noise: Mapping[str, Noise]
-    effects: Callable[[float], tuple[TrueEffect, ...]]
-    first: float = 1.0
+    noise: Mapping[str, Noise]  #: Of the responses
+    effects: Callable[[float], tuple[TrueEffect, ...]]  #: (size) -> tuple of TrueEffect
+    first: float = 1.0  #: A size to begin the search with
+    #: (recorded, size) -> mapping, or None: What becomes of readings with their noise (a sensor that freezes reads no
+    #: noise)
     distorted: Callable[[Runs, float], Runs] | None = None
+    #: The same machine with another effect in the place of this one, which this record does not tell from it
     rival: World | None = None
+    #: Of several effects at once: the same world without the first one, without the second one, and so on
     lacking: tuple[World, ...] = ()
 
 
@@ -174,7 +154,7 @@ class _Strength:
         return {name: missing[name] - self.off.missing[name] for name in self.world.responses}
 
     def detected(self, courses: Courses) -> float:
-        """`selector.proof.strength.d_prime`, with what recalibration absorbs worked out once."""
+        """`selector.proof.concealment.d_prime`, with what recalibration absorbs worked out once."""
         total = 0.0
         for name, course in courses.items():
             total += float(np.sum(self.unabsorbed(name, course) ** 2))

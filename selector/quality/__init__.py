@@ -12,19 +12,16 @@ from collections.abc import Callable, Iterable, Iterator
 import numpy as np
 
 from selector.findings import Finding
-from selector.quality.break_codes import broken_sensors, out_of_range
-from selector.quality.extent import empty_channels, few_values, short_runs, starts
-from selector.quality.file_copies import file_copies
+from selector.quality.break_codes import agreed, broken_sensors, out_of_range
+from selector.quality.extent import empty_channels, few_values, file_copies, short_runs, starts
 from selector.quality.frozen import frozen
 from selector.quality.gaps_and_clock import clock_jumps, gaps, pace_changes
 from selector.quality.identity import duplicates, swapped
 from selector.quality.jumps import spikes, steps
-from selector.quality.leave_out import stretches, without_faults
+from selector.quality.leave_out import StreamWithoutFaults, stretches, without_faults
 from selector.quality.relations import Relations
 from selector.quality.siblings import leaving_group, stuck_beside_siblings
-from selector.quality.streams import StreamWithoutFaults
 from selector.quality.survey import Survey
-from selector.quality.unit_explains import agreed
 from selector.quality.wrong_units import wrong_length_units, wrong_temperature_units
 from selector.recording import Recording
 

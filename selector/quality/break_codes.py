@@ -1,16 +1,27 @@
-"""Samples that are no measurements: codes of broken sensors, and values that cannot be."""
+"""Samples that are no measurements: codes of broken sensors, values that cannot be, and what a wrong unit explains."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from selector.findings import Finding, Where
+from selector.quality.finding_table import FINDINGS, OUT_OF_RANGE, WRONG_UNIT
 from selector.quality.leave_out import WINDOWS
-from selector.quality.survey import IMPLAUSIBLE, THERMAL_ROLES, Floats, Series, Survey
-from selector.quality.wording import difference, moment, reading, stretch
+from selector.quality.survey import (
+    IMPLAUSIBLE,
+    THERMAL_ROLES,
+    Floats,
+    Series,
+    Survey,
+    difference,
+    moment,
+    reading,
+    stretch,
+)
 from selector.units import convert
 
 _CODES = (
@@ -68,15 +79,13 @@ def out_of_range(survey: Survey) -> Iterator[Finding]:
             worst = float(seen[np.argmax(np.abs(seen - (low + high) / 2))])
             way = "up" if worst > high else "down"
             yield from told(
-                Finding(
+                FINDINGS.finding(
                     "out-of-range",
-                    "error",
                     f"{channel.name} in run {run} reads {way} to {reading(worst, channel)} {{when}}; on a machine "
                     f"tool −{-low:g} to {high:g} °C can be.",
                     Where(channel.name, run),
                     {"samples": int(outside.sum()), "value": worst, "plausible": [low, high]},
-                    "Check the sensor and the unit in the machine file. The stretch is left out.",
-                    "leave-out-stretch",
+                    action="leave-out-stretch",
                 ),
                 windows,
             )
@@ -177,26 +186,54 @@ def _reported(survey: Survey, run: str, column: int, broken: NDArray[np.bool_]) 
     evidence = {"codes": codes, "samples": int(broken.sum()), "share": share}
     if share > 0.5:
         window = joined(survey.time[run], broken, present)
-        yield Finding(
+        yield FINDINGS.finding(
             "sensor-break",
-            "error",
             f"{channel.name} in run {run} holds the code of a broken sensor ({said}) in {share:.0%} of its samples.",
             Where(channel.name, run, window[0][0], window[-1][1]),
             evidence,
             "Check the sensor, its plug and its input. The channel is left out of this run.",
             "leave-out-channel",
+            level="error",
         )
         return
     yield from told(
-        Finding(
+        FINDINGS.finding(
             "sensor-break",
-            "error",
             f"{channel.name} in run {run} holds {said} {{when}}{away}:"
             " the code of a broken or open sensor, not a reading.",
             Where(channel.name, run),
             evidence,
             "Check the sensor, its plug and its input. The stretch is left out.",
             "leave-out-stretch",
+            level="error",
         ),
         joined(survey.time[run], broken, present),
     )
+
+
+_NOTHING = "Nothing is left out."
+
+
+def agreed(findings: Sequence[Finding]) -> list[Finding]:
+    """The findings in their order; those about a wrong unit and the readings out of range that it explains agree."""
+    told = list(findings)
+    for i, unit in enumerate(told):
+        if unit.id != WRONG_UNIT or unit.action != "none":
+            continue
+        explained = [k for k, other in enumerate(told) if other.id == OUT_OF_RANGE and _explains(unit, other)]
+        for k in explained:
+            advice = f"Its unit explains this ({unit.evidence['mistake']}): see wrong-unit. The stretch is left out."
+            told[k] = replace(told[k], suggestion=advice)
+        if explained:
+            advice = unit.suggestion.replace(_NOTHING, "Until then the readings that are out of range are left out.")
+            told[i] = replace(unit, suggestion=advice)
+    return told
+
+
+def _explains(unit: Finding, other: Finding) -> bool:
+    """Whether the readings would be those of a machine tool in the other unit."""
+    if unit.where.channel not in (None, other.where.channel) or unit.where.run not in (None, other.where.run):
+        return False
+    low, high = PLAUSIBLE["temperature"]
+    gain, offset = unit.evidence["gain"], unit.evidence.get("offset", 0.0)
+    return bool(low <= (other.evidence["value"] - offset) / gain <= high)

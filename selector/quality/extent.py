@@ -1,14 +1,14 @@
-"""Whether there is enough in a recording: samples in a run, values in a channel, different ones among them."""
+"""Whether there is enough in a recording: samples, values, different ones among them, and runs that are no copies."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from selector.findings import Finding, Where
-from selector.quality.survey import MEASURED_ROLES, Survey
-from selector.quality.wording import difference, reading
+from selector.quality.finding_table import FINDINGS
+from selector.quality.survey import MEASURED_ROLES, Survey, difference, reading
 
 _SHORT = 20
 _FEW_LEVELS = 8
@@ -23,13 +23,12 @@ def short_runs(survey: Survey) -> Iterator[Finding]:
     for run in survey.runs:
         rows = survey.time[run].size
         if rows < _SHORT:
-            yield Finding(
+            yield FINDINGS.finding(
                 "short-run",
-                "warning",
                 f"Run {run} has {rows} sample(s) only; fewer than {_SHORT} say little about a thermal process.",
                 Where(run=run),
                 {"samples": rows},
-                "Leave this run away, or check that the file is complete. Nothing is left out.",
+                level="warning",
             )
 
 
@@ -39,13 +38,12 @@ def empty_channels(survey: Survey) -> Iterator[Finding]:
         empty = [run for run in survey.runs if not np.isfinite(survey.values[run][column]).any()]
         everywhere = len(empty) == len(survey.runs)
         for run in empty[:1] if everywhere else empty:
-            yield Finding(
+            yield FINDINGS.finding(
                 "empty-channel",
-                "warning" if everywhere else "info",
                 f"{channel.name} has no value in {'any run' if everywhere else 'run ' + run}.",
                 Where(channel.name, None if everywhere else run),
                 {"runs": len(empty)},
-                "Check the column's name in the machine file, or remove the channel from it.",
+                level="warning" if everywhere else "info",
             )
 
 
@@ -58,9 +56,8 @@ def few_values(survey: Survey) -> Iterator[Finding]:
             continue
         low, high = min(s.low for s in scales), max(s.high for s in scales)
         if high - low <= 1e-12 * max(abs(low), abs(high)):
-            yield Finding(
+            yield FINDINGS.finding(
                 "constant-channel",
-                "info",
                 f"{channel.name} is {reading(low, channel)} in every sample of every run.",
                 Where(channel.name),
                 {"value": low},
@@ -76,9 +73,8 @@ def few_values(survey: Survey) -> Iterator[Finding]:
             continue
         if values.size > _FEW_LEVELS and not coarse:
             continue
-        yield Finding(
+        yield FINDINGS.finding(
             "few-values",
-            "warning" if coarse else "info",
             f"{channel.name} takes {values.size} different values only, {difference(step, channel)} apart, over a "
             f"range of {difference(high - low, channel)}.",
             Where(channel.name),
@@ -86,6 +82,7 @@ def few_values(survey: Survey) -> Iterator[Finding]:
             "Record it with a finer resolution."
             if coarse
             else "It hardly moves; its resolution limits what it can say.",
+            level="warning" if coarse else "info",
         )
 
 
@@ -112,14 +109,12 @@ def starts(survey: Survey) -> Iterator[Finding]:
             continue
         worst = max(warm, key=lambda name: abs(warm[name]))
         said = difference(warm[worst], survey.recording.channel(worst))
-        yield Finding(
+        yield FINDINGS.finding(
             "run-starts-warm",
-            "info",
             f"Run {run} does not start like the others: {len(warm)} channel(s) are off at its start, {worst} most "
             f"({said}).",
             Where(run=run, from_s=float(survey.time[run][0]), to_s=float(survey.time[run][0])),
             {"channels": warm},
-            "Rises count from the start of the run: say so when comparing runs, or start from a cold machine.",
         )
 
 
@@ -139,3 +134,18 @@ def _values(survey: Survey, run: str, column: int) -> np.ndarray:
 def _middle(values: np.ndarray) -> float:
     values = values[np.isfinite(values)]
     return float(np.median(values)) if values.size else float("nan")
+
+
+def file_copies(hashes: Mapping[str, str]) -> Iterator[Finding]:
+    """Runs that are the same file again: leaving one out would prove nothing while its copy stays in."""
+    first: dict[str, str] = {}
+    for run, sha256 in hashes.items():
+        original = first.setdefault(sha256, run)
+        if original != run:
+            yield FINDINGS.finding(
+                "same-file-twice",
+                f"Run {run} is the same file as run {original}; it is left out.",
+                Where(run=run),
+                {"sha256": sha256, "original": original},
+                action="leave-out-run",
+            )

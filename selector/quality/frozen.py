@@ -11,8 +11,8 @@ from scipy.special import erf
 
 from selector.findings import Finding, Where
 from selector.quality.break_codes import told
-from selector.quality.survey import MEASURED_ROLES, Floats, Ints, Survey
-from selector.quality.wording import difference, duration, reading, stretch
+from selector.quality.finding_table import FINDINGS
+from selector.quality.survey import MEASURED_ROLES, Floats, Ints, Survey, difference, duration, reading, stretch
 
 _SURE = 28.0
 """-log of the probability (7e-13) below which standing still cannot be chance; a recording has some 1e6 samples."""
@@ -111,32 +111,30 @@ def _frozen_in(
             (float(time[a]), float(time[b])) for a, b in zip(still.first[counted], still.last[counted], strict=True)
         ]
         yield from told(
-            Finding(
+            FINDINGS.finding(
                 "saturated",
-                "error",
                 f"{channel.name} in run {run} is pinned at {reading(rail, channel)}, the "
                 f"{'lowest' if rail == extremes[0] else 'highest'} value that it ever has, {{when}}; its noise of "
                 f"{difference(noise, channel)} is gone there.",
                 Where(channel.name, run),
                 {"rail": float(rail), "samples": int(still.length[counted].sum()), "noise": noise},
-                "The sensor or its input is at the end of its range: choose a wider range. The stretch is left out.",
-                "leave-out-stretch",
+                action="leave-out-stretch",
+                level="error",
             ),
             windows,
         )
     for k in np.flatnonzero((evidence >= _SURE) & (still.length >= _LEAST) & ~railed):
         begin, end = float(time[still.first[k]]), float(time[still.last[k]])
         to_end = bool(still.last[k] == series.x.size - 1)
-        yield Finding(
+        yield FINDINGS.finding(
             "stuck",
-            "error",
             f"{channel.name} in run {run} is frozen at {reading(float(still.value[k]), channel)} for "
             f"{duration(end - begin)}, {stretch(begin, end)}{', the end of the run' if to_end else ''}: "
             f"{int(still.length[k])} equal samples, although its noise elsewhere is {difference(noise, channel)}.",
             Where(channel.name, run, begin, end),
             {"samples": int(still.length[k]), "value": float(still.value[k]), "noise": noise, "resolution": quantum},
-            "Check the sensor, its cable and the logger. The stretch is left out.",
-            "leave-out-stretch",
+            action="leave-out-stretch",
+            level="error",
         )
 
 

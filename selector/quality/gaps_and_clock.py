@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.findings import Finding, Where
+from selector.quality.finding_table import FINDINGS
 from selector.quality.leave_out import WINDOWS
-from selector.quality.survey import MEASURED_ROLES, Floats, Series, Survey
-from selector.quality.wording import duration, moment
+from selector.quality.survey import MEASURED_ROLES, Floats, Series, Survey, duration, moment
 
 _GAP_PERIODS = 3.5
 """A distance of more than so many usual ones is a gap; two lost rows in a row are none."""
@@ -60,9 +60,8 @@ def clock_jumps(survey: Survey) -> Iterator[Finding]:
                 if moving
                 else "the leap is a whole hour or day"
             )
-            yield Finding(
+            yield FINDINGS.finding(
                 "clock-jump",
-                "warning",
                 f"The clock of run {run} leaps forward by {duration(leap)} at {moment(float(time[at]))}; {because}.",
                 Where(None, run, float(time[at]), float(time[at + 1])),
                 {"leap_s": leap, "period_s": usual, "channels_moving": moving, "channels_continuous": agreeing},
@@ -94,13 +93,11 @@ def pace_changes(survey: Survey) -> Iterator[Finding]:
             before, after, at = float(blocks[0]), float(blocks[-1]), float(time[0])
         else:
             continue
-        yield Finding(
+        yield FINDINGS.finding(
             "period-change",
-            "info",
             f"The sampling period of run {run} {told}.",
             Where(None, run, at, None),
             {"before_s": before, "after_s": after},
-            "Methods that need even sampling resample this run and say so.",
         )
 
 
@@ -150,13 +147,12 @@ def _gap(
         if len(windows) > 1
         else (f" for {duration(lengths[0])} from")
     )
-    return Finding(
+    return FINDINGS.finding(
         "gap",
-        "warning" if lengths[longest] > _LONG_PERIODS * usual else "info",
         f"{said}{many} {moment(windows[longest][0])} of run {run} (usual period {duration(usual)}).",
         Where(channel, run, windows[0][0], windows[-1][1]),
         evidence,
-        "Nothing more is left out; memory models bridge the gap with what the sensors read after it.",
+        level="warning" if lengths[longest] > _LONG_PERIODS * usual else "info",
     )
 
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from selector.findings import Finding, Where
+from selector.quality.finding_table import FINDINGS
 from selector.quality.relations import Relations
-from selector.quality.survey import THERMAL_ROLES, Floats, Survey
-from selector.quality.wording import difference
+from selector.quality.survey import THERMAL_ROLES, Floats, Survey, difference
 
 _ALIKE = 1.0 - 2e-4
 """Correlation of block means from which two channels are compared sample by sample."""
@@ -48,9 +48,8 @@ def duplicates(survey: Survey, relations: Relations) -> Iterator[Finding]:
         if not everywhere and not same:
             continue
         where = "in all runs" if everywhere else "in run " + ", ".join(relations.runs[r] for r in hits)
-        yield Finding(
+        yield FINDINGS.finding(
             "duplicate-channel",
-            "warning",
             f"{b.name} holds {how} as {a.name} {where}: two channels, one measurement.",
             Where(b.name, None if everywhere else relations.runs[hits[0]]),
             {"other": a.name, "gain": gain, "offset": offset, "runs": [relations.runs[r] for r in hits]},
@@ -209,9 +208,8 @@ def _told(relations: Relations, r: int, proof: _Proof, *, acts: bool) -> Iterato
     run = relations.runs[r]
     own, other = (relations.survey.channels[relations.columns[k]] for k in (proof.own, proof.other))
     for channel, partner in ((own, other), (other, own)):
-        yield Finding(
+        yield FINDINGS.finding(
             "swapped-channels",
-            "error" if acts else "warning",
             f"{own.name} and {other.name} have changed places in run {run}: what stands under {own.name} is off by "
             f"{difference(proof.before, own)} from what the siblings of {own.name} say, what stands under "
             f"{other.name} by only {difference(proof.after, own)}.",
@@ -225,6 +223,7 @@ def _told(relations: Relations, r: int, proof: _Proof, *, acts: bool) -> Iterato
                 else "So few runs do not prove it: nothing is left out."
             ),
             "leave-out-channel" if acts else "none",
+            level="error" if acts else "warning",
         )
 
 

@@ -1,8 +1,8 @@
-"""What the findings leave out of a recording."""
+"""What the findings leave out of a recording, also of one that is read piece by piece."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from selector.errors import RecordingError
 from selector.findings import Finding
-from selector.recording import Recording
+from selector.recording import Channel, Recording, RunSource
 
 WINDOWS = "windows_s"
 """Key in the evidence of a finding that speaks of several stretches: a list of (from_s, to_s)."""
@@ -99,3 +99,25 @@ def without_faults(recording: Recording, findings: Iterable[Finding]) -> Recordi
                         values[rows, column] = np.nan
         parts[run] = pd.DataFrame(values, index=time_s, columns=names)
     return Recording.from_runs(parts, channels, recording.provenance)
+
+
+class StreamWithoutFaults:
+    """A source with exactly that left out which the findings name in their action, see `without_faults`."""
+
+    def __init__(self, source: RunSource, findings: Iterable[Finding]) -> None:
+        self._source = source
+        self._findings: Sequence[Finding] = [finding for finding in findings if finding.action != "none"]
+        gone = {f.where.run for f in self._findings if f.action == "leave-out-run"}
+        self.runs: tuple[str, ...] = tuple(run for run in source.runs if run not in gone)
+        self.channels: tuple[Channel, ...] = tuple(source.channels)
+
+    def chunks(self, run: str, names: Iterable[str]) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        """(time_s, values) pieces of a run; what is left out is NaN."""
+        wanted = list(names)
+        here = [f for f in self._findings if f.where.run in (None, run) and f.where.channel in (None, *wanted)]
+        for time_s, values in self._source.chunks(run, wanted):
+            cleaned = values.copy() if here else values
+            for finding in here:
+                columns = np.array([finding.where.channel in (None, name) for name in wanted])
+                cleaned[np.ix_(left_out_rows(finding, time_s), columns)] = np.nan
+            yield time_s, cleaned

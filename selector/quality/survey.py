@@ -1,8 +1,4 @@
-"""What the channels of a recording look like, run by run: level, resolution, noise.
-
-A survey is the working copy on which the checks are made one after the other: what an earlier check leaves out is
-blank for the later ones, so that one fault is reported once.
-"""
+"""What the channels of a recording look like, run by run: level, resolution, noise; and how a finding says it."""
 
 from __future__ import annotations
 
@@ -61,36 +57,21 @@ class Series:
 
 @dataclass(frozen=True)
 class Scale:
-    """Level, resolution and noise of one channel in one run [unit of the channel].
+    """Level, resolution and noise of one channel in one run [unit of the channel]."""
 
-    Attributes
-    ----------
-    count, distinct : int
-        Samples, and different values among them.
-    low, high : float
-        Smallest and largest value.
-    start : float
-        Median of the first twentieth of the run (at least five samples).
-    span : float
-        Distance of the 2nd and the 98th percentile.
-    quantum : float
-        Step of the resolution; far below the noise when the values are not on a grid.
-    noise : float
-        Robust standard deviation of the white part of the noise, from second differences; holds the rounding to the
-        resolution, up to 0.62 of it when a trend crosses one step in two samples.
-    block_noise : array
-        The same, block by block.
-    """
-
+    #: count and distinct: Samples, and different values among them
     count: int
     distinct: int
+    #: low and high: Smallest and largest value
     low: float
     high: float
-    start: float
-    span: float
-    quantum: float
+    start: float  #: Median of the first twentieth of the run (at least five samples)
+    span: float  #: Distance of the 2nd and the 98th percentile
+    quantum: float  #: Step of the resolution; far below the noise when the values are not on a grid
+    #: Robust standard deviation of the white part of the noise, from second differences; holds the rounding to the
+    #: resolution, up to 0.62 of it when a trend crosses one step in two samples
     noise: float
-    block_noise: Floats
+    block_noise: Floats  #: The same, block by block
 
     @property
     def floor(self) -> float:
@@ -192,3 +173,44 @@ def block_noise(x: Floats) -> Floats:
     kept = int(np.ceil(0.9 * width))
     lower = np.partition(whole, kept - 1, axis=1)[:, :kept]
     return np.asarray(lower.mean(axis=1) / (0.657 * np.sqrt(6.0)), dtype=np.float64)
+
+
+_UNITS = {"degC": "°C", "um": "µm", "1": ""}
+
+
+def duration(seconds: float) -> str:
+    """A duration as people say it, e.g. ``"45 s"``, ``"12 min"``, ``"3.5 h"``."""
+    if seconds < 120:
+        return f"{seconds:.3g} s"
+    if seconds < 7200:
+        return f"{seconds / 60:.3g} min"
+    return f"{seconds / 3600:.3g} h"
+
+
+def moment(seconds: float) -> str:
+    """A time from the start of the run: seconds, and a larger unit where it helps."""
+    plain = f"{seconds:.7g} s"
+    return plain if seconds < 120 else f"{plain} ({duration(seconds)})"
+
+
+def stretch(from_s: float, to_s: float) -> str:
+    """A stretch of time from the start of the run."""
+    if from_s == to_s:
+        return f"at {moment(from_s)}"
+    return f"from {moment(from_s)} to {moment(to_s)}"
+
+
+def reading(value: float, channel: Channel) -> str:
+    """A value with its unit; a temperature to 0.01 °C, as no thermometer on a machine tells more."""
+    shown = f"{value if channel.unit != 'degC' else round(value, 2) + 0.0:.6g}"
+    return _true_minus(f"{shown} {_UNITS.get(channel.unit, channel.unit)}".rstrip())
+
+
+def difference(value: float, channel: Channel) -> str:
+    """A difference of two values with its unit: of temperatures in K."""
+    unit = "K" if channel.unit == "degC" else _UNITS.get(channel.unit, channel.unit)
+    return _true_minus(f"{value:.3g} {unit}".rstrip())
+
+
+def _true_minus(text: str) -> str:
+    return f"−{text[1:]}" if text.startswith("-") else text

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from selector.findings import Finding, Where
+from selector.quality.finding_table import FINDINGS
 from selector.quality.relations import Relations
-from selector.quality.survey import THERMAL_ROLES, Floats, Survey
-from selector.quality.wording import difference, reading
+from selector.quality.survey import THERMAL_ROLES, Floats, Survey, difference, reading
 
 
 @dataclass(frozen=True)
@@ -83,14 +83,14 @@ def wrong_temperature_units(survey: Survey) -> Iterator[Finding]:
     for mistake in _THERMAL:
         low, high = _ALL_ALIKE_C.get(mistake.name, (np.inf, np.inf))
         if low <= coldest and hottest <= high + _OFF_K and (level.size > 1 or mistake.gain == 1.0):
-            yield Finding(
+            yield FINDINGS.finding(
                 "wrong-unit",
-                "warning",
                 f"All temperatures start at {coldest:.4g} °C or more, in every run: this looks like {mistake.name} "
                 f"(then the coldest starts at {mistake.undone(coldest):.3g} °C).",
                 Where(),
                 {"coldest_start": coldest, "gain": mistake.gain, "offset": mistake.offset, "mistake": mistake.name},
                 f"If so, {mistake.remedy} for these channels in the machine file. Nothing is left out.",
+                level="warning",
             )
             return
     suspects: list[tuple[int, int, Mistake, float, str]] = []
@@ -130,9 +130,8 @@ def _told_temperatures(
             continue
         acts = bool(healthy.any())
         now = float(level[i, r])
-        yield Finding(
+        yield FINDINGS.finding(
             "wrong-unit",
-            "error" if acts else "warning",
             f"{channel.name} in run {run} starts at {reading(now, channel)}, {source} it is {middle:.3g} °C: this "
             f"looks like {mistake.name} (factor {mistake.gain:.4g}, offset {mistake.offset:.5g}; then it starts at "
             f"{mistake.undone(now):.3g} °C).",
@@ -148,6 +147,7 @@ def _told_temperatures(
             f"{mistake.remedy_in_one_run(channel.name) if acts else mistake.remedy_in_all_runs()} "
             + ("The channel is left out of this run." if acts else "Nothing is left out."),
             "leave-out-channel" if acts else "none",
+            level="error" if acts else "warning",
         )
 
 
@@ -215,27 +215,27 @@ def wrong_length_units(survey: Survey) -> Iterator[Finding]:
             mistake = _LENGTH[1]
         else:
             continue
-        yield Finding(
+        yield FINDINGS.finding(
             "wrong-unit",
-            "warning",
             f"{channel.name} moves by {difference(largest, channel)} at most, in every run, while temperatures move by "
             f"{rise:.3g} K: this looks like {mistake.name} (factor {mistake.gain:g}).",
             Where(channel.name),
             {"span_um": largest, "gain": mistake.gain, "mistake": mistake.name, "temperature_span_k": rise},
             f"If so, {mistake.remedy} for this channel in the machine file. Nothing is left out.",
+            level="warning",
         )
 
 
 def _length_finding(name: str, run: str, mistake: Mistake, span: float, usual: float, said: str) -> Finding:
-    return Finding(
+    return FINDINGS.finding(
         "wrong-unit",
-        "error",
         f"{name} in run {run} moves by {span:.3g} µm, in the other runs by {said}, and its noise is smaller or larger "
         f"by the same factor: this looks like {mistake.name} (factor {mistake.gain:.3g}).",
         Where(name, run),
         {"span_um": span, "usual_span_um": usual, "gain": mistake.gain, "mistake": mistake.name},
         f"{mistake.remedy_in_one_run(name)} The channel is left out of this run.",
         "leave-out-channel",
+        level="error",
     )
 
 

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.findings import Finding, Where
-from selector.readers.columns import ColumnNotes
-from selector.readers.lines import shown_lines
+from selector.readers.cells import ColumnNotes
+from selector.readers.finding_table import FINDINGS
+from selector.readers.text.lines import shown_lines
 
 
 def column_findings(header: str, notes: ColumnNotes, lines: NDArray[np.int64] | None, where: str) -> list[Finding]:
@@ -22,46 +23,39 @@ def column_findings(header: str, notes: ColumnNotes, lines: NDArray[np.int64] | 
         at = sorted(line(row) for rows in notes.unreadable.values() for row in rows)
         words = ", ".join(repr(word[:30]) for word in list(notes.unreadable)[:4])
         findings.append(
-            Finding(
+            FINDINGS.finding(
                 "unreadable-cells",
-                "warning",
                 f"Column {header!r} of {where} has cells that are no numbers ({words}; {shown_lines(at)}); they are "
                 "missing values.",
                 place,
                 {"words": [word[:60] for word in notes.unreadable], "lines": at[:50]},
-                "correct these cells, or tell the logger to leave missing values empty",
             )
         )
     if notes.grouped:
         findings.append(
-            Finding(
+            FINDINGS.finding(
                 "grouped-thousands",
-                "warning",
                 f"Column {header!r} of {where} has {notes.grouped[1]} number(s) such as {notes.grouped[0]!r}, read as "
                 "whole numbers with grouped thousands.",
                 place,
                 {"example": notes.grouped[0], "count": notes.grouped[1]},
-                "if this mark is the decimal mark, name it (--decimal)",
             )
         )
     if notes.other_decimal:
         findings.append(
-            Finding(
+            FINDINGS.finding(
                 "mixed-decimal",
-                "warning",
                 f"Column {header!r} of {where} has {notes.other_decimal[1]} number(s) with another decimal mark "
                 f"than the "
                 f"rest of the file, such as {notes.other_decimal[0]!r}; the mark was taken as a decimal mark.",
                 place,
                 {"example": notes.other_decimal[0], "count": notes.other_decimal[1]},
-                "export the whole file with one decimal mark",
             )
         )
     if notes.unit:
         findings.append(
-            Finding(
+            FINDINGS.finding(
                 "unit-in-cells",
-                "info",
                 f"The cells of column {header!r} of {where} carry a unit: {notes.unit!r}.",
                 place,
                 {"unit": notes.unit},
@@ -69,9 +63,8 @@ def column_findings(header: str, notes: ColumnNotes, lines: NDArray[np.int64] | 
         )
     if notes.infinite:
         findings.append(
-            Finding(
+            FINDINGS.finding(
                 "infinite-values",
-                "warning",
                 f"Column {header!r} of {where} has {notes.infinite} infinite value(s); they are missing values.",
                 place,
                 {"count": notes.infinite},
@@ -80,8 +73,8 @@ def column_findings(header: str, notes: ColumnNotes, lines: NDArray[np.int64] | 
     if notes.words:
         shown = ", ".join(f"{word} = {value:g}" for word, value in notes.words.items())
         findings.append(
-            Finding(
-                "words-as-numbers", "info", f"Column {header!r} of {where} holds words: {shown}.", place, notes.words
+            FINDINGS.finding(
+                "words-as-numbers", f"Column {header!r} of {where} holds words: {shown}.", place, notes.words
             )
         )
     return findings
@@ -89,12 +82,10 @@ def column_findings(header: str, notes: ColumnNotes, lines: NDArray[np.int64] | 
 
 def no_header_finding(where: str, headers: list[str]) -> Finding:
     """The file names no channels."""
-    return Finding(
+    return FINDINGS.finding(
         "no-header",
-        "warning",
         f"{where} has no row of channel names; the columns are called {', '.join(headers[:3])}"
         + (" …" if len(headers) > 3 else "")
         + ".",
         evidence={"columns": len(headers)},
-        suggestion="name the columns in a machine file, or the row that holds the names (--header-row)",
     )

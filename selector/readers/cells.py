@@ -1,11 +1,20 @@
-"""What one cell says: a number, a time, nothing, a broken sensor, or words."""
+"""What a cell says, and the cells of a column → numbers, or text; what stood there instead of numbers is reported."""
 
 from __future__ import annotations
 
 import functools
 import re
 import unicodedata
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
 
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from numpy.typing import NDArray
+
+from selector.readers.tables import BreakWord
 from selector.units import parse_unit
 
 _MISSING = (
@@ -108,3 +117,161 @@ def cell_kind(text: str, decimal: str) -> str:
 def plain_digits(text: str) -> str:
     """Full-width digits and typographic minus signs as ASCII."""
     return unicodedata.normalize("NFKC", text).replace("−", "-").replace("–", "-").strip()
+
+
+Text: TypeAlias = Any  # pyarrow.Array or pyarrow.ChunkedArray of strings; pyarrow has no types
+
+_ORDINARY = {
+    ".": r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?$",
+    ",": r"^[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d{1,3})?$",
+}
+
+
+@dataclass
+class ColumnNotes:
+    """What was met while the cells of a column were turned into numbers; row numbers from 0."""
+
+    unreadable: dict[str, list[int]] = field(default_factory=dict)
+    grouped: tuple[str, int] | None = None
+    other_decimal: tuple[str, int] | None = None
+    unit: str | None = None
+    infinite: int = 0
+    words: dict[str, float] = field(default_factory=dict)
+    breaks: tuple[BreakWord, ...] = ()
+
+
+def numbers_or_text(cells: Text, decimal: str) -> tuple[NDArray[np.float64] | NDArray[np.object_], ColumnNotes]:
+    """float64 values with NaN = missing if the column holds numbers (or ON/OFF words), otherwise its text.
+
+    A column counts as numbers when at least half of the cells that say anything are numbers.
+    """
+    notes = ColumnNotes()
+    quick = _cast(cells if decimal == "." else pc.replace_substring(cells, ",", "."))
+    if quick is not None and (decimal == "." or not pc.any(pc.match_substring(cells, ".")).as_py()):
+        return _finite(quick, notes), notes
+    trimmed = pc.utf8_trim(cells, '" \t\u00a0\u2007\u202f\u3000\ufeff')
+    plain = pc.if_else(pc.equal(trimmed, ""), pa.scalar(None, pa.string()), trimmed)
+    if decimal == "." or not pc.any(pc.match_substring(plain, "."), min_count=0).as_py():
+        quick = _cast(plain if decimal == "." else pc.replace_substring(plain, ",", "."))
+        if quick is not None:
+            return _finite(quick, notes), notes
+    return _word_by_word(plain, decimal, notes)
+
+
+def _cast(cells: Text) -> NDArray[np.float64] | None:
+    try:
+        values = pc.cast(cells, pa.float64())
+    except pa.ArrowInvalid:
+        return None
+    if isinstance(values, pa.ChunkedArray):
+        values = values.combine_chunks()
+    out: NDArray[np.float64] = np.array(values.to_numpy(zero_copy_only=False), dtype=np.float64)
+    return out
+
+
+def _finite(values: NDArray[np.float64], notes: ColumnNotes) -> NDArray[np.float64]:
+    infinite = np.isinf(values)
+    if infinite.any():
+        notes.infinite = int(infinite.sum())
+        values[infinite] = np.nan
+    return values
+
+
+def _word_by_word(
+    plain: Text, decimal: str, notes: ColumnNotes
+) -> tuple[NDArray[np.float64] | NDArray[np.object_], ColumnNotes]:
+    """The slow path: ordinary numbers at once, every other distinct cell is judged once."""
+    if isinstance(plain, pa.ChunkedArray):
+        plain = pa.concat_arrays(plain.chunks) if plain.num_chunks else pa.array([], pa.string())
+    ordinary = pc.fill_null(pc.match_substring_regex(plain, _ORDINARY[decimal]), False)
+    nothing = pa.scalar(None, pa.string())
+    pointed = pc.replace_substring(plain, ",", ".") if decimal == "," else plain
+    values = _cast(pc.if_else(ordinary, pointed, nothing))
+    if values is None:  # cannot happen: the pattern admits only what the cast reads
+        values = np.full(len(plain), np.nan)
+    encoded = pc.if_else(ordinary, nothing, plain).dictionary_encode()
+    words: list[str] = encoded.dictionary.to_pylist()
+    codes = np.array(pc.fill_null(encoded.indices, -1).to_numpy(zero_copy_only=False), dtype=np.int64)
+    if len(words) > 2000 and len(words) > 0.9 * (len(plain) - plain.null_count):
+        # nearly every cell is another word that is no number: stamps, which another module reads
+        shown = [_judged(word, decimal)[1] for word in words[:: len(words) // 300]]
+        if sum(kind in ("time", "text") for kind in shown) > 0.9 * len(shown):
+            stamps: NDArray[np.object_] = np.array(plain.to_pylist(), dtype=np.object_)
+            return stamps, notes
+    counts = np.bincount(codes[codes >= 0], minlength=len(words))
+    judged = [_judged(word, decimal) for word in words]
+    tally = {"number": int(pc.sum(ordinary).as_py() or 0)}
+    for (_, kind), count in zip(judged, counts, strict=True):
+        tally[kind.partition(":")[0]] = tally.get(kind.partition(":")[0], 0) + int(count)
+    numeric = sum(tally.get(kind, 0) for kind in ("number", "grouped", "other", "unit"))
+    text = sum(tally.get(kind, 0) for kind in ("text", "time", "bool"))
+    table = np.array([value for value, _ in judged] + [np.nan], dtype=np.float64)
+    if numeric == 0 and tally.get("bool", 0) > 0 and tally["bool"] == text and _two_valued(words, judged):
+        notes.words = {word: value for word, (value, kind) in zip(words, judged, strict=True) if kind == "bool"}
+        return table[codes], notes
+    if text > 0 and numeric < text:
+        words_only: NDArray[np.object_] = np.array(plain.to_pylist(), dtype=np.object_)
+        return words_only, notes
+    rows_of = _rows_of(codes)
+    breaks: list[BreakWord] = []
+    for code, (word, (_, kind)) in enumerate(zip(words, judged, strict=True)):
+        if kind == "break":
+            breaks.append(BreakWord(word.strip(), rows_of(code)))
+        elif kind in ("text", "time", "bool"):
+            table[code] = np.nan
+            if len(notes.unreadable) < 20:
+                notes.unreadable[word] = [int(row) for row in rows_of(code)[:20]]
+            else:
+                notes.unreadable.setdefault("…", []).append(int(rows_of(code)[0]))
+        elif kind == "grouped":
+            notes.grouped = (notes.grouped or (word, 0))[0], tally["grouped"]
+        elif kind == "other":
+            notes.other_decimal = (notes.other_decimal or (word, 0))[0], tally["other"]
+        elif kind.startswith("unit:"):
+            notes.unit = notes.unit or kind[5:]
+    notes.breaks = tuple(breaks)
+    return _finite(np.where(codes >= 0, table[codes], values), notes), notes
+
+
+def _rows_of(codes: NDArray[np.int64]) -> Callable[[int], NDArray[np.int64]]:
+    return lambda code: np.flatnonzero(codes == code).astype(np.int64)
+
+
+def _two_valued(words: list[str], judged: list[tuple[float, str]]) -> bool:
+    values = {value for value, kind in judged if kind == "bool"}
+    return (
+        len({folded_word(w) for w, (_, k) in zip(words, judged, strict=True) if k == "bool"}) <= 2 and len(values) >= 1
+    )
+
+
+def _judged(word: str, decimal: str) -> tuple[float, str]:
+    """(value or NaN, what kind of cell it is)."""
+    cell = plain_digits(word)
+    if is_number(cell, decimal):
+        return _value(cell, decimal), "number"
+    folded = folded_word(word)
+    if not folded or folded in MISSING_WORDS:
+        return np.nan, "missing"
+    if folded in BREAK_WORDS:
+        return np.nan, "break"
+    if is_grouped_number(cell, decimal):
+        bare = "".join(c for c in cell if c.isdigit() or c in "+-" or c == decimal)
+        return _value(bare, decimal), "grouped"
+    other = "," if decimal == "." else "."
+    if is_number(cell, other):
+        return _value(cell, other), "other"
+    if folded in BOOLEAN_WORDS:
+        return BOOLEAN_WORDS[folded], "bool"
+    if is_time(cell):
+        return np.nan, "time"
+    parts = number_and_unit(cell)
+    if parts is not None and parse_unit(parts[1]) is not None:
+        for mark in (decimal, other):
+            if is_number(parts[0], mark):
+                return _value(parts[0], mark), "unit:" + parts[1]
+    return np.nan, "text"
+
+
+def _value(cell: str, decimal: str) -> float:
+    text = cell.replace(",", ".") if decimal == "," else cell
+    return float(text.lower().replace("d", "e"))

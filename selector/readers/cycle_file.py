@@ -8,17 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.errors import ReadError
-from selector.readers.encodings import decoded
+from selector.readers.clock.stamps import time_unit
 from selector.readers.layout import is_time_name
-from selector.readers.names import name_and_unit, printable_name
-from selector.readers.numeric_clock import time_unit
-from selector.readers.roles import role_guess
+from selector.readers.roles.inferred import role_guess
+from selector.readers.roles.names import name_and_unit, printable_name
+from selector.readers.text.encodings import decoded
+from selector.types import Vector
 from selector.units import convert, parse_unit, unit_for_role
-
-Vector = NDArray[np.float64]
 
 MOST_BYTES = 20_000_000
 MOST_ROWS = 10_000
@@ -33,17 +31,10 @@ _ROW = "a time and a speed"
 
 @dataclass(frozen=True)
 class CycleFile:
-    """A duty cycle as it stands in its file.
+    """A duty cycle as it stands in its file."""
 
-    Attributes
-    ----------
-    file : str
-        Name of the file, fit to be shown.
-    time_s, speed_rpm : ndarray of shape (n_rows,)
-        From each time [s] on the speed [r/min] is held; times start at 0 and increase.
-    """
-
-    file: str
+    file: str  #: Name of the file, fit to be shown
+    #: time_s and speed_rpm: (n_rows,): From each time [s] on the speed [r/min] is held; times start at 0 and increase
     time_s: Vector
     speed_rpm: Vector
 

@@ -10,14 +10,14 @@ from pathlib import Path
 
 from selector.errors import InputError, ReadError
 from selector.findings import Finding, Where
-from selector.readers.delimited import MAX_TEXT_BYTES, read_delimited
-from selector.readers.excel import read_excel
-from selector.readers.mat import read_mat
-from selector.readers.mdf import read_mdf
-from selector.readers.names import closest
-from selector.readers.parquet import read_parquet
+from selector.readers.binary.mat import read_mat
+from selector.readers.binary.parquet import read_parquet
+from selector.readers.binary.tdms import read_mdf, read_tdms
+from selector.readers.finding_table import FINDINGS
+from selector.readers.roles.names import closest
 from selector.readers.tables import Overrides, Table
-from selector.readers.tdms import read_tdms
+from selector.readers.text.delimited import MAX_TEXT_BYTES, read_delimited
+from selector.readers.workbook import read_excel
 
 MACHINE_FILE = "machine.toml"
 
@@ -143,14 +143,12 @@ def _inside(folder: Path) -> tuple[list[Path], list[Finding]]:
     findings = []
     if skipped:
         findings.append(
-            Finding(
+            FINDINGS.finding(
                 "files-skipped",
-                "info",
                 f"In {folder.name}/ {len(skipped)} file(s) are no recordings by their ending and were skipped: "
                 f"{', '.join(skipped[:6])}" + (" …" if len(skipped) > 6 else "") + ".",
                 Where(file=str(folder)),
                 {"files": skipped[:50]},
-                "name a file itself to read it whatever its ending",
             )
         )
     return files, findings

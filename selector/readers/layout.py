@@ -52,7 +52,7 @@ def is_counter_name(name: str) -> bool:
 
 
 def without_unit(header: str) -> str:
-    """The header cell without a bracketed or appended unit; see `selector.readers.roles.name_and_unit`."""
+    """The header cell without a bracketed or appended unit; see `selector.readers.roles.inferred.name_and_unit`."""
     return re.split(r"\s*[\[({<]|\s*/\s*|\s+in\s+|,\s", header.strip(), maxsplit=1)[0].strip()
 
 

@@ -11,8 +11,8 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from selector.errors import ReadError, RecordingError, UnitError
-from selector.readers.names import closest
-from selector.readers.numeric_clock import time_unit
+from selector.readers.clock.stamps import time_unit
+from selector.readers.roles.names import closest
 from selector.text_file import text_of
 from selector.units import ROLES, unit_for_role
 

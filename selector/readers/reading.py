@@ -1,28 +1,156 @@
-"""Files → a Recording, with everything that was found and guessed on the way."""
+"""Files → a Recording, with everything that was found and guessed on the way, and its description."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
 
-from selector.errors import OptionError
+from selector.errors import OptionError, ReadError
 from selector.findings import Finding, Where
-from selector.readers.assemble import assembled, condensed, placed
-from selector.readers.clock import TimeOptions
+from selector.readers.binary.optional import quiet
+from selector.readers.clock.clock import TimeOptions
+from selector.readers.clock.stamps import time_unit
 from selector.readers.files import recording_files, tables_of
+from selector.readers.finding_table import FINDINGS
 from selector.readers.machine_file import ChannelSection, Machine, MachineSection, TimeSection
 from selector.readers.machine_file import machine as machine_at
-from selector.readers.numeric_clock import time_unit
-from selector.readers.optional import quiet
-from selector.readers.plan import Plan, plan
+from selector.readers.roles.plan import Plan, Planned, plan
 from selector.readers.runs import TimedRun, split_runs, timed_run, uniquely_named
 from selector.readers.tables import Overrides
-from selector.recording import Recording
-from selector.units import CANONICAL_UNITS
+from selector.recording import Channel, Recording
+from selector.units import CANONICAL_UNITS, to_canonical
+
+
+def assembled(runs: Sequence[TimedRun], planned: Plan) -> tuple[Recording, list[Finding]]:
+    """The recording in canonical units, and what there is to say about values.
+
+    Raises
+    ------
+    ReadError
+        A run has no value in any channel.
+    """
+    channels = [channel_of(p) for p in planned.channels]
+    names = [c.name for c in channels]
+    findings: list[Finding] = []
+    parts: list[NDArray[np.float64]] = []
+    provenance: dict[str, Any] = {}
+    for run in runs:
+        by_header = {column.header: column.values for column in run.columns}
+        values = np.full((len(run.time_s), len(channels)), np.nan)
+        for k, channel in enumerate(planned.channels):
+            header = channel.headers.get(run.name)
+            if header is None:
+                continue
+            with np.errstate(all="ignore"):
+                values[:, k] = to_canonical(by_header[header], channel.units[run.name], channel.role)
+        values[~np.isfinite(values)] = np.nan
+        empty = np.isnan(values).all(axis=0)
+        if empty.all():
+            raise ReadError(
+                f"no value in any of the channels {', '.join(names[:10])}",
+                expected="numbers in at least one channel",
+                where=run.file.name,
+                advice="check the decimal mark and the columns, or leave this file out",
+            )
+        findings += [
+            _empty_channel(name, run.name)
+            for name, channel, nothing in zip(names, planned.channels, empty, strict=True)
+            if nothing and run.name in channel.headers
+        ]
+        parts.append(values)
+        provenance[run.name] = _provenance(run)
+    frame = pd.DataFrame(
+        np.concatenate(parts),
+        columns=names,
+        index=pd.MultiIndex.from_arrays(
+            [
+                np.repeat(np.array([run.name for run in runs], dtype=object), [len(p) for p in parts]),
+                np.concatenate([run.time_s for run in runs]),
+            ],
+            names=["run", "time_s"],
+        ),
+    )
+    return Recording(frame, tuple(channels), {"runs": provenance}), findings
+
+
+def channel_of(planned: Planned) -> Channel:
+    """The channel as the recording holds it."""
+    return Channel(
+        planned.name, planned.role, CANONICAL_UNITS[planned.role], planned.place, planned.axis, planned.xyz_m
+    )
+
+
+def _provenance(run: TimedRun) -> dict[str, Any]:
+    return {
+        "file": str(run.file),
+        "sha256": run.sha256,
+        "start": run.start,
+        "first_stamp_s": run.first_s,
+        "time_columns": list(run.clock.columns),
+        "time_unit": run.clock.unit,
+        "time_guessed": list(run.clock.guessed),
+        "reading": dict(run.table.reading),
+    }
+
+
+def _empty_channel(name: str, run: str) -> Finding:
+    return FINDINGS.finding(
+        "empty-channel",
+        f"Channel {name!r} has no value in run {run!r}.",
+        Where(channel=name, run=run),
+        {},
+        "leave the channel or the run out",
+        "leave-out-stretch",
+        level="warning",
+    )
+
+
+def placed(runs: Sequence[TimedRun], planned: Plan) -> list[Finding]:
+    """Findings of all runs with the names of run and channel; those about columns that were not read are left away."""
+    out: list[Finding] = []
+    for run in runs:
+        channel_of_header = {p.headers[run.name]: p.name for p in planned.channels if run.name in p.headers}
+        for finding in run.findings:
+            header = finding.where.channel
+            if header is not None and header not in channel_of_header and header not in run.clock.columns:
+                continue
+            channel = channel_of_header.get(header) if header is not None else None
+            where = replace(finding.where, channel=channel or header, run=run.name, file=run.file.name)
+            out.append(replace(finding, where=where))
+    return out
+
+
+def condensed(findings: Sequence[Finding]) -> tuple[Finding, ...]:
+    """One finding in place of many that say the same of more than three runs, the first to be worst."""
+    groups: dict[tuple[str, str, str | None], list[Finding]] = {}
+    for finding in findings:
+        groups.setdefault((finding.id, finding.level, finding.where.channel), []).append(finding)
+    out: list[Finding] = []
+    for members in groups.values():
+        runs = list(dict.fromkeys(m.where.run for m in members if m.where.run is not None))
+        timed = any(m.where.from_s is not None for m in members)
+        if len(runs) <= 3 or timed or len(runs) < len(members):
+            out += members
+            continue
+        first = members[0]
+        more = f" The same holds for {len(runs) - 1} more runs ({', '.join(runs[1:5])}{' …' if len(runs) > 5 else ''})."
+        out.append(
+            replace(
+                first,
+                statement=first.statement + more,
+                where=replace(first.where, run=None, file=None),
+                evidence={**first.evidence, "runs": runs},
+            )
+        )
+    rank = {"error": 0, "warning": 1, "info": 2}
+    return tuple(sorted(out, key=lambda finding: rank[finding.level]))
+
 
 _SHOWN_READING = ("format", "encoding", "separator", "decimal", "skipped_rows", "unit_row")
 
@@ -67,40 +195,21 @@ class ChannelInfo:
 
 @dataclass(frozen=True)
 class Reading:
-    """What was read and how.
+    """What was read and how."""
 
-    Attributes
-    ----------
-    recording : Recording
-        All runs.
-    findings : tuple of Finding
-        The worst first.
-    runs : tuple of RunInfo
-    channels : tuple of ChannelInfo
-    reading : mapping
-        Format, encoding, separator, decimal mark, skipped_rows, unit_row of the first file; `per_run` holds the others
-        where they differ; `time` says which column is the clock, its unit, and what of it was guessed.
-    machine : Machine or None
-        The machine file that was used.
-    undeclared : mapping of str to str
-        Columns that are no channels, and why.
-    machine_file : str or None
-        Where the machine file was read.
-    """
-
-    recording: Recording
-    findings: tuple[Finding, ...]
+    recording: Recording  #: All runs
+    findings: tuple[Finding, ...]  #: The worst first
     runs: tuple[RunInfo, ...]
     channels: tuple[ChannelInfo, ...]
+    #: Format, encoding, separator, decimal mark, skipped_rows, unit_row of the first file; `per_run` holds the others
+    #: where they differ; `time` says which column is the clock, its unit, and what of it was guessed
     reading: Mapping[str, Any]
-    machine: Machine | None = None
-    undeclared: Mapping[str, str] = field(default_factory=dict)
-    machine_file: str | None = None
+    machine: Machine | None = None  #: The machine file that was used
+    undeclared: Mapping[str, str] = field(default_factory=dict)  #: Columns that are no channels, and why
+    machine_file: str | None = None  #: Where the machine file was read
 
     def description(self) -> dict[str, Any]:
         """The `selector.description/1` contract as JSON values."""
-        from selector.readers.description import description
-
         return description(self)
 
 
@@ -155,12 +264,10 @@ def read(paths: Sequence[Path], machine: Path | Machine | None = None, overrides
 
 
 def _machine_found(path: Path) -> Finding:
-    return Finding(
+    return FINDINGS.finding(
         "machine-file-found",
-        "info",
         f"The machine file {path.name} in the folder of the recordings was used.",
         Where(file=str(path)),
-        suggestion="name another one (--machine) to use that instead",
     )
 
 
@@ -274,3 +381,49 @@ def _is_clock_said(reading: Reading) -> bool:
 
 def _times(reading: Reading) -> list[Mapping[str, Any]]:
     return [reading.reading["time"], *(own["time"] for own in reading.reading.get("per_run", {}).values())]
+
+
+def description(reading: Reading) -> dict[str, Any]:
+    """JSON values only.
+
+    `place`, `axis` and `xyz` of a channel appear where they are known, `unit_per_run` where its runs have different
+    units.
+    """
+    return {
+        "schema": "selector.description/1",
+        "runs": [
+            {
+                "run": run.name,
+                "file": run.file,
+                "sha256": run.sha256,
+                "rows": run.rows,
+                "duration_s": run.duration_s,
+                "period_s": run.period_s,
+                "start": run.start,
+            }
+            for run in reading.runs
+        ],
+        "channels": [_channel(channel) for channel in reading.channels],
+        "reading": dict(reading.reading),
+        "findings": [finding.as_dict() for finding in reading.findings],
+    }
+
+
+def _channel(channel: ChannelInfo) -> dict[str, Any]:
+    out: dict[str, Any] = {
+        "name": channel.name,
+        "column": channel.column,
+        "role": channel.role,
+        "unit": channel.unit,
+        "unit_in_file": channel.unit_in_file,
+        "guessed": list(channel.guessed),
+    }
+    if channel.units_of_runs:
+        out["unit_per_run"] = dict(channel.units_of_runs)
+    if channel.place is not None:
+        out["place"] = channel.place
+    if channel.axis is not None:
+        out["axis"] = channel.axis
+    if channel.xyz_m is not None:
+        out["xyz"] = list(channel.xyz_m)
+    return out

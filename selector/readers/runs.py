@@ -14,45 +14,29 @@ from numpy.typing import NDArray
 
 from selector.errors import ReadError
 from selector.findings import Finding, Where
-from selector.readers.clock import Clock, TimeOptions, clock
-from selector.readers.names import folded_name, printable_name
+from selector.readers.clock.clock import Clock, TimeOptions, clock
+from selector.readers.clock.ticking import ticks
+from selector.readers.finding_table import FINDINGS, UNREADABLE_CELLS
+from selector.readers.roles.names import folded_name, printable_name
 from selector.readers.tables import BreakWord, Column, Table
-from selector.readers.ticking import ticks
 
 _RUN_COLUMNS = frozenset({"run", "runid", "runno", "runname", "lauf"})
 
 
 @dataclass(frozen=True)
 class TimedRun:
-    """One run before roles and units.
+    """One run before roles and units."""
 
-    Attributes
-    ----------
-    name, file, sha256 : str, Path, str
-        Name of the run, where it was read, and the hash of that file.
-    time_s : ndarray of shape (n_samples,)
-        Strictly increasing, 0 at the first sample.
-    columns : tuple of Column
-        Those with numbers, on these samples; without `breaks`.
-    texts : tuple of str
-        Headers of the columns without numbers.
-    clock : Clock
-        Where the time came from.
-    first_s : float
-        The file's own relative clock at the first sample [s].
-    start : str or None
-        Absolute start, ISO 8601.
-    """
-
+    #: name, file and sha256: Name of the run, where it was read, and the hash of that file
     name: str
     file: Path
     sha256: str
-    time_s: NDArray[np.float64]
-    columns: tuple[Column, ...]
-    texts: tuple[str, ...]
-    clock: Clock
-    first_s: float
-    start: str | None
+    time_s: NDArray[np.float64]  #: (n_samples,): Strictly increasing, 0 at the first sample
+    columns: tuple[Column, ...]  #: Those with numbers, on these samples; without `breaks`
+    texts: tuple[str, ...]  #: Headers of the columns without numbers
+    clock: Clock  #: Where the time came from
+    first_s: float  #: The file's own relative clock at the first sample [s]
+    start: str | None  #: Absolute start, ISO 8601
     table: Table
     findings: tuple[Finding, ...]
 
@@ -87,7 +71,7 @@ def timed_run(table: Table, sha256: str, options: TimeOptions) -> TimedRun:
         raise _too_short(table, len(result.time_s))
     values = _averaged(matrix[result.rows], result.groups, len(result.time_s))
     # what is wrong with cells of the time column is told by the rows that have no time
-    own = [f for f in table.findings if not (f.id == "unreadable-cells" and f.where.channel in told.columns)]
+    own = [f for f in table.findings if not (f.id == UNREADABLE_CELLS and f.where.channel in told.columns)]
     findings = [*own, *told.findings, *result.findings]
     sample_of_row = np.full(len(table), -1, dtype=np.int64)
     sample_of_row[result.rows] = result.groups
@@ -147,9 +131,8 @@ def _breaks(
         first, last = int(samples.min()), int(samples.max())
         to_end = last == len(time_s) - 1
         findings.append(
-            Finding(
+            FINDINGS.finding(
                 "sensor-break",
-                "warning",
                 f"Column {column.header!r} of {table.file.name} says {broken.word!r} {len(samples)} time(s), first at "
                 f"{time_s[first]:g} s ({table.line(int(broken.rows[0]))})"
                 + (", up to the end of the run" if to_end and len(samples) > 1 else f", last at {time_s[last]:g} s")
@@ -158,6 +141,7 @@ def _breaks(
                 {"word": broken.word, "count": len(samples), "share": len(samples) / len(time_s)},
                 "check the sensor and its cable; leave the channel out if it is broken for long",
                 "leave-out-stretch",
+                level="warning",
             )
         )
     return findings
@@ -200,9 +184,8 @@ def split_runs(table: Table, declared: Sequence[str]) -> list[Table]:
         return [table]
     findings = (
         *table.findings,
-        Finding(
+        FINDINGS.finding(
             "run-column",
-            "info",
             f"Column {column.header!r} of {table.file.name} tells {len(names)} runs apart: {', '.join(names[:8])}"
             + (" …" if len(names) > 8 else "")
             + ".",
@@ -253,24 +236,20 @@ def uniquely_named(runs: Sequence[TimedRun]) -> tuple[list[TimedRun], list[Findi
     findings: list[Finding] = []
     if any(name != own.name for name, own in zip(names, out, strict=True)):
         findings.append(
-            Finding(
+            FINDINGS.finding(
                 "runs-renamed",
-                "info",
                 "Several files have the same name; the runs are called " + ", ".join(run.name for run in out[:8]) + ".",
                 evidence={"runs": [run.name for run in out]},
-                suggestion="give the files different names",
             )
         )
     changed = [new.name for old, name, new in zip(runs, names, out, strict=True) if name != old.name]
     if changed:
         findings.append(
-            Finding(
+            FINDINGS.finding(
                 "run-name-changed",
-                "info",
                 f"{len(changed)} name(s) of runs are too long or have characters that cannot be shown; these runs are "
                 f"called {', '.join(repr(name) for name in changed[:8])}.",
                 evidence={"runs": changed},
-                suggestion="rename the files",
             )
         )
     return out, findings

@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 
 from selector.errors import InputError, ReadError, RecordingError
 from selector.findings import Finding, Where
-from selector.readers.assemble import channel_of, condensed, placed
+from selector.readers.binary.optional import quiet
+from selector.readers.binary.parquet import column_of, damaged, field_unit
 from selector.readers.files import recording_files
+from selector.readers.finding_table import FINDINGS, MISSING_STAMPS, REPEATED_STAMPS
 from selector.readers.machine_file import Machine
 from selector.readers.machine_file import machine as machine_at
-from selector.readers.optional import quiet
-from selector.readers.parquet import column_of, damaged, field_unit
-from selector.readers.plan import Planned, plan
-from selector.readers.reading import time_options
+from selector.readers.reading import channel_of, condensed, placed, time_options
+from selector.readers.roles.plan import Planned, plan
 from selector.readers.runs import TimedRun, timed_run, uniquely_named
 from selector.readers.tables import Column, Overrides, Table, checked_width, unique_headers
 from selector.recording import Channel
@@ -173,16 +173,15 @@ class ParquetSource:
 
     def _tell(self, run: str, clock: _Ticker) -> None:
         for kind, count, statement in (
-            ("missing-stamps", clock.missing, "have no time"),
-            ("repeated-stamps", clock.repeated, "have the stamp of the row before"),
+            (MISSING_STAMPS, clock.missing, "have no time"),
+            (REPEATED_STAMPS, clock.repeated, "have the stamp of the row before"),
         ):
             if count and (run, kind) not in self._told:
                 self._told.add((run, kind))
                 name = self._runs[run].file.name
                 self._findings.append(
-                    Finding(
+                    FINDINGS.finding(
                         kind,
-                        "warning",
                         f"{count} row(s) of {name} {statement}; they were left out.",
                         Where(run=run, file=name),
                         {"count": count},

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from selector.csv_text import as_written
 from selector.errors import ReadError
 from selector.findings import Finding
+from selector.readers.finding_table import FINDINGS
 
 MAX_COLUMNS = 10_000
 """A recording with more columns than this is a mistake in the separator or a matrix stored the wrong way round."""
@@ -23,39 +24,23 @@ MAX_CELLS = 600_000_000
 
 @dataclass(frozen=True)
 class Overrides:
-    """What the user decides instead of the reader; None or empty = the reader finds out.
+    """What the user decides instead of the reader; None or empty = the reader finds out."""
 
-    Attributes
-    ----------
-    encoding, separator, decimal : str or None
-        Of delimited text. `separator` may be ``"tab"`` or ``"blank"``.
-    header_row : int or None
-        Line (text) or row (Excel) of the channel names, counted from 1; 0 = there is none.
-    sheet : str or None
-        Excel sheet, TDMS group or MAT variable to read.
-    time_column, time_unit : str or None
-        Name of the time column; a unit of time or ``"datetime"``.
-    date_order : {"dmy", "mdy", "ymd"} or None
-        Order of day, month and year in dates.
-    period_s : float or None
-        Sampling period [s] of a recording without a time column.
-    units, roles : mapping
-        Unit and role by channel or column name.
-    partial : bool
-        Whether channels of the machine file may be lacking in all files, as in a simulation of some channels only.
-    """
-
+    #: encoding, separator and decimal: Of delimited text. `separator` may be ``"tab"`` or ``"blank"``.
     encoding: str | None = None
     separator: str | None = None
     decimal: str | None = None
-    header_row: int | None = None
-    sheet: str | None = None
+    header_row: int | None = None  #: Line (text) or row (Excel) of the channel names, counted from 1; 0 = there is none
+    sheet: str | None = None  #: Excel sheet, TDMS group or MAT variable to read
+    #: time_column and time_unit: Name of the time column; a unit of time or ``"datetime"``
     time_column: str | None = None
     time_unit: str | None = None
-    date_order: str | None = None
-    period_s: float | None = None
+    date_order: str | None = None  #: {"dmy", "mdy", "ymd"} or None: Order of day, month and year in dates
+    period_s: float | None = None  #: Sampling period [s] of a recording without a time column
+    #: units and roles: Unit and role by channel or column name
     units: Mapping[str, str] = field(default_factory=dict)
     roles: Mapping[str, str] = field(default_factory=dict)
+    #: Whether channels of the machine file may be lacking in all files, as in a simulation of some channels only
     partial: bool = False
 
 
@@ -69,27 +54,13 @@ class BreakWord:
 
 @dataclass(frozen=True)
 class Column:
-    """One column as it stands in the file.
+    """One column as it stands in the file."""
 
-    Attributes
-    ----------
-    header : str
-        The header cell, blanks at the ends removed; unique in its table.
-    values : ndarray of shape (n_rows,)
-        float64 with NaN = missing, datetime64[ns], or object (str or None) for text.
-    unit : str or None
-        Unit as written in a unit row or in the metadata of the file (not in the header cell).
-    breaks : tuple of BreakWord
-        Sensor-break words that became NaN.
-    description : str or None
-        Comment or place that the file gives for this column.
-    """
-
-    header: str
-    values: NDArray[Any]
-    unit: str | None = None
-    breaks: tuple[BreakWord, ...] = ()
-    description: str | None = None
+    header: str  #: The header cell, blanks at the ends removed; unique in its table
+    values: NDArray[Any]  #: (n_rows,): float64 with NaN = missing, datetime64[ns], or object (str or None) for text
+    unit: str | None = None  #: Unit as written in a unit row or in the metadata of the file (not in the header cell)
+    breaks: tuple[BreakWord, ...] = ()  #: Sensor-break words that became NaN
+    description: str | None = None  #: Comment or place that the file gives for this column
 
     @property
     def kind(self) -> str:
@@ -99,36 +70,18 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """One table of a file, which is one run.
+    """One table of a file, which is one run."""
 
-    Attributes
-    ----------
-    name : str
-        Name proposed for the run.
-    file : Path
-        Where it was read.
-    columns : tuple of Column
-        All of the same length.
-    reading : mapping
-        How the file was read: format, encoding, separator, decimal, skipped_rows, unit_row, ...
-    findings : tuple of Finding
-        What was noticed; `where.run` is filled in by the assembly.
-    lines : ndarray of shape (n_rows,) or None
-        Line or row number in the file of every row, for messages.
-    time_s : ndarray or None
-        Seconds of the file's own clock, if the format has one outside of its columns (TDMS, MDF).
-    start : numpy.datetime64 or None
-        Absolute time of ``time_s == 0`` in that case.
-    """
-
-    name: str
-    file: Path
-    columns: tuple[Column, ...]
+    name: str  #: Name proposed for the run
+    file: Path  #: Where it was read
+    columns: tuple[Column, ...]  #: All of the same length
+    #: How the file was read: format, encoding, separator, decimal, skipped_rows, unit_row, ..
     reading: Mapping[str, Any]
-    findings: tuple[Finding, ...] = ()
-    lines: NDArray[np.int64] | None = None
+    findings: tuple[Finding, ...] = ()  #: What was noticed; `where.run` is filled in by the assembly
+    lines: NDArray[np.int64] | None = None  #: (n_rows,): Line or row number in the file of every row, for messages
+    #: Seconds of the file's own clock, if the format has one outside of its columns (TDMS, MDF)
     time_s: NDArray[np.float64] | None = None
-    start: np.datetime64 | None = None
+    start: np.datetime64 | None = None  #: Absolute time of ``time_s == 0`` in that case
 
     def __len__(self) -> int:
         return len(self.columns[0].values) if self.columns else 0
@@ -181,14 +134,12 @@ def unique_headers(headers: list[str], where: str) -> tuple[list[str], list[Find
         unique.append(name)
     for text, names in repeated.items():
         findings.append(
-            Finding(
+            FINDINGS.finding(
                 "duplicate-header",
-                "warning",
                 f"{len(names) + 1} columns of {where} are called {text!r}; the later ones are read as "
                 + ", ".join(names)
                 + ".",
                 evidence={"column": text, "read_as": names},
-                suggestion="give every channel its own name in the file, or refer to the new names in the machine file",
             )
         )
     return unique, findings

@@ -10,7 +10,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.models.subsets import best_sensor_sets, best_subsets
+from selector.models.best_subsets.sensor_sets import best_sensor_sets
+from selector.models.best_subsets.subsets import best_subsets
 from selector.models.validation import within_one_standard_error
 from selector.selection.library import Bench, Shape
 from selector.selection.options import MAX_CANDIDATES, Question
@@ -35,26 +36,14 @@ class SensorSet:
 
 @dataclass(frozen=True)
 class Screening:
-    """One way of grouping, carried through to representatives.
+    """One way of grouping, carried through to representatives."""
 
-    Attributes
-    ----------
-    level : float
-        λ of the first round.
-    rounds : tuple of ScreeningRound
-    representatives : tuple of str
-        Those of the last round.
-    f : FStatistic or None
-        Of the first round's partition.
-    error : float
-        Held-out error of the best linear set of representatives, relative to the spread of the displacement; NaN
-        until it is known.
-    """
-
-    level: float
+    level: float  #: λ of the first round
     rounds: tuple[ScreeningRound, ...]
-    representatives: tuple[str, ...]
-    f: FStatistic | None
+    representatives: tuple[str, ...]  #: Those of the last round
+    f: FStatistic | None  #: Of the first round's partition
+    #: Held-out error of the best linear set of representatives, relative to the spread of the displacement; NaN until
+    #: it is known
     error: float = float("nan")
 
 

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.models.memory import time_constant_grid
+from selector.models.design import time_constant_grid
 from selector.models.validation import within_one_standard_error
 from selector.selection.candidates import Candidates, SensorSet, sets_with_terms
 from selector.selection.library import Bench, Shape
@@ -26,27 +26,15 @@ PROMISING = 40
 
 @dataclass(frozen=True)
 class Trial:
-    """A set with a shape, and how it did.
-
-    Attributes
-    ----------
-    set : SensorSet
-    shape : Shape
-    n_terms : int
-    errors : ndarray of shape (n_groups,)
-        Held-out mean squared error of each inner group, relative to the variance of the displacement.
-    error : float
-        The same over all groups, as a root.
-    adjusted_r2 : float
-        In sample, mean over the responses; NaN unless sets are ranked by it.
-    """
+    """A set with a shape, and how it did."""
 
     set: SensorSet
     shape: Shape
     n_terms: int
+    #: (n_groups,): Held-out mean squared error of each inner group, relative to the variance of the displacement
     errors: NDArray[np.float64]
-    error: float
-    adjusted_r2: float
+    error: float  #: The same over all groups, as a root
+    adjusted_r2: float  #: In sample, mean over the responses; NaN unless sets are ranked by it
 
 
 @dataclass(frozen=True)

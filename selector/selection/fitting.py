@@ -1,18 +1,19 @@
-"""From a choice to coefficients: the final fit, and the predictions for what a fit has not seen."""
+"""From a choice to coefficients: the final fit, fits without each sensor, and what the fit has met."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from selector.models.design import Datum, Design
+from selector.models.design import Datum, Design, Rows, rows_of
 from selector.models.least_squares import FittedModel, fit
-from selector.models.rows import Rows, rows_of
 from selector.models.terms import Scaling, Term, design_matrix
+from selector.models.validity import validity_hull
 from selector.recording import RunSource
 from selector.selection.choice import Trial
 from selector.selection.library import Shape
@@ -166,3 +167,145 @@ def _columns(recipe: Recipe, rows: Rows, scaling: Scaling | None = None) -> NDAr
     scaling = scaling or recipe.scaling(rows)
     columns = design_matrix(scaling.scaled(rows.variables), scaling.variables, recipe.terms)
     return np.column_stack([np.ones(len(columns)), columns])
+
+
+@dataclass(frozen=True)
+class Fallback:
+    """The model without one input."""
+
+    without: str  #: The sensor, or the spindle speed
+    recipe: Recipe
+    models: Mapping[str, FittedModel]  #: One per response
+    #: Per response, on the parts that were left out of the fit; NaN where nothing was left out
+    heldout_rmse_um: Mapping[str, float]
+
+
+def fallbacks_of(
+    question: Question, recipe: Recipe, source: RunSource, runs: Sequence[str], parts: Sequence[Part], ridge: float
+) -> tuple[Fallback, ...]:
+    """One fallback per input of a model, on the same time constants; none for an input without which none is left."""
+    found = []
+    for name in recipe.design.inputs:
+        rest = _without(question, recipe.design.datum, recipe, name)
+        if rest is None:
+            continue
+        rows = rows_of(source, rest.design, runs)
+        squares, n = np.zeros(len(rest.design.responses)), 0
+        for part in parts:
+            unseen, training = rows.only(part.unseen(rows)), rows.only(part.training(rows))
+            error = unseen.responses - predictions(rest, training, unseen, ridge=ridge)
+            squares += (error**2).sum(axis=0)
+            n += len(error)
+        rmse = np.sqrt(squares / n) if n else np.full(len(squares), np.nan)
+        found.append(
+            Fallback(
+                name,
+                rest,
+                final_models(rest, rows, ridge=ridge),
+                dict(zip(rest.design.responses, map(float, rmse), strict=True)),
+            )
+        )
+    return tuple(found)
+
+
+def _without(question: Question, datum: Datum, recipe: Recipe, name: str) -> Recipe | None:
+    sensors = tuple(sensor for sensor in recipe.sensors if sensor != name)
+    shape, speeds = recipe.shape, tuple(speed for speed in question.speeds if speed != name)
+    if name in question.speeds and not speeds:
+        shape = replace(shape, speed_taus_s=())
+    if not sensors:
+        return None
+    return Recipe.of(replace(question, speeds=speeds), datum, sensors, shape)
+
+
+READING_POINTS = 300
+"""Samples of one run, evenly spaced; the extremes of every variable and displacement are kept beside them."""
+
+MOST_RUNS = 20
+MOST_JUDGED = 1200
+"""Samples of all runs of which the distance to the other runs is computed: each costs about a millisecond."""
+
+DIGITS = 4
+"""Decimals [K, °C, rpm, µm, s]: they are for pictures, and results hold them as text."""
+
+
+@dataclass(frozen=True)
+class Readings:
+    """Samples of one run, thinned."""
+
+    run: str
+    n_samples: int  #: Of the run, before thinning
+    time_s: NDArray[np.float64]  #: (n_kept,)
+    #: (n_kept, n_variables): Inputs and lags of the model, as its design has them (rises, or readings)
+    variables: NDArray[np.float64]
+    displacement_um: NDArray[np.float64]  #: (n_kept, n_responses)
+    #: (n_kept,): Distance to the hull of all that is not left out together with the sample, in standard deviations of
+    #: the inputs; 0 inside, NaN where it was not computed
+    beyond_others: NDArray[np.float64]
+
+    def as_dict(self, variables: Sequence[str], responses: Sequence[str]) -> dict[str, Any]:
+        """JSON form, with the names of the columns."""
+        return {
+            "run": self.run,
+            "n_samples": self.n_samples,
+            "time_s": self.time_s.tolist(),
+            "variables": dict(zip(variables, self.variables.T.tolist(), strict=True)),
+            "displacement_um": dict(zip(responses, self.displacement_um.T.tolist(), strict=True)),
+            "beyond_others": self.beyond_others.tolist(),
+        }
+
+
+def kept_readings(rows: Rows, parts: Sequence[Part]) -> tuple[Readings, ...]:
+    """At most `MOST_RUNS` runs: those with an extreme of any column, and others evenly between them.
+
+    Parameters
+    ----------
+    rows : Rows
+        The samples of the fit.
+    parts : sequence of Part
+        What is left out in turn.
+    """
+    columns = np.column_stack([rows.variables, rows.responses])
+    present = np.unique(rows.run)
+    extreme = np.unique(rows.run[_extremes(columns)])
+    others = np.setdiff1d(present, extreme)
+    runs = np.union1d(extreme, others[evenly(len(others), MOST_RUNS - len(extreme))])
+    at_run = [at[telling_samples(columns[at], READING_POINTS)] for at in (np.flatnonzero(rows.run == r) for r in runs)]
+    judged = [at[evenly(len(at), MOST_JUDGED // len(runs))] for at in at_run]
+    beyond = _beyond_others(rows, parts, np.concatenate(judged))
+    return tuple(
+        Readings(
+            rows.runs[r],
+            int((rows.run == r).sum()),
+            *(np.round(course[at], DIGITS) for course in (rows.time_s, rows.variables, rows.responses, beyond)),
+        )
+        for r, at in zip(runs.tolist(), at_run, strict=True)
+    )
+
+
+def telling_samples(columns: NDArray[np.float64], points: int) -> NDArray[np.int64]:
+    """Positions of samples, evenly spaced, with the lowest and the highest of every column beside them."""
+    return np.union1d(evenly(len(columns), points), _extremes(columns))
+
+
+def evenly(n: int, most: int) -> NDArray[np.int64]:
+    """At most so many of `n` positions, the first and the last among them."""
+    return np.unique(np.linspace(0, n - 1, min(max(most, 0), n)).astype(np.int64))
+
+
+def _extremes(columns: NDArray[np.float64]) -> NDArray[np.int64]:
+    return np.unique(np.concatenate([columns.argmin(axis=0), columns.argmax(axis=0)]))
+
+
+def _beyond_others(rows: Rows, parts: Sequence[Part], judged: NDArray[np.int64]) -> NDArray[np.float64]:
+    distance = np.full(len(rows.run), np.nan)
+    kept = {rows.runs[r] for r in np.unique(rows.run[judged]).tolist()}
+    for part in parts:
+        # of thousands of runs only some are kept, and to look for the samples of each takes a pass over all of them
+        if kept.isdisjoint(part.runs):
+            continue
+        mine = np.intersect1d(judged, np.flatnonzero(part.unseen(rows)))
+        training = part.training(rows)
+        if len(mine) and training.any():
+            distance[mine] = validity_hull(rows.variables[training]).distance(rows.variables[mine])
+    return distance

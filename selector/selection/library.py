@@ -9,10 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.models.design import Columns, Datum, Design
-from selector.models.memory import Lag
+from selector.models.best_subsets.results import adjusted_r2
+from selector.models.design import Columns, Datum, Design, Lag
 from selector.models.moments import Moments, centred, coefficients, moments, scaling_of, squared_error
-from selector.models.subset_scores import adjusted_r2
 from selector.models.terms import Form, Term
 from selector.models.validation import LeaveOneOut, inner_grouping, response_power
 from selector.recording import RunSource
@@ -22,20 +21,11 @@ ROUNDING = 1e-10
 
 @dataclass(frozen=True)
 class Shape:
-    """What a set of sensors brings into the model.
+    """What a set of sensors brings into the model."""
 
-    Attributes
-    ----------
-    form : Form
-        Polynomial terms in the sensors.
-    sensor_taus_s : tuple of float
-        Each sensor brings a lag with each of these time constants [s].
-    speed_taus_s : tuple of float
-        The spindle speed comes in, at once and lagged with these time constants [s].
-    """
-
-    form: Form = field(default_factory=Form)
-    sensor_taus_s: tuple[float, ...] = ()
+    form: Form = field(default_factory=Form)  #: Polynomial terms in the sensors
+    sensor_taus_s: tuple[float, ...] = ()  #: Each sensor brings a lag with each of these time constants [s]
+    #: The spindle speed comes in, at once and lagged with these time constants [s]
     speed_taus_s: tuple[float, ...] = ()
 
     @property
@@ -71,19 +61,10 @@ def key_of(term: Term) -> tuple[tuple[str, int], ...]:
 
 @dataclass(frozen=True)
 class Library:
-    """Cross-products of many terms on every fold.
-
-    Attributes
-    ----------
-    moments : Moments
-    position : dict
-        Column of each term.
-    responses : tuple of str
-    speeds : tuple of str
-    """
+    """Cross-products of many terms on every fold."""
 
     moments: Moments
-    position: dict[tuple[tuple[str, int], ...], int]
+    position: dict[tuple[tuple[str, int], ...], int]  #: Column of each term
     responses: tuple[str, ...]
     speeds: tuple[str, ...]
 
@@ -110,22 +91,12 @@ class Library:
 
 @dataclass(frozen=True)
 class Bench:
-    """A library restricted to the folds that a choice may see, ready to test sets on them.
-
-    Attributes
-    ----------
-    library : Library
-    total : ndarray of shape (k, k)
-        Cross-products of [1, terms, responses] over the rows of the folds.
-    leave_one_out : LeaveOneOut
-    power : ndarray of shape (n_responses,)
-        Variance of each response [µm²].
-    """
+    """A library restricted to the folds that a choice may see, ready to test sets on them."""
 
     library: Library
-    total: NDArray[np.float64]
+    total: NDArray[np.float64]  #: (k, k): Cross-products of [1, terms, responses] over the rows of the folds
     leave_one_out: LeaveOneOut
-    power: NDArray[np.float64]
+    power: NDArray[np.float64]  #: (n_responses,): Variance of each response [µm²]
 
     @classmethod
     def of(cls, library: Library, folds: Sequence[int]) -> Bench:

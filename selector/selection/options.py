@@ -13,66 +13,48 @@ from selector.models.terms import Form
 from selector.recording import SENSOR_ROLES, RunSource
 
 MAX_ROUNDS = 20
+_LARGEST_SEED = 2**53
 MAX_CANDIDATES = 12
 """Representatives that a search over products is made of; more are first thinned by the linear search."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """Options of `selector.selection.select`; the command line has the same ones under the same names.
+    """Options of `selector.selection.select`; the command line has the same ones under the same names."""
 
-    Attributes
-    ----------
-    responses : tuple of str
-        Displacement channels; empty = all there are.
-    level : float, tuple of float, or None
-        λ of the cut, or one per round; None = chosen ("auto").
-    rounds : int
-        Rounds of screening.
-    max_sensors : int
-        Most sensors in a set.
-    degree, interactions
-        Terms that are offered to the model, see `Form`. What does not help on unseen runs is not used.
-    memory : bool
-        Offer first-order lags of the sensors and of the spindle speed.
-    reference : {"rise", "absolute"}
-        Readings as differences to the start of the run, or as they are.
-    absolute_similarity : bool
-        Group by |r|, so that a sensor and its mirror image stand together.
-    must, never : tuple of str
-        Sensors that every set contains, or none does.
-    cost : mapping of str to float
-        Cost of a sensor; 1 where nothing is said. Parsimony goes by total cost.
-    tolerance : float or None
-        The patent's parsimony: the cheapest set whose adjusted R² is within this distance of the best. None = the
-        cheapest set that predicts unseen runs as well as the best does, within one standard error.
-    ridge : bool
-        Shrink the coefficients by the amount that predicts unseen runs best.
-    conditions : mapping of str to str
-        Run → condition (e.g. "winter"): whole conditions are left out in turn instead of runs.
-    seed : int
-        For the bootstrap over runs.
-    """
-
-    responses: tuple[str, ...] = ()
-    level: float | tuple[float, ...] | None = None
-    rounds: int = 1
-    max_sensors: int = 5
+    responses: tuple[str, ...] = ()  #: Displacement channels; empty = all there are
+    level: float | tuple[float, ...] | None = None  #: λ of the cut, or one per round; None = chosen ("auto")
+    rounds: int = 1  #: Rounds of screening
+    max_sensors: int = 5  #: Most sensors in a set
+    #: degree and interactions: Terms that are offered to the model, see `Form`. What does not help on unseen runs is
+    #: not used.
     degree: int = 1
     interactions: bool = False
-    memory: bool = False
+    memory: bool = False  #: Offer first-order lags of the sensors and of the spindle speed
+    #: {"rise", "absolute"}: Readings as differences to the start of the run, or as they are
     reference: Reference = "rise"
-    absolute_similarity: bool = False
+    absolute_similarity: bool = False  #: Group by |r|, so that a sensor and its mirror image stand together
+    #: must and never: Sensors that every set contains, or none does
     must: tuple[str, ...] = ()
     never: tuple[str, ...] = ()
+    #: Cost of a sensor; 1 where nothing is said. Parsimony goes by total cost.
     cost: Mapping[str, float] = field(default_factory=dict)
+    #: The patent's parsimony: the cheapest set whose adjusted R² is within this distance of the best. None = the
+    #: cheapest set that predicts unseen runs as well as the best does, within one standard error.
     tolerance: float | None = None
-    ridge: bool = False
+    ridge: bool = False  #: Shrink the coefficients by the amount that predicts unseen runs best
+    #: Run → condition (e.g. "winter"): whole conditions are left out in turn instead of runs
     conditions: Mapping[str, str] = field(default_factory=dict)
-    seed: int = 0
+    seed: int = 0  #: For the bootstrap over runs
 
     def __post_init__(self) -> None:
         Form(self.degree, self.interactions)
+        if self.reference not in ("rise", "absolute"):
+            raise OptionError(
+                repr(self.reference), expected="rise or absolute", where="--reference", advice="leave it out for rise"
+            )
+        if not 0 <= self.seed < _LARGEST_SEED:
+            raise OptionError(str(self.seed), expected="a whole number from 0", where="--seed", advice="e.g. --seed 0")
         for level in self.levels or ():
             if not (math.isfinite(level) and 0.0 <= level <= 1.0):
                 raise OptionError(

@@ -13,8 +13,7 @@ from selector.selection.candidates import Grouping
 from selector.selection.choice import Choice, Trial
 from selector.selection.library import Bench, Library, Shape
 from selector.selection.options import Question
-from selector.selection.result import Combination, Proof
-from selector.selection.unseen_words import FIXED_SET, PROCEDURE
+from selector.selection.result import FIXED_SET, PROCEDURE, Combination, Proof
 
 BOOTSTRAP_SAMPLES = 100
 _ONE_ERROR = "one standard error of the differences run by run"

@@ -1,25 +1,28 @@
-"""The result of a selection, and its JSON form (`selector.selection/1`)."""
+"""The result of a selection, its three errors on unseen data, and its JSON form (`selector.selection/1`)."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from selector.errors import OptionError
 from selector.findings import Finding
-from selector.models.faults import FaultGain
-from selector.models.hull import ValidityHull
+from selector.models.design import rows_of
 from selector.models.least_squares import FittedModel
 from selector.models.validation import ErrorCurvePoint
+from selector.models.validity import FaultGain, ValidityHull
+from selector.recording import RunSource, thinned
 from selector.selection.candidates import Grouping
-from selector.selection.fallbacks import Fallback
-from selector.selection.fitting import Recipe
+from selector.selection.fitting import Fallback, Readings, Recipe
 from selector.selection.options import Options
-from selector.selection.readings import Readings
+
+if TYPE_CHECKING:
+    from statsmodels.regression.linear_model import RegressionResultsWrapper
 
 SCHEMA = "selector.selection/1"
 
@@ -52,43 +55,26 @@ class RunProof:
 
 @dataclass(frozen=True)
 class Trace:
-    """Measured and predicted displacement of one left-out part, for figures (thinned).
-
-    Attributes
-    ----------
-    run : str
-    time_s : ndarray of shape (n_samples,)
-    measured_um, predicted_um : ndarray of shape (n_samples, n_responses)
-    """
+    """Measured and predicted displacement of one left-out part, for figures (thinned)."""
 
     run: str
-    time_s: NDArray[np.float64]
+    time_s: NDArray[np.float64]  #: (n_samples,)
+    #: measured_um and predicted_um: (n_samples, n_responses)
     measured_um: NDArray[np.float64]
     predicted_um: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Proof:
-    """What unseen parts of the recording say.
+    """What unseen parts of the recording say."""
 
-    Attributes
-    ----------
-    left_out : {"run", "condition", "block"}
-        What was left out in turn.
-    per_response : mapping of str to tuple of RunProof
-    traces : tuple of Trace
-    curve : tuple of ErrorCurvePoint
-        Number of sensors against held-out error, sets chosen anew inside each fold.
-    baselines_um : mapping of str to mapping of str to float
-        Held-out rmse of other ways, per response: "none" (no compensation), "mean", "all sensors" (linear regression
-        on every sensor), and the same procedure with another offer: "chosen, linear", "chosen, polynomial", "chosen,
-        memory".
-    """
-
-    left_out: str
+    left_out: str  #: {"run", "condition", "block"}: What was left out in turn
     per_response: Mapping[str, tuple[RunProof, ...]]
     traces: tuple[Trace, ...]
-    curve: tuple[ErrorCurvePoint, ...]
+    curve: tuple[ErrorCurvePoint, ...]  #: Number of sensors against held-out error, sets chosen anew inside each fold
+    #: Held-out rmse of other ways, per response: "none" (no compensation), "mean", "all sensors" (linear regression on
+    #: every sensor), and the same procedure with another offer: "chosen, linear", "chosen, polynomial", "chosen,
+    #: memory"
     baselines_um: Mapping[str, Mapping[str, float]]
 
     def rmse_um(self, response: str) -> float:
@@ -104,59 +90,28 @@ class Proof:
 
 @dataclass(frozen=True)
 class Selection:
-    """Sensors kept, models, proof and reasons.
-
-    Attributes
-    ----------
-    options : Options
-    sensors : tuple of str
-        Every sensor that was considered.
-    grouping : Grouping
-    combinations : tuple of Combination
-        Best first within each response.
-    chosen : tuple of str
-    because : str
-        Why these sensors.
-    reasons : mapping of str to str
-        Why each sensor was kept or dropped.
-    recipe : Recipe
-        How the model's columns are computed.
-    models : mapping of str to FittedModel
-        One per response.
-    fit_per_run : mapping of str to mapping of str to (float, float)
-        In-sample rmse and largest error [µm] of the final model, per response and run.
-    proof : Proof
-    faults : tuple of FaultGain
-    hull : ValidityHull
-        Of the model's inputs.
-    stability : mapping of str to float
-        Share of bootstrap resamples of the runs in which each sensor (or a group mate) was chosen.
-    findings : tuple of Finding
-    provenance : mapping
-    fallbacks : tuple of Fallback
-        The model without each of its inputs, for the time when that one is broken.
-    readings : tuple of Readings
-        Some samples of some runs; none in a result of an earlier version.
-    """
+    """Sensors kept, models, proof and reasons."""
 
     options: Options
-    sensors: tuple[str, ...]
+    sensors: tuple[str, ...]  #: Every sensor that was considered
     grouping: Grouping
-    combinations: tuple[Combination, ...]
+    combinations: tuple[Combination, ...]  #: Best first within each response
     chosen: tuple[str, ...]
-    because: str
-    reasons: Mapping[str, str]
-    recipe: Recipe
-    models: Mapping[str, FittedModel]
+    because: str  #: Why these sensors
+    reasons: Mapping[str, str]  #: Why each sensor was kept or dropped
+    recipe: Recipe  #: How the model's columns are computed
+    models: Mapping[str, FittedModel]  #: One per response
+    #: In-sample rmse and largest error [µm] of the final model, per response and run
     fit_per_run: Mapping[str, Mapping[str, tuple[float, float]]]
     proof: Proof
     faults: tuple[FaultGain, ...]
-    hull: ValidityHull
+    hull: ValidityHull  #: Of the model's inputs
+    #: Share of bootstrap resamples of the runs in which each sensor (or a group mate) was chosen
     stability: Mapping[str, float]
     findings: tuple[Finding, ...]
     provenance: Mapping[str, Any]
-    fallbacks: tuple[Fallback, ...] = ()
-    readings: tuple[Readings, ...] = ()
+    fallbacks: tuple[Fallback, ...] = ()  #: The model without each of its inputs, for the time when that one is broken
+    readings: tuple[Readings, ...] = ()  #: Some samples of some runs; none in a result of an earlier version
 
     def fixed_set_errors_um(self, response: str) -> dict[int, float]:
         """Number of sensors → smallest error of a compared fixed set [µm], in the chosen shape."""
@@ -166,6 +121,40 @@ class Selection:
                 size = len(one.sensors)
                 found[size] = min(one.heldout_rmse_um, found.get(size, math.inf))
         return dict(sorted(found.items()))
+
+    def statsmodels_results(self, response: str, source: RunSource, *, robust: bool = True) -> RegressionResultsWrapper:
+        """The final model of a response in statsmodels, fitted again to the recording: `summary()`, p values, tests.
+
+        Parameters
+        ----------
+        response : str
+        source : RunSource
+            The recording that was selected from; a selection does not keep it.
+        robust : bool
+            Errors that allow for autocorrelation within runs, as in the report, or classical ones.
+
+        Raises
+        ------
+        OptionError
+            It is another recording, or the model is a ridge fit.
+        """
+        model, runs = self.models[response], tuple(self.fit_per_run[response])
+        rows = rows_of(source, self.recipe.design, runs)
+        stride = round(len(rows.run) / model.n_samples)
+        if stride > 1:
+            rows = rows_of(thinned(source, stride, runs), self.recipe.design, runs)
+        column = rows.responses[:, self.recipe.design.responses.index(response)]
+        misfit = column - model.predicted(rows.variables)
+        if len(column) != model.n_samples or not math.isclose(
+            math.sqrt(np.mean(misfit**2)), model.rmse_um, rel_tol=1e-6, abs_tol=1e-9
+        ):
+            raise OptionError(
+                f"a recording with {len(column)} complete samples that is not the one of this selection",
+                expected=f"the {model.n_samples} samples that the model of {response} was fitted to",
+                where="statsmodels_results",
+                advice="give the recording that select() was given, without faulty stretches if they were left out",
+            )
+        return model.statsmodels_results(rows.variables, column, rows.run, robust=robust)
 
     def as_dict(self) -> dict[str, Any]:
         """JSON form (`selector.selection/1`); numbers that do not exist are null."""
@@ -334,3 +323,23 @@ def finite(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+PROCEDURE = "whole procedure"
+BEST_OF_SIZE = "best of each size"
+FIXED_SET = "fixed set"
+
+
+def told_apart(left_out: str) -> str:
+    """What each of the errors lets be chosen anew; `left_out` is that of `Proof`."""
+    part = {"run": "run", "condition": "condition", "block": "stretch"}[left_out]
+    return (
+        f"{_capital(PROCEDURE)}: number and choice of sensors made anew without each {part}, the error to expect. "
+        f"{_capital(BEST_OF_SIZE)}: that many sensors, chosen anew without each {part}. "
+        f"{_capital(FIXED_SET)}: one set for all, only its coefficients refitted without each {part}; the choice "
+        f"compares these errors, and as it has seen every {part} they are too small to promise."
+    )
+
+
+def _capital(words: str) -> str:
+    return words[0].upper() + words[1:]

@@ -1,18 +1,177 @@
-"""What there is to work with: length and period of every run, sensors that cannot be used, and why."""
+"""What there is to work with: length and period of every run, and which sensors can be candidates at all."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from selector.errors import OptionError
 from selector.findings import Finding, Where
-from selector.models.design import Datum
+from selector.models.design import Columns, Datum, Design
+from selector.models.moments import moments, scaling_of
+from selector.models.terms import Term
+from selector.quality.finding_table import WRONG_UNIT
 from selector.recording import RunSource
+from selector.selection.finding_table import FINDINGS, SENSOR_MISSING
 from selector.selection.options import Question
-from selector.selection.usable import usable_sensors
+from selector.sensors.finding_table import CONSTANT_SENSOR
+
+FEW_MISSING = 0.01
+MOST_MISSING = 0.5
+ENOUGH_COMPLETE = 0.5
+REPLACEABLE_R2 = 0.998
+"""What is left of a sensor beyond the others must be of the size of its noise before it can be done without."""
+
+Reasons = dict[str, tuple[str, str, str]]
+"""Sensor → (finding id, why it cannot be used, advice)."""
+
+
+def usable_sensors(
+    source: RunSource,
+    question: Question,
+    missing: NDArray[np.float64],
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+    found: Iterable[Finding] = (),
+) -> tuple[list[str], list[Finding]]:
+    """Sensors that can be candidates, and findings about those that cannot or that cost samples.
+
+    Sensors are compared on samples at which all of them are there. One that is missing often costs the others their
+    samples: it is left out if the others can stand in for it, or if fewer than half of the samples would remain.
+
+    Parameters
+    ----------
+    missing, low, high : ndarray of shape (≥ n_sensors,)
+        Share of samples without a reading, smallest and largest reading of each sensor, sensors first.
+    found : iterable of Finding, optional
+        What was left out of the recording before: the cause of readings that are not there.
+
+    Raises
+    ------
+    OptionError
+        Nothing usable is left, or a sensor that must be kept cannot be.
+    """
+    reasons: Reasons = {}
+    before = tuple(found)
+    for j, name in enumerate(question.sensors):
+        if not np.isfinite(low[j]) or missing[j] >= 1.0:
+            reasons[name] = (SENSOR_MISSING, *_why_no_reading(name, before))
+        elif high[j] - low[j] <= 1e-9 * max(1.0, abs(high[j])):
+            reasons[name] = (CONSTANT_SENSOR, f"always reads {high[j]:.6g} °C", "check the sensor and its wiring")
+    gaps = {name: float(missing[j]) for j, name in enumerate(question.sensors) if name not in reasons}
+    likeness = _left_out_for_gaps(source, question.options.must, gaps, reasons)
+    for name, (_, why, _) in reasons.items():
+        if name in question.options.must:
+            raise OptionError(
+                f"{name} {why}",
+                expected="a sensor that can be used",
+                where="--must",
+                advice=f"take {name} out of --must",
+            )
+    kept = [name for name in question.sensors if name not in reasons]
+    if not kept:
+        raise OptionError(
+            "no usable sensor: " + "; ".join(f"{name} {why}" for name, (_, why, _) in reasons.items()),
+            expected="at least one temperature that changes",
+            where="recordings",
+            advice="record a run in which the machine warms up, and check the sensors with `selector describe`",
+        )
+    findings = [_not_a_candidate(name, *reason) for name, reason in reasons.items()]
+    findings += [_samples_lost(name, gaps[name], likeness[name]) for name in likeness if name in kept]
+    return kept, findings
+
+
+def _why_no_reading(name: str, found: Sequence[Finding]) -> tuple[str, str]:
+    """(why a sensor has no reading, advice): what was found before, not the wiring, if that left its readings out."""
+    left_out = [one for one in found if one.where.channel == name and one.action != "none"]
+    units = [one for one in found if one.id == WRONG_UNIT and one.where.channel in (None, name)]
+    if left_out and units:
+        mistake = units[0].evidence.get("mistake", "another unit")
+        return f"has no reading left, as its unit looks wrong ({mistake})", "mend its unit as wrong-unit says"
+    if left_out:
+        kinds = ", ".join(dict.fromkeys(one.id for one in left_out))
+        return f"has no reading left where the displacement is known ({kinds})", f"see what {kinds} says of {name}"
+    return "has no reading where the displacement is known", "check its wiring"
+
+
+def _left_out_for_gaps(
+    source: RunSource, must: Sequence[str], gaps: Mapping[str, float], reasons: Reasons
+) -> dict[str, float]:
+    """Adds reasons for sensors that are missing too often; R² on the others of every sensor with gaps."""
+    likeness: dict[str, float] = {}
+    for name in sorted((n for n, share in gaps.items() if share > FEW_MISSING), key=lambda n: -gaps[n]):
+        others = [other for other in gaps if other != name and other not in reasons and gaps[other] <= FEW_MISSING]
+        likeness[name] = _explained(source, name, others) if others else float("nan")
+        if name not in must and (gaps[name] > MOST_MISSING or likeness[name] >= REPLACEABLE_R2):
+            reasons[name] = (
+                SENSOR_MISSING,
+                f"is missing in {100 * gaps[name]:.0f} % of the samples"
+                + ("" if math.isnan(likeness[name]) else f"; others explain {likeness[name]:.1%} of it"),
+                f"use --must {name} to keep it at the price of those samples",
+            )
+    spare = sorted(
+        (n for n in likeness if n not in reasons and n not in must), key=lambda n: -np.nan_to_num(likeness[n])
+    )
+    while spare:
+        kept = [name for name in gaps if name not in reasons]
+        complete = _complete_share(source, kept)
+        if complete >= ENOUGH_COMPLETE:
+            break
+        name = spare.pop(0)
+        reasons[name] = (
+            SENSOR_MISSING,
+            f"is missing in {100 * gaps[name]:.0f} % of the samples, and with the gaps of others only "
+            f"{100 * complete:.0f} % of the samples would be complete",
+            f"use --must {name} to keep it at the price of those samples",
+        )
+    return likeness
+
+
+def _explained(source: RunSource, name: str, others: Sequence[str]) -> float:
+    """R² of a sensor on the others, where all are there."""
+    design = Design((name, *others), (), Datum("absolute"))
+    columns = Columns(scaling_of(source, design), tuple(Term(((one, 1),)) for one in design.inputs))
+    found = moments(source, design, columns)
+    if not len(found.folds):
+        return 0.0
+    cross, n = found.centred()
+    if n <= len(others) + 2 or cross[0, 0] <= 0:
+        return 0.0
+    within = cross[1:, 1:] + 1e-10 * np.trace(cross[1:, 1:]) / len(others) * np.eye(len(others))
+    explained = float(cross[0, 1:] @ np.linalg.solve(within, cross[1:, 0]))
+    return min(max(explained / float(cross[0, 0]), 0.0), 1.0)
+
+
+def _complete_share(source: RunSource, names: Sequence[str]) -> float:
+    complete = total = 0
+    for run in source.runs:
+        for _, values in source.chunks(run, names):
+            complete += int(np.isfinite(values).all(axis=1).sum())
+            total += len(values)
+    return complete / max(total, 1)
+
+
+def _not_a_candidate(name: str, kind: str, why: str, advice: str) -> Finding:
+    return FINDINGS.finding(
+        kind, f"{name} {why}; it is not a candidate.", Where(channel=name), {}, advice, "leave-out-channel"
+    )
+
+
+def _samples_lost(name: str, share: float, likeness: float) -> Finding:
+    return FINDINGS.finding(
+        "samples-lost",
+        f"{name} is missing in {100 * share:.0f} % of the samples and no other sensor can stand in for it; those "
+        f"samples are not used for sets with {name}, nor for comparing sensors.",
+        Where(channel=name),
+        {"missing_share": share, "explained_by_others": likeness},
+        f"repair {name} and record again, or use --never {name}; --reference absolute needs no start reading",
+        "leave-out-stretch",
+    )
+
 
 MOST_CREDIBLE = 1e12
 """Beyond this a reading is broken whatever its unit, and its squares would drown all others."""
@@ -20,25 +179,14 @@ MOST_CREDIBLE = 1e12
 
 @dataclass(frozen=True)
 class Survey:
-    """One pass over the samples.
+    """One pass over the samples."""
 
-    Attributes
-    ----------
-    runs : tuple of str
-        Runs that have displacements.
-    n_samples : int
-    period_s, duration_s : float
-        Median sampling period and longest run.
-    question : Question
-        With the sensors that can be used.
-    findings : tuple of Finding
-    """
-
-    runs: tuple[str, ...]
+    runs: tuple[str, ...]  #: Runs that have displacements
     n_samples: int
+    #: period_s and duration_s: Median sampling period and longest run
     period_s: float
     duration_s: float
-    question: Question
+    question: Question  #: With the sensors that can be used
     findings: tuple[Finding, ...]
 
 
@@ -136,12 +284,10 @@ def survey(source: RunSource, question: Question, datum: Datum, found_before: It
 
 
 def _run_without_displacement(run: str, responses: Sequence[str]) -> Finding:
-    return Finding(
+    return FINDINGS.finding(
         "run-without-displacement",
-        "warning",
         f"Run {run} has no samples of {' and '.join(responses)}; it is left out.",
         Where(run=run),
         {},
-        "check the displacement column of this file, or choose another --response",
-        "leave-out-run",
+        action="leave-out-run",
     )

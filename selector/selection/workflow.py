@@ -10,24 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.findings import Finding
-from selector.models.design import datum_of
-from selector.models.faults import fault_gains
-from selector.models.hull import validity_hull
-from selector.models.rows import Rows, rows_of
+from selector.models.design import Rows, datum_of, rows_of
+from selector.models.validity import fault_gains, validity_hull
+from selector.quality.finding_table import CONSTANT_CHANNEL
 from selector.recording import RunSource, thinned
 from selector.selection.candidates import candidates
 from selector.selection.choice import Offer, Tested, offers, shapes_on_offer, tested
 from selector.selection.doubts import doubts
-from selector.selection.fallbacks import fallbacks_of
-from selector.selection.fitting import MAX_ROWS, final_models, refined, ridge_penalty
-from selector.selection.folds import Folds, blocks_per_run
+from selector.selection.fitting import MAX_ROWS, fallbacks_of, final_models, kept_readings, refined, ridge_penalty
 from selector.selection.library import Bench
 from selector.selection.options import Options, Progress, Question, question_of
-from selector.selection.proving import baselines, error_curve, left_out_errors, relative_error
-from selector.selection.readings import kept_readings
+from selector.selection.proving import Folds, baselines, blocks_per_run, error_curve, left_out_errors, relative_error
 from selector.selection.reasons import because_of, combinations_of, reasons_of, stability_of
 from selector.selection.result import Proof, Selection
 from selector.selection.survey import RunsOf, survey
+from selector.sensors.finding_table import CONSTANT_SENSOR
 
 WORTH_A_RICHER_MODEL = 1.02
 """Richer terms must lower the error on unseen parts by more than this; a hundredth is luck of the days."""
@@ -157,9 +154,9 @@ def select(
     say("looking for doubts", 0.95)
     doubted = doubts(selection, surveyed, datum, rows, ridge, offer_errors, offer, stride)
     say("done", 1.0)
-    constant = {one.where.channel for one in surveyed.findings if one.id == "constant-sensor"}
+    constant = {one.where.channel for one in surveyed.findings if one.id == CONSTANT_SENSOR}
     # a dead sensor is told once
-    others = (one for one in findings if one.id != "constant-channel" or one.where.channel not in constant)
+    others = (one for one in findings if one.id != CONSTANT_CHANNEL or one.where.channel not in constant)
     everything = sorted((*others, *surveyed.findings, *doubted), key=lambda finding: LEVELS[finding.level])
     return replace(selection, findings=tuple(everything))
 

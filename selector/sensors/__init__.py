@@ -1,6 +1,5 @@
 """Which sensors: similarity, closure, groups and screening; plain arrays in, small frozen values out."""
 
-from selector.sensors.cohesion import FStatistic, chaining_findings, f_statistic
 from selector.sensors.fuzzy import (
     ClosureChain,
     closure_chain,
@@ -8,7 +7,18 @@ from selector.sensors.fuzzy import (
     transitive_closure,
     transitive_closure_by_squaring,
 )
-from selector.sensors.groups import Dendrogram, LambdaAxis, LambdaStep, Partition, dendrogram, lambda_axis, lambda_cut
+from selector.sensors.groups import (
+    Dendrogram,
+    FStatistic,
+    LambdaAxis,
+    LambdaStep,
+    Partition,
+    chaining_findings,
+    dendrogram,
+    f_statistic,
+    lambda_axis,
+    lambda_cut,
+)
 from selector.sensors.screening import Dropped, ScreeningRound, representatives, screen
 from selector.sensors.similarity import (
     Similarity,

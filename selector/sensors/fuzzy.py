@@ -11,8 +11,7 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from selector.errors import InputError
-
-Matrix = NDArray[np.float64]
+from selector.types import Matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,20 +27,13 @@ class ClosureChain:
     strongest link that does. ≥: order[b] hangs on some parent at position p. If p ≥ a, follow the parent and use
     induction on b. If p < a, that link could already be taken at all steps after p, so levels[p … b − 2] are at least
     levels[b − 1], and the way p … a runs over links that are no weaker than the minimum.
-
-    Attributes
-    ----------
-    order : ndarray of int, shape (n,)
-        Sensors; groups of every λ-cut are contiguous here, so it is also a leaf order of the dendrogram.
-    levels : ndarray of shape (n − 1,)
-        levels[k] links order[k + 1] to the sensors before it; each is bit-equal to an entry of the relation.
-    parents : ndarray of int, shape (n − 1,)
-        The sensor at the other end of that link.
     """
 
+    #: (n,): Sensors; groups of every λ-cut are contiguous here, so it is also a leaf order of the dendrogram
     order: NDArray[np.int64]
+    #: (n − 1,): levels[k] links order[k + 1] to the sensors before it; each is bit-equal to an entry of the relation
     levels: NDArray[np.float64]
-    parents: NDArray[np.int64]
+    parents: NDArray[np.int64]  #: (n − 1,): The sensor at the other end of that link
 
 
 def max_min_composition(r: ArrayLike, s: ArrayLike) -> Matrix:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from selector.errors import InputError, OptionError
 from selector.findings import Finding, Where
+from selector.sensors.finding_table import FINDINGS
 from selector.sensors.fuzzy import closure_chain, transitive_closure
 from selector.sensors.groups import Partition, lambda_cut
 from selector.sensors.similarity import sensor_names
@@ -27,30 +28,14 @@ class Dropped:
 
 @dataclass(frozen=True)
 class ScreeningRound:
-    """One round of screening; sensors are indices into the full similarity.
+    """One round of screening; sensors are indices into the full similarity."""
 
-    Attributes
-    ----------
-    level : float
-        The λ of this round.
-    kept : tuple of int
-        Sensors that entered the round, ascending; `partition` is over these, in this order.
-    partition : Partition
-        Their groups.
-    representatives : tuple of int
-        Sensors that leave the round, in order of their groups.
-    dropped : tuple of Dropped
-        All the others, each with a reason.
-    findings : tuple of Finding
-        `round-without-effect`, `constant-must`.
-    """
-
-    level: float
-    kept: tuple[int, ...]
-    partition: Partition
-    representatives: tuple[int, ...]
-    dropped: tuple[Dropped, ...]
-    findings: tuple[Finding, ...] = ()
+    level: float  #: The λ of this round
+    kept: tuple[int, ...]  #: Sensors that entered the round, ascending; `partition` is over these, in this order
+    partition: Partition  #: Their groups
+    representatives: tuple[int, ...]  #: Sensors that leave the round, in order of their groups
+    dropped: tuple[Dropped, ...]  #: All the others, each with a reason
+    findings: tuple[Finding, ...] = ()  #: `round-without-effect`, `constant-must`
 
     @property
     def groups(self) -> tuple[tuple[int, ...], ...]:
@@ -196,10 +181,9 @@ def _without_effect(level: float, closure: NDArray[np.float64]) -> Finding:
     n = len(closure)
     below = closure[closure < level]
     nearest = float(below.max()) if below.size else None
-    return Finding(
-        id="round-without-effect",
-        level="info",
-        statement=f"Screening {n} sensor{'s' * (n > 1)} at λ = {level:g} drops none: no two of them that could be "
+    return FINDINGS.finding(
+        "round-without-effect",
+        f"Screening {n} sensor{'s' * (n > 1)} at λ = {level:g} drops none: no two of them that could be "
         "merged are linked at this level. Sensors kept by an earlier round at the same or a lower λ never merge again.",
         evidence={"lambda": float(level), "sensors": n, "next_level": nearest},
         suggestion="leave the round out"
@@ -211,11 +195,10 @@ def _without_effect(level: float, closure: NDArray[np.float64]) -> Finding:
 
 def _constant_musts(sensors: Iterable[int], label: tuple[str, ...]) -> tuple[Finding, ...]:
     return tuple(
-        Finding(
-            id="constant-must",
-            level="warning",
-            statement=f"{label[i]} must be kept, but it does not move in these recordings: no model can use it.",
-            where=Where(channel=label[i]),
+        FINDINGS.finding(
+            "constant-must",
+            f"{label[i]} must be kept, but it does not move in these recordings: no model can use it.",
+            Where(channel=label[i]),
             suggestion=f"take {label[i]} off the must list, or record runs in which its place warms up",
         )
         for i in sorted(sensors)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from selector.errors import InputError
 from selector.findings import Finding, Where
+from selector.sensors.finding_table import FINDINGS
 
 CONSTANT_TOLERANCE = 1e-9
 """A sensor is numerically constant when its standard deviation is at most this share of its magnitude: of the 16
@@ -27,30 +28,20 @@ _ROUNDING = 1e-8
 
 @dataclass(frozen=True, eq=False)
 class Similarity:
-    """Similarity of n sensors, with what a reader of it must know.
+    """Similarity of n sensors, with what a reader of it must know."""
 
-    Attributes
-    ----------
-    matrix : ndarray of shape (n_sensors, n_sensors)
-        r_ij, or |r_ij| when `absolute`; exactly symmetric, unit diagonal, within [-1, 1], read-only.
-    constant : tuple of int
-        Numerically constant sensors: similarity 0 to all others, 1 to themselves.
-    duplicates : tuple of (int, int)
-        (first, other): `other` repeats `first` up to scale, |r| ≥ 1 − 1e-12. Each repeated sensor stands here once,
-        with the first sensor that it repeats.
-    anticorrelated : tuple of (int, int, float)
-        (i, j, r) with i < j and signed r ≤ −0.9, also when `absolute`.
-    absolute : bool
-        Whether the matrix holds |r|.
-    rows_used, rows_left_out : int or None
-        Complete rows, and rows left out because a sensor was missing; None when made from cross-products.
-    """
-
+    #: (n_sensors, n_sensors): r_ij, or |r_ij| when `absolute`; exactly symmetric, unit diagonal, within [-1, 1], read-
+    #: only
     matrix: NDArray[np.float64]
-    constant: tuple[int, ...] = ()
+    constant: tuple[int, ...] = ()  #: Numerically constant sensors: similarity 0 to all others, 1 to themselves
+    #: (first, other): `other` repeats `first` up to scale, |r| ≥ 1 − 1e-12. Each repeated sensor stands here once, with
+    #: the first sensor that it repeats.
     duplicates: tuple[tuple[int, int], ...] = ()
+    #: (i, j, r) with i < j and signed r ≤ −0.9, also when `absolute`
     anticorrelated: tuple[tuple[int, int, float], ...] = ()
-    absolute: bool = False
+    absolute: bool = False  #: Whether the matrix holds |r|
+    #: rows_used and rows_left_out: Complete rows, and rows left out because a sensor was missing; None when made from
+    #: cross-products
     rows_used: int | None = None
     rows_left_out: int | None = None
 
@@ -206,56 +197,51 @@ def similarity_findings(similarity: Similarity, names: Sequence[str] = ()) -> tu
     """What a person should know before sensors are grouped: constant, duplicate, anti-correlated, missing rows."""
     label = sensor_names(names, len(similarity.matrix))
     findings = [
-        Finding(
-            id="constant-sensor",
-            level="warning",
-            statement=f"{label[i]} does not move: its spread is below 1e-9 of its magnitude, so it correlates with "
+        FINDINGS.finding(
+            "constant-sensor",
+            f"{label[i]} does not move: its spread is below 1e-9 of its magnitude, so it correlates with "
             "nothing and its similarity to every other sensor is set to 0.",
-            where=Where(channel=label[i]),
+            Where(channel=label[i]),
             evidence={"tolerance": CONSTANT_TOLERANCE},
-            suggestion="check the sensor, or record runs in which its place warms up",
         )
         for i in similarity.constant
     ]
     findings += [
-        Finding(
-            id="duplicate-sensors",
-            level="warning",
-            statement=f"{label[j]} repeats {label[i]} up to scale and offset (1 − |r| ≤ 1e-12); two real sensors never "
+        FINDINGS.finding(
+            "duplicate-sensors",
+            f"{label[j]} repeats {label[i]} up to scale and offset (1 − |r| ≤ 1e-12); two real sensors never "
             "agree that well.",
-            where=Where(channel=label[j]),
+            Where(channel=label[j]),
             evidence={"duplicate_of": label[i], "r": float(similarity.matrix[i, j])},
-            suggestion="check whether one signal was recorded twice; one of the two is enough",
         )
         for i, j in similarity.duplicates
     ]
     findings += [
-        Finding(
-            id="anticorrelated-sensors",
-            level="info",
-            statement=f"{label[i]} and {label[j]} move against each other (r = {value:.4f}); "
+        FINDINGS.finding(
+            "anticorrelated-sensors",
+            f"{label[i]} and {label[j]} move against each other (r = {value:.4f}); "
             + (
                 "|r| is used, so they count as alike."
                 if similarity.absolute
                 else "with signed r they count as unlike, though one predicts the other."
             ),
-            where=Where(channel=label[j]),
+            Where(channel=label[j]),
             evidence={"other": label[i], "r": value},
-            suggestion="check the sign and the wiring of both"
-            + ("" if similarity.absolute else "; use the absolute correlation if the opposite motion is real"),
+            suggestion=(
+                "check the sign and the wiring of both"
+                + ("" if similarity.absolute else "; use the absolute correlation if the opposite motion is real")
+            ),
         )
         for i, j, value in similarity.anticorrelated
     ]
     if similarity.rows_left_out:
         total = similarity.rows_left_out + (similarity.rows_used or 0)
         findings.append(
-            Finding(
-                id="incomplete-rows",
-                level="warning",
-                statement=f"{similarity.rows_left_out} of {total} rows lack at least one sensor and are left out when "
+            FINDINGS.finding(
+                "incomplete-rows",
+                f"{similarity.rows_left_out} of {total} rows lack at least one sensor and are left out when "
                 "sensors are compared.",
                 evidence={"left_out": similarity.rows_left_out, "used": similarity.rows_used},
-                suggestion="leave out the sensors that are missing most if too few rows remain",
                 action="leave-out-stretch",
             )
         )

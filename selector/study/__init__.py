@@ -1,10 +1,10 @@
 """A study file: what was asked of which recordings, so that the answer can be made again, here or anywhere."""
 
 from selector.study.asked import diagnose_section, export_section, options_of, overrides_of, select_section, study_of
-from selector.study.inputs import Change, change_words, changes, require_unchanged
-from selector.study.places import input_file, path_at, reference_to
+from selector.study.inputs import Change, change_words, changes, input_file, path_at, reference_to, require_unchanged
 from selector.study.study_file import (
     SCHEMA,
+    STUDY_FILE,
     DiagnoseSection,
     ExportSection,
     InputFile,
@@ -12,9 +12,13 @@ from selector.study.study_file import (
     Recordings,
     SelectSection,
     Study,
+    parsed_study,
+    read_study,
     study_json_schema,
+    study_place,
+    study_text,
+    write_study,
 )
-from selector.study.study_text import STUDY_FILE, parsed_study, read_study, study_place, study_text, write_study
 
 __all__ = [
     "SCHEMA",

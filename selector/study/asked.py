@@ -12,8 +12,7 @@ from selector import __version__
 from selector.errors import InputError, OptionError, StudyError
 from selector.readers import Overrides
 from selector.selection.options import Options
-from selector.study.inputs import listed_files
-from selector.study.places import reference_to
+from selector.study.inputs import listed_files, reference_to
 from selector.study.study_file import (
     DiagnoseSection,
     ExportSection,

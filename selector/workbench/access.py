@@ -1,18 +1,21 @@
-"""Who may talk to the workbench: this computer's browser, with the token, from the workbench's own page.
-
-A page on the internet can make the browser send requests to 127.0.0.1, and another program on this computer can send
-them itself. The first is told by the headers that a browser does not let a page forge (`Host`, `Origin`,
-`Sec-Fetch-Site`), the second lacks the token.
-"""
+"""Who may talk to the workbench, in which form, and what is answered to a request that may not be."""
 
 from __future__ import annotations
 
+import functools
 import hmac
+import logging
 import secrets
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
+import dash
 from flask import Flask, Request, Response, redirect, request
+from pydantic import ConfigDict, ValidationError, validate_call
+from werkzeug.exceptions import HTTPException
+
+from selector.errors import OptionError
 
 TOKEN = "token"  # noqa: S105 (the name of the parameter)
 _OWN = ("same-origin", "none")
@@ -33,18 +36,10 @@ RESULT_POLICY = (
 
 @dataclass(frozen=True)
 class Access:
-    """The door of one server.
+    """The door of one server."""
 
-    Attributes
-    ----------
-    port : int
-        Port at 127.0.0.1.
-    token : str
-        What a request must know.
-    """
-
-    port: int
-    token: str = field(default_factory=lambda: secrets.token_urlsafe(32))
+    port: int  #: Port at 127.0.0.1
+    token: str = field(default_factory=lambda: secrets.token_urlsafe(32))  #: What a request must know
 
     @property
     def address(self) -> str:
@@ -116,3 +111,75 @@ def guard(server: Flask, access: Access, scripts: Sequence[str] = ()) -> None:
         answer.headers.setdefault("Content-Security-Policy", policy)
         answer.headers.setdefault("X-Frame-Options", "DENY")
         return answer
+
+
+MOST_REQUEST_BYTES = 10_000_000
+"""Of requests that carry no file; what a page sends is far less."""
+
+UPLOAD = "/upload/"
+"""Where files are sent to; they are not held in memory, and have a limit of their own."""
+
+_LOG = logging.getLogger("selector.workbench")
+
+
+def tell(doing: str, error: Exception) -> None:
+    """A defect, for the person at the terminal: what was being done, and where it went wrong."""
+    _LOG.error("%s: %s: %s", doing, type(error).__name__, error, exc_info=error)
+
+
+def answer_refusals(server: Flask) -> None:
+    """Requests beyond `MOST_REQUEST_BYTES` are refused before they are read; a defect is answered with one line."""
+
+    @server.before_request
+    def _too_large() -> Response | None:
+        if request.path.startswith(UPLOAD):
+            return None
+        if "Transfer-Encoding" in request.headers:
+            return _line("A request of unknown length. Send its length.", 411)
+        if (request.content_length or 0) > MOST_REQUEST_BYTES:
+            return _line(f"A request of more than {MOST_REQUEST_BYTES // 1_000_000} MB. The page sends less.", 413)
+        return None
+
+    @server.errorhandler(Exception)
+    def _defect(error: Exception) -> Response | HTTPException:
+        if isinstance(error, HTTPException):
+            return error
+        tell(f"{request.method} {request.path}", error)
+        return _line(
+            f"This is a defect of the workbench ({type(error).__name__}). Load the page again; if it comes back, "
+            "report it with what the terminal says.",
+            500,
+        )
+
+
+def _line(text: str, status: int) -> Response:
+    return Response(text + "\n", status=status, mimetype="text/plain")
+
+
+class CheckedDash(dash.Dash):
+    """Dash whose callbacks are called only with arguments of the kinds that their annotations name."""
+
+    def callback(self, *of: Any, **options: Any) -> Callable[..., Any]:
+        """As `dash.Dash.callback`."""
+        register = super().callback(*of, **options)
+        return lambda function: register(checked(function))
+
+
+def checked(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A function that is called only with arguments of the kinds that its annotations name."""
+    judged = validate_call(config=ConfigDict(strict=True))(function)
+
+    @functools.wraps(function)
+    def called(*sent: Any) -> Any:
+        try:
+            return judged(*sent)
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            raise OptionError(
+                f"{repr(first['input'])[:80]} came from the browser",
+                expected=first["msg"].removeprefix("Input should be "),
+                where=function.__name__.strip("_"),
+                advice="load the page again; nothing was changed",
+            ) from None
+
+    return called

@@ -20,34 +20,18 @@ SELECTION, DIAGNOSIS = "selection", "diagnosis"
 
 @dataclass(frozen=True)
 class Export:
-    """What is asked of an export.
+    """What is asked of an export."""
 
-    Attributes
-    ----------
-    model : str
-        Model file in the study folder.
-    target : str
-        One of `selector.controllers.writers.targets.TARGETS`.
-    replayed : tuple of Path
-        Recordings that are run through the program.
-    is_sign_verified : bool
-        Whether the sign test of the commissioning sheet was passed.
-    tested : str
-        Digits of the equations SHA-256 of the program that passed it; empty: nobody said.
-    clamp_um, slew_um_per_s : mapping of str to float
-        Output → largest correction, and fastest change of it; none: what the model says, or the export decides.
-    inverted : tuple of str
-        Outputs whose axis the control counts the other way.
-    """
-
-    model: str = ""
-    target: str = "c"
-    replayed: tuple[Path, ...] = ()
-    is_sign_verified: bool = False
-    tested: str = ""
+    model: str = ""  #: Model file in the study folder
+    target: str = "c"  #: One of `selector.controllers.writers.targets.TARGETS`
+    replayed: tuple[Path, ...] = ()  #: Recordings that are run through the program
+    is_sign_verified: bool = False  #: Whether the sign test of the commissioning sheet was passed
+    tested: str = ""  #: Digits of the equations SHA-256 of the program that passed it; empty: nobody said
+    #: clamp_um and slew_um_per_s: Output → largest correction, and fastest change of it; none: what the model says, or
+    #: the export decides
     clamp_um: Mapping[str, float] = field(default_factory=dict)
     slew_um_per_s: Mapping[str, float] = field(default_factory=dict)
-    inverted: tuple[str, ...] = ()
+    inverted: tuple[str, ...] = ()  #: Outputs whose axis the control counts the other way
 
     def of(self, outputs: Sequence[str]) -> Export:
         """What is asked of these outputs; another model has others."""

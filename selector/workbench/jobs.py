@@ -33,29 +33,17 @@ _IS_WINDOWS = os.name == "nt"
 
 @dataclass(frozen=True)
 class Job:
-    """One command: its number, title, words after ``selector``, the folder it writes; and how far it has come.
-
-    Attributes
-    ----------
-    state : {"queued", "running", "done", "failed", "cancelled"}
-    doing : str
-        What it does now, in its own words.
-    share : float or None
-        Share of the work that is done, where it is known.
-    said : str
-        What it printed for people: its answer, or when it failed, why and what to do.
-    problem : InputError or None
-        What is wrong with the study folder, if that is why it failed, or why what it wrote is not there.
-    """
+    """One command: its number, title, words after ``selector``, the folder it writes; and how far it has come."""
 
     number: int
     title: str
     command: tuple[str, ...]
     out: Path | None = None
-    state: State = "queued"
-    doing: str = ""
-    share: float | None = None
-    said: str = ""
+    state: State = "queued"  #: {"queued", "running", "done", "failed", "cancelled"}
+    doing: str = ""  #: What it does now, in its own words
+    share: float | None = None  #: Share of the work that is done, where it is known
+    said: str = ""  #: What it printed for people: its answer, or when it failed, why and what to do
+    #: What is wrong with the study folder, if that is why it failed, or why what it wrote is not there
     problem: InputError | None = None
 
     @property

@@ -8,36 +8,22 @@ from dataclasses import dataclass, replace
 
 from selector.errors import InputError
 from selector.findings import Finding
-from selector.models.faults import FaultGain
+from selector.models.validity import FaultGain
 from selector.quality import file_copies, without_faults
 from selector.readers import Reading
 from selector.selection import Exploration, Options
-from selector.selection.exploration import Cut, plain_level
-from selector.selection.fixed_sets import FixedSet
+from selector.selection.exploration import Cut, FixedSet, plain_level
 
 
 @dataclass(frozen=True)
 class View:
-    """One look at a study.
-
-    Attributes
-    ----------
-    exploration : Exploration
-    level : float
-        λ, as it was typed, or with the fewest digits that give this cut.
-    cut : Cut
-    fixed : FixedSet
-        The set that is shown: of the cut, or one that was taken by hand.
-    is_taken : bool
-        Whether it was taken by hand.
-    response : str
-    """
+    """One look at a study."""
 
     exploration: Exploration
-    level: float
+    level: float  #: λ, as it was typed, or with the fewest digits that give this cut
     cut: Cut
-    fixed: FixedSet
-    is_taken: bool
+    fixed: FixedSet  #: The set that is shown: of the cut, or one that was taken by hand
+    is_taken: bool  #: Whether it was taken by hand
     response: str
 
     @property

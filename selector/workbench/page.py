@@ -15,14 +15,12 @@ from dash.development.base_component import Component
 
 from selector import __version__
 from selector.errors import InputError, ReadError
-from selector.report.page import TEMPLATES
+from selector.telling.page import TEMPLATES
 from selector.workbench import parts, wished
-from selector.workbench.access import RESULT_POLICY, Access, guard
+from selector.workbench.access import RESULT_POLICY, UPLOAD, Access, CheckedDash, answer_refusals, guard, tell
 from selector.workbench.bench import Bench
-from selector.workbench.checked import CheckedDash
 from selector.workbench.commands import command_words
 from selector.workbench.pages import diagnosis, export, recordings, selection, sensors
-from selector.workbench.refusals import UPLOAD, answer_refusals, tell
 from selector.workbench.study_folder import RECORDINGS, UPLOADS, inside, stored, trouble_with
 
 PAGES: tuple[ModuleType, ...] = (recordings, sensors, selection, diagnosis, export)

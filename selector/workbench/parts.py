@@ -19,8 +19,8 @@ from selector.csv_text import csv_text
 from selector.errors import InputError
 from selector.figures import style
 from selector.findings import Finding
+from selector.workbench.access import checked
 from selector.workbench.bench import Bench
-from selector.workbench.checked import checked
 from selector.workbench.jobs import Job
 from selector.workbench.typed import in_words_of_fields
 
@@ -202,21 +202,12 @@ Place = tuple[Any, str]
 
 @dataclass(frozen=True)
 class Form:
-    """Fields of a page, and what takes over what stands in them.
+    """Fields of a page, and what takes over what stands in them."""
 
-    Attributes
-    ----------
-    fields : tuple of Place
-        What is taken over as soon as it is changed.
-    take : callable
-        Takes what stands in `fields` and `beside`, in this order, to the bench and tells it, or raises `InputError`.
-    beside : tuple of Place
-        What `take` must know, too.
-    """
-
-    fields: tuple[Place, ...]
+    fields: tuple[Place, ...]  #: What is taken over as soon as it is changed
+    #: Takes what stands in `fields` and `beside`, in this order, to the bench and tells it, or raises `InputError`
     take: Callable[..., None]
-    beside: tuple[Place, ...] = ()
+    beside: tuple[Place, ...] = ()  #: What `take` must know, too
 
     def register(self, app: dash.Dash) -> None:
         """What is changed goes to the bench at once, so that the command shows it."""

@@ -12,6 +12,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -35,9 +36,10 @@ class Public:
         return f"{self.module}.{self.name}{signature}"
 
 
-def public_names() -> list[Public]:
+@cache
+def public_names() -> tuple[Public, ...]:
     """Every public function, class, method and constant outside the command line, sorted."""
-    return sorted(_below("selector", PACKAGE), key=str)
+    return tuple(sorted(_below("selector", PACKAGE), key=str))
 
 
 def _below(module: str, path: Path) -> Iterator[Public]:
@@ -45,9 +47,9 @@ def _below(module: str, path: Path) -> Iterator[Public]:
     if module.startswith(NOT_FOR_IMPORT) or path.name.startswith("_"):
         return
     if path.is_file():
-        yield from _names_of(module, _tree(path))
+        yield from _names_of(module, parsed(path))
         return
-    tree = _tree(path / "__init__.py") if (path / "__init__.py").exists() else ast.Module([], [])
+    tree = parsed(path / "__init__.py") if (path / "__init__.py").exists() else ast.Module([], [])
     promised = _promised(tree)
     if promised is not None:
         yield from _promised_names(module, tree, promised)
@@ -70,7 +72,8 @@ def _promised_names(module: str, tree: ast.Module, promised: list[str]) -> Itera
     own = {name.name.split(".")[0]: name for name in _names_of(module, tree)}
     source = {
         alias.asname or alias.name: (node.module or "", alias.name)
-        for node in tree.body
+        # also those that only a type checker imports, where a package is lazy
+        for node in ast.walk(tree)
         if isinstance(node, ast.ImportFrom)
         for alias in node.names
     }
@@ -89,7 +92,7 @@ def _promised_names(module: str, tree: ast.Module, promised: list[str]) -> Itera
 def _defined(module: str, name: str) -> list[Public]:
     place = ROOT.joinpath(*module.split("."))
     path = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
-    tree = _tree(path)
+    tree = parsed(path)
     found = [public for public in _names_of(module, tree) if public.name.split(".")[0] == name]
     if found:
         return found
@@ -99,7 +102,9 @@ def _defined(module: str, name: str) -> list[Public]:
     return []
 
 
-def _tree(path: Path) -> ast.Module:
+@cache
+def parsed(path: Path) -> ast.Module:
+    """The source of a module, parsed once for everything that is asked of it."""
     return ast.parse(path.read_text(encoding="utf-8"))
 
 

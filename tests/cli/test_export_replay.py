@@ -12,11 +12,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from selector import exporting
 from selector.cli import exit_status
 from selector.controllers import Guard, Input, ModelFile, Output, OutputLimits, Term
-from selector.controllers.model_io import write_model
+from selector.controllers.model_file import write_model
 from selector.controllers.replay.compiled import compiler
-from selector.controllers.writers import targets
 
 ROOT = Path(__file__).parents[2]
 PATENT = ROOT / "fixtures" / "models" / "patent-two-sensors.json"
@@ -35,9 +35,9 @@ def exported(capsys, model: Path, target: str, out: Path, run: Path, machine: Pa
 
 
 def folder_of(
-    folder: Path, name: str = "T1", axis: str = "Z", broken: slice = slice(0), **guard: object
+    folder: Path, name: str = "T1", axis: str = "Z", broken: slice = slice(0), samples: int = 300, **guard: object
 ) -> tuple[Path, Path, Path]:
-    """A model of one temperature, a recording of 300 samples for it, and its machine file."""
+    """A model of one temperature, a recording of it, and its machine file."""
     folder.mkdir(exist_ok=True)
     limits = (OutputLimits(output="Z", clamp_um=100.0, slew_um_per_s=2.0),)
     item = Input(name=name, reference="absolute", valid_min=15.0, valid_max=40.0, centre=25.0, scale=2.0)
@@ -47,7 +47,7 @@ def folder_of(
         guard=Guard.model_validate({"limits": limits, **guard}),
     )  # fmt: skip
     write_model(model, folder / "the model.json")
-    time_s = 10.0 * np.arange(300)
+    time_s = 10.0 * np.arange(samples)
     reading = 20.0 + 9.0 * (1.0 - np.exp(-time_s / 900.0))
     reading[broken] = np.nan
     pd.DataFrame({"time_s": time_s, name: reading}).to_csv(folder / "a run.csv", index=False)
@@ -96,14 +96,14 @@ def test_what_turns_um_into_the_units_of_a_control_is_executed(tmp_path, capsys,
 
 @needs_cc
 def test_a_second_file_that_differs_is_an_error_with_numbers(tmp_path, capsys, monkeypatch):
-    honest = targets.TARGETS["c"]
+    honest = exporting.TARGETS["c"]
 
     def lying(model, *, is_sign_verified=False):
         files = dict(honest.write(model, is_sign_verified=is_sign_verified).files)
         files["thermal_correction_f.c"] = files["thermal_correction_f.c"].replace("m->k0_1;", "1.01f * m->k0_1;")
         return replace(honest.write(model), files=files)
 
-    monkeypatch.setattr(targets, "TARGETS", {"c": replace(honest, write=lying)})
+    monkeypatch.setattr(exporting, "TARGETS", {"c": replace(honest, write=lying)})
     said = exported(capsys, PATENT, "c", tmp_path / "out", PATENT8 / "recording.csv", PATENT8 / "machine.toml")
     assert said["replay"]["max_abs_difference_um"] == 0.0
     (finding,) = [one for one in said["findings"] if one["id"] == "replay-differs"]
@@ -154,8 +154,8 @@ NAMES = ["T'1\"x", "Tä °µ 温度", "T*) x := 1; (*", "T*/ int x; /*", "what?"
 @needs_parser
 @pytest.mark.parametrize("name", NAMES)
 def test_hostile_names_do_no_harm(tmp_path, capsys, name):
-    model, run, machine = folder_of(tmp_path / "with a blank", name=name)
-    for target in set(targets.TARGETS) - {"linuxcnc"}:
+    model, run, machine = folder_of(tmp_path / "with a blank", name=name, samples=40)
+    for target in set(exporting.TARGETS) - {"linuxcnc"}:
         said = exported(capsys, model, target, tmp_path / target, run, machine)
         assert said["replay"]["parts"]
         assert "replay-differs" not in found_ids(said, "error")

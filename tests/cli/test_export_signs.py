@@ -10,8 +10,8 @@ import pytest
 
 from selector.cli import exit_status
 from selector.controllers import Input, ModelFile, Output, Term
-from selector.controllers.model_io import equations_sha256, kept_sha256, read_model, write_model
-from selector.controllers.signs import is_turned, with_turned_signs
+from selector.controllers.guard.decided import is_turned, with_turned_signs
+from selector.controllers.model_file import equations_sha256, kept_sha256, read_model, write_model
 from selector.controllers.writers.targets import TARGETS
 
 PATENT = Path(__file__).parents[2] / "fixtures" / "models" / "patent-two-sensors.json"

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from selector.cli import exit_status
-from selector.controllers.model_io import read_model
+from selector.controllers.model_file import read_model
 from selector.controllers.replay.compiled import compiler
 
 ROOT = Path(__file__).parents[2]
@@ -160,15 +160,15 @@ def test_a_model_whose_numbers_were_changed_is_not_exported(tmp_path, capsys):
 def test_the_replay_executes_what_is_written(tmp_path, capsys, monkeypatch, target, wrong):
     from dataclasses import replace
 
-    from selector.controllers.writers import targets
+    from selector import exporting
 
-    honest = targets.TARGETS[target]
+    honest = exporting.TARGETS[target]
 
     def lying(model, *, is_sign_verified=False):
         exported = honest.write(model, is_sign_verified=is_sign_verified)
         return replace(exported, files={name: text.replace(*wrong) for name, text in exported.files.items()})
 
-    monkeypatch.setattr(targets, "TARGETS", {target: replace(honest, write=lying)})
+    monkeypatch.setattr(exporting, "TARGETS", {target: replace(honest, write=lying)})
     status = export(
         PATENT, "--for", target, "--out", tmp_path / "out", "--replay", PATENT8 / "recording.csv", "--machine",
         PATENT8 / "machine.toml", "--json",

@@ -327,7 +327,7 @@ def test_inputs_are_not_written_over(one_mode, capfd):
     cycle.parent.mkdir()
     cycle.write_text(GOOD, encoding="utf-8")
     before = {path: path.read_bytes() for path in [*one_mode.iterdir(), cycle]}
-    for out, said in ((cycle.parent, "holds program.csv"), (one_mode, "this folder holds"), ("", "no name")):
+    for out, said in ((cycle.parent, "holds program.csv"), (one_mode, "this folder holds"), ("", "an empty name")):
         code, _, err = run(
             capfd, one_mode, "--machine", one_mode / "machine.toml", "--cycle", cycle, "--method", "piecewise",
             "--operations", "60", "--out", out,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 from selector.cli import exit_status
-from selector.cli.progress import VARIABLE, counted_progress, progress_bar
+from selector.cli.shared.progress import VARIABLE, counted_progress, progress_bar
 from selector.shipped import shipped
 
 

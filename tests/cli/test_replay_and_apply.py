@@ -12,8 +12,8 @@ import pytest
 
 from selector.cli import exit_status
 from selector.controllers import Input, ModelFile, Output, Term, apply_model
-from selector.controllers.compared import displacement_starts, without_displacement_faults
-from selector.controllers.model_io import read_model, write_model
+from selector.controllers.application import displacement_starts, without_displacement_faults
+from selector.controllers.model_file import read_model, write_model
 from selector.controllers.replay.replayed import replayed
 from selector.controllers.writers.targets import TARGETS
 from selector.readers import read
@@ -73,9 +73,13 @@ def test_the_first_minutes_without_a_correction_are_told(tmp_path, capsys):
     said = " ".join(capsys.readouterr().out.split())
     assert "No correction in the first 360 s of a run: readings have to be good" in said
     assert "Without correction: displacement as recorded, from its start." in said
-    assert re.search(r"run r, Z: [0-9.]+ µm rms without correction, [0-9.]+ µm with it \(largest [0-9.]+ µm\)", said)
+    # samples, difference, rms without correction, rms with it, the largest with it, share
+    assert re.search(r"r Z \d+ [0-9.]+ [0-9.]+ [0-9.]+ [0-9.]+ [0-9.]+ %", said)
     page = (tmp_path / "out" / "commissioning.html").read_text(encoding="utf-8")
     assert "No correction in the first 360 s" in page
+    headings = ["samples", "program − reference", "without correction: rms", "with correction: rms",
+                "with correction: largest", "not the whole model"]  # fmt: skip
+    assert sorted(headings, key=page.index) == headings
     # a drive waits for nothing
     words[3:6] = ["rexroth", "--out", tmp_path / "drive"]
     assert exit_status([*map(str, words)]) == 0

@@ -11,7 +11,7 @@ import pytest
 import typer
 
 from selector import cli
-from selector.cli.running import exit_status, last_step
+from selector.cli.shared.running import exit_status, last_step
 from selector.errors import CancelledError, OptionError
 
 

@@ -12,8 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from selector.cli import showing
+from selector.cli.shared import showing
 from selector.findings import Finding, Where
+from selector.telling.numbers import span_text
 
 FINDING = Finding(
     "stuck-channel",
@@ -105,15 +106,15 @@ def test_no_colours_in_a_file(capfd):
     showing.show_findings(showing.screen(), [FINDING])
     out = capfd.readouterr().out
     assert "\x1b" not in out
-    assert out.startswith("warning stuck-channel (r2, T4, 1 h…2 h 30 min): T4 does not change.\n")
+    assert out.startswith("warning stuck-channel (r2, T4, 1 h to 2 h 30 min): T4 does not change.\n")
 
 
 @pytest.mark.parametrize(
     ("seconds", "text"),
     [(0.5, "0.5 s"), (59.0, "59 s"), (90.0, "1.5 min"), (3600.0, "1 h"), (5400.0, "1 h 30 min"), (float("nan"), "–")],
 )
-def test_duration_text(seconds, text):
-    assert showing.duration_text(seconds) == text
+def test_span_text(seconds, text):
+    assert span_text(seconds) == text
 
 
 @pytest.mark.parametrize(

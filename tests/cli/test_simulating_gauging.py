@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import re
 import shutil
-import signal
-import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +16,7 @@ import pytest
 from selector.cli import exit_status
 from selector.physics.gauging import gauging_summary
 from selector.readers import read
-from tests.interruptible import INTERRUPTIBLE
+from tests.interruptible import interrupted_in
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = sorted((ROOT / "fixtures" / "gauging").glob("*.toml"))
@@ -60,8 +56,9 @@ QUIET = ONE.replace("sd_um = 0.3", "sd_um = 0.0").replace("feed_sd = 0.03", "fee
 
 @pytest.fixture
 def few_sizes(monkeypatch) -> None:
-    """A tenth of the parts: what is told is looked at here, how exact it is in tests/physics/gauging."""
+    """A tenth of the parts, few filters: what is told is looked at here, how exact it is in tests/physics/gauging."""
     monkeypatch.setattr(gauging_summary, "FEWEST_SIZES", 200)
+    monkeypatch.setattr("selector.physics.gauging.sizes.trade_off.POINTS", 9)
 
 
 @pytest.fixture
@@ -118,6 +115,7 @@ def run_pace(table: pd.DataFrame) -> float:
     return float(table["feed"].iloc[0]) / 1.2
 
 
+@pytest.mark.usefixtures("few_sizes")
 def test_several_parts_are_a_folder_with_a_file_each(folder, capfd):
     shown = simulated(capfd, "model.toml", "--out", "parts")
     names = [Path(file).name for file in shown["files"]]
@@ -196,6 +194,7 @@ def test_every_example_runs_and_is_read_back(example, folder, capfd):
     assert (shown["gauging"]["characteristic"] is not None) == ("[transducer" in text)
 
 
+@pytest.mark.usefixtures("few_sizes")
 def test_the_seed_decides_the_parts(folder, capfd):
     for name, seed in (("a", "1"), ("b", "1"), ("c", "2")):
         assert simulated(capfd, "one.toml", "--out", f"{name}.csv", "--seed", seed)["seed"] == int(seed)
@@ -241,8 +240,8 @@ def test_for_people(folder, capfd):
     assert exit_status(["simulate", "gauging", "model.toml", "--out", "parts"]) == 0
     out, err = capfd.readouterr()
     for text in (
-        "a gauge as a line", "simulated, 3 runs", "K = -10 mV/µm", "Finished sizes, µm", "Monte Carlo, 2000 parts",
-        "Capability, 95 % intervals", "What would be better", "best filter, eq. 23", "for [thresholds]",
+        "a gauge as a line", "than wanted on average", "gain K", "Finished sizes", "Monte Carlo, 2000 parts",
+        "95 % interval", "Filter and last threshold", "best filter", "[µm]",
         "--machine parts",
     ):  # fmt: skip
         assert text in out
@@ -307,6 +306,7 @@ def test_a_command_that_cannot_be_done(arguments, said, folder, capfd):
     assert said in refused(capfd, *arguments)
 
 
+@pytest.mark.usefixtures("few_sizes")
 def test_nothing_foreign_is_replaced(folder, capfd):
     shutil.copy("one.toml", "run.machine.toml")
     assert "one of the inputs" in refused(capfd, "run.machine.toml", "--out", "run.csv")
@@ -320,20 +320,14 @@ def test_nothing_foreign_is_replaced(folder, capfd):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent to a process in another way there")
 def test_ctrl_c_leaves_nothing_behind(folder):
-    # 80 million samples of parts: far more than the seconds that are waited
+    # 80 million samples of parts
     text = LINE.replace("parts = 3", "parts = 100000\nperiod_s = 0.01")
     Path("slow.toml").write_text(text, encoding="utf-8")
     before = sorted(path.name for path in folder.iterdir())
-    line = [*INTERRUPTIBLE, "simulate", "gauging", "slow.toml", "--out", "parts"]
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
-    work = subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
-    time.sleep(4.0)
-    assert work.poll() is None, "it was done before it could be stopped"
-    work.send_signal(signal.SIGINT)
-    out, err = work.communicate(timeout=60)
-    assert work.returncode == 130, err
-    assert out == ""
-    assert "Nothing was written" in err
+    work = interrupted_in("chunk", "simulate", "gauging", "slow.toml", "--out", "parts")
+    assert work.returncode == 130, work.stderr
+    assert work.stdout == ""
+    assert "Nothing was written" in work.stderr
     assert sorted(path.name for path in folder.iterdir()) == before
 
 

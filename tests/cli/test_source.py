@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 import typer
 
-from selector.cli.running import exit_status
-from selector.cli.source import Source, pairs, with_source
+from selector.cli.shared.running import exit_status
+from selector.cli.shared.source import Source, pairs, with_source
 from selector.errors import OptionError
 
 

@@ -22,7 +22,8 @@ ADDRESS = re.compile(r"http://127\.0\.0\.1:(\d+)/\?token=[\w-]+")
 @pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C cannot be sent to one process there")
 @pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_ends_it_and_an_empty_study_leaves_nothing(tmp_path, stop):
-    words = [*INTERRUPTIBLE, "workbench", str(shipped("patent8")), "--no-browser"]
+    # recordings that are still being read when it is stopped
+    words = [*INTERRUPTIBLE, "workbench", str(shipped("vmc37")), "--no-browser"]
     with subprocess.Popen(words, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:
         printed = child.stdout.readline()
         try:
@@ -30,12 +31,12 @@ def test_ctrl_c_ends_it_and_an_empty_study_leaves_nothing(tmp_path, stop):
             assert (tmp_path / "selector-study").is_dir()
             without_cookie = urllib.request.Request(ADDRESS.search(printed)[0].partition("?")[0])
             with pytest.raises(urllib.error.HTTPError) as refused:
-                urllib.request.urlopen(without_cookie, timeout=30)
+                urllib.request.urlopen(without_cookie, timeout=300)
             assert refused.value.code == 403
             refused.value.close()
         finally:
             child.send_signal(stop)
-        _, err = child.communicate(timeout=30)
+        _, err = child.communicate(timeout=300)
     assert child.returncode == 0, err
     assert err == ""
     assert list(tmp_path.iterdir()) == []

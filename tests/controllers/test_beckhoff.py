@@ -9,10 +9,10 @@ import pytest
 
 from selector.controllers import Input, ModelFile, Output, PositionPart, Term
 from selector.controllers.guard.guarded_model import GuardedModel
-from selector.controllers.model_io import read_model
+from selector.controllers.model_file import read_model
 from selector.controllers.writers.beckhoff import ads_offset, beckhoff_export, list_values, temp_comp_mm
-from selector.controllers.writers.refused import ExportRefusedError
-from selector.controllers.writers.twincat import tcpou_export
+from selector.controllers.writers.exported import ExportRefusedError
+from selector.controllers.writers.structured_text import tcpou_export
 from tests.controllers import hostile
 from tests.controllers.golden_text import GOLDEN, golden, without_version
 

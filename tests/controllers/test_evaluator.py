@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 
 import numpy as np
 import pytest
@@ -14,8 +13,9 @@ from selector.controllers import evaluator
 from selector.controllers.evaluator import Evaluator, evaluate
 from selector.controllers.model_file import Input, ModelFile, Output, State, Term
 from selector.errors import RecordingError
-from selector.models.memory import lagged
+from selector.models.design import lagged
 from tests.controllers.model_builders import rich_model, rise_model, warm_up
+from tests.work import counted_calls
 
 
 def stepwise(model, time_s, readings, start=None, positions=None):
@@ -143,7 +143,7 @@ def test_an_output_does_not_suffer_from_a_sensor_that_it_does_not_use():
     assert np.isfinite(y["Y lower"]).all()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 120), st.booleans(), st.booleans())
 def test_blocks_give_the_same_bits_as_single_steps(seed, n, given_start, with_positions):
     """Bit-equal: the same operations in the same order, nothing is reassociated or fused."""
@@ -179,7 +179,7 @@ def test_same_bits_over_a_long_run_with_real_blocks():
     assert same_bits(evaluate(rich_model(), time_s, readings), stepwise(rich_model(), time_s, readings))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30)
 @given(st.lists(st.floats(), min_size=1, max_size=30), st.floats(allow_nan=False, allow_infinity=False))
 def test_hostile_readings_give_the_same_bits_without_a_warning(values, coefficient):
     model = lag_model()
@@ -216,9 +216,9 @@ def test_unusable_arguments(time_s, readings, found):
         evaluate(rise_model(), time_s, readings)
 
 
-def test_a_million_samples_of_37_sensors_take_about_a_second():
-    """Measured 0.1 s on one core of 2020s server hardware; the bound leaves room for a machine that is busy."""
-    n, names = 10**6, [f"T{i}" for i in range(1, 38)]
+def test_samples_of_37_sensors_are_evaluated_many_at_once():
+    """A million take about a second: benchmarks/bench_promises.py."""
+    n, names = 10**5, [f"T{i}" for i in range(1, 38)]
     model = ModelFile(
         name="37",
         inputs=[Input(name=name, valid_min=0, valid_max=10, centre=3, scale=2) for name in names],
@@ -226,10 +226,7 @@ def test_a_million_samples_of_37_sensors_take_about_a_second():
     )
     column = np.random.default_rng(0).normal(25.0, 3.0, n)
     time_s = np.arange(n, dtype=np.float64)
-    best = math.inf
-    for _ in range(3):
-        begin = time.perf_counter()
+    with counted_calls() as calls:
         result = evaluate(model, time_s, dict.fromkeys(names, column))["Z"]
-        best = min(best, time.perf_counter() - begin)
     assert np.isfinite(result).all()
-    assert best < 1.5
+    assert calls.count < n / 10

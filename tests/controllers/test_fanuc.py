@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 
 from selector.controllers import Fallback, Guard, Input, ModelFile, Output, OutputLimits, PositionPart, State, Term
-from selector.controllers.model_io import read_model
+from selector.controllers.model_file import read_model
 from selector.controllers.replay.macro_b_executed import MacroB, MacroError, macro_b_answers
 from selector.controllers.replay.rows import Rows, reference_answers
-from selector.controllers.writers.fanuc import FILE, fanuc_export, macro_variables
-from selector.controllers.writers.macro_b import LONGEST_BLOCK, literal, remarks
-from selector.controllers.writers.refused import ExportRefusedError
+from selector.controllers.writers.exported import ExportRefusedError
+from selector.controllers.writers.fanuc import FILE, LONGEST_BLOCK, fanuc_export, literal, macro_variables, remarks
 from tests.controllers import hostile
 from tests.controllers.golden_text import golden, without_version
 

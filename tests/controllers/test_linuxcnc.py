@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import subprocess
 import tempfile
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -33,6 +32,7 @@ from selector.controllers.writers.linuxcnc import READY_PERIODS, component, linu
 from selector.errors import NotExecutableError, OptionError
 from tests.controllers import hostile
 from tests.controllers.golden_text import golden, without_version
+from tests.patience import PATIENCE_S, wait_for
 
 PATENT = Path(__file__).parents[2] / "fixtures" / "models" / "patent-two-sensors.json"
 NAMES = ("T1 */ \"; ;; ' //", "№2 °C {x} [HAL]A $(B) \\", "(* 温度 *) #")
@@ -291,14 +291,16 @@ def test_a_session_that_does_not_end_is_ended_and_one_that_runs_is_left_alone(li
     with session_folder() as folder:
         with pytest.raises(OptionError, match="does not end"):
             halrun("loadrt threads name1=t1\nstart\nloadusr -w sleep 50\n", folder, 2.0)
-        (folder / "other.hal").write_text("loadrt threads name1=t1\nstart\nloadusr -w sleep 3\n")
+        (folder / "other.hal").write_text("loadrt threads name1=t1\nstart\nloadusr -w sh other.sh\n")
+        (folder / "other.sh").write_text("touch begun\nwhile [ ! -e end ]; do sleep 0.05; done\n")
         other = subprocess.Popen(
             ["halrun", "other.hal"], cwd=folder, env=environment(folder), stderr=subprocess.DEVNULL
         )  # fmt: skip
-        time.sleep(1.0)
+        wait_for((folder / "begun").exists)
         with pytest.raises(NotExecutableError, match="LinuxCNC is running"):
             halrun("getp t1.time\n", folder, 20.0)
-        assert other.wait(timeout=20) == 0
+        (folder / "end").touch()
+        assert other.wait(timeout=PATIENCE_S) == 0
 
 
 @contextmanager

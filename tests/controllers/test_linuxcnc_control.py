@@ -21,6 +21,7 @@ from selector.controllers.guard.guarded_model import GuardedModel
 from selector.controllers.replay.halrun_executed import INSTALL, environment, installed, missing_program, single_session
 from selector.controllers.writers.linuxcnc import NAME, linuxcnc_export
 from selector.errors import NotExecutableError
+from tests.patience import PATIENCE_S
 
 CONFIGURATION = Path(__file__).parent / "linuxcnc_control"
 COUNT_UM = 0.1
@@ -96,10 +97,12 @@ def _seen(job: str, folder: Path) -> dict[str, Any]:
             stdin=subprocess.DEVNULL, stdout=said, stderr=subprocess.STDOUT,
         )  # fmt: skip
         try:
-            process.wait(timeout=60)
+            process.wait(timeout=PATIENCE_S)
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, signal.SIGKILL)
-            subprocess.run(["halrun", "-U"], env=environment(folder), capture_output=True, check=False, timeout=30)
+            subprocess.run(
+                ["halrun", "-U"], env=environment(folder), capture_output=True, check=False, timeout=PATIENCE_S
+            )
     log = (folder / "said.txt").read_text(errors="replace")
     assert (folder / "seen.json").exists(), log
     seen = json.loads((folder / "seen.json").read_text())

@@ -16,9 +16,10 @@ from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
 from selector import atomic_file
-from selector.controllers.model_file import Role, model_json_schema
-from selector.controllers.model_io import (
+from selector.controllers.model_file import (
     LARGEST_FILE_BYTES,
+    Role,
+    model_json_schema,
     model_sha256,
     model_text,
     parsed_model,
@@ -94,7 +95,7 @@ def test_round_trip_is_bit_equal(tmp_path):
     assert len(model_sha256(model)) == 64
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100)
 @given(st.floats(allow_nan=False, allow_infinity=False), st.floats(min_value=5e-324, allow_infinity=False))
 def test_every_float_survives(coefficient, scale):
     changed = with_change(("inputs", 0, "centre"), coefficient)
@@ -282,24 +283,25 @@ def test_a_huge_file_is_refused_before_it_is_parsed(tmp_path):
 
 
 HOSTILE = {
-    "inputs": '"inputs": [' + "{}," * 500_000 + "{}]",
-    "numbers in a series": '"test_vectors": [{"time_s": [' + "1," * 500_000 + "1]}]",
+    "inputs": '"inputs": [' + "{}," * 100_000 + "{}]",
+    "numbers in a series": '"test_vectors": [{"time_s": [' + "1," * 100_000 + "1]}]",
     "unknown keys": '"validation": {' + ",".join(f'"{i}": {{"x{"y" * (i % 2)}": 1}}' for i in range(20_000)) + "}",
     "small parts": '"fallbacks": [' + ",".join(['{"inputs": [' + "{}," * 1200 + "{}]}"] * 450) + "]",
 }
 
 
 @pytest.mark.parametrize("kind", HOSTILE)
-def test_millions_of_small_errors_cost_neither_time_nor_memory(kind):
+def test_a_hundred_thousand_small_errors_cost_neither_time_nor_memory(kind):
     """Collecting an error for each took 16 GB and two minutes for a file of 16 MB; now it is refused while walking."""
     tracemalloc.start()
     try:
-        error = refusal('{"schema": "selector.model/1", "name": "a", ' + HOSTILE[kind] + "}")
+        text = '{"schema": "selector.model/1", "name": "a", ' + HOSTILE[kind] + "}"
+        error = refusal(text)
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
     assert "entries" in error.expected or "values" in error.found
-    assert peak < 300e6  # 120 bytes for each of 1.5 million characters is what the parsed document itself needs
+    assert peak < 200 * len(text)  # 120 bytes for each character is what the parsed document itself needs
 
 
 @pytest.mark.parametrize("make", [lambda p: None, lambda p: p.mkdir(), lambda p: p.write_bytes(b"\xff\xfe{\x00}\x00")])
@@ -310,7 +312,7 @@ def test_unreadable_files_are_refused(tmp_path, make):
     assert str(tmp_path / "m.json") in caught.value.where
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150)
 @given(st.data())
 def test_random_damage_never_gives_a_traceback(data):
     text = model_text(rise_model())

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from selector.controllers.evaluator import Evaluator
-from selector.controllers.formula import formula_text, physical_coefficients
-from selector.controllers.model_io import model_text, read_model
+from selector.controllers.evaluator import Evaluator, formula_text, physical_coefficients
+from selector.controllers.model_file import model_text, read_model
 from selector.controllers.self_check import check_model
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -7,7 +7,7 @@ import unicodedata
 import pytest
 
 from selector.controllers import Guard, Input, ModelFile, Output, OutputLimits, Term
-from selector.controllers.program.text_of_program import plain
+from selector.controllers.program.language import plain
 from selector.controllers.writers.targets import TARGETS
 
 

@@ -10,11 +10,11 @@ import pytest
 
 from selector.controllers import Guard, Input, ModelFile, Output, OutputLimits, PositionPart, Term
 from selector.controllers.guard import with_decided_limits
-from selector.controllers.model_io import read_model
+from selector.controllers.model_file import read_model
 from selector.controllers.program.guarded_program import axes_of
 from selector.controllers.replay.compiled import compiler
 from selector.controllers.replay.halrun_executed import INSTALL, missing_program
-from selector.controllers.replay.reduced_guard import places_m, straight_line_um
+from selector.controllers.replay.parts import places_m, straight_line_um
 from selector.controllers.replay.replayed import executed
 from selector.controllers.replay.rows import reference_answers
 from selector.controllers.writers.targets import TARGETS
@@ -114,7 +114,7 @@ def test_every_file_gives_what_it_has_to_give(target, which, rhythm):
     if target == "linuxcnc" and rhythm != "any":
         pytest.skip("one session of LinuxCNC is enough: its program is that of C")
     model = MODELS[which]
-    found, model = replayed_parts(target, model, calls(model, 1500, 5, rhythm))
+    found, model = replayed_parts(target, model, calls(model, 500, 5, rhythm))
     assert [part.part.file for part in found] == [part.file for part in TARGETS[target].parts]
     for one in differences(found, model):
         assert one.is_explained, one
@@ -152,7 +152,7 @@ MISTAKES = [
 def test_a_mistake_in_any_file_is_found(target, file, was, becomes):
     model = MODELS["steep"]
     # after a pause the macro waits, and nothing of it is seen
-    rows = calls(model, 6000, 1, "rarely" if target == "fanuc" else "any")
+    rows = calls(model, 6000, 1, "rarely") if target == "fanuc" else calls(model, 1500, 1, "any")
 
     def mistaken(files):
         return files | {file: files[file].replace(was, becomes)}

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from selector.controllers import Evaluator, Guard, Input, ModelFile, Output, OutputLimits, PositionPart, State, Term
-from selector.controllers.model_io import read_model
-from selector.controllers.replay.drive_parameters_executed import drive_answers
+from selector.controllers.model_file import read_model
 from selector.controllers.replay.rows import Rows, reference_answers
-from selector.controllers.writers.refused import ExportRefusedError
+from selector.controllers.replay.straight_line import drive_answers
+from selector.controllers.writers.exported import ExportRefusedError
 from selector.controllers.writers.rexroth import (
     FILE,
     LARGEST_LOSS_UM,

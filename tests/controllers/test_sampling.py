@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from selector.controllers import Guard, Input, ModelFile, Output, OutputLimits, State, Term
-from selector.controllers.application import apply_model
+from selector.controllers.application import apply_model, other_sampling, period_of
 from selector.controllers.model_file import Provenance
-from selector.controllers.sampling import other_sampling, period_of
 from selector.recording import Recording
 from tests.selection.machines import recording
 

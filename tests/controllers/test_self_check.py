@@ -11,10 +11,8 @@ import pytest
 from selector.controllers import self_check
 from selector.controllers.evaluator import evaluate
 from selector.controllers.guard.codes import LONGEST_S
-from selector.controllers.guard_check import CLOCKS_END_S
-from selector.controllers.model_file import Guard, Input, ModelFile, Output, OutputLimits, Term
-from selector.controllers.model_io import model_text, write_model
-from selector.controllers.self_check import check_model, model_findings, output_bound_um
+from selector.controllers.model_file import Guard, Input, ModelFile, Output, OutputLimits, Term, model_text, write_model
+from selector.controllers.self_check import CLOCKS_END_S, check_model, model_findings, output_bound_um
 from selector.errors import ModelFileError
 from tests.controllers.model_builders import rich_model, rise_model, warm_up
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selector.controllers import Fallback, Guard, Input, ModelFile, Output, OutputLimits, PositionPart, State, Term
-from selector.controllers.model_io import read_model
+from selector.controllers.model_file import read_model
 from selector.controllers.program.guarded_program import axes_of
 from selector.controllers.replay.rows import Rows, reference_answers
 from selector.controllers.single_precision import (
@@ -89,7 +89,7 @@ def calls(model: ModelFile, seed: int, n: int = 120) -> tuple[Rows, dict[str, fl
     return rows, dict(zip((item.name for item in model.inputs), largest, strict=True))
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=75)
 @given(models(), st.integers(0, 2**32 - 1))
 def test_the_bound_holds(model, seed):
     rows, largest = calls(model, seed)

@@ -29,11 +29,12 @@ from selector.controllers.writers.structured_text import (
     LONGEST_LINE,
     LONGEST_NAME,
     StructuredText,
+    guid,
     is_reserved,
     st_export,
     st_text,
+    tcpou_export,
 )
-from selector.controllers.writers.twincat import guid, tcpou_export
 from selector.errors import NotExecutableError, OptionError
 from tests.controllers import hostile
 from tests.controllers.golden_text import golden, without_version
@@ -77,9 +78,9 @@ def test_scl_in_real_is_the_guard_in_single_precision_bit_for_bit(kind):
 
 
 @needs_parser
-def test_a_whole_recording_of_twenty_thousand_rows():
+def test_a_whole_recording_of_five_thousand_rows():
     model = hostile.model()
-    rows = hostile.rows(20_000, 23)
+    rows = hostile.rows(5_000, 23)
     answers = st_answers(model, rows)
     assert same(answers, reference_answers(model, rows))
     assert {0, 1, 2, 3, 4, 10, 11} <= set(answers.mode.tolist())

@@ -9,8 +9,8 @@ import pandas as pd
 
 from selector.diagnosis.open_model.runnable import OwnModel
 from selector.physics.drive.drive_model import drive_model
-from selector.physics.drive.model_file import checked_model_file as drive_file
-from selector.physics.thermal.model_file import checked_model_file as heat_file
+from selector.physics.drive.file.model_file import checked_model_file as drive_file
+from selector.physics.thermal.file.model_file import checked_model_file as heat_file
 from selector.physics.thermal.schedule import scheduled
 from selector.physics.thermal.thermal_model import thermal_model
 from selector.recording import Recording
@@ -69,7 +69,7 @@ def axis_recording(plain=AXIS, ways=WAYS) -> Recording:
     for number, (targets, feed) in enumerate(ways):
         changed = copy.deepcopy(plain)
         changed["motion"] |= {"targets_mm": targets, "feed_mm_per_min": feed}
-        done = drive_model(drive_file(changed)).simulate(run="r", seed=number)
+        done = drive_model(drive_file(changed)).simulation(run="r", seed=number).recording
         names = ["X_command", "X_position", "X_voltage"]
         tables[f"r{number}"] = pd.DataFrame(done.values("r", names), pd.Index(done.time_s("r"), name="time_s"), names)
     return Recording.from_runs(tables, tuple(done.channel(name) for name in names), {})

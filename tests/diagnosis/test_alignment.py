@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selector.diagnosis.entrance.alignment import comparison_of, resolution
-from selector.diagnosis.entrance.unusable import identical_responses
+from selector.diagnosis.matching.alignment import comparison_of, resolution
+from selector.diagnosis.matching.usable import identical_responses
+from selector.diagnosis.workflow import diagnosis
 from selector.errors import InputError, OptionError
 from selector.recording import Channel, Recording
 
@@ -72,7 +75,7 @@ def test_the_only_run_cannot_be_held_out():
         comparison_of(*pair(runs=("a",)), holdout="a")
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=20)
 @given(
     step=st.floats(0.3, 9.0),
     first=st.floats(0.0, 100.0),
@@ -208,6 +211,19 @@ def test_gains_that_a_calibration_may_have_are_compared():
         assert comparison_of(rec, sim.with_values(sim.frame / factor)).responses == ("Z",)
 
 
+def test_a_response_that_differs_on_held_out_rows_only_is_told():
+    rec, sim = pair()
+    compared = comparison_of(rec, sim)
+    course = np.where(compared.held_out, compared.simulated["Z"], compared.recorded["Z"])
+    same = dataclasses.replace(compared, simulated={**compared.simulated, "Z": course})
+    assert identical_responses(same) == ()
+    answer = diagnosis(same)
+    assert answer.verdict == "unexplained"
+    assert "differs in Z on what is held out" in answer.headline
+    assert [f.id for f in answer.findings] == ["differs-held-out"]
+    assert answer.fit["Z"].train.rmse_before == 0.0 < answer.fit["Z"].heldout.rmse_before
+
+
 def test_copies_are_told_and_inputs_left_out():
     rec, sim = pair()
     copy = comparison_of(rec, rec)
@@ -224,7 +240,7 @@ def test_copies_are_told_and_inputs_left_out():
     assert [f.level for f in asked.findings] == ["warning"]
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=30)
 @given(step=st.sampled_from([0.001, 0.05, 0.1, 0.5, 5.0]), offset=st.floats(-1e3, 1e3), seed=st.integers(0, 10**6))
 def test_resolution_is_the_grid_of_the_readings(step, offset, seed):
     counts = np.round(np.random.default_rng(seed).normal(scale=30.0, size=400))

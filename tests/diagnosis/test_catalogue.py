@@ -11,7 +11,7 @@ import pytest
 
 from selector.cli import exit_status
 from selector.diagnosis.effects.catalogue import catalogue, effect_of
-from selector.diagnosis.entrance.alignment import comparison_of
+from selector.diagnosis.matching.alignment import comparison_of
 from selector.diagnosis.workflow import diagnosis
 from selector.errors import OptionError
 from selector.recording import Channel, Recording

@@ -9,8 +9,8 @@ import pytest
 from scipy.signal import lfilter
 
 from selector.diagnosis.effects.catalogue import effect_of
-from selector.diagnosis.evidence.bench import bench_of
 from selector.diagnosis.evidence.confirmation import confirmation, not_ruinous
+from selector.diagnosis.evidence.response import bench_of
 from selector.diagnosis.evidence.search import search
 from tests.diagnosis.made import comparison
 

@@ -10,10 +10,10 @@ import pytest
 
 from selector.controllers import evaluate, parsed_model
 from selector.controllers.from_diagnosis import WORST, correction_of
-from selector.controllers.model_io import model_text
+from selector.controllers.model_file import model_text
 from selector.diagnosis.answer import Diagnosis, Errors, Fit, NamedEffect
 from selector.diagnosis.effects.effect import Quantity
-from selector.diagnosis.entrance.alignment import comparison_of
+from selector.diagnosis.matching.alignment import comparison_of
 from selector.diagnosis.shapes.signals import course, lagged, rise
 from selector.recording import Channel, Recording
 

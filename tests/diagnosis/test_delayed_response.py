@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.evidence.bench import recalibration_columns
-from selector.diagnosis.shapes.leftover import least_squares
+from selector.diagnosis.evidence.response import recalibration_columns
+from selector.diagnosis.shapes.residual import least_squares
 from selector.recording import Channel
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from selector.diagnosis.entrance.alignment import comparison_of
+from selector.diagnosis.matching.alignment import comparison_of
 from selector.diagnosis.workflow import diagnosis
 from selector.errors import InputError
 from selector.recording import Channel, Recording

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from selector.diagnosis.answer import NamedEffect
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import effect_of
-from selector.diagnosis.evidence.bench import bench_of
 from selector.diagnosis.evidence.naming import named_effect
+from selector.diagnosis.evidence.response import bench_of
 from selector.diagnosis.evidence.search import Search, search, standings
 from selector.diagnosis.next_run.emulation import extended
 from selector.diagnosis.next_run.experiments import Separation, next_runs, separations, shortened

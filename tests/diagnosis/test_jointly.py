@@ -5,7 +5,7 @@ import pytest
 
 from selector.diagnosis.effects.effect import Quantity, Variant, equally_likely
 from selector.diagnosis.evidence import testing
-from selector.diagnosis.evidence.jointly import of_all, together
+from selector.diagnosis.evidence.testing import of_all, together
 
 COURSE = np.ones((4, 1))
 

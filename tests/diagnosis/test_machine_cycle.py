@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.evidence.bench import bench_of
+from selector.diagnosis.evidence.response import bench_of
 from selector.diagnosis.evidence.search import search
 from selector.diagnosis.shapes.machine_cycle import machine_cycle
 from selector.recording import Channel

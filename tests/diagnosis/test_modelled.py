@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 
 import numpy as np
 import pytest
 
-from selector.diagnosis.open_model.modelled import Improved, diagnosis_of_model, improved_errors
-from selector.diagnosis.open_model.refitting import refitted
+from selector.diagnosis.open_model.modelled import Improved, diagnosis_of_model, with_longest_steps
+from selector.diagnosis.open_model.refitting import refitted, simulated_rows
 from selector.diagnosis.open_model.runnable import FunctionModel, OwnModel
-from selector.diagnosis.open_model.step_choice import with_longest_steps
 from selector.errors import InputError
-from selector.physics.drive.model_file import parsed_model_file
+from selector.physics.drive.file.model_file import parsed_model_file
+from selector.physics.gauging.file.model_file import checked_model_file as gauging_file
+from selector.physics.gauging.gauging_model import gauging_model
 from selector.physics.model_parameters import Parameter
 from selector.recording import Recording
 from tests.diagnosis.ablated import (
@@ -52,10 +54,12 @@ def test_the_improved_file_keeps_the_errors_that_the_answer_says(without_coulomb
     improved = without_coulomb.improved
     assert isinstance(improved, Improved)
     again = dataclasses.replace(improved.model, file=parsed_model_file(improved.model.text("improved")))
-    found = improved_errors(dataclasses.replace(improved, model=again))
+    comparison = improved.refit.comparison
+    simulated = simulated_rows(comparison, again.simulated({}))
     for name, fit in without_coulomb.answer.fit.items():
+        left = (comparison.recorded[name] - simulated[name])[comparison.held_out]
         # what a user gets who simulates the file; 5 % is what is promised
-        assert found[name] == pytest.approx(fit.heldout.rmse_after, rel=0.05)
+        assert np.sqrt(np.mean(left**2)) == pytest.approx(fit.heldout.rmse_after, rel=0.05)
         assert fit.heldout.rmse_after < 0.2 * fit.recalibrated_heldout
 
 
@@ -99,6 +103,30 @@ def test_parameters_that_the_record_says_nothing_of_stay_where_they_were(axis):
         half = 0.5 * (one.high - one.low)
         assert abs(one.value - axis_model(still, axis).parameters[name].value) < 2.0 * half
     assert not [finding for finding in found.findings if finding.id == "parameter-pulled"]
+
+
+def test_a_recording_that_its_model_made_lacks_nothing():
+    """Without any difference the noise is what rounding leaves, not nothing, by which nothing can be divided."""
+    still = copy.deepcopy(AXIS)
+    still["axes"]["X"]["sensing"]["current_noise"] = 0.0
+    made = axis_recording(still)
+    found = diagnosis_of_model(axis_model(still, made), made)
+    assert found.answer.verdict == "nothing-missing"
+    assert not found.answer.effects
+    assert found.improved is None
+    for name, one in found.refit.values.items():
+        assert one == pytest.approx(axis_model(still, made).parameters[name].value, rel=1e-6), name
+
+
+def test_a_gauge_without_noise_lacks_nothing():
+    file = gauging_file({
+        "model": {"kind": "gauging", "name": "a gauge as a line"},
+        "linear": {"gain_v_per_um": -0.005, "bias_v": 0.8, "time_constant_s": 0.2},
+        "grinding": {"allowance_um": 60.0, "stages": [{"feed_um_per_s": 4.0, "until_um": 0.0}]},
+    })  # fmt: skip
+    made = gauging_model(file).simulation(run="r").recording
+    found = diagnosis_of_model(OwnModel("gauging", file, made), made)
+    assert found.answer.verdict == "nothing-missing"
 
 
 def test_a_python_function_is_refitted(axis):

@@ -50,3 +50,5 @@ def test_gaps_end_a_stretch_and_lost_samples_do_not():
 def test_a_course_without_noise_is_no_defect():
     model = noise_model(np.zeros(200), [slice(0, 200)])
     assert model.sd == 0.0
+    # what divides by it divides by what rounding leaves
+    assert noise_model(np.zeros(200), [slice(0, 200)], rounding=1e-12).sd == 1e-12

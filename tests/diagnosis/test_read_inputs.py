@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from selector.diagnosis.shapes.read_inputs import read_by, weights_of_readings
+from selector.diagnosis.shapes.residual import read_by, weights_of_readings
 from selector.diagnosis.workflow import diagnosis
 from selector.recording import Channel
 from tests.diagnosis.made import comparison

@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Quantity, Reading, Variant
-from selector.diagnosis.evidence.bench import bench_of
+from selector.diagnosis.evidence.response import bench_of
 from selector.diagnosis.evidence.search import search
 from selector.diagnosis.workflow import diagnosis
 from selector.recording import Channel

@@ -9,10 +9,10 @@ import pytest
 
 from selector.diagnosis.effects.catalogue import effect_of
 from selector.diagnosis.effects.effect import Fitted, Quantity, Variant
-from selector.diagnosis.evidence.bench import bench_of
+from selector.diagnosis.effects.thermal._wording import delay_of, worth
 from selector.diagnosis.evidence.moments import solved
-from selector.diagnosis.evidence.shape_intervals import shape_intervals
-from selector.diagnosis.shapes.heat_wording import delay_of, worth
+from selector.diagnosis.evidence.naming import shape_intervals
+from selector.diagnosis.evidence.response import bench_of
 from selector.diagnosis.shapes.signals import course, lagged
 from selector.diagnosis.wording import quantity_words
 from tests.diagnosis.made import comparison

@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from selector.diagnosis.effects.catalogue import effect_of
-from selector.diagnosis.entrance.alignment import comparison_of
-from selector.diagnosis.evidence.bench import bench_of
+from selector.diagnosis.evidence.response import bench_of
+from selector.diagnosis.matching.alignment import comparison_of
 from selector.recording import Channel, Recording
 
 ROWS = 400

@@ -9,12 +9,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from selector.cli.diagnosis_files import correction_told, write_correction
+from selector.cli.shared.diagnosed.answer import correction_told
+from selector.cli.shared.diagnosed.files import write_correction
 from selector.controllers import evaluate, parsed_model
 from selector.diagnosis.answer import recalibration_of
 from selector.diagnosis.effects.catalogue import effect_of
 from selector.diagnosis.effects.effect import Quantity
-from selector.diagnosis.entrance.alignment import comparison_of
+from selector.diagnosis.matching.alignment import comparison_of
 from selector.diagnosis.workflow import diagnosis
 from selector.recording import Channel, Recording
 

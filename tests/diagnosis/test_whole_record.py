@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from selector.diagnosis.effects.effect import Quantity
-from selector.diagnosis.evidence.recalibration import Recalibrated
-from selector.diagnosis.evidence.whole_record import whole_record_names
+from selector.diagnosis.evidence.recalibration import Recalibrated, whole_record_names
 from tests.diagnosis.made import comparison
 
 

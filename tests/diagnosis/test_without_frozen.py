@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from selector.diagnosis.evidence.frozen_responses import frozen_responses
+from selector.diagnosis.evidence.frozen import frozen_responses
 from selector.diagnosis.workflow import diagnosis
 from tests.diagnosis.made import RUNS, STEP_S, coloured, comparison
 

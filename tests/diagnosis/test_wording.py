@@ -10,7 +10,7 @@ import pytest
 from selector.diagnosis.answer import Errors
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Fitted, Quantity, Variant
-from selector.diagnosis.shapes.heat_wording import delay_of, quantities
+from selector.diagnosis.effects.thermal._wording import delay_of, quantities
 from selector.diagnosis.wording import (
     amount,
     duration_words,

@@ -8,11 +8,11 @@ from typing import get_args
 
 import pytest
 
-from selector.physics.drive import model_schema as schema
-from selector.physics.drive.catalogue import thc6350_x_axis
-from selector.physics.drive.model_parts import INSTEAD, OFF
-from selector.physics.drive.parameter_bounds import unit_of_key
-from selector.physics.model_entries import Column, Entry
+from selector.physics.drive.file import model_schema as schema
+from selector.physics.drive.file.model_axes import INSTEAD, OFF
+from selector.physics.drive.file.parameters import unit_of_key
+from selector.physics.drive.parts.catalogue import thc6350_x_axis
+from selector.physics.model_text import Column, Entry
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "drive-model.md"
 LUGRE = next(

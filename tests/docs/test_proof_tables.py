@@ -9,8 +9,7 @@ from typing import Any
 
 import pytest
 
-from selector.proof.intervals import Measured
-from selector.proof.score_table import ROWS, score_table
+from selector.proof.scoring import ROWS, Measured, score_table
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from selector.physics.thermal import model_schema as schema
-from selector.physics.thermal.parameters import unit_of_key
+from selector.physics.thermal.file import model_file as schema
+from selector.physics.thermal.file.parameters import unit_of_key
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "thermal-model.md"
 

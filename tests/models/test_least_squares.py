@@ -13,8 +13,8 @@ from statsmodels.stats.outliers_influence import OLSInfluence, variance_inflatio
 from statsmodels.stats.stattools import durbin_watson
 
 from selector.errors import OptionError
+from selector.models.best_subsets.results import adjusted_r2
 from selector.models.least_squares import fit, variance_inflation
-from selector.models.subset_scores import adjusted_r2
 from selector.models.terms import Scaling, design_matrix, polynomial_terms
 
 
@@ -146,6 +146,40 @@ def test_ridge_standard_errors_are_those_of_repeated_noise():
     model = fitted(x, x[:, 0] + rng.normal(0, 0.5, 100), ridge=0.3)
     claimed = np.sqrt(model.classical_covariance[1, 1]) * 0.5 / model.residual_sd_um
     assert claimed == pytest.approx(np.std(slopes), rel=0.12)  # a deviation of 400 is known to 3.5 %
+
+
+class TestInStatsmodels:
+    @pytest.mark.parametrize("robust", [True, False])
+    @pytest.mark.parametrize("n_runs", [1, 4])
+    def test_is_the_same_model(self, robust, n_runs):
+        x, y = data()
+        runs = np.repeat(np.arange(n_runs), 200 // n_runs)
+        model = fitted(x, y, degree=2, interactions=True, runs=runs)
+        results = model.statsmodels_results(x, y, runs, robust=robust)
+        terms, coefficients, errors = model.physical(robust=robust)
+        assert list(results.params.index) == ["Intercept", *map(str, terms)]
+        assert results.params.to_numpy() == pytest.approx(coefficients, rel=1e-6)
+        assert results.bse.to_numpy() == pytest.approx(errors, rel=1e-6)
+        assert np.all((results.pvalues >= 0) & (results.pvalues <= 1))
+        assert results.rsquared == pytest.approx(model.r2, rel=1e-9)
+        assert results.rsquared_adj == pytest.approx(model.adjusted_r2, rel=1e-9)
+        cooks = results.get_influence().cooks_distance[0]
+        assert cooks.max() == pytest.approx(model.diagnostics.max_cooks_distance, rel=1e-6)
+        assert "Dep. Variable:                      Z" in results.summary().as_text()
+
+    def test_without_an_intercept(self):
+        x, y = data()
+        model = fitted(x, y, centre=0.0, intercept=False)
+        results = model.statsmodels_results(x, y)
+        assert list(results.params.index) == ["T1", "T2", "T3"]
+        assert results.bse.to_numpy() == pytest.approx(model.physical()[2][1:], rel=1e-9)
+        assert results.rsquared == pytest.approx(model.r2, rel=1e-12)
+
+    def test_what_ordinary_least_squares_does_not_give_is_refused(self):
+        x, y = data()
+        for model in (fitted(x, y, ridge=0.1), fitted(x, y, intercept=False)):
+            with pytest.raises(OptionError, match="a model of Z with"):
+                model.statsmodels_results(x, y)
 
 
 class TestColumnsThatDependOnEachOther:

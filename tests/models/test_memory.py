@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selector.models.memory import Lag, lagged, time_constant_grid
+from selector.models.design import Lag, lagged, time_constant_grid
 
 TAU = 600.0
 

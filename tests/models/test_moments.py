@@ -7,10 +7,8 @@ import itertools
 import numpy as np
 import pytest
 
-from selector.models.design import Columns, Design, datum_of
-from selector.models.memory import Lag
+from selector.models.design import Columns, Design, Lag, block_bounds, datum_of, rows_of
 from selector.models.moments import coefficients, moments, scaling_of, squared_error
-from selector.models.rows import block_bounds, rows_of
 from selector.models.terms import Scaling, design_matrix, polynomial_terms
 from selector.recording import thinned
 from tests.models.runs import InPieces, recording

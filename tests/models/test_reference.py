@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selector.models.design import datum_of
-from selector.models.reference import START_SAMPLES, gauge_start, start_reading, start_readings
+from selector.models.design import START_SAMPLES, datum_of, gauge_start, start_reading, start_readings
 from tests.models.runs import InPieces, recording
 
 

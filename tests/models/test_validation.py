@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selector.models.design import Columns, Datum, Design
+from selector.models.design import Columns, Datum, Design, rows_of
 from selector.models.moments import moments, scaling_of
-from selector.models.rows import rows_of
 from selector.models.terms import polynomial_terms
 from selector.models.validation import (
     HeldOut,

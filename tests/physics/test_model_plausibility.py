@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from selector.physics.model_plausibility import UsualRange, unlikely_numbers
+from selector.physics.model_parameters import UsualRange, unlikely_numbers
 
 USUAL = {"probe.mass_kg": UsualRange(1e-4, 1.0, {"g": 1e-3}), "stages.feed": UsualRange(0.0, 10.0, {"mm": 1e3})}
 

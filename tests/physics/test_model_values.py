@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
@@ -39,7 +39,6 @@ numbers = st.floats(-1e6, 1e6)
 inners = st.builds(Inner, st.integers(0, 100), numbers)
 
 
-@settings(deadline=None)
 @given(
     st.builds(
         Outer, st.floats(1e-3, 1e6), st.sampled_from(["left", "right"]), st.none() | inners,

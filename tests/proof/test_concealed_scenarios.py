@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 import pytest
 
+from selector.proof.concealment import d_prime, recalibration
 from selector.proof.drive.decisions import UNDECIDABLE
 from selector.proof.scenarios import scenarios
-from selector.proof.strength import d_prime, recalibration
 from selector.proof.world import _Strength
 from tests.proof import concealed
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selector.proof.drive.given_axis import given_from, given_motion
-from selector.proof.drive.programme import LENGTH_S, programme
-from selector.proof.drive.true_axis import COMMAND_S, STEP_S, TrueAxis, true_motion
+from selector.proof.drive.machine import LENGTH_S, programme
+from selector.proof.drive.true_axis import COMMAND_S, STEP_S, TrueAxis, given_from, given_motion, true_motion
 
 STILL = np.zeros(round(LENGTH_S / STEP_S))
 PER_MS = round(COMMAND_S / STEP_S)

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from selector.proof.data import faults
-from selector.proof.flow.stores import FINE_S, stores
+from selector.proof.flow.reservoirs import FINE_S, stores
 from selector.proof.gauging.ground_parts import ground_sizes, read_course
 from selector.proof.vibration.structure import STEP_S, Structure, given_swing, true_swing
 

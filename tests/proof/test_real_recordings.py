@@ -15,18 +15,16 @@ from selector.diagnosis.effects.effect import Effect, Variant
 from selector.diagnosis.effects.flow.overflow import EFFECT as OVERFLOW
 from selector.diagnosis.effects.vibration.hardening import EFFECT as HARDENING
 from selector.diagnosis.effects.vibration.hysteresis import EFFECT as HYSTERESIS
-from selector.diagnosis.entrance.alignment import comparison_of
-from selector.diagnosis.open_model.switches import Switch
-from selector.diagnosis.open_model.through_model import ThroughModel
+from selector.diagnosis.matching.alignment import comparison_of
+from selector.diagnosis.open_model.switches import Switch, ThroughModel
 from selector.diagnosis.shapes.force_response import closed_loop
-from selector.diagnosis.shapes.leftover import least_squares
+from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.shapes.signals import filled, rate
 from selector.errors import OptionError, ReadError
 from selector.proof.real import published
-from selector.proof.real.ace import ace_thermal
 from selector.proof.real.emps import RECORDS, emps, identified, record, simulated
-from selector.proof.real.silverbox import silverbox
-from selector.proof.real.tanks import cascaded_tanks
+from selector.proof.real.regressed import ace_thermal
+from selector.proof.real.tables import cascaded_tanks, silverbox
 from selector.proof.runner import Exam, Outcome, outcomes, questions
 from selector.proof.scenarios import scenarios
 

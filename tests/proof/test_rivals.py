@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selector.diagnosis.entrance.alignment import comparison_of
+from selector.diagnosis.matching.alignment import comparison_of
 from selector.errors import OptionError
-from selector.proof.candidates import Candidates, candidates
-from selector.proof.oracle import detection_probability
-from selector.proof.rivals import RIVALS, Rival, absent, rivals
+from selector.proof.case import detection_probability
+from selector.proof.rivals import RIVALS, Candidates, Rival, absent, candidates, rivals
 from tests.proof.tiny_cases import SINGLE
 
 HERE = [rival for rival in RIVALS if rival.is_here]

@@ -8,14 +8,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from selector.proof.case import TrueEffect, Truth, Window
-from selector.proof.confusion import CLEAN, NOTHING, SET, confusion
-from selector.proof.intervals import bootstrapped, share_measured
-from selector.proof.judging import Judged, judged, overlap
+from selector.proof.judging import Judged, Stated, judged, overlap, stated
 from selector.proof.results import by_answerer, row_texts, score_object, tables
 from selector.proof.runner import Outcome
-from selector.proof.score_table import ROWS, score_table
-from selector.proof.scoring import calibration, power, scores
-from selector.proof.stated import Stated, stated
+from selector.proof.scoring import (
+    CLEAN,
+    NOTHING_NAMED,
+    ROWS,
+    SET,
+    bootstrapped,
+    calibration,
+    confusion,
+    power,
+    score_table,
+    scores,
+    share_measured,
+)
 from tests.proof.tiny_cases import DOOR, EFFECT, GAP, answer, effect
 
 SPANS = {"r1": (0.0, 7140.0), "r2": (0.0, 7140.0)}
@@ -170,8 +178,8 @@ def test_confusion_counts_every_case():
         ("thermal.instant_speed", "thermal.instant_speed"): 1,
         ("thermal.instant_speed", SET): 1,
         ("thermal.instant_speed", "thermal.memory"): 1,
-        ("thermal.instant_speed", NOTHING): 1,
-        (CLEAN, NOTHING): 1,
+        ("thermal.instant_speed", NOTHING_NAMED): 1,
+        (CLEAN, NOTHING_NAMED): 1,
         (CLEAN, "data.zero"): 1,
         ("hidden.door", "unexplained"): 1,
     }

@@ -7,10 +7,16 @@ import json
 
 import numpy as np
 
-from selector.proof.bundles import read_answers, write_bundles
-from selector.proof.case import HeldOut, Truth
-from selector.proof.runner import questions
-from selector.proof.sealing import seal_of, sealed_sha256_of_case, sealed_text, sha256_of_text, truth_as_dict
+from selector.proof.case import (
+    HeldOut,
+    Truth,
+    seal_of,
+    sealed_sha256_of_case,
+    sealed_text,
+    sha256_of_text,
+    truth_as_dict,
+)
+from selector.proof.runner import questions, write_bundles
 from selector.readers import Overrides, read
 from tests.proof.tiny_cases import CLEAN, DOOR, SINGLE
 
@@ -51,7 +57,7 @@ def test_bundles_are_read_back_bit_by_bit_and_name_nothing(tmp_path):
     text = (tmp_path / "answers.json").read_text(encoding="utf-8")
     assert sealed == sha256_of_text(text)
     assert (tmp_path / "answers.sha256").read_text(encoding="utf-8").split() == [sealed, "answers.json"]
-    answers = read_answers(tmp_path / "answers.json")
+    answers = json.loads((tmp_path / "answers.json").read_text(encoding="utf-8"))
     assert sorted(answers) == ["case-001", "case-002", "case-003", "case-004"]
     assert {one["kind"] for one in answers.values()} == {"single", "clean"}
     for name, one in answers.items():
@@ -71,5 +77,5 @@ def test_bundles_are_read_back_bit_by_bit_and_name_nothing(tmp_path):
 def test_the_numbers_of_folders_are_dealt_out(tmp_path):
     """That 12 stand in the order of their questions by chance is 1 in 12!."""
     write_bundles(questions((SINGLE,), (6.0,), range(12)), tmp_path)
-    answers = read_answers(tmp_path / "answers.json")
+    answers = json.loads((tmp_path / "answers.json").read_text(encoding="utf-8"))
     assert [answers[name]["seed"] for name in sorted(answers)] != list(range(12))

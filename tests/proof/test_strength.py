@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selector.proof.noise import Noise
-from selector.proof.strength import d_prime, held_out_errors, recalibration, scale_for, unabsorbed
+from selector.proof.concealment import Noise, d_prime, held_out_errors, recalibration, scale_for, unabsorbed
 
 STARTS = (0, 700, 1500, 2100)
 TIME = np.concatenate([30.0 * np.arange(b - a) for a, b in pairwise(STARTS)])
@@ -83,7 +82,7 @@ def test_noise_has_the_colour_that_it_says(noise):
     assert np.corrcoef(rest[1:], rest[:-1])[0, 1] == pytest.approx(noise.phi, abs=0.03)  # 4 of 1/√20000
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.floats(0.5, 30.0), st.floats(0.5, 2.0), st.floats(0.01, 100.0))
 def test_size_for_a_strength_is_found(target, power, factor):
     size = scale_for(target, lambda s: factor * s**power)

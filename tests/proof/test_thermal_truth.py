@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from selector.proof.thermal.conduction import Body, Heat, temperatures
 from selector.proof.thermal.duty import STEP_S, STYLES, duty, speed_programme
-from selector.proof.thermal.machine import machine
+from selector.proof.thermal.machine import Body, Heat, machine, temperatures
 from selector.proof.thermal.scene import Scene, stage_of
 from selector.proof.thermal.speed import growth, heating
 

@@ -27,7 +27,7 @@ from selector.sensors import (
     transitive_closure_by_squaring,
 )
 
-MANY = settings(max_examples=250, deadline=None)
+MANY = settings(max_examples=125)
 
 
 @st.composite
@@ -52,6 +52,11 @@ def relations(draw, largest: int = 16):
 
 def grouping(labels) -> frozenset[frozenset[int]]:
     return frozenset(frozenset(np.flatnonzero(labels == label).tolist()) for label in np.unique(labels))
+
+
+def is_nested(fine: Partition, coarse: Partition) -> bool:
+    """Whether every group of the fine one lies within one group of the coarse one."""
+    return len(set(zip(fine.labels, coarse.labels, strict=True))) == len(fine.members)
 
 
 def components(r, level) -> frozenset[frozenset[int]]:
@@ -150,8 +155,8 @@ def test_axis_lists_every_partition_once_nested_and_with_its_interval(r):
     assert len(steps[-1].partition.members) == 1
     for fine, coarse in itertools.pairwise(steps):
         assert fine.low == coarse.high
-        assert fine.partition.is_nested_in(coarse.partition)
-        assert not coarse.partition.is_nested_in(fine.partition)
+        assert is_nested(fine.partition, coarse.partition)
+        assert not is_nested(coarse.partition, fine.partition)
     for step in steps:
         assert lambda_cut(r, step.high) == step.partition == axis.at(step.high).partition
         # the last step is closed below; it is a single point when some similarity is −1
@@ -166,7 +171,7 @@ def test_axis_lists_every_partition_once_nested_and_with_its_interval(r):
 @MANY
 @given(relations(), st.floats(-1, 1), st.floats(-1, 1))
 def test_cuts_are_nested_in_the_level(r, one, other):
-    assert lambda_cut(r, max(one, other)).is_nested_in(lambda_cut(r, min(one, other)))
+    assert is_nested(lambda_cut(r, max(one, other)), lambda_cut(r, min(one, other)))
 
 
 @MANY

@@ -10,15 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from selector.models.design import block_bounds, lagged, start_reading
 from selector.models.least_squares import fit
-from selector.models.memory import lagged
 from selector.models.moments import coefficients, squared_error
-from selector.models.reference import start_reading
-from selector.models.rows import block_bounds
 from selector.models.terms import Scaling, Term, design_matrix, physical_transform, polynomial_terms
 from selector.models.validation import within_one_standard_error
 
-MODEST = settings(deadline=None, max_examples=60)
+MODEST = settings(max_examples=30)
 NAMES = ("T1", "T2", "T3")
 
 

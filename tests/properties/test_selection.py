@@ -97,7 +97,7 @@ any_options = st.fixed_dictionaries(
 )
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(damaged_recordings(), any_options)
 def test_a_selection_or_an_error_that_says_what_to_do(source, options):
     try:

@@ -9,9 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selector.models._subset_bound import relax, spread_shares
-from selector.models.subset_problem import Problem, valid_diagonal
-from selector.models.subsets import best_sensor_sets, best_subsets, cross_products
+from selector.models.best_subsets._bound import relax, spread_shares
+from selector.models.best_subsets.cross_products import cross_products
+from selector.models.best_subsets.problem import Problem, valid_diagonal
+from selector.models.best_subsets.sensor_sets import best_sensor_sets
+from selector.models.best_subsets.subsets import best_subsets
 from tests.models.subset_cases import every_rss, rss_by_least_squares
 
 # small integers make ties, duplicates and dependent columns common
@@ -47,7 +49,7 @@ def prepared(columns, response, intercept):
     return columns, response
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=75)
 @given(regressions(), st.integers(1, 5), st.booleans(), st.data())
 def test_best_subsets_are_those_of_brute_force(case, n_best, intercept, data):
     columns, response = case
@@ -96,7 +98,7 @@ def test_best_subsets_are_those_of_brute_force(case, n_best, intercept, data):
             assert one.rss == pytest.approx(rss_by_least_squares(x[:, one.columns], y), rel=1e-7, abs=1e-9 * total)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30)
 @given(regressions(most=5), st.integers(1, 3), st.data())
 def test_best_sensor_sets_are_those_of_brute_force(case, n_best, data):
     columns, response = case
@@ -146,7 +148,7 @@ def test_best_sensor_sets_are_those_of_brute_force(case, n_best, data):
         assert found.coverage[size].left == 0
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50)
 @given(regressions(), st.integers(0, 2**32 - 1), st.data())
 def test_bound_holds_at_any_shares(case, seed, data):
     columns, response = case

@@ -17,7 +17,7 @@ from selector.readers.machine_file import machine_from_text
 
 FUZZ = settings(
     max_examples=int(os.environ.get("SELECTOR_FUZZ", "60")),
-    deadline=None,  # the first example pays for imports and compiled patterns
+    # the first example pays for imports and compiled patterns
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 

@@ -52,7 +52,7 @@ def recordings(draw):
     return Recording.from_runs(tables, channels)
 
 
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=60)
 @given(recordings())
 def test_odd_numbers_end_in_findings(recording):
     findings = inspect(recording)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from selector.quality.wording import reading
+from selector.quality.survey import reading
 from selector.recording import Channel
 
 

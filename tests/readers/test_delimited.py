@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from selector.errors import ReadError
+from tests.work import counted_calls
 
 BODY = "".join(f"{60 * i};{20 + i / 4:.2f};{i - 2.5:.1f}\n" for i in range(8)).replace(".", ",")
 T1 = [20 + i / 4 for i in range(8)]
@@ -172,19 +173,14 @@ def test_header_row_of_the_users_choice(reads):
     ]
 
 
-def test_columns_are_matched_to_lines_of_text_faster_than_three_seconds_per_eight_million_cells(reads, tmp_path):
-    # the promise is 40 columns x 200 000 rows in 3 s on a quiet machine; here a tenth of it, allowing a busy one
+def test_columns_are_matched_to_lines_of_text_without_a_step_for_every_cell(reads):
+    # the promise is 40 columns x 200 000 rows in 3 s: benchmarks/bench_promises.py
     rows, columns = 20_000, 40
     cells = np.round(20 + np.random.default_rng(0).normal(0, 3, (rows, columns)), 3)
     text = "t [s]," + ",".join(f"T{k} [degC]" for k in range(1, columns)) + "\n"
     cells[:, 0] = np.arange(rows)
     text += "\n".join(",".join(map(repr, row)) for row in cells.tolist())
-    import time
-
-    best = math.inf
-    for _ in range(3):
-        began = time.process_time()
+    with counted_calls() as calls:
         reading = reads(text)
-        best = min(best, time.process_time() - began)
     assert np.array_equal(reading.recording.values("r1", reading.recording.names), cells[:, 1:])
-    assert best < 1.5
+    assert calls.count < rows * columns

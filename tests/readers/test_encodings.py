@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selector.readers.encodings import decoded
+from selector.readers.text.encodings import decoded
 
 HEADERS = {
     "western": ("Zeit [s]", "Spindellager vorn [°C]", "Gehäuse [°C]", "Verlagerung Z [µm]"),

@@ -5,8 +5,8 @@ import pytest
 
 from selector.errors import OptionError, RecordingError, UnitError
 from selector.readers.machine_file import machine_from_text
-from selector.readers.names import name_and_unit
-from selector.readers.roles import known_unit, role_guess
+from selector.readers.roles.inferred import known_unit, role_guess
+from selector.readers.roles.names import name_and_unit
 
 WARM = np.linspace(20, 30, 50)
 

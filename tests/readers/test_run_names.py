@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from selector.controllers.model_file import Name
 from selector.errors import ReadError
 from selector.readers import read
-from selector.readers.names import printable_name
+from selector.readers.roles.names import printable_name
 
 TEXT = b"t [s],T1,Z\n0,20,1\n60,21,2\n120,22,3\n"
 

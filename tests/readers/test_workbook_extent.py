@@ -10,7 +10,7 @@ import pytest
 
 from selector.errors import ReadError
 from selector.readers import read
-from selector.readers.workbook_extent import check_extent
+from selector.readers.workbook import check_extent
 
 
 def workbook(*cells: tuple[str, float]) -> bytes:

@@ -11,9 +11,12 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from selector.physics.drive.identification import filtered_motion, identified_axis_of_servo, identified_rigid_axis
-from selector.physics.drive.loop_identification import fitted_in_loop, loop_errors
-from selector.physics.drive.servo import Servo
+from selector.physics.drive.identification import (
+    filtered_motion,
+    identified_axis_of_servo,
+    identified_rigid_axis,
+)
+from selector.physics.drive.parts.axis import Servo
 from selector.physics.drive.simulation import simulate_axis
 
 FOLDER = Path(__file__).parents[2] / "fixtures" / "emps"
@@ -155,7 +158,7 @@ def test_the_loop_is_simulated_to_microns_also_on_the_record_not_seen(bench):
         for record in (nominal, pulses):
             axis = bench.axis_of(fit.values, record.servo, law)
             motion = simulate_axis(axis, record.reference, step_s=PERIOD_S, start=record.start)
-            errors = loop_errors(motion, record.position_m, record.output_v, skip=bench.SKIP)
+            errors = bench.loop_errors(motion, record)
             # the last printed digit, and the encoder's steps that another rounding may shift
             found = (1e6 * errors.position_rms_m, 1e3 * errors.command_rms)
             assert found == pytest.approx(said[law, record.name], rel=0.01)
@@ -166,16 +169,8 @@ def test_a_wrong_law_of_the_control_comes_out_as_a_wrong_mass(bench):
     fit = identified_axis_of_servo(PERIOD_S, nominal.position_m, nominal.voltage_v, nominal.servo)
     mass = {}
     for law in (bench.RECORDED, "true speed, now"):
-        found = fitted_in_loop(
-            bench.axis_of(fit.values, nominal.servo, law),
-            nominal.reference,
-            nominal.position_m,
-            nominal.output_v,
-            step_s=PERIOD_S,
-            start=nominal.start,
-            skip=bench.SKIP,
-        )
-        mass[law] = found["mass_kg"]
+        values, _ = bench.fitted_in_loop(bench.axis_of(fit.values, nominal.servo, law), nominal)
+        mass[law] = values[0]
     # as in docs/explanation/emps-drive.md; the search stops within 1e-6 of a parameter
     assert mass[bench.RECORDED] == pytest.approx(95.296, rel=1e-3)
     assert mass["true speed, now"] == pytest.approx(92.183, rel=1e-3)

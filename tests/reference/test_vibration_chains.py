@@ -11,9 +11,8 @@ import math
 import numpy as np
 import pytest
 
-from selector.physics.vibration.chain import chain_receptance
-from selector.physics.vibration.chain_values import Chain
-from selector.physics.vibration.structure import GROUND, Joint, Member, Structure
+from selector.physics.vibration.chain.chain import Chain, chain_receptance
+from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure
 
 DIGITS = {"rel": 5e-6}
 """Numbers that are written down have six digits."""

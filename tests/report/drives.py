@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 import functools
-import tempfile
-from pathlib import Path
 
-from selector.cli.drive_page import page_of
 from selector.findings import Finding
-from selector.physics.drive.drive_model import drive_model
-from selector.physics.drive.drive_summary import drive_summary
-from selector.physics.drive.model_file import parsed_model_file
-from selector.report.drive_report import DrivePage
+from selector.telling.simulated.result import SimulationResult
+from tests.report.simulated import result
 
 NAME = "a <b>slide</b></script><script>alert(1)</script>"
 
@@ -67,13 +62,7 @@ actuator_gain = 35.0
 
 
 @functools.cache
-def page(kind: str) -> DrivePage:
-    """The page of an axis whose stiffness varies along its "command" or with its "state", or of a "circle"."""
+def page(kind: str) -> SimulationResult:
+    """An axis whose stiffness varies along its "command" or with its "state", or a "circle"."""
     text = CIRCLE if kind == "circle" else SCREW.replace("VARYING", kind)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "<a>.toml"
-        path.write_text(text, encoding="utf-8")
-        model = drive_model(parsed_model_file(text))
-        simulation = model.simulation(run="run <1>")
-        said = Finding("from-<b>afar</b>", "warning", "said before </script>")
-        return page_of(model, simulation, drive_summary(model, simulation), (said,), path)
+    return result("drive", text, Finding("from-<b>afar</b>", "warning", "said before </script>"))

@@ -3,17 +3,11 @@
 from __future__ import annotations
 
 import functools
-import tempfile
 from pathlib import Path
 
-from selector.cli.gauging_page import page_of
 from selector.findings import Finding
-from selector.physics.channel_differences import channel_differences
-from selector.physics.gauging.gauging_driving import driven_runs
-from selector.physics.gauging.gauging_model import gauging_model
-from selector.physics.gauging.gauging_summary import gauging_summary
-from selector.physics.gauging.model_file import parsed_model_file
-from selector.report.gauging_report import GaugingPage
+from selector.telling.simulated.result import SimulationResult
+from tests.report.simulated import result
 
 NAME = "a <b>gauge</b></script><script>alert(1)</script>"
 FIXTURES = Path(__file__).resolve().parents[2] / "fixtures" / "gauging"
@@ -63,19 +57,7 @@ def text_of(kind: str) -> str:
 
 
 @functools.cache
-def page(kind: str) -> GaugingPage:
-    """The page of a model of `text_of`, or of a "driven" line that follows a recording of itself."""
-    text = text_of("line" if kind == "driven" else kind)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "<a>.toml"
-        path.write_text(text, encoding="utf-8")
-        model = gauging_model(parsed_model_file(text))
-        simulation, differences, inputs = model.simulation(run="run <1>"), (), ()
-        if kind == "driven":
-            recorded = simulation.recording
-            driven = driven_runs(model, recorded)
-            simulation, inputs = driven.simulation, driven.inputs
-            differences = channel_differences(simulation.recording, recorded, inputs)
-        said = Finding("from-<b>afar</b>", "warning", "said before </script>")
-        summary = gauging_summary(model, simulation)
-        return page_of(model, simulation, summary, (said,), path, differences, inputs)
+def page(kind: str) -> SimulationResult:
+    """A model of `text_of`, or a "driven" line that follows a recording of itself."""
+    said = Finding("from-<b>afar</b>", "warning", "said before </script>")
+    return result("gauging", text_of("line" if kind == "driven" else kind), said, driven=kind == "driven")

@@ -8,16 +8,16 @@ import functools
 import numpy as np
 
 from selector.findings import Finding, Where
-from selector.physics.thermal.cyclogram import Cyclogram
-from selector.physics.thermal.model_file import parsed_model_file
-from selector.physics.thermal.modes import ModalModel
-from selector.physics.thermal.prediction import Method, Prediction, predict
-from selector.physics.thermal.schedule import scheduled
-from selector.physics.thermal.speed_law import SpeedLaw
-from selector.physics.thermal.thermal_model import thermal_model
-from selector.physics.thermal.thermal_test import ThermalTest
-from selector.physics.thermal.time_constants import slowest_time_constants
-from selector.report.simulation_report import SimulationPage
+from selector.physics.thermal.field_model import FieldMoment
+from selector.physics.thermal.modes.cyclogram import Cyclogram
+from selector.physics.thermal.modes.modes import ModalModel, SpeedLaw
+from selector.physics.thermal.modes.thermal_test import ThermalTest
+from selector.physics.thermal.prediction.prediction import Method, Prediction, predict
+from selector.telling.account import Account, Section
+from selector.telling.simulated import account_of
+from selector.telling.simulated.result import SimulationResult
+from selector.telling.simulated.thermal_pictures import moment_drawing
+from tests.report.simulated import result
 from tests.report.studies import HOSTILE
 
 CYCLE = Cyclogram.of_segments((60, 1000.0), (60, 2000.0), (60, 1600.0))
@@ -36,6 +36,14 @@ def spindle_tests() -> list[ThermalTest]:
         displacement = machine.displacement_um(held, time_s) + noise
         found.append(ThermalTest(f"<i>{speed:g}</i> & {k}", time_s, held.speed_at(time_s), displacement))
     return found
+
+
+CUBE_M = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
+# fmt: off
+CUBE = np.array([
+    [0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4],
+    [1, 5, 7], [1, 7, 3],
+])
 
 
 @functools.cache
@@ -112,18 +120,15 @@ noise_um = 0.2
 
 
 @functools.cache
-def simulation() -> SimulationPage:
+def simulation() -> SimulationResult:
     """Two blocks with coolant, two hours."""
-    file = parsed_model_file(NETWORK)
-    machine = thermal_model(file)
-    conditions = scheduled(file.conditions, {}, duration_s=7200.0, period_s=60.0)
-    recording = machine.simulate(conditions, run="run <1>")
-    return SimulationPage(
-        recording=recording,
-        model=machine.name,
-        inputs=recording.names[: len(recording.names) - len(machine.outputs)],
-        findings=(Finding("odd-<b>", "warning", "an <b>odd</b> thing"),),
-        time_constants=slowest_time_constants(machine.machine, conditions),
-        parameters=machine.parameters,
-        told={"model file": "<a>.toml", "seed": 1},
-    )
+    return result("thermal", NETWORK, Finding("odd-<b>", "warning", "an <b>odd</b> thing"))
+
+
+def field_account() -> Account:
+    """The account of `simulation`, with the picture of a cube before all else."""
+    shown, account = simulation(), account_of(simulation(), drawn=True)
+    moment = FieldMoment(4800.0, CUBE_M, CUBE, 20.0 + np.arange(8.0), np.eye(8, 3))
+    drawing = moment_drawing(shown.recording, shown.simulated.inputs, moment, "run <1>")
+    picture = Section("picture", "The machine at one moment", (drawing,), "Picture")
+    return dataclasses.replace(account, sections=(picture, *account.sections))

@@ -9,13 +9,19 @@ import pytest
 
 from selector.diagnosis.wording import headline, what_to_do
 from selector.errors import OptionError
-from selector.report.diagnosis_report import diagnosis_html, write_diagnosis_report
+from selector.telling.diagnosed.account import diagnosis_account
+from selector.telling.diagnosed.document import diagnosis_of
+from selector.telling.page import account_page, write_account
 from tests.diagnosis.answers import answer, memory_effect
 from tests.report.studies import HOSTILE
 from tests.report.test_selection_report import MEGABYTE, Page
 
 VERDICTS = ("missing-physics", "data-fault", "miscalibrated", "nothing-missing", "unexplained")
 PROVENANCE = {"machine": "VMC <850>", "runs": {"<i>r1</i>": {"file": "a&b.csv", "sha256": "ab" * 32}}}
+
+
+def diagnosis_html(found, **told) -> str:
+    return account_page(diagnosis_account(found, drawn=True, **told))
 
 
 def text_of(page: Page) -> str:
@@ -62,12 +68,31 @@ def test_nothing_runs_that_was_not_written_here_and_nothing_is_loaded():
 
 
 def test_equal_answers_give_equal_bytes_and_the_page_is_light(tmp_path):
-    first = write_diagnosis_report(answer(), tmp_path / "one.html").read_bytes()
-    second = write_diagnosis_report(answer(), tmp_path / "two.html").read_bytes()
+    first = write_account(diagnosis_account(answer(), drawn=True), tmp_path / "one.html").read_bytes()
+    second = write_account(diagnosis_account(answer(), drawn=True), tmp_path / "two.html").read_bytes()
     assert hashlib.sha256(first).digest() == hashlib.sha256(second).digest()
     assert len(first) < 7 * MEGABYTE  # the drawing program alone is 4.7
 
 
 def test_a_folder_that_is_not_there_is_told(tmp_path):
     with pytest.raises(OptionError):
-        write_diagnosis_report(answer(), tmp_path / "no" / "page.html")
+        write_account(diagnosis_account(answer(), drawn=True), tmp_path / "no" / "page.html")
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_a_diagnosis_read_from_its_json_tells_the_same(verdict):
+    found = answer(verdict)
+    # what noise leaves of the fitted part is in no document
+    fit = {name: replace(one, train=replace(one.train, noise_floor=None)) for name, one in found.fit.items()}
+    found = replace(found, fit=fit, headline=headline(found))
+    document = found.as_dict()
+    again = diagnosis_of(document)
+    assert diagnosis_of(again.as_dict()).as_dict() == again.as_dict()
+    assert {**again.as_dict(), "recalibration": {}} == {**document, "recalibration": {}}
+    for name, quantities in document["recalibration"].items():
+        for key, one in quantities.items():
+            assert again.as_dict()["recalibration"][name][key] == pytest.approx(one)
+    whole = {one.id: one for one in diagnosis_account(found).sections}
+    for part in diagnosis_account(again, is_alone=True).sections:
+        # what it holds is told in the same words; evidence and what is missed are not in it
+        assert part.id in ("left-out", "origin", "findings") or part.blocks == whole[part.id].blocks

@@ -7,12 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from selector.physics.drive.catalogue import thc6350_x_axis
-from selector.physics.drive.stiffness import axial_stiffness_n_per_m
-from selector.report.drive_report import drive_html, write_drive_report
-from selector.report.drive_wording import cause_sentence
-from selector.report.numbers import number_text
+from selector.number_text import number_text
+from selector.physics.drive.drive_summary import course_of
+from selector.physics.drive.parts.catalogue import thc6350_x_axis
+from selector.physics.drive.parts.stiffness import axial_stiffness_n_per_m
+from selector.telling.page import write_account
+from selector.telling.simulated import account_of
+from selector.telling.simulated.drive import axes_in_runs, cause_sentence
 from tests.report import drives
+from tests.report.simulated import html
 from tests.report.test_selection_report import MEGABYTE, Page
 
 
@@ -23,7 +26,7 @@ def kind(request) -> str:
 
 @pytest.fixture(scope="module")
 def page(kind) -> Page:
-    return Page(drive_html(drives.page(kind)))
+    return Page(html(drives.page(kind)))
 
 
 def text_of(page: Page) -> str:
@@ -38,8 +41,8 @@ def test_it_says_simulated_before_anything_else(page):
 
 def test_the_first_sentence_is_the_largest_error_with_its_cause():
     shown = drives.page("command")
-    text = text_of(Page(drive_html(shown)))
-    ((one,),) = shown.runs.values()
+    text = text_of(Page(html(shown)))
+    (one,) = axes_in_runs(shown)
     error_um = (one.motion.reference_m - one.motion.table_m) * 1e6
     largest, rms = np.abs(error_um).max(), math.sqrt(np.mean(error_um**2))
     assert f"The table is off its command by up to {number_text(largest)} µm, most after " in text
@@ -51,8 +54,8 @@ def test_the_first_sentence_is_the_largest_error_with_its_cause():
 
 def test_the_first_sentence_of_a_circle_is_its_roundness_and_what_is_behind_it():
     shown = drives.page("circle")
-    text = text_of(Page(drive_html(shown)))
-    fastest = shown.ball_bar.quantities[-1]
+    text = text_of(Page(html(shown)))
+    fastest = shown.summary.quantities[-1]
     assert f"At 6000 mm/min the circle is out of round by {number_text(fastest.both.circular_deviation_um)} µm" in text
     assert "Causes at 6000 mm/min, largest first: " in text
     assert "squareness" in text
@@ -60,8 +63,7 @@ def test_the_first_sentence_of_a_circle_is_its_roundness_and_what_is_behind_it()
 
 def test_a_lag_that_is_that_of_the_gain_is_said_to_be():
     shown = drives.page("circle")
-    runs = shown.runs["F3000 ccw"]
-    for one in runs:
+    for one in (one for one in axes_in_runs(shown) if one.run == "F3000 ccw"):
         said = cause_sentence(one.summary.parts, one.axis, one.measures)
         assert f"the position gain of {one.axis.servo.position_gain_per_s:.4g} 1/s" in said
 
@@ -72,7 +74,7 @@ def test_loops_channels_parameters_findings_and_origin_are_there(kind, page):
         assert channel.name in page.cells
     assert page.cells[page.cells.index("X_command") + 1] == "input"
     assert page.cells[page.cells.index("X_table") + 1] == "output"
-    loop = shown.loops["X"]
+    loop = shown.summary.loops["X"]
     assert number_text(loop.figures.bandwidth_hz) in page.cells
     assert number_text(loop.stability.poles[0].real, 4) in page.cells
     assert {"<a>.toml", "said before </script>"} <= {*page.cells, *page.text}
@@ -81,7 +83,7 @@ def test_loops_channels_parameters_findings_and_origin_are_there(kind, page):
 
 
 def test_where_a_number_is_from_is_told():
-    cells = Page(drive_html(drives.page("command"))).cells
+    cells = Page(html(drives.page("command"))).cells
     mass = cells.index("axes.X.parts.table.mass_kg")
     assert cells[mass + 3] == "catalogue values of thc6350-x"
     forward = cells.index("axes.X.servo.velocity_feedforward")
@@ -101,12 +103,14 @@ def test_what_varies_is_shown_with_the_instants_of_its_loop(kind, page):
 
 
 def test_stiffness_of_the_state_is_that_of_position_and_load():
-    ((one,),) = drives.page("state").runs.values()
+    shown = drives.page("state")
+    (one,) = axes_in_runs(shown)
+    course = course_of(shown.simulated.model, "X", shown.simulated.details.axes[one.run]["X"].recorded)
     k = int(np.argmax(np.abs(one.motion.axial_force_n)))
     expected = axial_stiffness_n_per_m(
         thc6350_x_axis(), position_m=one.motion.table_m[k], load_n=one.motion.axial_force_n[k]
     )
-    assert one.course.axial_stiffness_n_per_m[k] == pytest.approx(float(expected), rel=1e-9)  # Newton's last step
+    assert course.axial_stiffness_n_per_m[k] == pytest.approx(float(expected), rel=1e-9)  # Newton's last step
     low, high = one.summary.stiffness_n_per_m
     assert low < high
 
@@ -118,8 +122,8 @@ def test_nothing_runs_and_nothing_is_loaded(page):
 
 
 def test_equal_simulations_give_equal_bytes(tmp_path):
-    one = write_drive_report(drives.page("state"), tmp_path / "a.html").read_bytes()
+    one = write_account(account_of(drives.page("state"), drawn=True), tmp_path / "a.html").read_bytes()
     drives.page.cache_clear()
-    assert write_drive_report(drives.page("state"), tmp_path / "b.html").read_bytes() == one
+    assert write_account(account_of(drives.page("state"), drawn=True), tmp_path / "b.html").read_bytes() == one
     # the drawing program alone has 4.8 MB
     assert len(one) < 5.3 * MEGABYTE

@@ -7,7 +7,8 @@ import subprocess
 
 import pytest
 
-from selector.report.gauging_report import write_gauging_report
+from selector.telling.page import write_account
+from selector.telling.simulated import account_of
 from tests.report import gaugings
 from tests.report.test_thermal_in_browser import BROWSER
 
@@ -15,13 +16,13 @@ from tests.report.test_thermal_in_browser import BROWSER
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
 @pytest.mark.parametrize(("kind", "figures"), [("line", 5), ("chain", 7)])
 def test_every_figure_is_drawn_and_nothing_is_refused(kind, figures, tmp_path):
-    path = write_gauging_report(gaugings.page(kind), tmp_path / "page.html")
+    path = write_account(account_of(gaugings.page(kind), drawn=True), tmp_path / "page.html")
     run = subprocess.run(
         [
             BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", "--dump-dom",
             f"--user-data-dir={tmp_path / 'profile'}", "--virtual-time-budget=10000", path.as_uri(),
         ],
-        capture_output=True, text=True, encoding="utf-8", timeout=120, check=True,
+        capture_output=True, text=True, encoding="utf-8", timeout=300, check=True,
     )  # fmt: skip
     assert len(re.findall(r'<div class="plot[^"]*" id="(figure-\d+)"', run.stdout)) == figures
     drawn = re.sub(r"<script.*?</script>", "", run.stdout, flags=re.DOTALL)

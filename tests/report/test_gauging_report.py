@@ -8,10 +8,14 @@ import re
 import numpy as np
 import pytest
 
-from selector.report.gauging_report import gauging_html, write_gauging_report
-from selector.report.gauging_wording import percent, spread_text
-from selector.report.numbers import number_text
+from selector.number_text import number_text
+from selector.physics.gauging.sizes.size_distribution import size_distribution
+from selector.telling.page import write_account
+from selector.telling.simulated import account_of
+from selector.telling.simulated.gauging import percent, spread_text
+from selector.telling.simulated.gauging_pictures import size_density
 from tests.report import gaugings
+from tests.report.simulated import html
 from tests.report.test_selection_report import MEGABYTE, Page
 
 
@@ -22,7 +26,7 @@ def kind(request) -> str:
 
 @pytest.fixture(scope="module")
 def page(kind) -> Page:
-    return Page(gauging_html(gaugings.page(kind)))
+    return Page(html(gaugings.page(kind)))
 
 
 def text_of(page: Page) -> str:
@@ -50,7 +54,7 @@ def test_the_first_sentence_is_mean_spread_and_what_would_help(kind, page):
 
 def test_a_threshold_that_is_off_is_told_with_the_one_that_centres():
     shown = gaugings.page("off")
-    text = text_of(Page(gauging_html(shown)))
+    text = text_of(Page(html(shown)))
     sizes = shown.summary.sizes
     # by the gain, −0.01 V/µm
     better = 1.97 + 0.01 * sizes.mean_um
@@ -63,7 +67,7 @@ def test_a_threshold_that_is_off_is_told_with_the_one_that_centres():
 
 
 def test_a_process_that_is_as_good_as_it_can_be_is_left_alone():
-    text = text_of(Page(gauging_html(gaugings.page("chain"))))
+    text = text_of(Page(html(gaugings.page("chain"))))
     assert "neither another filter nor another last threshold would make them much better" in text
     assert "none of 2000 is out of tolerance" in text
 
@@ -82,7 +86,7 @@ def test_figures_tables_and_findings_are_there(kind, page):
     # histogram, chart over parts, filter, a part and its end; characteristic and waveform of a chain
     expected = {"line": 5, "off": 5, "chain": 7}
     # without chart and end: two recorded channels that are compared, and the first three runs
-    compared = min(6, len(shown.differences))
+    compared = min(6, len(shown.simulated.differences or ()))
     assert figures == expected.get(kind, 2 + compared + 3)
     for channel in shown.recording.channels:
         assert channel.name in page.cells
@@ -104,14 +108,14 @@ def test_channels_that_acted_are_inputs(kind, page):
 
 def test_densities_have_the_moments_of_their_formula(kind):
     shown = gaugings.page(kind)
-    content = gauging_html(shown)
+    content = html(shown)
     title = re.search(r"<h3>Simulated: mean size ([−0-9.]+) ± ([0-9.]+) µm", content)
     assert title is not None
     assert float(title[2]) == pytest.approx(shown.summary.sizes.sd_um, rel=0.05)  # two digits
-    from selector.report.gauging_report import _density
-
-    for one in (shown.summary.formula, shown.linear):
-        at, density = _density(one)
+    model = shown.simulated.model
+    linear = size_distribution(model.setup, method="linear", parts=model.file.run.parts)
+    for one in (shown.summary.formula, linear):
+        at, density = size_density(one)
         whole = float(np.trapezoid(density, at))
         mean = float(np.trapezoid(at * density, at)) / whole
         variance = float(np.trapezoid((at - mean) ** 2 * density, at)) / whole
@@ -129,9 +133,9 @@ def test_nothing_runs_and_nothing_is_loaded(page):
 
 
 def test_equal_simulations_give_equal_bytes(tmp_path):
-    one = write_gauging_report(gaugings.page("line"), tmp_path / "a.html").read_bytes()
+    one = write_account(account_of(gaugings.page("line"), drawn=True), tmp_path / "a.html").read_bytes()
     gaugings.page.cache_clear()
-    assert write_gauging_report(gaugings.page("line"), tmp_path / "b.html").read_bytes() == one
+    assert write_account(account_of(gaugings.page("line"), drawn=True), tmp_path / "b.html").read_bytes() == one
     # the drawing program alone has 4.8 MB
     assert len(one) < 5.3 * MEGABYTE
 

@@ -11,8 +11,8 @@ import pandas as pd
 import pytest
 
 from selector.recording import Recording
-from selector.report import write_report
 from selector.selection import Options, Selection, select
+from selector.telling.selected.account import write_report
 from tests.report import studies
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -26,7 +26,7 @@ def test_every_figure_is_drawn_and_the_console_is_silent(tmp_path):
             BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", "--dump-dom",
             f"--user-data-dir={tmp_path / 'profile'}", "--virtual-time-budget=10000", path.as_uri(),
         ],
-        capture_output=True, text=True, encoding="utf-8", timeout=120, check=True,
+        capture_output=True, text=True, encoding="utf-8", timeout=300, check=True,
     )  # fmt: skip
     figures = re.findall(r'<div class="plot[^"]*" id="(figure-\d+)"', run.stdout)
     assert len(figures) > 8

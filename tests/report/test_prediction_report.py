@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import re
 
 import numpy as np
@@ -11,8 +12,9 @@ import pytest
 from selector.errors import OptionError
 from selector.figures.duty_cycle import thermal_modes
 from selector.findings import Finding, Where
-from selector.report import prediction_html, write_prediction_report
-from selector.report.prediction_wording import prediction_advice
+from selector.telling.page import account_page, write_account
+from selector.telling.predicted.account import prediction_account, prediction_advice
+from selector.telling.predicted.document import prediction_of
 from tests.report import predictions
 from tests.report.studies import HOSTILE
 from tests.report.test_selection_report import DESCRIPTION, MEGABYTE, Page
@@ -22,6 +24,10 @@ PROVENANCE = {
     "runs": {"<i>1</i>": {"file": "a&b.csv", "sha256": "ab" * 32}},
     "duty cycle": "<monday>.csv",
 }
+
+
+def prediction_html(prediction, description=None, provenance=None):
+    return account_page(prediction_account(prediction, description, provenance, drawn=True))
 
 
 @pytest.fixture(scope="module")
@@ -35,20 +41,20 @@ def text_of(page: Page) -> str:
 
 def test_what_to_do_comes_first():
     prediction = predictions.prediction()
-    said = prediction_advice(prediction)
-    assert said.verdict == "use"
+    verdict, said = prediction_advice(prediction)
+    assert verdict == "good"
     program = prediction.programs[HOSTILE[0]]
     number, operation = next((k, one) for k, one in enumerate(program.operations, start=1) if len(one.times_s) > 1)
     count = len(operation.times_s) - 1
     times = {1: "once", 2: "twice"}.get(count, f"{count} times")
-    assert said.first.startswith(f"Correct {HOSTILE[0]} {times} in operation {number} (by 10 µm after ")
+    assert said[0].startswith(f"Correct {HOSTILE[0]} {times} in operation {number} (by 10 µm after ")
     minutes = np.floor(10 * (operation.times_s[1] - operation.start_s) / 60) / 10
-    assert f"after {minutes:g}" in said.first
+    assert f"after {minutes:g}" in said[0]
     # the second displacement grows to a few micrometres
-    assert f"{HOSTILE[1]} needs no correction, it drifts by at most " in said.first
-    assert said.first.endswith("; the drift then stays within 10 µm.")
-    assert "SUBTRACTED" not in said.first
-    assert "verify the sign" in said.more[1]
+    assert f"{HOSTILE[1]} needs no correction, it drifts by at most " in said[0]
+    assert said[0].endswith("; the drift then stays within 10 µm.")
+    assert "SUBTRACTED" not in said[0]
+    assert "verify the sign" in said[2]
 
 
 def test_every_mode_has_its_course_and_they_sum_up():
@@ -66,33 +72,32 @@ def test_every_mode_has_its_course_and_they_sum_up():
 
 def test_many_corrections_are_counted_and_the_first_one_told():
     prediction = predictions.prediction(tolerance_um=1.0)
-    said = prediction_advice(prediction)
+    _, said = prediction_advice(prediction)
     total = sum(len(operation.times_s) - 1 for operation in prediction.programs[HOSTILE[0]].operations)
     assert total > 8
-    assert f"{HOSTILE[0]} {total} times as the program says, first by 1.00 µm after " in said.first
+    assert f"{HOSTILE[0]} {total} times as the program says, first by 1.00 µm after " in said[0]
 
 
 def test_without_a_program_the_largest_displacement_is_told():
     prediction = predictions.prediction(tolerance_um=None)
-    said = prediction_advice(prediction)
+    _, said = prediction_advice(prediction)
     k = int(np.argmax(np.abs(prediction.displacement_um[:, 0])))
-    assert said.first.startswith(
-        f"Expect {HOSTILE[0]} to move by up to {prediction.displacement_um[k, 0]:.3g} µm, after "
-    )
-    assert "--tolerance" in said.more[1]
+    assert said[0].startswith(f"Expect {HOSTILE[0]} to move by up to {prediction.displacement_um[k, 0]:.3g} µm, after ")
+    assert "--tolerance" in said[2]
     page = prediction_html(prediction)
     assert "The correction program" not in page
     assert "Timed offset blocks" not in page
 
 
 def test_a_prediction_that_is_no_better_than_the_tolerance_is_not_to_be_used():
-    said = prediction_advice(predictions.unsure())
-    assert said.verdict == "part"
-    assert said.first.startswith(f"Do not correct {HOSTILE[0]}: the prediction is not good enough for 10 µm. ")
+    verdict, said = prediction_advice(predictions.unsure())
+    assert verdict == "bad"
+    assert said[0].startswith(f"Do not correct {HOSTILE[0]}: the prediction is not good enough for 10 µm. ")
     both = dataclasses.replace(predictions.unsure(), heldout_um=np.array([7.0, 5.1]))
-    assert prediction_advice(both).verdict == "do not use"
+    assert prediction_advice(both)[0] == "bad"
+    assert prediction_advice(both)[1][0].startswith("Do not use this program: ")
     just = dataclasses.replace(predictions.unsure(), heldout_um=np.array([5.0, 5.0]))
-    assert prediction_advice(just).verdict == "use"
+    assert prediction_advice(just)[0] == "good"
 
 
 def test_the_page_holds_program_blocks_tests_cycle_findings_and_origin(page):
@@ -122,7 +127,7 @@ def test_the_page_holds_program_blocks_tests_cycle_findings_and_origin(page):
 
 
 def test_modes_have_a_table_with_open_bounds_as_dashes():
-    from selector.physics.thermal.prediction import Mode
+    from selector.physics.thermal.prediction.prediction import Mode
 
     prediction = dataclasses.replace(
         predictions.prediction(), method="modal", modes=(Mode(600.0, 540.0, 660.0), Mode(9000.0, 8000.0, None))
@@ -144,9 +149,12 @@ def test_nothing_runs_and_nothing_is_loaded(page):
 
 
 def test_equal_predictions_give_equal_bytes_and_the_page_is_light(tmp_path):
-    one = write_prediction_report(predictions.prediction(), tmp_path / "a.html", provenance=PROVENANCE).read_bytes()
+    def account():
+        return prediction_account(predictions.prediction(), None, PROVENANCE, drawn=True)
+
+    one = write_account(account(), tmp_path / "a.html").read_bytes()
     predictions.prediction.cache_clear()
-    other = write_prediction_report(predictions.prediction(), tmp_path / "b.html", provenance=PROVENANCE).read_bytes()
+    other = write_account(account(), tmp_path / "b.html").read_bytes()
     assert one == other
     # the drawing program alone has 4.8 MB
     assert len(one) < 5.3 * MEGABYTE
@@ -154,7 +162,7 @@ def test_equal_predictions_give_equal_bytes_and_the_page_is_light(tmp_path):
 
 def test_a_folder_that_is_not_there_is_told(tmp_path):
     with pytest.raises(OptionError):
-        write_prediction_report(predictions.prediction(), tmp_path / "none" / "a.html")
+        write_account(prediction_account(predictions.prediction()), tmp_path / "none" / "a.html")
 
 
 def test_a_reading_of_a_page_is_late_for_no_correction(page):
@@ -177,3 +185,18 @@ def test_names_with_control_characters_are_shown_without_them():
     html = prediction_html(made, provenance={"runs": {bad: {"file": bad}}})
     assert "run [31m " in html
     assert not {"\x1b", "\x07"} & set(html)
+
+
+@pytest.mark.parametrize("method", ["modal", "piecewise"])
+def test_a_prediction_from_its_json_tells_the_same_but_for_what_the_json_lacks(method):
+    made = predictions.prediction(method)
+    again = prediction_of(json.loads(json.dumps(made.as_dict())))
+    assert {**again.as_dict(), "kind": made.as_dict()["kind"]} == made.as_dict()
+    told, whole = prediction_account(again, drawn=True), prediction_account(made, drawn=True)
+    assert told.sentences[0] == whole.sentences[0]
+    assert (told.sentences[1] == whole.sentences[1]) == (method == "modal")
+    assert (told.verdict, whole.verdict) == ("good" if method == "modal" else "plain", "good")
+    page = text_of(Page(account_page(told)))
+    assert "What this page leaves out" in page
+    assert "Timed offset blocks" in page
+    assert "No test can be repeated" not in page

@@ -17,19 +17,13 @@ import pytest
 from selector.errors import OptionError
 from selector.findings import Finding, Where
 from selector.models.terms import design_matrix
-from selector.report import selection_html, write_report
-from selector.report.formula import coefficient_rows, formula_text
-from selector.report.numbers import (
-    beside_text,
-    given_text,
-    listed,
-    number_text,
-    p_text,
-    place_text,
-    span_text,
-    uncertain_text,
-)
-from selector.report.wording import advice, data_label, rmse_error_um
+from selector.number_text import number_text
+from selector.telling.numbers import beside_text, given_text, listed, p_text, place_text, span_text, uncertain_text
+from selector.telling.page import account_page
+from selector.telling.selected.account import selection_account, write_report
+from selector.telling.selected.advice import advice, rmse_error_um
+from selector.telling.selected.formula import coefficient_rows, formula_text
+from selector.telling.wording import label_of
 from tests.report import studies
 
 DESCRIPTION = {
@@ -101,39 +95,42 @@ class Page(HTMLParser):
         self.text.append(data)
 
 
+def selection_html(selection, description=None, date=None):
+    return account_page(selection_account(selection, description, date=date, drawn=True))
+
+
 @pytest.fixture(scope="module")
 def page() -> Page:
-    return Page(selection_html(studies.small(), description=DESCRIPTION, date="2026-11-20"))
+    return Page(selection_html(studies.small(), DESCRIPTION, "2026-11-20"))
 
 
 def test_every_unseen_error_says_which_one_it_is():
     page = html.unescape(selection_html(studies.small()))
     assert "unseen, whole procedure [µm]" in page
     assert "unseen, fixed set: rms [µm]" in page
-    assert "(rms, whole procedure)" in advice(studies.small()).first
+    assert "(rms, whole procedure)" in advice(studies.small())[1][0]
     for words in ("Whole procedure: ", "Best of each size: ", "Fixed set: "):
         assert words in page
 
 
 def test_what_to_do_comes_first():
     selection = studies.small()
-    said = advice(selection)
-    assert said.verdict == "use"
-    assert said.first.startswith(f"Keep sensors {listed(selection.chosen)}")
+    verdict, said = advice(selection)
+    assert verdict == "good"
+    assert said[0].startswith(f"Keep sensors {listed(selection.chosen)}")
     for name in ("Z", "Y"):
         before, after = selection.proof.baselines_um[name]["none"], selection.proof.rmse_um(name)
-        assert re.search(rf"{name} from {re.escape(number_text(before, 2))} to {after:.1f}\d* ± [\d.]+ µm", said.first)
+        assert re.search(rf"{name} from {re.escape(number_text(before, 2))} to {after:.1f}\d* ± [\d.]+ µm", said[0])
     worst = max(selection.faults, key=lambda gain: gain.worst_um)
     assert (
-        f"worst single sensor fault {number_text(worst.worst_um, 2)} µm in {worst.response}, {worst.sensor}"
-        in said.first
+        f"worst single sensor fault {number_text(worst.worst_um, 2)} µm in {worst.response}, {worst.sensor}" in said[0]
     )
 
 
 def test_one_displacement_is_said_in_the_singular():
-    said = advice(studies.single_run())
-    assert "On stretches of the only run that the model has not seen the Z error falls from " in said.first
-    assert "; worst single sensor fault " in said.first
+    _, said = advice(studies.single_run())
+    assert "On stretches of the only run that the model has not seen the Z error falls from " in said[0]
+    assert "; worst single sensor fault " in said[0]
 
 
 def test_many_displacements_are_said_by_their_span():
@@ -144,11 +141,11 @@ def test_many_displacements_are_said_by_their_span():
         per_response={name: selection.proof.per_response[name[0]] for name in names},
         baselines_um={name: selection.proof.baselines_um[name[0]] for name in names},
     )
-    said = advice(
+    _, said = advice(
         dataclasses.replace(selection, proof=proof, models={name: selection.models[name[0]] for name in names})
     )
-    assert "the errors of 4 displacements fall from " in said.first
-    assert all(name not in said.first for name in names[2:])
+    assert "the errors of 4 displacements fall from " in said[0]
+    assert all(name not in said[0] for name in names[2:])
 
 
 def test_the_standard_error_is_that_of_a_mean_square_carried_through_the_root():
@@ -167,36 +164,35 @@ def test_runs_that_get_worse_are_said():
     proofs["Y"] = tuple(dataclasses.replace(part, before_rmse_um=0.1) for part in proofs["Y"][:1]) + proofs["Y"][1:]
     proof = dataclasses.replace(selection.proof, per_response=proofs)
     assert "The error is larger than without compensation: that of Y on 1 of 4." in " ".join(
-        advice(dataclasses.replace(selection, proof=proof)).more
+        advice(dataclasses.replace(selection, proof=proof))[1]
     )
-    assert "larger than without" not in " ".join(advice(selection).more)
+    assert "larger than without" not in " ".join(advice(selection)[1])
 
 
 def test_a_model_that_is_no_better_than_nothing_is_not_to_be_used():
     selection = studies.useless()
     assert "no-better-than-nothing" in {finding.id for finding in selection.findings}
     text = "".join(Page(selection_html(selection)).text)
-    assert advice(selection).first == "Do not use this model of Z."
+    assert advice(selection)[0] == "bad"
+    assert advice(selection)[1][0] == "Do not use this model of Z."
     assert "Keep sensor" not in text
     assert text.index("Do not use this model of Z.") < text.index("Before you use it")
 
 
 def test_one_useless_model_of_two_is_named():
     finding = Finding("no-better-than-nothing", "error", "The model of Y is useless.", Where(channel="Y"))
-    said = advice(dataclasses.replace(studies.small(), findings=(finding,)))
-    assert said.verdict == "part"
-    assert said.first.startswith("Do not use the model of Y; for Z, keep sensors")
-    assert "the Y error is" in said.more[0]
+    verdict, said = advice(dataclasses.replace(studies.small(), findings=(finding,)))
+    assert verdict == "bad"
+    assert said[0].startswith("Do not use the model of Y; for Z, keep sensors")
+    assert "the Y error is" in said[1]
 
 
 def test_a_fault_that_outweighs_the_benefit_is_said():
     selection = studies.small()
     huge = tuple(dataclasses.replace(gain, open_um=1e4) for gain in selection.faults)
-    assert any("must be noticed before" in text for text in advice(dataclasses.replace(selection, faults=huge)).more)
+    assert any("must be noticed before" in text for text in advice(dataclasses.replace(selection, faults=huge))[1])
     small = tuple(dataclasses.replace(gain, open_um=0.0, stuck_um=1.0) for gain in selection.faults)
-    assert not any(
-        "must be noticed before" in text for text in advice(dataclasses.replace(selection, faults=small)).more
-    )
+    assert not any("must be noticed before" in text for text in advice(dataclasses.replace(selection, faults=small))[1])
 
 
 def test_errors_stand_before_warnings_and_both_before_the_reasons():
@@ -311,7 +307,7 @@ def test_simulated_data_are_labelled(page):
     ],
 )
 def test_labels_of_data(provenance, title, label):
-    assert data_label(dataclasses.replace(studies.small(), provenance=provenance), None, title) == label
+    assert label_of(title, provenance) == label
 
 
 def test_the_same_results_give_the_same_bytes(tmp_path):
@@ -322,8 +318,10 @@ def test_the_same_results_give_the_same_bytes(tmp_path):
     assert first.stat().st_size < 8 * MEGABYTE
 
 
-def test_several_studies_share_a_page():
-    source = selection_html([studies.small(), studies.single_run()], description=[DESCRIPTION, None])
+def test_several_studies_share_a_page(tmp_path):
+    both = [studies.small(), studies.single_run()]
+    path = write_report(both, tmp_path / "both.html", description=[DESCRIPTION, None])
+    source = path.read_text(encoding="utf-8")
     page = Page(source)
     ids = [value for _, name, value in page.attributes if name == "id"]
     assert len(ids) == len(set(ids))
@@ -371,7 +369,7 @@ def test_lags_and_readings_are_named_as_such():
     assert "Δ" not in text
     assert selection.recipe.design.lags
     assert "lag(" in text
-    assert "Y error falls" in advice(selection).first
+    assert "Y error falls" in advice(selection)[1][0]
     assert "°C" in Page(selection_html(selection)).cells
 
 

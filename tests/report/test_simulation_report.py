@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
-import dataclasses
-
-import numpy as np
 import pytest
 
-from selector.figures.simulation import largest_displacement
-from selector.physics.thermal.field_moment import FieldMoment
-from selector.report.numbers import number_text
-from selector.report.simulation_report import largest_of, simulation_html, write_simulation_report
+from selector.number_text import number_text
+from selector.physics.thermal.drift_quantities import largest_displacement
+from selector.physics.thermal.file.systems import slowest_time_constants
+from selector.telling.page import account_page, write_account
+from selector.telling.simulated import account_of
+from selector.telling.simulated.thermal import largest_of, pictured_at
 from tests.report import predictions
+from tests.report.simulated import html
 from tests.report.test_selection_report import MEGABYTE, Page
-from tests.test_figures_thermal import CUBE, CUBE_M
 
 
 @pytest.fixture(scope="module")
 def page() -> Page:
-    return Page(simulation_html(predictions.simulation()))
+    return Page(html(predictions.simulation()))
+
+
+def constants(shown):
+    run, _ = pictured_at(shown)
+    return slowest_time_constants(shown.simulated.model.machine, shown.simulated.details(run))
 
 
 def text_of(page: Page) -> str:
@@ -41,22 +45,20 @@ def test_inputs_channels_balance_constants_parameters_and_origin_are_there(page)
     assert page.cells[page.cells.index("Z") + 1] == "output"
     balance = shown.recording.provenance["runs"]["run <1>"]
     assert page.cells[page.cells.index("bearing") + 2] == number_text(balance["sources_j"]["bearing"] / 1e3, 4)
-    for name, values in shown.time_constants.items():
+    for name, values in constants(shown).items():
         assert f"{name} [min]" in page.cells
         assert number_text(float(values[0]) / 60) in page.cells
     assert {"nodes.head.heat_capacity_j_per_k", "<a>.toml", "an <b>odd</b> thing"} <= {*page.cells, *page.text}
 
 
 def test_more_cooling_makes_the_machine_faster():
-    constants = predictions.simulation().time_constants
-    assert list(constants) == ["standing", "at 3000 r/min with coolant"]
-    assert constants["at 3000 r/min with coolant"][0] < constants["standing"][0]
+    constants_of = constants(predictions.simulation())
+    assert list(constants_of) == ["standing", "at 3000 r/min with coolant"]
+    assert constants_of["at 3000 r/min with coolant"][0] < constants_of["standing"][0]
 
 
 def test_the_field_stands_on_the_page_with_its_moment():
-    moment = FieldMoment(4800.0, CUBE_M, CUBE, 20.0 + np.arange(8.0), np.eye(8, 3))
-    shown = dataclasses.replace(predictions.simulation(), moment=moment, moment_run="run <1>")
-    text = text_of(Page(simulation_html(shown)))
+    text = text_of(Page(account_page(predictions.field_account())))
     assert "Simulated: after 1 h 20 min, at 0 r/min, the surface is up to 27.0 °C warm" in text
 
 
@@ -69,9 +71,9 @@ def test_nothing_runs_and_nothing_is_loaded(page):
 
 
 def test_equal_simulations_give_equal_bytes(tmp_path):
-    one = write_simulation_report(predictions.simulation(), tmp_path / "a.html").read_bytes()
+    one = write_account(account_of(predictions.simulation(), drawn=True), tmp_path / "a.html").read_bytes()
     predictions.simulation.cache_clear()
-    assert write_simulation_report(predictions.simulation(), tmp_path / "b.html").read_bytes() == one
+    assert write_account(account_of(predictions.simulation(), drawn=True), tmp_path / "b.html").read_bytes() == one
     # the drawing program alone has 4.8 MB
     assert len(one) < 5.3 * MEGABYTE
 

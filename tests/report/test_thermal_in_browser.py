@@ -2,34 +2,28 @@
 
 from __future__ import annotations
 
-import dataclasses
 import re
 import shutil
 import subprocess
 
-import numpy as np
 import pytest
 
-from selector.physics.thermal.field_moment import FieldMoment
-from selector.report.simulation_report import write_simulation_report
+from selector.telling.page import write_account
 from tests.report import predictions
-from tests.test_figures_thermal import CUBE, CUBE_M
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
 
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
 def test_every_figure_is_drawn_and_nothing_is_refused(tmp_path):
-    moment = FieldMoment(4800.0, CUBE_M, CUBE, 20.0 + np.arange(8.0), np.eye(8, 3))
-    page = dataclasses.replace(predictions.simulation(), moment=moment, moment_run="run <1>")
-    path = write_simulation_report(page, tmp_path / "page.html")
+    path = write_account(predictions.field_account(), tmp_path / "page.html")
     run = subprocess.run(
         [
             BROWSER, "--headless", "--no-sandbox", "--use-gl=swiftshader", "--enable-unsafe-swiftshader",
             "--ignore-gpu-blocklist", "--enable-logging=stderr", "--dump-dom",
             f"--user-data-dir={tmp_path / 'profile'}", "--virtual-time-budget=10000", path.as_uri(),
         ],
-        capture_output=True, text=True, encoding="utf-8", timeout=120, check=True,
+        capture_output=True, text=True, encoding="utf-8", timeout=300, check=True,
     )  # fmt: skip
     figures = re.findall(r'<div class="plot[^"]*" id="(figure-\d+)"', run.stdout)
     assert len(figures) == 4

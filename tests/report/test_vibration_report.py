@@ -9,13 +9,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from selector.number_text import number_text
 from selector.physics.channel_differences import ChannelDifference
-from selector.physics.vibration.resonance import CarryingMode, carrying_mode, relative_parts
-from selector.physics.vibration.vibration_summary import RELATIVE
-from selector.report.numbers import number_text
-from selector.report.vibration_report import vibration_html, write_vibration_report
-from selector.report.vibration_wording import carried_text, published_sentences, source_shares
+from selector.physics.vibration.structure.modes import CarryingMode, carrying_mode, relative_parts
+from selector.physics.vibration.vibration_model import RELATIVE
+from selector.telling.page import write_account
+from selector.telling.simulated import account_of
+from selector.telling.simulated.vibration import carried_text, motion_courses, published_sentences, source_shares
 from tests.report import vibrations
+from tests.report.simulated import html
 from tests.report.test_selection_report import MEGABYTE, Page
 from tests.report.test_thermal_in_browser import BROWSER
 
@@ -29,7 +31,7 @@ def kind(request) -> str:
 
 @pytest.fixture(scope="module")
 def page(kind) -> Page:
-    return Page(vibration_html(vibrations.page(kind)))
+    return Page(html(vibrations.page(kind)))
 
 
 def text_of(page: Page) -> str:
@@ -44,7 +46,7 @@ def test_it_says_simulated_before_anything_else(page):
 
 def test_the_first_sentence_is_the_highest_error_with_source_and_resonance():
     shown = vibrations.page("cut")
-    text = text_of(Page(vibration_html(shown)))
+    text = text_of(Page(html(shown)))
     # 4 N at 90 Hz on the tool, whose mode is near 100 Hz, is far more than what the stiff workpiece does
     worst = max(shown.summary.errors, key=lambda one: one.kinematic_um)
     assert (worst.sources, worst.frequency_hz) == ((vibrations.SOURCE,), 90.0)
@@ -56,12 +58,12 @@ def test_the_first_sentence_is_the_highest_error_with_source_and_resonance():
 
 def test_the_mode_that_carries_a_line_is_the_largest_part_of_the_motion():
     shown = vibrations.page("cut")
-    source, line = shown.sources[0], shown.summary.lines[-1]
+    source, line = shown.simulated.model.sources[0], shown.summary.lines[-1]
     said = {"tool": "tool", "workpiece": "workpiece"}
-    parts = relative_parts(shown.structure, shown.summary.modes, source, 90.0, **said)
+    parts = relative_parts(shown.simulated.model.structure, shown.summary.modes, source, 90.0, **said)
     # all modes together are the motion of the line, to the rounding of the modes
     assert abs(parts.sum()) * line.force_n * 1e6 == pytest.approx(line.coupled_um[RELATIVE], rel=1e-9)
-    carried = carrying_mode(shown.structure, shown.summary.modes, source, 90.0, **said)
+    carried = carrying_mode(shown.simulated.model.structure, shown.summary.modes, source, 90.0, **said)
     assert carried.mode == int(np.argmax(np.abs(parts)))
     # an oscillator of that mode's frequency and loss factor, V eq. 4
     beside = 1.0 - (90.0 / carried.frequency_hz) ** 2
@@ -70,8 +72,8 @@ def test_the_mode_that_carries_a_line_is_the_largest_part_of_the_motion():
 
 def test_a_run_up_begins_with_the_largest_motion_and_its_speed():
     shown = vibrations.page("run-up")
-    text = text_of(Page(vibration_html(shown)))
-    whole = next(one for one in shown.courses if one.is_whole)
+    text = text_of(Page(html(shown)))
+    whole = next(one for one in motion_courses(shown) if one.is_whole)
     k = int(np.argmax(np.abs(whole.motions_um[RELATIVE])))
     assert f"by up to {number_text(abs(whole.motions_um[RELATIVE][k]))} µm, after" in text
     assert f"with spindle at {whole.speeds_rpm['spindle'][k]:.4g} r/min" in text
@@ -118,34 +120,34 @@ def test_what_was_recorded_comes_first():
     shown = vibrations.page("cut")
     time_s = np.arange(100) * 0.01
     one = ChannelDifference("r1", "gauge", "um", time_s, np.sin(time_s), 1.1 * np.sin(time_s))
-    html = vibration_html(replace(shown, differences=(one,)))
-    first = re.search(r'<p class="first">(.*?)</p>', html)[1]
+    content = html(replace(shown, simulated=replace(shown.simulated, differences=(one,))))
+    first = re.search(r'<p class="first">(.*?)</p>', content)[1]
     assert first.startswith("Simulated and recorded gauge differ by")
-    assert "those were measured" in html
+    assert "those were measured" in content
 
 
 def test_the_page_is_one_file_that_loads_nothing_and_is_always_the_same(tmp_path):
     shown = vibrations.page("cut")
-    path = write_vibration_report(shown, tmp_path / "page.html")
-    html = path.read_text(encoding="utf-8")
-    assert html == vibration_html(shown)
-    assert not re.search(r"""(?:src|href)=["'](?!#)""", re.sub(r"<script.*?</script>", "", html, flags=re.DOTALL))
-    assert "default-src 'none'" in html
+    path = write_account(account_of(shown, drawn=True), tmp_path / "page.html")
+    content = path.read_text(encoding="utf-8")
+    assert content == html(shown)
+    assert not re.search(r"""(?:src|href)=["'](?!#)""", re.sub(r"<script.*?</script>", "", content, flags=re.DOTALL))
+    assert "default-src 'none'" in content
     # Plotly's program is most of it
     assert path.stat().st_size < 7 * MEGABYTE
-    assert "<script>alert(1)" not in html
+    assert "<script>alert(1)" not in content
 
 
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
 @pytest.mark.parametrize("kind", ["cut"])
 def test_every_figure_is_drawn_in_a_browser_and_nothing_is_refused(kind, tmp_path):
-    path = write_vibration_report(vibrations.page(kind), tmp_path / "page.html")
+    path = write_account(account_of(vibrations.page(kind), drawn=True), tmp_path / "page.html")
     run = subprocess.run(
         [
             BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", "--dump-dom",
             f"--user-data-dir={tmp_path / 'profile'}", "--virtual-time-budget=10000", path.as_uri(),
         ],
-        capture_output=True, text=True, encoding="utf-8", timeout=120, check=True,
+        capture_output=True, text=True, encoding="utf-8", timeout=300, check=True,
     )  # fmt: skip
     assert len(re.findall(r'<div class="plot[^"]*" id="(figure-\d+)"', run.stdout)) == FIGURES[kind]
     drawn = re.sub(r"<script.*?</script>", "", run.stdout, flags=re.DOTALL)

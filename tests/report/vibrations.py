@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 import functools
-import tempfile
-from pathlib import Path
 
-from selector.cli.vibration_page import page_of
 from selector.findings import Finding
-from selector.physics.vibration.model_file import parsed_model_file
-from selector.physics.vibration.vibration_model import vibration_model
-from selector.physics.vibration.vibration_summary import vibration_summary
-from selector.report.vibration_report import VibrationPage
+from selector.telling.simulated.result import SimulationResult
+from tests.report.simulated import result
 
 NAME = "a <b>lathe</b></script><script>alert(1)</script>"
 SOURCE = "<b>motor</b>"
@@ -75,15 +70,8 @@ speed_exponent = -0.3
 
 
 @functools.cache
-def page(kind: str) -> VibrationPage:
-    """The page of a "cut" with a chain, of a "run-up", or of the structure "alone", without either."""
+def page(kind: str) -> SimulationResult:
+    """A "cut" with a chain, a "run-up", or the structure "alone", without either."""
     speed = "[[0.0, 300.0], [4.0, 900.0]]" if kind == "run-up" else "600.0"
     text = LATHE.replace("SPEED", speed) + (CHAIN + CUT if kind == "cut" else "")
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "<a>.toml"
-        path.write_text(text, encoding="utf-8")
-        model = vibration_model(parsed_model_file(text))
-        simulation = model.simulation(run="run <1>")
-        summary = vibration_summary(model, simulation)
-        said = Finding("from-<b>afar</b>", "warning", "said before </script>")
-        return page_of(model, simulation, summary, (said, *summary.findings), path)
+    return result("vibration", text, Finding("from-<b>afar</b>", "warning", "said before </script>"))

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +13,9 @@ import pandas as pd
 import pytest
 
 from selector.cli import exit_status
-from selector.controllers.model_file import Input, ModelFile, Output, Term
-from selector.controllers.model_io import write_model
+from selector.controllers.model_file import Input, ModelFile, Output, Term, write_model
 from selector.controllers.self_check import check_vectors
-from tests.interruptible import INTERRUPTIBLE
+from tests.interruptible import interrupted_in
 
 MACHINE = """
 [machine]
@@ -91,7 +88,7 @@ def selector(
     """The program in a process of its own."""
     return subprocess.run(
         [sys.executable, "-m", "selector.cli", *arguments],
-        capture_output=True, text=True, encoding=encoding, timeout=120, check=False,
+        capture_output=True, text=True, encoding=encoding, timeout=300, check=False,
         env=ENVIRONMENT | (environment or {}),
     )  # fmt: skip
 
@@ -146,7 +143,7 @@ def test_describe_writes_a_machine_file_that_reads_back(folder, capfd):
 def test_describe_for_people(folder, capfd):
     assert exit_status(["describe", "runs", "--machine", "machine.toml"]) == 0
     out, err = capfd.readouterr()
-    for text in ("r1", "T2", "PT02", "temperature", "degF", "finding"):
+    for text in ("r1", "T2", "PT02", "temperature", "°F", "finding"):
         assert text in out
     assert "\x1b" not in out + err
 
@@ -375,19 +372,11 @@ def test_ctrl_c_leaves_nothing_behind(folder):
     table = run_table(1)
     for run in range(3, 120):
         table.to_csv(f"runs/r{run}.csv", index=False)
-    line = [*INTERRUPTIBLE, "convert", "runs", "--machine", "machine.toml", "--out", "clean"]
-    work = subprocess.Popen(
-        line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, encoding="utf-8", env=ENVIRONMENT
-    )
-    deadline = time.monotonic() + 60
-    # stop it in the middle of writing, when the first drafts are there
-    while work.poll() is None and time.monotonic() < deadline and not any(folder.glob(".clean.*/.*.part")):
-        time.sleep(0.002)
-    work.send_signal(signal.SIGINT)
-    _, err = work.communicate(timeout=60)
+    # stopped in the middle of writing, at the first drafts of 119
+    work = interrupted_in("_write_whole", "convert", "runs", "--machine", "machine.toml", "--out", "clean")
     assert work.returncode == 130
-    assert err.count("\n") == 1
-    assert "Nothing was written" in err
+    assert work.stderr.count("\n") == 1
+    assert "Nothing was written" in work.stderr
     assert sorted(path.name for path in folder.iterdir()) == ["machine.toml", "model.json", "runs"]
 
 
@@ -396,22 +385,21 @@ def test_a_reader_that_goes_away_is_no_defect(folder):
     line = f"{sys.executable} -m selector.cli describe runs --json | head -c 1"
     ended = subprocess.run(
         ["bash", "-o", "pipefail", "-c", line],
-        capture_output=True, text=True, timeout=60, check=False, env=ENVIRONMENT,
+        capture_output=True, text=True, timeout=300, check=False, env=ENVIRONMENT,
     )  # fmt: skip
     assert ended.returncode in (0, 141)
     assert ended.stderr == ""
 
 
-def test_help_answers_at_once():
+def test_help_needs_nothing_heavy():
     code = (
-        "import sys, selector.cli; heavy = {'numpy', 'pandas', 'scipy', 'sklearn', 'plotly', 'numba', 'pint', 'rich'}"
+        "import sys, selector.cli; heavy = {'numpy', 'pandas', 'scipy', 'sklearn', 'plotly', 'numba', 'pint'}\n"
+        "print(sorted((heavy | {'rich'}) & set(sys.modules)))\n"
+        "assert selector.cli.exit_status(['--help']) == 0\n"
+        "print(sorted(heavy & set(sys.modules)))"
     )
     ended = subprocess.run(
-        [sys.executable, "-c", f"{code}; print(sorted(heavy & set(sys.modules)))"],
-        capture_output=True, text=True, timeout=60, check=True, env=ENVIRONMENT,
-    )  # fmt: skip
-    assert ended.stdout.strip() == "[]", "imported before a command needs it"
-    started = time.perf_counter()
-    assert selector("--help").returncode == 0
-    # 0.5 s on an idle laptop core; the limit leaves room for a loaded machine and still fails when numpy comes in
-    assert time.perf_counter() - started < 5.0
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=300, check=True, env=ENVIRONMENT
+    )
+    first, *_, last = ended.stdout.splitlines()
+    assert first == last == "[]", "imported before a command needs it"

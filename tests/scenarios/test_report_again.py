@@ -116,7 +116,7 @@ def refused(capsys, path: Path, out: Path) -> str:
         (b'{"a":' * 100_000, "nested too deep"),
         (b'{"schema": "selector.selection/1"}', "no field 'sensors'"),
         (b'{"schema": "selector.diagnosis/1", "verdict": 3}', "verdict"),
-        (b'{"schema": "selector.prediction/1", "method": "", "kind": "", "time_s": [1], "displacement_um": {"Z": []}}',
+        (b'{"schema": "selector.prediction/1", "method": "modal", "time_s": [1], "displacement_um": {"Z": []}}',
          "contradict"),
         (b'{"schema": "selector.model/1"}', "model"),
         (b"\xff\xfe{}", "UTF-8"),

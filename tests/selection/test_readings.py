@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from selector.models.rows import Rows
-from selector.selection.fitting import Part
-from selector.selection.readings import DIGITS, MOST_JUDGED, MOST_RUNS, READING_POINTS, kept_readings
+from selector.models.design import Rows
+from selector.selection.fitting import DIGITS, MOST_JUDGED, MOST_RUNS, READING_POINTS, Part, kept_readings
 
 N_RUNS, N = 45, 900
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from selector.selection import Options, select
-from selector.selection.regimes import regimes
+from selector.selection.doubts import regimes
 from tests.selection.machines import found_ids, machine, one_finding
 
 

@@ -10,10 +10,10 @@ from pydantic import ValidationError
 
 from selector.errors import InputError
 from selector.readers import read
-from selector.report import selection_html
 from selector.selection import Options, Selection, select
 from selector.selection.result_file import selection_of
 from selector.shipped import shipped
+from tests.report.test_selection_report import selection_html
 
 NOT_HELD = ("fallbacks",)
 

@@ -8,6 +8,7 @@ import re
 import numpy as np
 import pytest
 
+from selector.errors import OptionError
 from selector.findings import Finding
 from selector.selection import Options, select
 from tests.models.runs import InPieces, recording
@@ -22,6 +23,32 @@ def selected(source, **options):
 def plain():
     """Selection on a linear machine with default options."""
     return selected(machine())
+
+
+class TestInStatsmodels:
+    def check(self, found, source):
+        results = found.statsmodels_results("Z", source)
+        _, coefficients, errors = found.models["Z"].physical()
+        assert results.nobs == found.models["Z"].n_samples
+        assert results.params.to_numpy() == pytest.approx(coefficients, rel=1e-8)
+        assert results.bse.to_numpy() == pytest.approx(errors, rel=1e-8)
+        return results
+
+    def test_the_final_model_as_it_was_fitted(self, plain):
+        results = self.check(plain, machine())
+        assert results.pvalues["T1"] < 1e-6
+        assert "hac-panel" in results.summary().as_text().lower()
+
+    def test_a_model_with_memory_on_thinned_samples(self, monkeypatch):
+        monkeypatch.setattr("selector.selection.workflow.MAX_ROWS", 500)
+        source = machine(n_runs=4)
+        found = selected(source, memory=True)
+        assert found.models["Z"].n_samples <= 500
+        self.check(found, source)
+
+    def test_another_recording_is_refused(self, plain):
+        with pytest.raises(OptionError, match="not the one of this selection"):
+            plain.statsmodels_results("Z", machine(seed=7))
 
 
 class TestPlantedTruth:

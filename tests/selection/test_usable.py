@@ -11,10 +11,10 @@ from selector.errors import OptionError
 from selector.findings import Finding, Where
 from selector.models.design import datum_of
 from selector.quality import inspect
-from selector.report.wording import advice
 from selector.selection import Options, select
 from selector.selection.options import question_of
 from selector.selection.survey import survey
+from selector.telling.selected.advice import advice
 from tests.models.runs import InPieces, recording
 from tests.selection.machines import found_ids, machine, one_finding
 
@@ -105,7 +105,7 @@ def test_a_dead_sensor_is_told_once_and_counted():
     about = [one for one in found.findings if one.where.channel == "T7"]
     assert [one.id for one in about] == ["constant-sensor"]
     assert "wiring" in about[0].suggestion
-    said = " ".join(advice(found).more)
+    said = " ".join(advice(found)[1][1:])
     assert "of 6 usable sensors are not needed" in said
     assert "left out: T7" in said
 

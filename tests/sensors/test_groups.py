@@ -31,17 +31,6 @@ def test_groups_by_name_and_by_index():
     assert Partition((0, 1), 0.9).names == ("x0", "x1")
 
 
-def test_nesting():
-    fine, coarse, other = Partition((0, 1, 2, 2), 0.9), Partition((0, 0, 1, 1), 0.5), Partition((0, 1, 1, 0), 0.5)
-    assert fine.is_nested_in(coarse)
-    assert fine.is_nested_in(fine)
-    assert not coarse.is_nested_in(fine)
-    assert not other.is_nested_in(coarse)
-    assert not coarse.is_nested_in(other)
-    with pytest.raises(InputError, match="same sensors"):
-        fine.is_nested_in(Partition((0, 0), 0.5))
-
-
 @pytest.mark.parametrize(
     ("level", "labels"),
     [

@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 from flask.testing import FlaskClient
 
+from selector.workbench import access as refusals
 from selector.workbench import page as page_module
-from selector.workbench import refusals, study_folder
+from selector.workbench import study_folder
 from selector.workbench.access import TOKEN, Access
 from selector.workbench.bench import Bench
 from selector.workbench.page import page

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-import time
+import threading
 
 import pytest
 
@@ -12,19 +12,17 @@ from selector.cli import exit_status
 from selector.errors import InputError
 from selector.readers import Overrides
 from selector.shipped import shipped
-from selector.workbench import material as material_module
+from selector.workbench import readable as material_module
 from selector.workbench.bench import Bench
-from selector.workbench.channel_corrections import corrected, rows_of
 from selector.workbench.commands import Export, export_command
+from selector.workbench.corrections import corrected, rows_of
+from tests.patience import wait_for
 
 VMC = shipped("vmc37")
 
 
 def settled(bench: Bench) -> Bench:
-    end = time.monotonic() + 30
-    while bench.is_reading:
-        assert time.monotonic() < end
-        time.sleep(0.01)
+    wait_for(lambda: not bench.is_reading)
     return bench
 
 
@@ -108,7 +106,7 @@ def test_the_last_reading_counts(bench):
         bench.use([VMC / "r1.csv"])
         bench.use([VMC / "r2.csv"])
     assert [run.name for run in settled(bench).material.reading.runs] == ["r2"]
-    time.sleep(0.5)
+    wait_for(lambda: all(thread.name != "selector-read" for thread in threading.enumerate()))
     assert [run.name for run in bench.material.reading.runs] == ["r2"]
 
 

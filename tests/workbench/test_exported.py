@@ -12,9 +12,9 @@ from selector.cli import app
 from selector.controllers import read_model, write_model
 from selector.readers import Overrides
 from selector.shipped import shipped
+from selector.workbench.asked_again import other_than_exported
 from selector.workbench.bench import Bench
 from selector.workbench.commands import Export, export_command
-from selector.workbench.exported import other_than_exported
 from selector.workbench.pages import export
 
 PATENT = shipped("patent8")

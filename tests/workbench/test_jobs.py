@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -15,6 +14,7 @@ from selector.shipped import shipped
 from selector.workbench import jobs as jobs_module
 from selector.workbench.jobs import Job, Jobs
 from selector.workbench.parts import job_answer
+from tests.patience import wait_for
 
 PATENT = shipped("patent8")
 SELECT = (
@@ -23,11 +23,8 @@ SELECT = (
 )  # fmt: skip
 
 
-def waited(jobs: Jobs, number: int, seconds: float = 60.0) -> Job:
-    end = time.monotonic() + seconds
-    while not jobs.all[number].is_over:
-        assert time.monotonic() < end, jobs.all[number]
-        time.sleep(0.02)
+def waited(jobs: Jobs, number: int) -> Job:
+    wait_for(lambda: jobs.all[number].is_over)
     return jobs.all[number]
 
 
@@ -58,9 +55,7 @@ def program(monkeypatch, tmp_path):
 def test_a_selection_is_the_one_of_the_command_line(jobs, tmp_path):
     seen = []
     jobs.start("Selection", SELECT, tmp_path / "selection")
-    while not jobs.all[0].is_over:
-        seen.append((jobs.all[0].doing, jobs.all[0].share))
-        time.sleep(0.01)
+    wait_for(lambda: seen.append((jobs.all[0].doing, jobs.all[0].share)) or jobs.all[0].is_over)
     job = waited(jobs, 0)
     assert job.state == "done", job.said
     assert "Keep " in job.said
@@ -78,36 +73,35 @@ def test_what_fails_says_what_the_command_says(jobs):
     assert "Traceback" not in job.said
 
 
-def test_progress_is_told(jobs, program):
+def test_progress_is_told(jobs, program, tmp_path):
     program(
-        "import sys, time\n"
+        "import os, sys, time\n"
         'print(\'{"doing": "folds", "share": 0.25}\', file=sys.stderr, flush=True)\n'
         "print('{\"doing\": broken', file=sys.stderr, flush=True)\n"
-        "time.sleep(0.5); print('an answer')\n"
+        "while not os.path.exists('seen'): time.sleep(0.01)\n"
+        "print('an answer')\n"
     )
     jobs.start("Work", ())
-    end = time.monotonic() + 10
-    while jobs.all[0].share is None and time.monotonic() < end:
-        time.sleep(0.01)
+    wait_for(lambda: jobs.all[0].share is not None)
     assert (jobs.all[0].doing, jobs.all[0].share, jobs.all[0].state) == ("folds", 0.25, "running")
+    (tmp_path / "seen").touch()
     assert waited(jobs, 0).said == 'an answer\n{"doing": broken'
 
 
 def test_cancel_ends_the_child_and_its_children(jobs, program, tmp_path):
     program(
         "import os, subprocess, sys, time\n"
-        "child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(60)'])\n"
+        "child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(3000)'])\n"
         "open('pids', 'w').write(f'{os.getpid()} {child.pid}')\n"
         'print(\'{"doing": "x", "share": null}\', file=sys.stderr, flush=True)\n'
-        "time.sleep(60)\n"
+        "time.sleep(3000)\n"
     )
     jobs.start("Work", ())
-    while jobs.all[0].doing != "x":
-        time.sleep(0.01)
+    wait_for(lambda: jobs.all[0].doing == "x")
     pids = [int(pid) for pid in (tmp_path / "pids").read_text().split()]
     jobs.cancel(0)
     assert jobs.all[0].state == "cancelled"
-    assert gone(pids, 10)
+    wait_for(lambda: not any(lives(pid) for pid in pids))
 
 
 def test_a_child_that_does_not_listen_is_ended_all_the_same(jobs, program, tmp_path, monkeypatch):
@@ -118,25 +112,25 @@ def test_a_child_that_does_not_listen_is_ended_all_the_same(jobs, program, tmp_p
         "open('pids', 'w').write(str(os.getpid()))\n"
         "os.mkdir('.result.0123.part'); open('.result.0123.part/half', 'w').write('half')\n"
         'print(\'{"doing": "x", "share": null}\', file=sys.stderr, flush=True)\n'
-        "time.sleep(60)\n"
+        "time.sleep(3000)\n"
     )
     jobs.start("Work", (), tmp_path / "result")
-    while jobs.all[0].doing != "x":
-        time.sleep(0.01)
+    wait_for(lambda: jobs.all[0].doing == "x")
     jobs.cancel(0)
-    assert gone([int((tmp_path / "pids").read_text())], 10)
+    pid = int((tmp_path / "pids").read_text())
+    wait_for(lambda: not lives(pid))
     jobs.close()
     assert list(tmp_path.glob(".result*")) == []
 
 
-def test_one_at_a_time_and_the_queue_can_be_left(jobs, program):
-    program('import sys, time; print(\'{"doing": "x", "share": 0}\', file=sys.stderr, flush=True); time.sleep(0.4)')
+def test_one_at_a_time_and_the_queue_can_be_left(jobs, program, tmp_path):
+    program("import os, time\nwhile not os.path.exists('go'): time.sleep(0.01)\n")
     for number in range(3):
         jobs.start(f"Work {number}", ())
-    while jobs.all[0].state != "running":
-        time.sleep(0.01)
+    wait_for(lambda: jobs.all[0].state == "running")
     assert [job.state for job in jobs.all] == ["running", "queued", "queued"]
     jobs.cancel(1)
+    (tmp_path / "go").touch()
     assert waited(jobs, 2).state == "done"
     assert [job.state for job in jobs.all] == ["done", "cancelled", "done"]
     jobs.cancel(0)
@@ -144,15 +138,12 @@ def test_one_at_a_time_and_the_queue_can_be_left(jobs, program):
 
 
 def test_closing_ends_everything(tmp_path, program):
-    program('import sys, time; print(\'{"doing": "x", "share": 0}\', file=sys.stderr, flush=True); time.sleep(60)')
+    program('import sys, time; print(\'{"doing": "x", "share": 0}\', file=sys.stderr, flush=True); time.sleep(3000)')
     jobs = Jobs(tmp_path)
     jobs.start("Work", ())
     jobs.start("More", ())
-    while jobs.all[0].doing != "x":
-        time.sleep(0.01)
-    begun = time.monotonic()
+    wait_for(lambda: jobs.all[0].doing == "x")
     jobs.close()
-    assert time.monotonic() - begun < 10
     assert [job.state for job in jobs.all] == ["cancelled", "cancelled"]
 
 
@@ -163,16 +154,6 @@ def test_files_of_the_study_are_no_modules(jobs, tmp_path):
     job = waited(jobs, 0)
     assert job.state == "done", job.said
     assert job.said.startswith("selector ")
-
-
-def gone(pids: list[int], seconds: float) -> bool:
-    """Whether all of these processes end within a time."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        if not any(lives(pid) for pid in pids):
-            return True
-        time.sleep(0.05)
-    return False
 
 
 def lives(pid: int) -> bool:
@@ -211,7 +192,7 @@ def test_a_result_that_went_away_with_its_folder_is_not_called_done(tmp_path, pr
         # the child goes on in the folder that has another name now
         program("import os, sys; os.rename(*sys.argv[1:]); os.mkdir('selection')")
         made.start("Selection", (str(study), str(tmp_path / "elsewhere")), study / "selection")
-        job = waited(made, 0, 10.0)
+        job = waited(made, 0)
         assert (job.state, "the study folder is gone" in str(job.problem)) == ("failed", True)
     finally:
         made.close()
@@ -220,5 +201,5 @@ def test_a_result_that_went_away_with_its_folder_is_not_called_done(tmp_path, pr
 def test_a_result_that_is_not_in_the_study_folder_is_told(jobs, program, tmp_path):
     program("print('done')")
     jobs.start("Selection", (), tmp_path / "selection")
-    job = waited(jobs, 0, 10.0)
+    job = waited(jobs, 0)
     assert (job.state, "selection is not in the study folder" in str(job.problem)) == ("failed", True)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import dataclasses
 import io
-import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,7 +12,7 @@ import pytest
 
 from selector.errors import OptionError
 from selector.figures import style
-from selector.figures.run_errors import RunError
+from selector.figures.errors import RunError
 from selector.readers import machine as machine_file
 from selector.recording import Channel
 from selector.selection import Exploration, Options
@@ -23,6 +22,7 @@ from selector.workbench.bench import Bench
 from selector.workbench.page import page
 from selector.workbench.pages import sensors
 from selector.workbench.pages.sensors import machine, pictures
+from tests.patience import wait_for
 from tests.workbench import studies
 
 
@@ -37,7 +37,7 @@ def bench(recordings, tmp_path):
     folder.mkdir()
     found = Bench(folder.resolve(), recordings, recordings[0].with_name("machine.toml"))
     found.read()
-    wait(lambda: found.material.reading is not None)
+    wait_for(lambda: found.material.reading is not None)
     return found
 
 
@@ -49,13 +49,6 @@ def client(bench):
     return found
 
 
-def wait(is_so) -> None:
-    end = time.monotonic() + 60
-    while not is_so():
-        assert time.monotonic() < end
-        time.sleep(0.02)
-
-
 def ready(bench) -> Exploration:
     material = bench.material
     found = []
@@ -64,7 +57,7 @@ def ready(bench) -> Exploration:
         found[:] = [bench.live.exploration(material.number, material.reading, bench.options, material.findings)]
         return found[0] is not None
 
-    wait(is_there)
+    wait_for(is_there)
     return found[0]
 
 
@@ -146,7 +139,7 @@ def test_recordings_that_cannot_be_explored_say_why(tmp_path):
     (tmp_path / "warm.csv").write_text("time_s,T1\n" + "".join(f"{k},{20 + k}\n" for k in range(60)), encoding="utf-8")
     bench = Bench(tmp_path, [tmp_path / "warm.csv"])
     bench.read()
-    wait(lambda: bench.material.reading is not None)
+    wait_for(lambda: bench.material.reading is not None)
     with pytest.raises(OptionError, match="no displacement channel"):
         ready(bench)
     assert sensors.command(bench) is None
@@ -166,7 +159,7 @@ def test_pins_go_into_the_machine_file_and_nothing_is_read_again(client, bench):
     assert places["T1"] == [0.5, -0.25, 1.0]
     again = Bench(bench.folder, [one.path for one in bench.loaded])
     again.read()
-    wait(lambda: again.material.reading is not None)
+    wait_for(lambda: again.material.reading is not None)
     assert again.material.reading.recording.channel("T7").xyz_m == (0.0, 0.0, 2.0)
 
 

@@ -15,7 +15,7 @@ api = pytest.importorskip("playwright.sync_api", reason="Playwright is not insta
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
 
-PATIENCE_MS = 60_000
+PATIENCE_MS = 300_000
 """The first search may have to be compiled."""
 
 POINT = """([name, trace, number, axis]) => {

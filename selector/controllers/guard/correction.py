@@ -6,9 +6,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from selector.controllers.guard.codes import LARGEST_NUMBER, Mode, SensorCode
-from selector.controllers.guard.decided import DecidedLimits
+from selector.controllers.guard.decided import DecidedLimits, is_turned
 from selector.controllers.model_file import Output
-from selector.controllers.signs import is_turned
 
 Number = Callable[[float], Any]
 

@@ -1,13 +1,16 @@
-"""Limits of the correction that every program needs: as the model file decides them, or cautious ones that are told."""
+"""Limits and sign of the correction that every program needs: as the model file decides them, or cautious ones."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 
+from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.codes import LONGEST_S, TEST_S
-from selector.controllers.model_file import ModelFile, Output, OutputLimits
+from selector.controllers.model_file import Fallback, ModelFile, Output, OutputLimits, Sign
 from selector.controllers.self_check import output_bound_um
+from selector.errors import OptionError
 from selector.findings import Finding
 
 CAUTIOUS_SLEW_UM_PER_S = 1.0
@@ -16,26 +19,13 @@ CAUTIOUS_SLEW_UM_PER_S = 1.0
 
 @dataclass(frozen=True)
 class DecidedLimits:
-    """Limits of the correction of one output.
+    """Limits of the correction of one output."""
 
-    Attributes
-    ----------
-    clamp_um : float
-        Largest magnitude of the correction at the reference position, and of the whole.
-    slew_um_per_s : float
-        Largest change of the correction at any place that the axis stands at.
-    dead_band_um : float
-        Smaller changes are not passed on.
-    slope_clamp_um_per_m : float
-        Largest magnitude of the slope; 0 without a position-dependent part.
-    reach_m : float
-        Largest distance of a valid position from the reference; 0 without a position-dependent part.
-    """
-
-    clamp_um: float
-    slew_um_per_s: float
-    dead_band_um: float = 0.0
-    slope_clamp_um_per_m: float = 0.0
+    clamp_um: float  #: Largest magnitude of the correction at the reference position, and of the whole
+    slew_um_per_s: float  #: Largest change of the correction at any place that the axis stands at
+    dead_band_um: float = 0.0  #: Smaller changes are not passed on
+    slope_clamp_um_per_m: float = 0.0  #: Largest magnitude of the slope; 0 without a position-dependent part
+    #: Largest distance of a valid position from the reference; 0 without a position-dependent part
     reach_m: float = 0.0
 
     @property
@@ -75,9 +65,8 @@ def decided_limits(model: ModelFile) -> tuple[dict[str, DecidedLimits], tuple[Fi
             options.append(f"--slew {output.name}={slew:g}")
         if open_ones:
             findings.append(
-                Finding(
+                FINDINGS.finding(
                     "limit-not-decided",
-                    "warning",
                     f"Nobody has decided how far and how fast {output.name} may be corrected. The program was written "
                     f"with {' and '.join(open_ones)}.",
                     evidence={"output": output.name, "clamp_um": clamp_um, "slew_um_per_s": slew},
@@ -123,3 +112,41 @@ def with_decided_limits(model: ModelFile) -> ModelFile:
 def _open_clamp_um(model: ModelFile, output: Output) -> float:
     bound_um = output_bound_um(model, output)
     return float(max(1.0, math.ceil(bound_um))) if bound_um < 1e6 else 1e6
+
+
+WITH: Sign = "correction = displacement"
+
+
+def is_turned(output: Output) -> bool:
+    """Whether the control counts the axis the other way: its correction is the displacement itself."""
+    return output.sign == WITH
+
+
+def with_turned_signs(model: ModelFile, outputs: Collection[str]) -> ModelFile:
+    """The model with the corrections of these outputs turned round, whatever the file says of them; others stay.
+
+    Displacements, and so the formulas and test vectors, stay as they are. Naming an output twice is naming it once, so
+    that the same words give the same program from the model and from the copy of it that an export leaves.
+
+    Raises
+    ------
+    OptionError
+        The model has no such output.
+    """
+    names = [output.name for output in model.outputs]
+    for name in outputs:
+        if name not in names:
+            raise OptionError(
+                f"no output {name!r}",
+                expected="one of " + ", ".join(names),
+                where="--invert",
+                advice="correct the name",
+            )
+
+    def turned(of: ModelFile | Fallback) -> tuple[Output, ...]:
+        return tuple(
+            output.model_copy(update={"sign": WITH}) if output.name in outputs else output for output in of.outputs
+        )
+
+    fallbacks = tuple(one.model_copy(update={"outputs": turned(one)}) for one in model.fallbacks)
+    return model.model_copy(update={"outputs": turned(model), "fallbacks": fallbacks})

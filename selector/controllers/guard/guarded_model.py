@@ -32,27 +32,16 @@ Number = Callable[[float], Any]
 
 @dataclass(frozen=True)
 class Corrected:
-    """What one call gives.
+    """What one call gives."""
 
-    Attributes
-    ----------
-    correction_um : dict of str to number
-        Per output: what is to be added to the axis where it stands.
-    k0_um, slope_um_per_m : dict of str to number
-        The same as a straight line: correction = k0 + slope · (P − P0), before the clamp of the whole.
-    mode : int
-        `Mode`; FALLBACK + k for the k-th fallback.
-    sensors : tuple of SensorCode
-        In the order of the model's inputs.
-    axes : dict of str to SensorCode
-        Per axis whose position the model needs: OK, LIMITED (beyond its valid positions) or MISSING.
-    """
-
-    correction_um: dict[str, Any]
+    correction_um: dict[str, Any]  #: Per output: what is to be added to the axis where it stands
+    #: k0_um and slope_um_per_m: The same as a straight line: correction = k0 + slope · (P − P0), before the clamp of
+    #: the whole
     k0_um: dict[str, Any]
     slope_um_per_m: dict[str, Any]
-    mode: int
-    sensors: tuple[SensorCode, ...]
+    mode: int  #: `Mode`; FALLBACK + k for the k-th fallback
+    sensors: tuple[SensorCode, ...]  #: In the order of the model's inputs
+    #: Per axis whose position the model needs: OK, LIMITED (beyond its valid positions) or MISSING
     axes: dict[str, SensorCode]
 
 

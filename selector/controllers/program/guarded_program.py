@@ -17,11 +17,7 @@ from selector.controllers.guard.codes import (
 from selector.controllers.guard.decided import decided_limits, longest_test_s, valid_positions_m
 from selector.controllers.model_file import ModelFile, Output, Term
 from selector.controllers.program.language import Expression, Flag, Program, Real, Variable, Writing, is_code
-from selector.controllers.program.slewed_correction import SlewedCorrection
-from selector.controllers.program.watched_sensor import NO_READING, WatchedSensor
-
-NAMES_OF_CALL = ("dt_s", "is_ready", "is_wanted", "is_restart", "standstill_s")
-"""Inputs of every program beside readings and positions."""
+from selector.controllers.program.statements import NO_READING, SlewedCorrection, WatchedSensor
 
 
 def guarded_program(model: ModelFile) -> Program:

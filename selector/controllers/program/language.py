@@ -1,12 +1,10 @@
-"""A program that every control can run: real numbers, flags and codes; assignments and IF; no loop, no array, no call.
-
-Real arithmetic is + − × ÷ with one rounding each, in the order of the tree, nothing contracted or reordered. Conditions
-have no side effects, so that it does not matter whether a language evaluates both sides of AND.
-"""
+"""A program that every control can run: real numbers, flags, codes, assignments and IF; and how it is printed."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+import unicodedata
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Literal
@@ -140,18 +138,10 @@ Statement = Assign | If | Remark
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """A program that is called again and again.
+    """A program that is called again and again."""
 
-    Attributes
-    ----------
-    name : str
-        Of the model, for the reader.
-    variables : tuple of Variable
-        Every one that occurs, in the order in which they were declared; names are ASCII, at most 24 characters.
-    body : tuple of Statement
-    """
-
-    name: str
+    name: str  #: Of the model, for the reader
+    #: Every one that occurs, in the order in which they were declared; names are ASCII, at most 24 characters
     variables: tuple[Variable, ...]
     body: tuple[Statement, ...]
 
@@ -240,3 +230,117 @@ def _as_kind(kind: Kind, value: Expression | float) -> Expression:
     if kind == "flag":
         return Flag(bool(value))
     return Code(int(value)) if kind == "code" else Real(float(value))
+
+
+_RANK = {"or": 1, "and": 2, "<": 4, "<=": 4, ">": 4, ">=": 4, "==": 4, "+": 5, "-": 5, "*": 6, "/": 6}
+_OF_COMPARISON, _OF_NAME = 4, 8
+
+
+@dataclass(frozen=True)
+class Language:
+    """Words of a language in which a program is printed."""
+
+    signs: Mapping[str, str]  #: Of the operations, where they differ from the program's own
+    negation: str  #: Before a condition
+    assignment: str  #: Format with ``{to}`` and ``{value}``
+    #: condition, otherwise and end: Lines around the branches of an IF; ``{condition}``. An empty `end` is left out.
+    condition: str
+    otherwise: str
+    end: str
+    nothing: str  #: The statement of an empty branch; empty where none is needed
+    remark: str  #: Format with ``{text}``
+    prefixes: Mapping[str, str]  #: Place of a variable → what goes before its name
+    indent: str = "    "
+    #: What has a sign of its own stands in parentheses inside operations of a higher rank than this
+    signed_above: int = _OF_COMPARISON
+
+    def real(self, value: float) -> str:
+        """A real literal."""
+        return repr(value)
+
+    def flag(self, value: bool) -> str:
+        """True or false."""
+        return str(value)
+
+    def name(self, variable: Variable) -> str:
+        """A variable as it is written inside the program."""
+        return self.prefixes.get(variable.place, "") + variable.name
+
+    def lines(self, body: tuple[Statement, ...], depth: int = 0) -> Iterator[str]:
+        """Statements as lines without line ends."""
+        before = self.indent * depth
+        for one in body:
+            if isinstance(one, Assign):
+                yield before + self.assignment.format(to=self.name(one.to), value=self.expression(one.value))
+            elif isinstance(one, Remark):
+                yield before + self.remark.format(text=plain(one.text))
+            else:
+                yield from self._branches(one, depth)
+
+    def expression(self, of: Expression, outer: int = 0, *, is_right: bool = False) -> str:
+        """An expression with the parentheses that keep its tree: all sums and products group from the left."""
+        if isinstance(of, Variable):
+            return self.name(of)
+        if isinstance(of, Flag):
+            return self.flag(of.value)
+        if isinstance(of, Code):
+            return str(of.value)
+        if isinstance(of, Real):
+            text = self.real(of.value)
+            return f"({text})" if text.startswith("-") and outer > self.signed_above else text
+        if isinstance(of, Negative):
+            text = "-" + self.expression(of.of, _OF_NAME)
+            return f"({text})" if outer > self.signed_above else text
+        if isinstance(of, Not):
+            return self.negation + "(" + self.expression(of.of) + ")"
+        if not isinstance(of, Operation):
+            raise TypeError(of)
+        rank = _RANK[of.sign]
+        left = self.expression(of.left, rank)
+        right = self.expression(of.right, rank, is_right=True)
+        text = f"{left} {self.signs.get(of.sign, of.sign)} {right}"
+        # every language has its own order of AND, OR and comparison
+        is_condition_inside = rank <= _OF_COMPARISON and 0 < outer != rank
+        needs = rank < outer or (rank == outer and is_right) or is_condition_inside
+        return f"({text})" if needs else text
+
+    def _branches(self, one: If, depth: int) -> Iterator[str]:
+        before = self.indent * depth
+        yield before + self.condition.format(condition=self.expression(one.condition))
+        yield from self._branch(one.then, depth)
+        if one.otherwise:
+            yield before + self.otherwise
+            yield from self._branch(one.otherwise, depth)
+        if self.end:
+            yield before + self.end
+
+    def _branch(self, body: tuple[Statement, ...], depth: int) -> Iterator[str]:
+        if self.nothing and all(isinstance(one, Remark) for one in body):
+            yield self.indent * (depth + 1) + self.nothing
+        yield from self.lines(body, depth + 1)
+
+
+_SPELLED = str.maketrans(
+    {"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ẞ": "SS", "æ": "ae", "Æ": "Ae",
+     "œ": "oe", "Œ": "Oe", "ø": "oe", "Ø": "Oe", "ł": "l", "Ł": "L", "đ": "d", "Đ": "D", "ı": "i", "þ": "th", "Þ": "Th",
+     "µ": "u", "μ": "u", "°": "deg", "Δ": "d", "−": "-", "–": "-", "·": "*", "⁄": "/"}
+)  # fmt: skip
+_SUPERSCRIPTS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+
+
+def plain(text: str) -> str:
+    """ASCII without anything that would end a remark in any language.
+
+    Letters are spelled as their languages do without them, else lose their accents; what is left becomes ``?``.
+
+    >>> plain("Ständer außen, Tête [°C]")
+    'Staender aussen, Tete [degC]'
+    """
+    spelled = unicodedata.normalize("NFC", text).translate(_SPELLED)
+    spelled = re.sub("[⁻⁰¹²³⁴-⁹]+", lambda power: "^" + power[0].translate(_SUPERSCRIPTS), spelled)
+    parts = unicodedata.normalize("NFKD", spelled).translate(_SPELLED)
+    bare = "".join(character for character in parts if not unicodedata.combining(character))
+    ascii_text = bare.encode("ascii", "replace").decode("ascii")
+    for end in ("*/", "/*", "*)", "(*", "//", "\\", "{", "}", "]]>", "??", "\x00"):
+        ascii_text = ascii_text.replace(end, "_")
+    return "".join(character if character.isprintable() else " " for character in ascii_text)

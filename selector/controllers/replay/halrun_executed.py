@@ -20,9 +20,10 @@ import numpy as np
 
 from selector.controllers.model_file import ModelFile
 from selector.controllers.program.guarded_program import axes_of
-from selector.controllers.replay.rows import Answers, Array, Rows
+from selector.controllers.replay.rows import Answers, Rows
 from selector.controllers.writers.linuxcnc import NAME, Pin, component, input_pins, output_pins
 from selector.errors import NotExecutableError, OptionError
+from selector.types import Array
 
 INSTALL = "apt-get install -y --no-install-recommends linuxcnc-uspace linuxcnc-uspace-dev"
 RESOLUTION_UM = 1e-6

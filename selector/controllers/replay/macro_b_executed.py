@@ -16,11 +16,18 @@ import numpy as np
 
 from selector.controllers.model_file import ModelFile
 from selector.controllers.program.guarded_program import axes_of
-from selector.controllers.replay.reduced_guard import held, rows_at, sampled_rows
+from selector.controllers.replay.parts import held, rows_at, sampled_rows
 from selector.controllers.replay.rows import Answers, Rows
-from selector.controllers.writers.fanuc import FILE, STATUS, TIME, fanuc_export, macro_variables
-from selector.controllers.writers.macro_b import LONGEST_BLOCK
-from selector.controllers.writers.macro_b_offset import ABSOLUTE_OR_NOT, INCH_OR_MM
+from selector.controllers.writers.fanuc import (
+    ABSOLUTE_OR_NOT,
+    FILE,
+    INCH_OR_MM,
+    LONGEST_BLOCK,
+    STATUS,
+    TIME,
+    fanuc_export,
+    macro_variables,
+)
 
 ALARM = 3000
 DEEPEST_BRACKETS = 5

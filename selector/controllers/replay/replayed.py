@@ -1,4 +1,4 @@
-"""Recorded runs through the written files and through the reference, and how far they are apart."""
+"""Recorded runs through the written files and through the reference, and what a person has to know of it."""
 
 from __future__ import annotations
 
@@ -8,45 +8,39 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.controllers.application import Accuracy, displacement_of, position_channels, require_channels
-from selector.controllers.compared import displacement_starts
+from selector.controllers.application import (
+    Accuracy,
+    displacement_of,
+    displacement_starts,
+    position_channels,
+    require_channels,
+)
+from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.codes import Mode, SensorCode
+from selector.controllers.guard.decided import is_turned
 from selector.controllers.model_file import ModelFile
 from selector.controllers.program.guarded_program import axes_of
 from selector.controllers.replay.parts import TIME_STEP_S, Part
-from selector.controllers.replay.rows import Answers, Array, Rows, reference_answers
-from selector.controllers.sensor_check import unit_of_difference
-from selector.controllers.signs import is_turned
+from selector.controllers.replay.rows import Answers, Rows, reference_answers
+from selector.controllers.sensor_check import SLIGHT_SHARE, unit_of_difference
+from selector.findings import Finding, Where
 from selector.recording import Recording
+from selector.types import Array
 
 
 @dataclass(frozen=True)
 class PartDifference:
-    """One file and one output over all runs.
-
-    Attributes
-    ----------
-    file, output, executed_by : str
-    max_abs_difference_um : float
-        To what it has to give; that of the run in which it is farthest beyond what is allowed.
-    allowed_um : float
-        What its number type explains in that run.
-    in_single_um : float
-        To the reference in binary32, for a program in single precision: has to be 0.
-    guard_difference_um : float
-        Between what it has to give and the whole guard, in any run.
-    lacks : str
-        Why these differ; empty = they are the same.
-    """
+    """One file and one output over all runs."""
 
     file: str
     output: str
     executed_by: str
+    #: To what it has to give; that of the run in which it is farthest beyond what is allowed
     max_abs_difference_um: float
-    allowed_um: float
-    in_single_um: float
-    guard_difference_um: float
-    lacks: str
+    allowed_um: float  #: What its number type explains in that run
+    in_single_um: float  #: To the reference in binary32, for a program in single precision: has to be 0
+    guard_difference_um: float  #: Between what it has to give and the whole guard, in any run
+    lacks: str  #: Why these differ; empty = they are the same
 
     @property
     def is_explained(self) -> bool:
@@ -66,29 +60,14 @@ class PartDifference:
 
 @dataclass(frozen=True, eq=False)
 class ExecutedPart:
-    """One file on the rows of one run.
-
-    Attributes
-    ----------
-    part : Part
-    answers : Answers
-        What it gave.
-    expected_um : ndarray of shape (n_rows, n_outputs)
-        What it has to give.
-    in_single_um : ndarray of the same shape, or None
-        What it has to give to the last bit.
-    whole : Answers
-        What the whole guard gives.
-    allowed_um : mapping of str to float
-        Per output.
-    """
+    """One file on the rows of one run."""
 
     part: Part
-    answers: Answers
-    expected_um: Array
-    in_single_um: Array | None
-    whole: Answers
-    allowed_um: Mapping[str, float]
+    answers: Answers  #: What it gave
+    expected_um: Array  #: (n_rows, n_outputs): What it has to give
+    in_single_um: Array | None  #: What it has to give to the last bit
+    whole: Answers  #: What the whole guard gives
+    allowed_um: Mapping[str, float]  #: Per output
 
     def differences(self, model: ModelFile) -> Iterator[PartDifference]:
         """One per output."""
@@ -105,20 +84,11 @@ class ExecutedPart:
 
 @dataclass(frozen=True)
 class BeyondValid:
-    """An input that was beyond its valid range, which the guard takes for the end of the range.
-
-    Attributes
-    ----------
-    input, unit : str
-    is_rise : bool
-        The range is one of the rise.
-    valid_min, valid_max : float
-    share_of_samples : float
-    """
+    """An input that was beyond its valid range, which the guard takes for the end of the range."""
 
     input: str
     unit: str
-    is_rise: bool
+    is_rise: bool  #: The range is one of the rise
     valid_min: float
     valid_max: float
     share_of_samples: float
@@ -126,34 +96,21 @@ class BeyondValid:
 
 @dataclass(frozen=True, eq=False)
 class ReplayedRun:
-    """One run.
-
-    Attributes
-    ----------
-    run : str
-    time_s : ndarray of shape (n_samples,)
-    correction_um, reference_um : ndarray of shape (n_samples, n_outputs)
-        Of the main program, and what it has to give in float64.
-    recorded_um : ndarray of shape (n_samples, n_outputs)
-        Recorded displacement from its own start (`displacement_starts`); NaN where there is none.
-    accuracy : dict of str to Accuracy
-        Per output, recorded displacement with and without this correction.
-    faulty_share : float
-        Share of the samples in which the program did not follow the whole model, as it says itself; where it does not,
-        in which the whole guard would not have followed it.
-    beyond_valid : tuple of BeyondValid
-    begins_s : float
-        How long the program corrected nothing at the start, because readings have to be good for some time first.
-    """
+    """One run."""
 
     run: str
-    time_s: Array
+    time_s: Array  #: (n_samples,)
+    #: correction_um and reference_um: (n_samples, n_outputs): Of the main program, and what it has to give in float64
     correction_um: Array
     reference_um: Array
+    #: (n_samples, n_outputs): Recorded displacement from its own start (`displacement_starts`); NaN where there is none
     recorded_um: Array
-    accuracy: dict[str, Accuracy]
+    accuracy: dict[str, Accuracy]  #: Per output, recorded displacement with and without this correction
+    #: Share of the samples in which the program did not follow the whole model, as it says itself; where it does not,
+    #: in which the whole guard would not have followed it
     faulty_share: float
     beyond_valid: tuple[BeyondValid, ...] = ()
+    #: How long the program corrected nothing at the start, because readings have to be good for some time first
     begins_s: float = 0.0
 
     @property
@@ -164,21 +121,12 @@ class ReplayedRun:
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """All runs, what executed the main program, and how far each written file is from what it has to give.
-
-    Attributes
-    ----------
-    runs : tuple of ReplayedRun
-    executed_by : str
-    parts : tuple of PartDifference
-    tells_mode : bool
-        Whether the main program says what it follows.
-    """
+    """All runs, what executed the main program, and how far each written file is from what it has to give."""
 
     runs: tuple[ReplayedRun, ...]
     executed_by: str
     parts: tuple[PartDifference, ...] = ()
-    tells_mode: bool = True
+    tells_mode: bool = True  #: Whether the main program says what it follows
 
     @property
     def rows(self) -> int:
@@ -330,3 +278,91 @@ def _over_runs(differences: Sequence[PartDifference]) -> tuple[PartDifference, .
         guard = max(former.guard_difference_um, one.guard_difference_um)
         found[key] = replace(worst, guard_difference_um=guard)
     return tuple(found.values())
+
+
+SEEN_UM = 0.01
+"""What a smaller guard costs less is not told."""
+
+
+def replay_findings(proof: Replay, *, has_guard: bool) -> tuple[Finding, ...]:
+    """Findings of files (``replay-differs`` …) and of runs (``outside-valid-range``, ``worse-than-nothing`` …).
+
+    `has_guard`: the control takes the end of the valid range for what is beyond it.
+    """
+    return *_of_runs(proof, has_guard=has_guard), *_of_parts(proof)
+
+
+def _of_parts(proof: Replay) -> Iterator[Finding]:
+    """Files that are farther from what they have to give than their numbers explain; what a smaller guard costs."""
+    for part in proof.parts:
+        evidence = {"file": part.file, "output": part.output}
+        if not part.is_explained:
+            yield FINDINGS.finding(
+                "replay-differs",
+                f"{part.file}: {part.output} and the reference differ by up to {part.max_abs_difference_um:.3g} µm; "
+                f"{part.allowed_um:.3g} µm is what its numbers explain"
+                + (
+                    f", and the reference in single precision, which it has to be to the last bit, by "
+                    f"{part.in_single_um:.3g} µm."
+                    if part.in_single_um > 0.0
+                    else "."
+                ),
+                evidence=(
+                    evidence
+                    | {
+                        "max_abs_difference_um": part.max_abs_difference_um,
+                        "allowed_um": part.allowed_um,
+                        "in_single_um": part.in_single_um,
+                    }
+                ),
+            )
+        if part.lacks and part.guard_difference_um > max(part.allowed_um, SEEN_UM):
+            yield FINDINGS.finding(
+                "guard-differs",
+                f"{part.file}: what {part.output} gets and what the whole guard would give differ by up to "
+                f"{part.guard_difference_um:.3g} µm on these runs: {part.lacks}.",
+                evidence=evidence | {"guard_difference_um": part.guard_difference_um},
+            )
+
+
+def _of_runs(proof: Replay, *, has_guard: bool) -> Iterator[Finding]:
+    """Runs in which the program did not follow the whole model, or made the error larger."""
+    for run in proof.runs:
+        if run.faulty_share > 0.0:
+            did = "the program held, ramped to zero or fell back to a model without it"
+            if not proof.tells_mode:
+                did = "the whole guard would have held, ramped to zero or fallen back; this control followed it"
+            yield FINDINGS.finding(
+                "not-the-whole-model",
+                f"Run {run.run}: a sensor was not to be believed in {run.faulty_share:.1%} of the samples; {did}.",
+                Where(run=run.run),
+                {"share_of_samples": run.faulty_share},
+            )
+        yield from (_beyond(run.run, one, has_guard=has_guard) for one in run.beyond_valid)
+        for name, of in run.accuracy.items():
+            if of.rmse_um is not None and of.before_rmse_um is not None and of.rmse_um > of.before_rmse_um:
+                yield FINDINGS.finding(
+                    "worse-than-nothing",
+                    f"Run {run.run}: the program makes {name} worse: RMS error {of.rmse_um:.3g} µm with it, "
+                    f"{of.before_rmse_um:.3g} µm without.",
+                    Where(channel=name, run=run.run),
+                    of.as_dict(),
+                    "do not use it like this; check the sign, the first readings and the sensors",
+                )
+
+
+def _beyond(run: str, of: BeyondValid, *, has_guard: bool) -> Finding:
+    did = "The program took the end of the range" if has_guard else "This control has no range and extrapolates"
+    return FINDINGS.finding(
+        "outside-valid-range",
+        f"Run {run}: {of.input} was beyond {of.valid_min:.4g} … {of.valid_max:.4g} {of.unit}, where the model has seen "
+        f"it{' rise' if of.is_rise else ''}, in {of.share_of_samples:.1%} of the samples. {did}.",
+        Where(channel=of.input, run=run),
+        {
+            "valid_min": of.valid_min,
+            "valid_max": of.valid_max,
+            "unit": of.unit,
+            "share_of_samples": of.share_of_samples,
+        },
+        level="info" if of.share_of_samples < SLIGHT_SHARE else "warning",
+    )

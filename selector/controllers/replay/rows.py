@@ -12,36 +12,24 @@ from numpy.typing import NDArray
 from selector.controllers.guard.guarded_model import GuardedModel, Number
 from selector.controllers.model_file import ModelFile
 from selector.controllers.program.guarded_program import axes_of
+from selector.types import Array
 
-Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Calls of a program.
+    """Calls of a program."""
 
-    Attributes
-    ----------
-    dt_s : ndarray of shape (n_rows,)
-    readings : ndarray of shape (n_rows, n_inputs)
-        [unit of the input].
-    positions_m : ndarray of shape (n_rows, n_axes)
-        As `axes_of`.
-    is_ready, is_wanted, is_restart : ndarray of bool of shape (n_rows,)
-    standstill_s : ndarray of shape (n_rows,)
-    test_um : ndarray of shape (n_rows, n_outputs), optional
-        What is commanded for the sign test; default: nothing.
-    """
-
-    dt_s: Array
-    readings: Array
-    positions_m: Array
+    dt_s: Array  #: (n_rows,)
+    readings: Array  #: (n_rows, n_inputs): [unit of the input]
+    positions_m: Array  #: (n_rows, n_axes): As `axes_of`
+    #: is_ready, is_wanted and is_restart: (n_rows,)
     is_ready: Flags
     is_wanted: Flags
     is_restart: Flags
-    standstill_s: Array
-    test_um: Array | None = None
+    standstill_s: Array  #: (n_rows,)
+    test_um: Array | None = None  #: (n_rows, n_outputs): What is commanded for the sign test; default: nothing
 
     def __len__(self) -> int:
         return len(self.dt_s)
@@ -53,23 +41,15 @@ class Rows:
 
 @dataclass(frozen=True, eq=False)
 class Answers:
-    """What the calls gave.
+    """What the calls gave."""
 
-    Attributes
-    ----------
-    correction_um, k0_um, slope_um_per_m : ndarray of shape (n_rows, n_outputs)
-    mode : ndarray of int of shape (n_rows,)
-    sensors : ndarray of int of shape (n_rows, n_inputs)
-    axes : ndarray of int of shape (n_rows, n_axes)
-        Codes of the positions; 0 where a control has none.
-    """
-
+    #: correction_um, k0_um and slope_um_per_m: (n_rows, n_outputs)
     correction_um: Array
     k0_um: Array
     slope_um_per_m: Array
-    mode: NDArray[np.int64]
-    sensors: NDArray[np.int64]
-    axes: NDArray[np.int64]
+    mode: NDArray[np.int64]  #: (n_rows,)
+    sensors: NDArray[np.int64]  #: (n_rows, n_inputs)
+    axes: NDArray[np.int64]  #: (n_rows, n_axes): Codes of the positions; 0 where a control has none
 
     @classmethod
     def empty(cls, n_rows: int, n_outputs: int, n_inputs: int, n_axes: int) -> Answers:

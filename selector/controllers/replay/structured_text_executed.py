@@ -16,8 +16,7 @@ import numpy as np
 from selector.controllers.model_file import ModelFile
 from selector.controllers.replay.rows import Answers, Rows, called
 from selector.controllers.writers.sinumerik import scl_text
-from selector.controllers.writers.structured_text import st_text
-from selector.controllers.writers.twincat import tcpou_export
+from selector.controllers.writers.structured_text import st_text, tcpou_export
 from selector.errors import NotExecutableError
 
 Kind = Literal["real", "code", "flag"]

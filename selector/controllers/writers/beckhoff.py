@@ -13,12 +13,9 @@ from fractions import Fraction
 
 from selector.controllers.guard.codes import Mode
 from selector.controllers.model_file import ModelFile, Output
-from selector.controllers.program.text_of_program import plain
-from selector.controllers.writers.exported import Exported
-from selector.controllers.writers.heading import heading
-from selector.controllers.writers.refused import ExportRefusedError
-from selector.controllers.writers.sign_test import sign_test_of_block
-from selector.controllers.writers.twincat import tcpou_export
+from selector.controllers.program.language import plain
+from selector.controllers.writers.exported import Exported, ExportRefusedError, heading, sign_test_of_block
+from selector.controllers.writers.structured_text import tcpou_export
 
 ADS_TABLE = "temp_comp_ads.txt"
 ADS_PORT = 551

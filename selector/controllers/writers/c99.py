@@ -7,19 +7,15 @@ from typing import Literal
 
 import numpy as np
 
+from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.codes import Mode
 from selector.controllers.model_file import ModelFile
 from selector.controllers.program.guarded_program import guarded_program
-from selector.controllers.program.language import Program, Variable
-from selector.controllers.program.text_of_program import Language, plain
+from selector.controllers.program.language import Language, Program, Variable, plain
 from selector.controllers.single_precision import single_precision_findings, single_precision_lines
-from selector.controllers.writers.exported import Exported
+from selector.controllers.writers.exported import Exported, ExportRefusedError, heading, sign_test
 from selector.controllers.writers.fixed_point import fixed_point_files, fixed_point_findings
-from selector.controllers.writers.heading import heading
-from selector.controllers.writers.refused import ExportRefusedError
-from selector.controllers.writers.sign_test import sign_test
 from selector.errors import OptionError
-from selector.findings import Finding
 
 Precision = Literal["double", "float"]
 NAME = "thermal_correction"
@@ -70,11 +66,8 @@ def c_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
     except ExportRefusedError as error:
         fixed = {}
         findings = (
-            Finding(
-                "no-fixed-point",
-                "info",
-                f"There is no fixed-point program: {error.found}.",
-                suggestion=error.advice,
+            FINDINGS.finding(
+                "no-fixed-point", f"There is no fixed-point program: {error.found}.", suggestion=error.advice
             ),
         )
     try:
@@ -83,7 +76,7 @@ def c_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
     except OptionError as error:
         in_single = {}
         findings += (
-            Finding("no-single-precision", "warning", f"No single precision: {error.found}.", suggestion=error.advice),
+            FINDINGS.finding("no-single-precision", f"No single precision: {error.found}.", suggestion=error.advice),
         )
     return Exported(
         files={

@@ -1,34 +1,161 @@
-"""What a writer gives for one control."""
+"""What a writer gives for one control: files with a head, a sign test, or a refusal."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from selector.controllers.writers.sign_test import SignTest
+from selector import __version__
+from selector.controllers.evaluator import formula_text
+from selector.controllers.guard.codes import Mode
+from selector.controllers.guard.decided import decided_limits, is_turned, longest_test_s
+from selector.controllers.model_file import ModelFile, equations_sha256
+from selector.controllers.program.language import plain
+from selector.errors import InputError
 from selector.findings import Finding
+
+TEST_UM = 10.0
+"""Large enough for an indicator of 1 µm, too small to break anything."""
+
+
+_UNLESS = (
+    f"If the mode is not {Mode.TEST:d}, there is no test and the reading counts for nothing: command 0, let the "
+    "program run for some seconds, and command the line again."
+)
+
+
+@dataclass(frozen=True)
+class Commanded:
+    """The test of one output."""
+
+    output: str
+    axis: str
+    command: str  #: What is to be set
+    shown: str  #: What the control shows then
+    expected_um: float  #: What the indicator has to read
+    wait_s: float  #: For so long the correction is on its way; 0 where it comes at once
+
+
+@dataclass(frozen=True)
+class SignTest:
+    """The test on one control."""
+
+    before: str  #: How the correction is brought to zero first
+    commanded: tuple[Commanded, ...]  #: Per output
+    after: str  #: How the test ends
+    by: str  #: What commands the correction, and until when
+    wrong: str  #: What to do if the indicator reads the other sign
+    unless: str  #: How it is seen that there is no test, and what to do; empty: there always is
+
+
+def sign_test(
+    model: ModelFile,
+    before: str,
+    command: Callable[[int, float], str],
+    shown: Callable[[int, float], str],
+    after: str,
+    *,
+    direction: float = 1.0,
+    by: str | None = None,
+    has_slew: bool = True,
+) -> SignTest:
+    """The test by the inputs for it of a generated program.
+
+    Parameters
+    ----------
+    model : ModelFile
+    before, after : str
+    command, shown : callable
+        From the number of the output (from 1) and the commanded value [µm] to what a person sets, and sees.
+    direction : float
+        −1 where what is commanded has the sign of the displacement.
+    by : str, optional
+        Default: the program does.
+    has_slew : bool
+        Whether what is commanded comes no faster than the slew limit.
+    """
+    limits, _ = decided_limits(model)
+    lines = []
+    for k, output in enumerate(model.outputs, 1):
+        of = limits[output.name]
+        test_um = min(TEST_UM, of.clamp_um)
+        expected = direction * (-test_um if is_turned(output) else test_um)
+        wait_s = test_um / of.own_slew_um_per_s if has_slew else 0.0
+        lines.append(
+            Commanded(output.name, output.axis or "", command(k, test_um), shown(k, test_um), expected, wait_s)
+        )
+    unless = "" if by is not None else _UNLESS
+    return SignTest(before, tuple(lines), after, by or _by_program(model), _wrong(model), unless)
+
+
+def _by_program(model: ModelFile) -> str:
+    minutes = math.floor(longest_test_s(model) / 60.0)
+    return (
+        "The program itself commands the correction; the model has no say meanwhile. It does so only after a call in "
+        f"which nothing was commanded while the axis was ready, and for {minutes} min at most. After that, and after a "
+        "restart, the correction goes to zero and stays there until 0 was commanded."
+    )
+
+
+def _wrong(model: ModelFile) -> str:
+    """What to do if the indicator reads the other sign: never to give the same program again."""
+    turned = [output.name for output in model.outputs if is_turned(output)]
+    straight = [output.name for output in model.outputs if not is_turned(output)]
+    ways = []
+    if straight:
+        ways.append(f"of {', '.join(straight)}: export again with --invert and that name")
+    if turned:
+        ways.append(
+            f"of {', '.join(turned)}: it is turned already, so export the model as selected, and do not invert it"
+        )
+    return "; ".join(ways) + ". Put that on the control and repeat the test; its sheet expects the other sign"
+
+
+def sign_test_of_block(model: ModelFile, *, shown: Callable[[int, float], str] | None = None) -> SignTest:
+    """The test of a function block that a person sees online."""
+    return sign_test(
+        model,
+        "Set is_ready to TRUE and is_wanted to FALSE; wait until correction_1 ... are 0. No sensor is needed.",
+        lambda k, um: f"test_um_{k} := {um!r};",
+        shown or (lambda k, um: f"mode = {Mode.TEST:d}, correction_{k} = {um:g}"),
+        "Set test_um_1 ... to 0.0 and, when the indicator is back at zero, is_wanted to TRUE.",
+    )
 
 
 @dataclass(frozen=True)
 class Exported:
-    """Files for a control, and what the person has to know who puts them there.
+    """Files for a control, and what the person has to know who puts them there."""
 
-    Attributes
-    ----------
-    files : mapping of str to str
-        Name → text. Programs are ASCII.
-    install : tuple of str
-        Steps on the control, in order: what to copy, wire, set; with units.
-    sign_test : SignTest
-        How the sign is proved on this control.
-    silently : tuple of str
-        What this control does without telling anybody: clips, spreads, forgets, jumps.
-    findings : tuple of Finding
-        What of the model this control cannot take, and what was done instead.
-    """
+    files: Mapping[str, str]  #: Name → text. Programs are ASCII.
+    install: tuple[str, ...]  #: Steps on the control, in order: what to copy, wire, set; with units
+    sign_test: SignTest  #: How the sign is proved on this control
+    silently: tuple[str, ...] = ()  #: What this control does without telling anybody: clips, spreads, forgets, jumps
+    findings: tuple[Finding, ...] = ()  #: What of the model this control cannot take, and what was done instead
 
-    files: Mapping[str, str]
-    install: tuple[str, ...]
-    sign_test: SignTest
-    silently: tuple[str, ...] = ()
-    findings: tuple[Finding, ...] = ()
+
+UNVERIFIED = "SIGN UNVERIFIED: command +10 um and read the indicator before cutting; see the commissioning sheet."
+VERIFIED = "Sign verified, as the person said who exported it."
+
+
+def heading(model: ModelFile, *, is_sign_verified: bool) -> list[str]:
+    """Lines of ASCII: sign, formulas, units, hash of the equations, version."""
+    lines = [
+        UNVERIFIED if not is_sign_verified else VERIFIED,
+        f"Model: {model.name}",
+        *(f"  {line} [um]" for line in formula_text(model).splitlines()),
+        "The correction of an axis is the negative of its displacement.",
+        *(
+            f"TURNED ROUND: the correction of {output.name} is the displacement itself; the control counts the axis "
+            "the other way."
+            for output in model.outputs
+            if is_turned(output)
+        ),
+        f"Equations SHA-256 {equations_sha256(model)}",
+        f"Written by selector {__version__}",
+    ]
+    return [plain(line) for line in lines]
+
+
+class ExportRefusedError(InputError):
+    """A control cannot take a model; another target can, or another model."""

@@ -1,29 +1,181 @@
-"""FANUC custom macro B: a subprogram that computes the correction and writes it to the external work offset.
-
-Temperatures and the time come into common variables (FOCAS or PMC). The guard is smaller than that of the model file:
-what is missing is said as a finding and at the head of the program. What the macro language itself allows is from
-general knowledge, so that the installation asks for a look into the manual.
-"""
+"""FANUC custom macro B: a subprogram that computes the correction and writes it to the external work offset."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from textwrap import wrap
 
+from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.codes import LARGEST_NUMBER, LEAST_GOOD_SAMPLES, LONGEST_S, LONGEST_STEP_S, Mode
-from selector.controllers.guard.decided import DecidedLimits, decided_limits, longest_test_s
-from selector.controllers.model_file import Input, ModelFile, Output
-from selector.controllers.model_io import kept_sha256
-from selector.controllers.program.text_of_program import plain
+from selector.controllers.guard.decided import DecidedLimits, decided_limits, is_turned, longest_test_s
+from selector.controllers.model_file import Input, ModelFile, Output, kept_sha256
+from selector.controllers.program.language import plain
+from selector.controllers.self_check import output_bound_um
 from selector.controllers.sensor_check import CODE_SLACK, RANGE_SLACK
-from selector.controllers.signs import is_turned
-from selector.controllers.writers.exported import Exported
-from selector.controllers.writers.heading import heading
-from selector.controllers.writers.macro_b import SIGNIFICANT_DIGITS, limited, literal, minus, product, remarks
-from selector.controllers.writers.macro_b_left_out import findings_of_macro, left_out_of_macro, on_fault
-from selector.controllers.writers.macro_b_offset import offset_asked, offset_written
-from selector.controllers.writers.refused import ExportRefusedError
-from selector.controllers.writers.sign_test import sign_test
+from selector.controllers.writers.exported import Exported, ExportRefusedError, heading, sign_test
+from selector.findings import Finding
+
+LONGEST_BLOCK = 72
+SIGNIFICANT_DIGITS = 12
+"""Of a literal; the model has its inputs centred and scaled, so that 12 digits cost 1e-10 µm at 100 µm."""
+
+
+LITERAL_ROUNDOFF = 5e-12
+"""Largest relative rounding of a literal."""
+
+
+def literal(value: float) -> str:
+    """A number without an exponent, in `SIGNIFICANT_DIGITS`: ``6.0476``, ``10.``, ``[1.5/100000.]``.
+
+    Raises
+    ------
+    ExportRefusedError
+        It is too large or too small to be written.
+    """
+    if value == 0.0:
+        return "0."
+    if not 1e-20 <= abs(value) < 1e20:
+        raise ExportRefusedError(
+            f"the number {value:g}",
+            expected="magnitudes from 1e-20 to 1e20",
+            where="FANUC custom macro B",
+            advice="find out which coefficient, centre or scale of the model file is so large or small",
+        )
+    if 0.1 <= abs(value) < 1e9:
+        return _with_point(f"{value:.{SIGNIFICANT_DIGITS}g}")
+    mantissa, exponent = f"{value:.{SIGNIFICANT_DIGITS - 1}e}".split("e")
+    mantissa = _with_point(mantissa.rstrip("0"))
+    power, sign = abs(int(exponent)), "/" if int(exponent) < 0 else "*"
+    steps = [min(10, power - done) for done in range(0, power, 10)]
+    return f"[{mantissa}{''.join(f'{sign}1{0:0{step}d}.' for step in steps)}]"
+
+
+def minus(value: float) -> str:
+    """What is appended to subtract a number: ``-6.5``, or ``+6.5`` for −6.5."""
+    return f"-{literal(value)}" if value >= 0.0 else f"+{literal(-value)}"
+
+
+def remarks(text: str) -> Iterator[str]:
+    """Comment blocks: capital letters, digits, few signs, [ ] for ( ), so that nothing can end a comment or a block."""
+    bracketed = plain(text).upper().translate(str.maketrans("():;", "[],,"))
+    harmless = re.sub(r"[^A-Z0-9 .,+\-*/=\[\]]", " ", bracketed)
+    yield from (f"({line})" for line in wrap(harmless, LONGEST_BLOCK - 2))
+
+
+def limited(variable: int, low: str, high: str) -> Iterator[str]:
+    """The variable becomes low if below it, high if above it."""
+    yield f"IF[#{variable}LT{low}]THEN#{variable}={low}"
+    yield f"IF[#{variable}GT{high}]THEN#{variable}={high}"
+
+
+def product(to: int, coefficient: float, factors: Sequence[int]) -> Iterator[str]:
+    """A coefficient times variables, in blocks that are not too long."""
+    block = f"#{to}={literal(coefficient)}"
+    for variable in factors:
+        factor = f"*#{variable}"
+        if len(block) + len(factor) > LONGEST_BLOCK:
+            yield block
+            block = f"#{to}=#{to}"
+        block += factor
+    yield block
+
+
+def _with_point(text: str) -> str:
+    return text if "." in text else f"{text}."
+
+
+def on_fault(model: ModelFile) -> str:
+    """What the macro does with a bad sensor."""
+    guard = model.guard
+    return guard.without_fallback if guard.on_fault == "fallback" else guard.on_fault
+
+
+def left_out_of_macro(model: ModelFile, has_begun: int) -> Iterator[str]:
+    """What the macro does not do, for its head and its finding."""
+    guard = model.guard
+    if any(item.rate_limit_per_min is not None for item in model.inputs):
+        yield "a reading that jumps is not found"
+    if guard.stuck_after_s is not None:
+        yield "a sensor that stands still is not found"
+    if len(model.inputs) > 1:
+        yield "while one sensor is bad or has to recover, all wait"
+    if guard.on_fault == "fallback":
+        yield f"no fallback models, with a bad sensor it does {guard.without_fallback}"
+    if guard.hold_at_most_s is not None and on_fault(model) == "hold":
+        yield "it holds the last value for ever"
+    if any(item.reference == "rise" for item in model.inputs):
+        yield "a control that was off for less than 10 minutes is not noticed, the time counts as a call"
+    if guard.restart == "new-start" or guard.new_start_after_s is not None:
+        yield f"new start readings only with #{has_begun} = 0"
+    for output in model.outputs:
+        if output.position is not None:
+            yield f"position-dependent part of {output.name}: the work offset is the same at every position"
+    yield "it does not know whether the drives are on and the axis is referenced"
+
+
+def findings_of_macro(model: ModelFile, left_out: Sequence[str]) -> Iterator[Finding]:
+    """What is left out of the guard, and of the model."""
+    yield FINDINGS.finding(
+        "guard-reduced",
+        f"Custom macro B has a smaller guard than the model file asks for: {'; '.join(left_out)}.",
+        evidence={"left_out": list(left_out)},
+        suggestion="let the program that feeds the temperatures watch the sensors, or run the whole model there",
+    )
+    for output in model.outputs:
+        if output.position is not None:
+            without = output.model_copy(update={"position": None})
+            lost_um = output_bound_um(model, output) - output_bound_um(model, without)
+            yield FINDINGS.finding(
+                "position-part-left-out",
+                f"{output.name}: the external work offset cannot follow the position; up to {lost_um:.3g} µm at the "
+                "far end of the axis are not corrected.",
+                evidence={"output": output.name, "lost_um": lost_um},
+            )
+
+
+ABSOLUTE_OR_NOT, INCH_OR_MM = 4003, 4006
+"""Modal information: G90 or G91 of group 03, G20 or G21 of group 06."""
+
+_INCH, _MM = (20, 70), (21, 71)
+"""What group 06 has; 70 and 71 in G-code system C of lathes."""
+
+_GROUP_3, _UNITS = 31, 32
+"""Local variables."""
+
+_WRITE, _NO_UNIT, _NO_UVW = 20, 890, 891
+
+
+def offset_asked(axes: Collection[str]) -> Iterator[str]:
+    """Jumps to an alarm where the control cannot be told what is meant, before anything is changed."""
+    yield from remarks("inch or mm, absolute or incremental")
+    yield f"#{_UNITS}=0."
+    yield from (f"IF[#{INCH_OR_MM}EQ{code}.]THEN#{_UNITS}=1000." for code in _MM)
+    yield from (f"IF[#{INCH_OR_MM}EQ{code}.]THEN#{_UNITS}=25400." for code in _INCH)
+    yield f"IF[#{_UNITS}EQ0.]GOTO{_NO_UNIT}"
+    yield f"#{_GROUP_3}=#{ABSOLUTE_OR_NOT}"
+    if set(axes) & set("UVW"):
+        # in G-code system A of lathes U, V and W are increments of X, Y and Z
+        yield f"IF[[#{_GROUP_3}-90.]*[#{_GROUP_3}-91.]NE0.]GOTO{_NO_UVW}"
+
+
+def offset_written(corrections: Mapping[str, int], end: int) -> Iterator[str]:
+    """Per axis the correction [µm] of a variable, in absolute values; G90 and G91 are as before afterwards."""
+    yield from remarks("external work offset")
+    yield f"IF[#{_GROUP_3}NE91.]GOTO{_WRITE}"
+    yield "G90"
+    yield f"N{_WRITE}"
+    yield from (f"G10L2P0{axis}[#{variable}/#{_UNITS}]" for axis, variable in corrections.items())
+    yield f"IF[#{_GROUP_3}NE91.]GOTO{end}"
+    yield "G91"
+    yield f"GOTO{end}"
+    yield f"N{_NO_UNIT}"
+    yield "#3000=101(NEITHER INCH NOR MM)"
+    if set(corrections) & set("UVW"):
+        yield f"N{_NO_UVW}"
+        yield "#3000=102(U V W IN G-CODE SYSTEM A)"
+
 
 FILE = "O9100.nc"
 PROGRAM = 9100
@@ -46,31 +198,17 @@ _IS_BEGUN, _IS_CANDIDATE, _NOT_GOOD = "1.", "2.", "-1."
 
 @dataclass(frozen=True)
 class MacroVariables:
-    """Numbers of the common variables of a model.
+    """Numbers of the common variables of a model."""
 
-    Attributes
-    ----------
-    readings, z, tests : dict of str to int
-        Per input; per input and state; per output, for the sign test (volatile).
-    off : int
-        Not 0: no correction is wanted (volatile).
-    test_left : int
-        A sign test may go on for so long [s] (volatile).
-    starts : dict of str to int
-        Per input that is a rise (kept).
-    levels : dict of (source, tau_s) to int
-        Memory (kept).
-    aims, corrections : dict of str to int
-        Per output [um] (kept).
-    """
-
+    #: readings, z and tests: Per input; per input and state; per output, for the sign test (volatile)
     readings: dict[str, int]
     z: dict[str, int]
     tests: dict[str, int]
-    off: int
-    test_left: int
-    starts: dict[str, int]
-    levels: dict[tuple[str, float], int]
+    off: int  #: Not 0: no correction is wanted (volatile)
+    test_left: int  #: A sign test may go on for so long [s] (volatile)
+    starts: dict[str, int]  #: Per input that is a rise (kept)
+    levels: dict[tuple[str, float], int]  #: Memory (kept)
+    #: aims and corrections: Per output [um] (kept)
     aims: dict[str, int]
     corrections: dict[str, int]
 

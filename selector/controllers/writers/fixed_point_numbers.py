@@ -8,12 +8,12 @@ that are known (coefficients, gains) the rounding itself is taken, of others hal
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 
 from selector.controllers.model_file import Input, ModelFile, Output, State, Term
-from selector.controllers.writers.refused import ExportRefusedError
+from selector.controllers.writers.exported import ExportRefusedError
 
 FRACTION_BITS = 30
 """Of normalised variables and of memory."""
@@ -43,18 +43,10 @@ _FLOAT_SHARE = Fraction(1, 10**12)
 
 @dataclass(frozen=True)
 class Error:
-    """Bounds of one difference to the float64 model.
+    """Bounds of one difference to the float64 model."""
 
-    Attributes
-    ----------
-    arithmetic : Fraction
-        For readings that are whole counts.
-    whole : Fraction
-        For any readings, rounded to counts.
-    """
-
-    arithmetic: Fraction
-    whole: Fraction
+    arithmetic: Fraction  #: For readings that are whole counts
+    whole: Fraction  #: For any readings, rounded to counts
 
     def times(self, factor: Fraction | int) -> Error:
         """Both times a factor that is not negative."""
@@ -92,27 +84,15 @@ class Counted:
 
 @dataclass(frozen=True)
 class Normalised:
-    """v = shifted(gain · x + offset, shift), x in counts (an input) or in steps of a count (memory).
-
-    Attributes
-    ----------
-    reach : Fraction
-        z of the model at v = 1.
-    largest : int
-        Largest |v| in steps of 2^-30.
-    total : int
-        Largest magnitude of gain · x + offset.
-    error : Error
-        Of v, in steps of 2^-30.
-    """
+    """v = shifted(gain · x + offset, shift), x in counts (an input) or in steps of a count (memory)."""
 
     gain: int
     offset: int
     shift: int
-    reach: Fraction
-    largest: int
-    total: int
-    error: Error
+    reach: Fraction  #: z of the model at v = 1
+    largest: int  #: Largest |v| in steps of 2^-30
+    total: int  #: Largest magnitude of gain · x + offset
+    error: Error  #: Of v, in steps of 2^-30
 
 
 @dataclass(frozen=True)
@@ -136,26 +116,15 @@ class Polynomial:
 
 @dataclass(frozen=True)
 class Fixed:
-    """Everything of a model in whole numbers.
-
-    Attributes
-    ----------
-    inputs : dict of str to Counted
-    taus_ms : dict of (source, tau_s) to int
-    variables : dict of str to Normalised
-        Per input and state.
-    own, slopes : dict of str to Polynomial
-        Per output: displacement [nm] at the reference position; its slope [nm/m] where it has one.
-    errors_nm : dict of str to Error
-        Per output, of the correction.
-    """
+    """Everything of a model in whole numbers."""
 
     inputs: dict[str, Counted]
     taus_ms: dict[tuple[str, float], int]
-    variables: dict[str, Normalised]
+    variables: dict[str, Normalised]  #: Per input and state
+    #: own and slopes: Per output: displacement [nm] at the reference position; its slope [nm/m] where it has one
     own: dict[str, Polynomial]
     slopes: dict[str, Polynomial]
-    errors_nm: dict[str, Error]
+    errors_nm: dict[str, Error]  #: Per output, of the correction
 
 
 def fixed(model: ModelFile) -> Fixed:
@@ -335,16 +304,6 @@ def _correction_error(output: Output, own: Polynomial, slope: Polynomial | None)
     # where the clamp limits the slope, the slope takes over the error of the own part and rounds once more
     of_slope = slope.error.times(reach).larger(own.error.plus(reach + 1))
     return own.error.plus(of_slope).plus(of_position)
-
-
-def overflow_checks(of: Fixed) -> Iterator[tuple[str, int]]:
-    """Every intermediate value of the model with a bound of its magnitude, for tests; all are below 2^63."""
-    for name, v in of.variables.items():
-        yield f"{name}: gain * x + offset", v.total + (1 << v.shift)
-        yield f"{name}: v * v", v.largest**2 + ONE
-    for kind in (of.own, of.slopes):
-        for name, p in kind.items():
-            yield f"{name}: sum", p.total + (1 << p.shift)
 
 
 def _up(value: Fraction) -> Fraction:

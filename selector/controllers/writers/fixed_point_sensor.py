@@ -8,11 +8,11 @@ from fractions import Fraction
 
 from selector.controllers.guard.codes import ANCHOR_S, FORGIVEN_S, LEAST_GOOD_SAMPLES, LONGEST_S, SensorCode
 from selector.controllers.model_file import Guard
-from selector.controllers.program.text_of_program import plain
+from selector.controllers.program.language import plain
 from selector.controllers.sensor_check import CODE_SLACK, RANGE_SLACK
 from selector.controllers.writers.fixed_point_numbers import LARGEST_INT32, MS, ONE, Counted
 
-NAME = "thermal_correction_i"
+INT_NAME = "thermal_correction_i"
 MISSING = "(-2147483647 - 1)"
 """A reading or position that is not there: the smallest 32-bit number, in any C."""
 
@@ -30,7 +30,7 @@ def sensor_lines(counted: Counted, guard: Guard, k: int, taus_ms: Mapping[int, i
     if item.rate_limit_per_min is not None:
         ages.append((f"anchor_age_ms_{k}", FORGIVEN_S, _credit(ANCHOR_S)))
     yield f"/* sensor {plain(item.name)} */"
-    yield f"static void sensor_{k}({NAME} *m)"
+    yield f"static void sensor_{k}({INT_NAME} *m)"
     yield "{"
     yield f"    int64_t r = m->reading_{k}, x;"
     yield f"    int32_t code = {ok};"

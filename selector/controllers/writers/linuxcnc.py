@@ -1,22 +1,70 @@
-"""LinuxCNC 2.9: a HAL component with the generated C inside, its wiring, and what keeps its memory over a shutdown."""
+"""LinuxCNC 2.9: a HAL component with the generated C inside, its wiring, and what of it outlives a shutdown."""
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.codes import Mode
-from selector.controllers.model_file import ModelFile, Output
-from selector.controllers.model_io import kept_sha256
+from selector.controllers.model_file import ModelFile, Output, kept_sha256
 from selector.controllers.program.guarded_program import axes_of, guarded_program
-from selector.controllers.program.language import Program, Variable
-from selector.controllers.program.text_of_program import plain
+from selector.controllers.program.language import Program, Variable, plain
 from selector.controllers.writers.c99 import c_core, c_members
-from selector.controllers.writers.exported import Exported
-from selector.controllers.writers.heading import heading
-from selector.controllers.writers.linuxcnc_memory import memory_files
-from selector.controllers.writers.sign_test import sign_test
+from selector.controllers.writers.exported import Exported, heading, sign_test
 from selector.findings import Finding
+
+
+def memory_files(component: str, kept: Sequence[str], identity_sha256: str) -> dict[str, str]:
+    """``<component>_memory.sh`` and ``<component>_shutdown.hal`` for parameters with these names in C.
+
+    What was saved for another model is left alone: its first sensor may be another one.
+    """
+    parameters = " ".join(name.replace("_", "-") for name in kept)
+    script = f"""\
+#!/bin/sh
+# {component}_memory.sh save | restore: start readings and memory while LinuxCNC is closed.
+# They are in {component}_kept.txt beside the INI file; delete it to take new start readings.
+kept={component}_kept.txt
+model={identity_sha256}
+case "$1" in
+save)
+    {{
+        echo "model $model"
+        echo "saved-at $(date +%s)"
+        for name in {parameters}; do
+            value=$(halcmd -s getp "{component}.$name") || exit 1
+            echo "$name $value"
+        done
+    }} > "$kept.new" && mv "$kept.new" "$kept"
+    ;;
+restore)
+    [ -r "$kept" ] || exit 0
+    if [ "$(head -n 1 "$kept")" != "model $model" ]; then
+        echo "$kept is of another model: start readings are taken anew" >&2
+        exit 0
+    fi
+    while read -r name value; do
+        case "$name" in
+        model) ;;
+        saved-at) halcmd setp {component}.standstill $(($(date +%s) - value)) ;;
+        *) halcmd setp "{component}.$name" "$value" ;;
+        esac || exit 1
+    done < "$kept"
+    halcmd setp {component}.restart 1
+    ;;
+*)
+    echo "usage: $0 save | restore" >&2
+    exit 2
+    ;;
+esac
+"""
+    return {
+        f"{component}_memory.sh": script,
+        f"{component}_shutdown.hal": f"loadusr -w sh {component}_memory.sh save\n",
+    }
+
 
 NAME = "thermcorr"
 
@@ -279,9 +327,8 @@ def _wired_axes(model: ModelFile) -> tuple[dict[int, str], tuple[Finding, ...]]:
     for k, axis in enumerate(axes_of(model), start=1):
         if not _is_axis(axis):
             findings.append(
-                Finding(
+                FINDINGS.finding(
                     "position-not-wired",
-                    "warning",
                     f"LinuxCNC has no axis {axis!r}: position-{k} is not wired and stays at its reference.",
                     evidence={"axis": axis},
                     suggestion=f"wire thermcorr.position-{k} [mm] in {NAME}.hal by hand",
@@ -297,9 +344,8 @@ def _not_wired(k: int, output: Output, *, is_double: bool) -> Finding:
         why = f"several outputs of the model are for axis {output.axis}"
     else:
         why = f"{output.axis!r} is no linear axis of LinuxCNC"
-    return Finding(
+    return FINDINGS.finding(
         "axis-not-wired",
-        "warning",
         f"The correction for {output.name} is on the pin correction-{k}, but moves nothing: {why}.",
         evidence={"output": output.name, "axis": output.axis},
         suggestion=f"name one of X Y Z U V W as its axis in the model file, or wire counts-{k} in {NAME}.hal by hand",

@@ -5,13 +5,10 @@ from __future__ import annotations
 from selector.controllers.guard.codes import Mode
 from selector.controllers.model_file import ModelFile
 from selector.controllers.program.guarded_program import guarded_program
-from selector.controllers.program.language import Program, Variable
-from selector.controllers.program.text_of_program import Language, plain
-from selector.controllers.writers.exported import Exported
-from selector.controllers.writers.heading import heading
-from selector.controllers.writers.sign_test import sign_test
+from selector.controllers.program.language import Language, Program, Variable, plain
+from selector.controllers.writers.exported import Exported, heading, sign_test
 
-NAME = "thermal_correction"
+MODULE_NAME = "thermal_correction"
 CLASS = "ThermalCorrection"
 
 
@@ -36,7 +33,8 @@ def python_export(model: ModelFile, *, is_sign_verified: bool = False) -> Export
     return Exported(
         files=python_files(model, is_sign_verified=is_sign_verified),
         install=(
-            f"Copy {NAME}.py to the computer that reads the sensors; it imports nothing and runs on any Python 3.",
+            f"Copy {MODULE_NAME}.py to the computer that reads the sensors; it imports nothing and runs on any "
+            "Python 3.",
             "If start readings and memory were kept, put them back and set is_restart and standstill_s for the first "
             "call.",
             "Every cycle set dt_s [s], readings and positions in the units named there, is_ready and is_wanted; call "
@@ -60,7 +58,7 @@ def python_files(model: ModelFile, *, is_sign_verified: bool = False) -> dict[st
     """``thermal_correction.py`` with one class: set its inputs, call ``step()``, read its outputs."""
     program = guarded_program(model)
     head = [f"# {line}" for line in heading(model, is_sign_verified=is_sign_verified)]
-    return {f"{NAME}.py": "\n".join([*head, *_class(program)]) + "\n"}
+    return {f"{MODULE_NAME}.py": "\n".join([*head, *_class(program)]) + "\n"}
 
 
 def _class(program: Program) -> list[str]:

@@ -12,15 +12,12 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from selector.controllers.evaluator import Equations
-from selector.controllers.formula import Polynomial, physical_coefficients, physical_slopes
+from selector.controllers.evaluator import Equations, Polynomial, physical_coefficients, physical_slopes
+from selector.controllers.finding_table import FINDINGS
+from selector.controllers.guard.decided import is_turned
 from selector.controllers.model_file import Input, ModelFile, Output
-from selector.controllers.program.text_of_program import plain
-from selector.controllers.signs import is_turned
-from selector.controllers.writers.exported import Exported
-from selector.controllers.writers.heading import heading
-from selector.controllers.writers.refused import ExportRefusedError
-from selector.controllers.writers.sign_test import sign_test
+from selector.controllers.program.language import plain
+from selector.controllers.writers.exported import Exported, ExportRefusedError, heading, sign_test
 from selector.findings import Finding
 
 FILE = "indradrive_axis_correction.txt"
@@ -32,30 +29,14 @@ _NEGLIGIBLE = 1e-12
 
 @dataclass(frozen=True)
 class DriveParameters:
-    """The drive's formula for one output.
+    """The drive's formula for one output."""
 
-    Attributes
-    ----------
-    source : str
-        Name of the temperature.
-    shift_k : float
-        T0 − start reading (a rise), or T0 itself (absolute).
-    um_per_k : float
-        P-0-0407.
-    um_per_m_k : float
-        P-0-0406; 0 without a position-dependent part.
-    zero_m : float
-        x0.
-    loss_um : float
-        Largest difference to the model inside the valid ranges.
-    """
-
-    source: str
-    shift_k: float
-    um_per_k: float
-    um_per_m_k: float
-    zero_m: float
-    loss_um: float
+    source: str  #: Name of the temperature
+    shift_k: float  #: T0 − start reading (a rise), or T0 itself (absolute)
+    um_per_k: float  #: P-0-0407
+    um_per_m_k: float  #: P-0-0406; 0 without a position-dependent part
+    zero_m: float  #: x0
+    loss_um: float  #: Largest difference to the model inside the valid ranges
 
 
 def rexroth_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
@@ -187,20 +168,16 @@ def _table(model: ModelFile, output: Output, found: DriveParameters) -> Iterator
 
 
 def _findings(model: ModelFile, found: dict[str, DriveParameters]) -> Iterator[Finding]:
-    yield Finding(
+    yield FINDINGS.finding(
         "guard-missing",
-        "warning",
         "The drive has nothing of the guard: no check of the sensor, no valid range, no clamp, no slew limit.",
-        suggestion="watch the temperature in the control and pass on the reference temperature when it is bad",
     )
     for item, (name, parameters) in itertools.product(model.inputs, found.items()):
         if item.name == parameters.source and item.reference == "rise":
-            yield Finding(
+            yield FINDINGS.finding(
                 "reference-is-start-reading",
-                "warning",
                 f"{name} follows the rise of {item.name} since the start: P-0-0402 is the start reading "
                 f"{'+' if parameters.shift_k >= 0.0 else '−'} {abs(parameters.shift_k):.3g} K, to be written anew at "
                 "every cold start.",
                 evidence={"output": name, "input": item.name, "shift_k": parameters.shift_k},
-                suggestion="let the control write P-0-0402, or fit a model of absolute readings",
             )

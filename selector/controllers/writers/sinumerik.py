@@ -8,15 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.codes import Mode
 from selector.controllers.guard.decided import decided_limits
 from selector.controllers.model_file import ModelFile, Output
 from selector.controllers.program.guarded_program import guarded_program
-from selector.controllers.program.language import Place, Program, Real, Writing
-from selector.controllers.program.text_of_program import plain
+from selector.controllers.program.language import Place, Program, Real, Writing, plain
 from selector.controllers.single_precision import single_precision_findings
-from selector.controllers.writers.exported import Exported
-from selector.controllers.writers.sign_test import sign_test_of_block
+from selector.controllers.writers.exported import Exported, sign_test_of_block
 from selector.controllers.writers.structured_text import (
     BLOCK,
     NAME,
@@ -201,9 +200,8 @@ def _limit_findings(
         fastest_um_per_s = velocity_mm_per_min * factor / 60.0 / MM_PER_UM
         if limits.slew_um_per_s > fastest_um_per_s:
             findings.append(
-                Finding(
+                FINDINGS.finding(
                     "step-spread-silently",
-                    "warning",
                     f"The correction of {name} may change by {limits.slew_um_per_s:g} um/s; the control passes on "
                     f"{fastest_um_per_s:g} um/s ({step:.4g} mm per interpolation cycle) at an axis velocity of "
                     f"{velocity_mm_per_min:g} mm/min and spreads the rest over later cycles without an alarm.",
@@ -217,9 +215,8 @@ def _limit_findings(
             )
         if limits.slope_clamp_um_per_m > slope * 1e6:
             findings.append(
-                Finding(
+                FINDINGS.finding(
                     "slope-clipped-silently",
-                    "warning",
                     f"The slope of the correction of {name} may be {limits.slope_clamp_um_per_m:g} um/m; the control "
                     f"clips at {slope * 1e6:g} um/m (MD32760 = {factor:g}) without an alarm.",
                     evidence={
@@ -227,8 +224,6 @@ def _limit_findings(
                         "slope_clamp_um_per_m": limits.slope_clamp_um_per_m,
                         "passed_um_per_m": slope * 1e6,
                     },
-                    suggestion="decide slope_clamp_um_per_m in guard.limits of the model file, or raise MD32760 "
-                    "(to 0.1 at most)",
                 )
             )
     return findings
@@ -241,37 +236,31 @@ def _axis_findings(model: ModelFile) -> list[Finding]:
         axis, part = _axis(output), output.position
         if output.axis is None:
             findings.append(
-                Finding(
+                FINDINGS.finding(
                     "axis-not-named",
-                    "warning",
                     f"The model file does not say which axis the displacement {output.name} belongs to; the table "
                     f"takes {axis} for its name.",
                     evidence={"output": output.name},
-                    suggestion="name the axis in the model file",
                 )
             )
         if axis in taken:
             findings.append(
-                Finding(
+                FINDINGS.finding(
                     "axis-corrected-twice",
-                    "error",
                     f"{taken[axis]} and {output.name} both correct axis {axis}, but it has one K0 and one slope: what "
                     "is written last wins.",
                     evidence={"axis": axis, "outputs": [taken[axis], output.name]},
-                    suggestion="leave one of them out, or add them up before writing the setting data",
                 )
             )
         taken.setdefault(axis, output.name)
         if part is not None and not has_own_line(output):
             findings.append(
-                Finding(
+                FINDINGS.finding(
                     "position-of-another-axis",
-                    "warning",
                     f"The correction of {axis} depends on the position of {part.axis}; the control's straight line "
                     f"knows only the position of {axis}. The whole correction goes into SD43900 and follows "
                     f"{part.axis} as often as the PLC writes it, without a slew limit of its own.",
                     evidence={"output": output.name, "position_axis": part.axis},
-                    suggestion="use a sag compensation table (CEC) for this part",
                 )
             )
     return findings

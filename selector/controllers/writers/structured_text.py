@@ -1,22 +1,30 @@
-"""Structured Text of IEC 61131-3: one function block, in LREAL or REAL; no function, no array, no loop."""
+"""Structured Text of IEC 61131-3: one function block, in LREAL or REAL, also as a file of a TwinCAT 3 PLC project."""
 
 from __future__ import annotations
 
 import re
 import textwrap
+import uuid
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 
-from selector.controllers.model_file import ModelFile
+from selector.controllers.model_file import ModelFile, equations_sha256
 from selector.controllers.program.guarded_program import guarded_program
-from selector.controllers.program.language import Code, Expression, Flag, Place, Program, Real, Variable
-from selector.controllers.program.text_of_program import Language, plain
-from selector.controllers.writers.exported import Exported
-from selector.controllers.writers.heading import heading
-from selector.controllers.writers.sign_test import sign_test_of_block
+from selector.controllers.program.language import (
+    Code,
+    Expression,
+    Flag,
+    Language,
+    Place,
+    Program,
+    Real,
+    Variable,
+    plain,
+)
+from selector.controllers.writers.exported import Exported, heading, sign_test_of_block
 from selector.errors import OptionError
 
 RealType = Literal["LREAL", "REAL"]
@@ -64,13 +72,7 @@ def is_reserved(name: str) -> bool:
 
 @dataclass(frozen=True)
 class StructuredText(Language):
-    """Words of Structured Text and of SCL.
-
-    Attributes
-    ----------
-    real_type : {"LREAL", "REAL"}
-        IEEE 754 binary64, or binary32 with every literal rounded to it.
-    """
+    """Words of Structured Text and of SCL."""
 
     signs: Mapping[str, str] = field(default_factory=lambda: {"and": "AND", "or": "OR", "==": "="})
     negation: str = "NOT "
@@ -83,7 +85,7 @@ class StructuredText(Language):
     prefixes: Mapping[str, str] = field(default_factory=dict)
     # SCL has no two signs in a row
     signed_above: int = 0
-    real_type: RealType = "LREAL"
+    real_type: RealType = "LREAL"  #: {"LREAL", "REAL"}: IEEE 754 binary64, or binary32 with every literal rounded to it
 
     def real(self, value: float) -> str:
         """A literal with a digit on both sides of its point, exponent or not."""
@@ -203,3 +205,59 @@ def _declared(one: Variable, language: StructuredText) -> str:
         text += f" := {language.initial(one)}"
     about = f" (* {plain(one.about)} *)" if one.about else ""
     return f"{text};{about}"
+
+
+# early builds refuse RETAIN, later ones keep it with NOVRAM and a retain handler only; PERSISTENT they all know
+_SECTIONS: Mapping[Place, str] = {**SECTIONS, "retained": "VAR PERSISTENT"}
+
+
+def tcpou_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
+    """``FB_ThermalCorrection.TcPOU``: the block of `st_export`, its retained variables PERSISTENT."""
+    program = guarded_program(model)
+    language = StructuredText()
+    declaration = joined(
+        [
+            *head_lines(model, is_sign_verified=is_sign_verified),
+            *declaration_lines(program, language, BLOCK, _SECTIONS),
+        ]
+    )
+    text = (
+        '<?xml version="1.0" encoding="utf-8"?>\n'
+        '<TcPlcObject Version="1.1.0.1">\n'
+        f'  <POU Name="{BLOCK}" Id="{{{guid(model)}}}" SpecialFunc="None">\n'
+        f"    <Declaration>{_cdata(declaration)}</Declaration>\n"
+        "    <Implementation>\n"
+        f"      <ST>{_cdata(joined(list(language.lines(program.body))))}</ST>\n"
+        "    </Implementation>\n"
+        "  </POU>\n"
+        "</TcPlcObject>\n"
+    )
+    return Exported(
+        files={f"{BLOCK}.TcPOU": text},
+        install=(
+            f"In the PLC project: POUs, Add, Existing Item, {BLOCK}.TcPOU. Declare one instance of it in a program.",
+            "Call it in a cyclic task. Wire dt_s to the real cycle time [s], the readings and positions in the units "
+            "that stand behind them (positions in m), is_ready and is_wanted.",
+            "After a start of TwinCAT set is_restart to TRUE in the first call only, and standstill_s to how long it "
+            "was off [s]; without a clock, to 1.0E6.",
+            "Persistent variables are written when TwinCAT shuts down: have a UPS, or call FB_WritePersistentData "
+            "every few minutes.",
+            "Hand k0_1 ... [um] and slope_1 ... [um/m] to the axis, or add correction_1 ... [um].",
+        ),
+        sign_test=sign_test_of_block(model),
+        silently=(
+            "After a power failure without a UPS the persistent variables are gone or old: then start readings are "
+            "taken anew, on a warm machine too.",
+            "Reset origin forgets the start readings.",
+            "Called with dt_s = 0 for ever, the correction stands still: dt_s must be the real cycle time.",
+        ),
+    )
+
+
+def guid(model: ModelFile) -> uuid.UUID:
+    """The identity of the file: the same for the same model."""
+    return uuid.uuid5(uuid.NAMESPACE_URL, f"selector.model/{equations_sha256(model)}")
+
+
+def _cdata(text: str) -> str:
+    return "<![CDATA[" + text.replace("]]>", "]]]]><![CDATA[>") + "]]>"

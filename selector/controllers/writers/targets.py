@@ -12,46 +12,51 @@ import numpy as np
 
 from selector import __version__
 from selector.controllers.model_file import ModelFile
-from selector.controllers.replay.compiled import c_answers, compiler, compiler_version
-from selector.controllers.replay.control_line_executed import setting_data_answers, temp_comp_answers
-from selector.controllers.replay.drive_parameters_executed import drive_answers, printed_parameters_um
-from selector.controllers.replay.fixed_point_executed import fixed_point_answers
+from selector.controllers.replay.compiled import (
+    c_answers,
+    compiler,
+    compiler_version,
+    fixed_point_answers,
+    python_answers,
+)
 from selector.controllers.replay.halrun_executed import RESOLUTION_UM, halrun_answers, linuxcnc_version
 from selector.controllers.replay.macro_b_executed import macro_b_called_at_most_once_a_second
 from selector.controllers.replay.parts import (
     Execution,
     Part,
     at_most,
+    macro_corrections_um,
     rounding_um,
+    straight_line_um,
     tenths_um,
+    unguarded_um,
     units_in_single_um,
     whole_numbers_um,
-)
-from selector.controllers.replay.python_executed import python_answers
-from selector.controllers.replay.reduced_guard import (
-    macro_corrections_um,
-    straight_line_um,
-    unguarded_um,
     without_fallbacks,
 )
-from selector.controllers.replay.rows import Answers, Array, Rows, reference_answers
+from selector.controllers.replay.rows import Answers, Rows, reference_answers
+from selector.controllers.replay.straight_line import (
+    drive_answers,
+    printed_parameters_um,
+    setting_data_answers,
+    temp_comp_answers,
+)
 from selector.controllers.replay.structured_text_executed import parser_name, scl_answers, st_answers, tcpou_answers
 from selector.controllers.writers.beckhoff import ADS_TABLE, beckhoff_export
 from selector.controllers.writers.c99 import NAME, SINGLE_NAME, c_export
 from selector.controllers.writers.exported import Exported
 from selector.controllers.writers.fanuc import FILE as MACRO_FILE
-from selector.controllers.writers.fanuc import fanuc_export
-from selector.controllers.writers.fixed_point_sensor import NAME as FIXED_POINT_NAME
+from selector.controllers.writers.fanuc import LITERAL_ROUNDOFF, fanuc_export
+from selector.controllers.writers.fixed_point_sensor import INT_NAME as FIXED_POINT_NAME
 from selector.controllers.writers.linuxcnc import NAME as HAL_NAME
 from selector.controllers.writers.linuxcnc import linuxcnc_export
-from selector.controllers.writers.macro_b import LITERAL_ROUNDOFF
 from selector.controllers.writers.python_module import python_export
 from selector.controllers.writers.rexroth import FILE as DRIVE_FILE
 from selector.controllers.writers.rexroth import rexroth_export
 from selector.controllers.writers.sinumerik import SETTING_DATA, has_own_line, sinumerik_export
-from selector.controllers.writers.structured_text import BLOCK, st_export
-from selector.controllers.writers.twincat import tcpou_export
+from selector.controllers.writers.structured_text import BLOCK, st_export, tcpou_export
 from selector.errors import NotExecutableError
+from selector.types import Array
 
 __all__ = ["TARGETS", "NotExecutableError", "Target", "Writer"]
 
@@ -65,25 +70,13 @@ class Writer(Protocol):
 
 @dataclass(frozen=True)
 class Target:
-    """One control.
+    """One control."""
 
-    Attributes
-    ----------
-    title : str
-        For people.
-    write : Writer
-    parts : tuple of Part
-        Its files that compute something, the main program first.
-    has_guard : bool
-        Whether it checks sensors and limits the correction.
-    not_always : tuple of str
-        Patterns of the files that not every model gets: those of an earlier export are not left beside a new one.
-    """
-
-    title: str
+    title: str  #: For people
     write: Writer
-    parts: tuple[Part, ...]
-    has_guard: bool = True
+    parts: tuple[Part, ...]  #: Its files that compute something, the main program first
+    has_guard: bool = True  #: Whether it checks sensors and limits the correction
+    #: Patterns of the files that not every model gets: those of an earlier export are not left beside a new one
     not_always: tuple[str, ...] = ()
 
 

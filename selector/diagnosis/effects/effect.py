@@ -6,14 +6,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from selector.diagnosis.comparison import Comparison
+from selector.types import Matrix, Vector
 
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
-Family = Literal["data", "thermal", "drive", "vibration", "gauging", "flow"]
 Entry = Literal["force", "heat flow", "displacement", "measurement", "state", "limit"]
 
 
@@ -48,42 +43,23 @@ class ShapeParameter:
 
 @dataclass(frozen=True, eq=False)
 class Variant:
-    """One shape that an effect can take in the residual of one response: columns whose coefficients are fitted.
+    """One shape that an effect can take in the residual of one response: columns whose coefficients are fitted."""
 
-    Attributes
-    ----------
-    columns : ndarray of shape (n_rows, n_columns)
-        Over all rows, held-out ones included; finite. 1 to 4 columns. The coefficients carry the unit.
-    names : tuple of str
-        What each column is, in words, e.g. ``"T2 delayed by 40 min"``.
-    shape : mapping of str to Quantity
-        The shape parameters of this variant, e.g. ``{"tau_s": Quantity(2400.0, "s")}``.
-    place : str or None
-        Where the effect would act, in the words of the machine file.
-    sources : tuple of str
-        Channels that it was made of.
-    run : str or None
-        The one run that it acts in; None = all.
-    bounds : tuple of (float, float) or None
-        Allowed interval of every coefficient where physics knows it; None = any.
-    regime : str or None
-        When it acts, in words of recorded channels, e.g. ``"spindle_speed > 1500 rpm"``; None = always.
-    looked_at : float
-        Among how many shapes this one was chosen by looking at the residual; 1 = it was not.
-    weight : float
-        How likely it is beforehand against the other shapes of the effect.
-    """
-
+    #: (n_rows, n_columns): Over all rows, held-out ones included; finite. 1 to 4 columns. The coefficients carry the
+    #: unit.
     columns: Matrix
-    names: tuple[str, ...]
+    names: tuple[str, ...]  #: What each column is, in words, e.g. ``"T2 delayed by 40 min"``.
+    #: The shape parameters of this variant, e.g. ``{"tau_s": Quantity(2400.0, "s")}``.
     shape: Mapping[str, Quantity] = field(default_factory=dict)
-    place: str | None = None
-    sources: tuple[str, ...] = ()
-    run: str | None = None
+    place: str | None = None  #: Where the effect would act, in the words of the machine file
+    sources: tuple[str, ...] = ()  #: Channels that it was made of
+    run: str | None = None  #: The one run that it acts in; None = all
+    #: Allowed interval of every coefficient where physics knows it; None = any
     bounds: tuple[tuple[float, float], ...] | None = None
+    #: When it acts, in words of recorded channels, e.g. ``"spindle_speed > 1500 rpm"``; None = always.
     regime: str | None = None
-    looked_at: float = 1.0
-    weight: float = 1.0
+    looked_at: float = 1.0  #: Among how many shapes this one was chosen by looking at the residual; 1 = it was not
+    weight: float = 1.0  #: How likely it is beforehand against the other shapes of the effect
 
     def __post_init__(self) -> None:
         if self.columns.ndim != 2 or self.columns.shape[1] != len(self.names):
@@ -101,33 +77,22 @@ def equally_likely(*kinds: Iterable[Variant]) -> Iterator[Variant]:
 
 @dataclass(frozen=True)
 class Fitted:
-    """A fitted variant, as `Effect.reading` receives it.
+    """A fitted variant, as `Effect.reading` receives it."""
 
-    Attributes
-    ----------
-    response, unit : str
-        The response and its unit.
-    variant : Variant
-        The shape that fits best.
-    coefficients, standard_errors : ndarrays of shape (n_columns,)
-        In the unit of the response per unit of the column.
-    shape_intervals : mapping of str to (float, float)
-        95 % interval of each shape parameter, from the profile over the variants; without those of no width. An end of
-        0 or infinity says that the record sets no limit there.
-    rms, largest : float
-        Root mean square and largest amount of the effect's course in the response [unit].
-    extremes : (float, float)
-        Lowest and highest value of the course since the start of a run [unit]; both 0 where they are not known.
-    """
-
+    #: response and unit: The response and its unit
     response: str
     unit: str
-    variant: Variant
+    variant: Variant  #: The shape that fits best
+    #: coefficients and standard_errors: (n_columns,): In the unit of the response per unit of the column
     coefficients: Vector
     standard_errors: Vector
+    #: 95 % interval of each shape parameter, from the profile over the variants; without those of no width. An end of 0
+    #: or infinity says that the record sets no limit there.
     shape_intervals: Mapping[str, tuple[float, float]]
+    #: rms and largest: Root mean square and largest amount of the effect's course in the response [unit]
     rms: float
     largest: float
+    #: Lowest and highest value of the course since the start of a run [unit]; both 0 where they are not known
     extremes: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
@@ -145,57 +110,28 @@ class Reading:
 
 @dataclass(frozen=True, eq=False)
 class Effect:
-    """One kind of physics, or one fault of the data, that a simulation may not have.
+    """One kind of physics, or one fault of the data, that a simulation may not have."""
 
-    Attributes
-    ----------
-    id : str
-        ``"family.name"``; contract, never renamed.
-    title : str
-        A few words.
-    physics : str
-        Two sentences: what happens, and how it shows.
-    reference : str
-        Where the equation comes from.
-    enters : {"force", "heat flow", "displacement", "measurement", "state", "limit"}
-        Where it enters the machine's equations.
-    acts_at : str
-        The places at which it can act.
-    parameters : tuple of ShapeParameter
-        Its parameters with units and bounds.
-    needs : str
-        Channels and excitation without which it cannot be tested.
-    confounders : tuple of str
-        Ids that resemble it.
-    refuted_by : str
-        What observation would refute it.
-    experiment : str
-        The run that shows it best, as an instruction.
-    variants : callable (Comparison, response) -> iterable of Variant
-        Every shape that it can take in this response; empty if `testable` says why not.
-    testable : callable (Comparison, response) -> str or None
-        None if it can be tested here, else one clause that says what is lacking.
-    reading : callable (Fitted, Comparison) -> Reading
-        The fit in words.
-    absorbs : bool
-        Whether it is a parameter that every such simulation has, and whose wrong value hides other effects (a viscous
-        coefficient fitted without dry friction): its first variant is then fitted beside all others.
-    """
-
-    id: str
-    title: str
-    physics: str
-    reference: str
+    id: str  #: ``"family.name"``; contract, never renamed
+    title: str  #: A few words
+    physics: str  #: Two sentences: what happens, and how it shows
+    reference: str  #: Where the equation comes from
+    #: {"force", "heat flow", "displacement", "measurement", "state", "limit"}: Where it enters the machine's equations
     enters: Entry
-    acts_at: str
-    parameters: tuple[ShapeParameter, ...]
-    needs: str
-    confounders: tuple[str, ...]
-    refuted_by: str
-    experiment: str
+    acts_at: str  #: The places at which it can act
+    parameters: tuple[ShapeParameter, ...]  #: Its parameters with units and bounds
+    needs: str  #: Channels and excitation without which it cannot be tested
+    confounders: tuple[str, ...]  #: Ids that resemble it
+    refuted_by: str  #: What observation would refute it
+    experiment: str  #: The run that shows it best, as an instruction
+    #: (Comparison, response) -> iterable of Variant: Every shape that it can take in this response; empty if `testable`
+    #: says why not
     variants: Callable[[Comparison, str], Iterable[Variant]]
+    #: (Comparison, response) -> str or None: None if it can be tested here, else one clause that says what is lacking
     testable: Callable[[Comparison, str], str | None]
-    reading: Callable[[Fitted, Comparison], Reading]
+    reading: Callable[[Fitted, Comparison], Reading]  #: (Fitted, Comparison) -> Reading: The fit in words
+    #: Whether it is a parameter that every such simulation has, and whose wrong value hides other effects (a viscous
+    #: coefficient fitted without dry friction): its first variant is then fitted beside all others
     absorbs: bool = False
 
     @property

@@ -6,21 +6,19 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 from scipy.optimize import brentq
 
 from selector.diagnosis.answer import Detectable
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Fitted, Quantity
-from selector.diagnosis.evidence.bench import Bench
-from selector.diagnosis.evidence.jointly import together
 from selector.diagnosis.evidence.moments import solved
+from selector.diagnosis.evidence.response import Bench
 from selector.diagnosis.evidence.search import Search, numbers
-from selector.diagnosis.evidence.testing import evidence_of, members_of, prices_of, tail_threshold
+from selector.diagnosis.evidence.testing import evidence_of, members_of, prices_of, tail_threshold, together
 from selector.diagnosis.wording import amount
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
 _LEFT = 1e-3
 """Of the norm of a course: what recalibration leaves less of is not seen."""
 _CHANCE = 0.9

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
+from selector.types import Matrix, Vector
+
 Indices = NDArray[np.intp]
 _LEFT = 1e-5
 """Share of a column that must be left after projection; below it the column is the others' and cannot be tested."""
@@ -17,36 +17,19 @@ _LEFT = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """Sums over blocks of rows: base columns, candidate columns and the target, all whitened.
+    """Sums over blocks of rows: base columns, candidate columns and the target, all whitened."""
 
-    Attributes
-    ----------
-    base, base_target : ndarrays of shape (n_blocks, p, p), (n_blocks, p)
-    cross : ndarray of shape (n_blocks, p, m)
-        Base columns with candidate columns.
-    target : ndarray of shape (n_blocks, m)
-        Candidate columns with the target.
-    within : list of ndarray of shape (n_blocks, n_variants, k, k)
-        For every number of columns k: products of a variant's columns with each other.
-    square : ndarray of shape (n_blocks,)
-        Sum of squares of the target.
-    groups : list of ndarray of shape (n_variants, k)
-        For every k, the candidate columns of its variants.
-    members : list of ndarray of shape (n_variants,)
-        For every k, the numbers of its variants.
-    bounds : list of ndarray of shape (n_variants, k, 2)
-        For every k, between what every coefficient may lie.
-    """
-
+    #: base and base_target: (n_blocks, p, p)
     base: Matrix
     base_target: Matrix
-    cross: Matrix
-    target: Matrix
+    cross: Matrix  #: (n_blocks, p, m): Base columns with candidate columns
+    target: Matrix  #: (n_blocks, m): Candidate columns with the target
+    #: (n_blocks, n_variants, k, k): For every number of columns k: products of a variant's columns with each other
     within: list[Matrix]
-    square: Vector
-    groups: list[Indices]
-    members: list[Indices]
-    bounds: list[Matrix]
+    square: Vector  #: (n_blocks,): Sum of squares of the target
+    groups: list[Indices]  #: (n_variants, k): For every k, the candidate columns of its variants
+    members: list[Indices]  #: (n_variants,): For every k, the numbers of its variants
+    bounds: list[Matrix]  #: (n_variants, k, 2): For every k, between what every coefficient may lie
 
     @property
     def n_variants(self) -> int:
@@ -113,18 +96,12 @@ def inverse_of(gram: Matrix) -> Matrix:
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """Every variant fitted together with the base.
+    """Every variant fitted together with the base."""
 
-    Attributes
-    ----------
-    gain : ndarray of shape (n_variants,)
-        By how much the sum of squares falls when the variant is added; 0 if it cannot be told from the base.
-    coefficients : list of ndarray of shape (n_variants, k)
-        For every number of columns k.
-    """
-
+    #: (n_variants,): By how much the sum of squares falls when the variant is added; 0 if it cannot be told from the
+    #: base
     gain: Vector
-    coefficients: list[Matrix]
+    coefficients: list[Matrix]  #: (n_variants, k): For every number of columns k
 
 
 def solved(sums: Moments) -> Solved:

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
+from selector.types import Matrix, Vector
 
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
 _LONGEST_ORDER = 12
 _GAP_PERIODS = 3.5
 """A gap of more sampling periods than this starts a new stretch: what was before says little about what comes."""
@@ -18,17 +17,10 @@ _GAP_PERIODS = 3.5
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """An autoregression of the noise of one channel, e_t = Σ φ_i·e_(t−i) + s·w_t with white w of variance 1.
+    """An autoregression of the noise of one channel, e_t = Σ φ_i·e_(t−i) + s·w_t with white w of variance 1."""
 
-    Attributes
-    ----------
-    phi : ndarray of shape (order,)
-    sd : float
-        s [unit of the channel].
-    """
-
-    phi: Vector
-    sd: float
+    phi: Vector  #: (order,)
+    sd: float  #: s [unit of the channel]
 
     @property
     def correlation_samples(self) -> float:
@@ -52,22 +44,22 @@ def stretches(comparison: Comparison, seen: NDArray[np.bool_]) -> list[slice]:
     return found
 
 
-def noise_model(residual: Vector, parts: list[slice], *, lost: int = 0) -> NoiseModel:
+def noise_model(residual: Vector, parts: list[slice], *, lost: int = 0, rounding: float = 0.0) -> NoiseModel:
     """The autoregression of up to 12 samples that explains a residual best (Bayes' information criterion).
 
     Large readings count less (Huber), so that a burst does not decide what the noise is. `lost` degrees of freedom went
-    into the fit that left this residual.
+    into the fit that left this residual. Its standard deviation is `rounding` [unit of the channel] at least.
     """
     filled = [_filled(residual[part]) for part in parts]
     spread = _spread(np.concatenate(filled))
     if spread == 0.0:
-        return NoiseModel(np.zeros(0), 0.0)
+        return NoiseModel(np.zeros(0), rounding)
     clipped = [np.clip(part, -4.0 * spread, 4.0 * spread) for part in filled]
     n = sum(len(part) for part in clipped)
     highest = int(min(_LONGEST_ORDER, max(1, n // 40)))
     rows = [np.lib.stride_tricks.sliding_window_view(part, highest + 1) for part in clipped if len(part) > highest + 1]
     if not rows:
-        return NoiseModel(np.zeros(0), spread)
+        return NoiseModel(np.zeros(0), max(spread, rounding))
     table = np.concatenate(rows)
     target, past = table[:, -1], table[:, -2::-1]
     gram, cross, total = past.T @ past, past.T @ target, float(target @ target)
@@ -80,7 +72,8 @@ def noise_model(residual: Vector, parts: list[slice], *, lost: int = 0) -> Noise
             best = (score, phi, float(np.sqrt(variance)))
     phi = best[1]
     left = np.concatenate([_predicted(part[:, None], phi)[len(phi) :, 0] for part in filled])
-    return NoiseModel(phi, max(float(np.sqrt(np.mean(left**2) * len(left) / max(len(left) - lost, 1))), 1e-300))
+    sd = float(np.sqrt(np.mean(left**2) * len(left) / max(len(left) - lost, 1)))
+    return NoiseModel(phi, max(sd, rounding, 1e-300))
 
 
 def whitened(model: NoiseModel, values: Matrix, parts: list[slice]) -> Matrix:

@@ -1,24 +1,52 @@
-"""Which effects are supported: forward, one by one, all tested again after each, so that proxies fall."""
+"""Which effects are supported: forward, one by one, all tested again after each, so that proxies collapse."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from selector.diagnosis.evidence.bench import Bench
-from selector.diagnosis.evidence.heavy_tails import with_pseudo_target
-from selector.diagnosis.evidence.jointly import of_all
 from selector.diagnosis.evidence.moments import solved
 from selector.diagnosis.evidence.noise import NoiseModel
-from selector.diagnosis.evidence.testing import Tested, tail_probability, tests_of
-from selector.diagnosis.shapes.leftover import least_squares
+from selector.diagnosis.evidence.response import Bench
+from selector.diagnosis.evidence.testing import Tested, of_all, tail_probability, tests_of
 from selector.diagnosis.shapes.machine_cycle import MachineCycle
+from selector.diagnosis.shapes.residual import least_squares
+from selector.types import Matrix, Vector
 
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
+_BEND = 1.345
+"""Robust standard deviations beyond which a reading counts no more: 95 % efficient where the noise is normal."""
+_WORTH = 0.9
+"""Share of the noise's variance that must be saved; of normal noise nothing is."""
+
+
+def with_pseudo_target(bench: Bench, chosen: Sequence[int]) -> Bench:
+    """The bench with Huber's pseudo-values for the target, if its noise has heavy tails.
+
+    Beside the `chosen` candidates a whitened residual r counts as ψ(r)/E ψ′, with ψ the residual up to a bend, whose
+    variance is E ψ²/(E ψ′)² (P. J. Huber, Robust Statistics, 1981, sections 7.3 and 7.6). Least squares on these
+    values is the robust estimate, to first order in what is still missing.
+    """
+    base = bench.base(chosen)
+    if len(base) <= 2 * base.shape[1]:
+        return bench
+    fit = base @ least_squares(base, bench.white_target)
+    left = bench.white_target - fit
+    bend = _BEND * 1.4826 * float(np.median(np.abs(left - np.median(left))))
+    inside = float(np.mean(np.abs(left) < bend))
+    variance = float(np.mean(left**2))
+    if bend <= 0.0 or inside <= 0.0 or variance <= 0.0:
+        return bench
+    pseudo = np.clip(left, -bend, bend) / inside
+    saved = float(np.mean(pseudo**2)) / variance
+    if saved >= _WORTH:
+        return bench
+    size = float(np.sqrt(saved))
+    quieter = bench.with_noise(NoiseModel(bench.noise.phi, bench.noise.sd * size))
+    return replace(quieter, pseudo_target=(fit + pseudo) / size)
+
+
 Benches = Mapping[str, Bench]
 _ENOUGH = 0.65
 """Weight from which an effect, or a set, is told from all others."""
@@ -44,25 +72,14 @@ _LENGTHS = tuple(np.linspace(-1e-3, 1e-3, 21))
 
 @dataclass(frozen=True, eq=False)
 class Standing:
-    """How one effect stands in all responses together, beside what is named already.
-
-    Attributes
-    ----------
-    id : str
-    score : float
-        Twice the logarithm of how much more likely the record is with the effect, which may or may not show in each of
-        the responses.
-    noise : ndarray of shape (n_draws,)
-        The largest score that noise alone gives to any of the effects.
-    responses : tuple of str
-        Those in which it shows rather than not.
-    tested : mapping of str to Tested
-    """
+    """How one effect stands in all responses together, beside what is named already."""
 
     id: str
+    #: Twice the logarithm of how much more likely the record is with the effect, which may or may not show in each of
+    #: the responses
     score: float
-    noise: Vector
-    responses: tuple[str, ...]
+    noise: Vector  #: (n_draws,): The largest score that noise alone gives to any of the effects
+    responses: tuple[str, ...]  #: Those in which it shows rather than not
     tested: Mapping[str, Tested]
 
     @property
@@ -83,26 +100,14 @@ class Standing:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """Where the search ended.
+    """Where the search ended."""
 
-    Attributes
-    ----------
-    benches : mapping of str to Bench
-        With the noise filter of the last fit.
-    named : dict
-        Effect id → response → number of the candidate, in the order in which they were found.
-    standing : mapping of str to Standing
-        Of a named effect, how it stood beside the other named ones; of the others, beside all named ones.
-    rivals : mapping of str to tuple of str
-        Named effect → effects that explain what it explains about as well.
-    weights : mapping of str to mapping of str to float
-        Named effect → weights of it and of its rivals against all others in its place, 0 to 1.
-    """
-
-    benches: Benches
-    named: Named
+    benches: Benches  #: With the noise filter of the last fit
+    named: Named  #: Effect id → response → number of the candidate, in the order in which they were found
+    #: Of a named effect, how it stood beside the other named ones; of the others, beside all named ones
     standing: Mapping[str, Standing]
-    rivals: Mapping[str, tuple[str, ...]]
+    rivals: Mapping[str, tuple[str, ...]]  #: Named effect → effects that explain what it explains about as well
+    #: Named effect → weights of it and of its rivals against all others in its place, 0 to 1
     weights: Mapping[str, Mapping[str, float]]
 
 

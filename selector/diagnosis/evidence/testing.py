@@ -1,7 +1,8 @@
-"""How strongly a response asks for every candidate, and what noise alone would have shown."""
+"""How strongly one response, or several together, ask for every candidate, and what noise alone would have shown."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -12,11 +13,10 @@ from scipy import linalg, stats
 from scipy.special import logsumexp
 
 from selector.diagnosis.effects.effect import Variant
-from selector.diagnosis.evidence.bench import Bench
 from selector.diagnosis.evidence.moments import Moments, Solved, inverse_of, scores_of_noise, solved
+from selector.diagnosis.evidence.response import Bench
+from selector.types import Matrix, Vector
 
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
 _DRAWS = 400
 _SHORT = 10
 _SIGNED = 150
@@ -28,41 +28,25 @@ _PRICE = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Tested:
-    """How one effect stands in one response, beside all that is named already.
+    """How one effect stands in one response, beside all that is named already."""
 
-    Attributes
-    ----------
-    best : int
-        Number of the candidate that fits best.
-    gain : float
-        Fall of the whitened sum of squares by it, all fitted rows, less the price of a shape chosen from the residual.
-    evidence : float
-        Twice the logarithm of how much more likely the record is with the effect than without: exp((gain − price)/2)
-        averaged over all its shapes (D. J. C. MacKay, Information Theory, Inference and Learning Algorithms, 2003,
-        chapter 28). An effect that can take many shapes has to share its evidence among them.
-    noise : ndarray of shape (n_draws,)
-        The same of noise alone.
-    contrast : float
-        What the best shape gains more if its size may differ from run to run; 0 of an effect that acts in one run only.
-    freedoms : int
-        Coefficients that `contrast` has more.
-    largest : float
-        Largest amount of the fitted course in the response, over its fitted rows [steps of the reading]; infinite if
-        no step was seen.
-    shapes : tuple of Variant
-        All its shapes here.
-    of_shapes, noise_of_shapes : ndarrays of shape (n_shapes,), (n_draws, n_shapes)
-        Evidence of every shape by itself, of the record and of noise alone, however likely it was beforehand.
-    """
-
-    best: int
+    best: int  #: Number of the candidate that fits best
+    #: Fall of the whitened sum of squares by it, all fitted rows, less the price of a shape chosen from the residual
     gain: float
+    #: Twice the logarithm of how much more likely the record is with the effect than without: exp((gain − price)/2)
+    #: averaged over all its shapes (D. J. C. MacKay, Information Theory, Inference and Learning Algorithms, 2003,
+    #: chapter 28). An effect that can take many shapes has to share its evidence among them.
     evidence: float
-    noise: Vector
+    noise: Vector  #: (n_draws,): The same of noise alone
+    #: What the best shape gains more if its size may differ from run to run; 0 of an effect that acts in one run only
     contrast: float
-    freedoms: int
+    freedoms: int  #: Coefficients that `contrast` has more
+    #: Largest amount of the fitted course in the response, over its fitted rows [steps of the reading]; infinite if no
+    #: step was seen
     largest: float
-    shapes: tuple[Variant, ...] = ()
+    shapes: tuple[Variant, ...] = ()  #: All its shapes here
+    #: of_shapes and noise_of_shapes: (n_shapes,): Evidence of every shape by itself, of the record and of noise alone,
+    #: however likely it was beforehand
     of_shapes: Vector = field(default_factory=lambda: np.empty(0))
     noise_of_shapes: Matrix = field(default_factory=lambda: np.empty((0, 0)))
 
@@ -203,3 +187,57 @@ def noise_gains(bench: Bench, base: Matrix, sums: Moments, noise: Vector, *, see
         drawn = (signs @ score.reshape(len(starts), -1)).reshape(_DRAWS, *score.shape[1:])
         result[:, members] = (np.einsum("vji,dvi->dvj", root, drawn) ** 2).sum(axis=2)
     return result
+
+
+_HALF = float(np.log(0.5))
+Key = tuple[object, ...]
+
+
+def together(evidence: Sequence[Vector | float]) -> Vector:
+    """Evidence of responses in each of which the effect is as likely to show as not."""
+    return np.asarray(np.sum([2.0 * _shown_or_not(0.5 * np.asarray(one)) for one in evidence], axis=0))
+
+
+def of_all(tested: Sequence[Tested]) -> tuple[float, Vector]:
+    """Evidence of an effect in several responses, and that of noise in every draw.
+
+    As likely as not the shape is one and the same wherever it shows: a clock that is late is late in all that it
+    stamps, and a lead is as long for the force as for the way. Then the responses share what choosing the shape costs.
+    """
+    apart = together([one.evidence for one in tested])
+    apart_noise = together([one.noise for one in tested])
+    places = _places_of_shared(tested) if len(tested) > 1 else []
+    if not places or not places[0]:
+        return float(apart), apart_noise
+    same = _of_one_shape([one.of_shapes[at] for one, at in zip(tested, places, strict=True)])
+    same_noise = _of_one_shape([one.noise_of_shapes[:, at] for one, at in zip(tested, places, strict=True)])
+    return float(_either(apart, same)), _either(apart_noise, same_noise)
+
+
+def _either(apart: Vector, same: Vector) -> Vector:
+    return np.asarray(2.0 * (_HALF + np.logaddexp(0.5 * apart, 0.5 * same)))
+
+
+def _of_one_shape(evidence: Sequence[Matrix | Vector]) -> Vector:
+    """The same averaged over shapes, which are in one order in all responses, along the last axis."""
+    total = np.sum([_shown_or_not(0.5 * of) for of in evidence], axis=0)
+    return np.asarray(2.0 * (logsumexp(total, axis=-1) - np.log(total.shape[-1])))
+
+
+def _shown_or_not(half: Vector) -> Vector:
+    return np.asarray(_HALF + np.logaddexp(0.0, half))
+
+
+def _places_of_shared(tested: Sequence[Tested]) -> list[list[int]]:
+    """For every response, where among its shapes those stand that all responses have, and have once."""
+    keys = [[_key_of(variant) for variant in one.shapes] for one in tested]
+    counts = [Counter(of) for of in keys]
+    shared = [key for key in keys[0] if all(count[key] == 1 for count in counts)]
+    where = [{key: k for k, key in enumerate(of)} for of in keys]
+    return [[places[key] for key in shared] for places in where]
+
+
+def _key_of(variant: Variant) -> Key:
+    """What makes a shape the same in another response: run, sources and shape parameters."""
+    parameters = tuple(sorted((name, float(f"{one.value:.4g}")) for name, one in variant.shape.items()))
+    return (variant.run, variant.regime, tuple(sorted(variant.sources)), len(variant.names), parameters)

@@ -3,42 +3,302 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.mismatch.background import (
+    LONGEST_NOISE_PERIOD,
     Background,
     Spectrum,
     background,
+    blocks,
+    noise_alone,
     seen_in_both,
     seen_rows,
     spectrum,
 )
-from selector.diagnosis.mismatch.noise_sets import blocks, noise_alone
-from selector.diagnosis.mismatch.regimes import Variable, variables
-from selector.diagnosis.mismatch.structure_tests import (
-    ColumnsOfState,
-    Kind,
-    Tested,
-    burst,
-    by_state,
-    columns_of_states,
-    in_common,
-    joined,
-    jump,
-    largest_of_each_kind,
-    of_one_size,
-    spectral,
-    spells,
-    standardised,
-)
+from selector.diagnosis.mismatch.location import Variable, variables
+from selector.types import Matrix, Vector
 
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
+Rows = Sequence[NDArray[np.intp]]
+Kind = Literal["slow", "line", "cycle", "jump", "state", "burst", "spells", "common"]
+_BINS = 8
+_WIDEST = 3.0
+"""Ends of a band, as a ratio: the noise is fitted to what is wider."""
+_TELLING = 30.0
+"""Sum of squares between bins, in variances, from which noise is taken to differ by state (7 are expected)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tested:
+    """A statistic, larger when there is structure, shape (n_sets,), and where the first of them found it.
+
+    `run` is a number, `rows` (first, last) of the window, `frequency` (low, high) [cycles per sample], `words` a state
+    of the machine; None where it does not apply.
+    """
+
+    kind: Kind
+    statistic: Vector
+    run: int | None = None
+    rows: tuple[int, int] | None = None
+    frequency: tuple[float, float] | None = None
+    words: str | None = None
+
+
+def spectral(of: Spectrum, ratio: Matrix) -> list[Tested]:
+    """More power than noise has, in bands of every width: slow (below the scale of noise), a line, a wandering cycle.
+
+    `ratio` is the power over the density of the noise, shape (n_sets, n_bins). Each run by itself, and all together.
+    """
+    slow_limit = 1.0 / LONGEST_NOISE_PERIOD
+    order = np.argsort(of.frequency, kind="stable")
+    runs = np.unique(of.run)
+    groups: list[tuple[int | None, NDArray[np.intp]]] = [(None, order)]
+    if len(runs) > 1:
+        groups += [(int(k), order[of.run[order] == k]) for k in runs]
+    found: list[Tested] = []
+    for run, bins in groups:
+        frequency, power = of.frequency[bins], ratio[:, bins]
+        narrow = len(runs) if run is None else 1
+        sums = np.concatenate([np.zeros((len(power), 1)), np.cumsum(power, axis=1)], axis=1)
+        width = narrow
+        while width <= len(bins):
+            step = 1 if width <= 4 * narrow else width // 4
+            first = np.arange(0, len(bins) - width + 1, step)
+            unusual = _normal_of_sum(sums[:, first + width] - sums[:, first], width)
+            slow = frequency[first + width - 1] < slow_limit
+            narrow_enough = frequency[first + width - 1] <= _WIDEST * frequency[first]
+            other: Kind = "line" if width <= 2 * narrow else "cycle"
+            kinds: tuple[tuple[Kind, NDArray[np.bool_]], ...] = (("slow", slow), (other, ~slow & narrow_enough))
+            for kind, part in kinds:
+                if part.any():
+                    here = first[part][int(np.argmax(unusual[0, part]))]
+                    band = (float(frequency[here]), float(frequency[here + width - 1]))
+                    found.append(Tested(kind, unusual[:, part].max(axis=1), run=run, frequency=band))
+            width *= 2
+    return found
+
+
+def joined(parts: Sequence[Tested]) -> Tested:
+    """The same test of several blocks of a stack, the first block of which has the residual in question."""
+    return replace(parts[0], statistic=np.concatenate([part.statistic for part in parts]))
+
+
+def largest_of_each_kind(found: Sequence[Tested]) -> list[Tested]:
+    """One statistic of each kind that there is."""
+    kinds = dict.fromkeys(one.kind for one in found)
+    return [largest([one for one in found if one.kind == kind]) for kind in kinds]
+
+
+def largest(found: Sequence[Tested]) -> Tested:
+    """One statistic of several of the same kind: the largest, each measured by its own spread under noise."""
+    score = np.array([standardised(one.statistic) for one in found])
+    first = found[int(np.argmax(score[:, 0]))]
+    return Tested(first.kind, score.max(axis=0), first.run, first.rows, first.frequency, first.words)
+
+
+def standardised(statistic: Vector) -> Vector:
+    """The statistic in units of its upper spread under noise (sets 1 and on): 0 at the median, 1 at the 90 % point."""
+    middle, high = np.quantile(statistic[1:], (0.5, 0.9))
+    return np.asarray((statistic - middle) / max(high - middle, 1e-12))
+
+
+def in_common(first: Spectrum, second: Spectrum, *, wanders: bool) -> Tested:
+    """More in common between two responses at long scales than their noise has; whitened spectra of the same rows.
+
+    Where noise `wanders` its power says nothing, and it is the coherence that does; otherwise the common power.
+    """
+    frequency = first.frequency
+    slow = np.flatnonzero(frequency < 2.0 / LONGEST_NOISE_PERIOD)
+    slow = slow[np.argsort(frequency[slow], kind="stable")]
+    one, other = first.amplitudes[:, slow], second.amplitudes[:, slow]
+    product, own, others = (_running(of) for of in (one * np.conj(other), np.abs(one) ** 2, np.abs(other) ** 2))
+    found, width = [], 4
+    while width <= len(slow):
+        start = np.arange(0, len(slow) - width + 1, max(1, width // 4))
+        amount = np.abs(product[:, start + width] - product[:, start]) / np.sqrt(width)
+        if wanders:
+            powers = [of[:, start + width] - of[:, start] for of in (own, others)]
+            coherence = width * amount**2 / np.maximum(powers[0] * powers[1], 1e-300)
+            # Of noise, 1 less the coherence of n bins has the distribution of the (n − 1)th root of a uniform value.
+            amount = -(width - 1.0) * np.log(np.maximum(1.0 - coherence, 1e-12))
+        at = start[int(np.argmax(amount[0]))]
+        band = (float(frequency[slow[at]]), float(frequency[slow[at + width - 1]]))
+        found.append(Tested("common", amount.max(axis=1), frequency=band))
+        width *= 2
+    return largest(found) if found else Tested("common", np.zeros(len(first.amplitudes)))
+
+
+def jump(clipped: Matrix, noise: Background, rows: Rows) -> list[Tested]:
+    """A step that stays: the innovation at the step, and the shifted mean after it against that before it.
+
+    `clipped` is whitened, far values clipped.
+    """
+    found = []
+    for length in (8, 32, 128):
+        drift = np.maximum(noise.after_a_step(length), 1e-3)[:, None]
+        for k, here in enumerate(rows):
+            n = len(here)
+            if n < 4 * length:
+                continue
+            sums = np.concatenate([np.zeros((len(clipped), 1)), np.cumsum(clipped[:, here], axis=1)], axis=1)
+            at = np.arange(length, n - length)
+            after = sums[:, at + length] - sums[:, at + 1]
+            before = sums[:, at] - sums[:, at - length]
+            score = clipped[:, here[at]] + drift * (after - before)
+            score = np.abs(score) / np.sqrt(1.0 + drift**2 * (2.0 * length - 1.0))
+            peak = int(np.argmax(score[0]))
+            window = (int(here[at[peak]]), int(here[-1]))
+            found.append(Tested("jump", score.max(axis=1), run=k, rows=window))
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class ColumnsOfState:
+    """One variable of the machine's state on the n_seen rows with a reading."""
+
+    variable: Variable
+    bins: NDArray[np.intp]  #: (n_seen,)
+    members: Matrix  #: (n_seen, n_bins): 1 in the column of a row's bin
+    columns: Matrix  #: (n_seen, p): Orthonormal: bins behind the noise filter
+
+
+def columns_of_states(noise: Background, rows: Rows, states: Sequence[Variable]) -> list[ColumnsOfState]:
+    """What means that differ by state can look like behind the filter of a single residual's noise."""
+    found = []
+    seen = np.concatenate(rows)
+    for variable in states:
+        bins = variable.bins(_BINS)
+        count = int(bins.max()) + 1
+        if count < 2:
+            continue
+        table = (np.arange(count)[:, None] == bins[None, :]).astype(np.float64)
+        filtered = noise.innovations(table, rows)[:, seen].T
+        left, values, _ = np.linalg.svd(filtered - filtered.mean(axis=0), full_matrices=False)
+        left = left[:, values > 1e-6 * values[0]] if values[0] > 0 else left[:, :0]
+        if left.shape[1]:
+            found.append(ColumnsOfState(variable, bins[seen], np.ascontiguousarray(table.T[seen]), left))
+    return found
+
+
+def by_state(clipped: Matrix, rows: Rows, states: Sequence[ColumnsOfState]) -> list[Tested]:
+    """Means that differ between states of the machine: largest over the variables of the sum of squares explained.
+
+    `clipped` is whitened, far values clipped.
+    """
+    found = []
+    seen = np.concatenate(rows)
+    readings = clipped[:, seen]
+    for state in states:
+        explained = np.sum((readings @ state.columns) ** 2, axis=1)
+        count = np.bincount(state.bins)
+        means = np.bincount(state.bins, weights=readings[0]) / np.maximum(count, 1)
+        there = state.variable.values[seen][state.bins == int(np.argmax(np.abs(means)))]
+        words = f"{state.variable.words} {there.min():.4g} to {there.max():.4g} {state.variable.unit}".strip()
+        found.append(Tested("state", _normal_of_squares(explained, state.columns.shape[1]), words=words))
+    return found
+
+
+def burst(even: Matrix, rows: Rows) -> list[Tested]:
+    """More noise in one window than elsewhere, by ranks; `even` is whitened and of one size in all states."""
+    seen = np.concatenate(rows)
+    size = np.abs(even[:, seen])
+    of_ranks = norm.ppf(0.5 + 0.5 * (np.arange(len(seen)) + 0.5) / len(seen)) ** 2 - 1.0
+    stack = np.empty_like(size)
+    np.put_along_axis(stack, np.argsort(size, axis=1), of_ranks[None, :], axis=1)
+    found, start = [], 0
+    for k, here in enumerate(rows):
+        n = len(here)
+        sums = np.concatenate([np.zeros((len(stack), 1)), np.cumsum(stack[:, start : start + n], axis=1)], axis=1)
+        length = 8
+        while length <= n // 2:
+            first = np.arange(0, n - length + 1, max(1, length // 4))
+            score = (sums[:, first + length] - sums[:, first]) / np.sqrt(2.0 * length)
+            at = int(first[int(np.argmax(score[0]))])
+            window = (int(here[at]), int(here[at + length - 1]))
+            found.append(Tested("burst", score.max(axis=1), run=k, rows=window))
+            length *= 2
+        start += n
+    return found
+
+
+def spells(residuals: Matrix, even: Matrix, rows: Rows) -> list[Tested]:
+    """Something that comes and goes: means over some samples, and their steps, have longer tails than noise's.
+
+    Sums of noise are nearly normal, of whatever colour it is; of what acts now and then many are small and a few large.
+    Means of `even` (whitened and of one size in all states) and steps between adjoining means of the residuals
+    themselves, over 1 to 64 samples; statistic: logarithm of the kurtosis.
+    """
+    clipped = [_running(np.clip(even[:, here], -4.0, 4.0)) for here in rows]
+    plain = [_running(residuals[:, here]) for here in rows]
+    found = []
+    for k in (1, 2, 4, 8, 16, 32, 64):
+        long_enough = [j for j, here in enumerate(rows) if len(here) >= 4 * k]
+        if not long_enough:
+            break
+        every = max(1, k // 4)
+        if k > 1:
+            found.append(_tails([(s[:, k:] - s[:, :-k])[:, ::every] for s in (clipped[j] for j in long_enough)]))
+        if k < 64:
+            steps = [
+                s[:, 2 * k :: every] - 2.0 * s[:, k:-k:every] + s[:, : -2 * k : every]
+                for s in (plain[j] for j in long_enough)
+            ]
+            found.append(_tails(steps))
+    return found
+
+
+def _running(values: Any) -> Any:
+    return np.concatenate([np.zeros((len(values), 1)), np.cumsum(values, axis=1)], axis=1)
+
+
+def _tails(parts: Sequence[Matrix]) -> Tested:
+    count = sum(part.shape[1] for part in parts)
+    squares = [part**2 for part in parts]
+    power = np.maximum(np.sum([part.sum(axis=1) for part in squares], axis=0) / count, 1e-300)
+    fourth = np.sum([np.einsum("sr,sr->s", part, part) for part in squares], axis=0) / count
+    return Tested("spells", np.log(np.maximum(fourth / power**2, 1e-300)))
+
+
+def of_one_size(white: Matrix, rows: Rows, states: Sequence[ColumnsOfState]) -> Matrix:
+    """Whitened residuals whose size is the same in all states of the machine, as noise may differ by state."""
+    seen = np.concatenate(rows)
+    result = np.zeros_like(white)
+    readings = white[:, seen]
+    result[:, seen] = readings / _size_by_state(np.abs(readings), states)
+    return result
+
+
+def _size_by_state(size: Matrix, states: Sequence[ColumnsOfState]) -> Matrix:
+    """Mean size in each bin of the one variable that tells most about it, set by set; 1 where none tells anything."""
+    level, spread = size.mean(axis=1, keepdims=True), np.maximum(size.var(axis=1), 1e-300)
+    best, scale = np.full(len(size), _TELLING), np.ones_like(size)
+    for state in states:
+        count = state.members.sum(axis=0)
+        mean = size @ state.members / np.maximum(count, 1.0)
+        between = ((mean - level) ** 2 @ count) / spread
+        better = between > best
+        best[better] = between[better]
+        scale[better] = np.maximum(mean / np.maximum(level, 1e-300), 0.05)[better][:, state.bins]
+    return scale
+
+
+def _normal_of_sum(total: Matrix, count: int) -> Matrix:
+    """Standard normal value of a sum of `count` unit exponentials (Wilson–Hilferty)."""
+    return np.asarray(((total / count) ** (1.0 / 3.0) - 1.0 + 1.0 / (9.0 * count)) * np.sqrt(9.0 * count))
+
+
+def _normal_of_squares(total: Vector, count: int) -> Vector:
+    """Standard normal value of a sum of `count` squares of standard normal values (Wilson–Hilferty)."""
+    return np.asarray(((total / count) ** (1.0 / 3.0) - 1.0 + 2.0 / (9.0 * count)) * np.sqrt(4.5 * count))
+
+
 _DRAWS = (99, 199)
 """Sets of noise: the fewest, and as many as there are where readings are not too many."""
 _READINGS = 4_000_000
@@ -47,40 +307,22 @@ _READINGS = 4_000_000
 
 @dataclass(frozen=True)
 class Structure:
-    """Something in the residual that is no noise.
+    """Something in the residual that is no noise."""
 
-    Attributes
-    ----------
-    kind : {"slow", "line", "cycle", "jump", "state", "burst", "spells", "common"}
-        Slower than noise · one frequency · a band of frequencies · a step · by state of the machine · a burst · comes
-        and goes in short spells · slow and seen in several responses.
-    channel : str
-        The response.
-    run : str or None
-        The run that shows it; None = several.
-    from_s, to_s : float or None
-        Window [s from the start of that run].
-    frequency_hz : (float, float) or None
-        The band.
-    regime : str or None
-        State of the machine in words.
-    size : float
-        Root mean square of what exceeds noise of short memory [unit of the response].
-    unit : str
-    p_value : float
-        Adjusted for all tests on all responses.
-    """
-
+    #: {"slow", "line", "cycle", "jump", "state", "burst", "spells", "common"}: Slower than noise · one frequency · a
+    #: band of frequencies · a step · by state of the machine · a burst · comes and goes in short spells · slow and seen
+    #: in several responses
     kind: Kind
-    channel: str
-    run: str | None
+    channel: str  #: The response
+    run: str | None  #: The run that shows it; None = several
+    #: from_s and to_s: Window [s from the start of that run]
     from_s: float | None
     to_s: float | None
-    frequency_hz: tuple[float, float] | None
-    regime: str | None
-    size: float
+    frequency_hz: tuple[float, float] | None  #: The band
+    regime: str | None  #: State of the machine in words
+    size: float  #: Root mean square of what exceeds noise of short memory [unit of the response]
     unit: str
-    p_value: float
+    p_value: float  #: Adjusted for all tests on all responses
 
 
 def unexplained(

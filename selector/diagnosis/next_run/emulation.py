@@ -11,14 +11,11 @@ from scipy import signal
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.next_run.planned_runs import PlannedRun
-from selector.diagnosis.shapes.heating import SHORTEST_S, heats, sources
-from selector.diagnosis.shapes.motion import derivatives
-from selector.diagnosis.shapes.record_kind import SLOWEST_VIBRATION_S
-from selector.diagnosis.shapes.signals import filled, lagged, rise, time_constants
-from selector.diagnosis.shapes.spindle_heat import follows_sensors
+from selector.diagnosis.shapes.axis import derivatives
+from selector.diagnosis.shapes.heating import SHORTEST_S, follows_sensors, heats, sources
+from selector.diagnosis.shapes.signals import SLOWEST_VIBRATION_S, filled, lagged, rise, time_constants
+from selector.types import Matrix, Vector
 
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
 Blocks = list[Matrix]
 
 NEW_RUN = "planned run"

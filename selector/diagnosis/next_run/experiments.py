@@ -14,15 +14,13 @@ from selector.diagnosis.answer import NamedEffect, NextRun
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import effect_of
 from selector.diagnosis.effects.effect import Effect, Variant
-from selector.diagnosis.evidence.bench import Bench, recalibration_columns
 from selector.diagnosis.evidence.noise import NoiseModel, noise_model, stretches, whitened
+from selector.diagnosis.evidence.response import Bench, recalibration_columns
 from selector.diagnosis.evidence.search import Search, numbers
 from selector.diagnosis.next_run.emulation import NEW_RUN, extended
 from selector.diagnosis.next_run.planned_runs import PlannedRun, planned_runs
 from selector.diagnosis.shapes.heating import SHORTEST_S
-
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
+from selector.types import Matrix, Vector
 
 _SURE = 0.85
 """Weight that the true effect of a pair is to have after the run."""

@@ -11,13 +11,11 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.shapes.axis import derivatives
 from selector.diagnosis.shapes.heating import SHORTEST_S, Sources, sources
-from selector.diagnosis.shapes.motion import derivatives
-from selector.diagnosis.shapes.record_kind import SLOWEST_VIBRATION_S, no_gauging
-from selector.diagnosis.shapes.signals import course, excited, filled, rate, rise
-from selector.quality.wording import duration
-
-Vector = NDArray[np.float64]
+from selector.diagnosis.shapes.signals import SLOWEST_VIBRATION_S, course, excited, filled, no_gauging, rate, rise
+from selector.quality.survey import duration
+from selector.types import Vector
 
 Given = dict[str, NDArray[Any]]
 
@@ -33,18 +31,10 @@ _DWELL_S = 0.3
 
 @dataclass(frozen=True, eq=False)
 class PlannedRun:
-    """A run that has not been made.
+    """A run that has not been made."""
 
-    Attributes
-    ----------
-    description : str
-        Speeds, times and what to log, as an instruction.
-    inputs : mapping of str to ndarray of shape (n_samples,)
-        What is set, channel by channel [unit of the channel], at the sampling period of the comparison.
-    duration_s : float
-    """
-
-    description: str
+    description: str  #: Speeds, times and what to log, as an instruction
+    #: (n_samples,): What is set, channel by channel [unit of the channel], at the sampling period of the comparison
     inputs: Mapping[str, Vector]
     duration_s: float
 

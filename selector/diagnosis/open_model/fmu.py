@@ -24,30 +24,15 @@ _TIMES = 10.0
 
 @dataclass(frozen=True, eq=False)
 class FmuModel:
-    """A functional mock-up unit, driven by recorded channels that are called like its inputs; made by `fmu_model`.
+    """A functional mock-up unit, driven by recorded channels that are called like its inputs; made by `fmu_model`."""
 
-    Attributes
-    ----------
-    name : str
-        What its description calls it.
-    folder : Path
-        Where it is unpacked.
-    description : object
-        FMPy's.
-    parameters : mapping of str to Parameter
-        Its real parameters; bounds are those it declares, else a tenth and ten times.
-    bounded : frozenset of str
-        Those whose bounds it declares.
-    inputs, outputs : tuple of str
-        Its inputs and outputs that were recorded.
-    recording : Recording
-    """
-
-    name: str
-    folder: Path
-    description: Any
+    name: str  #: What its description calls it
+    folder: Path  #: Where it is unpacked
+    description: Any  #: FMPy's
+    #: Its real parameters; bounds are those it declares, else a tenth and ten times
     parameters: Mapping[str, Parameter]
-    bounded: frozenset[str]
+    bounded: frozenset[str]  #: Those whose bounds it declares
+    #: inputs and outputs: Its inputs and outputs that were recorded
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     recording: Recording

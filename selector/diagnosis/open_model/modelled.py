@@ -1,4 +1,4 @@
-"""What a simulation left out that can be run again: refit, test effects through it, put them in, refit, prove."""
+"""What a simulation left out that can be run again: refit, test effects through it, put them in."""
 
 from __future__ import annotations
 
@@ -6,25 +6,80 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.diagnosis.answer import Diagnosis, Errors, Evidence, Fit, NamedEffect, Verdict
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue, effect_of
 from selector.diagnosis.effects.effect import Quantity
+from selector.diagnosis.finding_table import FINDINGS
+from selector.diagnosis.matching.alignment import comparison_of
+from selector.diagnosis.matching.usable import identical_responses
 from selector.diagnosis.mismatch.location import active_windows
-from selector.diagnosis.open_model.refit_problem import simulated_rows
-from selector.diagnosis.open_model.refitting import Refitted, Say, refitted
+from selector.diagnosis.open_model.refitting import Refitted, Say, refitted, simulated_rows
 from selector.diagnosis.open_model.runnable import OwnModel, Runnable
-from selector.diagnosis.open_model.step_choice import with_longest_steps
-from selector.diagnosis.open_model.switches import Switch
-from selector.diagnosis.open_model.through_model import ThroughModel, through_model
+from selector.diagnosis.open_model.switches import Switch, ThroughModel, through_model
 from selector.diagnosis.wording import headline
 from selector.diagnosis.workflow import diagnosis
+from selector.errors import InputError
 from selector.findings import Finding
 from selector.recording import Recording
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
+_TELLS = 0.01
+"""Share of the noise from sample to sample that an error of the steps stays below."""
+_DOUBLINGS = 8
+
+
+def with_longest_steps(
+    model: Runnable, recording: Recording, *, responses: Sequence[str] | None = None, holdout: str = "last"
+) -> Runnable:
+    """The model with the longest internal steps that give what those of its file give, to within a trifle of the noise.
+
+    A search simulates some hundred times. Steps are doubled until it is told; other models than those of heat are
+    given back as they are.
+
+    Parameters
+    ----------
+    model
+        What is searched.
+    recording, responses, holdout
+        As of `alignment.comparison_of`.
+
+    Raises
+    ------
+    InputError
+        The recordings cannot drive the model, or nothing can be compared.
+    """
+    if not isinstance(model, OwnModel) or model.kind != "thermal" or not hasattr(model.file.run, "step_s"):
+        return model
+    comparison = comparison_of(recording, model.simulated({}), responses=responses, holdout=holdout)
+    chosen = model
+    for doubled in range(1, _DOUBLINGS + 1):
+        tried = replace(model, step_s=float(model.file.run.step_s) * 2.0**doubled)
+        try:
+            courses = simulated_rows(comparison, tried.simulated({}))
+        except InputError:
+            break
+        if any(
+            not _step_rms(courses[name] - comparison.simulated[name]) <= _TELLS * _noise(comparison, name)
+            for name in comparison.responses
+        ):
+            break
+        chosen = tried
+    return chosen
+
+
+def _noise(comparison: Comparison, name: str) -> float:
+    """Root mean square of what changes from sample to sample, as of a course that does not go on."""
+    change = np.diff(comparison.difference(name))
+    return _step_rms(change) / np.sqrt(2.0)
+
+
+def _step_rms(values: np.ndarray) -> float:
+    seen = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(seen**2))) if len(seen) else 0.0
+
+
 _FLOOR = 0.02
 """Share of the mean square that something has to take away to be worth a word."""
 _MOST = 4
@@ -37,41 +92,21 @@ _SIZES = (1.0, 2.0, 4.0, 8.0)
 
 @dataclass(frozen=True, eq=False)
 class Improved:
-    """The model with what it left out.
-
-    Attributes
-    ----------
-    model : OwnModel
-    added : tuple of str
-        Effects that are in it now.
-    not_in_it : tuple of str
-        Named effects that its file cannot express.
-    refit : Refitted
-        Everything fitted together.
-    """
+    """The model with what it left out."""
 
     model: OwnModel
-    added: tuple[str, ...]
-    not_in_it: tuple[str, ...]
-    refit: Refitted
+    added: tuple[str, ...]  #: Effects that are in it now
+    not_in_it: tuple[str, ...]  #: Named effects that its file cannot express
+    refit: Refitted  #: Everything fitted together
 
 
 @dataclass(frozen=True, eq=False)
 class Modelled:
-    """A diagnosis in mode B or C.
-
-    Attributes
-    ----------
-    answer : Diagnosis
-    refit : Refitted
-        The simulation with its own parameters fitted, nothing added.
-    improved : Improved or None
-        In mode C, if something was put into the model.
-    """
+    """A diagnosis in mode B or C."""
 
     answer: Diagnosis
-    refit: Refitted
-    improved: Improved | None
+    refit: Refitted  #: The simulation with its own parameters fitted, nothing added
+    improved: Improved | None  #: In mode C, if something was put into the model
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,20 +194,6 @@ def diagnosis_of_model(
         starts = [earlier | {name: one.parameters[name].value for name in names} for one in made]
         start = again
     return _answer(runnable, turns, found, seed)
-
-
-def improved_errors(improved: Improved) -> dict[str, float]:
-    """Response → held-out root mean square error of the improved model, simulated anew from its file [unit].
-
-    Raises
-    ------
-    InputError
-        It cannot be simulated.
-    """
-    comparison = improved.refit.comparison
-    courses = simulated_rows(comparison, improved.model.simulated({}))
-    held = comparison.held_out
-    return {name: _rms((comparison.recorded[name] - course)[held]) for name, course in courses.items()}
 
 
 def _part(say: Say, start: float, end: float) -> Callable[[float, float], Say]:
@@ -348,6 +369,7 @@ def _closed(middle: Vector, after: Vector, floor: float, seed: int) -> Quantity 
 def _is_recalibrated(refit: Refitted) -> bool:
     """Whether the parameters took away more than a trifle of the mismatch, on held-out rows too."""
     held = refit.nominal.held_out
+    copies = identical_responses(refit.nominal)
     return any(
         all(
             _rms(refit.comparison.difference(name)[rows]) ** 2
@@ -355,15 +377,15 @@ def _is_recalibrated(refit: Refitted) -> bool:
             for rows in (held, ~held)
         )
         for name in refit.nominal.responses
+        if name not in copies
     )
 
 
 def _mode(runnable: Runnable, turns: Sequence[_Turn]) -> Finding:
     what = "own model" if runnable.mode == "C" else "a black box that can be run again"
     refit = turns[0].refit
-    return Finding(
+    return FINDINGS.finding(
         "mode",
-        "info",
         f"Mode {runnable.mode}: {what}, {runnable.name!r}; {len(refit.values)} parameters refitted, simulated "
         f"{sum(turn.refit.runs for turn in turns)} times.",
         evidence={
@@ -374,13 +396,11 @@ def _mode(runnable: Runnable, turns: Sequence[_Turn]) -> Finding:
 
 
 def _not_in_file(names: Sequence[str]) -> Finding:
-    return Finding(
+    return FINDINGS.finding(
         "not-in-model",
-        "warning",
         f"The model file cannot express {', '.join(names)}: the errors of the answer are those with a correction "
         "beside the model.",
         evidence={"effects": list(names)},
-        suggestion="use the correction, or describe the machine in more detail (a screw with its springs, more nodes)",
     )
 
 

@@ -1,4 +1,4 @@
-"""How far do its own parameters bring a simulation that can be run again; which of them were pulled, and how surely."""
+"""How far do its own parameters bring a simulation that can be run again, and which of them were pulled."""
 
 from __future__ import annotations
 
@@ -11,17 +11,138 @@ from scipy.optimize import least_squares
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Quantity
-from selector.diagnosis.entrance.alignment import comparison_of
-from selector.diagnosis.evidence.noise import stretches
-from selector.diagnosis.open_model.refit_problem import RefitProblem, noise_of
+from selector.diagnosis.evidence.noise import NoiseModel, noise_model, stretches, whitened
+from selector.diagnosis.finding_table import FINDINGS
+from selector.diagnosis.matching.alignment import comparison_of
+from selector.diagnosis.matching.usable import rounding_of
 from selector.diagnosis.open_model.runnable import Runnable
 from selector.errors import InputError
 from selector.findings import Finding
 from selector.physics.model_parameters import Parameter
 from selector.recording import Recording
+from selector.types import Matrix, Vector
 
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
+FARTHEST = 3.0
+"""Standard deviations of the nameplate that a parameter may go."""
+STEP = 0.1
+"""Step of a finite difference, in standard deviations of the nameplate."""
+
+
+@dataclass(frozen=True, eq=False)
+class RefitProblem:
+    """Weighted residuals of the fitted rows as a function of parameters in nameplate units."""
+
+    runnable: Runnable
+    comparison: Comparison
+    names: tuple[str, ...]  #: Parameters that are fitted
+    #: centre and spread: (n_parameters,): What the file says, and its standard deviation
+    centre: Vector
+    spread: Vector
+    free: NDArray[np.bool_]  #: (n_parameters,): Parameters that no nameplate holds
+    noise: Mapping[str, NoiseModel]  #: Response → what counts as one standard deviation
+    parts: Mapping[str, list[slice]]  #: Response → stretches without gaps, fitted rows
+    counted: Callable[[], None]  #: Told of every run of the simulation
+
+    def courses(self, z: Vector) -> dict[str, Vector]:
+        """Simulated responses; z is in standard deviations of the nameplate."""
+        self.counted()
+        values = dict(zip(self.names, (self.centre + self.spread * z).tolist(), strict=True))
+        return simulated_rows(self.comparison, self.runnable.simulated(values))
+
+    def white(self, courses: Mapping[str, Vector]) -> Vector:
+        """Recorded less simulated in standard deviations, fitted rows, responses behind each other."""
+        parts = []
+        for name in self.comparison.responses:
+            left = self.comparison.recorded[name] - courses[name]
+            rows = filled_rows(left, self.parts[name])
+            parts.append(whitened(self.noise[name], rows[:, None], self.parts[name])[:, 0])
+        kept = ~self.comparison.held_out
+        return np.concatenate([part[kept] for part in parts])
+
+    def tangents(
+        self, z: Vector, at: Mapping[str, Vector], known: Mapping[str, Mapping[str, Vector]] | None = None
+    ) -> dict[str, Matrix]:
+        """Response → change of its course with every parameter, by finite differences, shape (n_rows, n_parameters).
+
+        Those that are `known` (response → parameter) are taken as they are.
+        """
+        found = {name: np.zeros((len(self.comparison.time_s), len(self.names))) for name in self.comparison.responses}
+        for k, parameter in enumerate(self.names):
+            if known and all(parameter in known[name] for name in found):
+                for name, columns in found.items():
+                    columns[:, k] = known[name][parameter]
+                continue
+            for step in (STEP, -STEP):
+                moved = np.array(z)
+                moved[k] += step
+                if abs(moved[k]) > self.limits[1][k] + 1e-12 and step > 0.0:
+                    continue
+                try:
+                    courses = self.courses(moved)
+                except InputError:
+                    continue
+                for name, columns in found.items():
+                    columns[:, k] = (courses[name] - at[name]) / step
+                break
+        return found
+
+    def white_tangents(self, tangents: Mapping[str, Matrix]) -> Matrix:
+        """The same in standard deviations of the responses, fitted rows."""
+        kept = ~self.comparison.held_out
+        return np.concatenate([
+            whitened(self.noise[name], np.column_stack([filled_rows(c, self.parts[name]) for c in tangents[name].T])
+                     if tangents[name].shape[1] else tangents[name], self.parts[name])[kept]
+            for name in self.comparison.responses
+        ])  # fmt: skip
+
+    @property
+    def limits(self) -> tuple[Vector, Vector]:
+        """Between what z may lie: three standard deviations of the nameplate, or the bounds that were said."""
+        parameters = self.runnable.parameters
+        low, high = (
+            np.array([getattr(parameters[name], end) for name in self.names]) for end in ("low", "high")
+        )  # fmt: skip
+        bounds = (low - self.centre) / self.spread, (high - self.centre) / self.spread
+        far = np.where(self.free, np.inf, FARTHEST)
+        return np.maximum(bounds[0], -far), np.minimum(bounds[1], far)
+
+
+def simulated_rows(comparison: Comparison, simulation: Recording) -> dict[str, Vector]:
+    """Responses of a simulation that has the recordings' times, at the rows of a comparison, which may be fewer."""
+    names = list(comparison.responses)
+    rows = np.concatenate([
+        simulation.values(run, names)[np.searchsorted(simulation.time_s(run), comparison.time_s[part])]
+        for run, part in comparison.rows_of_runs()
+    ])  # fmt: skip
+    return {name: np.ascontiguousarray(rows[:, k], dtype=np.float64) for k, name in enumerate(names)}
+
+
+def noise_of(fit: RefitProblem, courses: Mapping[str, Vector]) -> dict[str, NoiseModel]:
+    """What counts as one standard deviation of every response: the size of what is left of it, by how long it lasts.
+
+    What is left holds what the model lacks. A filter that made it white would weigh its fast part most, where the model
+    is wrong most often; an even weight, which counts readings that repeat each other once, finds the parameters that
+    make the error small. Of a recording that equals its simulation rounding is left: less is no standard deviation.
+    """
+    found = {}
+    for name in fit.comparison.responses:
+        left = np.where(fit.comparison.held_out, np.nan, fit.comparison.recorded[name] - courses[name])
+        model = noise_model(left, [part for part in fit.parts[name] if part.stop - part.start > 8])
+        size = float(np.sqrt(np.nanmean(left**2)) * np.sqrt(model.correlation_samples))
+        found[name] = NoiseModel(np.zeros(0), max(size, rounding_of(fit.comparison, name), 1e-300))
+    return found
+
+
+def filled_rows(values: Vector, parts: Sequence[slice]) -> Vector:
+    """The course without holes inside its stretches, 0 outside."""
+    result = np.zeros(len(values))
+    for part in parts:
+        seen = np.isfinite(values[part])
+        at = np.arange(part.stop - part.start)
+        result[part] = values[part] if seen.all() else np.interp(at, at[seen], values[part][seen])
+    return result
+
+
 Say = Callable[[int, int, str], None]
 _Start = tuple[Vector, "_Slopes"]
 
@@ -45,34 +166,15 @@ _MOST_DIRECTIONS = 8
 
 @dataclass(frozen=True, eq=False)
 class Refitted:
-    """A simulation whose parameters were fitted to the recordings.
+    """A simulation whose parameters were fitted to the recordings."""
 
-    Attributes
-    ----------
-    nominal : Comparison
-        With the simulation as it was given.
-    comparison : Comparison
-        With the refitted one; its `tangents` say what the parameters could still change.
-    values : mapping of str to float
-        Every parameter that was fitted.
-    quantities : mapping of str to Quantity
-        The same with units and 95 % intervals.
-    left_alone : tuple of str
-        Those that the record says little about, so that the nameplate holds them.
-    runs : int
-        How often the simulation was run.
-    findings : tuple of Finding
-    slopes : mapping of str to mapping of str to ndarray of shape (n_rows,)
-        Response → parameter → change of its course with the parameter, per unit of the parameter.
-    """
-
-    nominal: Comparison
-    comparison: Comparison
-    values: Mapping[str, float]
-    quantities: Mapping[str, Quantity]
-    left_alone: tuple[str, ...]
-    runs: int
+    nominal: Comparison  #: With the simulation as it was given
+    comparison: Comparison  #: With the refitted one; its `tangents` say what the parameters could still change
+    values: Mapping[str, float]  #: Every parameter that was fitted
+    quantities: Mapping[str, Quantity]  #: The same with units and 95 % intervals
+    runs: int  #: How often the simulation was run
     findings: tuple[Finding, ...]
+    #: (n_rows,): Response → parameter → change of its course with the parameter, per unit of the parameter
     slopes: Mapping[str, Mapping[str, Vector]]
 
 
@@ -159,7 +261,7 @@ def refitted(
     by_name = {
         response: dict(zip(names, (columns / fit.spread).T, strict=True)) for response, columns in tangents.items()
     }
-    return Refitted(nominal, comparison, values, quantities, left_alone, done, tuple(findings), by_name)
+    return Refitted(nominal, comparison, values, quantities, done, tuple(findings), by_name)
 
 
 def _fit(
@@ -197,20 +299,13 @@ def _spread(one: Parameter, name: str, runnable: Runnable, extra: Mapping[str, f
 
 @dataclass(frozen=True, eq=False)
 class _Slopes:
-    """Courses at a point, and how they change there: by finite differences elsewhere, mended by every step since.
+    """Courses at a point, and how they change there: by finite differences elsewhere, mended by every step since."""
 
-    Attributes
-    ----------
-    at, taken_at : ndarrays of shape (n_parameters,)
-        Where the courses are; where the finite differences were taken.
-    courses : mapping of str to ndarray of shape (n_rows,)
-    taken, tangents : mapping of str to ndarray of shape (n_rows, n_parameters)
-        Finite differences, and the same as mended since.
-    """
-
+    #: at and taken_at: (n_parameters,): Where the courses are; where the finite differences were taken
     at: Vector
     taken_at: Vector
-    courses: Mapping[str, Vector]
+    courses: Mapping[str, Vector]  #: (n_rows,)
+    #: taken and tangents: (n_rows, n_parameters): Finite differences, and the same as mended since
     taken: Mapping[str, Matrix]
     tangents: Mapping[str, Matrix]
 
@@ -363,13 +458,11 @@ def _pulled(fit: RefitProblem, z: Vector, sd: Vector, extra: Mapping[str, float]
             continue
         unit = fit.runnable.parameters[name].unit
         found.append(
-            Finding(
+            FINDINGS.finding(
                 "parameter-pulled",
-                "warning",
                 f"{name} was pulled from {was:.4g} to {now:.4g} {unit} ({now / was - 1.0:+.0%}) to fit the recordings: "
                 "it may stand in for something that the model does not have.",
                 evidence={"parameter": name, "from": was, "to": now, "unit": unit},
-                suggestion="check it against the name plate; the effects below are tested beside it",
             )
         )
     return found
@@ -380,9 +473,8 @@ def _told(left_alone: Sequence[str], runnable: Runnable) -> list[Finding]:
         return []
     shown = ", ".join(left_alone[:8]) + (f" and {len(left_alone) - 8} more" if len(left_alone) > 8 else "")
     return [
-        Finding(
+        FINDINGS.finding(
             "parameters-left-alone",
-            "info",
             f"The recordings say little of {shown}: they stay near what {runnable.name!r} says.",
             evidence={"parameters": list(left_alone)},
         )

@@ -12,18 +12,15 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from selector.errors import InputError
 from selector.findings import Finding
 from selector.physics.model_parameters import Parameter
 from selector.physics.model_text import Key, plain_values
-from selector.physics.model_writing import model_file_text
+from selector.physics.model_values import model_file_text
+from selector.physics.simulation_kind import Columns, RunSettings, SimulationKind, simulation_kinds
 from selector.recording import Recording
 
-Vector = NDArray[np.float64]
-Columns = Mapping[str, tuple[Vector, Vector]]
-Kind = Literal["thermal", "drive", "vibration", "gauging"]
 Mode = Literal["B", "C"]
 
 _KNOWN = ("servo", "sensing", "thresholds", "relay")
@@ -61,26 +58,13 @@ class Runnable(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class OwnModel:
-    """A model file of ours, driven by recorded runs (mode C).
+    """A model file of ours, driven by recorded runs (mode C)."""
 
-    Attributes
-    ----------
-    kind : {"thermal", "drive", "vibration", "gauging"}
-    file : Entry
-        Its content, as the `model_file` module of its physics has read it.
-    recording : Recording
-        The runs that drive it.
-    columns : mapping
-        Values of the columns of files beside it that it refers to.
-    step_s : float, optional
-        Longest internal step of a network or field of heat [s]; default: that of its file.
-    """
-
-    kind: Kind
-    file: Any
-    recording: Recording
-    columns: Columns = field(default_factory=dict)
-    step_s: float | None = None
+    kind: str  #: One of `simulation_kinds`
+    file: Any  #: Its content, as the `model_file` module of its physics has read it
+    recording: Recording  #: The runs that drive it
+    columns: Columns = field(default_factory=dict)  #: Values of the columns of files beside it that it refers to
+    step_s: float | None = None  #: Longest internal step of a network or field of heat [s]; default: that of its file
 
     @property
     def mode(self) -> Mode:
@@ -133,7 +117,8 @@ class OwnModel:
         model = self._quiet
         if values:
             model = model.with_parameters({name: float(value) for name, value in values.items()})
-        return _driven(self.kind, model, self.recording, self.columns)
+        done = self._kind.driven(model, self.recording, RunSettings(self.columns))
+        return done.recording, done.findings
 
     def with_values(self, values: Mapping[str, float]) -> OwnModel:
         """The same with these numbers in its file."""
@@ -150,7 +135,7 @@ class OwnModel:
         plain = copy.deepcopy(plain_values(self.file))
         for path, value in changes:
             _put(plain, path, value)
-        return dataclasses.replace(self, file=_checked(self.kind, plain, self.name))
+        return dataclasses.replace(self, file=self._checked(plain))
 
     def text(self, head: str = "") -> str:
         """The model file; `head` becomes a comment at its beginning."""
@@ -158,36 +143,33 @@ class OwnModel:
 
     @cached_property
     def _quiet(self) -> Any:
-        file = _without_noise(self.kind, self.file)
+        file = self._kind.quiet(self.file)
         if self.step_s is not None:
             plain = copy.deepcopy(plain_values(file))
             _put(plain, ("run", "step_s"), self.step_s)
-            file = _checked(self.kind, plain, self.name)
+            file = self._checked(plain)
         return self._model(file)
 
+    @property
+    def _kind(self) -> SimulationKind:
+        return simulation_kinds()[self.kind]
+
+    def _checked(self, plain: Mapping[str, Any]) -> Any:
+        return self._kind.checked(plain, where=f"model {self.name!r}")
+
     def _model(self, file: Any) -> Any:
-        return _built(self.kind, file, self.columns)
+        return self._kind.model(file, self.columns)
 
 
 @dataclass(frozen=True, eq=False)
 class FunctionModel:
-    """A Python function that simulates the recorded runs (mode B).
-
-    Attributes
-    ----------
-    name : str
-    function : callable
-        Values by name → run → table of simulated channels, indexed by the time from the start of the run [s].
-    parameters : mapping of str to Parameter
-        Value, bounds and unit of everything that may be set; every one is refitted.
-    recording : Recording
-        The runs that are simulated; says the roles and units of the channels.
-    """
+    """A Python function that simulates the recorded runs (mode B)."""
 
     name: str
+    #: Values by name → run → table of simulated channels, indexed by the time from the start of the run [s]
     function: Callable[[Mapping[str, float]], Mapping[str, pd.DataFrame]]
-    parameters: Mapping[str, Parameter]
-    recording: Recording
+    parameters: Mapping[str, Parameter]  #: Value, bounds and unit of everything that may be set; every one is refitted
+    recording: Recording  #: The runs that are simulated; says the roles and units of the channels
 
     @property
     def mode(self) -> Mode:
@@ -255,87 +237,6 @@ def simulation_at_recorded_times(tables: Mapping[str, pd.DataFrame], recording: 
         read = {name: np.interp(at, time, values[:, k], np.nan, np.nan) for k, name in enumerate(names)}
         result[run] = pd.DataFrame(read, index=pd.Index(at, name="time_s"))
     return Recording.from_runs(result, tuple(recording.channel(name) for name in names), {})
-
-
-def _built(kind: Kind, file: Any, columns: Columns) -> Any:
-    """The model of a file; the physics comes in with it."""
-    if kind == "thermal":
-        from selector.physics.thermal.thermal_model import thermal_model
-
-        return thermal_model(file)
-    if kind == "drive":
-        from selector.physics.drive.drive_model import drive_model
-
-        return drive_model(file, columns)
-    if kind == "vibration":
-        from selector.physics.vibration.vibration_model import vibration_model
-
-        return vibration_model(file)
-    from selector.physics.gauging.gauging_model import gauging_model
-
-    return gauging_model(file)
-
-
-def _driven(kind: Kind, model: Any, recording: Recording, columns: Columns) -> tuple[Recording, tuple[Finding, ...]]:
-    if kind == "thermal":
-        from selector.physics.thermal.driving import driven_runs as driven_by_heat
-        from selector.physics.thermal.schedule import scheduled
-
-        file = model.file
-        longest_s = max(float(recording.time_s(run)[-1]) for run in recording.runs)
-        otherwise = scheduled(
-            file.conditions,
-            columns,
-            duration_s=max(file.run.duration_min * 60.0, longest_s),
-            period_s=file.run.period_s,
-        )
-        return driven_by_heat(model, recording, inputs=file.inputs, otherwise=otherwise)
-    if kind == "drive":
-        from selector.physics.drive.driving import driven_runs as driven_axes
-
-        axes = driven_axes(model, recording)
-        return axes.simulation.recording, axes.findings
-    if kind == "vibration":
-        from selector.physics.vibration.vibration_driving import driven_runs as driven_structure
-
-        shaken = driven_structure(model, recording)
-        return shaken.simulation.recording, shaken.findings
-    from selector.physics.gauging.gauging_driving import driven_runs as driven_gauge
-
-    gauged = driven_gauge(model, recording)
-    return gauged.simulation.recording, gauged.findings
-
-
-def _checked(kind: Kind, plain: Mapping[str, Any], name: str) -> Any:
-    where = f"model {name!r}"
-    if kind == "thermal":
-        from selector.physics.thermal.model_file import checked_model_file as heat_file
-
-        return heat_file(plain, where=where)
-    if kind == "drive":
-        from selector.physics.drive.model_file import checked_model_file as drive_file
-
-        return drive_file(plain, where=where)
-    if kind == "vibration":
-        from selector.physics.vibration.model_file import checked_model_file as vibration_file
-
-        return vibration_file(plain, where=where)
-    from selector.physics.gauging.model_file import checked_model_file as gauging_file
-
-    return gauging_file(plain, where=where)
-
-
-def _without_noise(kind: Kind, file: Any) -> Any:
-    """The file of a drive with sensors that neither round nor rustle; the other kinds are driven without noise."""
-    if kind != "drive":
-        return file
-    plain = copy.deepcopy(plain_values(file))
-    for axis in plain["axes"].values():
-        sensing = axis.get("sensing", {})
-        for key in ("motor_resolution", "scale_resolution_m", "current_noise"):
-            if key in sensing:
-                sensing[key] = 0.0
-    return _checked(kind, plain, file.model.name)
 
 
 def _said(values: Any, path: tuple[str, ...] = ()) -> set[str]:

@@ -12,21 +12,21 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.shapes.motion import commanded, derivatives, motion
-from selector.diagnosis.shapes.signals import filled, lagged
-from selector.diagnosis.shapes.simulated_axis import (
+from selector.diagnosis.shapes.axis import (
     FORCE_ROLES,
+    commanded,
+    derivatives,
+    motion,
     pushed,
     simulated_axis,
     simulated_drive_force,
     telling_rows,
 )
-
-Vector = NDArray[np.float64]
+from selector.diagnosis.shapes.signals import filled, lagged
+from selector.types import Vector
 
 PLACE_ROLES = ("displacement", "position")
 MOTION_ROLES = ("displacement", "position", "velocity", "acceleration")
@@ -55,18 +55,11 @@ _FROM_REST = 0.01
 
 @dataclass(frozen=True)
 class ClosedLoop:
-    """Characteristic polynomial of a drive's closed loop.
+    """Characteristic polynomial of a drive's closed loop."""
 
-    Attributes
-    ----------
-    polynomial : tuple of float
-        Coefficients of s³, s², s, 1, or of s², s, 1 where the control has no integral part; the first is 1.
-    misfit : float
-        What it leaves of the simulated courses, over these (rms).
-    """
-
+    #: Coefficients of s³, s², s, 1, or of s², s, 1 where the control has no integral part; the first is 1
     polynomial: tuple[float, ...]
-    misfit: float
+    misfit: float  #: What it leaves of the simulated courses, over these (rms)
 
     @property
     def paces_per_s(self) -> tuple[float, ...]:

@@ -16,18 +16,19 @@ from selector.diagnosis.effects.effect import Fitted, Quantity, Reading, Variant
 from selector.diagnosis.shapes.signals import excited, filled
 from selector.findings import Finding, Where
 from selector.quality import inspect
+from selector.quality.finding_table import CLOCK_JUMP, DRIFTS_FROM_GROUP, SATURATED, STEP, STUCK, SWAPPED_CHANNELS
 from selector.recording import Recording
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
 _IDS = {
-    "stuck": "data.stuck",
-    "step": "data.step",
-    "drifts-from-group": "data.drift",
-    "swapped-channels": "data.swapped",
-    "clock-jump": "data.clock",
+    STUCK: "data.stuck",
+    STEP: "data.step",
+    DRIFTS_FROM_GROUP: "data.drift",
+    SWAPPED_CHANNELS: "data.swapped",
+    CLOCK_JUMP: "data.clock",
 }
 """Findings about recordings → ids of the catalogue."""
-_ALWAYS_TOLD = ("stuck", "saturated")
+_ALWAYS_TOLD = (STUCK, SATURATED)
 """Findings that are told even if they may have another cause."""
 _LEAP = 2.5
 """Steps of the resolution."""
@@ -39,35 +40,19 @@ _LOOK = "Check the sensor, its cable and the logger. The diagnosis used its read
 
 @dataclass(frozen=True, eq=False)
 class InputFault:
-    """A recorded channel that is no response and is at fault.
+    """A recorded channel that is no response and is at fault."""
 
-    Attributes
-    ----------
-    id : str
-        Of the catalogue, ``"data.…"``.
-    channel : str or None
-        None: all channels of the run, as with a clock.
-    run : str
-    from_s, to_s : float
-        From the start of the run [s].
-    statement : str
-        What was found, with numbers and units.
-    sure : bool
-        Whether nothing else was found that may explain it.
-    evidence : mapping of str to JSON value
-        Numbers behind the statement.
-    course : ndarray of shape (n_rows,)
-        What the reading has too much [unit of the channel]; 0 outside the window. Of a clock: how late it is [s].
-    """
-
-    id: str
-    channel: str | None
+    id: str  #: Of the catalogue, ``"data.…"``
+    channel: str | None  #: None: all channels of the run, as with a clock
     run: str
+    #: from_s and to_s: From the start of the run [s]
     from_s: float
     to_s: float
-    statement: str
-    sure: bool
-    evidence: Mapping[str, Any]
+    statement: str  #: What was found, with numbers and units
+    sure: bool  #: Whether nothing else was found that may explain it
+    evidence: Mapping[str, Any]  #: Numbers behind the statement
+    #: (n_rows,): What the reading has too much [unit of the channel]; 0 outside the window. Of a clock: how late it is
+    #: [s].
     course: Vector
 
 
@@ -164,7 +149,7 @@ def _told_already(finding: Finding, faults: list[InputFault]) -> bool:
             continue
         if fault.id == _IDS[finding.id] == "data.swapped" and fault.evidence.get("other") == where.channel:
             return True
-        if finding.id == "drifts-from-group" and fault.channel == where.channel:
+        if finding.id == DRIFTS_FROM_GROUP and fault.channel == where.channel:
             return True
     return False
 
@@ -174,8 +159,8 @@ def _fault(comparison: Comparison, finding: Finding) -> InputFault:
     rows = dict(comparison.rows_of_runs())[str(where.run)]
     time = comparison.time_s[rows]
     from_s = float(time[0]) if where.from_s is None else where.from_s
-    to_s = float(time[-1]) if where.to_s is None or finding.id == "clock-jump" else where.to_s
-    if finding.id == "clock-jump" and where.to_s is not None:
+    to_s = float(time[-1]) if where.to_s is None or finding.id == CLOCK_JUMP else where.to_s
+    if finding.id == CLOCK_JUMP and where.to_s is not None:
         from_s = where.to_s
     here = np.zeros(len(comparison.time_s), dtype=bool)
     here[rows] = (time >= from_s) & (time <= to_s)
@@ -207,13 +192,13 @@ def _goes_on(comparison: Comparison, where: Where, here: NDArray[np.bool_]) -> b
 
 def _excess(comparison: Comparison, finding: Finding, here: NDArray[np.bool_], rows: slice) -> Vector:
     n = len(comparison.time_s)
-    if finding.id == "clock-jump":
+    if finding.id == CLOCK_JUMP:
         return np.full(n, float(finding.evidence["leap_s"]))
     name = str(finding.where.channel)
     recorded = filled(comparison, comparison.recorded[name])
-    if finding.id == "step":
+    if finding.id == STEP:
         return np.full(n, float(finding.evidence["height"]))
-    if finding.id == "swapped-channels":
+    if finding.id == SWAPPED_CHANNELS:
         return recorded - filled(comparison, comparison.recorded[str(finding.evidence["other"])])
     return recorded - _as_siblings_say(comparison, name, recorded, here, rows)
 

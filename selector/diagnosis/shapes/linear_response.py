@@ -1,30 +1,23 @@
-"""How a simulated course follows a force: by which filter a force that the simulation lacks would reach the response.
-
-A simulation has no noise, so a rational filter fitted to (recorded input → simulated response) is exact where the
-simulation is linear. It is fitted by the iteration of Steiglitz and McBride (IEEE Trans. Autom. Control 10, 1965),
-with the state at the start of every run free. A simulation may know an imbalance too: forces that turn with the
-spindle are fitted beside the recorded inputs where these leave something. Where no recorded input explains the
-simulated course, its own decay gives the poles (Prony), and where it does not decay, resonances at the peaks of its
-spectrum stand in.
-"""
+"""How a simulated course follows a force, by itself, along a chain, and with a force that it lacks."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Literal
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
-from scipy.signal import cont2discrete, find_peaks, lfilter
+from scipy.fft import next_fast_len
+from scipy.signal import cont2discrete, find_peaks, freqz, lfilter
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.shapes.even_clock import EvenRun, even_runs
-from selector.diagnosis.shapes.leftover import least_squares
-from selector.diagnosis.shapes.rotation import rotating_forces
-from selector.diagnosis.shapes.signals import course, excited, filled
-
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
+from selector.diagnosis.shapes.residual import least_squares
+from selector.diagnosis.shapes.signals import EvenRun, course, even_runs, excited, filled, rate
+from selector.diagnosis.shapes.spectral_lines import rotating_forces
+from selector.types import Matrix, Vector
 
 INPUT_ROLES = ("force", "voltage", "current", "acceleration", "flow", "displacement", "velocity", "position")
 """What may drive a structure, the likeliest first."""
@@ -42,33 +35,21 @@ _STAND_IN_DAMPING = (0.01, 0.04, 0.15)
 
 @dataclass(frozen=True, eq=False)
 class LinearResponse:
-    """A filter from a force to the response.
+    """A filter from a force to the response."""
 
-    Attributes
-    ----------
-    source : str or None
-        The channel of the force that it was fitted with; None = poles alone, the size of the force is not known.
-    numerator, denominator : ndarrays
-        Of the discrete filter, by rising delay; the denominator begins with 1.
-    misfit : float
-        Root mean square of what it does not explain of the simulated course, over that of the course; NaN-free, 1
-        where it only stands in.
-    """
-
+    #: The channel of the force that it was fitted with; None = poles alone, the size of the force is not known
     source: str | None
+    #: numerator and denominator: Of the discrete filter, by rising delay; the denominator begins with 1
     numerator: Vector
     denominator: Vector
+    #: Root mean square of what it does not explain of the simulated course, over that of the course; NaN-free, 1 where
+    #: it only stands in
     misfit: float
 
     @property
     def static_gain(self) -> float:
         """What a steady force of 1 moves the response by."""
         return float(self.numerator.sum() / self.denominator.sum())
-
-    def strictly_late(self) -> LinearResponse:
-        """The same without what passes within the sample, so that noise of a reading does not meet itself."""
-        late = np.r_[0.0, self.numerator[1:]]
-        return LinearResponse(self.source, late, self.denominator, self.misfit)
 
     def passed(self, comparison: Comparison, values: Vector) -> Vector:
         """What a force of this course (no holes) does to the response, run by run from rest."""
@@ -302,3 +283,231 @@ def _rings(a: Vector, period_s: float) -> bool:
     s = np.log(poles.astype(complex)) / period_s
     damping = -s.real / np.abs(s)
     return bool(np.any((np.abs(s.imag) > 1e-3 * np.abs(s)) & (damping > 1e-3) & (damping < 0.5)))
+
+
+Law = Literal["cubic", "stop", "dahl"]
+
+_NUMBER: dict[Law, int] = {"cubic": 0, "stop": 1, "dahl": 2}
+
+
+def restoring(comparison: Comparison, values: Vector, law: Law, width: float = 1.0) -> Vector:
+    """φ of a course, run by run from φ = 0.
+
+    ``cubic``: y³. ``stop``: an elastic element that slips at y = `width` from its last reversal (Prandtl), −1 … 1.
+    ``dahl``: dφ/dy = (1 − φ·sgn ẏ)/`width`, the Bouc–Wen law with n = 1, β = γ, −1 … 1.
+    """
+    result = np.zeros(len(values))
+    for _, rows in comparison.rows_of_runs():
+        result[rows] = _force(np.ascontiguousarray(values[rows]), _NUMBER[law], width)
+    return result
+
+
+def linear_part(comparison: Comparison, path: LinearResponse, values: Vector, force: Vector) -> tuple[float, float]:
+    """α [force/unit] and β [force·s/unit]: what φ looks like, behind the path, to a model without it."""
+    fitted = ~comparison.held_out
+    columns = np.column_stack([path.passed(comparison, v) for v in (values, rate(comparison, values))])
+    alpha, beta = least_squares(columns[fitted], path.passed(comparison, force)[fitted])
+    return float(alpha), float(beta)
+
+
+def fed_back(
+    comparison: Comparison,
+    path: LinearResponse,
+    simulated: Vector,
+    law: Law,
+    k: float,
+    *,
+    width: float = 1.0,
+    linear: tuple[float, float] = (0.0, 0.0),
+) -> Vector | None:
+    """What the force k·(φ(y) − α·y − β·ẏ) moves the response by [its unit], fed back; None if that diverges."""
+    result = np.zeros(len(simulated))
+    alpha, beta = linear
+    for run in even_runs(comparison):
+        part = np.ascontiguousarray(run.on(simulated))
+        most = 100.0 * float(np.abs(part).max(initial=0.0))
+        moved = _loop(
+            part, path.numerator, path.denominator, _NUMBER[law], k, width, alpha, beta / comparison.period_s, most
+        )
+        if not np.all(np.isfinite(moved)):
+            return None
+        result[run.rows] = run.back(moved)
+    return result
+
+
+@njit(cache=True, nogil=True)
+def _next(number, y, before, z, width):  # type: ignore[no-untyped-def]
+    if number == 0:
+        return y * y * y
+    step = (y - before) / width
+    if number == 1:
+        return min(max(z + step, -1.0), 1.0)
+    sign = 1.0 if step > 0.0 else -1.0
+    return sign + (z - sign) * np.exp(-abs(step))
+
+
+@njit(cache=True, nogil=True)
+def _force(y, number, width):  # type: ignore[no-untyped-def]
+    z = np.zeros(len(y))
+    if number == 0:
+        return y**3
+    for i in range(1, len(y)):
+        z[i] = _next(number, y[i], y[i - 1], z[i - 1], width)
+    return z
+
+
+@njit(cache=True, nogil=True)
+def _loop(simulated, b, a, number, k, width, alpha, beta, most):  # type: ignore[no-untyped-def]
+    n = len(simulated)
+    delta = np.zeros(n)
+    force = np.zeros(n)
+    z = 0.0
+    y_before = simulated[0]
+    for i in range(n):
+        known = 0.0
+        for j in range(1, len(a)):
+            if i - j >= 0:
+                known -= a[j] * delta[i - j]
+        for j in range(1, len(b)):
+            if i - j >= 0:
+                known -= b[j] * force[i - j]
+        guess = known - (b[0] * force[i - 1] if i > 0 else 0.0)
+        for _ in range(3 if b[0] != 0.0 else 1):
+            y = simulated[i] + guess
+            if number == 0:
+                z_new = y * y * y
+            elif i == 0:
+                z_new = 0.0
+            else:
+                z_new = _next(number, y, y_before, z, width)
+            force[i] = k * (z_new - alpha * y - beta * (y - y_before))
+            guess = known - b[0] * force[i]
+        delta[i] = guess
+        z = z_new
+        y_before = simulated[i] + guess
+        if not abs(guess) < most:
+            delta[i] = np.inf
+            return delta
+    return delta
+
+
+_MOTION = {"displacement": 0, "position": 0, "velocity": 1, "acceleration": 2}
+_MOST = 3
+
+_member_known: WeakKeyDictionary[Comparison, dict[tuple[str, str], LinearResponse | None]] = WeakKeyDictionary()
+
+
+def members(comparison: Comparison, response: str) -> tuple[str, ...]:
+    """Other channels that are motions of members: responses first."""
+    names = [c.name for c in comparison.channels if c.role in _MOTION and c.name != response]
+    names.sort(key=lambda name: name not in comparison.responses)
+    return tuple(n for n in names if excited(filled(comparison, comparison.recorded[n])))[:_MOST]
+
+
+def joints(comparison: Comparison, response: str) -> Iterator[tuple[str, LinearResponse, LinearResponse | None]]:
+    """(member, path from a force to it, how the response follows it): the response itself, then simulated members."""
+    for path in linear_responses(comparison, response):
+        yield response, path, None
+    for member in members(comparison, response):
+        onward = transfer(comparison, member, response)
+        if onward is not None:
+            yield from (
+                (member, path, onward) for path in linear_responses(comparison, member) if path.source is not None
+            )
+
+
+def transfer(comparison: Comparison, predecessor: str, follower: str) -> LinearResponse | None:
+    """How one simulated motion follows another, both simulated; None if it does not, or is not simulated."""
+    kept = _member_known.setdefault(comparison, {})
+    if (predecessor, follower) not in kept:
+        simulated = comparison.simulated
+        both = predecessor in simulated and follower in simulated
+        kept[predecessor, follower] = filter_between(comparison, predecessor, follower) if both else None
+    return kept[predecessor, follower]
+
+
+def inertia_force(comparison: Comparison, member: str, origin: str) -> Vector | None:
+    """Acceleration of a member [unit of its channel, per s² where it is a displacement]; None if it is not there."""
+    courses = comparison.simulated if origin == "simulated" else comparison.recorded
+    if member not in courses:
+        return None
+    motion = filled(comparison, courses[member])
+    order = _MOTION[comparison.channel(member).role]
+    if order == 2:
+        return motion
+    return rate(comparison, motion) if order == 1 else curvature(comparison, motion)
+
+
+def reactions(
+    comparison: Comparison, path: LinearResponse, predecessor: str, successor: str
+) -> tuple[Callable[[float], Vector], float]:
+    """What the inertia m·ẍ of a simulated successor moves its predecessor by, as a function of m; loop gain at m = 1.
+
+    The successor follows what it has moved, where the simulation shows how: δ = −m·G·s²·(x + H·δ), with G the path
+    from a force to the predecessor and H from the predecessor to the successor. δ is in the predecessor's unit.
+    """
+    force = inertia_force(comparison, successor, "simulated")
+    onward = transfer(comparison, predecessor, successor)
+    if force is None:
+        return lambda mass: np.zeros(len(comparison.time_s)), 0.0
+    parts = []
+    largest = 0.0
+    for run in even_runs(comparison):
+        part = run.on(force)
+        size = next_fast_len(2 * len(part), real=True)
+        angle = 2.0 * np.pi * np.arange(size // 2 + 1) / size
+        g = _gain(path, angle)
+        loop = g * _derivative(comparison, successor, angle)
+        largest = max(largest, float(np.abs(loop if onward is None else loop * _gain(onward, angle)).max()))
+        loop = loop * _gain(onward, angle) if onward is not None else 0.0 * loop
+        parts.append((run, g * np.fft.rfft(part, size), loop, size))
+
+    def moved(mass: float) -> Vector:
+        result = np.zeros(len(comparison.time_s))
+        for run, driven, loop, size in parts:
+            course = np.fft.irfft(-mass * driven / (1.0 + mass * loop), size)
+            result[run.rows] = run.back(course[: len(run.clock_s)])
+        return result
+
+    return moved, largest
+
+
+def _gain(path: LinearResponse, angle: Vector) -> NDArray[np.complex128]:
+    return np.asarray(freqz(path.numerator, path.denominator, angle)[1], dtype=np.complex128)
+
+
+def _derivative(comparison: Comparison, member: str, angle: Vector) -> NDArray[np.complex128]:
+    """From the channel of a member to its acceleration, by the same differences as `inertia_force`."""
+    order = _MOTION[comparison.channel(member).role]
+    period = comparison.period_s
+    once = 1j * np.sin(angle) / period
+    twice = (2.0 * np.cos(angle) - 2.0) / period**2 + 0j
+    return np.asarray((twice, once, np.ones(len(angle)))[order], dtype=np.complex128)
+
+
+def curvature(comparison: Comparison, values: Vector) -> Vector:
+    """Second derivative in time of a course [unit/s²], by central differences on the even clock of every run."""
+    result = np.zeros(len(values))
+    for run in even_runs(comparison):
+        part = run.on(values)
+        second = np.zeros(len(part))
+        second[1:-1] = (part[2:] - 2.0 * part[1:-1] + part[:-2]) / comparison.period_s**2
+        result[run.rows] = run.back(second)
+    return result
+
+
+def displacement_of(comparison: Comparison, name: str, values: Vector) -> Vector:
+    """A motion as a displacement: velocities and accelerations integrated, slow drift left out."""
+    order = _MOTION.get(comparison.channel(name).role, 0)
+    if order == 0:
+        return values
+    result = np.zeros(len(values))
+    for run in even_runs(comparison):
+        part = run.on(values)
+        n = len(part)
+        spectrum = np.fft.rfft(part - part.mean(), 2 * n)
+        omega = 2.0 * np.pi * np.fft.rfftfreq(2 * n, comparison.period_s)
+        slow = 2.0 * np.pi * 4.0 / (n * comparison.period_s)
+        weight = (1j * omega) ** order / (omega**2 + slow**2) ** order * (-1.0) ** order
+        result[run.rows] = run.back(np.fft.irfft(spectrum * weight, 2 * n)[:n])
+    return result

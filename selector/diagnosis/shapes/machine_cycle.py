@@ -12,11 +12,9 @@ from scipy.sparse import csr_matrix, identity
 from scipy.sparse.linalg import splu
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.shapes.even_clock import even_runs
-from selector.diagnosis.shapes.signals import filled
+from selector.diagnosis.shapes.signals import even_runs, filled
+from selector.types import Matrix, Vector
 
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
 Rows = NDArray[np.bool_] | NDArray[np.intp]
 _ALIKE = 0.9
 """Correlation of a course with itself one cycle later; a machine that goes on warming repeats no closer."""
@@ -30,20 +28,11 @@ _SAME = 0.01
 
 @dataclass(frozen=True, eq=False)
 class MachineCycle:
-    """A cycle that runs repeat.
-
-    Attributes
-    ----------
-    period_s : float
-    samples : int
-        Rows in a cycle: what it repeats is a polygon of as many knots.
-    time_s : ndarray of shape (n_rows,)
-        From the start of the run [s]; NaN in runs that do not repeat the cycle.
-    """
+    """A cycle that runs repeat."""
 
     period_s: float
-    samples: int
-    time_s: Vector
+    samples: int  #: Rows in a cycle: what it repeats is a polygon of as many knots
+    time_s: Vector  #: (n_rows,): From the start of the run [s]; NaN in runs that do not repeat the cycle
 
     def lengthened(self, share: float) -> MachineCycle:
         """A cycle longer by this share."""

@@ -1,15 +1,15 @@
-"""Courses made of recorded courses, run by run: filled, risen, lagged, differentiated. Effects are made of these."""
+"""Courses made of recorded courses, run by run, the even clock they need, and what kind of record they stand in."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from selector.diagnosis.comparison import Comparison
-
-Vector = NDArray[np.float64]
+from selector.types import Matrix, Vector
 
 
 def filled(comparison: Comparison, values: Vector) -> Vector:
@@ -105,3 +105,149 @@ def excited(values: Vector, resolution: float = 0.0) -> bool:
     """
     step = resolution if resolution < 0.5 * float(np.ptp(values)) else 0.0
     return float(np.std(values)) > max(1e-9 * float(np.abs(values).max(initial=0.0)), 0.5 * step, 1e-300)
+
+
+_JITTER = 0.02
+"""Stamps that are off by less than this share of a period are even: what a filter makes of it is below 1 %."""
+_MOST_FILLED = 20
+"""A run is stretched to at most so many times its rows; beyond, its gaps are too long for a filter anyway."""
+
+
+@dataclass(frozen=True, eq=False)
+class EvenRun:
+    """A run on an even clock."""
+
+    rows: slice  #: Its rows in the comparison
+    time_s: Vector  #: (n_rows,): Their stamps [s]
+    clock_s: Vector  #: (n_even,): The even clock [s]; of a run that is even already, the stamps
+
+    def on(self, values: Vector) -> Vector:
+        """The run's part of a course without holes, on the even clock."""
+        part = values[self.rows]
+        return part if self.is_even else np.interp(self.clock_s, self.time_s, part)
+
+    def back(self, values: Vector) -> Vector:
+        """A course of the even clock at the rows of the run."""
+        return values if self.is_even else np.interp(self.time_s, self.clock_s, values)
+
+    @property
+    def is_even(self) -> bool:
+        """Whether nothing had to be interpolated."""
+        return self.clock_s is self.time_s
+
+
+def even_runs(comparison: Comparison) -> tuple[EvenRun, ...]:
+    """Every run on the even clock of the median period."""
+    period = comparison.period_s
+    found = []
+    for _, rows in comparison.rows_of_runs():
+        time = comparison.time_s[rows]
+        n = round((time[-1] - time[0]) / period) + 1 if len(time) else 0
+        clock = time[:1] + period * np.arange(min(n, _MOST_FILLED * len(time)))
+        even = n == len(time) and float(np.abs(clock - time).max(initial=0.0)) <= _JITTER * period
+        found.append(EvenRun(rows, time, time if even else clock))
+    return tuple(found)
+
+
+def slope(comparison: Comparison, response: str, swept_hz: Vector) -> Vector:
+    """f·dA/df of the simulated curve, run by run [unit of the response]: what a shift of all resonances adds."""
+    amplitude = filled(comparison, comparison.simulated[response])
+    result = np.zeros(len(amplitude))
+    for _, rows in comparison.rows_of_runs():
+        f, a = swept_hz[rows], amplitude[rows]
+        levels, which = np.unique(f, return_inverse=True)
+        if len(levels) < 3:
+            continue
+        mean = np.bincount(which, a) / np.bincount(which)
+        result[rows] = (levels * np.gradient(mean, levels))[which]
+    return result
+
+
+def resonance(swept_hz: Vector, frequency_hz: float, damping: float) -> Matrix:
+    """Real and imaginary part of 1/(1 − r² + 2iζr), r = f/f₀, shape (n_rows, 2)."""
+    r = swept_hz / frequency_hz
+    h = 1.0 / (1.0 - r * r + 2j * damping * r)
+    return np.column_stack([h.real, h.imag])
+
+
+SLOWEST_VIBRATION_S = 0.05
+"""A record with longer steps shows no vibration of a machine, which begin at some hertz."""
+FEWEST_ROWS = 60
+"""Of fewer rows no spectrum has a floor that a line could stand out of."""
+MOTION_ROLES = ("displacement", "acceleration", "velocity", "position", "voltage", "force")
+_GAUGE_ROLES = ("displacement", "voltage", "amplitude", "position")
+_ROOM_ROLES = ("temperature", "ambient")
+_DRIVE_ROLES = ("position_command", "current")
+
+
+def no_vibration(comparison: Comparison, response: str, *, roles: tuple[str, ...] = MOTION_ROLES) -> str | None:
+    """Why the response is no vibration in time, in one clause; None if it is one."""
+    role = comparison.channel(response).role
+    if role not in roles:
+        return f"{response} is of role {role!r}; a vibration is recorded as {', '.join(roles)}"
+    if comparison.period_s > SLOWEST_VIBRATION_S:
+        return f"a sample every {comparison.period_s:.3g} s is too slow for vibration"
+    rows = int(np.sum(np.isfinite(comparison.recorded[response]) & ~comparison.held_out))
+    if rows < FEWEST_ROWS:
+        return f"{rows} samples to fit to are too few for vibration"
+    return None
+
+
+def of_a_drive(comparison: Comparison, response: str) -> str | None:
+    """Why the structural effects are left to those of drives, in one clause; None if this is no feed drive."""
+    roles = {c.role for c in comparison.channels}
+    if "feed_rate" in roles and not roles & {"force", "acceleration"}:
+        return f"{response} belongs to a feed that is recorded with it, not to a structure that is shaken"
+    if "position_command" in roles or ("current" in roles and roles & {"velocity", "position"}):
+        return f"{response} belongs to a feed drive, whose flexibility and friction are effects drive.*"
+    return None
+
+
+def swept_hz(comparison: Comparison, response: str) -> Vector | None:
+    """Frequency of every row of a response curve taken step by step [Hz]; None if the response is no such curve."""
+    role = comparison.channel(response).role
+    if role != "amplitude" and not (role == "displacement" and comparison.with_role("frequency")):
+        return None
+    if role == "displacement" and comparison.period_s <= SLOWEST_VIBRATION_S:
+        return None
+    for name in comparison.with_role("frequency", "spindle_speed"):
+        per_hz = 60.0 if comparison.channel(name).role == "spindle_speed" else 1.0
+        steps = course(comparison, name) / per_hz
+        if excited(steps) and float(np.ptp(steps)) > 0.05 * float(np.abs(steps).max()):
+            return steps
+    return None
+
+
+def no_gauging(comparison: Comparison, response: str) -> str | None:
+    """Why the response is neither a gauged size nor the reading of a gauge, in one clause; None if it is."""
+    role = comparison.channel(response).role
+    if role == "size":
+        return None
+    roles = {c.role for c in comparison.channels}
+    if role not in _GAUGE_ROLES:
+        return f"{response} is of role {role!r}, not a size and not the reading of a gauge"
+    if "size" in roles:
+        return None
+    if roles & set(_ROOM_ROLES) or roles & set(_DRIVE_ROLES) or "feed_rate" not in roles:
+        return "neither a channel of role 'size' nor the feed of a gauged grinding process is recorded"
+    return None
+
+
+def part_by_part(comparison: Comparison, response: str) -> bool:
+    """Whether every row is a finished part, and not a sample of a course in time."""
+    return comparison.channel(response).role == "size" and comparison.period_s >= 0.5
+
+
+def no_flow(comparison: Comparison, response: str) -> str | None:
+    """Why the response is no level of a store that something flows into, in one clause; None if it is."""
+    role = comparison.channel(response).role
+    if role not in ("voltage", "displacement", "position", "flow", "state", "size", "amplitude"):
+        return f"{response} is of role {role!r}, not a level or a flow"
+    roles = {c.role for c in comparison.channels}
+    if comparison.period_s < SLOWEST_VIBRATION_S:
+        return f"a sample every {comparison.period_s:.3g} s is too quick for a store that fills"
+    if "flow" not in roles and role != "voltage":
+        return "no flow is recorded"
+    if roles & {*_ROOM_ROLES, *_DRIVE_ROLES, "spindle_speed", "feed_rate", "force", "acceleration"}:
+        return "the record is one of a machine, not of stores and flows"
+    return None

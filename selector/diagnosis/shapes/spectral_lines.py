@@ -1,4 +1,4 @@
-"""Which sharp lines stand in what a simulation leaves: at a fixed frequency, or at an order of a turning shaft."""
+"""Which sharp lines and resonances stand in what a simulation leaves: fixed, or following a shaft."""
 
 from __future__ import annotations
 
@@ -7,13 +7,71 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_toeplitz
+from scipy.ndimage import median_filter
+from scipy.signal import lfilter
 from scipy.stats import chi2, gamma
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.shapes.leftover import least_squares
-from selector.diagnosis.shapes.line_noise import filtered, floor, tapered, white_filter
+from selector.diagnosis.shapes.residual import least_squares
+from selector.diagnosis.shapes.signals import EvenRun, course, even_runs, excited
+from selector.types import Matrix, Vector
 
-Vector = NDArray[np.float64]
+_ORDER = 12
+_SEGMENT = 512
+_LINE_BINS = 7
+_EULER = 0.5772156649015329
+_LINE_BESIDE = 80
+
+
+def white_filter(parts: list[Vector]) -> Vector:
+    """Coefficients (1, a1 … ap) of the filter that whitens the smooth part of the spectrum of these stretches.
+
+    The spectrum is the median over half-overlapping segments and over neighbouring frequencies, so that lines and
+    bursts hardly count; the filter is the autoregression of that spectrum (Yule–Walker).
+    """
+    usable = [part for part in parts if len(part) >= 32 and np.any(part)]
+    if not usable:
+        return np.ones(1)
+    size = min(_SEGMENT, max(len(part) for part in usable))
+    window = np.hanning(size)
+    segments = [
+        np.abs(np.fft.rfft((part[k : k + size] - part[k : k + size].mean()) * window)) ** 2
+        for part in usable
+        for k in range(0, len(part) - size + 1, max(size // 2, 1))
+    ]
+    spectrum = median_filter(np.median(segments, axis=0), _LINE_BINS, mode="nearest")
+    spectrum = np.maximum(spectrum, 1e-10 * float(spectrum.max()))
+    covariance = np.fft.irfft(spectrum)
+    order = min(_ORDER, size // 8)
+    return np.asarray(np.r_[1.0, solve_toeplitz(covariance[:order], -covariance[1 : order + 1])], dtype=np.float64)
+
+
+def filtered(values: Vector, whitening: Vector) -> Vector:
+    """A stretch behind the filter; where the filter has no past yet, 0."""
+    white: Vector = np.asarray(lfilter(whitening, [1.0], values), dtype=np.float64)
+    white[: len(whitening) - 1] = 0.0
+    return white
+
+
+def tapered(n: int) -> Vector:
+    """A window with cosine ends over a tenth of its length each, mean square 1."""
+    ramp = max(n // 10, 1)
+    window = np.ones(n)
+    window[:ramp] = 0.5 - 0.5 * np.cos(np.pi * (np.arange(ramp) + 0.5) / ramp)
+    window[n - ramp :] = window[:ramp][::-1]
+    return np.asarray(window / np.sqrt(np.mean(window**2)))
+
+
+def floor(power: Vector) -> Vector:
+    """Mean power of the noise at every frequency, from the logarithms of the neighbours: one line hardly lifts it."""
+    log = np.log(np.maximum(power, 1e-12 * float(power.max(initial=1e-300))))
+    width = min(_LINE_BESIDE, max(len(log) // 4, 1))
+    kernel = np.ones(2 * width + 1)
+    sums = np.convolve(log, kernel, mode="same") / np.convolve(np.ones(len(log)), kernel, mode="same")
+    return np.asarray(np.exp(sums + _EULER))
+
+
 Pieces = NDArray[np.complex128]
 """What every piece of a run, all of one length, shows of a line."""
 
@@ -285,3 +343,131 @@ def _is_steady(pieces: list[Pieces], strength: float) -> bool:
 def _pieces(left: Vector, abscissa: Vector, weight: Vector, cycles: float) -> Pieces:
     turned = left * weight * np.exp(-2j * np.pi * cycles * abscissa)
     return np.array([piece.sum() for piece in np.array_split(turned, _PIECES)])
+
+
+def is_turning(comparison: Comparison, name: str) -> bool:
+    """Whether the shaft turns at all, at a steady speed or not."""
+    speed = course(comparison, name)
+    return excited(speed) or float(np.abs(speed).max(initial=0.0)) > 0.0
+
+
+def turns_of(comparison: Comparison, rpm: Vector) -> Vector:
+    """∫ n/60 dt from the start of every run [turns]."""
+    turns = np.zeros(len(rpm))
+    for run in even_runs(comparison):
+        per_sample = run.on(rpm) / 60.0 * comparison.period_s
+        summed = np.asarray(lfilter([0.5, 0.5], [1.0, -1.0], per_sample))
+        turns[run.rows] = run.back(summed - summed[0])
+    return turns + 1e-12 * np.arange(len(turns))
+
+
+def rotating_forces(comparison: Comparison) -> Matrix:
+    """n²·cos φ and n²·sin φ of every turning spindle, at most 1, shape (n_rows, 2·spindles); φ = 0 at every start.
+
+    What an imbalance that the simulation knows pulls with is a sum of the two, another one in every run.
+    """
+    columns = []
+    for name in comparison.with_role("spindle_speed"):
+        if is_turning(comparison, name):
+            rpm = np.abs(course(comparison, name))
+            angle = 2.0 * np.pi * turns_of(comparison, rpm)
+            square = (rpm / float(rpm.max())) ** 2
+            columns += [square * np.cos(angle), square * np.sin(angle)]
+    return np.column_stack(columns) if columns else np.empty((len(comparison.time_s), 0))
+
+
+DAMPING = (0.005, 0.015, 0.04, 0.1)
+_PER_HALF_WIDTH = 1.2
+_SHARED = 1.12
+"""By the ends of the window neighbouring frequencies share so much of their noise."""
+
+
+def resonances(comparison: Comparison, left: Vector, source: Vector, most: int = 4) -> tuple[tuple[float, float], ...]:
+    """(frequency [Hz], damping) of resonances that pass the source on into what is left, the clearest first.
+
+    `left` is 0 where it is missing and in rows that may not be fitted to. Each pair explains more of the power, in
+    two real coefficients (motion and its speed), than noise would anywhere in the scan with probability `CHANCE`.
+    """
+    runs = even_runs(comparison)
+    noise = white_filter([part for run in runs for part in _stretch(run, comparison, left)[:1]])
+    spectra = [s for s in (_spectra(run, comparison, left, source, noise) for run in runs) if s is not None]
+    if not spectra:
+        return ()
+    hz, u, e = (np.concatenate([s[k] for s in spectra]) for k in range(3))
+    longest = max(1.0 / float(s[0][1] - s[0][0]) for s in spectra)
+    low, high = 8.0 / longest, 0.45 / comparison.period_s
+    if high <= low:
+        return ()
+    order = np.argsort(hz)
+    hz, u, e = hz[order], u[order], e[order]
+    grids = [np.exp(np.arange(np.log(low), np.log(high), damping / _PER_HALF_WIDTH)) for damping in DAMPING]
+    gains = [
+        np.array([_explained(hz, u, e, float(f), z) for f in grid]) for grid, z in zip(grids, DAMPING, strict=True)
+    ]
+    limit = float(chi2.isf(CHANCE / len(hz), 2))
+    found: list[tuple[float, float]] = []
+    while len(found) < most:
+        k = int(np.argmax([gain.max() for gain in gains]))
+        top = int(np.argmax(gains[k]))
+        if gains[k][top] <= limit:
+            break
+        f0 = float(grids[k][top])
+        found.append(_refined(hz, u, e, f0, DAMPING[k]))
+        for grid, gain in zip(grids, gains, strict=True):
+            gain[np.abs(np.log(grid / f0)) < 0.1] = 0.0
+    return tuple(found)
+
+
+def _stretch(run: EvenRun, comparison: Comparison, *courses: Vector) -> list[Vector]:
+    """The courses between the first and the last row of a run that may be fitted to."""
+    free = ~comparison.held_out[run.rows]
+    if free.sum() < 64:
+        return [np.zeros(0) for _ in courses]
+    first = 0 if free[0] else int(np.searchsorted(run.clock_s, run.time_s[free][0]))
+    last = len(run.clock_s) if free[-1] else int(np.searchsorted(run.clock_s, run.time_s[free][-1])) + 1
+    return [run.on(course)[first:last] for course in courses]
+
+
+def _spectra(
+    run: EvenRun, comparison: Comparison, left: Vector, source: Vector, noise: Vector
+) -> tuple[Vector, Vector, Vector] | None:
+    """Frequencies [Hz], source and what is left, both behind the filter and over the strength of the noise there."""
+    e, u = _stretch(run, comparison, left, source)
+    if len(e) < 64 or not np.any(e):
+        return None
+    window = tapered(len(e))
+    hz = np.fft.rfftfreq(len(e), comparison.period_s)[3:]
+    es, us = (np.fft.rfft(filtered(v - v.mean(), noise) * window)[3:] for v in (e, u))
+    strength = np.sqrt(floor(np.abs(es) ** 2))
+    return np.asarray(hz, dtype=np.float64), np.asarray(us / strength), np.asarray(es / strength)
+
+
+def _explained(hz: Vector, u: Vector, e: Vector, frequency_hz: float, damping: float) -> float:
+    """Twice the whitened power explained near the resonance; of noise it is chi-square with two degrees of freedom."""
+    reach = min(max(12.0 * damping, 0.06), 0.8)
+    a, b = np.searchsorted(hz, [frequency_hz * (1.0 - reach), frequency_hz * (1.0 + reach)])
+    if b - a < 6:
+        return 0.0
+    r = hz[a:b] / frequency_hz
+    h = u[a:b] / (1.0 - r * r + 2j * damping * r)
+    g = 1j * r * h
+    e = e[a:b]
+    hh, gg, hg = float(np.vdot(h, h).real), float(np.vdot(g, g).real), float(np.vdot(h, g).real)
+    he, ge = float(np.vdot(h, e).real), float(np.vdot(g, e).real)
+    det = hh * gg - hg * hg
+    if det <= 1e-12 * hh * gg:
+        return 0.0
+    return 2.0 * (gg * he * he - 2.0 * hg * he * ge + hh * ge * ge) / det / _SHARED
+
+
+def _refined(hz: Vector, u: Vector, e: Vector, frequency_hz: float, damping: float) -> tuple[float, float]:
+    step_f, step_z = damping / _PER_HALF_WIDTH, 1.6
+    for _ in range(3):
+        tried = [
+            (frequency_hz * float(np.exp(df)), damping * dz)
+            for df in (-step_f, -step_f / 2, 0.0, step_f / 2, step_f)
+            for dz in (1.0 / step_z, 1.0, step_z)
+        ]
+        frequency_hz, damping = max(tried, key=lambda pair: _explained(hz, u, e, *pair))
+        step_f, step_z = step_f / 3.0, step_z**0.6
+    return frequency_hz, float(min(max(damping, 0.001), 0.5))

@@ -9,20 +9,20 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from selector.errors import InputError
 from selector.physics.checks import told_of
-from selector.physics.drive.axis import Axis
-from selector.physics.drive.ball_bar import LONGEST_PERIOD_S, BallBarTrace, PairGeometry, ball_bar_run
-from selector.physics.drive.catalogue import Parts
-from selector.physics.drive.circle import Circle, measured_samples
-from selector.physics.drive.course import ParameterCourse
-from selector.physics.drive.drive_channels import axis_channels, axis_courses
-from selector.physics.drive.mechanics import RigidMechanics
-from selector.physics.drive.model_axes import FileAxis, file_axis
-from selector.physics.drive.model_file import columns_needed
-from selector.physics.drive.model_motion import (
+from selector.physics.drive.ball_bar.circle import (
+    LONGEST_PERIOD_S,
+    BallBarTrace,
+    Circle,
+    PairGeometry,
+    ball_bar_run,
+    measured_samples,
+)
+from selector.physics.drive.file.model_axes import FileAxis, file_axis
+from selector.physics.drive.file.model_file import columns_needed
+from selector.physics.drive.file.model_motion import (
     Columns,
     circle_plan,
     file_reference,
@@ -30,19 +30,115 @@ from selector.physics.drive.model_motion import (
     moved_axes,
     slow_feed_words,
 )
-from selector.physics.drive.model_schema import CircleMotion, DriveFile
-from selector.physics.drive.motion import Motion
-from selector.physics.drive.parameters import parameters, with_parameters
-from selector.physics.drive.reference import Reference
-from selector.physics.drive.run_checks import require_few_steps
-from selector.physics.drive.simulation import simulate_axis
-from selector.physics.drive.state import AxisState
-from selector.physics.drive.step_choice import advised_step_s, circle_step_s
+from selector.physics.drive.file.model_schema import MOST_STEPS, CircleMotion, DriveFile
+from selector.physics.drive.file.parameters import parameters, with_parameters
+from selector.physics.drive.motion import Motion, ParameterCourse, Reference
+from selector.physics.drive.parts.axis import Axis, AxisState
+from selector.physics.drive.parts.catalogue import Parts
+from selector.physics.drive.parts.mechanics import RigidMechanics
+from selector.physics.drive.simulation import advised_step_s, circle_step_s, simulate_axis, steps_per_period
 from selector.physics.model_parameters import Parameter
 from selector.physics.model_values import value_of
 from selector.recording import Channel, Recording
+from selector.types import Vector
+from selector.units import CANONICAL_UNITS
 
-Vector = NDArray[np.float64]
+OUTPUT_ROLES = {"current": "current", "voltage": "voltage", "force": "force", "number": "state"}
+"""``output`` of an axis in the model file → role of what its control puts out."""
+
+KINDS = ("command", "position", "table", "error", "output", "added", "total", "force", "load")
+"""What is recorded of an axis: commanded position, position that the control sees, true position of the table,
+commanded minus true, what the control puts out, what is added to that behind it, both together, force of the screw on
+the table, force from outside."""
+
+INPUTS = ("command", "added", "load")
+"""Those of `KINDS` that act on the axis."""
+
+_UM = 1e6
+
+
+def axis_channels(name: str, axis: FileAxis, *, loaded: bool, added: bool = False) -> dict[str, Channel]:
+    """Kind, of `KINDS`, → channel; ``load`` only of a `loaded` axis, ``added`` and ``total`` only where `added`.
+
+    Positions of a rotary axis have the role ``state``, in rad: recordings have no role for angles; its error in µrad.
+    The place of a position says whether it is what the control sees or what is true.
+    """
+    turns = axis.rotary
+    servo = axis.axis.servo
+    seen = f"{'scale' if servo is None or servo.feedback == 'table' else 'motor'} (seen by the control)"
+    true = "table (true)"
+    pushed = "motor" if isinstance(axis.axis.mechanics, RigidMechanics) else "screw"
+    output = axis.section.output
+    made = {
+        "command": (f"{name}_command", "state" if turns else "position_command", "command [rad]" if turns else None),
+        "position": (f"{name}_position", "state" if turns else "position", f"{seen} [rad]" if turns else seen),
+        "table": (f"{name}_table", "state" if turns else "position", f"{true} [rad]" if turns else true),
+        "error": (f"{name}_error", "state" if turns else "displacement", "table [µrad]" if turns else "table"),
+        "output": (f"{name}_{'output' if output in ('number', 'force') else output}", OUTPUT_ROLES[output], "control"),
+        "added": (f"{name}_added", OUTPUT_ROLES[output], "added behind the control"),
+        "total": (f"{name}_total", OUTPUT_ROLES[output], "control, and what is added"),
+        "force": (f"{name}_force", "state" if turns else "force", f"{pushed} [N·m]" if turns else pushed),
+        "load": (f"{name}_load", "state" if turns else "force", "outside [N·m]" if turns else "outside"),
+    }
+    return {
+        kind: Channel(called, role, CANONICAL_UNITS[role], place, axis=name)
+        for kind, (called, role, place) in made.items()
+        if {"load": loaded, "added": added, "total": added}.get(kind, True)
+    }
+
+
+def axis_courses(motion: Motion, reference: Reference, added: Vector | None = None) -> dict[str, Vector]:
+    """Kind, of `KINDS`, → course at the samples of the reference, in the unit of its channel."""
+    more = np.zeros(len(motion.time_s)) if added is None else added
+    return {
+        "command": motion.reference_m,
+        "position": motion.measured_m,
+        "table": motion.table_m,
+        "error": motion.tracking_error_m * _UM,
+        "output": motion.command,
+        "added": more,
+        "total": motion.command + more,
+        "force": motion.axial_force_n,
+        "load": np.zeros(len(motion.time_s)) if reference.force_n is None else reference.force_n,
+    }
+
+
+def require_few_steps(
+    name: str, axis: Axis, duration_s: float, step_s: float, *, period_s: float | None = None, because: str = ""
+) -> None:
+    """Refuses a run of an axis with too many steps, as they are laid: control and samples make them shorter.
+
+    Parameters
+    ----------
+    name, axis
+        The axis and what it is called in the model file.
+    duration_s, step_s
+        Length of its motion, and the largest step [s].
+    period_s
+        Distance of the samples [s]; None: not known yet, but no shorter than the steps.
+    because
+        Why the motion takes long, see `model_motion.slow_feed_words`.
+
+    Raises
+    ------
+    InputError
+        There are more than `MOST_STEPS`; or the periods of samples and control do not fit together.
+    """
+    sample_s = axis.servo.sample_s if axis.servo is not None else 0.0
+    count = duration_s / (min(step_s, sample_s) if sample_s > 0 else step_s)
+    if count <= MOST_STEPS and period_s is not None:
+        count = duration_s / period_s * steps_per_period(axis, period_s, step_s)
+    if count <= MOST_STEPS:
+        return
+    by_step = duration_s / step_s > 0.5 * count
+    raise InputError(
+        f"{count:.3g} steps of {duration_s / count:.3g} s in a motion of {duration_s:.6g} s of axis {name}{because}",
+        expected=f"at most {MOST_STEPS}",
+        where="key run.step_s" if by_step else f"key axes.{name}.servo.sample_s",
+        advice="simulate a shorter motion or a faster feed, or give a larger "
+        + ("run.step_s" if by_step else "sample_s, and a run.period_s that is a multiple of it"),
+    )
+
 
 Progress = Callable[[int, int, str], None]
 
@@ -52,34 +148,17 @@ ANGLE = Channel("angle", "state", "1", "ball-bar [rad]")
 
 @dataclass(frozen=True)
 class AxisRun:
-    """What one axis was asked, and what it did.
+    """What one axis was asked, and what it did."""
 
-    Attributes
-    ----------
-    axis : Axis
-        The axis that was simulated.
-    reference : Reference
-        What it was asked to do.
-    motion : Motion
-        What it did.
-    course : ParameterCourse or None
-        Stiffness and damping that it had, with ``varying = "command"``.
-    step_s : float
-        Largest step of the calculation [s].
-    arc : tuple of int or None
-        First sample that is recorded, and the first that is not any more; None: all are. Of a circle the 360° between
-        run-in and run-out.
-    added : ndarray of shape (n_samples,) or None
-        What was added to the output of the control, behind it [actuator unit].
-    """
-
-    axis: Axis
-    reference: Reference
-    motion: Motion
-    course: ParameterCourse | None
-    step_s: float
+    axis: Axis  #: The axis that was simulated
+    reference: Reference  #: What it was asked to do
+    motion: Motion  #: What it did
+    course: ParameterCourse | None  #: Stiffness and damping that it had, with ``varying = "command"``
+    step_s: float  #: Largest step of the calculation [s]
+    #: First sample that is recorded, and the first that is not any more; None: all are. Of a circle the 360° between
+    #: run-in and run-out.
     arc: tuple[int, int] | None = None
-    added: Vector | None = None
+    added: Vector | None = None  #: (n_samples,): What was added to the output of the control, behind it [actuator unit]
 
     @property
     def recorded(self) -> AxisRun:
@@ -100,36 +179,20 @@ class AxisRun:
 
 @dataclass(frozen=True)
 class DriveSimulation:
-    """A simulation of one or more runs.
+    """A simulation of one or more runs."""
 
-    Attributes
-    ----------
-    recording : Recording
-        What a measurement would hold, see `drive_channels`.
-    axes : mapping of str to mapping of str to AxisRun
-        Run → axis → what it did.
-    traces : mapping of str to BallBarTrace
-        Run → what a ball-bar shows of it; empty unless the axes went in circles.
-    """
-
-    recording: Recording
-    axes: Mapping[str, Mapping[str, AxisRun]]
+    recording: Recording  #: What a measurement would hold, see `drive_channels`
+    axes: Mapping[str, Mapping[str, AxisRun]]  #: Run → axis → what it did
+    #: Run → what a ball-bar shows of it; empty unless the axes went in circles
     traces: Mapping[str, BallBarTrace] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class DriveModel:
-    """The feed drive that a model file describes; made by `drive_model`.
+    """The feed drive that a model file describes; made by `drive_model`."""
 
-    Attributes
-    ----------
-    file : DriveFile
-        The file's content.
-    columns : mapping
-        Values of the columns that it refers to, see `model_file.columns_needed`; empty without such.
-    """
-
-    file: DriveFile
+    file: DriveFile  #: The file's content
+    #: Values of the columns that it refers to, see `model_file.columns_needed`; empty without such
     columns: Columns = field(default_factory=dict)
 
     @property
@@ -152,18 +215,6 @@ class DriveModel:
     def parameters(self) -> Mapping[str, Parameter]:
         """Named numbers with units and bounds, see `parameters.parameters`."""
         return parameters(self.file)
-
-    @property
-    def places(self) -> tuple[str, ...]:
-        """Where an effect may be added: servo, motor, screw, nut, guide, table of every axis."""
-        found = []
-        for name, axis in self.axes.items():
-            rigid = isinstance(axis.axis.mechanics, RigidMechanics)
-            parts = (
-                ("servo", "motor", "guide", "table") if rigid else ("servo", "motor", "screw", "nut", "guide", "table")
-            )
-            found += [f"{name}.{part}" for part in parts]
-        return tuple(found)
 
     @cached_property
     def axes(self) -> Mapping[str, FileAxis]:
@@ -191,10 +242,6 @@ class DriveModel:
     def with_parameters(self, values: Mapping[str, float]) -> DriveModel:
         """The same model with other values of some parameters; errors as in `parameters.with_parameters`."""
         return DriveModel(with_parameters(self.file, values), self.columns)
-
-    def simulate(self, *, run: str = "simulation", seed: int | None = None) -> Recording:
-        """The recording of `simulation`."""
-        return self.simulation(run=run, seed=seed).recording
 
     def simulation(
         self, *, run: str = "simulation", seed: int | None = None, progress: Progress | None = None

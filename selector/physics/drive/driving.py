@@ -1,40 +1,198 @@
-"""What would the model have done in these recorded runs: in closed loop after the recorded command, or opened.
-
-In *closed loop* the model follows the recorded command with its own control. *Opened*, the control is left out and the
-recorded output of the real one acts on the axis: small errors of the force then add up over time. What was added to the
-output of the control, as experiments do, acts in both.
-"""
+"""What would the model have done in recorded runs: which channels are its axes', in closed loop or opened."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.errors import OptionError
-from selector.findings import Finding
+from selector.findings import Finding, Where
+from selector.physics.channel_differences import ChannelDifference
 from selector.physics.checks import require_within, told_of
-from selector.physics.drive.axis import Axis
-from selector.physics.drive.drive_channels import axis_channels
-from selector.physics.drive.drive_model import AxisRun, DriveModel, DriveSimulation, Progress
-from selector.physics.drive.mechanics import RigidMechanics
-from selector.physics.drive.model_limits import MOST_ACTING, MOST_POSITION_M
-from selector.physics.drive.model_schema import MOST_SAMPLES
-from selector.physics.drive.recorded_channels import (
-    RecordedChannels,
-    channel_findings,
-    lacking_findings,
-    recorded_channels,
+from selector.physics.drive.drive_model import (
+    INPUTS,
+    KINDS,
+    AxisRun,
+    DriveModel,
+    DriveSimulation,
+    Progress,
+    axis_channels,
 )
-from selector.physics.drive.reference import Reference
-from selector.physics.drive.state import AxisState, unloaded_state
+from selector.physics.drive.file.model_axes import FileAxis
+from selector.physics.drive.file.model_schema import MOST_ACTING, MOST_POSITION_M
+from selector.physics.drive.finding_table import FINDINGS
+from selector.physics.drive.motion import Reference
+from selector.physics.drive.parts.axis import Axis, AxisState, unloaded_state
+from selector.physics.drive.parts.mechanics import RigidMechanics
 from selector.physics.drive.trajectory import clock_findings, recorded
+from selector.physics.model_text import MOST_SAMPLES
 from selector.recording import Channel, Recording
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
+_MICRO = 1e6
+_ACTING = ("force", "voltage", "current")
+"""Roles of what may move an axis."""
+
+
+@dataclass(frozen=True)
+class RecordedChannels:
+    """What a recording has of one axis."""
+
+    found: Mapping[str, str]  #: Kind, of `drive_channels.KINDS`, → channel
+    undecided: Mapping[str, tuple[str, ...]]  #: Kind → channels that could each be it, so that none is
+    factor: float = 1.0  #: What one of the channel `added` adds to the output of the control [actuator unit]
+    lacking: str | None = None  #: Channel that the file names as `added` and the recording has not
+
+    def has(self, kind: str) -> bool:
+        """Whether this kind was recorded; output and what is added are as good together as apart."""
+        return kind in self.found or (kind == "output" and "total" in self.found)
+
+
+def recorded_channels(name: str, axis: FileAxis, model: DriveModel, recording: Recording) -> RecordedChannels:
+    """The channels of this axis.
+
+    The one that ``[axes.NAME.recorded]`` names; else the one that is called as in a simulation; else the only one of
+    its role that belongs to this axis, or to no axis where the model has one only. Where something is added to the
+    output of the control, a channel of its role is both together (``total``) unless the file names it ``output``.
+
+    Raises
+    ------
+    OptionError
+        The recording has no channel of a name that the file gives, but for what is added, which not every run needs; or
+        the file gives one name twice.
+    """
+    by_name = {channel.name: channel for channel in recording.channels}
+    said = axis.section.recorded
+    named = {kind: getattr(said, kind, None) for kind in KINDS}
+    named["added"] = None if said.added is None else said.added.channel
+    lacking = named["added"] if named["added"] not in by_name else None
+    if lacking is not None:
+        named["added"] = None
+    found = _named(name, named, by_name)
+    own = axis_channels(name, axis, loaded=True, added=True)
+    for kind, channel in own.items():
+        same = by_name.get(channel.name)
+        if kind not in found and same is not None and same.role == channel.role and same.name not in found.values():
+            found[kind] = same.name
+    if "added" not in found and "output" not in found and "total" in found:
+        found["output"] = found.pop("total")
+    undecided: dict[str, tuple[str, ...]] = {}
+    for kind in ("command", "position", "total" if "added" in found else "output"):
+        role = own[kind].role
+        if kind in found or role == "state" or (kind == "total" and "output" in found):
+            continue
+        alike = [c for c in recording.channels if c.role == role and c.name not in found.values()]
+        here = [c.name for c in alike if c.axis == name] or [
+            c.name for c in alike if c.axis is None and len(model.file_axes) == 1
+        ]
+        if len(here) == 1:
+            found[kind] = here[0]
+        elif here:
+            undecided[kind] = tuple(here)
+    is_named = said.added is not None and found.get("added") == said.added.channel
+    return RecordedChannels(found, undecided, said.added.factor if said.added and is_named else 1.0, lacking)
+
+
+def channel_findings(channels: Mapping[str, RecordedChannels], recording: Recording) -> Iterator[Finding]:
+    """Channels that could each be one thing, that lack, and that look as if they act and were left."""
+    told: set[str] = set()
+    for name, one in channels.items():
+        told |= set(one.found.values())
+        for kind, which in one.undecided.items():
+            told |= set(which)
+            yield FINDINGS.finding(
+                "channel-undecided",
+                f"{', '.join(which)}: each of them could be {_WHAT[kind]} of {name}, so none of them was taken.",
+                Where(channel=name),
+                {"axis": name, "kind": kind, "channels": list(which)},
+                f'say which it is, {kind} = "…" under [axes.{name}.recorded]'
+                + ("; what is added to it, added" if kind == "output" else ""),
+            )
+        if one.lacking is not None:
+            yield FINDINGS.finding(
+                "nothing-added",
+                f"The recording has no channel {one.lacking}, which the model file names as added to the output of the "
+                f"control of {name}: nothing was added.",
+                Where(channel=name),
+                {"axis": name, "channel": one.lacking},
+            )
+    idle = [c for c in recording.channels if c.role in _ACTING and c.name not in told and _acts(recording, c)]
+    if idle:
+        names = ", ".join(f"{c.name} ({c.role})" for c in idle)
+        first = next(iter(channels))
+        yield FINDINGS.finding(
+            "channel-not-used",
+            f"Nothing was done with {names}: if it acts on an axis, the simulation is without it.",
+            Where(channel=idle[0].name),
+            {"channels": [c.name for c in idle]},
+            f"name it under [axes.{first}.recorded]: load for a force on the table, added for what is added to the "
+            "output of the control",
+        )
+
+
+def lacking_findings(
+    channels: Mapping[str, RecordedChannels], driven: list[str], needed: tuple[str, ...]
+) -> Iterator[Finding]:
+    """Axes that nothing drives, and those of which nothing can be compared."""
+    for name, one in channels.items():
+        lacks = [kind for kind in needed if not one.has(kind)]
+        if name not in driven:
+            what = " and no ".join(lacks)
+            said, evidence = f"Axis {name} was not simulated: the recording has no {what} of it.", {"lacking": lacks}
+        elif not any(kind not in INPUTS for kind in one.found):
+            said = f"Nothing that the simulation says of axis {name} was recorded, so nothing can be compared."
+            evidence = {}
+        else:
+            continue
+        yield FINDINGS.finding(
+            "axis-not-driven" if name not in driven else "output-not-recorded",
+            said,
+            Where(channel=name),
+            {"axis": name, **evidence},
+            f"name its channels under [axes.{name}.recorded]",
+            level="warning",
+        )
+
+
+def _named(name: str, named: Mapping[str, str | None], by_name: Mapping[str, Channel]) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for kind, said in named.items():
+        if said is None:
+            continue
+        if said not in by_name:
+            raise OptionError(
+                f"no channel {said!r} in the recording",
+                expected="one of " + ", ".join(list(by_name)[:20]),
+                where=f"key axes.{name}.recorded.{kind}",
+                advice="correct the name, or leave it out",
+            )
+        if said in found.values():
+            raise OptionError(
+                f"{said!r} twice",
+                expected="a channel for one thing",
+                where=f"key axes.{name}.recorded.{kind}",
+                advice="leave one of the two out",
+            )
+        found[kind] = said
+    return found
+
+
+def _acts(recording: Recording, channel: Channel) -> bool:
+    values = recording.frame[channel.name].to_numpy()
+    return bool(np.any(np.nan_to_num(values) != 0.0))
+
+
+_WHAT = {
+    "command": "the commanded position",
+    "position": "the position that the control sees",
+    "output": "the output of the control",
+    "total": "the output of the control with what is added",
+}
+
+
 _AT_REST = 0.01
 """Share of the largest speed below which a recording begins at rest: what rounding and smoothing make of standing."""
 
@@ -47,24 +205,14 @@ _SAME_CLOCK = 1e-6
 
 @dataclass(frozen=True)
 class DrivenSimulation:
-    """A simulation of recorded runs.
+    """A simulation of recorded runs."""
 
-    Attributes
-    ----------
-    simulation : DriveSimulation
-        Samples at the time stamps of the recording; its channels are called as the recorded ones that they belong to.
-    matched : mapping of str to mapping of str to str
-        Axis → kind, of `drive_channels.KINDS` → name of the recorded channel; for the axes that were simulated.
-    findings : tuple of Finding
-        What is to be said about the clock, and what could not be compared.
-    opened : bool
-        Whether the recorded output of the control acted, so that it is no result.
-    """
-
+    #: Samples at the time stamps of the recording; its channels are called as the recorded ones that they belong to
     simulation: DriveSimulation
+    #: Axis → kind, of `drive_channels.KINDS` → name of the recorded channel; for the axes that were simulated
     matched: Mapping[str, Mapping[str, str]]
-    findings: tuple[Finding, ...]
-    opened: bool = False
+    findings: tuple[Finding, ...]  #: What is to be said about the clock, and what could not be compared
+    opened: bool = False  #: Whether the recorded output of the control acted, so that it is no result
 
 
 def driven_runs(
@@ -300,3 +448,45 @@ def _cannot_be_added(name: str, channel: str) -> OptionError:
         where=f"key axes.{name}.recorded.added",
         advice="simulate it with --open-loop, where output and addition act together, or describe the axis as one mass",
     )
+
+
+def recorded_differences(
+    model: DriveModel, driven: DrivenSimulation, recording: Recording
+) -> tuple[ChannelDifference, ...]:
+    """Every channel that was both recorded and simulated, run by run; what acts on the axes is left out."""
+    simulated = driven.simulation.recording
+    acting = (*INPUTS, "output", "total") if driven.opened else INPUTS
+    found = []
+    for run in recording.runs:
+        time_s = recording.time_s(run)
+        for axis, channels in driven.matched.items():
+            for kind in (one for one in KINDS if one in channels and one not in acting):
+                name = channels[kind]
+                there = recording.values(run, [name])[:, 0]
+                seen = np.isfinite(there)
+                if not seen.any():
+                    continue
+                unit, times = _unit_of_difference(model, axis, kind, recording.channel(name).unit)
+                found.append(
+                    ChannelDifference(
+                        run,
+                        name,
+                        unit,
+                        time_s[seen] - time_s[0],
+                        there[seen] * times,
+                        simulated.values(run, [name])[seen, 0] * times,
+                        axis,
+                        kind,
+                    )
+                )
+    return tuple(found)
+
+
+def _unit_of_difference(model: DriveModel, axis: str, kind: str, unit: str) -> tuple[str, float]:
+    """Unit that differences of a kind are told in, and how many of it are one of the channel's."""
+    turns = model.file_axes[axis].rotary
+    if kind in ("position", "table"):
+        return ("urad" if turns else "um"), _MICRO
+    if kind == "error":
+        return ("urad" if turns else "um"), 1.0
+    return ("N·m" if turns and kind == "force" else unit), 1.0

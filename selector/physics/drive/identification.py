@@ -1,9 +1,4 @@
-"""Which mass and friction a recorded motion speaks of: the inverse dynamic model, by least squares.
-
-Force on the axis = M·v' + F_v·v + F_c·sgn(v) + offset is linear in its parameters, so that recorded force and
-differentiated position determine them at once, whatever the control did. Method: Gautier, Janot, Vandanjon (2013),
-IEEE Trans. Control Systems Technology 21(2), 428–444.
-"""
+"""Which parameters a recorded motion speaks of: by the inverse dynamic model."""
 
 from __future__ import annotations
 
@@ -11,16 +6,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import signal
 
 from selector.errors import InputError
-from selector.physics.drive.friction import Friction
-from selector.physics.drive.mechanics import RigidMechanics
-from selector.physics.drive.servo import Servo
-
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
+from selector.physics.drive.parts.axis import Servo
+from selector.physics.drive.parts.mechanics import Friction, RigidMechanics
+from selector.types import Vector
 
 CUT_OFF = 5.0
 """Cut-off of the differentiating filter per bandwidth of the loop: what the loop does must pass unharmed."""
@@ -33,39 +25,26 @@ BORDER_S = 0.05
 
 @dataclass(frozen=True)
 class IdentifiedAxis:
-    """What the fit found.
+    """What the fit found."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        Parameters: `mass_kg`, `guide_damping_ns_per_m`, `coulomb_n`, then `coulomb_negative_n` or `offset_n`, and
-        `stribeck_n` (breakaway minus sliding) if asked for.
-    values, standard_errors : ndarrays of shape (n_parameters,)
-        Estimates and their standard errors, for residuals that are independent of each other after decimation;
-        where they are not, as with unmodelled friction, the true errors are larger.
-    relative_force_error : float
-        ‖force − modelled force‖ / ‖force‖ of the samples that were fitted.
-    condition : float
-        Condition number of the regressors, each scaled to length 1: how well they can be told apart.
-    cut_off_hz, decimation
-        Of the differentiating filter [Hz]; samples to one in the fit.
-    time_s, force_n, modelled_force_n : ndarrays of shape (n_fitted,)
-        What was fitted [s, N].
-    stribeck_speed_m_per_s : float or None
-        The speed that was given for `stribeck_n`.
-    """
-
+    #: Parameters: `mass_kg`, `guide_damping_ns_per_m`, `coulomb_n`, then `coulomb_negative_n` or `offset_n`, and
+    #: `stribeck_n` (breakaway minus sliding) if asked for
     names: tuple[str, ...]
+    #: values and standard_errors: (n_parameters,): Estimates and their standard errors, for residuals that are
+    #: independent of each other after decimation; where they are not, as with unmodelled friction, the true errors are
+    #: larger
     values: Vector
     standard_errors: Vector
-    relative_force_error: float
-    condition: float
+    relative_force_error: float  #: ‖force − modelled force‖ / ‖force‖ of the samples that were fitted
+    condition: float  #: Condition number of the regressors, each scaled to length 1: how well they can be told apart
+    #: cut_off_hz and decimation: Of the differentiating filter [Hz]; samples to one in the fit
     cut_off_hz: float
     decimation: int
+    #: time_s, force_n and modelled_force_n: (n_fitted,): What was fitted [s, N]
     time_s: Vector
     force_n: Vector
     modelled_force_n: Vector
-    stribeck_speed_m_per_s: float | None = None
+    stribeck_speed_m_per_s: float | None = None  #: The speed that was given for `stribeck_n`
 
     def __post_init__(self) -> None:
         for name in ("values", "standard_errors", "time_s", "force_n", "modelled_force_n"):

@@ -1,27 +1,119 @@
-"""What is odd about a feed drive: before it runs, and about what it did."""
+"""What is odd about a feed drive: numbers that no machine has, what shows before it runs, and what it did."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from selector.findings import Finding, Where
-from selector.physics.drive.axis import Axis
-from selector.physics.drive.axis_summary import limited_samples
-from selector.physics.drive.catalogue import Parts
 from selector.physics.drive.drive_model import AxisRun, DriveModel, DriveSimulation
+from selector.physics.drive.drive_summary import limited_samples
 from selector.physics.drive.energy import passive_bristle_damping_ns_per_m, passive_fading_speed_m_per_s
-from selector.physics.drive.loop_poles import growing_poles, loop_poles
-from selector.physics.drive.mechanics import ThreeMassMechanics
-from selector.physics.drive.model_axes import FileAxis
-from selector.physics.drive.parameter_bounds import OUTPUT_UNITS
-from selector.physics.drive.plausibility import unlikely_values
-from selector.physics.drive.stability import stability_findings
-from selector.physics.drive.step_choice import fastest_rate_per_s
-from selector.physics.drive.sticking import stick_slip
+from selector.physics.drive.file.model_axes import FileAxis
+from selector.physics.drive.file.parameters import OUTPUT_UNITS, unit_of_key
+from selector.physics.drive.finding_table import FINDINGS
+from selector.physics.drive.loop.loop_response import growing_poles, loop_poles
+from selector.physics.drive.loop.stability import stability_findings
+from selector.physics.drive.parts.axis import Axis
+from selector.physics.drive.parts.catalogue import Parts
+from selector.physics.drive.parts.mechanics import ThreeMassMechanics
+from selector.physics.drive.simulation import fastest_rate_per_s
+from selector.physics.drive.tracking import stick_slip
+from selector.physics.model_parameters import UsualRange, unlikely_numbers
+from selector.physics.model_text import Key, plain_values
+
+KV = 1000.0 / 60.0
+"""1 m/(min·mm), the workshop's unit of the Kv factor, in 1/s."""
+
+
+_INERTIA = UsualRange(1e-7, 0.5, {"kg·cm²": 1e-4, "kg·mm²": 1e-6, "g·cm²": 1e-7})
+_DIAMETER = UsualRange(3.0, 500.0, {"m": 1e3, "cm": 10.0})
+_BALL = UsualRange(0.5, 50.0, {"m": 1e3, "cm": 10.0})
+_ERROR = UsualRange(0.0, 2e-3, {"µm": 1e-6, "mm": 1e-3})
+_TIME = UsualRange(1e-6, 0.05, {"ms": 1e-3, "µs": 1e-6})
+_MASS = UsualRange(5.0, 1e5, {"t": 1e3, "g": 1e-3})
+
+USUAL: Mapping[str, UsualRange] = {
+    "servo.position_gain_per_s": UsualRange(6.0, 600.0, {"m/(min·mm)": KV, "1/min": 1.0 / 60.0}),
+    "servo.sample_s": _TIME,
+    "servo.delay_s": _TIME,
+    "sensing.scale_resolution_m": UsualRange(0.0, 1e-3, {"µm": 1e-6, "mm": 1e-3, "nm": 1e-9}),
+    "mechanics.table_mass_kg": _MASS,
+    "mechanics.motor_inertia_kg_m2": _INERTIA,
+    "mechanics.screw_inertia_kg_m2": _INERTIA,
+    "mechanics.lead_m": UsualRange(5e-4, 0.2, {"mm": 1e-3}),
+    "mechanics.torsional_stiffness_nm_per_rad": UsualRange(50.0, 1e7, {"kN·m/rad": 1e3, "N·mm/rad": 1e-3}),
+    "mechanics.axial_stiffness_n_per_m": UsualRange(1e6, 1e10, {"N/µm": 1e6, "N/mm": 1e3}),
+    "transmission.backlash_m": _ERROR,
+    "transmission.pitch_amplitude_m": _ERROR,
+    "table.mass_kg": _MASS,
+    "motor.inertia_kg_m2": _INERTIA,
+    "motor.torque_constant_nm_per_a": UsualRange(0.01, 50.0, {"mN·m/A": 1e-3}),
+    "motor.top_speed_rpm": UsualRange(50.0, 6e4, {"1/s": 60.0}),
+    "coupling.inertia_kg_m2": _INERTIA,
+    "coupling.stiffness_nm_per_rad": UsualRange(50.0, 1e7, {"kN·m/rad": 1e3, "N·mm/rad": 1e-3}),
+    "coupling.diameter_mm": _DIAMETER,
+    "coupling.shear_modulus_gpa": UsualRange(10.0, 300.0, {"Pa": 1e-9, "N/mm²": 1e-3, "TPa": 1e3}),
+    "screw.inertia_kg_m2": _INERTIA,
+    "screw.diameter_mm": _DIAMETER,
+    "screw.root_diameter_mm": _DIAMETER,
+    "screw.lead_mm": UsualRange(0.5, 200.0, {"m": 1e3, "µm": 1e-3}),
+    "screw.length_mm": UsualRange(20.0, 5e4, {"m": 1e3, "µm": 1e-3}),
+    "screw.modulus_gpa": UsualRange(20.0, 700.0, {"Pa": 1e-9, "N/mm²": 1e-3, "TPa": 1e3}),
+    "screw.shear_modulus_gpa": UsualRange(10.0, 300.0, {"Pa": 1e-9, "N/mm²": 1e-3, "TPa": 1e3}),
+    "screw.density_kg_per_m3": UsualRange(1000.0, 2e4, {"g/cm³": 1e3}),
+    "nut.preload_n": UsualRange(10.0, 1e6, {"kN": 1e3}),
+    "nut.rigidity_n_per_um": UsualRange(5.0, 2e4, {"N/m": 1e-6, "N/mm": 1e-3, "kN/µm": 1e3}),
+    "nut.ball_diameter_mm": _BALL,
+    "nut.pitch_circle_mm": _DIAMETER,
+    "bearings.preload_n": UsualRange(10.0, 1e6, {"kN": 1e3}),
+    "bearings.rigidity_n_per_um": UsualRange(5.0, 2e4, {"N/m": 1e-6, "N/mm": 1e-3, "kN/µm": 1e3}),
+    "bearings.ball_diameter_mm": _BALL,
+    "bearings.pitch_circle_mm": _DIAMETER,
+    "guide.friction_coefficient": UsualRange(0.0, 0.5, {"%": 0.01}),
+    "motion.acceleration_m_per_s2": UsualRange(1e-3, 200.0, {"mm/s²": 1e-3}),
+    "motion.jerk_m_per_s3": UsualRange(1e-3, 1e5, {"mm/s³": 1e-3}),
+}
+"""Section and key of the file → what is usual."""
+
+
+def unlikely_values(model: DriveModel) -> tuple[Finding, ...]:
+    """Warnings on numbers that the file says and that no machine has; each with the unit that was perhaps meant."""
+    found = list(unlikely_numbers(plain_values(model.file), USUAL, unit_of_key, _axis_of))
+    for name, axis in model.file_axes.items():
+        found += _odd_effects(name, axis.axis.friction.directions, [one.share for one in axis.axis.ripple])
+    return tuple(found)
+
+
+def _axis_of(path: Key) -> str | None:
+    return str(path[1]) if path[0] == "axes" else None
+
+
+def _odd_effects(
+    name: str, directions: tuple[tuple[float, float], tuple[float, float]], shares: list[float]
+) -> Iterator[Finding]:
+    for (sliding, static), way in zip(directions, ("positive", "negative"), strict=True):
+        if static < sliding:
+            yield FINDINGS.finding(
+                "breakaway-below-sliding",
+                f"Breakaway friction of {name} in the {way} direction, {static:.6g} N, is below its sliding friction, "
+                f"{sliding:.6g} N: friction rises with the speed.",
+                Where(channel=name),
+                {"static_n": static, "coulomb_n": sliding},
+            )
+    for number, share in enumerate(shares):
+        if abs(share) >= 1.0:
+            yield FINDINGS.finding(
+                "ripple-beyond-force",
+                f"Ripple {number + 1} of {name} is {abs(share):.3g} times the force of the actuator, which it turns "
+                "round at times.",
+                Where(channel=name),
+                {"share": share},
+            )
+
 
 COARSE_PER_MODE = 1.0
 """Step × fastest rate above which a method of order 4 takes more than 4 % of that vibration a period (2π/144)."""
@@ -102,7 +194,9 @@ def _limits(name: str, where: Where, done: AxisRun, made: FileAxis) -> Iterator[
         advice = "the loop is unstable, and so swings from limit to limit: lower its gains first"
     yield (
         share,
-        Finding("limit-reached", "warning" if share > _LIMIT_SHARE else "info", said, where, evidence, advice),
+        FINDINGS.finding(
+            "limit-reached", said, where, evidence, advice, level="warning" if share > _LIMIT_SHARE else "info"
+        ),
     )
 
 
@@ -139,13 +233,11 @@ def _too_fast(name: str, where: Where, done: AxisRun, turns: bool) -> Iterator[t
     if asked > most:
         yield (
             asked / most,
-            Finding(
+            FINDINGS.finding(
                 "faster-than-speed-limit",
-                "warning",
                 f"Axis {name} is asked for {_speed(asked, turns)} and can go {_speed(most, turns)}: it falls behind.",
                 where,
                 {"asked_m_per_s": asked, "possible_m_per_s": most},
-                "ask for a lower feed, or raise servo.speed_limit",
             ),
         )
 
@@ -164,9 +256,8 @@ def _jolt(name: str, where: Where, done: AxisRun, turns: bool, kind: str) -> Ite
     if share > _START_SHARE and stands:
         yield (
             share,
-            Finding(
+            FINDINGS.finding(
                 "begins-in-motion",
-                "info",
                 f"The motion of {name} begins at {_speed(speed[0], turns)} while the axis stands: first it catches up, "
                 "which says nothing of its errors later.",
                 where,
@@ -184,14 +275,12 @@ def _off_screw(name: str, where: Where, done: AxisRun, parts: Parts) -> Iterator
     if beyond >= 0:
         yield (
             beyond,
-            Finding(
+            FINDINGS.finding(
                 "table-off-the-screw",
-                "error",
                 f"The table of {name} goes from {low * 1e3:.6g} to {high * 1e3:.6g} mm; the nut is on the screw from "
                 f"{near * 1e3:.6g} to {far * 1e3:.6g} mm only.",
                 where,
                 {"from_m": low, "to_m": high, "nut_from_m": near, "nut_to_m": far},
-                "move less, or correct length_mm and origin_mm of the screw",
             ),
         )
 
@@ -201,14 +290,12 @@ def _sticks(name: str, where: Where, done: AxisRun) -> Iterator[tuple[float, Fin
     if found is not None:
         yield (
             found.creeping_share,
-            Finding(
+            FINDINGS.finding(
                 "stick-slip",
-                "info",
                 f"The table of {name} sticks and slips: it stands or creeps for {100 * found.creeping_share:.0f} % of "
                 f"the time that it is commanded to move, and jumps {found.jumps} times after it first broke loose.",
                 where,
                 {"creeping_share": found.creeping_share, "jumps": found.jumps},
-                "go faster, stiffen the screw, or let the breakaway friction be nearer to the sliding one",
             ),
         )
 
@@ -222,9 +309,8 @@ def _within_play(name: str, where: Where, done: AxisRun, turns: bool) -> Iterato
         if play_m >= travel_m > 0:
             yield (
                 play_m / travel_m,
-                Finding(
+                FINDINGS.finding(
                     "travel-within-play",
-                    "warning",
                     f"Axis {name} is asked for {travel_m * 1e6:.4g} {unit} of travel, and its {what} is "
                     f"{play_m * 1e6:.4g} {unit}: it may not move at all.",
                     where,
@@ -251,14 +337,12 @@ def _coarse_encoder(name: str, where: Where, done: AxisRun, turns: bool) -> Iter
     if step_m > 0 and step_m > rms_m:
         yield (
             step_m / rms_m if rms_m > 0 else math.inf,
-            Finding(
+            FINDINGS.finding(
                 "coarse-encoder",
-                "warning",
                 f"The {what} of {name} reads in steps of {step_m * 1e6:.3g} {unit}, and the error is {rms_m * 1e6:.3g} "
                 f"{unit} (RMS): what is seen of it is mostly rounding.",
                 where,
                 {"step_um": step_m * 1e6, "rms_um": rms_m * 1e6},
-                "give the encoder more lines, or do not read the error off the measured position",
             ),
         )
 
@@ -268,9 +352,8 @@ def _speed(speed_m_per_s: float, turns: bool) -> str:
 
 
 def _coarse(name: str, step_s: float, rate_per_s: float) -> Finding:
-    return Finding(
+    return FINDINGS.finding(
         "coarse-step",
-        "warning",
         f"The step of {step_s:.3g} s is long for the fastest vibration of {name}, {rate_per_s / (2 * math.pi):.4g} Hz: "
         "the calculation damps it.",
         Where(channel=name),
@@ -289,9 +372,8 @@ def _bristles(name: str, axis: Axis, turns: bool) -> Iterator[Finding]:
     if most == 0:
         less = "leave friction.lugre.damping_ns_per_m out"
     other = f", or set fading_speed_m_per_s to at most {fading:.2g} {speed}" if fading > 0 else ""
-    yield Finding(
+    yield FINDINGS.finding(
         "bristles-make-energy",
-        "warning",
         f"The bristles of {name} are damped by {lugre.damping_ns_per_m:.4g} {unit}; above {most:.4g} {unit} they can "
         "push the table on while it slides, because friction falls from breakaway to sliding: a friction that drives.",
         Where(channel=name),

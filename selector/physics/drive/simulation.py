@@ -1,4 +1,4 @@
-"""How an axis follows its reference: the simulated motion, its step-size error, and why one could not go on."""
+"""How an axis follows its reference: its motion, step and step-size error, and why one could not go on."""
 
 from __future__ import annotations
 
@@ -6,18 +6,17 @@ import math
 from fractions import Fraction
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from selector.errors import InputError
-from selector.physics.drive import _packed as at
-from selector.physics.drive.axis import Axis
-from selector.physics.drive.course import ParameterCourse
-from selector.physics.drive.mechanics import RigidMechanics
-from selector.physics.drive.motion import Motion
-from selector.physics.drive.reference import Reference
-from selector.physics.drive.state import AxisState, unloaded_state
-
-Vector = NDArray[np.float64]
+from selector.physics.drive.finding_table import UNSTABLE_LOOP
+from selector.physics.drive.kernel import _packed as at
+from selector.physics.drive.kernel.axis_system import largest_stable_step_s, mechanical_poles
+from selector.physics.drive.loop.stability import stability_findings
+from selector.physics.drive.motion import Motion, ParameterCourse, Reference
+from selector.physics.drive.parts.axis import Axis, AxisState, unloaded_state
+from selector.physics.drive.parts.mechanics import RigidMechanics
+from selector.types import Vector
 
 # events within one step before the rest of it is taken without looking for more
 MOST_EVENTS = 32
@@ -69,7 +68,7 @@ def simulate_axis(
     InputError
         If periods do not fit together, shapes do not fit, or the motion leaves all bounds.
     """
-    from selector.physics.drive import _kernel
+    from selector.physics.drive.kernel import _kernel
 
     p, o = at.packed_axis(axis)
     ref = _packed_reference(axis, reference, course, o)
@@ -82,8 +81,6 @@ def simulate_axis(
     out = np.empty((count, _kernel.COURSES))
     lost, state = _kernel.loop(w, p, o, ref, given, _bounds(axis, reference, begin), out)
     if lost >= 0:
-        from selector.physics.drive.runaway import runaway
-
         raise runaway(
             axis,
             reference,
@@ -106,23 +103,6 @@ def steps_per_period(axis: Axis, period_s: float, step_s: float) -> int:
     p, o = at.packed_axis(axis)
     _lay_grid(axis, period_s, step_s, p, o)
     return int(o[at.PERIOD_STEPS])
-
-
-def step_error(
-    axis: Axis,
-    reference: Reference,
-    step_s: float,
-    *,
-    course: ParameterCourse | None = None,
-    start: AxisState | None = None,
-    seed: int = 0,
-) -> float:
-    """Largest difference of the table's position between this step and half of it [m]."""
-    whole, half = (
-        simulate_axis(axis, reference, step_s=step, course=course, start=start, seed=seed).table_m
-        for step in (step_s, step_s / 2)
-    )
-    return float(np.abs(whole - half).max())
 
 
 def _packed_reference(axis: Axis, reference: Reference, course: ParameterCourse | None, o: at.Switches) -> Vector:
@@ -226,3 +206,79 @@ def _bounds(axis: Axis, reference: Reference, start: AxisState) -> Vector:
     turns = farthest / axis.mechanics.travel_per_motion + 1000.0 * (abs(start.motor) + abs(start.screw))
     largest = float(np.finfo(np.float64).max)
     return np.array([turns, largest, turns, largest, farthest, largest, largest, largest])
+
+
+_LARGE_SHARE = 2.0
+"""Shares of feed-forward above which it is worth a word: 1 is complete."""
+
+
+def runaway(
+    axis: Axis, reference: Reference, *, commanded: bool, time_s: float, state: str, step_s: float
+) -> InputError:
+    """The error that says so.
+
+    Parameters
+    ----------
+    axis, reference
+        What moved, and what it was asked to do.
+    commanded
+        Whether given commands drove it in the place of its servo.
+    time_s, state
+        When [s], and what left the bounds, in words.
+    step_s
+        Step of the calculation [s].
+    """
+    found, advice = f"the {state} left all bounds before {time_s:.6g} s", ""
+    stable_step_s = largest_stable_step_s(axis)
+    if step_s > stable_step_s:
+        advice = f"the step of {step_s:.3g} s is too long for the fastest vibration: take at most {stable_step_s:.3g} s"
+    elif axis.servo is None or commanded:
+        advice = "nothing holds the axis: check the commands and forces that act on it"
+    else:
+        unstable = [one for one in stability_findings(axis, "the axis") if one.id == UNSTABLE_LOOP]
+        if unstable:
+            found = f"{found}. {unstable[0].statement}".removesuffix(".")
+            advice = unstable[0].suggestion
+        else:
+            advice = "the loop is stable: check what acts on it from outside" + _named(axis, reference)
+    return InputError(
+        found, expected="a motion that stays near its reference", where="simulation of the axis", advice=advice
+    )
+
+
+def _named(axis: Axis, reference: Reference) -> str:
+    """What may be too large."""
+    acting = []
+    if reference.force_n is not None and (largest := float(np.abs(reference.force_n).max())) > 0:
+        acting.append(f"forces of up to {largest:.3g} N")
+    if axis.servo is not None:
+        for name in ("velocity_feedforward", "acceleration_feedforward"):
+            if (share := getattr(axis.servo, name)) > _LARGE_SHARE:
+                acting.append(f"{name} of {share:.3g}")
+    if axis.sensing.current_noise > 0:
+        acting.append(f"current_noise of {axis.sensing.current_noise:.3g}")
+    return f" ({', '.join(acting)})" if acting else ", such as forces, and where and how fast it starts"
+
+
+PER_MODE = 0.2
+"""Step × fastest rate of the axis. A method of order 4 then changes that vibration by less than 2e-5 of itself a
+period in size (2π·0.2⁵/144) and by 1e-4 in phase (2π·0.2⁴/120)."""
+
+
+def fastest_rate_per_s(axis: Axis) -> float:
+    """Largest |pole| of the axis, with its control if that is continuous [rad/s]."""
+    return float(np.abs(mechanical_poles(axis)).max())
+
+
+def advised_step_s(axis: Axis, period_s: float) -> float:
+    """Step that resolves the fastest vibration of an axis, at most the period of the samples [s]."""
+    rate = fastest_rate_per_s(axis)
+    return min(period_s, PER_MODE / rate) if rate > 0 else period_s
+
+
+def circle_step_s(axis: Axis, period_s: float) -> float:
+    """Step for circles: half of what is stable, at most the period of the samples [s].
+
+    Nothing on a circle excites the fastest vibration, which this step damps.
+    """
+    return min(period_s, largest_stable_step_s(axis) / 2.0)

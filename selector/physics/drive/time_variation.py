@@ -10,70 +10,40 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.errors import InputError
-from selector.physics.drive.axis import Axis
-from selector.physics.drive.catalogue import Parts
-from selector.physics.drive.course import ParameterCourse
-from selector.physics.drive.damping import Reading, dry_friction, parameter_course
-from selector.physics.drive.frequency import LoopFigures, frequency_response, frozen, loop_figures
-from selector.physics.drive.friction import Friction
-from selector.physics.drive.mechanics import ThreeMassMechanics
-from selector.physics.drive.motion import Motion
-from selector.physics.drive.reference import Reference
-from selector.physics.drive.servo import Servo
+from selector.physics.drive.loop.stability import LoopFigures, frequency_response, frozen, loop_figures
+from selector.physics.drive.motion import Motion, ParameterCourse, Reference
+from selector.physics.drive.parts.axis import Axis, Servo
+from selector.physics.drive.parts.catalogue import Parts
+from selector.physics.drive.parts.damping import Reading, dry_friction, parameter_course
+from selector.physics.drive.parts.mechanics import Friction, ThreeMassMechanics
+from selector.physics.drive.parts.stiffness import three_mass_mechanics
 from selector.physics.drive.simulation import simulate_axis
-from selector.physics.drive.stiffness import three_mass_mechanics
 from selector.physics.drive.trajectory import sine
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
 Constants = Literal["unloaded", "mean", "friction"]
 
 
 @dataclass(frozen=True)
 class TimeVariation:
-    """One motion with varying and with constant parameters.
+    """One motion with varying and with constant parameters."""
 
-    Attributes
-    ----------
-    course : ParameterCourse
-        Ke(t), Ct(t) of the varying model (F figs. 6, 7).
-    varying, constant : Motion
-        What the axis does with them and with constants (F fig. 9).
-    from_s : float
-        The two are compared from this time on up to, but without, the last sample [s]: of a whole
-        period the two ends are one instant.
-    instants_s : tuple of float
-        Instants of the frozen frequency responses [s] (F fig. 8).
-    frequency_hz : ndarray of shape (n_frequencies,)
-        Their frequencies [Hz].
-    responses : ndarray of complex, shape (n_instants, n_frequencies)
-        Table over reference at each instant.
-    figures : tuple of LoopFigures
-        Bandwidth, resonance and margins at each instant.
-    """
-
-    course: ParameterCourse
+    course: ParameterCourse  #: Ke(t), Ct(t) of the varying model (F figs. 6, 7)
+    #: varying and constant: What the axis does with them and with constants (F fig. 9).
     varying: Motion
     constant: Motion
+    #: The two are compared from this time on up to, but without, the last sample [s]: of a whole period the two ends
+    #: are one instant
     from_s: float
-    instants_s: tuple[float, ...]
-    frequency_hz: Vector
-    responses: NDArray[np.complex128]
-    figures: tuple[LoopFigures, ...]
+    instants_s: tuple[float, ...]  #: Instants of the frozen frequency responses [s] (F fig. 8)
+    frequency_hz: Vector  #: (n_frequencies,): Their frequencies [Hz]
+    responses: NDArray[np.complex128]  #: (n_instants, n_frequencies): Table over reference at each instant
+    figures: tuple[LoopFigures, ...]  #: Bandwidth, resonance and margins at each instant
 
     @property
     def share_larger(self) -> float:
         """Share of the compared samples at which the tracking error of the varying model is larger in amount."""
         return float(np.mean(np.abs(self._error(self.varying)) > np.abs(self._error(self.constant))))
-
-    @property
-    def rms_varying_m(self) -> float:
-        """Root mean square tracking error with varying parameters [m]."""
-        return float(np.sqrt(np.mean(self._error(self.varying) ** 2)))
-
-    @property
-    def rms_constant_m(self) -> float:
-        """Root mean square tracking error with constant parameters [m]."""
-        return float(np.sqrt(np.mean(self._error(self.constant) ** 2)))
 
     @property
     def rms_difference_m(self) -> float:

@@ -12,9 +12,9 @@ from scipy import interpolate, signal
 
 from selector.errors import InputError
 from selector.findings import Finding
-from selector.physics.drive.reference import Reference
-
-Vector = NDArray[np.float64]
+from selector.physics.drive.finding_table import FINDINGS
+from selector.physics.drive.motion import Reference
+from selector.types import Vector
 
 EVEN = 1e-3
 """Clocks that stray by less, as a share of their period, count as even: rounded times."""
@@ -52,14 +52,10 @@ def sine(
 
 @dataclass(frozen=True)
 class MovePhases:
-    """Phases of the fastest move from rest to rest: jerk, acceleration, jerk, travel, and back in reverse.
+    """Phases of the fastest move from rest to rest: jerk, acceleration, jerk, travel, and back in reverse."""
 
-    Attributes
-    ----------
-    jerk_s, acceleration_s, travel_s : float
-        Duration of each of the four jerk phases, of both phases of constant acceleration, of constant speed [s].
-    """
-
+    #: jerk_s, acceleration_s and travel_s: Duration of each of the four jerk phases, of both phases of constant
+    #: acceleration, of constant speed [s]
     jerk_s: float
     acceleration_s: float
     travel_s: float
@@ -210,12 +206,12 @@ def clock_findings(time_s: ArrayLike) -> tuple[Finding, ...]:
         return ()
     period_s = float(np.median(np.diff(time)))
     return (
-        Finding(
-            id="recorded-clock-jitter",
-            level="info" if stray < 0.1 else "warning",
-            statement=f"Times stray by up to {stray:.1%} of their period of {period_s:g} s; positions were brought to "
+        FINDINGS.finding(
+            "recorded-clock-jitter",
+            f"Times stray by up to {stray:.1%} of their period of {period_s:g} s; positions were brought to "
             "an even grid by a cubic spline.",
             suggestion="Nothing is left out; if the true clock is even, give positions without times.",
+            level="info" if stray < 0.1 else "warning",
         ),
     )
 

@@ -16,12 +16,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from selector.errors import InputError
-from selector.physics.gauging.model_file import checked_model_file, plain_values
+from selector.physics.gauging.file.model_file import checked_model_file
+from selector.physics.model_text import plain_values
 
 if TYPE_CHECKING:
-    from selector.physics.gauging.finished_sizes import FinishedSizes
     from selector.physics.gauging.gauging_model import GaugingModel
-    from selector.physics.gauging.trade_off import TradeOff
+    from selector.physics.gauging.grinding.finished_sizes import FinishedSizes
+    from selector.physics.gauging.sizes.trade_off import TradeOff
 
 PRESENT, CENTRED, BEST_FILTER, BEST_CENTRED = "present", "centred", "best-filter", "best-filter-centred"
 
@@ -40,33 +41,17 @@ _MISSED = 0.01
 
 @dataclass(frozen=True)
 class Setting:
-    """A filter and thresholds, and what sizes parts have that are ground with them, by Monte Carlo.
+    """A filter and thresholds, and what sizes parts have that are ground with them, by Monte Carlo."""
 
-    Attributes
-    ----------
-    name : str
-        ``"present"``, ``"centred"``, ``"best-filter"`` or ``"best-filter-centred"``.
-    time_constant_s : float
-        T_Φ [s].
-    thresholds_v : tuple of float
-        Of all stages, as they go into a model file [V].
-    parts : int
-        That were ground.
-    bias_um, bias_error_um : float
-        Mean size minus the wanted one; its standard error [µm].
-    sd_um : float
-        Standard deviation of the sizes [µm].
-    at_limit : bool
-        Whether T_Φ is the longest or shortest that was looked at, so that a better one may lie beyond.
-    """
-
-    name: str
-    time_constant_s: float
-    thresholds_v: tuple[float, ...]
-    parts: int
+    name: str  #: ``"present"``, ``"centred"``, ``"best-filter"`` or ``"best-filter-centred"``
+    time_constant_s: float  #: T_Φ [s]
+    thresholds_v: tuple[float, ...]  #: Of all stages, as they go into a model file [V]
+    parts: int  #: That were ground
+    #: bias_um and bias_error_um: Mean size minus the wanted one; its standard error [µm]
     bias_um: float
     bias_error_um: float
-    sd_um: float
+    sd_um: float  #: Standard deviation of the sizes [µm]
+    #: Whether T_Φ is the longest or shortest that was looked at, so that a better one may lie beyond
     at_limit: bool = False
 
     @property

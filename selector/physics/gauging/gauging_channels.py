@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from selector.errors import OptionError
 from selector.findings import Finding, Where
-from selector.physics.gauging.model_schema import GaugingFile
+from selector.physics.gauging.file.model_file import GaugingFile
+from selector.physics.gauging.finding_table import FINDINGS
 from selector.recording import Channel, Recording
 from selector.units import CANONICAL_UNITS
 
@@ -90,9 +91,8 @@ def undecided_findings(recording: Recording, found: Mapping[str, str]) -> Iterat
         alike = [c.name for c in recording.channels if c.role == own.role and c.name not in found.values()]
         if kind not in found and len(alike) > 1 and own.role not in told:
             told.add(own.role)
-            yield Finding(
+            yield FINDINGS.finding(
                 "channel-undecided",
-                "warning",
                 f"{', '.join(alike)}: each of them could be the {kind}, so none of them was taken.",
                 Where(channel=alike[0]),
                 {"kind": kind, "channels": alike},

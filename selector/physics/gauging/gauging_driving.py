@@ -1,4 +1,4 @@
-"""What would the gauge have shown in these recorded runs: the recorded allowance drives it, at its own time stamps."""
+"""What would the gauge have shown in recorded runs, driven by their allowance or feed at its time stamps."""
 
 from __future__ import annotations
 
@@ -7,36 +7,103 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from selector.errors import InputError, OptionError
 from selector.findings import Finding, Where
 from selector.physics.checks import require_within, told_of
+from selector.physics.gauging.file.model_file import MOST_ALLOWANCE_UM, finest_s
+from selector.physics.gauging.finding_table import FINDINGS
+from selector.physics.gauging.gauge.threshold import wear_share
+from selector.physics.gauging.gauge.voltage_course import SeenSurface, voltage_course
 from selector.physics.gauging.gauging_channels import (
     ALLOWANCE,
     FEED,
     GAUGE,
     MEASURED,
     STAGE,
+    UM_PER_S,
     recorded_channels,
     undecided_findings,
 )
-from selector.physics.gauging.gauging_feed import fallen_um, start_finding, start_um
-from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation, Progress
-from selector.physics.gauging.model_findings import model_findings
-from selector.physics.gauging.model_length import finest_s
-from selector.physics.gauging.model_limits import MOST_ALLOWANCE_UM
-from selector.physics.gauging.voltage_course import SeenSurface, voltage_course
+from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation, Progress, model_findings
+from selector.physics.gauging.process import Noise, Surface
 from selector.recording import Channel, Recording
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
+_REACH = 0.02
+"""Share of what the gauge can show that its ends are taken for: beyond its reach it says nothing of the allowance."""
+
+_FINER = 4
+
+
+def fallen_um(model: GaugingModel, time_s: Vector, feed_mm_per_min: Vector) -> Vector:
+    """What is ground off under a recorded feed, held from sample to sample, as wheel and springs of the file follow it.
+
+    Shape of `time_s` [µm].
+    """
+    grinding = model.values.grinding
+    feed = np.maximum(feed_mm_per_min, 0.0) * UM_PER_S
+    rate = feed / (1.0 + wear_share(grinding))
+    steps, lag_s = np.diff(time_s), grinding.lag_s
+    if lag_s == 0:
+        return np.concatenate([[0.0], np.cumsum(rate[:-1] * steps)])
+    removal, fallen = 0.0, np.zeros(len(time_s))
+    for k, (step_s, wanted) in enumerate(zip(steps.tolist(), rate[:-1].tolist(), strict=True)):
+        left = np.exp(-step_s / lag_s)
+        fallen[k + 1] = fallen[k] + wanted * step_s + (removal - wanted) * lag_s * (1.0 - left)
+        removal = wanted + (removal - wanted) * left
+    return fallen
+
+
+def start_um(model: GaugingModel, time_s: Vector, fallen: Vector, shown_um: Vector | None) -> float | None:
+    """The allowance at the start that a recorded gauge says, `shown_um` being what it measured [µm].
+
+    While it first is within its reach, for a time T_Φ or a turn: what it measured, and what was ground off until then
+    as its filter has it. None: nothing was recorded of it, or never within its reach.
+    """
+    if shown_um is None:
+        return None
+    known, curve = np.isfinite(shown_um), model.characteristic
+    if curve is not None:
+        least, most = curve.monotone_um
+        room = _REACH * (most - least)
+        known &= (shown_um > least + room) & (shown_um < most - room)
+    if not known.any():
+        return None
+    made = model.values
+    # grooves that are deeper than the gauge reaches have no mean in µm
+    surface = made.surface if curve is None else Surface()
+    seen = SeenSurface(surface, Noise())
+    behind = voltage_course(lambda um: um, made.filter_s, time_s, -fallen, seen, finest_s(made) / _FINER)
+    turn_s = 60.0 / surface.workpiece_rpm if surface.workpiece_rpm > 0 else 0.0
+    first_s = float(time_s[np.argmax(known)])
+    early = known & (time_s <= first_s + max(made.filter_s, turn_s))
+    return float(np.mean(shown_um[early] - behind[early]))
+
+
+def start_finding(run: str, begins_um: float, channel: str | None, of_file_um: float) -> Finding:
+    """Where the allowance of a run begins of which only the feed was recorded; `channel` says it, or the file."""
+    if channel is not None:
+        return FINDINGS.finding(
+            "start-from-gauge",
+            f"Of {run} the feed was recorded and no allowance: it begins at {begins_um:.4g} µm, as {channel} says at "
+            f"first (the mean of the model file is {of_file_um:.4g} µm).",
+            Where(channel=channel, run=run),
+            {"begins_um": begins_um, "of_file_um": of_file_um},
+        )
+    return FINDINGS.finding(
+        "start-from-file",
+        f"Of {run} the feed was recorded, and neither the allowance nor what the gauge showed within its reach: the "
+        f"allowance begins at {begins_um:.4g} µm, the mean of the model file.",
+        Where(run=run),
+        {"begins_um": begins_um},
+    )
+
 
 _EVEN = 1e-3
 """Distance of times from an even grid, as a share of their period, from which on it is told."""
 
 _GAP = 1.5
-_FINER = 4
-"""Steps of the calculation in a sample that shows filter, turns and grooves."""
 
 _PER_NOISE = 0.25
 """Longest step of the calculation with noise, in 1/β."""
@@ -46,24 +113,13 @@ _MOST_MM_PER_MIN = 1e6
 
 @dataclass(frozen=True)
 class DrivenGauging:
-    """A simulation of recorded runs.
+    """A simulation of recorded runs."""
 
-    Attributes
-    ----------
-    simulation : GaugingSimulation
-        Samples at the time stamps of the recording; channels are called as the recorded ones that they belong to.
-    inputs : tuple of str
-        Recorded channels that acted, so that they are no results.
-    matched : mapping of str to str
-        Kind, of `gauging_channels.KINDS`, → recorded channel.
-    findings : tuple of Finding
-        What is odd about the model and the clock, and what could not be compared.
-    """
-
+    #: Samples at the time stamps of the recording; channels are called as the recorded ones that they belong to
     simulation: GaugingSimulation
-    inputs: tuple[str, ...]
-    matched: Mapping[str, str]
-    findings: tuple[Finding, ...]
+    inputs: tuple[str, ...]  #: Recorded channels that acted, so that they are no results
+    matched: Mapping[str, str]  #: Kind, of `gauging_channels.KINDS`, → recorded channel
+    findings: tuple[Finding, ...]  #: What is odd about the model and the clock, and what could not be compared
 
 
 def driven_runs(
@@ -167,9 +223,8 @@ def _complete(recording: Recording, run: str, channel: str) -> tuple[Vector, lis
     if not seen.all():
         missing = np.flatnonzero(~seen)
         found.append(
-            Finding(
+            FINDINGS.finding(
                 "recorded-gap",
-                "warning",
                 f"{len(missing)} of {len(seen)} values of {channel} are missing in {run}, the first at "
                 f"{time_s[missing[0]] - time_s[0]:.6g} s: it was taken to go straight, and beyond its ends to stay.",
                 Where(channel=channel, run=run),
@@ -189,9 +244,8 @@ def _clock(run: str, channel: str, time_s: Vector) -> list[Finding]:
     if len(gaps):
         longest = int(gaps[np.argmax(steps[gaps])])
         return [
-            Finding(
+            FINDINGS.finding(
                 "recorded-gap",
-                "warning",
                 f"The clock of {run} has {len(gaps)} gaps, the longest of {steps[longest]:.4g} s at "
                 f"{time_s[longest] - time_s[0]:.6g} s, where others are {period_s:.4g} s: {channel} was taken to go "
                 "straight over them.",
@@ -204,14 +258,14 @@ def _clock(run: str, channel: str, time_s: Vector) -> list[Finding]:
     if stray <= _EVEN:
         return []
     return [
-        Finding(
+        FINDINGS.finding(
             "recorded-clock-jitter",
-            "info",
             f"Times of {run} stray by up to {stray:.1%} of their period of {period_s:.4g} s; {channel} was taken at "
             "its own times, straight between them.",
             where,
             {"stray": stray, "period_s": period_s},
             "nothing, if the clock was read when the values were",
+            level="info",
         )
     ]
 
@@ -270,12 +324,12 @@ def _outputs(recording: Recording, found: Mapping[str, str], drives: str) -> dic
 
 
 def _nothing_compared(recording: Recording) -> Finding:
-    return Finding(
+    return FINDINGS.finding(
         "output-not-recorded",
-        "warning",
         "Nothing that the gauge shows was recorded, so nothing can be compared.",
         evidence={"channels": list(recording.names)},
         suggestion="name its channels under [recorded]: gauge for the voltage, measured for the size",
+        level="warning",
     )
 
 

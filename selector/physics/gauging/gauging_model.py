@@ -1,26 +1,32 @@
-"""A gauge that stops grinding, ready to run: its file in, recordings of parts and their sizes out.
-
-Of a transducer the smoothed voltage that is recorded is that of its characteristic behind the filter: the swing is
-taken as settled at every allowance (quasi-steady), because it settles within some periods and the allowance falls by
-little in them. The waveform of the whole chain is calculated without that.
-"""
+"""A gauge that stops grinding, ready to run, and what is odd about it before a part is ground."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from selector.errors import InputError, ModelFileError
 from selector.findings import Finding
-from selector.physics.gauging.characteristic import Characteristic, characteristic, linear_gauge
-from selector.physics.gauging.finished_sizes import FinishedSizes, finished_sizes
-from selector.physics.gauging.gauged_grinding import GaugedGrinding
+from selector.physics.gauging.file.model_file import (
+    MOST_RECORDED,
+    FileParts,
+    GaugingFile,
+    file_parts,
+    finest_s,
+    sampling_s,
+    slow_times,
+)
+from selector.physics.gauging.file.parameters import parameters, with_parameters
+from selector.physics.gauging.finding_table import FINDINGS
+from selector.physics.gauging.gauge.characteristic import Characteristic, characteristic, linear_gauge
+from selector.physics.gauging.gauge.threshold import RippleCrest, removal_rate_um_per_s, threshold_v, wear_share
+from selector.physics.gauging.gauge.transducer import LinearGauge, Transducer
+from selector.physics.gauging.gauge.vibrating_contact import GaugeMotion
 from selector.physics.gauging.gauging_channels import (
     ALLOWANCE,
     CONTACT,
@@ -35,22 +41,16 @@ from selector.physics.gauging.gauging_channels import (
     UM_PER_S,
     WAVEFORM_CHANNELS,
 )
-from selector.physics.gauging.model_length import MOST_RECORDED, sampling_s
-from selector.physics.gauging.model_parts import FileParts, file_parts
-from selector.physics.gauging.model_schema import GaugingFile
-from selector.physics.gauging.parameters import parameters, with_parameters
-from selector.physics.gauging.part_course import PartCourse, part_course
-from selector.physics.gauging.ripple_crest import RippleCrest
-from selector.physics.gauging.threshold import removal_rate_um_per_s, threshold_v, wear_share
-from selector.physics.gauging.transducer import LinearGauge, Transducer
-from selector.physics.gauging.vibrating_contact import GaugeMotion
-from selector.physics.gauging.waveform import waveform
+from selector.physics.gauging.grinding.finished_sizes import FinishedSizes, finished_sizes
+from selector.physics.gauging.grinding.gauged_grinding import GaugedGrinding
+from selector.physics.gauging.grinding.part_course import PartCourse, part_course, waveform
+from selector.physics.model_fields import unlikely_values
 from selector.physics.model_parameters import Parameter
 from selector.physics.model_text import key_text
 from selector.physics.model_values import refused
 from selector.recording import Channel, Recording
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
 Progress = Callable[[int, int, str], None]
 
 WAVEFORM_RUN = "waveform"
@@ -58,50 +58,26 @@ WAVEFORM_RUN = "waveform"
 
 @dataclass(frozen=True)
 class GaugingSimulation:
-    """A simulation of one or more parts, or of recorded runs.
+    """A simulation of one or more parts, or of recorded runs."""
 
-    Attributes
-    ----------
-    recording : Recording
-        What a measurement would hold, see `gauging_channels`.
-    courses : mapping of str to PartCourse
-        Run → what happened to its part; none of recorded runs.
-    sizes : FinishedSizes or None
-        Of all parts of the file, the recorded ones first; None of recorded runs.
-    waveform : GaugeMotion or None
-        What the whole chain did before the feed of the first part stopped, times from the start of that part.
-    findings : tuple of Finding
-        What is odd about the model, and about these parts.
-    """
-
-    recording: Recording
-    courses: Mapping[str, PartCourse]
-    sizes: FinishedSizes | None
+    recording: Recording  #: What a measurement would hold, see `gauging_channels`
+    courses: Mapping[str, PartCourse]  #: Run → what happened to its part; none of recorded runs
+    sizes: FinishedSizes | None  #: Of all parts of the file, the recorded ones first; None of recorded runs
+    #: What the whole chain did before the feed of the first part stopped, times from the start of that part
     waveform: GaugeMotion | None = None
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[Finding, ...] = ()  #: What is odd about the model, and about these parts
 
 
 @dataclass(frozen=True)
 class GaugingModel:
-    """The gauging that a model file describes; made by `gauging_model`.
+    """The gauging that a model file describes; made by `gauging_model`."""
 
-    Attributes
-    ----------
-    file : GaugingFile
-        The file's content.
-    """
-
-    file: GaugingFile
+    file: GaugingFile  #: The file's content
 
     @property
     def name(self) -> str:
         """What the file calls it."""
         return self.file.model.name
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names of what acts on the gauge."""
-        return (ALLOWANCE.name,)
 
     @property
     def outputs(self) -> tuple[Channel, ...]:
@@ -112,11 +88,6 @@ class GaugingModel:
     def parameters(self) -> Mapping[str, Parameter]:
         """Named numbers with units and bounds, see `parameters.parameters`."""
         return parameters(self.file)
-
-    @property
-    def places(self) -> tuple[str, ...]:
-        """Where an effect may be added."""
-        return ("probe", "filter", "relay", "wheel", "surface")
 
     @property
     def runs(self) -> tuple[str, ...]:
@@ -220,10 +191,6 @@ class GaugingModel:
         high, low = (float(curve.voltage_at(end)) for end in (least, most))
         return curve.allowance_at(np.clip(voltage_v, low, high))
 
-    def simulate(self, *, run: str = "simulation", seed: int | None = None) -> Recording:
-        """The recording of `simulation`."""
-        return self.simulation(run=run, seed=seed).recording
-
     def simulation(
         self, *, run: str = "simulation", seed: int | None = None, progress: Progress | None = None
     ) -> GaugingSimulation:
@@ -243,8 +210,6 @@ class GaugingModel:
         InputError
             The parts would take too many steps, or the probe reaches a core.
         """
-        from selector.physics.gauging.model_findings import model_findings
-
         random = self.file.run.seed if seed is None else seed
         setup, parts = self.setup, self.file.run.parts
 
@@ -352,3 +317,122 @@ def gauging_model(file: GaugingFile, columns: Mapping[str, Any] | None = None) -
 @lru_cache(maxsize=8)
 def _characteristic(transducer: Transducer) -> Characteristic:
     return characteristic(transducer)
+
+
+_SHIFT_SHARE = 0.1
+"""Share of the tolerance by which a size may be off before it is told."""
+
+_SHIFT_UM = 1.0
+"""The same without a tolerance [µm]."""
+
+_SHORT = 0.5
+"""Share of the last stage that a filter takes at most that somebody could have meant."""
+
+
+def model_findings(model: GaugingModel) -> tuple[Finding, ...]:
+    """What is odd before a part is ground; none of it stops a simulation."""
+    return tuple(_found(model))
+
+
+def mattering_um(model: GaugingModel) -> float:
+    """Error of size that is worth a word: a tenth of the tolerance, 1 µm without one [µm]."""
+    tolerance = model.values.tolerance
+    return _SHIFT_UM if tolerance is None else _SHIFT_SHARE * (tolerance.upper_um - tolerance.lower_um)
+
+
+def _found(model: GaugingModel) -> Iterator[Finding]:
+    yield from unlikely_values(model.file)
+    curve = model.characteristic
+    if curve is not None:
+        yield from _swings(curve)
+        yield from _reach(model, curve)
+        yield from _ripple(model)
+    yield from _slow(model)
+    yield from _samples(model)
+
+
+def _swings(curve: Characteristic) -> Iterator[Finding]:
+    """What was told of the characteristic, where the gauge is of use."""
+    _, most = curve.monotone_um
+    for finding in curve.findings:
+        places = np.asarray(finding.evidence.get("allowance_um", [0.0]), dtype=np.float64)
+        if (places <= most).any():
+            yield finding
+
+
+def _reach(model: GaugingModel, curve: Characteristic) -> Iterator[Finding]:
+    grinding, (least, most) = model.values.grinding, curve.monotone_um
+    if grinding.allowance_um > most:
+        yield FINDINGS.finding(
+            "allowance-beyond-reach",
+            f"Parts begin with {grinding.allowance_um:.4g} µm; the gauge shows nothing of it until the allowance has "
+            f"fallen to {most:.4g} µm.",
+            evidence={"allowance_um": grinding.allowance_um, "reach_um": most},
+        )
+    wanted = grinding.stages[-1].until_um
+    if wanted - least < mattering_um(model):
+        yield FINDINGS.finding(
+            "wanted-size-at-the-end-of-reach",
+            f"The tip meets the workpiece down to {least:.4g} µm of allowance, and {wanted:.4g} µm are wanted: what "
+            "is below is not seen, so a threshold may never be reached.",
+            evidence={"wanted_um": wanted, "least_um": least},
+        )
+
+
+def _ripple(model: GaugingModel) -> Iterator[Finding]:
+    """Of the smoothed voltage at the frequency of the rectified swing, whose peaks the relay compares."""
+    setup = model.setup
+    if model.crest is None:
+        return
+    gain = setup.gauge.gain_v_per_um
+    crest_v = float(model.crest.crest_at(setup.wanted_um, setup.gauge.time_constant_s))
+    early_um, clear_v = crest_v / abs(gain), model.advised_thresholds_v[-1] + crest_v
+    is_set = abs(setup.thresholds_v[-1] - clear_v) < 0.5 * crest_v
+    if early_um > mattering_um(model) and not is_set:
+        yield FINDINGS.finding(
+            "ripple-behind-filter",
+            "Behind the filter the voltage still swings at twice the frequency of the probe, up to "
+            f"{1e3 * crest_v:.2g} mV above its mean: the relay trips on these peaks, {early_um:.2g} µm early. The "
+            "calculated threshold (eq. 23) does not know of it.",
+            evidence={"crest_v": crest_v, "early_um": early_um, "clear_v": clear_v},
+            suggestion=(
+                f"set the last threshold to about {clear_v:.5g} V, which takes it out, or give "
+                "smoothing.time_constant_s more"
+            ),
+        )
+
+
+def _slow(model: GaugingModel) -> Iterator[Finding]:
+    """Filter, delay and lag that are long against the feed that they act in."""
+    rates, made = model.setup.rates_um_per_s, model.values
+    ends = (made.grinding.allowance_um, *(stage.until_um for stage in made.grinding.stages))
+    lasts_s = (ends[-2] - ends[-1]) / rates[-1]
+    for key, time_s in slow_times(made).items():
+        if time_s <= lasts_s:
+            continue
+        meant = f"; {time_s:g} ms would be {1e-3 * time_s:g} s" if 1e-3 * time_s < _SHORT * lasts_s else ""
+        yield FINDINGS.finding(
+            "slow-for-the-stage",
+            f"{key} is {time_s:.4g} s, and the last stage takes {lasts_s:.3g} s: the gauge commands before the stage "
+            f"has settled, or before it begins{meant}.",
+            evidence={"key": key, "time_s": time_s, "stage_s": lasts_s},
+        )
+
+
+def _samples(model: GaugingModel) -> Iterator[Finding]:
+    said, finest = model.file.run.period_s, finest_s(model.values)
+    if said is None or said <= finest * (1.0 + 1e-9):
+        return
+    surface = model.values.surface
+    what = f"T_Φ of {model.values.filter_s:.3g} s"
+    if surface.workpiece_rpm > 0:
+        what += f" and turns of {60.0 / surface.workpiece_rpm:.3g} s" + (
+            f" with {surface.grooves} grooves" if surface.grooves else ""
+        )
+    yield FINDINGS.finding(
+        "coarse-period",
+        f"Samples are {said:.3g} s apart, which does not show {what}; the recording looks different from what "
+        "happened. The sizes are calculated in finer steps.",
+        evidence={"period_s": said, "advised_s": finest},
+        suggestion=f"take run.period_s = {finest:.2g} or less, or leave it out",
+    )

@@ -1,26 +1,308 @@
-"""What does a simulated gauge amount to: its line, thresholds, finished sizes, capability, and the best filter."""
+"""What does a simulated gauge amount to, what is odd about the sizes that come out, and what would make them better."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
 from selector.errors import ModelFileError
 from selector.findings import Finding
-from selector.physics.gauging.capability import Capability, capability
-from selector.physics.gauging.characteristic import Characteristic, linear_range_um
-from selector.physics.gauging.finished_sizes import FinishedSizes, finished_sizes
-from selector.physics.gauging.gauging_advice import Setting, gauging_settings
-from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation, Progress
-from selector.physics.gauging.model_findings import mattering_um
-from selector.physics.gauging.part_steps import FEWEST_SIZES, feeds_s, longest_step_s, steps_in
-from selector.physics.gauging.size_distribution import SizeDistribution, size_distribution
-from selector.physics.gauging.size_findings import size_findings
-from selector.physics.gauging.stage_ends import threshold_findings
-from selector.physics.gauging.trade_off import TradeOff, trade_off
-from selector.physics.gauging.transducer import LinearGauge
+from selector.physics.gauging.finding_table import FINDINGS
+from selector.physics.gauging.gauge.characteristic import Characteristic, linear_range_um
+from selector.physics.gauging.gauge.transducer import LinearGauge
+from selector.physics.gauging.gauging_advice import (
+    BEST_CENTRED,
+    BEST_FILTER,
+    CENTRED,
+    PRESENT,
+    Setting,
+    gauging_settings,
+    limit_text,
+    off_text,
+    volts_text,
+)
+from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation, Progress, mattering_um
+from selector.physics.gauging.grinding.finished_sizes import FinishedSizes, finished_sizes
+from selector.physics.gauging.grinding.part_plan import FEWEST_SIZES, feeds_s, longest_step_s, steps_in
+from selector.physics.gauging.process import mean_surface_um, smoothed_surface
+from selector.physics.gauging.sizes.capability import Capability, capability
+from selector.physics.gauging.sizes.first_passage import relay_law
+from selector.physics.gauging.sizes.mean_course import on_line
+from selector.physics.gauging.sizes.size_distribution import SizeDistribution, size_distribution
+from selector.physics.gauging.sizes.trade_off import TradeOff, trade_off
+
+_TURNS = 2048
+_EARLY_SHARE = 0.1
+"""Share of the standard deviation from which on an early command is told."""
+
+_MOSTLY = 0.7
+"""Share of an early command from which on one cause is named alone."""
+
+_EARLY_ERRORS, _SHARE, _EARLY_LEAST_UM = 4.0, 0.15, 1e-3
+"""Standard errors, share of the standard deviation and length by which formula and Monte Carlo differ to be told."""
+
+
+def early_findings(model: GaugingModel, formula: SizeDistribution) -> Iterator[Finding]:
+    """Surfaces, noise that the gauge sees, and noise of the relay that trip it early; `formula` is by first passage."""
+    setup, parts = model.setup, model.file.run.parts
+    linear = size_distribution(setup, method="linear", parts=parts)
+    early_um = formula.mean_um - linear.mean_um
+    if formula.ripple_rate >= 1.0:
+        yield _of_surface(model, formula, early_um)
+    elif early_um > _EARLY_SHARE * formula.sd_um and early_um > _EARLY_LEAST_UM:
+        relay_um = float(relay_law(setup, np.array([0.5])).mean_um)
+        share = relay_um / early_um
+        seen = (
+            f"noise that the gauge sees moves the smoothed voltage {formula.restlessness:.2g} times as fast as the "
+            "feed does and so reaches the threshold early"
+        )
+        hold_ms = 1e3 * setup.relay.noise_hold_s
+        own = (
+            f"noise of the relay, {1e3 * setup.relay.noise_v:.3g} mV and new every {hold_ms:.3g} ms, makes one of many "
+            "comparisons early"
+        )
+        causes, helps = [], []
+        if share < _MOSTLY:
+            causes.append(seen)
+            helps.append("give the filter more time")
+        if share > 1.0 - _MOSTLY:
+            causes.append(own)
+            helps.append("quiet the relay or let it average")
+        said = "; ".join(causes)
+        yield FINDINGS.finding(
+            "noise-trips-early",
+            f"{said[0].upper()}{said[1:]}. Parts are {early_um:.2g} µm larger than the calculated threshold (eq. 23) "
+            f"has it. The linear spread (eq. 25) is {linear.sd_um:.3g} µm; with early commands it is "
+            f"{formula.sd_um:.3g} µm.",
+            evidence={
+                "restlessness": formula.restlessness,
+                "early_um": early_um,
+                "of_relay_um": relay_um,
+                "sd_by_eq_25_um": linear.sd_um,
+            },
+            suggestion=f"{', '.join(helps)}, feed faster in the last stage, or move the last threshold",
+            level="info" if early_um < mattering_um(model) else "warning",
+        )
+
+
+def _of_surface(model: GaugingModel, formula: SizeDistribution, early_um: float) -> Finding:
+    setup = model.setup
+    surface = on_line(setup).surface
+    mean_um = -mean_surface_um(surface)
+    behind, _ = smoothed_surface(surface, setup.gauge.time_constant_s, np.arange(_TURNS) / _TURNS)
+    swing_um = float(np.abs(behind + mean_um).max())
+    return FINDINGS.finding(
+        "surface-trips-early",
+        f"Behind the filter grooves and run-out still move the reading by up to {swing_um:.3g} µm from its mean, "
+        f"{formula.ripple_rate:.3g} times as fast as the feed does: the relay trips on the peaks"
+        + (f", {early_um:.2g} µm early" if early_um > 0 else "")
+        + (f", and the mean of the grooves adds {mean_um:.2g} µm." if mean_um else "."),
+        evidence={
+            "ripple_um": swing_um,
+            "ripple_rate": formula.ripple_rate,
+            "early_um": early_um,
+            "mean_um": mean_um,
+        },
+    )
+
+
+def differing_findings(model: GaugingModel, formula: SizeDistribution, sizes: FinishedSizes) -> Iterator[Finding]:
+    """Where the formula, by first passage, is not to be trusted: by what it misses of the simulated `sizes`."""
+    by_formula = formula.mean_um + formula.curvature_um
+    mean_um, sd_um = sizes.mean_um - by_formula, sizes.sd_um - formula.sd_um
+    least = max(min(_SHARE * sizes.sd_um, 0.5 * mattering_um(model)), _EARLY_LEAST_UM)
+    beyond = [
+        abs(one) > max(_EARLY_ERRORS * error, least)
+        for one, error in ((mean_um, sizes.mean_error_um), (sd_um, sizes.sd_error_um))
+    ]
+    if not any(beyond):
+        return
+    why = "" if formula.passage_holds else " Noise or allowances still decide how the last stage begins."
+    yield FINDINGS.finding(
+        "formula-differs",
+        f"The formula says {by_formula:.3g} ± {formula.sd_um:.3g} µm (mean and standard deviation), Monte Carlo "
+        f"{sizes.mean_um:.3g} ± {sizes.sd_um:.3g} µm; the latter counts, with standard errors of "
+        f"{sizes.mean_error_um:.1g} and {sizes.sd_error_um:.1g} µm.{why}",
+        evidence={
+            "formula_um": by_formula,
+            "formula_sd_um": formula.sd_um,
+            "mean_um": sizes.mean_um,
+            "sd_um": sizes.sd_um,
+            "passage_holds": formula.passage_holds,
+        },
+    )
+
+
+CAPABLE = 1.33
+"""Cpk from which on a process is called capable: four standard deviations to the nearer limit."""
+
+_ERRORS = 4.0
+"""Standard errors by which sizes must be off to be told."""
+
+_BETTER, _LEAST_UM = 0.9, 1e-3
+"""A filter is better that leaves at most this share of the error, and so much less of it [µm]."""
+
+
+def size_findings(
+    model: GaugingModel,
+    formula: SizeDistribution,
+    sizes: FinishedSizes,
+    capability: Capability | None,
+    settings: tuple[Setting, ...],
+) -> tuple[Finding, ...]:
+    """Noise and surfaces that trip the relay early, low capability, sizes off what is wanted, a better filter.
+
+    Parameters
+    ----------
+    model : GaugingModel
+    formula, sizes : SizeDistribution, FinishedSizes
+        By first passage; by Monte Carlo.
+    capability : Capability or None
+        Of these sizes.
+    settings : tuple of Setting
+        What other thresholds and filters give, as parts were ground with them.
+    """
+    by_name = {one.name: one for one in settings}
+    return (
+        *early_findings(model, formula),
+        *_off(model, sizes, by_name.get(CENTRED)),
+        *_capability(model, formula, capability, by_name.get(BEST_CENTRED)),
+        *_filter(by_name),
+        *differing_findings(model, formula, sizes),
+    )
+
+
+def _off(model: GaugingModel, sizes: FinishedSizes, centred: Setting | None) -> Iterator[Finding]:
+    off_um = sizes.mean_um - model.setup.wanted_um
+    if abs(off_um) <= max(mattering_um(model), _ERRORS * sizes.mean_error_um):
+        return
+    yield FINDINGS.finding(
+        "sizes-off-what-is-wanted",
+        f"Parts come out {abs(off_um):.3g} µm {'larger' if off_um > 0 else 'smaller'} than wanted, on average.",
+        evidence={
+            "off_um": off_um,
+            "standard_error_um": sizes.mean_error_um,
+            "centred_v": None if centred is None else centred.threshold_v,
+            "left_um": None if centred is None else centred.bias_um,
+        },
+        suggestion="no last threshold centres them: look at the stages, the reach of the gauge and the filter"
+        if centred is None
+        else f"set {volts_text(centred)}: parts that are ground with it are off by {off_text(centred)} µm on average",
+    )
+
+
+def _capability(
+    model: GaugingModel, formula: SizeDistribution, known: Capability | None, steady: Setting | None
+) -> Iterator[Finding]:
+    tolerance = model.values.tolerance
+    if known is None or tolerance is None or known.cpk >= CAPABLE:
+        return
+    half_um = 0.5 * (tolerance.upper_um - tolerance.lower_um)
+    best = half_um / (3.0 * steady.sd_um) if steady is not None and steady.sd_um > 0 else None
+    if known.cp >= CAPABLE:
+        advice = f"centre the sizes in the tolerance: Cp is {known.cp:.3g}, and Cpk then too"
+    elif steady is not None and best is not None and best >= CAPABLE:
+        advice = f"take T_Φ = {steady.time_constant_s:g} s with {volts_text(steady)}: Cp {best:.3g}"
+    elif formula.between_um > formula.within_um and model.is_wearing:
+        advice = "dress more often and set the gauge again for its worn tip: most of the spread is between parts"
+    else:
+        advice = "no filter makes it capable: feed slower in the last stage, steady the feed, lower the noise"
+    yield FINDINGS.finding(
+        "low-capability",
+        f"Cpk is {known.cpk:.3g} ({known.cpk_low:.3g} to {known.cpk_high:.3g}), below {CAPABLE:g}: "
+        f"{100 * known.share_outside:.3g} % of {known.count} parts are out of tolerance.",
+        evidence={"cp": known.cp, "cpk": known.cpk, "share_outside": known.share_outside, "best_cp": best},
+        suggestion=advice,
+    )
+
+
+def _filter(by_name: Mapping[str, Setting]) -> Iterator[Finding]:
+    """Filters with which the error is less: the one for calculated thresholds, and the one for centred ones."""
+    now = by_name[PRESENT]
+    least = min(now.rms_um, by_name[CENTRED].rms_um if CENTRED in by_name else now.rms_um)
+    better = [
+        one
+        for one, with_um in ((by_name.get(BEST_FILTER), now.rms_um), (by_name.get(BEST_CENTRED), least))
+        if one is not None and one.rms_um <= min(_BETTER * with_um, with_um - _LEAST_UM)
+    ]
+    if not better:
+        return
+    told = "; ".join(
+        f"{one.time_constant_s:g} s{limit_text(one)} leaves {one.rms_um:.3g} µm with "
+        + ("calculated thresholds (eq. 23)" if one.name == BEST_FILTER else "thresholds that centre them")
+        for one in better
+    )
+    yield FINDINGS.finding(
+        "better-filter",
+        f"With T_Φ = {now.time_constant_s:.3g} s sizes are off by {now.rms_um:.3g} µm (rms); {told}.",
+        evidence={
+            "present_s": now.time_constant_s,
+            "present_rms_um": now.rms_um,
+            "settings": [
+                {"time_constant_s": one.time_constant_s, "volts": list(one.thresholds_v), "rms_um": one.rms_um}
+                for one in better
+            ],
+        },
+        suggestion="; ".join(f"with {one.time_constant_s:g} s set {volts_text(one)}" for one in better),
+    )
+
+
+_PARTS = 200
+_STAGE_SHARE = 0.1
+"""Share of the stage that follows, by which an end may be off before it is told."""
+
+
+def stage_end_um(model: GaugingModel, number: int, seed: int) -> tuple[float, float] | None:
+    """Mean allowance when the command of a stage acts, by Monte Carlo, and its standard error [µm].
+
+    `number` counts from 0. None: no part reaches that threshold.
+    """
+    setup = model.setup
+    # what the springs still take off after the feed stands is not yet gone when the next feed begins
+    held_um = setup.grinding.lag_s * setup.rates_um_per_s[number]
+    alone = replace(
+        setup,
+        grinding=replace(setup.grinding, stages=setup.grinding.stages[: number + 1]),
+        thresholds_v=setup.thresholds_v[: number + 1],
+    )
+    sizes = finished_sizes(alone, _PARTS, seed=seed)
+    return (sizes.mean_um + held_um, sizes.mean_error_um) if sizes.tripped.any() else None
+
+
+def threshold_findings(model: GaugingModel, seed: int) -> Iterator[Finding]:
+    """Thresholds of the file, but for the last one, with which a stage does not end where the file wants it to.
+
+    Those of eq. 23 are not told, nor are those that end a stage where it is wanted although eq. 23 says otherwise. What
+    the last one makes of the sizes is in the sizes.
+    """
+    if model.file.thresholds is None:
+        return
+    stages, gauges = model.values.grinding.stages, model.stage_gauges
+    for number, volts in enumerate(model.file.thresholds.volts[:-1]):
+        wanted_um, by_eq_23 = stages[number].until_um, model.advised_thresholds_v[number]
+        least_um = max(mattering_um(model), _STAGE_SHARE * (wanted_um - stages[number + 1].until_um))
+        if abs((volts - by_eq_23) / gauges[number].gain_v_per_um) <= least_um:
+            continue
+        found = stage_end_um(model, number, seed)
+        if found is None or abs(found[0] - wanted_um) <= max(least_um, _ERRORS * found[1]):
+            continue
+        off_um = found[0] - wanted_um
+        digits = max(0, 1 - math.floor(math.log10(max(found[1], 1e-3))))
+        yield FINDINGS.finding(
+            "threshold-ends-elsewhere",
+            f"The threshold of stage {number + 1}, {volts:.6g} V, ends it at {found[0]:.{digits}f} µm on average, "
+            f"{abs(off_um):.3g} µm {'before' if off_um > 0 else 'after'} the {wanted_um:.4g} µm that are wanted "
+            f"(simulated). The calculated threshold (eq. 23) is {by_eq_23:.6g} V.",
+            evidence={"stage": number + 1, "volts": volts, "eq_23_v": by_eq_23, "off_um": off_um},
+            suggestion=(
+                f"set it to about {volts + gauges[number].gain_v_per_um * -off_um:.5g} V, "
+                "unless the stage is meant to end there"
+            ),
+        )
+
 
 _TRIAL_STEPS, _FEWEST_TRIALS = 10_000_000, 200
 """Steps of all parts of one trial of other thresholds: a second or so; and parts that it has at least."""
@@ -28,66 +310,32 @@ _TRIAL_STEPS, _FEWEST_TRIALS = 10_000_000, 200
 
 @dataclass(frozen=True)
 class StageSummary:
-    """One feed, and the voltage that ends it.
+    """One feed, and the voltage that ends it."""
 
-    Attributes
-    ----------
-    until_um : float
-        Allowance at which it is to end [µm].
-    feed_um_per_s, rate_um_per_s : float
-        Infeed, and how fast the allowance falls by it: a [µm/s].
-    threshold_v : float
-        Voltage of the relay [V].
-    """
-
-    until_um: float
+    until_um: float  #: Allowance at which it is to end [µm]
+    #: feed_um_per_s and rate_um_per_s: Infeed, and how fast the allowance falls by it: a [µm/s]
     feed_um_per_s: float
     rate_um_per_s: float
-    threshold_v: float
+    threshold_v: float  #: Voltage of the relay [V]
 
 
 @dataclass(frozen=True)
 class GaugingSummary:
-    """What a simulation of gauging amounts to.
+    """What a simulation of gauging amounts to."""
 
-    Attributes
-    ----------
-    gauge : LinearGauge
-        The line at the end of the last stage.
-    characteristic : Characteristic or None
-        Of a whole gauge; None of a linear one.
-    stages : tuple of StageSummary
-        In the order of the grinding.
-    formula : SizeDistribution
-        Of finished sizes, by first passage.
-    sizes : FinishedSizes
-        By Monte Carlo: of the parts of the file, or of as many such batches as make 2000 parts.
-    capability : Capability or None
-        None where the file has no tolerance.
-    trade_off : TradeOff
-        Error of the finished size against T_Φ.
-    settings : tuple of Setting
-        What other filters and last thresholds give, by Monte Carlo; see `gauging_advice.gauging_settings`.
-    linear_range_um : tuple of float
-        Allowances between which the line is within `linear_within_um` of size; of a linear gauge all that is ground
-        [µm].
-    linear_within_um : float
-        A tenth of the tolerance, 1 µm without one [µm].
-    findings : tuple of Finding
-        What is odd about the sizes.
-    """
-
-    gauge: LinearGauge
-    characteristic: Characteristic | None
-    stages: tuple[StageSummary, ...]
-    formula: SizeDistribution
-    sizes: FinishedSizes
-    capability: Capability | None
-    trade_off: TradeOff
+    gauge: LinearGauge  #: The line at the end of the last stage
+    characteristic: Characteristic | None  #: Of a whole gauge; None of a linear one
+    stages: tuple[StageSummary, ...]  #: In the order of the grinding
+    formula: SizeDistribution  #: Of finished sizes, by first passage
+    sizes: FinishedSizes  #: By Monte Carlo: of the parts of the file, or of as many such batches as make 2000 parts
+    capability: Capability | None  #: None where the file has no tolerance
+    trade_off: TradeOff  #: Error of the finished size against T_Φ
+    #: What other filters and last thresholds give, by Monte Carlo; see `gauging_advice.gauging_settings`
     settings: tuple[Setting, ...]
+    #: Allowances between which the line is within `linear_within_um` of size; of a linear gauge all that is ground [µm]
     linear_range_um: tuple[float, float]
-    linear_within_um: float
-    findings: tuple[Finding, ...]
+    linear_within_um: float  #: A tenth of the tolerance, 1 µm without one [µm]
+    findings: tuple[Finding, ...]  #: What is odd about the sizes
 
 
 def gauging_summary(
@@ -168,6 +416,3 @@ def _steps_of_part(model: GaugingModel) -> float:
     duration_s = feeds_s(made.grinding, made.relay, [stage.until_um for stage in made.grinding.stages])
     step_s = longest_step_s(made.filter_s, made.grinding, made.surface, made.noise)
     return max(steps_in(duration_s, step_s, made.surface, made.relay), 1.0)
-
-
-__all__ = ["FEWEST_SIZES", "GaugingSummary", "StageSummary", "gauging_summary"]

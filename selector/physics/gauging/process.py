@@ -1,32 +1,38 @@
-"""What is gauged: grinding with its feed and wear, the surface under the probe, what size is wanted.
-
-The *allowance* is what is still to be ground off, counted from the nominal size [µm]; a finished part's size is the
-allowance that is left. It falls at a rate a (G eq. 1).
-"""
+"""What is gauged: grinding with its feed and wear, the surface under the probe, what size is wanted."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from selector.errors import InputError
 from selector.physics.checks import require_finite, require_not_negative, require_positive
+from selector.physics.model_fields import Fit, Limits, Unit, Usual
+from selector.types import Vector
+
+_SECONDS = {"ms": 1e-3, "µs": 1e-6}
+_SIZE = {"mm": 1e3, "nm": 1e-3, "m": 1e6}
 
 
 @dataclass(frozen=True)
 class Stage:
-    """A feed that holds until the gauge gives the next command.
+    """A feed that holds until the gauge gives the next command."""
 
-    Attributes
-    ----------
-    feed_um_per_s : float
-        Infeed of the wheel, on the same count as the allowance [µm/s].
-    until_um : float
-        Allowance at which the next stage, or the end, is wanted [µm].
-    """
-
-    feed_um_per_s: float
-    until_um: float
+    #: Infeed of the wheel, on the same count as the allowance [µm/s]
+    feed_um_per_s: Annotated[
+        float,
+        Unit("µm/s"),
+        Limits(1e-6, 1e6),
+        Fit(),
+        Usual(0.3, 300.0, {"mm/min": 1e3 / 60, "µm/min": 1 / 60, "mm/s": 1e3, "m/s": 1e6}),
+    ]
+    #: Allowance at which the next stage, or the end, is wanted [µm]
+    until_um: Annotated[float, Unit("µm"), Limits(0.0, 1e6), Fit(either_sign=50.0), Usual(0.0, 1e3, _SIZE)]
 
     def __post_init__(self) -> None:
         require_positive(self, "feed_um_per_s")
@@ -35,37 +41,25 @@ class Stage:
 
 @dataclass(frozen=True)
 class Grinding:
-    """How the allowance of a part falls.
+    """How the allowance of a part falls."""
 
-    Attributes
-    ----------
-    allowance_um, allowance_sd_um : float
-        Mean and standard deviation over the parts at the start [µm].
-    stages : tuple of Stage
-        The last one's `until_um` is x_k, the size at which the feed is to stop.
-    feed_sd : float
-        Standard deviation of the feed from part to part, as a share.
-    lag_s : float
-        Time constant with which removal follows infeed: springs of the machine over sharpness of the wheel [s].
-    wheel_wear : float
-        Radius that the wheel loses, as a share of what it removes, when freshly dressed: the allowance falls slower.
-    wear_growth_per_part, dress_every : float, int
-        The share grows by this with every part, as a share of itself, and is as at first again after so many parts;
-        0: never dressed.
-    probe_wear_um_per_part : float
-        Length that the tip loses: the gauge sees so much less allowance than there is, stops earlier, and leaves each
-        part larger by it than the one before [µm].
-    """
-
-    allowance_um: float
-    stages: tuple[Stage, ...]
-    allowance_sd_um: float = 0.0
-    feed_sd: float = 0.0
-    lag_s: float = 0.0
-    wheel_wear: float = 0.0
-    wear_growth_per_part: float = 0.0
-    dress_every: int = 0
-    probe_wear_um_per_part: float = 0.0
+    #: allowance_um and allowance_sd_um: Mean and standard deviation over the parts at the start [µm]
+    allowance_um: Annotated[float, Unit("µm"), Limits(0.0, 1e6), Fit(), Usual(3.0, 3e3, _SIZE)]
+    stages: tuple[Stage, ...]  #: The last one's `until_um` is x_k, the size at which the feed is to stop
+    allowance_sd_um: Annotated[float, Unit("µm"), Limits(0.0, 1e6), Fit(up_to=50.0)] = 0.0
+    #: Standard deviation of the feed from part to part, as a share
+    feed_sd: Annotated[float, Limits(0.0, 100.0), Fit(up_to=0.2)] = 0.0
+    #: Time constant with which removal follows infeed: springs of the machine over sharpness of the wheel [s]
+    lag_s: Annotated[float, Unit("s"), Limits(1e-9, 1e4), Fit(up_to=5.0), Usual(0.0, 20.0, _SECONDS)] = 0.0
+    #: Radius that the wheel loses, as a share of what it removes, when freshly dressed: the allowance falls slower
+    wheel_wear: Annotated[float, Limits(0.0, 1e3), Fit(up_to=0.5), Usual(0.0, 0.95, {"%": 0.01})] = 0.0
+    #: wear_growth_per_part and dress_every: The share grows by this with every part, as a share of itself, and is as at
+    #: first again after so many parts; 0: never dressed
+    wear_growth_per_part: Annotated[float, Unit("1/part"), Limits(0.0, 10.0), Fit(up_to=0.1)] = 0.0
+    dress_every: Annotated[int, Limits(0, 1000000000)] = 0
+    #: Length that the tip loses: the gauge sees so much less allowance than there is, stops earlier, and leaves each
+    #: part larger by it than the one before [µm]
+    probe_wear_um_per_part: Annotated[float, Unit("µm/part"), Limits(0.0, 1e3), Fit(either_sign=0.1)] = 0.0
 
     def __post_init__(self) -> None:
         require_positive(self, "allowance_um")
@@ -92,27 +86,17 @@ class Grinding:
 
 @dataclass(frozen=True)
 class Surface:
-    """What the probe meets on a turn of the workpiece: grooves, keyways or holes, and run-out.
+    """What the probe meets on a turn of the workpiece: grooves, keyways or holes, and run-out."""
 
-    Attributes
-    ----------
-    workpiece_rpm : float
-        [r/min].
-    grooves : int
-        Interruptions on the circumference; 0: a whole surface.
-    groove_share : float
-        Part of the circumference that they take.
-    groove_depth_um : float
-        How much deeper the probe reaches in them [µm].
-    runout_um : float
-        Amplitude of the once-per-turn change of the allowance [µm].
-    """
-
-    workpiece_rpm: float = 0.0
-    grooves: int = 0
-    groove_share: float = 0.0
-    groove_depth_um: float = 0.0
-    runout_um: float = 0.0
+    #: [r/min]
+    workpiece_rpm: Annotated[float, Unit("r/min"), Limits(0.0, 1e6), Fit(), Usual(2.0, 5e3, {"1/s": 60.0})] = 0.0
+    grooves: Annotated[int, Limits(0, 10000)] = 0  #: Interruptions on the circumference; 0: a whole surface
+    #: Part of the circumference that they take
+    groove_share: Annotated[float, Limits(0.0, 1.0), Fit(low=0.0, high=0.95)] = 0.0
+    #: How much deeper the probe reaches in them [µm]
+    groove_depth_um: Annotated[float, Unit("µm"), Limits(0.0, 1e6), Fit(up_to=1e3), Usual(0.0, 3e4, {"nm": 1e-3})] = 0.0
+    #: Amplitude of the once-per-turn change of the allowance [µm]
+    runout_um: Annotated[float, Unit("µm"), Limits(0.0, 1e6), Fit(up_to=20.0), Usual(0.0, 200.0, {"nm": 1e-3})] = 0.0
 
     def __post_init__(self) -> None:
         require_not_negative(self, "workpiece_rpm", "grooves", "groove_share", "groove_depth_um", "runout_um")
@@ -135,18 +119,12 @@ class Surface:
 
 @dataclass(frozen=True)
 class Noise:
-    """What the gauge sees besides the allowance: centred, Gaussian, R(τ) = D·exp(−β|τ|) (G eq. 2).
+    """What the gauge sees besides the allowance: centred, Gaussian, R(τ) = D·exp(−β|τ|) (G eq. 2)."""
 
-    Attributes
-    ----------
-    sd_um : float
-        √D_x [µm].
-    rate_per_s : float
-        β [1/s].
-    """
-
-    sd_um: float = 0.0
-    rate_per_s: float = 100.0
+    #: √D_x [µm]
+    sd_um: Annotated[float, Unit("µm"), Limits(0.0, 1e6), Fit(up_to=5.0), Usual(0.0, 20.0, {"nm": 1e-3})] = 0.0
+    #: β [1/s]
+    rate_per_s: Annotated[float, Unit("1/s"), Limits(1e-6, 1e7), Fit(), Usual(0.05, 1e5, {"1/ms": 1e3})] = 100.0
 
     def __post_init__(self) -> None:
         require_not_negative(self, "sd_um")
@@ -155,16 +133,11 @@ class Noise:
 
 @dataclass(frozen=True)
 class Tolerance:
-    """Limits of the finished size, counted from the nominal size.
+    """Limits of the finished size, counted from the nominal size."""
 
-    Attributes
-    ----------
-    lower_um, upper_um : float
-        [µm].
-    """
-
-    lower_um: float
-    upper_um: float
+    #: lower_um and upper_um: [µm]
+    lower_um: Annotated[float, Unit("µm"), Limits(0.0, 1e6), Usual(0.05, 500.0, _SIZE)]
+    upper_um: Annotated[float, Unit("µm"), Limits(0.0, 1e6), Usual(0.05, 500.0, _SIZE)]
 
     def __post_init__(self) -> None:
         require_finite(self, "lower_um", "upper_um")
@@ -175,3 +148,56 @@ class Tolerance:
                 where="lower_um",
                 advice="exchange the two numbers",
             )
+
+
+def surface_um(surface: Surface, turn: ArrayLike) -> Vector:
+    """What is seen besides the allowance after so many turns: −depth in grooves, and a sine of the run-out [µm]."""
+    at = np.asarray(turn, dtype=np.float64)
+    seen = surface.runout_um * np.sin(2 * math.pi * at)
+    if surface.grooves:
+        seen = seen - surface.groove_depth_um * (np.mod(surface.grooves * at, 1.0) < surface.groove_share)
+    return np.asarray(seen)
+
+
+def mean_surface_um(surface: Surface) -> float:
+    """Mean of `surface_um` over a turn: a linear gauge sees so much less allowance than there is [µm]."""
+    return -surface.groove_depth_um * surface.groove_share if surface.grooves else 0.0
+
+
+def smoothed_surface(surface: Surface, time_constant_s: float, turn: ArrayLike) -> tuple[Vector, Vector]:
+    """`surface_um` behind a filter of T_Φ when it has settled, and its rate; shapes of `turn` [µm], [µm/s].
+
+    Sine by its amplitude and phase; grooves exactly, as pieces of exponentials that repeat.
+    """
+    at = np.asarray(turn, dtype=np.float64)
+    value, rate = np.zeros_like(at), np.zeros_like(at)
+    per_s = surface.workpiece_rpm / 60.0
+    if surface.runout_um > 0:
+        omega = 2 * math.pi * per_s
+        size, behind = surface.runout_um / math.hypot(1.0, omega * time_constant_s), math.atan(omega * time_constant_s)
+        value = value + size * np.sin(2 * math.pi * at - behind)
+        rate = rate + size * omega * np.cos(2 * math.pi * at - behind)
+    if surface.grooves and surface.groove_depth_um > 0:
+        pitch = 1.0 / (surface.grooves * per_s) / time_constant_s
+        share = surface.groove_share
+        # from 0 towards 1 within a groove, and back to 0 until the next; in the unit −depth
+        deepest = -math.expm1(-share * pitch) / -math.expm1(-pitch)
+        least = deepest * math.exp(-(1.0 - share) * pitch)
+        within = np.mod(surface.grooves * at, 1.0)
+        inside = within < share
+        filled = np.where(
+            inside, 1.0 - (1.0 - least) * np.exp(-within * pitch), deepest * np.exp(-(within - share) * pitch)
+        )
+        value = value - surface.groove_depth_um * filled
+        rate = rate - surface.groove_depth_um * (inside - filled) / time_constant_s
+    return value, rate
+
+
+def ripple_bound_um(surface: Surface, time_constant_s: float) -> float:
+    """What the smoothed surface never exceeds in size [µm]."""
+    per_s = surface.workpiece_rpm / 60.0
+    bound = surface.runout_um / math.hypot(1.0, 2 * math.pi * per_s * time_constant_s)
+    if surface.grooves and surface.groove_depth_um > 0:
+        pitch = 1.0 / (surface.grooves * per_s) / time_constant_s
+        bound += surface.groove_depth_um * -math.expm1(-surface.groove_share * pitch) / -math.expm1(-pitch)
+    return bound

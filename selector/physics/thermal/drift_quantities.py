@@ -14,9 +14,9 @@ from itertools import combinations
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.recording import Channel, Recording
+from selector.types import Vector
 
 FIRST_S = 3600.0
 PARALLEL = 0.02
@@ -24,7 +24,6 @@ PARALLEL = 0.02
 
 LEAST_DISTANCE_M = 1e-3
 Test = Literal["environment", "spindle", "axes", "unknown"]
-Vector = NDArray[np.float64]
 
 _AXES = ("X", "Y", "Z")
 _ROTATIONS = ("A", "B", "C")
@@ -33,47 +32,28 @@ _NAMED = re.compile(r"([XYZ])\d?")
 
 @dataclass(frozen=True)
 class Drift:
-    """One quantity of one run.
+    """One quantity of one run."""
 
-    Attributes
-    ----------
-    name : str
-        Channel, or A, B, C for a rotation about X, Y, Z.
-    of : tuple of str
-        The channels that it is made of.
-    unit : {"um", "um/m"}
-        µm/m is µrad.
-    first_hour, whole : float or None
-        Range within the first 60 min and within the whole test; None if it ended sooner, or nothing was read.
-    """
-
-    name: str
-    of: tuple[str, ...]
-    unit: Literal["um", "um/m"]
+    name: str  #: Channel, or A, B, C for a rotation about X, Y, Z
+    of: tuple[str, ...]  #: The channels that it is made of
+    unit: Literal["um", "um/m"]  #: {"um", "um/m"}: µm/m is µrad
+    #: first_hour and whole: Range within the first 60 min and within the whole test; None if it ended sooner, or
+    #: nothing was read
     first_hour: float | None
     whole: float | None
 
 
 @dataclass(frozen=True)
 class RunDrift:
-    """The quantities of one run.
-
-    Attributes
-    ----------
-    run : str
-    test : {"environment", "spindle", "axes", "unknown"}
-        What moved: nothing; the spindle; an axis, with or without the spindle; or no channel says it.
-    begin_s : float
-        Where the test begins [s from the start of the run]: at the first sample with motion, else with the run.
-    duration_s : float
-        From there to the last sample [s]; a cooling after the motion counts.
-    drifts : tuple of Drift
-    """
+    """The quantities of one run."""
 
     run: str
+    #: {"environment", "spindle", "axes", "unknown"}: What moved: nothing; the spindle; an axis, with or without the
+    #: spindle; or no channel says it
     test: Test
+    #: Where the test begins [s from the start of the run]: at the first sample with motion, else with the run
     begin_s: float
-    duration_s: float
+    duration_s: float  #: From there to the last sample [s]; a cooling after the motion counts
     drifts: tuple[Drift, ...]
 
     def as_dict(self) -> dict[str, Any]:
@@ -157,3 +137,17 @@ def _test(recording: Recording, run: str) -> tuple[Test, int]:
 def _range(course: Vector) -> float | None:
     known = course[np.isfinite(course)]
     return float(known.max() - known.min()) if len(known) else None
+
+
+def largest_displacement(recording: Recording, run: str) -> tuple[str, float, float]:
+    """(channel, time [s], displacement [µm]) of the largest displacement from the start of a run; no name if none."""
+    best = ("", 0.0, 0.0)
+    for name in recording.with_role("displacement"):
+        course = recording.values(run, [name])[:, 0]
+        course = course - course[0]
+        if not np.isfinite(course).any():
+            continue
+        k = int(np.nanargmax(np.abs(course)))
+        if abs(course[k]) > abs(best[2]):
+            best = (name, float(recording.time_s(run)[k]), float(course[k]))
+    return best

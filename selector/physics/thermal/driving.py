@@ -9,11 +9,11 @@ import numpy as np
 import pandas as pd
 
 from selector.findings import Finding, Where
-from selector.physics.thermal.instruments import seed_of_run
-from selector.physics.thermal.laws import Conditions
-from selector.physics.thermal.model_schema import InputsSection
-from selector.physics.thermal.schedule import driven, held_at
-from selector.physics.thermal.thermal_model import ThermalModel, input_channel, simulation_findings
+from selector.physics.thermal.file.model_file import InputsSection
+from selector.physics.thermal.finding_table import FINDINGS
+from selector.physics.thermal.network.laws import Conditions
+from selector.physics.thermal.schedule import driven, held_at, seed_of_run
+from selector.physics.thermal.thermal_model import FileModel, input_channel, simulation_findings
 from selector.recording import Channel, Recording
 
 _START_K = 1.0
@@ -25,7 +25,7 @@ Progress = Callable[[int, int, str], None]
 
 
 def driven_runs(
-    model: ThermalModel,
+    model: FileModel,
     recording: Recording,
     *,
     inputs: InputsSection,
@@ -123,13 +123,12 @@ def _not_recorded(name: str, runs: list[str], recording: Recording, otherwise: C
         f"{course.min():g} to {course.max():g}, a course that says nothing of these runs" if moves else f"{course[0]:g}"
     )
     which = "any run" if len(runs) == len(recording.runs) else ", ".join(runs[:6])
-    return Finding(
+    return FINDINGS.finding(
         "input-not-recorded",
-        "warning" if moves else "info",
         f"{name} was not recorded in {which}; the value of the model file was used ({value}).",
         Where(run=runs[0] if len(runs) == 1 else None),
         {"input": name, "runs": runs},
-        f"record it, or name its channel under [inputs]: {name} = \"CHANNEL\"",
+        f"record it, or name its channel under [inputs]: {name} = \"CHANNEL\"", level="warning" if moves else "info",
     )  # fmt: skip
 
 
@@ -149,19 +148,17 @@ def _other_start(answer: Recording, recording: Recording) -> list[Finding]:
         return []
     worst_run = max(off_k, key=lambda run: abs(off_k[run]))
     return [
-        Finding(
+        FINDINGS.finding(
             "start-differs",
-            "warning",
             f"{len(off_k)} of {len(answer.runs)} runs did not begin at the temperature at which the model starts: in "
             f"{worst_run} a thermometer read {off_k[worst_run]:+.1f} K against it.",
             Where(run=worst_run if len(off_k) == 1 else None),
             {"largest_difference_k": off_k},
-            "compare the later hours only, or set start_degc under [run]",
         )
     ]
 
 
-def _not_compared(model: ThermalModel, matched: dict[str, Channel], recording: Recording) -> list[Finding]:
+def _not_compared(model: FileModel, matched: dict[str, Channel], recording: Recording) -> list[Finding]:
     """What of the simulation has no recorded counterpart, if anything."""
     recorded = set(recording.channels)
     alone = [output.name for output in model.outputs if matched[output.name] not in recorded]
@@ -169,13 +166,13 @@ def _not_compared(model: ThermalModel, matched: dict[str, Channel], recording: R
         return []
     none = len(alone) == len(model.outputs)
     return [
-        Finding(
+        FINDINGS.finding(
             "output-not-recorded",
-            "warning" if none else "info",
             ("None" if none else f"{len(alone)}") + f" of the {len(model.outputs)} outputs of the model "
             + ("has a recorded channel of its name or axis." if none else "have no recorded channel: ")
             + ("" if none else ", ".join(alone[:8]) + ("…" if len(alone) > 8 else "") + "."),
             evidence={"outputs": alone},
             suggestion="call sensors and gauges of the model file as the channels of the recording are called",
+            level="warning" if none else "info",
         )
     ]  # fmt: skip

@@ -1,29 +1,45 @@
-"""Which field machine does a model file describe: the shipped one with its lengths, laws and thermometers varied."""
+"""Which field machine does a model file describe, with which candidate places, and how it looks at one moment."""
 
 from __future__ import annotations
 
 import dataclasses
 import functools
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.errors import InputError, ModelFileError
-from selector.physics.thermal.field import BlockMesh, MachineGeometry, probe_row
-from selector.physics.thermal.field.virtual_laws import Physics, machine_laws
-from selector.physics.thermal.field.virtual_machine import SENSORS, film_sets, virtual_machining_centre
-from selector.physics.thermal.heat_system import HeatSystem
-from selector.physics.thermal.laws import FilmLaw, Laws
-from selector.physics.thermal.model_file import FieldFile, key_text, unknown_name
-from selector.physics.thermal.model_schema import FieldFilm
-from selector.physics.thermal.reduction import projected, reduced_basis
+from selector.errors import InputError, ModelFileError, OptionError
+from selector.physics.model_text import key_text, unknown_name
+from selector.physics.thermal.field import (
+    MATERIALS,
+    BlockMesh,
+    MachineGeometry,
+    elasticity,
+    probe_row,
+    sensor_candidates,
+)
+from selector.physics.thermal.field.machine import foot_springs
+from selector.physics.thermal.field.virtual_machine import (
+    SENSORS,
+    Physics,
+    film_sets,
+    machine_laws,
+    virtual_machining_centre,
+)
+from selector.physics.thermal.file.model_file import MOST_SENSORS, FieldFile, FieldFilm, Gauge, Sensor
+from selector.physics.thermal.network.heat_system import HeatSystem
+from selector.physics.thermal.network.laws import Conditions, FilmLaw, Laws
+from selector.physics.thermal.network.reduction import projected, reduced_basis
+from selector.physics.thermal.network.transient import simulate_heat
+from selector.physics.thermal.schedule import condensed
+from selector.types import Vector
 
 SENSOR_NAMES = tuple(SENSORS)
 """The thermometers of the shipped machine."""
 
-Vector = NDArray[np.float64]
 Point = tuple[float, float, float]
 
 _HEAT_KEYS = ("on_w", "turning_w", "coolant_w", "speed_w", "torque_share", "softening_per_k")
@@ -162,3 +178,88 @@ def _require_known(names: Iterable[str], known: list[str], what: str, *section: 
 def _refuse_name(what: str, name: str, known: list[str], key: tuple[str | int, ...]) -> None:
     found, expected, advice = unknown_name(what, name, known)
     raise ModelFileError(found, expected=expected, where=f"key {key_text(key)}", advice=advice)
+
+
+def with_candidates(file: FieldFile) -> FieldFile:
+    """The file with a thermometer at every candidate place instead of its section on them; the file's own come first.
+
+    Raises
+    ------
+    ModelFileError
+        The machine has no such surface, the spacing leaves no place or too many, or a name is taken.
+    """
+    wanted = file.candidates
+    if wanted is None:
+        return file
+    lengths = [part.name for part in dataclasses.fields(MachineGeometry)]
+    for name in file.field.geometry:
+        if name not in lengths:
+            found, expected, advice = unknown_name("length", name, lengths)
+            where = f"key {key_text(('field', 'geometry', name))}"
+            raise ModelFileError(found, expected=expected, where=where, advice=advice)
+    try:
+        places = sensor_candidates(MachineGeometry(**file.field.geometry), wanted.spacing_m, wanted.surfaces)
+    except OptionError as error:
+        where = "key field.geometry" if "geometry" in error.where else "key candidates"
+        raise ModelFileError(error.found, expected=error.expected, where=where, advice=error.advice) from None
+    count = len(file.sensors) + len(places)
+    if count > MOST_SENSORS:
+        raise ModelFileError(
+            f"{len(places)} candidates beside {len(file.sensors)} thermometers",
+            expected=f"at most {MOST_SENSORS} together",
+            where="key candidates.spacing_m",
+            advice="enlarge the spacing, or name fewer surfaces",
+        )
+    named: list[tuple[str, str, tuple[Sensor | Gauge, ...]]] = [
+        ("sensors", "thermometer", file.sensors),
+        ("gauges", "gauge", file.gauges),
+    ]
+    for section, what, entries in named:
+        for number, entry in enumerate(entries):
+            if entry.name in places:
+                raise ModelFileError(
+                    f"a {what} called {entry.name!r}, as a candidate is",
+                    expected="names other than P01, P02 and so on",
+                    where=f"key {key_text((section, number, 'name'))}",
+                    advice="give it another name",
+                )
+    instrument = wanted.model_dump(include={"lag_s", "noise_k", "resolution_k"})
+    spread = (Sensor(name=name, place=at.place, xyz=at.xyz_m, **instrument) for name, at in places.items())
+    return file.model_copy(update={"sensors": (*file.sensors, *spread), "candidates": None})
+
+
+@dataclass(frozen=True)
+class FieldMoment:
+    """A machine at one moment."""
+
+    at_s: float  #: When it is, from the start of the run [s]
+    nodes_m: Vector  #: (n_nodes, 3): Places of the nodes [m]
+    triangles: NDArray[np.int64]  #: (n_triangles, 3): Nodes of the triangles of the surface
+    temperature_degc: Vector  #: (n_nodes,): Temperature [°C]
+    deformation_um: Vector  #: (n_nodes, 3): Displacement since the start of the run [µm]
+
+
+def field_moment(file: FieldFile, conditions: Conditions, at_s: float) -> FieldMoment:
+    """The moment `at_s` [s] of the run that these conditions make of the machine; its stiffness is factorised anew.
+
+    Raises
+    ------
+    InputError
+        The time is outside the conditions.
+    """
+    laws = laws_of(file)
+    full, basis, mesh = field_of(file, laws)
+    start_degc = float(conditions.ambient_degc[0]) if file.run.start_degc is None else file.run.start_degc
+    history = simulate_heat(
+        projected(full, basis),
+        laws,
+        condensed(conditions, file.run.step_s),
+        time_s=[],
+        step_s=file.run.step_s,
+        start_degc=start_degc,
+        keep_states_at_s=[at_s],
+    )
+    degc = basis[: len(mesh.nodes_m)] @ history.states[0]
+    geometry = MachineGeometry(**dict(file.field.geometry))
+    elastic = elasticity(mesh, MATERIALS, foot_springs(mesh, geometry))
+    return FieldMoment(at_s, mesh.nodes_m, mesh.triangles(), degc, elastic.displacement_um(degc - start_degc))

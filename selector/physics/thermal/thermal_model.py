@@ -4,28 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol, Self
+from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from selector.errors import InputError
 from selector.findings import Finding, Where
-from selector.physics.thermal.cyclogram import Cyclogram
-from selector.physics.thermal.instruments import lagged, read_out
-from selector.physics.thermal.laws import Conditions
-from selector.physics.thermal.model_file import FieldFile, ModelFile, ModesFile
-from selector.physics.thermal.model_schema import Gauge, Sensor
-from selector.physics.thermal.model_systems import HeatMachine, heat_machine, modal_machine
-from selector.physics.thermal.modes import ModalModel
-from selector.physics.thermal.parameters import Parameter, parameters, with_parameters
-from selector.physics.thermal.schedule import condensed, held_at
-from selector.physics.thermal.transient import simulate_heat
+from selector.physics.model_parameters import Parameter
+from selector.physics.thermal.file.model_file import FieldFile, Gauge, ModelFile, ModesFile, Sensor
+from selector.physics.thermal.file.parameters import parameters, with_parameters
+from selector.physics.thermal.file.systems import HeatMachine, heat_machine, modal_machine
+from selector.physics.thermal.finding_table import FINDINGS
+from selector.physics.thermal.modes.cyclogram import Cyclogram
+from selector.physics.thermal.modes.modes import ModalModel
+from selector.physics.thermal.network.laws import Conditions
+from selector.physics.thermal.network.transient import simulate_heat
+from selector.physics.thermal.schedule import condensed, held_at, lagged, read_out
 from selector.recording import Channel, Recording
+from selector.types import Vector
 from selector.units import CANONICAL_UNITS
-
-Vector = NDArray[np.float64]
 
 ALWAYS_RECORDED = ("spindle_speed", "ambient")
 """Conditions that a simulated recording holds even if they do not change."""
@@ -42,58 +40,12 @@ _INPUT_ROLES = {
 }
 
 
-class ThermalModel(Protocol):
-    """What may be driven, compared with a recording, and fitted again, whatever is inside."""
-
-    @property
-    def name(self) -> str:
-        """What the model is called."""
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names of the conditions that act on it, of `schedule.NAMES`."""
-
-    @property
-    def outputs(self) -> tuple[Channel, ...]:
-        """Channels that it gives: thermometers, then displacements."""
-
-    @property
-    def parameters(self) -> Mapping[str, Parameter]:
-        """Its physics as named numbers with units and bounds."""
-
-    @property
-    def places(self) -> tuple[str, ...]:
-        """Where an effect may be added: nodes or sources and surfaces."""
-
-    def with_parameters(self, values: Mapping[str, float]) -> Self:
-        """The same model with other values of some parameters."""
-
-    def simulate(
-        self,
-        conditions: Conditions,
-        *,
-        time_s: Vector | None = None,
-        run: str = "simulation",
-        seed: int | None = None,
-        instruments: bool = True,
-    ) -> Recording:
-        """The outputs under these conditions as a recording of one run."""
-
-
 @dataclass(frozen=True)
 class FileModel:
-    """The model that a model file describes; made by `thermal_model`.
+    """The model that a model file describes; made by `thermal_model`."""
 
-    Attributes
-    ----------
-    file : ModelFile
-        The file's content.
-    machine : HeatMachine or ModalModel
-        The equations that were built from it.
-    """
-
-    file: ModelFile
-    machine: HeatMachine | ModalModel
+    file: ModelFile  #: The file's content
+    machine: HeatMachine | ModalModel  #: The equations that were built from it
 
     @property
     def name(self) -> str:
@@ -104,7 +56,7 @@ class FileModel:
     def inputs(self) -> tuple[str, ...]:
         """Names of the conditions that act on it, of `schedule.NAMES`."""
         if isinstance(self.machine, ModalModel):
-            return self.machine.inputs
+            return ("spindle_speed",)
         laws = self.machine.laws
         used = {
             "spindle_speed": True,
@@ -130,14 +82,6 @@ class FileModel:
     def parameters(self) -> Mapping[str, Parameter]:
         """Named numbers with units and bounds, see `parameters.parameters`."""
         return parameters(self.file)
-
-    @property
-    def places(self) -> tuple[str, ...]:
-        """Nodes of a network, responses of modes; otherwise sources, then surfaces."""
-        if isinstance(self.machine, ModalModel):
-            return self.machine.places
-        system = self.machine.system
-        return system.states or tuple(dict.fromkeys([*system.sources, *system.films]))
 
     def with_parameters(self, values: Mapping[str, float]) -> FileModel:
         """The same model with other values of some parameters; errors as in `parameters.with_parameters`.
@@ -277,7 +221,7 @@ def thermal_model(file: ModelFile) -> FileModel:
     """
     if isinstance(file, FieldFile) and file.candidates is not None:
         # scikit-fem comes in with the surfaces of the machine
-        from selector.physics.thermal.field_candidates import with_candidates
+        from selector.physics.thermal.field_model import with_candidates
 
         file = with_candidates(file)
     model = FileModel(file, _machine(file))
@@ -307,13 +251,11 @@ def simulation_findings(simulated: Recording) -> tuple[Finding, ...]:
         return ()
     low, high = float(values[odd].min().min()), float(values[odd].max().max())
     return (
-        Finding(
+        FINDINGS.finding(
             "unlikely-temperature",
-            "warning",
             f"{', '.join(odd[:8])}: {low:.4g} to {high:.4g} °C, which no machine tool survives.",
             Where(channel=odd[0] if len(odd) == 1 else None),
             {"channels": odd, "lowest_degc": low, "highest_degc": high},
-            "check heat capacities, films and sources in the model file; its keys carry their units",
         ),
     )
 

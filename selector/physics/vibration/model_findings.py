@@ -1,4 +1,4 @@
-"""What is odd about a vibrating structure: unlikely numbers, sharp resonances, and what its chains leave out."""
+"""What is odd about a vibrating structure: unlikely numbers, masses in grams, sharp resonances, chains."""
 
 from __future__ import annotations
 
@@ -10,17 +10,71 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.findings import Finding, Level
-from selector.physics.model_plausibility import UsualRange, unlikely_numbers
-from selector.physics.vibration.final_motion import FinalMotions
-from selector.physics.vibration.mass_slips import mass_slips
-from selector.physics.vibration.model_file import plain_values
-from selector.physics.vibration.modes import StructureModes
-from selector.physics.vibration.parameters import UNITS
-from selector.physics.vibration.periodic_error import KindHeight
-from selector.physics.vibration.structure import GROUND, Structure
+from selector.physics.model_parameters import UsualRange, unlikely_numbers
+from selector.physics.model_text import key_text, plain_values
+from selector.physics.vibration.file.parameters import UNITS
+from selector.physics.vibration.finding_table import FINDINGS
+from selector.physics.vibration.motion.final_motion import FinalMotions
+from selector.physics.vibration.motion.periodic_error import KindHeight
+from selector.physics.vibration.structure.modes import StructureModes
+from selector.physics.vibration.structure.structure import GROUND, Structure
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, VibrationModel
+from selector.types import Complex
 
-Complex = NDArray[np.complex128]
+MORE_THAN_CARRIED = 10.0
+"""Times the heaviest member on the ground that nothing which it carries weighs."""
+
+SLOW_HZ = 20.0
+"""On its joints alone a member that is carried swings faster."""
+
+_TONNE = 1000.0
+_LOWEST_HZ = 10.0
+_GRAMS = 1e-3
+
+
+def mass_slips(structure: Structure, modes: StructureModes, heaviest_kg: float) -> Iterator[Finding]:
+    """Warnings on masses that would fit the others in grams; of single ones beyond `heaviest_kg` others tell.
+
+    Of all: where none is below a tonne, and one is beyond `heaviest_kg` or the structure swings below 10 Hz. Of one
+    that does not stand on the ground: where it is more than ten times as heavy as all that do, and its joints are so
+    soft for it that it would swing below 20 Hz.
+    """
+    masses = {one.name: one.mass_kg for one in structure.members}
+    least, most = min(masses.values()), max(masses.values())
+    if least >= _TONNE and (most > heaviest_kg or float(modes.frequency_hz[0]) < _LOWEST_HZ):
+        yield FINDINGS.finding(
+            "unlikely-masses",
+            f"No member is lighter than {least:.6g} kg, and the heaviest has {most:.6g} kg. In g all of them would be "
+            f"{_GRAMS * least:.6g} to {_GRAMS * most:.6g} kg.",
+            evidence={"least_kg": least, "most_kg": most},
+            suggestion="divide every mass_kg by 1000 if g was meant",
+        )
+        return
+    standing = {name: mass for name, mass in masses.items() if _stands(structure, name)}
+    carrier = max(standing, key=lambda name: standing[name])
+    for name, mass_kg in masses.items():
+        stiffness = sum(one.stiffness_n_per_m for one in structure.joints if name in one.between)
+        alone_hz = math.sqrt(stiffness / mass_kg) / (2.0 * math.pi)
+        if (
+            name in standing
+            or mass_kg > heaviest_kg
+            or mass_kg <= MORE_THAN_CARRIED * standing[carrier]
+            or alone_hz >= SLOW_HZ
+        ):
+            continue
+        yield FINDINGS.finding(
+            "unlikely-masses",
+            f"{name!r} has {mass_kg:.6g} kg, {mass_kg / standing[carrier]:.3g} times as much as the heaviest member "
+            f"that stands on the ground ({carrier!r}, {standing[carrier]:.6g} kg), and would swing on its joints at "
+            f"{alone_hz:.3g} Hz. {mass_kg:.6g} g would be {_GRAMS * mass_kg:.6g} kg.",
+            evidence={"member": name, "mass_kg": mass_kg, "carrier": carrier, "alone_hz": alone_hz},
+            suggestion=f"write {key_text(('members', name, 'mass_kg'))} = {_GRAMS * mass_kg:.6g} if g was meant",
+        )
+
+
+def _stands(structure: Structure, name: str) -> bool:
+    return any(GROUND in joint.between and name in joint.between for joint in structure.joints)
+
 
 SHARP = 30.0
 """Amplification of a line by a mode above which a part of a percent in frequency decides its size."""
@@ -68,9 +122,8 @@ def _odd_frequencies(structure: Structure, modes: StructureModes) -> Iterator[Fi
             continue
         member = modes.members[int(np.argmax(np.abs(modes.shapes[:, number])))]
         joint = _strained(structure, modes, number)
-        yield Finding(
+        yield FINDINGS.finding(
             "unlikely-eigenfrequency",
-            "warning",
             f"The {'lowest' if number == 0 else 'highest'} eigenfrequency is {frequency:.4g} Hz, in which "
             f"{member!r} moves most; machines have {LOWEST_HZ:g} Hz to {HIGHEST_HZ / 1e3:g} kHz.",
             evidence={"frequency_hz": frequency, "member": member, "joint": joint},
@@ -90,9 +143,8 @@ def _sharp(model: VibrationModel, modes: StructureModes) -> Iterator[Finding]:
         if largest <= SHARP or not math.isfinite(largest):
             continue
         resonance, joint = float(modes.frequency_hz[number]), _strained(model.structure, modes, number)
-        yield Finding(
+        yield FINDINGS.finding(
             "sharp-resonance",
-            "warning",
             f"{source} shakes at {frequency:.5g} Hz, and the structure rings at {resonance:.5g} Hz, so little damped "
             f"that it makes {largest:.3g} times as much of it; {joint} is strained most.",
             evidence={"amplification": largest, "line_hz": frequency, "mode_hz": resonance, "joint": joint},
@@ -145,9 +197,8 @@ def _in_no_chain(model: VibrationModel, coupled: FinalMotions, chains: FinalMoti
         listed = ", ".join(names[:6]) + (" …" if len(names) > 6 else "")
         lines = np.unique(chains.frequency_hz[lost])
         are = f"{len(names)} sources ({listed}) are not {where} at {_listed(lines)} Hz: what they move there is"
-    yield Finding(
+    yield FINDINGS.finding(
         "source-in-no-chain",
-        level,
         f"{are} missing from the chain method. By the coupled structure these lines move {moved} (rms).",
         evidence={
             "sources": names,
@@ -157,6 +208,7 @@ def _in_no_chain(model: VibrationModel, coupled: FinalMotions, chains: FinalMoti
         suggestion="name them in the chains that begin where they act, or take the coupled structure"
         if len(names) > 1
         else "name it in the chains that begin where it acts, or take the coupled structure",
+        level=level,
     )
 
 
@@ -175,9 +227,8 @@ def _missing(model: VibrationModel, coupled: FinalMotions, chains: FinalMotions,
             continue
         names = sorted({coupled.sources[number] for number in coupled.source[rows].tolist()})
         frequency = np.sort(coupled.frequency_hz[rows])
-        yield Finding(
+        yield FINDINGS.finding(
             "no-chain-to-final",
-            level,
             f"No chain leads to the {final} from {', '.join(names)} at {_listed(frequency)} Hz: "
             f"{missing:.3g} µm of its {size:.3g} µm (rms, coupled structure) are missing from the chain method.",
             evidence={
@@ -188,6 +239,7 @@ def _missing(model: VibrationModel, coupled: FinalMotions, chains: FinalMotions,
                 "coupled_um": size,
             },
             suggestion=f"add chains from these sources to the {final}, or take the coupled structure",
+            level=level,
         )
 
 
@@ -242,13 +294,8 @@ def _off(differences: Sequence[_Difference], level: Level) -> Finding:
         f"{worst.worst_chains_um:.3g} instead of {worst.worst_coupled_um:.3g} µm."
         + (f" Off too: {', '.join(beside)}." if beside else "")
     )
-    return Finding(
-        "chains-off-coupled",
-        level,
-        said,
-        evidence={**vars(worst), "others": [dict(vars(one)) for one in others]},
-        suggestion="believe the coupled structure: chains leave out how members act back on those before them, and "
-        "what is merged, held or cut off",
+    return FINDINGS.finding(
+        "chains-off-coupled", said, evidence={**vars(worst), "others": [dict(vars(one)) for one in others]}, level=level
     )
 
 
@@ -259,14 +306,12 @@ def _listed(frequency_hz: NDArray[np.float64]) -> str:
 def height_findings(heights: Iterable[KindHeight]) -> tuple[Finding, ...]:
     """Kinds of errors whose published height is far above what the motion itself could print."""
     return tuple(
-        Finding(
+        FINDINGS.finding(
             "height-beyond-motion",
-            "warning",
             f"The published height of {one.kind} is {one.rms_um:.3g} µm, but tool and workpiece move only "
             f"{one.kinematic_um:.3g} µm from crest to trough against each other: it takes the inertia force of the "
             "whole member for a cutting force, and that grows with the square of the frequency.",
             evidence={"kind": one.kind, "published_um": one.rms_um, "kinematic_um": one.kinematic_um},
-            suggestion="believe the copied motion, unless a measured surface says otherwise",
         )
         for one in heights
         if one.rms_um > MORE_THAN_MOVED * one.kinematic_um

@@ -7,26 +7,20 @@ from dataclasses import dataclass
 
 from selector.findings import Finding, Where
 from selector.physics.model_text import key_text
+from selector.physics.vibration.finding_table import FINDINGS
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, VibrationModel, force_name, speed_name
 from selector.recording import Channel, Recording
 
 
 @dataclass(frozen=True)
 class RecordedChannels:
-    """What was recorded of a model.
+    """What was recorded of a model."""
 
-    Attributes
-    ----------
-    speeds, forces, motions : mapping of str to str
-        Shaft, source, and output of the model → name of the recorded channel.
-    findings : tuple of Finding
-        Channels that belong to nothing, or could be of several.
-    """
-
+    #: speeds, forces and motions: Shaft, source, and output of the model → name of the recorded channel
     speeds: Mapping[str, str]
     forces: Mapping[str, str]
     motions: Mapping[str, str]
-    findings: tuple[Finding, ...]
+    findings: tuple[Finding, ...]  #: Channels that belong to nothing, or could be of several
 
 
 def recorded_channels(model: VibrationModel, recording: Recording) -> RecordedChannels:
@@ -86,13 +80,13 @@ def _not_compared(channels: Iterable[Channel], motions: Mapping[str, str]) -> It
     listed = ", ".join(map(repr, names[:6])) + (" …" if len(names) > 6 else "")
     are = "(displacements) are" if len(names) > 1 else "(displacement) is"
     places = " or ".join(f'"{key}"' for key in free)
-    yield Finding(
+    yield FINDINGS.finding(
         "motion-not-compared",
-        "info" if motions else "warning",
         f"{listed} {are} not known to be of tool or workpiece, and not compared.",
         Where(channel=names[0]),
         {"channels": names, "places": free},
         f"say in the machine file what it moved, e.g. [channels.{key_text((names[0],))}] place = {places}",
+        level="info" if motions else "warning",
     )
 
 
@@ -100,9 +94,8 @@ def _unused(
     channels: Iterable[Channel], used: Collection[str], what: str, known: Collection[str]
 ) -> tuple[Finding, ...]:
     return tuple(
-        Finding(
+        FINDINGS.finding(
             "channel-of-nothing",
-            "warning",
             f"{one.name!r} ({one.role}) belongs to no {what} of the model, or could be of several, and does not act.",
             Where(channel=one.name),
             {"known": list(known)[:20]},

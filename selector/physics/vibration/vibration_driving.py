@@ -1,8 +1,8 @@
-"""What would the model have done in these recorded runs: recorded speeds and forces in place of those of its file."""
+"""What would the model have done in recorded runs, and what is to be told of a run that drives a model."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,18 +11,141 @@ from numpy.typing import NDArray
 from selector.errors import OptionError
 from selector.findings import Finding, Where
 from selector.physics.checks import require_within, told_of
-from selector.physics.vibration.driven_findings import clock_findings, end_findings, gap_findings
-from selector.physics.vibration.model_parts import file_shafts, mean_rpm
-from selector.physics.vibration.motion_signal import MotionSignal
-from selector.physics.vibration.recorded_clock import stretches
-from selector.physics.vibration.recorded_force import ring_time_s
-from selector.physics.vibration.shaft_course import ShaftCourse
-from selector.physics.vibration.stamped_force import StampedAnswer, stamped_answer
+from selector.physics.vibration.file.model_file import file_shafts, mean_rpm
+from selector.physics.vibration.finding_table import FINDINGS
+from selector.physics.vibration.motion.motion_signal import MotionSignal
+from selector.physics.vibration.recorded.clock import GAP, Stretch, gaps, stretches
+from selector.physics.vibration.recorded.force import FADED, StampedAnswer, ring_time_s, stamped_answer
+from selector.physics.vibration.structure.source import ShaftCourse
 from selector.physics.vibration.vibration_channels import RecordedChannels, recorded_channels
 from selector.physics.vibration.vibration_model import Progress, VibrationModel, VibrationSimulation
 from selector.recording import Channel, Recording
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
+_EVEN = 1e-3
+"""Share of a step by which the stamps of an even clock may stray untold."""
+_NEARLY = 1.1
+_MOST_GAPS = 10
+_LONG = 0.5
+"""Share of the run from which on its beginning is a warning."""
+_UM = 1e6
+
+
+def gap_findings(time_s: Vector, ring_s: float | None) -> tuple[Finding, ...]:
+    """Gaps between stamps; `ring_s` is None where no force was recorded [s]."""
+    found = gaps(time_s)
+    told = []
+    for number, (begin_s, end_s) in enumerate(found[:_MOST_GAPS]):
+        until_s = float(end_s) if ring_s is None else min(float(end_s) + ring_s, float(time_s[-1]))
+        more = len(found) - _MOST_GAPS if number == _MOST_GAPS - 1 else 0
+        told.append(
+            FINDINGS.finding(
+                "recorded-gap",
+                f"Nothing was recorded from {begin_s:.6g} to {end_s:.6g} s. "
+                + (
+                    "Speeds run straight across."
+                    if ring_s is None
+                    else "What the force did there is not known: the motion is not to be believed before "
+                    f"{until_s:.6g} s, when what it left has faded; the rest is not touched. Speeds run straight "
+                    "across."
+                )
+                + (f" There are {more} more gaps." if more > 0 else ""),
+                Where(from_s=float(begin_s), to_s=until_s),
+                {"gap_s": float(end_s - begin_s), "gaps": len(found)},
+                "leave this stretch out when you compare, or cut the run at its gaps",
+            )
+        )
+    return tuple(told)
+
+
+def clock_findings(time_s: Vector, parts: Sequence[Stretch]) -> tuple[Finding, ...]:
+    """Stamps that stray from an even grid, those that have none, and rows that were lost; for recorded forces."""
+    told = []
+    steps = np.diff(time_s)
+    uneven = [part for part in parts if not part.even]
+    strayed = [part for part in parts if part.even and part.stray > _EVEN]
+    if uneven:
+        good_hz = min(part.good_to_hz for part in uneven)
+        told.append(
+            FINDINGS.finding(
+                "recorded-clock-uneven",
+                f"The clock is uneven: steps from {steps.min():.4g} to {max(part.widest_s for part in uneven):.4g} s. "
+                f"Recorded forces are brought to even times by cubic splines, good to 1 % up to {good_hz:.4g} Hz; what "
+                "is quicker is answered too weakly, or as another frequency.",
+                evidence={"good_to_hz": good_hz},
+                level="info" if all(part.widest_s < _NEARLY * np.median(steps) for part in uneven) else "warning",
+            )
+        )
+    if strayed:
+        stray, good_hz = max(part.stray for part in strayed), min(part.good_to_hz for part in strayed)
+        told.append(
+            FINDINGS.finding(
+                "recorded-clock-jitter",
+                f"Stamps stray by up to {100 * stray:.3g} % of a sample from an even clock, whose ticks count as the "
+                "times of the forces. Had those been recorded when the stamps say, they would be good to 1 % up to "
+                f"{good_hz:.4g} Hz.",
+                evidence={"stray": stray, "good_to_hz": good_hz},
+                suggestion="if the clock was even, give its times",
+                level="info" if stray < 0.1 else "warning",
+            )
+        )
+    missing = np.concatenate([np.diff(part.at) - 1.0 for part in parts if part.even] or [np.zeros(0)])
+    lost = int(missing[missing <= GAP - 1.0].sum())
+    if lost:
+        told.append(
+            FINDINGS.finding(
+                "recorded-rows-lost",
+                f"{lost} row{'s' if lost > 1 else ''} of the clock lack{'' if lost > 1 else 's'}: put in as the force "
+                "went before and after.",
+                evidence={"lost": lost},
+            )
+        )
+    return tuple(told)
+
+
+def end_findings(
+    motions: Sequence[StampedAnswer],
+    finals: Sequence[str],
+    motion_m: NDArray[np.float64],
+    ring_s: float,
+    duration_s: float,
+) -> tuple[Finding, ...]:
+    """By how much the motion may differ where the recorded forces begin and end; `motion_m` is that by them all."""
+    left = max(one.left for one in motions)
+    told: list[Finding] = []
+    if left > FADED:
+        told.append(
+            FINDINGS.finding(
+                "ring-longer-than-run",
+                f"A free vibration takes {ring_s:.3g} s to fade: {100 * left:.2g} % of one at the end of the recorded "
+                "forces laps over to their beginning.",
+                evidence={"ring_s": ring_s, "left": left},
+            )
+        )
+    begin = sum(one.begin_m[0] for one in motions)
+    end = sum(one.end_m[-1] for one in motions)
+    moves = np.ptp(motion_m, axis=1) / 2.0
+    share = np.divide(begin, moves, out=np.zeros_like(moves), where=moves > 0.0)
+    worst = int(np.argmax(begin))
+    until_s = min(ring_s, duration_s)
+    told.append(
+        FINDINGS.finding(
+            "steady-before-recording",
+            "Recorded forces are taken to have gone on before and after the run as they went at its ends. What really "
+            f"acted is not known: at the beginning the motion of {finals[worst]} may differ by about "
+            f"{_UM * begin[worst]:.3g} µm ({100 * share[worst]:.2g} % of its swing), {100 * FADED:.2g} % of that after "
+            f"{ring_s:.3g} s, and at the last sample by {_UM * end.max():.2g} µm.",
+            Where(from_s=0.0, to_s=until_s),
+            {
+                "ring_s": ring_s,
+                "begin_um": {name: _UM * float(one) for name, one in zip(finals, begin, strict=True)},
+                "end_um": {name: _UM * float(one) for name, one in zip(finals, end, strict=True)},
+            },
+            level="warning" if until_s > _LONG * duration_s and share[worst] > FADED else "info",
+        )
+    )
+    return tuple(told)
+
 
 _MOST_RPM, _MOST_FORCE_N = 1e6, 1e9
 _FEWEST = 8
@@ -32,23 +155,13 @@ _TURNED_BACK = 0.01
 
 @dataclass(frozen=True)
 class DrivenVibration:
-    """A simulation of recorded runs.
+    """A simulation of recorded runs."""
 
-    Attributes
-    ----------
-    simulation : VibrationSimulation
-        Samples at the time stamps of the recording; channels are called as the recorded ones that they belong to.
-    matched : mapping of str to str
-        Name of a channel of the model → name of the recorded one.
-    inputs : tuple of str
-        Recorded channels that drove the model.
-    findings : tuple of Finding
-        Of clocks, gaps, missing values, what could not be matched, and of the motion in time.
-    """
-
+    #: Samples at the time stamps of the recording; channels are called as the recorded ones that they belong to
     simulation: VibrationSimulation
-    matched: Mapping[str, str]
-    inputs: tuple[str, ...]
+    matched: Mapping[str, str]  #: Name of a channel of the model → name of the recorded one
+    inputs: tuple[str, ...]  #: Recorded channels that drove the model
+    #: Of clocks, gaps, missing values, what could not be matched, and of the motion in time
     findings: tuple[Finding, ...]
 
 
@@ -209,12 +322,12 @@ class _DrivenRun:
         seen = np.isfinite(values)
         if not seen.any():
             self.findings.append(
-                Finding(
+                FINDINGS.finding(
                     "input-not-recorded",
-                    "warning",
                     f"{channel} has no values in this run: what the model file says acts instead.",
                     Where(channel=channel),
                     suggestion="leave the run out, or record the channel",
+                    level="warning",
                 )
             )
             return None
@@ -228,14 +341,12 @@ class _DrivenRun:
         begin, longest = max(zip(edges[::2], edges[1::2] - edges[::2], strict=True), key=lambda one: int(one[1]))
         first, last = max(int(begin) - 1, 0), min(int(begin + longest), len(lacks) - 1)
         is_force = self.recording.channel(channel).role == "force"
-        return Finding(
+        return FINDINGS.finding(
             "input-bridged",
-            "warning",
             f"{channel} lacks {lacks.sum()} of {len(lacks)} values, up to {longest} in a row: "
             + ("put in as it went before and after." if is_force else "bridged straight."),
             Where(channel=channel, from_s=float(self.time_s[first]), to_s=float(self.time_s[last])),
             {"missing": int(lacks.sum()), "longest": int(longest)},
-            "cut the run to the stretch that is complete if this matters",
         )
 
 
@@ -247,13 +358,13 @@ def _without_sign(channel: str, rpm: Vector) -> tuple[Finding, ...]:
     both = bool((rpm > _TURNED_BACK * np.abs(rpm).max()).any())
     said = f"in {back.sum()} of {len(rpm)} samples, and above it in others" if both else "where the shaft turns"
     return (
-        Finding(
+        FINDINGS.finding(
             "speed-without-sign",
-            "warning" if both else "info",
             f"{channel} is below 0 {said}: the shaft is taken to turn as fast the one way as the other, by the amount.",
             Where(channel=channel),
             {"below_0": int(back.sum()), "lowest_rpm": float(rpm.min()), "highest_rpm": float(rpm.max())},
             "cut the run where the shaft turns round if this matters" if both else "",
+            level="warning" if both else "info",
         ),
     )
 
@@ -277,13 +388,11 @@ def _as_recorded(simulated: Recording, recording: Recording, names: Mapping[str,
 
 
 def _spectra_of_the_file(sources: tuple[str, ...]) -> Finding:
-    return Finding(
+    return FINDINGS.finding(
         "lines-of-the-file",
-        "info",
         f"The recorded force of {', '.join(sources)} acts in the recording that was simulated; lines, amplitudes and "
         "errors of the surface are told of the spectra of the model file.",
         evidence={"sources": list(sources)},
-        suggestion="compare the simulated with the recorded channels, or put what was recorded into the spectra",
     )
 
 

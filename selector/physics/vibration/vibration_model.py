@@ -8,14 +8,12 @@ from functools import cached_property
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from selector.findings import Finding
 from selector.physics.model_parameters import Parameter
-from selector.physics.vibration.chain_values import Chain
-from selector.physics.vibration.cutting import Cutting
-from selector.physics.vibration.final_motion import FinalMotions, Method, final_motions
-from selector.physics.vibration.model_parts import (
+from selector.physics.vibration.chain.chain import Chain
+from selector.physics.vibration.file.model_file import (
+    VibrationFile,
     file_chains,
     file_cutting,
     file_shafts,
@@ -23,17 +21,14 @@ from selector.physics.vibration.model_parts import (
     file_structure,
     mean_rpm,
 )
-from selector.physics.vibration.model_schema import VibrationFile
-from selector.physics.vibration.motion_signal import MotionSignal, motion_signal, source_phases_rad
-from selector.physics.vibration.parameters import parameters, with_parameters
-from selector.physics.vibration.periodic_error import Surface, split_frequency_hz
-from selector.physics.vibration.shaft_course import ShaftCourse
-from selector.physics.vibration.source import Source
-from selector.physics.vibration.spectrum import excitation
-from selector.physics.vibration.structure import Structure
+from selector.physics.vibration.file.parameters import parameters, with_parameters
+from selector.physics.vibration.motion.final_motion import FinalMotions, Method, final_motions
+from selector.physics.vibration.motion.motion_signal import MotionSignal, motion_signal, source_phases_rad
+from selector.physics.vibration.motion.periodic_error import Cutting, Surface, split_frequency_hz
+from selector.physics.vibration.structure.source import ShaftCourse, Source, excitation
+from selector.physics.vibration.structure.structure import Structure
 from selector.recording import Channel, Recording
-
-Vector = NDArray[np.float64]
+from selector.types import Vector
 
 Progress = Callable[[int, int, str], None]
 
@@ -48,50 +43,27 @@ _UM = 1e6
 
 @dataclass(frozen=True)
 class VibrationSimulation:
-    """A simulation of one or more runs.
+    """A simulation of one or more runs."""
 
-    Attributes
-    ----------
-    recording : Recording
-        What a measurement would hold: `VibrationModel.outputs`, forces of the sources, speeds of the shafts.
-    motions : mapping of str to FinalMotions
-        "coupled", and "chains" where there are any → motion of the finals by every line at the speeds `shaft_rpm`.
-    shaft_rpm : mapping of str to float
-        Mean speed of every shaft over all runs [r/min].
-    phases_rad : mapping of str to mapping of str to float
-        Run → source → shift of all its lines [rad].
-    findings : tuple of Finding
-        What is odd about the motion in time.
-    """
-
+    #: What a measurement would hold: `VibrationModel.outputs`, forces of the sources, speeds of the shafts
     recording: Recording
+    #: "coupled", and "chains" where there are any → motion of the finals by every line at the speeds `shaft_rpm`
     motions: Mapping[str, FinalMotions]
-    shaft_rpm: Mapping[str, float]
-    phases_rad: Mapping[str, Mapping[str, float]]
-    findings: tuple[Finding, ...] = ()
+    shaft_rpm: Mapping[str, float]  #: Mean speed of every shaft over all runs [r/min]
+    phases_rad: Mapping[str, Mapping[str, float]]  #: Run → source → shift of all its lines [rad]
+    findings: tuple[Finding, ...] = ()  #: What is odd about the motion in time
 
 
 @dataclass(frozen=True)
 class VibrationModel:
-    """The vibrating structure that a model file describes; made by `vibration_model`.
+    """The vibrating structure that a model file describes; made by `vibration_model`."""
 
-    Attributes
-    ----------
-    file : VibrationFile
-        The file's content.
-    """
-
-    file: VibrationFile
+    file: VibrationFile  #: The file's content
 
     @property
     def name(self) -> str:
         """What the file calls it."""
         return self.file.model.name
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names of the channels of what acts on it: force of every source, speed of every shaft."""
-        return (*(force_name(one.name) for one in self.sources), *(speed_name(name) for name in self.file.shafts))
 
     @property
     def outputs(self) -> tuple[Channel, ...]:
@@ -106,16 +78,6 @@ class VibrationModel:
     def parameters(self) -> Mapping[str, Parameter]:
         """Named numbers with units and bounds, see `parameters.parameters`."""
         return parameters(self.file)
-
-    @property
-    def places(self) -> tuple[str, ...]:
-        """Where an effect may be added: members, joints, sources, as the keys of the file."""
-        joints = (f"joints.{number + 1}" for number in range(len(self.file.joints)))
-        return (
-            *(f"members.{name}" for name in self.file.members),
-            *joints,
-            *(f"sources.{name}" for name in self.file.sources),
-        )
 
     @cached_property
     def structure(self) -> Structure:

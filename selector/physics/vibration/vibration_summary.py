@@ -10,22 +10,21 @@ from numpy.typing import NDArray
 
 from selector.errors import InputError
 from selector.findings import Finding
-from selector.physics.vibration.chain_error import ChainAccuracy, chain_accuracy
-from selector.physics.vibration.final_motion import FinalMotions
+from selector.physics.vibration.chain.chain_error import ChainAccuracy, chain_accuracy
+from selector.physics.vibration.finding_table import FINDINGS
 from selector.physics.vibration.model_findings import chain_findings, height_findings, model_findings
-from selector.physics.vibration.modes import StructureModes, structure_modes
-from selector.physics.vibration.periodic_error import KindHeight, PeriodicError, kind_heights, periodic_errors
-from selector.physics.vibration.realisations import (
+from selector.physics.vibration.motion.final_motion import FinalMotions
+from selector.physics.vibration.motion.periodic_error import KindHeight, PeriodicError, kind_heights, periodic_errors
+from selector.physics.vibration.motion.realisations import (
     are_countable,
     mean_square,
     realisation_amounts,
     section_times,
     source_motion,
 )
-from selector.physics.vibration.spectrum import Excitation, excitation
+from selector.physics.vibration.structure.modes import StructureModes, structure_modes
+from selector.physics.vibration.structure.source import Excitation, excitation
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, VibrationModel, VibrationSimulation
-
-Complex = NDArray[np.complex128]
 
 _UM = 1e6
 _JUDGED, _FEWEST_JUDGED = 2_000, 100
@@ -42,98 +41,49 @@ class LineSummary:
     """One line of the excitation, and what comes of it at every final.
 
     Mappings have the keys "tool", "workpiece" and `RELATIVE`; amplitudes of one sinusoid [µm].
-
-    Attributes
-    ----------
-    frequency_hz : float
-        [Hz].
-    source : str
-    shaft : str or None
-        Shaft that the line follows.
-    order : float or None
-        Periods per revolution of that shaft.
-    force_n : float
-        Amplitude of the force [N].
-    motion_um : mapping of str to float
-        By the method of ``run.method``.
-    coupled_um : mapping of str to float
-        By the coupled structure.
-    chains_um : mapping of str to float or None
-        By the chains; None where no chain of the line's range leads from its source to the final (of `RELATIVE`: to
-        neither of both), so that the method has nothing to say.
     """
 
-    frequency_hz: float
+    frequency_hz: float  #: [Hz]
     source: str
-    shaft: str | None
-    order: float | None
-    force_n: float
-    motion_um: Mapping[str, float]
-    coupled_um: Mapping[str, float]
+    shaft: str | None  #: Shaft that the line follows
+    order: float | None  #: Periods per revolution of that shaft
+    force_n: float  #: Amplitude of the force [N]
+    motion_um: Mapping[str, float]  #: By the method of ``run.method``
+    coupled_um: Mapping[str, float]  #: By the coupled structure
+    #: By the chains; None where no chain of the line's range leads from its source to the final (of `RELATIVE`: to
+    #: neither of both), so that the method has nothing to say
     chains_um: Mapping[str, float | None]
 
 
 @dataclass(frozen=True)
 class AmplitudeSummary:
-    """Amplitude of one final over all phase shifts of the sources and over time (V eq. 10, 11).
+    """Amplitude of one final over all phase shifts of the sources and over time (V eq. 10, 11)."""
 
-    Attributes
-    ----------
-    expected_um : float
-        Expectation of the instantaneous amplitude, mean over the sections [µm].
-    mean_abs_um : float
-        Expectation of the ordinate's amount, mean over the sections [µm].
-    rms_um : float
-        Root of the mean square ordinate, in closed form [µm].
-    largest_um : float
-        Largest instantaneous amplitude of any realisation at any section [µm].
-    realisations, sections : int
-        How many of both; 0 where the realisations are too many and only `rms_um` is known (the others are 0 then).
-    """
-
-    expected_um: float
-    mean_abs_um: float
-    rms_um: float
-    largest_um: float
+    expected_um: float  #: Expectation of the instantaneous amplitude, mean over the sections [µm]
+    mean_abs_um: float  #: Expectation of the ordinate's amount, mean over the sections [µm]
+    rms_um: float  #: Root of the mean square ordinate, in closed form [µm]
+    largest_um: float  #: Largest instantaneous amplitude of any realisation at any section [µm]
+    #: realisations and sections: How many of both; 0 where the realisations are too many and only `rms_um` is known
+    #: (the others are 0 then)
     realisations: int
     sections: int
 
 
 @dataclass(frozen=True)
 class VibrationSummary:
-    """What a simulation amounts to, at the mean speeds of its shafts.
+    """What a simulation amounts to, at the mean speeds of its shafts."""
 
-    Attributes
-    ----------
-    modes : StructureModes
-        Of the coupled structure.
-    lines : tuple of LineSummary
-        By frequency; lines of different sources stay apart.
-    amplitudes : mapping of str to AmplitudeSummary
-        "tool", "workpiece" and `RELATIVE`, by the method of ``run.method``.
-    errors : tuple of PeriodicError
-        What the motion leaves on the surface; empty without ``[cutting]``.
-    heights : mapping of str to KindHeight
-        Kind of error (roughness, waviness, lobing, runout) → the height of all errors of the kind together.
-    accuracy : tuple of ChainAccuracy
-        How good every chain is within the structure; empty without ``[[chains]]``.
-    split_hz : float or None
-        Below it the low chains hold, above it the high ones; None without ``[cutting]``.
-    shaft_rpm : mapping of str to float
-        Speed that every shaft was taken at [r/min].
-    findings : tuple of Finding
-        What is odd about the model and about this simulation.
-    """
-
-    modes: StructureModes
-    lines: tuple[LineSummary, ...]
-    amplitudes: Mapping[str, AmplitudeSummary]
-    errors: tuple[PeriodicError, ...] = ()
+    modes: StructureModes  #: Of the coupled structure
+    lines: tuple[LineSummary, ...]  #: By frequency; lines of different sources stay apart
+    amplitudes: Mapping[str, AmplitudeSummary]  #: "tool", "workpiece" and `RELATIVE`, by the method of ``run.method``
+    errors: tuple[PeriodicError, ...] = ()  #: What the motion leaves on the surface; empty without ``[cutting]``
+    #: Kind of error (roughness, waviness, lobing, runout) → the height of all errors of the kind together
     heights: Mapping[str, KindHeight] = field(default_factory=dict)
+    #: How good every chain is within the structure; empty without ``[[chains]]``
     accuracy: tuple[ChainAccuracy, ...] = ()
-    split_hz: float | None = None
-    shaft_rpm: Mapping[str, float] = field(default_factory=dict)
-    findings: tuple[Finding, ...] = ()
+    split_hz: float | None = None  #: Below it the low chains hold, above it the high ones; None without ``[cutting]``
+    shaft_rpm: Mapping[str, float] = field(default_factory=dict)  #: Speed that every shaft was taken at [r/min]
+    findings: tuple[Finding, ...] = ()  #: What is odd about the model and about this simulation
 
 
 def vibration_summary(model: VibrationModel, simulation: VibrationSimulation) -> VibrationSummary:
@@ -236,9 +186,8 @@ def _too_many(
     if at_hz:
         listed = ", ".join(f"{one:.4g}" for one in at_hz[:6]) + (" …" if len(at_hz) > 6 else "")
         said.append(f"Periodic errors at {listed} Hz are expectations over phases that are anything, in closed form.")
-    yield Finding(
+    yield FINDINGS.finding(
         "too-many-realisations",
-        "info",
         f"{wanted.phases} phases of {len(model.sources)} sources at {wanted.sections} sections are too many to go "
         f"through. {' '.join(said)}",
         evidence={"motions": uncounted, "periodic_errors_hz": at_hz},
@@ -271,9 +220,8 @@ def _accuracy(
     try:
         return chain_accuracy(model.structure, model.chains, judged_hz, sources=model.sources, split_hz=split_hz), ()
     except InputError as error:
-        said = Finding(
+        said = FINDINGS.finding(
             "chains-not-judged",
-            "info",
             f"Chains cannot be judged over all frequencies: {error.found}.",
             suggestion=error.advice,
         )
@@ -287,12 +235,10 @@ def _of_speeds(model: VibrationModel, simulation: VibrationSimulation) -> tuple[
         return ()
     speeds = ", ".join(f"{name} {simulation.shaft_rpm[name]:.6g} r/min" for name in used)
     return (
-        Finding(
+        FINDINGS.finding(
             "lines-at-mean-speed",
-            "info",
             f"Lines, amplitudes and errors are those of the mean speed ({speeds}); the recording follows the course.",
             evidence={"shaft_rpm": {name: simulation.shaft_rpm[name] for name in used}},
-            suggestion="look at the recording for resonances that the run passes, or give the speed as one number",
         ),
     )
 

@@ -1,37 +1,29 @@
-"""What can be wrong with the readings of one channel in one run: a fault by size, and when it acts."""
+"""How does a heated machine read, and what can be wrong with the readings of one channel in one run."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.linalg import expm
 
-Vector = NDArray[np.float64]
+from selector.proof.concealment import Noise
+from selector.recording import Channel
+from selector.types import Vector
+
 Reading = Callable[[Vector, Vector, float], Vector]
 """(times [s], course, size) → what is read."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault of one channel.
+    """A fault of one channel."""
 
-    Attributes
-    ----------
-    id : str
-        Of the catalogue.
-    reading : callable (times [s], course, size) -> course
-    from_s : float
-        When it begins.
-    to_s : callable (size) -> float
-        When it ends.
-    """
-
-    id: str
-    reading: Reading
-    from_s: float
-    to_s: Callable[[float], float]
+    id: str  #: Of the catalogue
+    reading: Reading  #: (times [s], course, size) -> course
+    from_s: float  #: When it begins
+    to_s: Callable[[float], float]  #: (size) -> float: When it ends
 
 
 def late(length_s: float, unit_s: float, from_s: float = 0.0) -> Fault:
@@ -98,3 +90,120 @@ def frozen(length_s: float, unit_s: float, from_s: float) -> Fault:
         return held
 
     return Fault("data.stuck", reading, from_s, end)
+
+
+RUNS = ("r1", "r2", "r3")
+PERIOD_S = 10.0
+LENGTH_S = 5.0 * 3600.0
+SENSORS = ("T1", "T2", "T3", "T4")
+CHANNELS = (
+    Channel("T1", "temperature", "degC", place="front bearing"),
+    Channel("T2", "temperature", "degC", place="rear bearing"),
+    Channel("T3", "temperature", "degC", place="headstock"),
+    Channel("T4", "temperature", "degC", place="column"),
+    Channel("Tamb", "ambient", "degC", place="hall"),
+    Channel("n", "spindle_speed", "rpm"),
+    Channel("Z", "displacement", "um", axis="Z"),
+    Channel("Y", "displacement", "um", axis="Y"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Heated:
+    """A heated machine in three runs."""
+
+    time_s: Vector  #: (n_rows,): The same in every run [s]
+    #: Channel → true course in every run, sensors with their noise and resolution, displacements without
+    courses: Mapping[str, Sequence[Vector]]
+    true: Mapping[str, Sequence[Vector]]  #: Sensor → temperature of its place without noise and resolution
+    gains: Mapping[str, Vector]  #: (4,): Response → growth per kelvin of the four places [µm/K]
+    noise: Mapping[str, Noise]
+
+    def grown(self, temperatures: Sequence[Sequence[Vector]], response: str) -> list[Vector]:
+        """What temperatures make of a response, run by run [µm], from their rise over the start."""
+        return [
+            sum(
+                (
+                    gain * (part[run] - np.mean(part[run][:5]))
+                    for gain, part in zip(self.gains[response], temperatures, strict=True)
+                ),
+                np.zeros(len(self.time_s)),
+            )
+            for run in range(len(RUNS))
+        ]
+
+
+def heated(generator: np.random.Generator, *, colour: str = "white", resolution: float = 0.002) -> Heated:
+    """A machine with its duty, drawn; its sensors read in steps of `resolution` [K]."""
+    draw = generator.uniform
+    time = np.arange(0.0, LENGTH_S, PERIOD_S)
+    # heat from body to body and to the hall [1/s]; heat of the bearings [K/s] at 10 000 r/min
+    network = np.zeros((4, 4))
+    for a, b, low, high in ((0, 2, 3e-4, 7e-4), (1, 2, 2e-4, 5e-4), (2, 3, 1e-4, 3e-4)):
+        flow = draw(low, high)
+        network[a, a] -= flow
+        network[a, b] += flow
+        network[b, b] -= 0.4 * flow
+        network[b, a] += 0.4 * flow
+    network -= np.diag(draw(1e-4, 3e-4, 4))
+    heat = np.array([draw(8e-3, 1.4e-2), draw(5e-3, 9e-3), draw(0.0, 1e-3), 0.0])
+    fine = 5.0
+    step = expm(np.block([[network, np.eye(4)], [np.zeros((4, 8))]]) * fine)
+    courses: dict[str, list[Vector]] = {channel.name: [] for channel in CHANNELS}
+    true: dict[str, list[Vector]] = {name: [] for name in SENSORS}
+    for run in range(len(RUNS)):
+        speed = _duty(generator, time, monotonous=run == 0)
+        # every morning alike, then another course: a run that is off as a whole is not the hall's doing
+        hall = 20.5 + draw(-0.1, 0.1) + draw(0.6, 1.3) * np.sin(2 * np.pi * time / draw(14e3, 36e3)) * draw(-1.0, 1.0)
+        rise = np.zeros(4)
+        rises = np.empty((len(time), 4))
+        for k in range(len(time)):
+            rises[k] = rise
+            for _ in range(round(PERIOD_S / fine)):
+                rise = step[:4, :4] @ rise + step[:4, 4:] @ (heat * (speed[k] / 1e4) ** 1.5)
+        for i, name in enumerate(SENSORS):
+            read = hall + rises[:, i] + 0.002 * generator.standard_normal(len(time))
+            courses[name].append(np.round(read / resolution) * resolution)
+            true[name].append(hall + rises[:, i])
+        courses["Tamb"].append(np.round(hall, 2))
+        courses["n"].append(np.round(speed))
+    gains = {
+        "Z": np.array([draw(0.8, 1.6), draw(-1.2, -0.4), draw(0.6, 1.4), draw(0.8, 2.0)]),
+        "Y": np.array([draw(-0.6, 0.2), draw(0.6, 1.4), draw(-1.0, -0.3), draw(-0.8, 1.2)]),
+    }
+    noise = {
+        "Z": coloured(colour, draw(0.3, 0.7), generator),
+        "Y": coloured(colour, draw(0.3, 0.7), generator),
+        "T3": Noise(0.04, step=0.05),
+    }
+    machine = Heated(time, courses, true, gains, noise)
+    for response in ("Z", "Y"):
+        courses[response].extend(machine.grown([true[name] for name in SENSORS], response))
+    return machine
+
+
+def regressed(machine: Heated, courses: Mapping[str, Sequence[Vector]], response: str) -> list[Vector]:
+    """What a user's simulation says of a response: a regression on the temperatures as they were read."""
+    if response in SENSORS:
+        return list(machine.true[response])
+    return machine.grown([courses[name] for name in SENSORS], response)
+
+
+def coloured(colour: str, sd: float, generator: np.random.Generator) -> Noise:
+    """Noise of a displacement [µm]."""
+    if colour == "ar":
+        return Noise(sd, phi=float(generator.uniform(0.5, 0.85)), step=0.01)
+    if colour == "heavy-tailed":
+        return Noise(sd, tails=3.0, step=0.01)
+    return Noise(sd, step=0.1)
+
+
+def _duty(generator: np.random.Generator, time_s: Vector, *, monotonous: bool) -> Vector:
+    """Speeds [r/min]: one warm-up with its cooling, or steps of many lengths."""
+    if monotonous:
+        stop = generator.uniform(0.5, 0.7) * LENGTH_S
+        return np.where(time_s < stop, generator.uniform(5000.0, 9000.0), 0.0)
+    ends = np.cumsum(generator.uniform(900.0, 3600.0, 30))
+    levels = generator.choice([0.0, 2000.0, 4000.0, 6000.0, 8000.0, 10000.0], 31)
+    levels[0] = 6000.0
+    return np.asarray(levels[np.searchsorted(ends, time_s)])

@@ -6,19 +6,16 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.proof.case import TrueEffect, Window
 from selector.proof.data import faults
 from selector.proof.data.faults import Fault
 from selector.proof.data.on_heat import plan
-from selector.proof.drive.blueprint import Change, Drive, plus
-from selector.proof.drive.machine import RUNS, Bench
-from selector.proof.drive.programme import LENGTH_S
-from selector.proof.drive.recorded import axis_world
+from selector.proof.drive.machine import LENGTH_S, RUNS, Bench
+from selector.proof.drive.recorded import Change, Drive, axis_world, plus
 from selector.proof.world import Plan, size_with
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
 Runs = Mapping[str, Sequence[Vector]]
 Drawing = Callable[[np.random.Generator], Fault]
 _UNIT_D_PRIME = 8.0

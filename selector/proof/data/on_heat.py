@@ -6,15 +6,13 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.proof.case import TrueEffect, Window
 from selector.proof.data import faults
-from selector.proof.data.faults import Fault
-from selector.proof.data.heated import CHANNELS, LENGTH_S, RUNS, Heated, heated, regressed
+from selector.proof.data.faults import CHANNELS, LENGTH_S, RUNS, Fault, Heated, heated, regressed
 from selector.proof.world import Plan, World, scenario, twin
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
 Runs = Mapping[str, Sequence[Vector]]
 Drawing = Callable[[np.random.Generator], Fault]
 

@@ -6,16 +6,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.proof.case import TrueEffect, Window
 from selector.proof.data import faults
-from selector.proof.data.faults import Fault
-from selector.proof.data.heated import CHANNELS, LENGTH_S, RUNS, SENSORS, Heated, heated, regressed
+from selector.proof.data.faults import CHANNELS, LENGTH_S, RUNS, SENSORS, Fault, Heated, heated, regressed
 from selector.proof.data.on_heat import plan
 from selector.proof.world import Plan, World, scenario, twin
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
 Runs = Mapping[str, Sequence[Vector]]
 RESPONSES = ("Z", "Y")
 

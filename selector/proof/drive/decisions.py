@@ -6,15 +6,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.proof.drive import friction, joints, servo
-from selector.proof.drive.blueprint import Change, Drive, plan, plus
-from selector.proof.drive.given_axis import GivenAxis, given_from
 from selector.proof.drive.joints import softer
 from selector.proof.drive.machine import Bench
+from selector.proof.drive.recorded import Change, Drive, plan, plus
+from selector.proof.drive.true_axis import GivenAxis, given_from
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
 Runs = Mapping[str, Sequence[Vector]]
 
 _ANY = ("data-fault", "missing-physics")

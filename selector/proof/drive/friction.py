@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from selector.proof.drive.blueprint import Drive, plan, plus
+from selector.proof.drive.recorded import Drive, plan, plus
 
 _OWN_VALUE = ("missing-physics", "miscalibrated")
 """A value of the simulation that is wrong may be called either."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from selector.proof.drive.blueprint import Change, Drive, plan, plus
+from selector.proof.drive.recorded import Change, Drive, plan, plus
 
 _ON_MOTOR = {"on_scale": False}
 

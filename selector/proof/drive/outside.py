@@ -7,15 +7,13 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.proof.case import TrueEffect, Window
-from selector.proof.drive.blueprint import Drive, plan
-from selector.proof.drive.machine import RUNS, Bench
-from selector.proof.drive.programme import LENGTH_S
+from selector.proof.drive.machine import LENGTH_S, RUNS, Bench
+from selector.proof.drive.recorded import Drive, plan
 from selector.proof.world import HIDDEN_FACTOR
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
 Course = Callable[[Vector], Vector]
 Drawn = tuple[list[Course], tuple[Window, ...]]
 """A course of time [s] for every run, and when it acts."""

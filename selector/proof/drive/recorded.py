@@ -1,20 +1,20 @@
-"""What do recording and simulation of an axis say: channels at the recorded times, and the world that has them."""
+"""What do recording and simulation of an axis say, and how is a drive scenario put together."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from selector.proof.case import TrueEffect
-from selector.proof.drive.given_axis import GivenAxis, given_from, given_motion
-from selector.proof.drive.machine import RUNS, Bench, command_times
-from selector.proof.drive.true_axis import STEP_S, TrueAxis, true_motion
-from selector.proof.world import World
+from selector.proof.case import Scenario, TrueEffect
+from selector.proof.drive.machine import RUNS, Bench, bench, command_times
+from selector.proof.drive.true_axis import STEP_S, GivenAxis, TrueAxis, given_from, given_motion, true_motion
+from selector.proof.world import Plan, World, scenario, twin
 from selector.recording import Channel
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
 Runs = Mapping[str, Sequence[Vector]]
 Disturbance = Callable[[int, Vector, float], Vector]
 """(number of the run, times [s], size) → course."""
@@ -161,3 +161,73 @@ def _refitted(
         rest.append((true[force][k] - simulated) * (axis.force_per_a if force == "I" else 1.0))
     change = np.linalg.lstsq(np.concatenate(columns), np.concatenate(rest), rcond=None)[0]
     return axis._replace(**{name: getattr(axis, name) + float(d) for name, d in zip(names, change, strict=True)})
+
+
+Change = Callable[[TrueAxis, float], TrueAxis]
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A drive scenario."""
+
+    plan: Plan
+    id: str  #: Of the effect; empty = none
+    change: Change | None = None  #: (axis, size) -> axis: The true axis with the effect; called with size > 0 only
+    bench: Mapping[str, Any] = field(default_factory=dict)  #: Arguments of `selector.proof.drive.machine.bench`
+    axis: Mapping[str, float] = field(default_factory=dict)  #: Parameters of the axis that are set whatever was drawn
+    world: Mapping[str, Any] = field(default_factory=dict)  #: Arguments of `selector.proof.drive.recorded.axis_world`
+    #: accept, channels and place: Of the true effect; the id alone is right unless told
+    accept: tuple[str, ...] = ()
+    channels: tuple[str, ...] = ("E", "I")
+    place: str | None = None
+    rival: tuple[Change, float] | None = None  #: Another effect that this record does not tell from it
+    #: (bench, generator) -> mapping, or None: Further arguments of `axis_world` that depend on the machine; `true`
+    #: among them replaces `change`. Of several effects ``"lacking"`` has the arguments that are otherwise where the
+    #: first one is lacking, the second one, ….
+    prepared: Callable[[Bench, np.random.Generator], Mapping[str, Any]] | None = None
+
+    def made(self, generator: np.random.Generator) -> World:
+        """The world of this scenario with what the generator draws."""
+        drawn = bench(generator, **self.bench)
+        start = drawn.axis._replace(**self.axis)
+        change = self.change
+        arguments: dict[str, Any] = {
+            "true": lambda size: change(start, size) if change is not None and size else start,
+            "effects": self.shown,
+        }
+        arguments |= self.world
+        if self.prepared is not None:
+            arguments |= self.prepared(Bench(**{**vars(drawn), "axis": start}), generator)
+        if self.rival is not None:
+            other, first = self.rival
+            theirs = {"true": lambda size: other(start, size) if size else start, "first": first}
+            arguments["rival"] = axis_world(drawn, **(arguments | theirs))
+        lacking = arguments.pop("lacking", ())
+        world = axis_world(drawn, **arguments)
+        return replace(world, lacking=tuple(axis_world(drawn, **(arguments | other)) for other in lacking))
+
+    def shown(self, size: float) -> tuple[TrueEffect, ...]:
+        """The true effect, acting always."""
+        if not self.id:
+            return ()
+        return (TrueEffect(self.id, self.accept or (self.id,), self.channels, self.place),)
+
+    @property
+    def scenario(self) -> Scenario:
+        """Cases of any strength."""
+        return scenario(self.plan, self.made, has_strength=bool(self.id) and not self.plan.size)
+
+    @property
+    def twin(self) -> Scenario:
+        """The same with the effect off."""
+        return twin(self.plan, self.made)
+
+
+def plan(name: str, hidden: Sequence[str] = ("small",), **rest: Any) -> Plan:
+    """A plan of the drive family in which one effect is missing, unless told otherwise."""
+    return Plan(name, **{"family": "drive", "kind": "single", "hidden": tuple(hidden)} | rest)
+
+
+def plus(name: str, factor: float = 1.0) -> Change:
+    """The change that adds `factor` × size to a parameter of the axis."""
+    return lambda axis, size: axis._replace(**{name: getattr(axis, name) + factor * size})

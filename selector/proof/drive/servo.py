@@ -7,15 +7,13 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.proof.case import TrueEffect, Window
-from selector.proof.drive.blueprint import Drive, plan, plus
-from selector.proof.drive.machine import RUNS, Bench
-from selector.proof.drive.programme import LENGTH_S
+from selector.proof.drive.machine import LENGTH_S, RUNS, Bench
+from selector.proof.drive.recorded import Drive, plan, plus
 from selector.proof.drive.true_axis import STEP_S, TrueAxis, true_motion
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
 Runs = Mapping[str, Sequence[Vector]]
 
 _OWN_VALUE = ("missing-physics", "miscalibrated")

@@ -8,15 +8,14 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.proof.case import TrueEffect
+from selector.proof.concealment import Noise
 from selector.proof.gauging.ground_parts import ground_sizes, read_course
-from selector.proof.noise import Noise
 from selector.proof.world import HIDDEN_FACTOR, Plan, World, scenario, twin
 from selector.recording import Channel
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
 Runs = Mapping[str, Sequence[Vector]]
 Change = Callable[["Batches", float], list[Vector]]
 """(batches, size of the effect) → sizes of the parts of every run [µm]."""

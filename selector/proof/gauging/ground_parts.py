@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]
+from selector.types import Vector
 
 STEP_S = 4e-3
 """Step of the grinding of a part [s]."""

@@ -12,11 +12,9 @@ from pathlib import Path
 
 from selector.errors import OptionError
 from selector.proof.case import Case, Kind, Scenario, TrueEffect, Truth
-from selector.proof.real.ace import ace_thermal
 from selector.proof.real.emps import emps
-from selector.proof.real.silverbox import silverbox
-from selector.proof.real.tanks import cascaded_tanks
-from selector.proof.real.vmc37 import FEW, vmc37
+from selector.proof.real.regressed import FEW, ace_thermal, vmc37
+from selector.proof.real.tables import cascaded_tanks, silverbox
 from selector.recording import Recording
 
 FAMILY = "real"

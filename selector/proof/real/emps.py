@@ -12,14 +12,13 @@ from typing import Literal, NamedTuple
 import numpy as np
 import pandas as pd
 from numba import njit
-from numpy.typing import NDArray
 from scipy.io import loadmat
 from scipy.signal import butter, decimate, filtfilt
 
 from selector.recording import Channel, Recording
 from selector.shipped import shipped
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
 Law = Literal["viscous", "symmetric", "by direction"]
 
 RECORDS = {"nominal": "DATA_EMPS", "pulses": "DATA_EMPS_PULSES"}

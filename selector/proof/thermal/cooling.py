@@ -6,19 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.proof.thermal import hiding
-from selector.proof.thermal.conduction import Heat
-from selector.proof.thermal.duty import Duty
-from selector.proof.thermal.gauges import of
-from selector.proof.thermal.machine import Machine
-from selector.proof.thermal.omission import BOTH, Maker, Omission, with_bath
-from selector.proof.thermal.scene import Scene, world_of
+from selector.proof.thermal.duty import BOTH, Duty, Maker, Omission, with_bath
+from selector.proof.thermal.machine import Heat, Machine
+from selector.proof.thermal.scene import Scene, of, world_of
 from selector.proof.world import Plan, scenario, twin
-
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
+from selector.types import Matrix, Vector
 
 
 def windage(axes: Mapping[str, float] = BOTH, exponent: float = 0.3) -> Maker:

@@ -1,15 +1,16 @@
-"""What a machine is asked to do in a run, and what the hall does meanwhile: courses on a fine grid, drawn."""
+"""What a machine is asked to do in a run, what the hall does meanwhile, and what a simulation leaves out."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-Vector = NDArray[np.float64]
+from selector.proof.thermal.machine import Heat, Machine
+from selector.types import Matrix, Vector
+
 STEP_S = 5.0
 """Step of the truth [s]."""
 STYLES = ("warm-up", "steps", "intermittent", "cooling", "staircase", "one speed")
@@ -17,23 +18,13 @@ STYLES = ("warm-up", "steps", "intermittent", "cooling", "staircase", "one speed
 
 @dataclass(frozen=True, eq=False)
 class Duty:
-    """One run of a machine.
-
-    Attributes
-    ----------
-    run : str
-    style : str
-        One of `STYLES`.
-    time_s : ndarray of shape (n_steps,)
-        Steps of `STEP_S` from the start of the run.
-    courses : mapping of str to ndarray of shape (n_steps,)
-        ``"speed"`` [rpm], ``"feed"`` [mm/min], ``"coolant"`` (0 or 1), ``"flow"`` [L/min], ``"coolant_degc"``,
-        ``"hall"`` [°C] and what a scenario adds.
-    """
+    """One run of a machine."""
 
     run: str
-    style: str
-    time_s: Vector
+    style: str  #: One of `STYLES`
+    time_s: Vector  #: (n_steps,): Steps of `STEP_S` from the start of the run
+    #: (n_steps,): ``"speed"`` [rpm], ``"feed"`` [mm/min], ``"coolant"`` (0 or 1), ``"flow"`` [L/min],
+    #: ``"coolant_degc"``, ``"hall"`` [°C] and what a scenario adds
     courses: Mapping[str, Vector]
 
     def __getitem__(self, name: str) -> Vector:
@@ -136,3 +127,55 @@ def lagged(course: Vector, lag_s: float, step_s: float) -> Vector:
         return course
     e = float(np.exp(-step_s / lag_s))
     return np.asarray(lfilter([1.0 - e], [1.0, -e], course, zi=[e * course[0]])[0])
+
+
+BOTH: Mapping[str, float] = {"Z": 1.0, "Y": 1.0}
+
+
+@dataclass(frozen=True, eq=False)
+class Omission:
+    """One thing that happens in the machine and not in its simulation, at any size (0 = not at all)."""
+
+    id: str  #: Of the catalogue, or ``"hidden.…"``
+    accept: tuple[str, ...] = ()  #: Ids that are right; empty = `id` alone
+    place: str | None = None
+    #: (Heat, Duty, size) -> Heat: The heat of the true machine, from that of the simulation
+    heated: Callable[[Heat, Duty, float], Heat] = lambda heat, _duty, _size: heat
+    #: (rises, Duty) -> mapping of str to ndarray: Axis → displacement at size 1 [µm] on the grid of the rises of the
+    #: volumes (n_times, n_volumes) [K]
+    shifted: Callable[[Matrix, Duty], Mapping[str, Vector]] | None = None
+    #: (rises of every run, duties) -> sequence of mapping of str to ndarray: What the simulation has in the place of
+    #: `shifted` at size 1, fitted by its author
+    stand_in: Callable[[Sequence[Matrix], Sequence[Duty]], Sequence[Mapping[str, Vector]]] | None = None
+    #: By what the response of an axis is multiplied, e.g. ``{"Z": 1, "Y": -0.7}``; an axis that is lacking: 0.
+    axes: Mapping[str, float] = field(default_factory=lambda: BOTH)
+    brief: bool = False  #: It shows for a part of the time only: windows are stated
+
+
+Maker = Callable[[np.random.Generator, Machine, Sequence[Duty]], Omission]
+"""Draws an omission for a machine and its duties."""
+
+
+def with_power(heat: Heat, inlet: str, watts: Vector) -> Heat:
+    """The heat with more of it at an inlet."""
+    power = dict(heat.power_w)
+    power[inlet] = power.get(inlet, 0.0) + watts
+    return replace(heat, power_w=power)
+
+
+def with_bath(heat: Heat, bath: str, degc: Vector, factor: Vector) -> Heat:
+    """The heat with a bath of this temperature whose films are multiplied by `factor`."""
+    return replace(heat, bath_degc={**heat.bath_degc, bath: degc}, bath_factor={**heat.bath_factor, bath: factor})
+
+
+def gated(
+    generator: np.random.Generator, n: int, off_steps: tuple[float, float], on_steps: tuple[float, float]
+) -> Vector:
+    """A course of n steps that is 0 and 1 by turns for drawn numbers of steps, 0 first."""
+    result = np.zeros(n)
+    at = int(generator.uniform(*off_steps))
+    while at < n:
+        span = max(1, int(generator.uniform(*on_steps)))
+        result[at : at + span] = 1.0
+        at += span + max(1, int(generator.uniform(*off_steps)))
+    return result

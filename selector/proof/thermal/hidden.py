@@ -8,15 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.proof.thermal import hiding
-from selector.proof.thermal.conduction import Heat
-from selector.proof.thermal.duty import STEP_S, Duty, held, wandering
-from selector.proof.thermal.gauges import of, warmed
-from selector.proof.thermal.machine import Machine
-from selector.proof.thermal.omission import BOTH, Maker, Omission, gated, with_bath
-from selector.proof.thermal.scene import STRIDE, Scene, world_of
+from selector.proof.thermal.duty import BOTH, STEP_S, Duty, Maker, Omission, gated, held, wandering, with_bath
+from selector.proof.thermal.machine import Heat, Machine
+from selector.proof.thermal.scene import STRIDE, Scene, of, warmed, world_of
 from selector.proof.world import HIDDEN_FACTOR, Plan, scenario, twin
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
 Draw = Callable[[np.random.Generator, int], Vector]
 """Generator, number of steps → a course that nobody records."""
 

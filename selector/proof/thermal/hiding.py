@@ -6,14 +6,12 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.proof.case import Concealment
-from selector.proof.noise import Noise
-from selector.proof.strength import fitted_starts, recalibration, unabsorbed
+from selector.proof.concealment import Noise, fitted_starts
 from selector.proof.world import Measure
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
 Courses = Mapping[str, Vector]
 OTHER_AXIS_SHARE = 0.01
 OPPOSED_CORRELATION = -0.5
@@ -104,30 +102,6 @@ def cold_spells(
     ]
     share = float(np.mean(np.concatenate(spells)))
     return Concealment("rare: share of the time with a cold hall", share, RARE_SHARE, 0.0 < share <= RARE_SHARE)
-
-
-def separation(
-    effect: Courses,
-    other: Courses,
-    simulated: Courses,
-    noise: Mapping[str, Noise],
-    time_s: Vector,
-    starts: Sequence[int],
-) -> float:
-    """Cosine of two effects as an oracle sees them: whitened, recalibration projected off, responses together."""
-    rows = fitted_starts(starts)
-    parts = [
-        unabsorbed(
-            np.column_stack([effect[name], other[name]]),
-            recalibration(simulated[name], time_s, starts),
-            noise[name],
-            rows,
-        )
-        for name in effect
-    ]
-    both = np.vstack(parts)
-    sizes = np.linalg.norm(both, axis=0)
-    return float(abs(both[:, 0] @ both[:, 1]) / (sizes[0] * sizes[1])) if sizes.all() else 0.0
 
 
 def _correlation(first: Vector, second: Vector) -> float:

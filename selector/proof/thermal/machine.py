@@ -1,16 +1,117 @@
-"""A vertical machining centre cut into volumes: spindle, headstock, column; where it is heated, felt and displaced."""
+"""A vertical machining centre cut into volumes: spindle, headstock, column, and how heat goes through them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from selector.proof.thermal.conduction import Body
+from selector.types import Matrix, Vector
 
-Vector = NDArray[np.float64]
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """Volumes of uniform temperature and what links them."""
+
+    capacity_j_per_k: Vector  #: (n_volumes,)
+    links: NDArray[np.int64]  #: (n_links, 2)
+    conductance_w_per_k: Vector  #: (n_links,)
+    #: (n_volumes,): Bath → how strongly it holds every volume, film coefficient times surface
+    film_w_per_k: Mapping[str, Vector]
+    inlets: Mapping[str, Vector]  #: (n_volumes,): Place of a source → share of its heat that every volume takes
+
+    def quickest_s(self) -> float:
+        """Shortest time constant of a volume whose neighbours stand still [s], baths at twice their strength."""
+        hold = np.zeros_like(self.capacity_j_per_k)
+        for k in (0, 1):
+            np.add.at(hold, self.links[:, k], self.conductance_w_per_k)
+        hold += 2.0 * np.sum(list(self.film_w_per_k.values()), axis=0)
+        return float(np.min(self.capacity_j_per_k / hold))
+
+
+@dataclass(frozen=True, eq=False)
+class Heat:
+    """What happens to a body in a run, on a fine grid of equal steps."""
+
+    power_w: Mapping[str, Vector]  #: (n_steps,): Inlet → heat that flows in
+    #: bath_degc and bath_factor: (n_steps,): Bath → its temperature, and by what its films are multiplied
+    bath_degc: Mapping[str, Vector]
+    bath_factor: Mapping[str, Vector]
+    #: Bath → by what share its films grow with every 10 K between surface and bath
+    natural: Mapping[str, float] = field(default_factory=dict)
+
+
+def temperatures(body: Body, heat: Heat, start_degc: float, step_s: float, stride: int) -> Matrix:
+    """Temperatures of the volumes [°C], shape (n_steps // stride, n_volumes), of a body that starts evenly warm.
+
+    C·T' = Σ G·(T_neighbour − T) + Σ film·factor·(1 + natural·|ΔT|/10 K)·ΔT + inflow, explicit Euler steps.
+
+    Raises
+    ------
+    ValueError
+        If a step is longer than half the quickest time constant.
+    """
+    if step_s > 0.5 * body.quickest_s():
+        raise ValueError(f"step of {step_s:g} s, quickest volume {body.quickest_s():.3g} s")
+    baths = [name for name in heat.bath_degc if name in body.film_w_per_k]
+    places = [name for name, course in heat.power_w.items() if np.any(course)]
+    n_steps = len(next(iter(heat.bath_degc.values())))
+    return np.asarray(
+        _march(
+            start_degc,
+            step_s / body.capacity_j_per_k,
+            body.links,
+            body.conductance_w_per_k,
+            _stacked([body.film_w_per_k[name] for name in baths]),
+            _stacked([heat.bath_degc[name] for name in baths]),
+            _stacked([heat.bath_factor[name] for name in baths]),
+            np.array([heat.natural.get(name, 0.0) for name in baths]),
+            _stacked([body.inlets[name] for name in places]) if places else np.zeros((0, len(body.capacity_j_per_k))),
+            _stacked([heat.power_w[name] for name in places]) if places else np.zeros((0, n_steps)),
+            stride,
+        )
+    )
+
+
+def _stacked(rows: list[Vector]) -> Matrix:
+    return np.ascontiguousarray(np.stack(rows), dtype=np.float64)
+
+
+@njit(cache=True, nogil=True)
+def _march(start, per_capacity, links, conductance, film, bath, factor, natural, inlet, power, stride):  # type: ignore[no-untyped-def]
+    n_volumes = len(per_capacity)
+    n_steps = bath.shape[1]
+    now = np.full(n_volumes, start)
+    flux = np.zeros(n_volumes)
+    result = np.empty((n_steps // stride, n_volumes))
+    for k in range(n_steps // stride * stride):
+        if k % stride == 0:
+            result[k // stride] = now
+        flux[:] = 0.0
+        for e in range(len(links)):
+            a, b = links[e, 0], links[e, 1]
+            q = conductance[e] * (now[b] - now[a])
+            flux[a] += q
+            flux[b] -= q
+        for j in range(len(bath)):
+            strength, level, curl = factor[j, k], bath[j, k], 0.1 * natural[j]
+            if strength > 0.0:
+                for i in range(n_volumes):
+                    gap = level - now[i]
+                    flux[i] += strength * film[j, i] * (1.0 + curl * abs(gap)) * gap
+        for j in range(len(power)):
+            watts = power[j, k]
+            if watts != 0.0:
+                for i in range(n_volumes):
+                    flux[i] += inlet[j, i] * watts
+        for i in range(n_volumes):
+            now[i] += per_capacity[i] * flux[i]
+    return result
+
+
 STEEL = (7850.0, 460.0, 46.0)
 CAST = (7200.0, 500.0, 48.0)
 EXPANSION_UM_PER_M_K = 11.0
@@ -19,26 +120,17 @@ _SPINDLE, _ACROSS, _UP, _COLUMN = 12, 6, 5, 12
 
 @dataclass(frozen=True, eq=False)
 class Machine:
-    """A machine whose sizes are drawn.
+    """A machine whose sizes are drawn."""
 
-    Attributes
-    ----------
-    body : Body
-        Volumes: spindle from nose to tail, headstock row by row from below (front to back), column front wall and rear
-        wall from the foot upwards.
-    members : mapping of str to mapping of str to ndarray of shape (n_volumes,)
-        Member → axis → displacement by temperature [µm/K]. `"spindle"`, `"headstock"` and `"column"` make up the
-        machine; the others (`"bed"`, `"scale"`) are there for machines that have them.
-    sensors : mapping of str to (str, ndarray of shape (n_volumes,), float)
-        Temperature channel → place, weights of the volumes, lag [s].
-    highest_rpm : float
-        Highest speed of the spindle.
-    """
-
+    #: Volumes: spindle from nose to tail, headstock row by row from below (front to back), column front wall and rear
+    #: wall from the foot upwards
     body: Body
+    #: (n_volumes,): Member → axis → displacement by temperature [µm/K]. `"spindle"`, `"headstock"` and `"column"` make
+    #: up the machine; the others (`"bed"`, `"scale"`) are there for machines that have them.
     members: Mapping[str, Mapping[str, Vector]]
+    #: (n_volumes,): Temperature channel → place, weights of the volumes, lag [s]
     sensors: Mapping[str, tuple[str, Vector, float]]
-    highest_rpm: float
+    highest_rpm: float  #: Highest speed of the spindle
 
     def displacement(self, members: tuple[str, ...] = ("spindle", "headstock", "column")) -> dict[str, Vector]:
         """Axis → displacement by temperature [µm/K] of these members together, shape (n_volumes,)."""

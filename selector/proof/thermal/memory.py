@@ -5,19 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from selector.proof.thermal import hiding
-from selector.proof.thermal.duty import Duty
-from selector.proof.thermal.gauges import of
+from selector.proof.thermal.duty import BOTH, Duty, Maker, Omission
 from selector.proof.thermal.machine import Machine
-from selector.proof.thermal.omission import BOTH, Maker, Omission
-from selector.proof.thermal.scene import GRID_S, Scene, world_of
+from selector.proof.thermal.scene import GRID_S, Scene, of, world_of
 from selector.proof.world import Plan, scenario, twin
+from selector.types import Matrix, Vector
 
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
 QUIET_HALL = (21.0, 0.2, 0.03)
 
 

@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from selector.proof.thermal.duty import Duty, held
-from selector.proof.thermal.gauges import CABINETS, decoy, of
-from selector.proof.thermal.scene import Gauge, Scene, world_of
+from selector.proof.thermal.scene import CABINETS, Gauge, Scene, decoy, of, world_of
 from selector.proof.world import Plan, scenario
 from selector.recording import Channel
 

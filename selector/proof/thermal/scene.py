@@ -1,4 +1,4 @@
-"""From machine, duties and omissions to a world: what is recorded at any size, and what the simulation says."""
+"""From machine, duties and omissions to a world: what is recorded at any size, with which channels beside it."""
 
 from __future__ import annotations
 
@@ -8,20 +8,27 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.proof.case import TrueEffect, Window
-from selector.proof.noise import Noise
-from selector.proof.strength import d_prime, recalibration, scale_for
-from selector.proof.thermal.conduction import Heat, temperatures
-from selector.proof.thermal.duty import STEP_S, Duty, duty, lagged
-from selector.proof.thermal.machine import Machine, machine
-from selector.proof.thermal.omission import BOTH, Maker, Omission, with_bath, with_power
+from selector.proof.concealment import Noise, d_prime, recalibration, scale_for
+from selector.proof.thermal.duty import (
+    BOTH,
+    STEP_S,
+    Duty,
+    Maker,
+    Omission,
+    duty,
+    held,
+    lagged,
+    wandering,
+    with_bath,
+    with_power,
+)
+from selector.proof.thermal.machine import Heat, Machine, machine, temperatures
 from selector.proof.world import World
 from selector.recording import Channel
+from selector.types import Matrix, Vector
 
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
 _ALONE = 8.0
 """The d′ at which several effects are made equally strong, each by itself."""
 STRIDE = 2
@@ -47,55 +54,28 @@ class Gauge:
 
 @dataclass(frozen=True)
 class Scene:
-    """What a scenario says of machine, runs and recording; the rest is drawn.
-
-    Attributes
-    ----------
-    omissions : tuple of Maker
-    styles : tuple of str
-        Programme of every run, the held-out one last.
-    gauges : tuple of Gauge
-        Channels beside temperatures, ambient and responses.
-    must : tuple of str
-        Temperatures that are recorded in any case.
-    knows : tuple of str
-        What both machine and simulation have besides the spindle's heat: ``"coolant"``, ``"feed"``; with
-        ``"constant hall"`` the simulation's hall does not change.
-    law : tuple of (float, float)
-        Between which exponents of speed the heat of the bearings lies.
-    noise : str
-        Kind of the noise: any, white, ar, walk, heavy, quantised, cycle.
-    sampling : {"even", "jitter", "uneven"}
-    own_clock : bool
-        The simulation has a time grid of its own.
-    refitted : bool
-        Offset and gain of the simulation are fitted to the machine with the effect.
-    gain, offset_um, delay_s : float
-        What is wrong with the simulation's parameters.
-    hours : tuple of (float, float)
-    periods_s : tuple of float
-        Sampling periods to choose from.
-    hall : tuple of (level [°C], swing [K], drift [K])
-    duties : callable (generator, duties) -> duties
-        What a scenario changes in the programmes.
-    """
+    """What a scenario says of machine, runs and recording; the rest is drawn."""
 
     omissions: tuple[Maker, ...] = ()
-    styles: tuple[str, ...] = ("warm-up", "steps", "intermittent")
-    gauges: tuple[Gauge, ...] = ()
-    must: tuple[str, ...] = ()
+    styles: tuple[str, ...] = ("warm-up", "steps", "intermittent")  #: Programme of every run, the held-out one last
+    gauges: tuple[Gauge, ...] = ()  #: Channels beside temperatures, ambient and responses
+    must: tuple[str, ...] = ()  #: Temperatures that are recorded in any case
+    #: What both machine and simulation have besides the spindle's heat: ``"coolant"``, ``"feed"``; with ``"constant
+    #: hall"`` the simulation's hall does not change
     knows: tuple[str, ...] = ()
-    law: tuple[float, float] = (1.2, 1.7)
-    noise: str = "any"
-    sampling: str = "even"
-    own_clock: bool = False
-    refitted: bool = False
+    law: tuple[float, float] = (1.2, 1.7)  #: Between which exponents of speed the heat of the bearings lies
+    noise: str = "any"  #: Kind of the noise: any, white, ar, walk, heavy, quantised, cycle
+    sampling: str = "even"  #: {"even", "jitter", "uneven"}
+    own_clock: bool = False  #: The simulation has a time grid of its own
+    refitted: bool = False  #: Offset and gain of the simulation are fitted to the machine with the effect
+    #: gain, offset_um and delay_s: What is wrong with the simulation's parameters
     gain: float = 1.0
     offset_um: float = 0.0
     delay_s: float = 0.0
     hours: tuple[float, float] = (5.0, 6.5)
-    periods_s: tuple[float, ...] = (20.0, 30.0, 60.0)
+    periods_s: tuple[float, ...] = (20.0, 30.0, 60.0)  #: Sampling periods to choose from
     hall: tuple[float, float, float] = (21.0, 0.5, 0.4)
+    #: (generator, duties) -> duties: What a scenario changes in the programmes
     duties: Callable[[np.random.Generator, Sequence[Duty]], Sequence[Duty]] = field(
         default_factory=lambda: lambda _generator, duties: duties
     )
@@ -397,3 +377,62 @@ def _windows(duties: Sequence[Duty], courses: Sequence[Vector]) -> tuple[Window,
             for a, b in zip(edges[::2], edges[1::2], strict=True)
         ]
     return tuple(found)
+
+
+def of(name: str) -> Gauge:
+    """A gauge by the name of its channel: n, f, M8, Q, T8, T9, M20, T10…T13."""
+    return _GAUGES[name]
+
+
+def warmed(course: Vector, tau_s: float) -> Vector:
+    """A course behind a first-order lag, from its first value."""
+    return lagged(course, tau_s, STEP_S)
+
+
+def _cabinet(tau_s: float, swing_k: float, load_k: float) -> Gauge:
+    def course(one: Duty, generator: np.random.Generator) -> Vector:
+        n = len(one.time_s)
+        own = held(generator, n, 10.0, 50.0, np.array([0.0, 0.4, 1.0]))
+        duty = one["speed"] / max(1.0, float(one["speed"].max()))
+        warm = warmed(swing_k * own + load_k * duty, tau_s * generator.uniform(0.7, 1.4))
+        return np.asarray(27.0 + warm + 0.6 * wandering(generator, n, 2500.0))
+
+    return Gauge(Channel("", "temperature", "degC"), course, noise=0.03)
+
+
+def _named(gauge: Gauge, name: str, place: str) -> Gauge:
+    return Gauge(
+        Channel(name, "temperature", "degC", place), gauge.course, gauge.resolution, gauge.lag_s, noise=gauge.noise
+    )
+
+
+def decoy(name: str, place: str, tau_s: float) -> Gauge:
+    """A cabinet that in the first run happens to warm up as if the spindle did it, and goes its own way afterwards."""
+    own = _cabinet(1500.0, 5.0, 0.0)
+
+    def course(one: Duty, generator: np.random.Generator) -> Vector:
+        if one.run != "r1":
+            return own.course(one, generator)
+        load = one["speed"] / max(1.0, float(one["speed"].max()))
+        return np.asarray(27.0 + 5.0 * warmed(load, tau_s) + 0.15 * wandering(generator, len(load), 1500.0))
+
+    return Gauge(Channel(name, "temperature", "degC", place), course, noise=0.03)
+
+
+_GAUGES = {
+    gauge.channel.name: gauge
+    for gauge in (
+        Gauge(Channel("n", "spindle_speed", "rpm"), lambda one, _: one["speed"], 1.0, held=True),
+        Gauge(Channel("f", "feed_rate", "mm/min"), lambda one, _: one["feed"], 1.0, held=True),
+        Gauge(Channel("M8", "state", "1", "coolant pump"), lambda one, _: one["coolant"], 1.0, held=True),
+        Gauge(Channel("Q", "flow", "m^3/s", "coolant"), lambda one, _: one["flow"] / 60000.0, 1e-6, held=True),
+        Gauge(Channel("T8", "temperature", "degC", "coolant tank"), lambda one, _: one["coolant_degc"], lag_s=60.0),
+        Gauge(Channel("T9", "temperature", "degC", "hydraulic tank"), lambda one, _: one["oil_degc"], lag_s=60.0),
+        Gauge(Channel("M20", "state", "1", "hydraulic pump"), lambda one, _: one["hydraulics"], 1.0, held=True),
+        _named(_cabinet(1800.0, 6.0, 2.5), "T10", "control cabinet"),
+        _named(_cabinet(3600.0, 4.0, 3.5), "T11", "drive cabinet"),
+        _named(_cabinet(900.0, 3.0, 1.0), "T12", "transformer"),
+        _named(_cabinet(5400.0, 5.0, 1.5), "T13", "chip conveyor"),
+    )
+}
+CABINETS = tuple(_GAUGES[name] for name in ("T10", "T11", "T12", "T13"))

@@ -7,11 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from selector.proof.thermal.duty import Duty
-from selector.proof.thermal.gauges import decoy, of, warmed
+from selector.proof.thermal.duty import Duty, gated
 from selector.proof.thermal.memory import QUIET_HALL, member_by
-from selector.proof.thermal.omission import gated
-from selector.proof.thermal.scene import Scene, world_of
+from selector.proof.thermal.scene import Scene, decoy, of, warmed, world_of
 from selector.proof.thermal.sources import feed_watts, source, with_hydraulics
 from selector.proof.thermal.speed import growth, heating
 from selector.proof.thermal.surroundings import changed, chilled, hall, jets

@@ -6,19 +6,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.proof.thermal import hiding
-from selector.proof.thermal.conduction import Heat
-from selector.proof.thermal.duty import STEP_S, Duty, held, wandering
-from selector.proof.thermal.gauges import of, warmed
-from selector.proof.thermal.machine import Machine
-from selector.proof.thermal.omission import BOTH, Maker, Omission, gated, with_power
-from selector.proof.thermal.scene import Gauge, Scene, world_of
+from selector.proof.thermal.duty import BOTH, STEP_S, Duty, Maker, Omission, gated, held, wandering, with_power
+from selector.proof.thermal.machine import Heat, Machine
+from selector.proof.thermal.scene import Gauge, Scene, of, warmed, world_of
 from selector.proof.world import Plan, scenario, twin
 from selector.recording import Channel
-
-Vector = NDArray[np.float64]
+from selector.types import Vector
 
 
 def source(

@@ -6,19 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.proof.thermal import hiding
-from selector.proof.thermal.conduction import Heat
-from selector.proof.thermal.duty import STEP_S, Duty
-from selector.proof.thermal.gauges import of
-from selector.proof.thermal.machine import Machine
-from selector.proof.thermal.omission import BOTH, Maker, Omission, with_power
-from selector.proof.thermal.scene import STRIDE, Scene, world_of
+from selector.proof.thermal.duty import BOTH, STEP_S, Duty, Maker, Omission, with_power
+from selector.proof.thermal.machine import Heat, Machine
+from selector.proof.thermal.scene import STRIDE, Scene, of, world_of
 from selector.proof.world import Plan, scenario, twin
-
-Matrix = NDArray[np.float64]
-Vector = NDArray[np.float64]
+from selector.types import Matrix, Vector
 
 
 def heating(

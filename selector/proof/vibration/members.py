@@ -7,14 +7,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.proof.case import TrueEffect, Window
-from selector.proof.vibration.bench import LENGTH_S, RUNS, Bench, bench, swinging
+from selector.proof.vibration.excitation import LENGTH_S, RUNS, Bench, bench, swinging
 from selector.proof.vibration.structure import Structure
 from selector.proof.world import HIDDEN_FACTOR, Plan, World, scenario, twin
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
 Change = Callable[[Structure, float], Structure]
 Force = Callable[[int, Vector, float], Vector]
 Drawing = Callable[[Bench, np.random.Generator], tuple[Force, tuple[Window, ...]]]
@@ -22,35 +21,22 @@ Drawing = Callable[[Bench, np.random.Generator], tuple[Force, tuple[Window, ...]
 
 @dataclass(frozen=True)
 class Swing:
-    """A scenario of vibration: what is right, and either a change of the structure by size or a force unknown to all.
-
-    Attributes
-    ----------
-    plan : Plan
-    id : str
-    change : callable (structure, size) -> structure, or None
-    drawing : callable (bench, generator) -> (force, windows), or None
-    bench, world : mapping
-        Arguments of `selector.proof.vibration.bench.bench` and of `swinging`.
-    accept, channels, place
-        Of the true effect.
-    start : mapping
-        Parameters of the structure that are set whatever was drawn.
-    rival : drawing of another force, with a first size, or None
-        Which this record does not tell from the true one.
-    """
+    """A scenario of vibration: what is right, and a change of the structure by size or a force unknown to all."""
 
     plan: Plan
     id: str
-    change: Change | None = None
-    drawing: Drawing | None = None
+    change: Change | None = None  #: (structure, size) -> structure, or None
+    drawing: Drawing | None = None  #: (bench, generator) -> (force, windows), or None
+    #: bench and world: Arguments of `selector.proof.vibration.excitation.bench` and of `swinging`
     bench: Mapping[str, Any] = field(default_factory=dict)
     world: Mapping[str, Any] = field(default_factory=dict)
+    #: accept, channels and place: Of the true effect
     accept: tuple[str, ...] = ()
     channels: tuple[str, ...] = ("y",)
     place: str | None = "spindle nose"
+    #: Parameters of the structure that are set whatever was drawn
     start: Mapping[str, float] = field(default_factory=dict)
-    rival: tuple[Drawing, float] | None = None
+    rival: tuple[Drawing, float] | None = None  #: Which this record does not tell from the true one
 
     def made(self, generator: np.random.Generator) -> World:
         """The world of this scenario with what the generator draws."""

@@ -6,11 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from scipy.linalg import expm
 
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
+from selector.types import Matrix, Vector
 
 STEP_S = 1e-4
 """Step of both [s]; forces are given twice as often."""

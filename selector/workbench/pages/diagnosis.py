@@ -11,8 +11,8 @@ from dash import ALL, Input, Output, dcc, html
 from dash.development.base_component import Component
 
 from selector.errors import OptionError
-from selector.figures.style import number
-from selector.quality.wording import duration
+from selector.number_text import number_text
+from selector.quality.survey import duration
 from selector.study import DiagnoseSection
 from selector.workbench import parts, typed
 from selector.workbench.bench import Bench
@@ -185,7 +185,7 @@ def _fits(result: Mapping[str, Any]) -> Iterator[list[Any]]:
     for name, fit in result["fit"].items():
         held = fit["heldout"]
         errors = (held["rmse_before"], fit.get("recalibrated_heldout_rmse"), held["rmse_after"], held["noise_floor"])
-        yield [name, fit["unit"], *("–" if error is None else number(error) for error in errors)]
+        yield [name, fit["unit"], *("–" if error is None else number_text(error) for error in errors)]
 
 
 def _places(result: Mapping[str, Any]) -> Iterator[list[Any]]:

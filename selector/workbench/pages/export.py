@@ -15,9 +15,9 @@ from selector.controllers import decided_limits
 from selector.controllers.writers.targets import TARGETS
 from selector.errors import OptionError
 from selector.workbench import parts, typed
+from selector.workbench.asked_again import SHEET, model_at, other_than_exported
 from selector.workbench.bench import Bench
 from selector.workbench.commands import DIAGNOSIS, SELECTION, export_command
-from selector.workbench.exported import SHEET, model_at, other_than_exported
 from selector.workbench.typed import FIELDS
 
 ID, TITLE = "export", "Export"

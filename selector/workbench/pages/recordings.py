@@ -8,16 +8,15 @@ import dash
 from dash import ALL, Input, Output, State, dcc, html, no_update
 from dash.development.base_component import Component
 
-from selector.figures.recorded import courses
-from selector.quality.wording import duration
+from selector.figures.simulated.thermal import courses
+from selector.quality.survey import duration
 from selector.readers import Overrides
 from selector.units import ROLES
 from selector.workbench import parts, typed
 from selector.workbench.bench import Bench
-from selector.workbench.channel_corrections import NO_CHANNEL, Row, corrected, row_of, rows_of
 from selector.workbench.commands import told_path
-from selector.workbench.excerpt import excerpt
-from selector.workbench.material import Loaded
+from selector.workbench.corrections import NO_CHANNEL, Row, corrected, row_of, rows_of
+from selector.workbench.readable import Loaded, excerpt
 from selector.workbench.typed import FIELDS
 
 ID, TITLE = "recordings", "Recordings"

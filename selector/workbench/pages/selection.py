@@ -14,9 +14,9 @@ from selector.errors import OptionError
 from selector.recording import SENSOR_ROLES
 from selector.selection import Options
 from selector.workbench import parts, typed, wished
+from selector.workbench.asked_again import other_than_asked
 from selector.workbench.bench import Bench
 from selector.workbench.commands import SELECTION, option_arguments
-from selector.workbench.earlier import other_than_asked
 from selector.workbench.typed import FIELDS
 
 ID, TITLE = "selection", "Selection"

@@ -45,7 +45,7 @@ def note(name):
     }
 
 
-def until(is_so, what, most_s=12.0):
+def until(is_so, what, most_s=120.0):
     end = time.monotonic() + most_s
     while not is_so():
         if time.monotonic() > end:
@@ -53,7 +53,7 @@ def until(is_so, what, most_s=12.0):
         time.sleep(0.005)
 
 
-def still(name, seconds=1.3, most_s=12.0):
+def still(name, seconds=1.3, most_s=120.0):
     """Waits until counts stand still for so long."""
     last, since, begin = None, time.monotonic(), time.monotonic()
     while time.monotonic() - since < seconds:
@@ -79,30 +79,30 @@ def believed():
 
 def mdi(text):
     command.mode(linuxcnc.MODE_MDI)
-    command.wait_complete(5)
+    command.wait_complete(60)
     command.mdi(text)
-    command.wait_complete(10)
+    command.wait_complete(60)
     time.sleep(0.1)
 
 
 def switch_on():
     command.state(linuxcnc.STATE_ESTOP_RESET)
-    command.wait_complete(5)
+    command.wait_complete(60)
     command.state(linuxcnc.STATE_ON)
-    command.wait_complete(5)
-    until(lambda: hal.get_value("motion.motion-enabled"), "machine on", 5)
+    command.wait_complete(60)
+    until(lambda: hal.get_value("motion.motion-enabled"), "machine on")
 
 
 def home():
     command.mode(linuxcnc.MODE_MANUAL)
-    command.wait_complete(5)
+    command.wait_complete(60)
     command.teleop_enable(0)
-    command.wait_complete(5)
+    command.wait_complete(60)
     command.home(-1)
-    until(lambda: hal.get_value("motion.is-all-homed"), "homed", 5)
-    command.wait_complete(5)
+    until(lambda: hal.get_value("motion.is-all-homed"), "homed")
+    command.wait_complete(60)
     command.teleop_enable(1)
-    command.wait_complete(5)
+    command.wait_complete(60)
 
 
 def whole_day():
@@ -123,12 +123,12 @@ def whole_day():
     still("back", 0.3)
 
     command.state(linuxcnc.STATE_OFF)
-    command.wait_complete(5)
+    command.wait_complete(60)
     until(lambda: not hal.get_value("motion.motion-enabled"), "machine off")
     time.sleep(0.1)
     note("power off")
     command.state(linuxcnc.STATE_ON)
-    command.wait_complete(5)
+    command.wait_complete(60)
     until(lambda: hal.get_value("motion.motion-enabled"), "machine on")
     note("power on")
     still("corrected again", 0.3)

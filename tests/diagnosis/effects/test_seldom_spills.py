@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from selector.diagnosis.effects.flow.overflow import EFFECT
-from selector.diagnosis.shapes.leftover import Remainder
+from selector.diagnosis.shapes.residual import Remainder
 from tests.diagnosis.effects.concealed_truths import comparison_of
 
 

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from selector.diagnosis.effects.catalogue import catalogue
-from selector.diagnosis.effects.drive._leads import leads
-from selector.diagnosis.effects.drive._limit import held_back, held_back_axis
+from selector.diagnosis.effects.drive._forces import held_back, held_back_axis, leads
+from selector.diagnosis.shapes.axis import MOST_SUBSTEPS, motion, pushed, simulated_axis
 from selector.diagnosis.shapes.force_response import ClosedLoop, closed_loop, felt, passed
-from selector.diagnosis.shapes.motion import motion
-from selector.diagnosis.shapes.simulated_axis import MOST_SUBSTEPS, pushed, simulated_axis
 from tests.diagnosis.effects.drive_axis import PAIRS, VISCOUS_ONLY, WITH_FRICTION, Noise, compared, replace
 
 QUIET = Noise(0.0, 0.0, 0.0)
@@ -178,7 +176,7 @@ def test_a_run_in_pieces_is_the_run(monkeypatch):
     comparison = compared(WITH_FRICTION, WITH_FRICTION, seed=1, noise=QUIET)
     axis, push = simulated_axis(comparison, "X"), np.sin(20.0 * comparison.time_s)
     whole = pushed(comparison, axis, push), held_back_axis(comparison, axis, push, 0.8, winds_up=True)
-    monkeypatch.setattr("selector.diagnosis.shapes.simulated_axis._PIECE_ROWS", 333)
+    monkeypatch.setattr("selector.diagnosis.shapes.axis._PIECE_ROWS", 333)
     parts = pushed(comparison, axis, push), held_back_axis(comparison, axis, push, 0.8, winds_up=True)
     np.testing.assert_array_equal(parts[0].motion, whole[0].motion)
     np.testing.assert_array_equal(parts[0].countered, whole[0].countered)

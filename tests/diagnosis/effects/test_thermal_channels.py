@@ -11,10 +11,17 @@ from hypothesis import strategies as st
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
-from selector.diagnosis.shapes.cooling import cooled
-from selector.diagnosis.shapes.heating import heats, lacking, sources
+from selector.diagnosis.shapes.heating import (
+    calm_rise,
+    cooled,
+    follows_sensors,
+    free_part,
+    heats,
+    lacking,
+    sources,
+    spindle_law,
+)
 from selector.diagnosis.shapes.signals import lagged
-from selector.diagnosis.shapes.spindle_heat import calm_rise, follows_sensors, free_part, spindle_law
 from selector.recording import Channel
 from selector.units import CANONICAL_UNITS
 from tests.diagnosis.effects.heated_machine import Physics, comparison_of, recorded, regression, simulation
@@ -191,7 +198,7 @@ def test_a_grid_stays_modest():
         assert len(list(effect.variants(comparison, "Z"))) <= (200 if effect.id == "thermal.second_source" else 80)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(tau_s=st.floats(100.0, 1e5), extra=st.floats(0.0, 1e-2), seed=st.integers(0, 10))
 def test_cooling_takes_heat_and_without_it_the_lag_is_left(tau_s, extra, seed):
     rng = np.random.default_rng(seed)

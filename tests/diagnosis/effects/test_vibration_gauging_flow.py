@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.signal import lfilter
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Fitted, Variant
-from selector.diagnosis.shapes.leftover import leftover
 from selector.diagnosis.shapes.linear_response import LinearResponse, linear_responses, resonator
+from selector.diagnosis.shapes.residual import leftover
 from selector.diagnosis.shapes.signals import filled, rate
 from tests.diagnosis.effects.concealed_truths import TRUTHS, comparison_of, gauged_parts, structure, tanks
 
@@ -134,7 +135,7 @@ def test_thermal_records_are_no_vibration_and_no_gauging(name: str) -> None:
 
 
 @given(frequency_hz=st.floats(5.0, 200.0), damping=st.floats(0.005, 0.3), gain=st.floats(0.01, 100.0))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_the_filter_of_a_noise_free_simulation_is_found(frequency_hz: float, damping: float, gain: float) -> None:
     rng = np.random.default_rng(3)
     runs = []
@@ -157,12 +158,10 @@ def _one_run(force: np.ndarray) -> Comparison:
 
 def test_lines_of_coloured_noise_do_not_gain_their_price(clean_structure: Comparison) -> None:
     worth = []
-    for seed in range(60):
+    for seed in range(30):
         rng = np.random.default_rng(seed)
         white = rng.normal(size=len(clean_structure.time_s))
-        noise = white.copy()
-        for k in range(1, len(noise)):
-            noise[k] += 0.8 * noise[k - 1]
+        noise = lfilter([1.0], [1.0, -0.8], white)
         recorded = dict(clean_structure.recorded) | {"x1": clean_structure.simulated["x1"] + noise}
         comparison = dataclasses.replace(clean_structure, recorded=recorded)
         fitted = np.flatnonzero(~comparison.held_out)[1:]
@@ -174,9 +173,9 @@ def test_lines_of_coloured_noise_do_not_gain_their_price(clean_structure: Compar
             net.append(gain - 2.0 * np.log(variant.looked_at))
         worth.append(max(net))
     print(sorted(worth)[-8:])
-    # some are offered; of a price that is right e^(−8/2) of the sets gain 8 more than it, one in 60
+    # some are offered; of a price that is right e^(−8/2) of the sets gain 8 more than it, half a one of 30
     assert max(worth) > 0.0
-    assert sum(value > 8.0 for value in worth) <= 3
+    assert sum(value > 8.0 for value in worth) <= 2
 
 
 def test_offset_gain_and_delay_leave_nothing(clean_structure: Comparison) -> None:

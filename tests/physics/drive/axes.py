@@ -6,10 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from selector.physics.drive.axis import Axis
-from selector.physics.drive.mechanics import RigidMechanics, ThreeMassMechanics
-from selector.physics.drive.reference import Reference
-from selector.physics.drive.servo import Servo
+from selector.physics.drive.motion import Reference
+from selector.physics.drive.parts.axis import Axis, Servo
+from selector.physics.drive.parts.mechanics import RigidMechanics, ThreeMassMechanics
 
 THREE = ThreeMassMechanics(
     motor_inertia_kg_m2=0.01,

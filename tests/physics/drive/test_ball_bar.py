@@ -9,21 +9,21 @@ import numpy as np
 import pytest
 
 from selector.errors import InputError
-from selector.physics.drive.axis import Axis
-from selector.physics.drive.ball_bar import (
+from selector.physics.drive.ball_bar.circle import (
     BallBarPlan,
     BallBarTrace,
     PairGeometry,
+    TableBall,
     ball_bar_run,
-    ball_bar_test,
+    measured_samples,
     positions_trace,
 )
-from selector.physics.drive.circle import TableBall, measured_samples
-from selector.physics.drive.course import ParameterCourse
-from selector.physics.drive.friction import Friction
-from selector.physics.drive.servo import Sensing
+from selector.physics.drive.motion import ParameterCourse
+from selector.physics.drive.parts.axis import Axis, Sensing
+from selector.physics.drive.parts.mechanics import Friction
 from selector.physics.drive.simulation import simulate_axis
 from tests.physics.drive.axes import CONTINUOUS, RIGID, RIGID_SERVO, SAMPLED, THREE
+from tests.physics.drive.ball_bars import ball_bar_test
 
 RADIUS_UM = 1e5
 SLOW = BallBarPlan(feeds_mm_per_min=(600.0,))

@@ -6,8 +6,9 @@ from dataclasses import replace
 import pytest
 
 from selector.errors import InputError
-from selector.physics.drive.axis import Axis
-from selector.physics.drive.catalogue import (
+from selector.physics.drive.loop.stability import loop_figures, stability, stability_findings
+from selector.physics.drive.parts.axis import Axis
+from selector.physics.drive.parts.catalogue import (
     Bearings,
     Coupling,
     Guide,
@@ -18,10 +19,8 @@ from selector.physics.drive.catalogue import (
     thc6350_servo,
     thc6350_x_axis,
 )
-from selector.physics.drive.damping import dry_friction
-from selector.physics.drive.frequency import loop_figures
-from selector.physics.drive.stability import stability, stability_findings
-from selector.physics.drive.stiffness import three_mass_mechanics
+from selector.physics.drive.parts.damping import dry_friction
+from selector.physics.drive.parts.stiffness import three_mass_mechanics
 
 
 @pytest.mark.parametrize(

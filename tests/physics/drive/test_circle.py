@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selector.errors import InputError
-from selector.physics.drive.circle import Circle, TableBall, circle_references, measured_samples
+from selector.physics.drive.ball_bar.circle import Circle, TableBall, circle_references, measured_samples
 
 circles = st.builds(
     Circle,
@@ -30,7 +30,7 @@ def references(circle: Circle, samples: int = 4000):
 
 
 @given(circles)
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_speed_and_acceleration_are_the_derivatives(circle):
     made = references(circle, math.ceil(200 * circle.duration_s / circle.ramp_s))
     for one in made.values():
@@ -43,7 +43,7 @@ def test_speed_and_acceleration_are_the_derivatives(circle):
 
 
 @given(circles)
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_it_starts_and_ends_at_rest(circle):
     for one in references(circle).values():
         speed = np.abs(one.speed_m_per_s).max()
@@ -52,7 +52,7 @@ def test_it_starts_and_ends_at_rest(circle):
 
 
 @given(circles)
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_the_measured_arc_is_a_full_circle_at_the_feed(circle):
     made = references(circle)
     time = made["X"].time_s
@@ -65,7 +65,7 @@ def test_the_measured_arc_is_a_full_circle_at_the_feed(circle):
 
 
 @given(circles)
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_the_bar_keeps_its_length_and_turns(circle):
     made = references(circle)
     spindle = made["X"].position_m + 1j * made["Y"].position_m - complex(*circle.centre_m)

@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 
 from selector.errors import InputError
-from selector.physics.drive.axis import Axis
-from selector.physics.drive.ball_bar import BallBarPlan, BallBarTrace, PairGeometry, ball_bar_test
-from selector.physics.drive.circle import TableBall
-from selector.physics.drive.circle_basis import pair_of, smooth_columns
-from selector.physics.drive.circle_causes import circle_causes
-from selector.physics.drive.mechanics import RigidMechanics
-from selector.physics.drive.servo import Servo
+from selector.physics.drive.ball_bar.basis import pair_of, smooth_columns
+from selector.physics.drive.ball_bar.causes import circle_causes
+from selector.physics.drive.ball_bar.circle import BallBarPlan, BallBarTrace, PairGeometry, TableBall
+from selector.physics.drive.parts.axis import Axis, Servo
+from selector.physics.drive.parts.mechanics import RigidMechanics
+from tests.physics.drive.ball_bars import ball_bar_test
 
 RADIUS_M = 0.1
 SAMPLES = 1800

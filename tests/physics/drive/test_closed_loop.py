@@ -6,26 +6,24 @@ import numpy as np
 import pytest
 
 from selector.errors import InputError
-from selector.physics.drive.axis import Axis
-from selector.physics.drive.catalogue import thc6350_servo, thc6350_x_axis
-from selector.physics.drive.closed_loop import (
-    TransferFunction,
+from selector.physics.drive.loop.closed_loop import (
     closed_loop,
-    closed_loop_transfer_function,
     inertia_at_motor,
-    opened_position_loop,
     plant,
     small_signal_mechanics,
 )
-from selector.physics.drive.mechanics import RigidMechanics
-from selector.physics.drive.stiffness import axial_compliance, three_mass_mechanics
+from selector.physics.drive.parts.axis import Axis
+from selector.physics.drive.parts.catalogue import thc6350_servo, thc6350_x_axis
+from selector.physics.drive.parts.mechanics import RigidMechanics
+from selector.physics.drive.parts.stiffness import axial_compliance, three_mass_mechanics
 from selector.physics.system import StateSpace
+from tests.physics.drive.loops import by_impedances
 
 MECHANICS = replace(
     three_mass_mechanics(thc6350_x_axis()), torsional_damping_nms_per_rad=2.0, axial_damping_ns_per_m=2e4
 )
 RIGID = RigidMechanics(95.0, 200.0)
-S = 2j * np.pi * np.array([0.5, 5.0, 40.0, 90.0, 300.0])
+S = 2j * np.pi * np.array([0.5, 5.0, 20.0, 40.0, 60.0, 90.0, 150.0, 300.0])
 
 
 def response(system: StateSpace, source: int, row: int = 0) -> np.ndarray:
@@ -39,7 +37,7 @@ def response(system: StateSpace, source: int, row: int = 0) -> np.ndarray:
 @pytest.mark.parametrize("feedback", ["table", "motor"])
 @pytest.mark.parametrize("integral", [0.0, 300.0])
 @pytest.mark.parametrize("shares", [(0.0, 0.0), (1.0, 0.6)])
-def test_polynomials_and_states_are_the_same_loop(mechanics, feedback, integral, shares):
+def test_impedances_and_states_are_the_same_loop(mechanics, feedback, integral, shares):
     gain = 6.0 if mechanics is MECHANICS else 3000.0
     servo = replace(
         thc6350_servo(),
@@ -50,29 +48,13 @@ def test_polynomials_and_states_are_the_same_loop(mechanics, feedback, integral,
         acceleration_feedforward=shares[1],
     )
     axis = Axis(mechanics, servo)
-    system, function = closed_loop(axis), closed_loop_transfer_function(axis)
+    system = closed_loop(axis)
     by_states = response(system, 0) + S * response(system, 1) + S**2 * response(system, 2)
     # entries from 1e-3 to 1e11 lose about six digits
-    np.testing.assert_allclose(by_states, function.at(S), rtol=1e-8)
-    np.testing.assert_allclose(
-        np.sort_complex(system.poles), np.sort_complex(np.roots(function.denominator)), rtol=1e-6, atol=1e-6
-    )
-    assert len(function.denominator) - 1 == len(system.states) == len(system.poles)
+    np.testing.assert_allclose(by_states, by_impedances(axis, S)[0], rtol=1e-8)
+    assert len(system.poles) == len(system.states) == (6 if mechanics is MECHANICS else 2) + (integral > 0)
     # an axis that rests is where its reference is
-    assert function.numerator[-1] == pytest.approx(function.denominator[-1], rel=1e-9)
-
-
-def test_order_is_seven_with_three_masses_and_pi():
-    assert len(closed_loop_transfer_function(Axis(MECHANICS, thc6350_servo())).denominator) == 8
-
-
-@pytest.mark.parametrize("mechanics", [MECHANICS, RIGID], ids=["three masses", "rigid"])
-def test_opened_loop_closed_again(mechanics):
-    axis = Axis(mechanics, thc6350_servo())
-    opened, closed = opened_position_loop(axis), closed_loop(axis)
-    loop = response(opened, 0)
-    # measured at the table, so opened/(1 + opened) is the closed loop
-    np.testing.assert_allclose(loop / (1 + loop), response(closed, 0), rtol=1e-7)
+    assert system.D[0, 0] - system.C[0] @ np.linalg.solve(system.A, system.B[:, 0]) == pytest.approx(1.0, rel=1e-9)
 
 
 def test_plant_conserves_momentum_and_energy_without_damping():
@@ -104,13 +86,5 @@ def test_a_compliance_counts_as_its_unloaded_stiffness():
 
 
 def test_a_loop_needs_a_servo():
-    for asked in (closed_loop, opened_position_loop, closed_loop_transfer_function):
-        with pytest.raises(InputError, match="servo"):
-            asked(Axis(MECHANICS))
-
-
-def test_leading_zeros_do_not_count():
-    function = TransferFunction([0.0, 0.0, 2.0], [0.0, 1.0, 1.0])
-    assert (len(function.numerator), len(function.denominator)) == (1, 2)
-    assert function.at(1.0) == pytest.approx(1.0)
-    assert not function.numerator.flags.writeable
+    with pytest.raises(InputError, match="servo"):
+        closed_loop(Axis(MECHANICS))

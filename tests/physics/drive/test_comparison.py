@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from selector.physics.drive.comparison import Difference, main_difference, recorded_differences
-from selector.physics.drive.driving import driven_runs
+from selector.physics.channel_differences import ChannelDifference
+from selector.physics.drive.driving import driven_runs, recorded_differences
+from selector.telling.simulated.comparison import main_difference
 from tests.physics.drive.test_driving import model, renamed
 
 COURSE = np.sin(np.arange(200) / 20.0)
@@ -18,7 +19,7 @@ COURSE = np.sin(np.arange(200) / 20.0)
 
 def difference(recorded, simulated, **more):
     told = {"run": "r1", "axis": "X", "channel": "q", "kind": "position", "unit": "um"} | more
-    return Difference(**told, time_s=np.arange(len(recorded)) * 0.5, recorded=recorded, simulated=simulated)
+    return ChannelDifference(**told, time_s=np.arange(len(recorded)) * 0.5, recorded=recorded, simulated=simulated)
 
 
 @given(
@@ -55,7 +56,7 @@ def test_what_is_told_first_is_the_worst_position():
 
 def test_a_model_beside_its_own_recording_does_not_differ():
     drive = model()
-    own = drive.simulate(run="r1")
+    own = drive.simulation(run="r1").recording
     told = recorded_differences(drive, driven_runs(drive, own), own)
     assert [one.kind for one in told] == ["position", "table", "error", "output", "force"]
     assert all(one.rms == 0.0 for one in told)
@@ -64,7 +65,9 @@ def test_a_model_beside_its_own_recording_does_not_differ():
 
 def test_differences_are_those_of_the_two_recordings():
     drive = model()
-    own = renamed(drive.simulate(run="r1"), {"X_position": "qm", "X_current": "i"}, without=("X_table", "X_error"))
+    own = renamed(
+        drive.simulation(run="r1").recording, {"X_position": "qm", "X_current": "i"}, without=("X_table", "X_error")
+    )
     heavier = drive.with_parameters({"axes.X.mechanics.mass_kg": 130.0})
     driven = driven_runs(heavier, own)
     told = {one.kind: one for one in recorded_differences(heavier, driven, own)}
@@ -80,7 +83,7 @@ def test_differences_are_those_of_the_two_recordings():
 
 def test_only_samples_that_were_recorded_count():
     drive = model()
-    own = drive.simulate(run="r1")
+    own = drive.simulation(run="r1").recording
     holes = own.frame.copy()
     holes.iloc[10:50, list(own.names).index("X_table")] = np.nan
     holes["X_error"] = np.nan
@@ -93,7 +96,7 @@ def test_only_samples_that_were_recorded_count():
 
 def test_an_output_that_acts_is_no_result():
     drive = model()
-    own = drive.simulate(run="r1")
+    own = drive.simulation(run="r1").recording
     opened = recorded_differences(drive, driven_runs(drive, own, opened=True), own)
     assert "output" not in {one.kind for one in opened}
     closed = replace(driven_runs(drive, own), opened=False)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from selector.errors import InputError
-from selector.physics.drive.contact import PreloadedContact, axial_load_per_deflection, groove_approach
+from selector.physics.drive.parts.stiffness import PreloadedContact, axial_load_per_deflection, groove_approach
 
 contacts = st.builds(PreloadedContact, st.floats(1e10, 1e14), st.floats(10.0, 1e5))
 

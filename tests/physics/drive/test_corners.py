@@ -8,13 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from selector.physics.drive.axis import Axis
-from selector.physics.drive.energy import stored_energy_j
-from selector.physics.drive.friction import Friction
+from selector.physics.drive.parts.axis import Axis, AxisState
+from selector.physics.drive.parts.mechanics import Friction, Transmission
 from selector.physics.drive.simulation import simulate_axis
-from selector.physics.drive.state import AxisState
-from selector.physics.drive.transmission import Transmission
 from tests.physics.drive.axes import CONTINUOUS, THREE, UNDAMPED, sine, still
+from tests.physics.drive.energies import stored_energy_j
 
 # a screw between a nut that presses with 1000 N and a motor that holds against it, both far away on soft springs: what
 # is left at the corner is the same torque to either side

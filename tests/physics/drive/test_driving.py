@@ -11,7 +11,7 @@ import pytest
 from selector.errors import InputError, OptionError
 from selector.physics.drive.drive_model import drive_model
 from selector.physics.drive.driving import driven_runs
-from selector.physics.drive.model_file import checked_model_file
+from selector.physics.drive.file.model_file import checked_model_file
 from selector.physics.drive.model_findings import simulation_findings
 from selector.recording import Channel, Recording
 from tests.physics.drive.test_model_file import RIGID, changed
@@ -40,7 +40,7 @@ def renamed(recording: Recording, names: dict[str, str], without: tuple[str, ...
 
 def test_driven_by_its_own_command_it_does_the_same():
     drive = model()
-    own = drive.simulate(run="r1")
+    own = drive.simulation(run="r1").recording
     again = driven_runs(drive, own).simulation.recording
     assert again.channels == own.channels
     # the control reads positions at its samples only, which are those of the recording
@@ -49,7 +49,7 @@ def test_driven_by_its_own_command_it_does_the_same():
 
 def test_opened_it_does_the_same_after_the_same_output():
     drive = model()
-    own = drive.simulate(run="r1")
+    own = drive.simulation(run="r1").recording
     done = driven_runs(drive, own, opened=True)
     np.testing.assert_array_equal(
         done.simulation.recording.values("r1", ["X_current"]), own.values("r1", ["X_current"])
@@ -71,7 +71,7 @@ def test_opened_it_does_the_same_after_the_same_output():
 
 def test_channels_are_found_by_role_and_named_as_recorded():
     drive = model()
-    own = renamed(drive.simulate(run="r1"), {"X_command": "qg", "X_position": "qm", "X_current": "i"},
+    own = renamed(drive.simulation(run="r1").recording, {"X_command": "qg", "X_position": "qm", "X_current": "i"},
                   without=("X_table", "X_error", "X_force"))  # fmt: skip
     done = driven_runs(drive, own)
     assert done.matched == {"X": {"command": "qg", "position": "qm", "output": "i"}}
@@ -82,7 +82,7 @@ def test_channels_are_found_by_role_and_named_as_recorded():
 
 
 def test_the_file_names_channels_that_roles_do_not_tell():
-    two = renamed(model().simulate(run="r1"), {"X_command": "a"}, without=("X_error", "X_force"))
+    two = renamed(model().simulation(run="r1").recording, {"X_command": "a"}, without=("X_error", "X_force"))
     drive = model(("axes.X.recorded", {"command": "a", "position": "X_table"}))
     assert driven_runs(drive, two).matched["X"]["position"] == "X_table"
     with pytest.raises(OptionError, match=r"axes\.X\.recorded\.output"):
@@ -92,7 +92,7 @@ def test_the_file_names_channels_that_roles_do_not_tell():
 
 
 def test_a_name_that_is_taken_is_marked():
-    own = renamed(model().simulate(run="r1"), {"X_force": "X_table", "X_table": "T"})
+    own = renamed(model().simulation(run="r1").recording, {"X_force": "X_table", "X_table": "T"})
     names = driven_runs(model(), own).simulation.recording.names
     assert "X_table (simulated)" in names
     assert len(set(names)) == len(names)
@@ -100,15 +100,15 @@ def test_a_name_that_is_taken_is_marked():
 
 def test_a_recorded_load_acts():
     drive = model(("motion.force_n", [[0, 0.0], [0.2, 500.0]]))
-    own = drive.simulate(run="r1")
+    own = drive.simulation(run="r1").recording
     again = driven_runs(model(), own).simulation.recording
     np.testing.assert_array_equal(again.values("r1", ["X_error"]), own.values("r1", ["X_error"]))
-    assert (again.values("r1", ["X_error"]) != model().simulate(run="r1").values("r1", ["X_error"])).any()
+    assert (again.values("r1", ["X_error"]) != model().simulation(run="r1").recording.values("r1", ["X_error"])).any()
 
 
 def test_samples_stand_at_the_times_of_a_clock_that_is_not_even():
     drive = model()
-    own = drive.simulate(run="r1")
+    own = drive.simulation(run="r1").recording
     random = np.random.default_rng(1)
     time_s = own.time_s("r1") + 3.0 + np.r_[0.0, random.uniform(-5e-5, 5e-5, len(own.time_s("r1")) - 2), 0.0]
     even = own.time_s("r1")
@@ -128,7 +128,7 @@ def test_samples_stand_at_the_times_of_a_clock_that_is_not_even():
 
 def test_two_axes_are_driven_together_and_one_that_was_not_recorded_is_told():
     both = model(("axes.Y", RIGID["axes"]["X"]), ("motion.axis", "X"))
-    own = model().simulate(run="r1")
+    own = model().simulation(run="r1").recording
     done = driven_runs(both, own)
     assert list(done.simulation.axes["r1"]) == ["X"]
     assert [(one.id, one.where.channel) for one in done.findings] == [("axis-not-driven", "Y")]
@@ -143,7 +143,7 @@ def test_two_axes_are_driven_together_and_one_that_was_not_recorded_is_told():
 
 
 def test_recordings_that_cannot_drive_are_refused():
-    own = model().simulate(run="r1")
+    own = model().simulation(run="r1").recording
     with pytest.raises(OptionError, match="position_command"):
         driven_runs(model(), renamed(own, {}, without=("X_command",)))
     with pytest.raises(OptionError, match="output"):
@@ -156,7 +156,7 @@ def test_recordings_that_cannot_drive_are_refused():
 
 
 def test_a_clock_written_with_few_digits_fits_the_control():
-    own = model().simulate(run="r1")
+    own = model().simulation(run="r1").recording
     # 0.02 % off, as a crystal that is cheap, is another clock; a millionth is the same
     for stretch, fits in ((1.0 + 5e-7, True), (1.0 + 2e-4, False)):
         frame = own.frame.copy()
@@ -171,13 +171,13 @@ def test_a_clock_written_with_few_digits_fits_the_control():
 
 def test_progress_is_told():
     seen = []
-    own = model().simulate(run="r1")
+    own = model().simulation(run="r1").recording
     driven_runs(model(), own, progress=lambda *said: seen.append(said))
     assert seen == [(0, 1, "r1")]
 
 
 def test_it_begins_where_and_as_fast_as_the_machine_did():
-    whole = model().simulate(run="r1")
+    whole = model().simulation(run="r1").recording
     late = whole.frame.iloc[100:]
     rest = whole.with_values(late)
     done = driven_runs(model(), rest).simulation.recording
@@ -191,7 +191,7 @@ def test_it_begins_where_and_as_fast_as_the_machine_did():
 
 def test_a_start_in_motion_is_told_only_where_the_axis_stands():
     drive = model()
-    whole = drive.simulate(run="r1")
+    whole = drive.simulation(run="r1").recording
     rest = whole.with_values(whole.frame.iloc[100:])
     seen = driven_runs(drive, rest).simulation
     assert simulation_findings(drive, seen, driven=True) == ()

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from selector.physics.drive.error_parts import direction_of_travel, error_parts
 from selector.physics.drive.motion import Motion
+from selector.physics.drive.tracking import direction_of_travel, error_parts
 from selector.physics.drive.trajectory import moves
 
 TIME_S = np.linspace(0.0, 2.0, 4001)

@@ -8,14 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from selector.physics.drive.axis import Axis
-from selector.physics.drive.energy import stored_energy_j
-from selector.physics.drive.friction import Friction
-from selector.physics.drive.mechanics import RigidMechanics
+from selector.physics.drive.parts.axis import Axis, AxisState
+from selector.physics.drive.parts.mechanics import Friction, RigidMechanics, Transmission
 from selector.physics.drive.simulation import simulate_axis
-from selector.physics.drive.state import AxisState
-from selector.physics.drive.transmission import Transmission
 from tests.physics.drive.axes import THREE, UNDAMPED, still
+from tests.physics.drive.energies import stored_energy_j
 
 MASS = RigidMechanics(mass_kg=10.0)
 # positions of a parabola are exact up to the rounding of some thousand steps

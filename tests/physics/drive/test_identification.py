@@ -10,15 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selector.errors import InputError
-from selector.physics.drive.friction import Friction
 from selector.physics.drive.identification import (
     filtered_motion,
     identified_axis_of_servo,
     identified_rigid_axis,
     servo_bandwidth_hz,
 )
-from selector.physics.drive.mechanics import RigidMechanics
-from selector.physics.drive.servo import Servo
+from selector.physics.drive.parts.axis import Servo
+from selector.physics.drive.parts.mechanics import Friction, RigidMechanics
 from selector.physics.drive.trajectory import moves
 
 PERIOD_S = 1e-3
@@ -47,7 +46,7 @@ def identified(course, force, **options):
     return identified_rigid_axis(PERIOD_S, course.position_m, force, bandwidth_hz=BANDWIDTH_HZ, **options)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.floats(10.0, 500.0), st.floats(0.0, 2000.0), st.floats(0.0, 100.0), st.floats(-50.0, 50.0))
 def test_the_parameters_that_made_the_force_are_found(course, mass, viscous, coulomb, offset):
     found = identified(course, force_of(course, mass, viscous, coulomb, offset))

@@ -10,15 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from selector.physics.drive import _kernel, _stepping, simulation
-from selector.physics.drive.axis import Axis
-from selector.physics.drive.energy import stored_energy_j
-from selector.physics.drive.friction import Friction, LuGre
-from selector.physics.drive.mechanics import RigidMechanics
+from selector.physics.drive import simulation
+from selector.physics.drive.kernel import _kernel, _stepping
+from selector.physics.drive.parts.axis import Axis, AxisState
+from selector.physics.drive.parts.mechanics import Friction, LuGre, RigidMechanics, Transmission
 from selector.physics.drive.simulation import simulate_axis
-from selector.physics.drive.state import AxisState
-from selector.physics.drive.transmission import Transmission
 from tests.physics.drive.axes import CONTINUOUS, RIGID, RIGID_SERVO, SAMPLED, THREE, UNDAMPED, sine, still
+from tests.physics.drive.energies import stored_energy_j
 
 COULOMB = Friction(300.0)
 STRIBECK = Friction(300.0, static_n=450.0)

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selector.physics.drive.axis import Axis
-from selector.physics.drive.reference import Reference
+from selector.physics.drive.motion import Reference
+from selector.physics.drive.parts.axis import Axis
 from selector.physics.drive.simulation import simulate_axis
 from tests.physics.drive.axes import CONTINUOUS, RIGID, RIGID_SERVO, THREE, sine
 
@@ -74,7 +74,7 @@ def test_a_sampled_control_tends_to_the_continuous_one():
     gain=st.floats(1.0, 8.0),
     integral_gain=st.floats(0.0, 400.0),
 )
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_limits_hold_at_any_gain_and_the_step_does_not_matter(command, speed, gain, integral_gain):
     servo = replace(
         CONTINUOUS,

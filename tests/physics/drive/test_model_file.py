@@ -5,26 +5,25 @@ from __future__ import annotations
 import copy
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from selector.errors import InputError, ModelFileError
-from selector.physics.drive.catalogue import thc6350_servo, thc6350_x_axis
 from selector.physics.drive.drive_model import drive_model
-from selector.physics.drive.model_axes import file_axis
-from selector.physics.drive.model_file import (
+from selector.physics.drive.file.model_axes import INSTEAD, OFF, file_axis, parts_of
+from selector.physics.drive.file.model_file import (
     checked_model_file,
     columns_needed,
     parsed_model_file,
-    plain_values,
     read_model_file,
 )
-from selector.physics.drive.model_parts import INSTEAD, OFF, parts_of
-from selector.physics.drive.stiffness import three_mass_mechanics
-from selector.physics.thermal.model_file import read_model_file as read_thermal_model_file
+from selector.physics.drive.parts.catalogue import thc6350_servo, thc6350_x_axis
+from selector.physics.drive.parts.stiffness import three_mass_mechanics
+from selector.physics.model_text import plain_values
+from selector.physics.thermal.file.model_file import read_model_file as read_thermal_model_file
+from tests.work import counted_calls
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "fixtures" / "drive"
 RIGID = {
@@ -290,10 +289,9 @@ def test_a_file_of_another_physics_says_where_it_belongs():
     ids=["no section", "open text", "long key", "deep", "empty", "kind", "name", "no tables"],
 )  # fmt: skip
 def test_hostile_text_is_refused_quickly(text):
-    begin = time.perf_counter()
-    with pytest.raises(ModelFileError):
+    with counted_calls() as calls, pytest.raises(ModelFileError):
         parsed_model_file(text)
-    assert time.perf_counter() - begin < 1.0  # a hundred times what it takes
+    assert calls.count < 5_000  # ten times what it takes
 
 
 def test_no_file_and_no_text(tmp_path):
@@ -304,9 +302,9 @@ def test_no_file_and_no_text(tmp_path):
 
 def test_reading_a_model_file_needs_no_compiler_and_no_pictures():
     code = (
-        "import sys, selector.physics.drive.model_file as m; "
+        "import sys, selector.physics.drive.file.model_file as m; "
         f"m.read_model_file({str(EXAMPLES / 'thc6350-x.toml')!r}); "
         "print([name for name in ('numba', 'control', 'matplotlib', 'sympy', 'skfem') if name in sys.modules])"
     )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=300)
     assert run.stdout.strip() == "[]"

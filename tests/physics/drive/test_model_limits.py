@@ -4,9 +4,9 @@ from dataclasses import fields
 
 import pytest
 
-from selector.physics.drive.catalogue import thc6350_servo, thc6350_x_axis
-from selector.physics.drive.model_limits import limits_of_key
-from selector.physics.drive.stiffness import three_mass_mechanics
+from selector.physics.drive.file.model_schema import limits_of_key
+from selector.physics.drive.parts.catalogue import thc6350_servo, thc6350_x_axis
+from selector.physics.drive.parts.stiffness import three_mass_mechanics
 
 
 def test_a_machine_lies_far_within():

@@ -10,18 +10,22 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selector.physics.drive.axis import Axis
 from selector.physics.drive.energy import (
     passive_bristle_damping_ns_per_m,
     passive_fading_speed_m_per_s,
-    stored_energy_j,
 )
-from selector.physics.drive.friction import Friction, LuGre
-from selector.physics.drive.mechanics import RigidMechanics, ThreeMassMechanics
+from selector.physics.drive.parts.axis import Axis, AxisState
+from selector.physics.drive.parts.mechanics import (
+    AxialCompliance,
+    Friction,
+    LuGre,
+    RigidMechanics,
+    ThreeMassMechanics,
+    Transmission,
+)
 from selector.physics.drive.simulation import simulate_axis
-from selector.physics.drive.state import AxisState
-from selector.physics.drive.transmission import AxialCompliance, Transmission
 from tests.physics.drive.axes import THREE, still
+from tests.physics.drive.energies import stored_energy_j
 
 STEP_S = 2e-5
 # no table of pitch errors, corners a millimetre apart, and corners at which a screw turns to and fro
@@ -103,7 +107,7 @@ NOTHING_J = 1e-15
 
 
 @given(data=st.data())
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30)
 def test_dry_friction_contact_and_damping(data):
     transmission = Transmission(
         backlash_m=data.draw(st.sampled_from((0.0, 1e-6, 2e-5))),
@@ -117,7 +121,7 @@ def test_dry_friction_contact_and_damping(data):
 
 
 @given(data=st.data())
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_a_spring_that_depends_on_load_and_place(data):
     force = np.linspace(-20000.0, 20000.0, 81)
     joints = force / 3e8 + 2e-6 * np.tanh(force / 3000.0)
@@ -135,7 +139,7 @@ def bristly(data, damping: float, fading: float) -> Axis:
 
 
 @given(data=st.data())
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20)
 def test_bristles_without_stribeck_effect_whatever_their_damping(data):
     """|z| ≤ C/σ0 makes the power of friction ≥ |v|·C − σ0·z·z' ≥ 0 at any σ1."""
     axis = bristly(data, damping=data.draw(st.floats(1.0, 1e5)), fading=data.draw(st.sampled_from((0.0, 1e-3, 0.05))))
@@ -144,7 +148,7 @@ def test_bristles_without_stribeck_effect_whatever_their_damping(data):
 
 
 @given(data=st.data())
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20)
 def test_bristles_with_stribeck_effect_that_fade_or_lean_on_viscous_friction(data):
     """At the largest damping that is said to be passive."""
     coulomb, other = data.draw(st.floats(20.0, 500.0)), data.draw(st.floats(20.0, 500.0))

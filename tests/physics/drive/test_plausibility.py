@@ -8,9 +8,14 @@ import pytest
 
 from selector.errors import InputError, ModelFileError
 from selector.physics.drive.drive_model import drive_model
-from selector.physics.drive.model_file import checked_model_file, columns_needed, read_model_file
-from selector.physics.drive.model_findings import model_findings, output_without_acceleration, simulation_findings
-from selector.physics.drive.plausibility import USUAL, unlikely_values
+from selector.physics.drive.file.model_file import checked_model_file, columns_needed, read_model_file
+from selector.physics.drive.model_findings import (
+    USUAL,
+    model_findings,
+    output_without_acceleration,
+    simulation_findings,
+    unlikely_values,
+)
 from tests.physics.drive.test_model_file import PARTS, RIGID, changed
 
 EXAMPLES = [

@@ -45,7 +45,7 @@ def pulses(n: int) -> np.ndarray:
 
 
 def test_opened_an_addition_is_as_good_as_more_output():
-    own = model().simulate(run="r1")
+    own = model().simulation(run="r1").recording
     n = len(own.frame)
     both = own.values("r1", ["X_current"])[:, 0] + 2.0 * pulses(n)
     recording = with_channels(without(own, "X_current"), i=("current", "A", both))
@@ -81,7 +81,7 @@ def test_a_loop_answers_an_addition_by_the_shift_that_its_gains_ask_for():
 
 
 def test_nothing_added_is_the_simpler_run_to_the_last_bit():
-    own = model().simulate(run="r1")
+    own = model().simulation(run="r1").recording
     nothing = with_channels(own, pulse=("current", "A", np.zeros(len(own.frame))))
     done = driven_runs(model(ADDED), nothing).simulation.recording
     np.testing.assert_array_equal(done.values("r1", ["X_table"]), own.values("r1", ["X_table"]))
@@ -122,7 +122,7 @@ def test_an_axis_with_a_screw_takes_additions_opened_only():
 
 
 def test_two_channels_of_a_role_are_told_and_none_is_taken():
-    own = without(model().simulate(run="r1"), "X_current")
+    own = without(model().simulation(run="r1").recording, "X_current")
     two = with_channels(own, a=("current", "A", np.ones(len(own.frame))), b=("current", "A", np.ones(len(own.frame))))
     done = driven_runs(model(), two)
     assert [(one.id, one.level) for one in done.findings] == [("channel-undecided", "warning")]
@@ -140,6 +140,6 @@ def test_two_channels_of_a_role_are_told_and_none_is_taken():
     ("temperature", "degC", 20.0, False),
 ])  # fmt: skip
 def test_what_looks_as_if_it_acts_and_is_left_is_told(role, unit, value, told):
-    own = model().simulate(run="r1")
+    own = model().simulation(run="r1").recording
     done = driven_runs(model(), with_channels(own, extra=(role, unit, np.full(len(own.frame), value))))
     assert [one.id for one in done.findings] == (["channel-not-used"] if told else [])

@@ -3,10 +3,9 @@ from __future__ import annotations
 import pytest
 
 from selector.errors import InputError
-from selector.physics.drive.axis import Axis
-from selector.physics.drive.mechanics import RigidMechanics
-from selector.physics.drive.run_checks import require_few_steps
-from selector.physics.drive.servo import Servo
+from selector.physics.drive.drive_model import require_few_steps
+from selector.physics.drive.parts.axis import Axis, Servo
+from selector.physics.drive.parts.mechanics import RigidMechanics
 
 
 def axis(sample_s: float) -> Axis:

@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 
 from selector.errors import InputError
-from selector.physics.drive.axis import Axis
-from selector.physics.drive.catalogue import thc6350_servo, thc6350_x_axis
-from selector.physics.drive.closed_loop import closed_loop, plant
-from selector.physics.drive.mechanics import RigidMechanics
-from selector.physics.drive.reference import Reference
-from selector.physics.drive.sampled_loop import sampled_closed_loop, sampled_opened_position_loop
-from selector.physics.drive.servo import Sensing
+from selector.physics.drive.loop.closed_loop import closed_loop, plant
+from selector.physics.drive.loop.sampled_loop import sampled_closed_loop
+from selector.physics.drive.motion import Reference
+from selector.physics.drive.parts.axis import Axis, Sensing
+from selector.physics.drive.parts.catalogue import thc6350_servo, thc6350_x_axis
+from selector.physics.drive.parts.mechanics import RigidMechanics
+from selector.physics.drive.parts.stiffness import three_mass_mechanics
 from selector.physics.drive.simulation import simulate_axis
-from selector.physics.drive.stiffness import three_mass_mechanics
 
 MECHANICS = three_mass_mechanics(thc6350_x_axis())
 
@@ -93,14 +92,6 @@ def test_fast_sampling_tends_to_the_continuous_loop():
     # the integral is a sum of rectangles and commands are held: first order
     assert errors[0] / errors[1] == pytest.approx(2.0, abs=0.2)
     assert errors[1] / errors[2] == pytest.approx(2.0, abs=0.2)
-
-
-def test_opened_loop_closed_again_is_the_closed_loop():
-    servo = replace(thc6350_servo(), sample_s=1e-3, delay_s=1.4e-3)
-    axis = Axis(MECHANICS, servo)
-    opened, closed = sampled_opened_position_loop(axis), sampled_closed_loop(axis)
-    again = np.linalg.eigvals(opened.A - opened.B @ opened.C)
-    np.testing.assert_allclose(np.sort_complex(again), np.sort_complex(closed.poles), rtol=1e-6, atol=1e-9)
 
 
 def test_a_continuous_servo_has_no_samples():

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from selector.errors import InputError
-from selector.physics.drive.axis import Axis
-from selector.physics.drive.mechanics import RigidMechanics
-from selector.physics.drive.servo import Sensing, Servo
+from selector.physics.drive.parts.axis import Axis, AxisState, Sensing, Servo
+from selector.physics.drive.parts.mechanics import RigidMechanics
 from selector.physics.drive.simulation import simulate_axis
-from selector.physics.drive.state import AxisState
 from selector.physics.drive.trajectory import sine
 
 MASS_KG, SAMPLE_S, RESOLUTION_M = 95.0, 1e-3, 1e-6

@@ -11,19 +11,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selector.errors import InputError
-from selector.physics.drive.axis import Axis
-from selector.physics.drive.catalogue import thc6350_servo, thc6350_x_axis
-from selector.physics.drive.closed_loop import closed_loop
-from selector.physics.drive.mechanics import RigidMechanics
-from selector.physics.drive.servo import Servo
-from selector.physics.drive.stability import stability, stability_findings
-from selector.physics.drive.stiffness import three_mass_mechanics
+from selector.physics.drive.loop.closed_loop import closed_loop
+from selector.physics.drive.loop.stability import stability, stability_findings
+from selector.physics.drive.parts.axis import Axis, Servo
+from selector.physics.drive.parts.catalogue import thc6350_servo, thc6350_x_axis
+from selector.physics.drive.parts.mechanics import RigidMechanics
+from selector.physics.drive.parts.stiffness import three_mass_mechanics
 
 MECHANICS = three_mass_mechanics(thc6350_x_axis())
 AXIS = Axis(MECHANICS, thc6350_servo())
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.floats(1.0, 200.0), st.floats(1.0, 100.0), st.floats(1.0, 1e4), st.floats(0.0, 20.0))
 def test_limits_of_a_rigid_axis_are_those_of_hurwitz(kp, kvp, kvi, damping):
     # M·s³ + (C + Kvp)·s² + (Kvi + Kp·Kvp)·s + Kp·Kvi with M = 10 kg, stable while (C+Kvp)(Kvi+Kp·Kvp) > M·Kp·Kvi

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
@@ -69,7 +69,6 @@ def test_no_jerk_at_all_goes_further_in_the_same_time(distance):
     assert -best.fun > distance * 0.99  # switching on a grid of 120 costs less than that: the bound is a sharp one
 
 
-@settings(deadline=None)
 @given(lengths, limits, st.sampled_from([-1.0, 1.0]), st.integers(10, 400), st.floats(-3.0, 3.0))
 def test_a_move_keeps_its_limits_arrives_and_is_symmetric(distance, limit, sign, samples, start):
     target = start + sign * distance
@@ -87,7 +86,6 @@ def test_a_move_keeps_its_limits_arrives_and_is_symmetric(distance, limit, sign,
     assert along[:n] + along[:n][::-1] == pytest.approx(np.full(n, distance), rel=ROUNDING, abs=ulp)
 
 
-@settings(deadline=None)
 @given(lengths, limits.filter(lambda limit: math.isfinite(limit["jerk_m_per_s3"])))
 def test_acceleration_is_continuous_and_integrates_to_speed_and_position(distance, limit):
     period = move_phases(distance, **limit).duration_s / 4000
@@ -102,7 +100,6 @@ def test_acceleration_is_continuous_and_integrates_to_speed_and_position(distanc
     assert np.abs(position - course.position_m[1:]).max() <= jerk * 4001 * period**3 / 12 + 1e-15
 
 
-@settings(deadline=None)
 @given(st.lists(st.floats(-2.0, 2.0), min_size=1, max_size=5), limits, st.floats(0.0, 0.5), st.integers(1, 3))
 def test_a_sequence_rests_at_every_target(targets, limit, dwell, repeat):
     here, ends, now = 0.0, [], 0.0

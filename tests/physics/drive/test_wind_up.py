@@ -6,13 +6,11 @@ from dataclasses import replace
 
 import pytest
 
-from selector.physics.drive.axis import Axis
-from selector.physics.drive.friction import Friction
-from selector.physics.drive.mechanics import RigidMechanics, ThreeMassMechanics
-from selector.physics.drive.servo import Servo
+from selector.physics.drive.energy import wind_up_m
+from selector.physics.drive.parts.axis import Axis, Servo
+from selector.physics.drive.parts.mechanics import Friction, RigidMechanics, ThreeMassMechanics
 from selector.physics.drive.simulation import simulate_axis
 from selector.physics.drive.trajectory import moves
-from selector.physics.drive.wind_up import wind_up_m
 
 SCREW = ThreeMassMechanics(
     motor_inertia_kg_m2=0.002,

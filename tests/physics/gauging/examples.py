@@ -5,7 +5,7 @@ Chosen, not measured: no source prints numbers of such a gauge.
 
 from __future__ import annotations
 
-from selector.physics.gauging.transducer import (
+from selector.physics.gauging.gauge.transducer import (
     Contact,
     Electromagnet,
     Generator,

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from selector.errors import InputError
-from selector.physics.gauging.capability import capability
 from selector.physics.gauging.process import Tolerance
+from selector.physics.gauging.sizes.capability import capability
 
 LIMITS = Tolerance(-3.0, 3.0)
 

@@ -10,10 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selector.errors import InputError
-from selector.physics.gauging.characteristic import Characteristic, characteristic, linear_gauge, linear_range_um
-from selector.physics.gauging.steady_swing import steady_swing
-from selector.physics.gauging.transducer import LinearGauge
-from selector.physics.gauging.vibrating_contact import simulate_transducer
+from selector.physics.gauging.gauge.characteristic import (
+    Characteristic,
+    characteristic,
+    linear_gauge,
+    linear_range_um,
+)
+from selector.physics.gauging.gauge.transducer import LinearGauge
+from selector.physics.gauging.gauge.vibrating_contact import simulate_transducer, steady_swing
 from tests.physics.gauging.examples import TRANSDUCER
 from tests.physics.gauging.test_steady_swing import tuned
 
@@ -66,7 +70,7 @@ def test_the_slope_of_a_line_is_that_of_direct_runs(shipped, at_um, tolerance):
     assert (gauge.time_constant_s, gauge.allowance_um) == (0.1, at_um)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=25)
 @given(share=st.lists(st.floats(0.0, 1.0), min_size=1, max_size=5))
 def test_inverse_and_curve_undo_each_other(shipped, share):
     low, high = shipped.monotone_um

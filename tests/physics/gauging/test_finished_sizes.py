@@ -13,15 +13,14 @@ from scipy import linalg
 from scipy.optimize import brentq
 
 from selector.errors import InputError
-from selector.physics.gauging import _part_kernel as kernel
-from selector.physics.gauging.characteristic import Characteristic
-from selector.physics.gauging.finished_sizes import finished_sizes
-from selector.physics.gauging.part_course import part_course
-from selector.physics.gauging.part_plan import default_period_s, part_plan, steps_per_filter
-from selector.physics.gauging.process import Grinding, Noise, Stage, Surface
-from selector.physics.gauging.surface_ripple import smoothed_surface
-from selector.physics.gauging.threshold import mean_allowance_um, mean_voltage_v
-from selector.physics.gauging.transducer import LinearGauge, Relay
+from selector.physics.gauging.gauge.characteristic import Characteristic
+from selector.physics.gauging.gauge.threshold import mean_allowance_um, mean_voltage_v
+from selector.physics.gauging.gauge.transducer import LinearGauge, Relay
+from selector.physics.gauging.grinding import _part_kernel as kernel
+from selector.physics.gauging.grinding.finished_sizes import finished_sizes
+from selector.physics.gauging.grinding.part_course import part_course
+from selector.physics.gauging.grinding.part_plan import default_period_s, part_plan, steps_per_filter
+from selector.physics.gauging.process import Grinding, Noise, Stage, Surface, smoothed_surface
 from tests.physics.gauging.set_ups import GAUGE, TWO_STAGES, set_up
 
 ONE_STAGE = Grinding(20.0, (Stage(5.0, 2.0),))
@@ -45,7 +44,7 @@ def test_without_disturbance_every_part_is_to_size():
     assert sizes.findings() == ()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     lag_s=st.sampled_from([0.0, 0.03, 0.4]), delay_s=st.floats(0.0, 0.3), first=st.floats(5.0, 40.0),
     second=st.floats(0.5, 5.0), filter_s=st.floats(0.02, 0.3),

@@ -10,11 +10,10 @@ import pytest
 
 from selector.errors import InputError, OptionError
 from selector.physics.channel_differences import channel_differences
+from selector.physics.gauging.file.model_file import checked_model_file
 from selector.physics.gauging.gauging_driving import driven_runs
 from selector.physics.gauging.gauging_model import gauging_model
-from selector.physics.gauging.model_file import checked_model_file
-from selector.physics.gauging.process import Surface
-from selector.physics.gauging.surface_ripple import smoothed_surface
+from selector.physics.gauging.process import Surface, smoothed_surface
 from selector.recording import Channel, Recording
 from tests.physics.gauging.test_model_file import LINEAR, changed
 
@@ -58,7 +57,7 @@ def test_a_straight_course_gives_the_voltage_of_eq_21_and_its_transient():
 
 def test_driven_by_its_own_allowance_it_shows_the_same():
     gauge = model(("run.period_s", 0.01))
-    own = gauge.simulate(run="r")
+    own = gauge.simulation(run="r").recording
     driven = driven_runs(gauge, own)
     by_name = {one.channel: one for one in channel_differences(driven.simulation.recording, own, driven.inputs)}
     # the feed changes within a sample, whose allowance is taken as straight: by at most 8 µm/s · 0.01 s / 4 in the
@@ -73,7 +72,7 @@ def test_driven_by_its_own_allowance_it_shows_the_same():
 
 def test_the_feed_alone_drives_with_the_lag_and_wear_of_the_file():
     gauge = model(("run.period_s", 0.01), ("grinding.lag_s", 0.3), ("grinding.wheel_wear", 0.1))
-    own = gauge.simulate(run="r")
+    own = gauge.simulation(run="r").recording
     driven = driven_runs(gauge, kept(own, {"feed": "fx", "gauge": "u"}))
     assert driven.inputs == ("fx",)
     assert driven.matched == {"feed": "fx", "gauge": "u"}

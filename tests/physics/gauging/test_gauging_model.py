@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from selector.errors import ModelFileError, OptionError
-from selector.physics.gauging.gauging_model import gauging_model
-from selector.physics.gauging.model_file import checked_model_file, plain_values, read_model_file
-from selector.physics.gauging.model_findings import model_findings
-from selector.physics.gauging.threshold import threshold_v
+from selector.physics.gauging.file.model_file import checked_model_file, read_model_file
+from selector.physics.gauging.gauge.threshold import threshold_v
+from selector.physics.gauging.gauging_model import gauging_model, model_findings
+from selector.physics.model_text import plain_values
 from tests.physics.gauging.test_model_file import LINEAR, changed
 
 FIXTURES = Path(__file__).resolve().parents[3] / "fixtures" / "gauging"
@@ -60,7 +60,7 @@ def test_examples_run_and_tell_what_they_are_made_to_show(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_what_is_recorded_of_a_part(name):
     built = gauging_model(read_model_file(FIXTURES / f"{name}.toml"))
-    recording = built.simulate(run="part 1")
+    recording = built.simulation(run="part 1").recording
     for run in ("part 1", "part 7")[: built.file.run.parts]:
         values = recording.values(run, ["allowance", "gauge", "measured", "feed", "stage"])
         assert np.isfinite(values).all()
@@ -80,7 +80,7 @@ def test_what_is_recorded_of_a_part(name):
 
 def test_the_size_that_the_gauge_shows_belongs_to_its_voltage():
     built = model(CHAIN, ("run", {"parts": 1}))
-    recording = built.simulate(run="r")
+    recording = built.simulation(run="r").recording
     shown, voltage = course(recording, "r", "measured"), course(recording, "r", "gauge")
     least, most = built.characteristic.monotone_um
     within = (shown > least + 1e-6) & (shown < most - 1e-6)
@@ -132,7 +132,7 @@ def test_the_relay_trips_on_the_peaks_of_the_ripple_and_a_threshold_that_knows_t
 
 
 def test_the_run_of_the_waveform_has_the_chain_and_the_others_have_not():
-    recording = model(QUIET).simulate()
+    recording = model(QUIET).simulation().recording
     assert recording.runs == ("part 1", "waveform")
     chain = ["current", "probe", "contact", "generator"]
     assert np.isnan(recording.values("part 1", chain)).all()
@@ -213,14 +213,13 @@ def test_parameters_are_named_by_their_keys_and_can_be_set():
         built.with_parameters({"noise": 1.0})
     with pytest.raises(ModelFileError, match="above 0"):
         built.with_parameters({"grinding.stages.1.feed_um_per_s": 0.0})
-    assert built.places == ("probe", "filter", "relay", "wheel", "surface")
 
 
 def test_names_of_a_single_run_are_free():
     built = model(LINEAR)
     assert built.runs == ("",)
-    assert built.simulate(run="r7").runs == ("r7",)
-    assert [channel.name for channel in built.outputs] == list(built.simulate().names)
+    assert built.simulation(run="r7").recording.runs == ("r7",)
+    assert [channel.name for channel in built.outputs] == list(built.simulation().recording.names)
 
 
 def test_odd_thresholds_samples_and_numbers_are_told():

@@ -10,20 +10,29 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from selector.physics.gauging.finished_sizes import finished_sizes
-from selector.physics.gauging.gauged_grinding import GaugedGrinding
+from selector.physics.gauging.file.model_file import checked_model_file, read_model_file
+from selector.physics.gauging.gauge.transducer import LinearGauge, Relay
 from selector.physics.gauging.gauging_model import gauging_model
-from selector.physics.gauging.gauging_summary import FEWEST_SIZES, gauging_summary
-from selector.physics.gauging.model_file import checked_model_file, plain_values, read_model_file
+from selector.physics.gauging.gauging_summary import gauging_summary, threshold_findings
+from selector.physics.gauging.grinding.finished_sizes import finished_sizes
+from selector.physics.gauging.grinding.gauged_grinding import GaugedGrinding
+from selector.physics.gauging.grinding.part_plan import FEWEST_SIZES
 from selector.physics.gauging.process import Grinding, Noise, Stage
-from selector.physics.gauging.size_distribution import size_distribution
-from selector.physics.gauging.stage_ends import threshold_findings
-from selector.physics.gauging.transducer import LinearGauge, Relay
+from selector.physics.gauging.sizes.size_distribution import size_distribution
+from selector.physics.model_text import plain_values
 from tests.physics.gauging.test_model_file import LINEAR, changed
 
 FIXTURES = Path(__file__).resolve().parents[3] / "fixtures" / "gauging"
 SLOW_NOISE = changed(LINEAR, ("noise", {"sd_um": 0.3, "rate_per_s": 0.2}))
 TOLERANCE = ("tolerance", {"lower_um": -2.0, "upper_um": 2.0})
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _half_the_filters():
+    """How finely filters are looked at is the subject of test_trade_off.py."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("selector.physics.gauging.sizes.trade_off.POINTS", 12)
+        yield
 
 
 @cache
@@ -38,7 +47,10 @@ def of(values, *changes):
 
 @cache
 def _summary_of(text):
-    return gauging_summary(gauging_model(checked_model_file(json.loads(text))))
+    # trials of other thresholds are long in the examples
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("selector.physics.gauging.gauging_summary._TRIAL_STEPS", 1_000_000)
+        return gauging_summary(gauging_model(checked_model_file(json.loads(text))))
 
 
 def told(summary):
@@ -196,7 +208,8 @@ def test_how_often_parts_are_looked_at_changes_no_size():
     often, seldom = (of(noisy, ("run.period_s", period_s)) for period_s in (0.001, 0.05))
     np.testing.assert_array_equal(often.sizes.size_um, seldom.sizes.size_um)
     assert (often.formula.mean_um, often.formula.sd_um) == (seldom.formula.mean_um, seldom.formula.sd_um)
-    np.testing.assert_array_equal(often.trade_off.rms_um, seldom.trade_off.rms_um)
+    for name in ("bias_um", "sd_um"):
+        np.testing.assert_array_equal(getattr(often.trade_off, name), getattr(seldom.trade_off, name))
     rarer = of(noisy, ("relay.noise_hold_s", 0.1))
     assert rarer.sizes.mean_um < often.sizes.mean_um - 4.0 * often.sizes.mean_error_um
     built = gauging_model(checked_model_file(noisy)).with_parameters({"relay.noise_hold_s": 0.05, "noise.sd_um": 0.2})

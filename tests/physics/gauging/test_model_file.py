@@ -10,9 +10,15 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from selector.errors import ModelFileError
-from selector.physics.gauging.model_file import checked_model_file, parsed_model_file, plain_values
-from selector.physics.gauging.model_length import finest_s, planned_s, sampling_s
-from selector.physics.gauging.model_parts import file_parts
+from selector.physics.gauging.file.model_file import (
+    checked_model_file,
+    file_parts,
+    finest_s,
+    parsed_model_file,
+    planned_s,
+    sampling_s,
+)
+from selector.physics.model_text import plain_values
 
 LINEAR = {
     "model": {"kind": "gauging", "name": "line"},

@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from selector.physics.gauging.steady_swing import steady_swing
-from selector.physics.gauging.transducer import Transducer
-from selector.physics.gauging.vibrating_contact import simulate_transducer
+from selector.physics.gauging.gauge.transducer import Transducer
+from selector.physics.gauging.gauge.vibrating_contact import simulate_transducer, steady_swing
 from tests.physics.gauging.examples import TRANSDUCER
 
 ROUND_S = 0.01

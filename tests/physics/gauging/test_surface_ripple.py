@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from selector.physics.gauging.process import Surface
-from selector.physics.gauging.surface_ripple import mean_surface_um, ripple_bound_um, smoothed_surface, surface_um
+from selector.physics.gauging.process import Surface, mean_surface_um, ripple_bound_um, smoothed_surface, surface_um
 
 SURFACES = [
     Surface(150.0, runout_um=2.0),

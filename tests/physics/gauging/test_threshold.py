@@ -12,9 +12,7 @@ from hypothesis import strategies as st
 from scipy import integrate
 
 from selector.errors import InputError
-from selector.physics.gauging.process import Grinding, Noise, Stage
-from selector.physics.gauging.threshold import (
-    end_time_s,
+from selector.physics.gauging.gauge.threshold import (
     mean_allowance_um,
     mean_voltage_v,
     removal_rate_um_per_s,
@@ -24,7 +22,8 @@ from selector.physics.gauging.threshold import (
     voltage_variance_v2,
     wear_share,
 )
-from selector.physics.gauging.transducer import LinearGauge, Relay
+from selector.physics.gauging.gauge.transducer import LinearGauge, Relay
+from selector.physics.gauging.process import Grinding, Noise, Stage
 
 GAUGE = LinearGauge(-0.012, 2.4, 0.15)
 
@@ -68,7 +67,7 @@ def test_the_command_acts_at_the_size_wanted(until, rate, filter_s, gain, delay_
     """G eq. 22 and 23: where the mean voltage meets the threshold, the delay is still to come."""
     gauge = LinearGauge(gain, 1.0, filter_s)
     start = until + rate * (delay_s + 60.0 * filter_s)
-    end = end_time_s(start, until, rate)
+    end = (start - until) / rate
     met = float(mean_voltage_v(gauge, end - delay_s, start, rate))
     # exp(−60) of the transient, and the rounding of numbers of this size
     assert met == pytest.approx(threshold_v(gauge, until, rate, delay_s), abs=1e-11 * abs(gain) * (abs(start) + 1e3))
@@ -111,7 +110,6 @@ def test_a_feed_that_removes_nothing_is_refused(wrong):
     for refused in (
         lambda: removal_rate_um_per_s(wrong),
         lambda: threshold_v(GAUGE, 0.0, wrong),
-        lambda: end_time_s(50.0, 0.0, wrong),
     ):
         with pytest.raises(InputError, match="above 0"):
             refused()

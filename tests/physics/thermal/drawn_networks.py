@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import strategies as st
 
-from selector.physics.thermal.laws import Conditions, FilmLaw, HeatLaw, Laws
-from selector.physics.thermal.network import HeatShare, Link, Network, Node, Surface
+from selector.physics.thermal.network.laws import Conditions, FilmLaw, HeatLaw, Laws
+from selector.physics.thermal.network.network import HeatShare, Link, Network, Node, Surface
 
 
 def decades(low, high):

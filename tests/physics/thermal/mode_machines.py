@@ -6,9 +6,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.linalg import expm
+from threadpoolctl import threadpool_limits
 
-from selector.physics.thermal.cyclogram import Cyclogram
-from selector.physics.thermal.thermal_test import ThermalTest
+from selector.physics.thermal.modes.cyclogram import Cyclogram
+from selector.physics.thermal.modes.fit import Fit, Law, ModeSpec, block_weights, grown
+from selector.physics.thermal.modes.thermal_test import ModeData, ThermalTest, mode_data
 
 RESPONSES = ("Z", "Y", "X")
 SPEEDS = (800.0, 1000.0, 1250.0, 1600.0, 2000.0)
@@ -163,3 +165,13 @@ def relative_errors(machine, model, cycles, step_s=60.0):
         error = np.abs(model.displacement_um(cycle, np.minimum(time, cycle.end_s)) - true).max(axis=0)
         errors.append(error / np.abs(true).max(axis=0))
     return np.array(errors)
+
+
+def fitted_modes(tests: list[ThermalTest], n_modes: int, law_kind: Law = "powers") -> tuple[Fit, ModeData]:
+    """As many modes as told, without a film: what `choose_modes` chooses among."""
+    data = mode_data(tests)
+    weights, fit = block_weights(data), None
+    with threadpool_limits(1, "blas"):
+        for k in range(1, n_modes + 1):
+            fit = grown(fit, ModeSpec(k, law_kind), data, weights)
+    return fit, data

@@ -8,12 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selector.errors import InputError
-from selector.physics.thermal.characteristics import characteristics
-from selector.physics.thermal.cyclogram import Cyclogram
-from selector.physics.thermal.cyclogram_kind import cyclogram_kind
-from selector.physics.thermal.mode_data import mode_data
-from selector.physics.thermal.stretches import coolings, heating_from_rest
-from selector.physics.thermal.thermal_test import ThermalTest
+from selector.physics.thermal.modes.cyclogram import Cyclogram, cyclogram_kind
+from selector.physics.thermal.modes.thermal_test import ThermalTest, coolings, heating_from_rest, mode_data
+from selector.physics.thermal.prediction.characteristics import characteristics
 from tests.physics.thermal.mode_machines import RESPONSES, heat_and_cool, modal_machine, recorded
 
 TAU_S = np.array([400.0, 2400.0, 9000.0])
@@ -143,7 +140,7 @@ def test_kinds_of_duty_cycles(kind, speeds):
     assert cyclogram_kind(Cyclogram.of_segments(*[(10, speed) for speed in speeds])) == kind
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=25)
 @given(st.lists(st.sampled_from([0.0, 500.0, 1000.0, 2000.0]), min_size=1, max_size=6))
 def test_kind_does_not_depend_on_how_segments_are_cut(speeds):
     whole = Cyclogram.of_segments(*[(10.0, speed) for speed in speeds])

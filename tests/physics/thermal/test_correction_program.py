@@ -8,8 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selector.errors import InputError
-from selector.physics.thermal.correction_program import MOST_CORRECTIONS, correction_program
-from selector.physics.thermal.correction_text import notation, program_blocks, program_table
+from selector.physics.thermal.prediction.correction_program import (
+    MOST_CORRECTIONS,
+    correction_program,
+    notation,
+    program_blocks,
+    program_table,
+)
 
 # the curve from which the printed program follows (C eq. 6): 10 µm are reached 18 and 45 min after the first zero,
 # 15 and 55 min after the second; the three later operations drift by less than 10 µm
@@ -55,7 +60,7 @@ def rounding_um(time, displacement):
     return 8 * np.finfo(float).eps * (steepest * time[-1] + np.abs(displacement).max())
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150)
 @given(curves())
 def test_drift_never_exceeds_the_tolerance(curve):
     time, displacement, lengths, tolerance = curve
@@ -76,7 +81,7 @@ def test_drift_never_exceeds_the_tolerance(curve):
         assert (np.round(taken) >= 1).all()
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100)
 @given(curves(), st.sampled_from([0.5, 5.0, 60.0]))
 def test_a_resolution_is_kept_and_never_late(curve, resolution_s):
     time, displacement, lengths, tolerance = curve
@@ -175,7 +180,7 @@ def test_blocks_are_never_late():
     assert "AT   0:59:24" in program_blocks({"Z": program})
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100)
 @given(curves())
 def test_printed_times_are_never_late_and_add_up(curve):
     time, displacement, lengths, tolerance = curve

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from selector.errors import InputError
-from selector.physics.thermal.coupling import Contact, joined
-from selector.physics.thermal.heat_system import HeatSystem
-from selector.physics.thermal.reduction import factorised, reduced, reduction_error
+from selector.physics.thermal.network.heat_system import Contact, HeatSystem, joined
+from selector.physics.thermal.network.reduction import factorised
+from tests.physics.thermal.reductions import reduced, reduction_error
 from tests.physics.thermal.voxels import voxel_machine
 
 

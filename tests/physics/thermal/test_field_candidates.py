@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from selector.errors import ModelFileError
+from selector.physics.model_text import plain_values
 from selector.physics.thermal.field import MachineGeometry, sensor_candidates
-from selector.physics.thermal.field_candidates import with_candidates
-from selector.physics.thermal.laws import Conditions
-from selector.physics.thermal.model_file import checked_model_file, plain_values
+from selector.physics.thermal.field_model import with_candidates
+from selector.physics.thermal.file.model_file import checked_model_file
+from selector.physics.thermal.network.laws import Conditions
 from selector.physics.thermal.thermal_model import thermal_model
 
 HEAD = {"model": {"kind": "field", "name": "candidates"}, "run": {"duration_min": 60.0}}

@@ -7,10 +7,10 @@ import pytest
 
 from selector.errors import InputError
 from selector.findings import Finding
-from selector.physics.thermal import mode_choice
-from selector.physics.thermal.cyclogram import Cyclogram
-from selector.physics.thermal.prediction import cyclogram_of_rows, predict
-from selector.physics.thermal.thermal_test import ThermalTest
+from selector.physics.thermal.modes import choice
+from selector.physics.thermal.modes.cyclogram import Cyclogram
+from selector.physics.thermal.modes.thermal_test import ThermalTest
+from selector.physics.thermal.prediction.prediction import cyclogram_of_rows, predict
 from tests.physics.thermal.mode_machines import RESPONSES, heat_and_cool, modal_machine, recorded
 
 CYCLE = Cyclogram.of_segments((40, 1250), (50, 500), (30, 2000), (20, 0), (60, 900), (40, 1800))
@@ -30,9 +30,9 @@ def tests(machine):
 @pytest.fixture(scope="module", autouse=True)
 def fit(tests):
     """The modes are fitted once: the tests are the same everywhere here."""
-    found = mode_choice.choose_modes(tests, RESPONSES)
+    found = choice.choose_modes(tests, RESPONSES)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(mode_choice, "choose_modes", lambda *_: found)
+        patch.setattr(choice, "choose_modes", lambda *_: found)
         yield found
 
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selector.physics.thermal.characteristics import characteristics
-from selector.physics.thermal.cyclogram import Cyclogram
-from selector.physics.thermal.modes import ModalModel
-from selector.physics.thermal.repeated_tests import modal_repeats, piecewise_repeats
-from selector.physics.thermal.speed_law import SpeedLaw
-from selector.physics.thermal.thermal_test import ThermalTest
+from selector.physics.thermal.modes.cyclogram import Cyclogram
+from selector.physics.thermal.modes.modes import ModalModel, SpeedLaw
+from selector.physics.thermal.modes.thermal_test import ThermalTest
+from selector.physics.thermal.prediction.characteristics import characteristics
+from selector.physics.thermal.prediction.tests_judged import modal_repeats, piecewise_repeats
 
 NOISE_UM = 0.2
 TIME_S = np.arange(0.0, 8 * 3600.0 + 1, 60.0)

@@ -8,18 +8,17 @@ import numpy as np
 import pytest
 
 from selector.errors import InputError
-from selector.physics.thermal.cyclogram import Cyclogram
-from selector.physics.thermal.modes import ModalModel
-from selector.physics.thermal.prediction import predict
-from selector.physics.thermal.repeated_tests import RepeatedTest
-from selector.physics.thermal.speed_law import SpeedLaw
-from selector.physics.thermal.tests_judged import (
+from selector.physics.thermal.modes.cyclogram import Cyclogram
+from selector.physics.thermal.modes.modes import ModalModel, SpeedLaw
+from selector.physics.thermal.modes.thermal_test import ThermalTest
+from selector.physics.thermal.prediction.prediction import predict
+from selector.physics.thermal.prediction.tests_judged import (
+    RepeatedTest,
     contradiction_findings,
     movement_findings,
     speed_findings,
     warm_start_findings,
 )
-from selector.physics.thermal.thermal_test import ThermalTest
 from tests.physics.thermal.mode_machines import RESPONSES, heat_and_cool, modal_machine, recorded
 
 

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from selector.physics.thermal.laws import Conditions, FilmLaw, Laws
-from selector.physics.thermal.model_systems import HeatMachine
-from selector.physics.thermal.modes import ModalModel
-from selector.physics.thermal.network import Network, Node, Surface
-from selector.physics.thermal.speed_law import SpeedLaw
-from selector.physics.thermal.time_constants import slowest_time_constants
+from selector.physics.thermal.file.systems import HeatMachine, slowest_time_constants
+from selector.physics.thermal.modes.modes import ModalModel, SpeedLaw
+from selector.physics.thermal.network.laws import Conditions, FilmLaw, Laws
+from selector.physics.thermal.network.network import Network, Node, Surface
 
 
 def block(*films: FilmLaw) -> HeatMachine:

@@ -1,22 +1,23 @@
 from __future__ import annotations
 
 import dataclasses
-import time
+from functools import partial
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import sparse
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
 from selector.errors import InputError
-from selector.physics.system import linearise, simulate
-from selector.physics.thermal.heat_dynamics import HeatDynamics
-from selector.physics.thermal.heat_system import HeatSystem
-from selector.physics.thermal.laws import Conditions, FilmLaw, HeatLaw, Laws
-from selector.physics.thermal.network import HeatShare, Link, Network, Node, Surface
-from selector.physics.thermal.transient import simulate_heat
+from selector.physics.thermal.network.heat_system import HeatSystem
+from selector.physics.thermal.network.laws import Conditions, FilmLaw, HeatLaw, Laws
+from selector.physics.thermal.network.network import HeatShare, Link, Network, Node, Surface
+from selector.physics.thermal.network.transient import simulate_heat
 from tests.physics.thermal.drawn_networks import courses, laws_of, networks
+from tests.physics.thermal.heat_balances import rates
 
 HEADSTOCK = Network(
     (
@@ -78,7 +79,7 @@ def test_two_nodes_follow_their_closed_form():
 
 
 @given(data=st.data())
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30)
 def test_energy_closes_for_any_machine_with_the_exact_stepper(data):
     network = data.draw(networks())
     laws = data.draw(laws_of(network, softening=data.draw(st.booleans())))
@@ -91,7 +92,7 @@ def test_energy_closes_for_any_machine_with_the_exact_stepper(data):
 
 
 @given(data=st.data())
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30)
 def test_energy_closes_for_any_machine_with_the_implicit_stepper(data):
     network = data.draw(networks())
     laws = data.draw(laws_of(network, softening=data.draw(st.booleans())))
@@ -115,14 +116,13 @@ def test_every_joule_of_the_balance_is_the_integral_that_it_is_called():
     ]
     # the trapezoidal rule with 1 s in 93 s: 1/12·(1/93)² where temperature bends most
     assert found.balance.films_j["walls"] == pytest.approx(sum(to_air), rel=1e-5)
-    assert found.balance.fluids_j == {"ambient": found.balance.films_j["walls"]}
     assert found.balance.sources_j["friction"] == pytest.approx(3600 * 100.0 * (1 + 3**1.5), rel=1e-12)
     capacities = [2000.0, 30000.0, 2e5]
     assert found.balance.stored_j == pytest.approx((found.end_state - 22.0) @ capacities, rel=1e-9)
 
 
 @given(data=st.data())
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30)
 def test_nothing_gets_warmer_than_what_warms_it(data):
     """Maximum principle: without heat, temperatures stay between the coldest and the warmest of start and fluids."""
     network, conditions = data.draw(networks()), data.draw(courses(quiet=True))
@@ -139,7 +139,7 @@ def test_nothing_gets_warmer_than_what_warms_it(data):
 
 
 @given(data=st.data())
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20)
 def test_heat_cools_nothing(data):
     """Positivity: with sources on, no node is ever colder than in the same run without them."""
     network, conditions = data.draw(networks()), data.draw(courses())
@@ -153,7 +153,7 @@ def test_heat_cools_nothing(data):
 
 
 @given(data=st.data())
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20)
 def test_reciprocity_at_every_instant(data):
     """1 W in node i warms node j as 1 W in node j warms node i, at every time."""
     network = data.draw(networks())
@@ -181,33 +181,31 @@ def test_reciprocity_at_every_instant(data):
 
 @pytest.mark.parametrize("method", ["exact", "implicit"])
 def test_agrees_with_the_general_solver_that_shares_no_code_with_the_steppers(method):
-    dynamics = HeatDynamics(HEADSTOCK.heat_system(), Laws((SOFTENING,), (WALLS,)))
-    inputs = np.zeros((4, 6))
-    inputs[:, 0], inputs[:, 2], inputs[:, 4], inputs[:, 5] = SHIFT.spindle_speed, 21.0, 20.0, 1.0
-    expected = simulate(dynamics, SHIFT.time_s, inputs, [22.0] * 3, relative_tolerance=1e-10)
+    system, laws = HEADSTOCK.heat_system(), Laws((SOFTENING,), (WALLS,))
+    expected = [np.full(3, 22.0)]
+    for begin, end, speed in zip(SHIFT.time_s[:-1], SHIFT.time_s[1:], SHIFT.spindle_speed[:-1], strict=True):
+        held = Conditions.held([0.0, 1.0], spindle_speed=speed, ambient_degc=21.0)
+        rate = partial(rates, system, laws, held)
+        course = solve_ivp(lambda t, x, rate=rate: rate(x), (begin, end), expected[-1], "LSODA", rtol=1e-10, atol=1e-10)
+        expected.append(course.y[:, -1])
     found = history(SOFTENING, time_s=SHIFT.time_s, step_s=2.0, method=method)
     # both steppers: second order with 2 s in time constants of 93 s and up
-    np.testing.assert_allclose(found.probe_degc, expected.outputs[:, :3], atol=1e-4)
-    np.testing.assert_allclose(found.displacement_um[:, 0], expected.outputs[:, 3], atol=3e-4)
+    np.testing.assert_allclose(found.probe_degc, expected, atol=1e-4)
+    np.testing.assert_allclose(found.displacement_um[:, 0], (np.array(expected) - 20.0) @ [1.0, 3.0, -1.0], atol=3e-4)
 
 
-def test_agrees_with_the_matrix_exponential_of_the_linearised_machine():
-    dynamics = HeatDynamics(
-        HEADSTOCK.heat_system(), Laws((FRICTION,), (dataclasses.replace(WALLS, speed_w_per_m2_k=0.0),))
-    )
-    u = np.array([1500.0, 0.0, 21.0, 0.0, 20.0, 1.0])
-    linear = linearise(dynamics, [22.0] * 3, u)
-    at = np.linspace(0, 7200, 25)
-    found = simulate_heat(
-        dynamics.system, dynamics.laws, Conditions.held([0.0, 7200.0], spindle_speed=1500.0, ambient_degc=21.0),
-        time_s=at, step_s=10.0, start_degc=22.0,
-    )  # fmt: skip
-    rate = dynamics.derivative(0.0, np.full(3, 22.0), u)
-    # around a point that is not at rest, the rate there is one more held input
-    moved = dataclasses.replace(linear, B=rate[:, None], inputs=("rate",), D=np.zeros((4, 1)))
-    steps = simulate(moved, at, np.ones((25, 1)), np.zeros(3))
-    # central differences of the rates: 1e-10 relative, summed over 7200 s
-    np.testing.assert_allclose(found.probe_degc - 22.0, steps.outputs[:, :3], atol=1e-6)
+def test_agrees_with_the_matrix_exponential():
+    system, laws = HEADSTOCK.heat_system(), Laws((FRICTION,), (WALLS,))
+    at, start = np.linspace(0, 7200, 25), np.full(3, 22.0)
+    conditions = Conditions.held([0.0, 7200.0], spindle_speed=1500.0, ambient_degc=21.0)
+    found = simulate_heat(system, laws, conditions, time_s=at, step_s=10.0, start_degc=22.0)
+    rate = rates(system, laws, conditions, start)
+    # without softening the rates are linear, and differences of them exact
+    slopes = np.column_stack([rates(system, laws, conditions, start + one) - rate for one in np.eye(3)])
+    settled = -np.linalg.solve(slopes, rate)
+    rise = [settled - expm(slopes * t) @ settled for t in at]
+    # rounding of rates at 22 °C, summed over 7200 s
+    np.testing.assert_allclose(found.probe_degc - 22.0, rise, atol=1e-9)
 
 
 @pytest.mark.parametrize("method", ["exact", "implicit"])
@@ -324,7 +322,6 @@ def test_a_film_may_meet_another_fluid_while_coolant_runs():
     )  # fmt: skip
     expected = (10 * 25 + 300 * 15) / 310
     np.testing.assert_allclose(on.probe_degc, expected, rtol=1e-9)  # e^(−1e7 s/9000 s) and rounding
-    assert on.balance.fluids_j["ambient"] < 0 < on.balance.fluids_j["coolant"]
 
 
 def bar(nodes):
@@ -387,7 +384,7 @@ def test_films_that_never_repeat_are_stepped_implicitly():
     np.testing.assert_allclose(found.probe_degc[:6], exact.probe_degc, atol=1e-4)  # 1 s steps of second order
 
 
-def test_a_shift_of_a_reduced_model_takes_less_than_two_seconds():
+def test_a_shift_of_a_reduced_model_is_stepped_exactly_at_every_sample():
     rng = np.random.default_rng(2)
     n = 100
     matrix = rng.uniform(0, 1, (n, n))
@@ -400,10 +397,8 @@ def test_a_shift_of_a_reduced_model_takes_less_than_two_seconds():
     changes = np.arange(0.0, 28801.0, 900.0)
     conditions = Conditions.held(changes, spindle_speed=rng.choice([0.0, 1000.0, 2000.0, 3000.0], len(changes)))
     laws = Laws((HeatLaw("q", speed_w=100.0, softening_per_k=0.02, at="T0"),), (FilmLaw("air", 10.0, 10.0),))
-    began = time.perf_counter()
+    # two seconds are promised for it: benchmarks/bench_promises.py
     found = simulate_heat(system, laws, conditions, time_s=np.arange(0.0, 28801.0, 10.0), step_s=10.0, start_degc=20.0)
-    # promised; measured 0.15 s
-    assert time.perf_counter() - began < 2.0
     assert found.method == "exact"
 
 

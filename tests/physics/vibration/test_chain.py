@@ -11,11 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from selector.errors import InputError
-from selector.physics.vibration.chain import chain_links, chain_receptance, chain_structure, force_sign
-from selector.physics.vibration.chain_values import Chain
-from selector.physics.vibration.coupled import receptance
-from selector.physics.vibration.source import Line, Source
-from selector.physics.vibration.structure import GROUND, Joint, Member, Structure
+from selector.physics.vibration.chain.chain import Chain, chain_links, chain_receptance, chain_structure, force_sign
+from selector.physics.vibration.structure.source import Line, Source
+from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure, receptance
 
 LATHE = Structure(
     tuple(

@@ -9,15 +9,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from selector.errors import InputError
-from selector.physics.vibration.coupled import (
+from selector.physics.vibration.structure.structure import (
+    GROUND,
+    Joint,
+    Member,
+    Structure,
     mass_matrix,
     receptance,
     receptances,
     response,
     stiffness_matrix,
 )
-from selector.physics.vibration.modes import state_space
-from selector.physics.vibration.structure import GROUND, Joint, Member, Structure
+from tests.physics.vibration.viscous import state_space
 
 TWO = Structure(
     (Member("tool", 12.0), Member("slide", 150.0)),
@@ -133,7 +136,7 @@ def test_a_force_between_two_members_is_two_forces():
 
 def test_many_frequencies_are_solved_in_parts_alike(monkeypatch):
     whole = response(RING, HZ, np.arange(5.0))
-    monkeypatch.setattr("selector.physics.vibration.coupled.NUMBERS_AT_ONCE", 100)
+    monkeypatch.setattr("selector.physics.vibration.structure.structure.NUMBERS_AT_ONCE", 100)
     assert np.array_equal(response(RING, HZ, np.arange(5.0)), whole)
 
 

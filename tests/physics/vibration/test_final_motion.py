@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from selector.errors import InputError
-from selector.physics.vibration.chain import chain_receptance
-from selector.physics.vibration.final_motion import final_motions, final_receptance
-from selector.physics.vibration.spectrum import excitation
-from selector.physics.vibration.structure import Structure
+from selector.physics.vibration.chain.chain import chain_receptance
+from selector.physics.vibration.motion.final_motion import final_motions, final_receptance
+from selector.physics.vibration.structure.source import excitation
+from selector.physics.vibration.structure.structure import Structure
 from tests.physics.vibration.small_lathe import BRANCH, FINALS, HIGH, LOW, MOTOR, SOURCES, SPINDLE, STRUCTURE
 
 LINES = excitation(SOURCES, {"spindle": 1200.0})

@@ -11,18 +11,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from selector.errors import ModelFileError
-from selector.physics.vibration.chain_values import Chain
-from selector.physics.vibration.model_file import checked_model_file, parsed_model_file, plain_values, read_model_file
-from selector.physics.vibration.model_parts import (
+from selector.physics.model_text import plain_values
+from selector.physics.vibration.chain.chain import Chain
+from selector.physics.vibration.file.model_file import (
+    checked_model_file,
     file_chains,
     file_cutting,
     file_shafts,
     file_sources,
     file_structure,
     mean_rpm,
+    parsed_model_file,
+    read_model_file,
 )
-from selector.physics.vibration.source import Line
-from selector.physics.vibration.structure import Joint, Member
+from selector.physics.vibration.structure.source import Line
+from selector.physics.vibration.structure.structure import Joint, Member
 from tests.physics.vibration.model_values import SMALL, changed
 
 FIXTURES = Path(__file__).resolve().parents[3] / "fixtures" / "vibration"

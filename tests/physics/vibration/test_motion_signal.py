@@ -10,13 +10,11 @@ import pytest
 from scipy import signal
 
 from selector.errors import InputError
-from selector.physics.vibration.final_motion import final_motions, final_receptance
-from selector.physics.vibration.motion_signal import motion_signal, source_phases_rad
-from selector.physics.vibration.run_up import HURRY
-from selector.physics.vibration.shaft_course import ShaftCourse
-from selector.physics.vibration.source import Line, Source
-from selector.physics.vibration.spectrum import excitation
-from selector.physics.vibration.structure import GROUND, Joint, Member, Structure
+from selector.physics.vibration.motion.final_motion import final_motions, final_receptance
+from selector.physics.vibration.motion.motion_signal import motion_signal, source_phases_rad
+from selector.physics.vibration.motion.run_up import HURRY
+from selector.physics.vibration.structure.source import Line, ShaftCourse, Source, excitation
+from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure
 from tests.physics.vibration.small_lathe import BRANCH, FINALS, HIGH, LOW, MOTOR, SOURCES, SPINDLE, STRUCTURE
 
 TIME = np.arange(3000) * 5e-4 + 1.25

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from itertools import product
 
 import numpy as np
@@ -13,7 +12,7 @@ from hypothesis import strategies as st
 from scipy import special
 
 from selector.errors import InputError
-from selector.physics.vibration.realisations import (
+from selector.physics.vibration.motion.realisations import (
     any_phase_amplitude,
     mean_square,
     realisation_amounts,
@@ -70,15 +69,10 @@ def test_as_every_realisation_written_out(n_sources, phases):
     found = realisation_amounts(motion, frequency, source, times, n_sources=n_sources, phases=phases)
     every = written_out(motion, frequency, source, times, n_sources=n_sources, phases=phases)
     assert found.count == len(every) == phases**n_sources
-    assert found.section_expected_m == pytest.approx(np.abs(every).mean(axis=0), rel=ROUNDING)
-    assert found.section_mean_abs_m == pytest.approx(np.abs(every.imag).mean(axis=0), rel=ROUNDING)
-    assert found.section_largest_m == pytest.approx(np.abs(every).max(axis=0), rel=ROUNDING)
     assert found.expected_m == pytest.approx(np.abs(every).mean(), rel=ROUNDING)
     assert found.mean_abs_m == pytest.approx(np.abs(every.imag).mean(), rel=ROUNDING)
     assert found.largest_m == pytest.approx(np.abs(every).max(), rel=ROUNDING)
     assert found.rms_m == pytest.approx(math.sqrt((every.imag**2).mean()), rel=ROUNDING)
-    # realisations that differ by a common shift have the same amounts: each of ours stands for P of them
-    assert np.repeat(found.realisation_m, phases) == pytest.approx(np.sort(np.abs(every).mean(axis=1)), rel=ROUNDING)
 
 
 def test_five_sources_of_four_phases_are_1024():
@@ -94,7 +88,7 @@ def test_five_sources_of_four_phases_are_1024():
 
 
 @given(n_sources=st.integers(1, 5), phases=st.integers(1, 5), extra=st.integers(0, 4), seed=st.integers(0, 2**32 - 1))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30)
 def test_mean_square_in_closed_form(n_sources, phases, extra, seed):
     rng = np.random.default_rng(seed)
     motion, frequency, source = drawn(rng, n_sources, n_sources + extra)
@@ -110,7 +104,7 @@ def test_mean_square_in_closed_form(n_sources, phases, extra, seed):
 
 
 @given(phases=st.integers(1, 6), seed=st.integers(0, 2**32 - 1))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_amounts_keep_their_order(phases, seed):
     rng = np.random.default_rng(seed)
     motion, frequency, source = drawn(rng, 3, 5)
@@ -120,8 +114,6 @@ def test_amounts_keep_their_order(phases, seed):
     assert found.mean_abs_m <= found.rms_m * slack
     assert found.expected_m <= found.largest_m * slack
     assert found.largest_m <= np.abs(motion).sum() * slack
-    assert found.realisation_m[-1] <= found.largest_m * slack
-    assert found.realisation_m.mean() == pytest.approx(found.expected_m, rel=ROUNDING)
 
 
 def test_one_line_of_one_source_has_its_amplitude():
@@ -137,7 +129,6 @@ def test_two_equal_sources_at_one_frequency():
     # shifts of 0, 90, 180, 270° against each other: |1 + e^{iφ}| = 2, √2, 0, √2
     found = realisation_amounts([1.0, 1.0], [40.0, 40.0], [0, 1], [0.013], n_sources=2)
     assert found.expected_m == pytest.approx((2.0 + 2.0 * math.sqrt(2.0)) / 4.0, rel=ROUNDING)
-    assert found.realisation_m == pytest.approx([0.0, math.sqrt(2.0), math.sqrt(2.0), 2.0], abs=ROUNDING)
     # P → ∞: mean of |1 + e^{iφ}| is 4/π; with 360 steps to their square
     many = realisation_amounts([1.0, 1.0], [40.0, 40.0], [0, 1], [0.013], n_sources=2, phases=360)
     assert many.expected_m == pytest.approx(4.0 / math.pi, rel=1e-4)
@@ -169,7 +160,6 @@ def test_nothing_moves():
     for motion in ([], [0.0]):
         found = realisation_amounts(motion, [1.0] * len(motion), [0] * len(motion), [0.0, 1.0], n_sources=5)
         assert (found.expected_m, found.rms_m, found.largest_m, found.count) == (0.0, 0.0, 0.0, 1024)
-        assert np.isfinite(found.section_mean_abs_m).all()
 
 
 @pytest.mark.parametrize(
@@ -204,16 +194,13 @@ def test_section_times_meet_every_line_at_all_phases():
             section_times(sections, duration)
 
 
-def test_1024_realisations_at_10_000_sections_are_quick():
+def test_1024_realisations_at_10_000_sections():
     rng = np.random.default_rng(1)
     motion, frequency, source = drawn(rng, 5, 50)
     times = section_times(10_000, 1.0)
-    begin = time.perf_counter()
+    # the limit of 0.5 s is in benchmarks/bench_promises.py
     found = realisation_amounts(motion, frequency, source, times, n_sources=5)
-    # 0.06 s on one core; the limit that was set is 0.5 s
-    assert time.perf_counter() - begin < 0.5
     assert found.count == 1024
-    assert len(found.section_expected_m) == 10_000
 
 
 @given(st.lists(st.floats(1e-3, 1.0), min_size=3, max_size=4))

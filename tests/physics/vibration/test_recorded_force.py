@@ -6,11 +6,17 @@ import numpy as np
 import pytest
 from scipy import fft, linalg, signal
 
-from selector.physics.vibration.coupled import mass_matrix, stiffness_matrix
-from selector.physics.vibration.final_motion import final_receptance
-from selector.physics.vibration.recorded_force import FADED, force_answer, ring_time_s
-from selector.physics.vibration.source import Line, Source
-from selector.physics.vibration.structure import GROUND, Joint, Member, Structure
+from selector.physics.vibration.motion.final_motion import final_receptance
+from selector.physics.vibration.recorded.force import FADED, force_answer, ring_time_s
+from selector.physics.vibration.structure.source import Line, Source
+from selector.physics.vibration.structure.structure import (
+    GROUND,
+    Joint,
+    Member,
+    Structure,
+    mass_matrix,
+    stiffness_matrix,
+)
 
 STEP_S = 5e-4
 TIME_S = np.arange(4000) * STEP_S

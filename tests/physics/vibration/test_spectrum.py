@@ -8,8 +8,7 @@ import math
 import pytest
 
 from selector.errors import InputError
-from selector.physics.vibration.source import Line, Source
-from selector.physics.vibration.spectrum import excitation
+from selector.physics.vibration.structure.source import Line, Source, excitation
 from tests.physics.vibration.small_lathe import MOTOR, SOURCES, SPINDLE
 
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 
-from selector.physics.vibration.modes import state_space, structure_modes
-from selector.physics.vibration.motion_signal import motion_signal
-from selector.physics.vibration.shaft_course import ShaftCourse
-from selector.physics.vibration.source import Line, Source
-from selector.physics.vibration.structure import GROUND, Joint, Member, Structure
-from selector.physics.vibration.swing_up import late_motion
+from selector.physics.vibration.motion.motion_signal import motion_signal
+from selector.physics.vibration.motion.run_up import late_motion
+from selector.physics.vibration.structure.modes import structure_modes
+from selector.physics.vibration.structure.source import Line, ShaftCourse, Source
+from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure
+from tests.physics.vibration.viscous import state_space
 
 COLUMN = Structure(
     (Member("workpiece", 400.0), Member("spindle", 40.0), Member("tool", 250.0)),

@@ -8,17 +8,17 @@ import pytest
 from scipy import signal
 
 from selector.errors import InputError, OptionError
-from selector.physics.vibration.model_file import checked_model_file
-from selector.physics.vibration.modes import state_space
-from selector.physics.vibration.recorded_force import force_answer, ring_time_s
-from selector.physics.vibration.source import Line, Source
-from selector.physics.vibration.structure import GROUND, Joint, Member, Structure
+from selector.physics.vibration.file.model_file import checked_model_file
+from selector.physics.vibration.recorded.force import force_answer, ring_time_s
+from selector.physics.vibration.structure.source import Line, Source
+from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure
 from selector.physics.vibration.vibration_channels import recorded_channels
 from selector.physics.vibration.vibration_driving import driven_runs
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, vibration_model
 from selector.physics.vibration.vibration_summary import vibration_summary
 from selector.recording import Channel, Recording
 from tests.physics.vibration.model_values import changed
+from tests.physics.vibration.viscous import state_space
 
 UNITS = {"displacement": "um", "force": "N", "spindle_speed": "rpm"}
 

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from selector.errors import InputError
-from selector.physics.vibration.model_file import checked_model_file, read_model_file
+from selector.physics.vibration.file.model_file import checked_model_file, read_model_file
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, vibration_model
 from tests.physics.vibration.model_values import changed
+from tests.work import calls_of
 
 FIXTURES = Path(__file__).resolve().parents[3] / "fixtures" / "vibration"
 
@@ -39,7 +39,6 @@ def test_the_recording_has_finals_forces_and_speeds_at_every_period():
     assert set(columns(recording, "motor_speed")[0]) == {1800.0}
     assert np.isfinite(recording.frame.to_numpy()).all()
     assert [channel.name for channel in built.outputs] == [*FINALS, RELATIVE]
-    assert set(built.inputs) | {channel.name for channel in built.outputs} == set(recording.names)
 
 
 def test_the_motion_is_the_sum_of_its_lines_with_the_shifts_of_the_seed():
@@ -131,15 +130,6 @@ def test_parameters_change_the_motion_and_nothing_changes_none():
     assert columns(twice.simulate(), "tool")[0] == pytest.approx(2.0 * columns(built.simulate(), "tool")[0], abs=1e-9)
 
 
-def test_places_are_those_of_the_parameters():
-    built = model()
-    assert set(built.places) == {
-        "members.workpiece", "members.tool", "members.bed", "joints.1", "joints.2", "joints.3", "sources.spindle",
-        "sources.motor",
-    }  # fmt: skip
-    assert all(any(name.startswith(f"{place}.") for name in built.parameters) for place in built.places)
-
-
 @pytest.mark.parametrize("path", sorted(FIXTURES.glob("*.toml")), ids=lambda path: path.stem)
 def test_examples_run_without_surprise(path):
     simulation = vibration_model(read_model_file(path)).simulation()
@@ -147,10 +137,9 @@ def test_examples_run_without_surprise(path):
     assert simulation.findings == ()
 
 
-def test_a_simulation_of_the_lathe_is_quick_enough_for_a_fit():
+def test_a_simulation_of_the_lathe_is_cheap_enough_for_a_fit():
     lathe = vibration_model(read_model_file(FIXTURES / "lathe.toml"))
     lathe.simulate()
-    begun = time.process_time()
-    lathe.with_parameters({"joints.1.dissipation": 0.2}).simulate()
-    # 12 ms here; a fit calls it hundreds of times
-    assert time.process_time() - begun < 0.25
+    changed = lathe.with_parameters({"joints.1.dissipation": 0.2})
+    # 8000 calls, 12 ms; a fit calls it hundreds of times
+    assert calls_of(changed.simulate) < 20_000

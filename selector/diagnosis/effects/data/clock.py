@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.data.places import (
+from selector.diagnosis.effects.data._places import (
     Part,
     duration,
     estimate,
@@ -16,18 +16,10 @@ from selector.diagnosis.effects.data.places import (
     where_of,
     whole_runs,
 )
-from selector.diagnosis.effects.effect import (
-    Effect,
-    Fitted,
-    Quantity,
-    Reading,
-    ShapeParameter,
-    Variant,
-    Vector,
-    equally_likely,
-)
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, equally_likely
 from selector.diagnosis.shapes.input_faults import input_faults
 from selector.diagnosis.shapes.signals import excited, filled, rate
+from selector.types import Vector
 
 _SIZES = (0.1, 0.2, 0.4, 0.75, 1.3, 2.0, 2.8)
 """Shifts, in times that the course takes to change, for which its derivative no longer says what a shift does."""

@@ -7,8 +7,15 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.data.places import Part, estimate, fitted_runs, later_parts, where_of
-from selector.diagnosis.effects.data.words import amount, step_unit
+from selector.diagnosis.effects.data._places import (
+    Part,
+    amount,
+    estimate,
+    fitted_runs,
+    later_parts,
+    step_unit,
+    where_of,
+)
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.input_faults import fault_reading, fault_variants
 

@@ -7,9 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.data.places import Part, estimate, where_of, whole_runs
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, Vector
+from selector.diagnosis.effects.data._places import Part, estimate, where_of, whole_runs
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.signals import excited, filled
+from selector.types import Vector
 
 _FACTORS = {
     1000.0: "a thousandfold: mm for µm, or mA for A",

@@ -7,11 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.data.places import Part, estimate, fitted_runs, later_parts, window
-from selector.diagnosis.effects.data.words import amount, step_unit
+from selector.diagnosis.effects.data._places import Part, amount, estimate, fitted_runs, later_parts, step_unit, window
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.input_faults import fault_reading, fault_variants
-from selector.diagnosis.shapes.leftover import leftover
+from selector.diagnosis.shapes.residual import leftover
 
 _BESIDE = 8
 """Samples on each side of a moment by whose means a jump is seen."""

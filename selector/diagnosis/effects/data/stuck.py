@@ -9,12 +9,10 @@ from numpy.typing import NDArray
 from scipy.special import erf
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.data.places import window
-from selector.diagnosis.effects.data.words import amount, step_unit
+from selector.diagnosis.effects.data._places import amount, step_unit, window
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.input_faults import fault_reading, fault_variants
-from selector.diagnosis.shapes.record_kind import of_a_drive
-from selector.diagnosis.shapes.signals import filled
+from selector.diagnosis.shapes.signals import filled, of_a_drive
 from selector.quality.survey import block_noise
 
 _LEAST = 6

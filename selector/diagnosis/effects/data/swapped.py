@@ -8,11 +8,12 @@ from itertools import combinations
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.data.places import estimate, fitted_runs, where_of, whole_runs
-from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant, Vector, equally_likely
+from selector.diagnosis.effects.data._places import estimate, fitted_runs, where_of, whole_runs
+from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant, equally_likely
 from selector.diagnosis.shapes.input_faults import fault_reading, fault_variants
-from selector.diagnosis.shapes.read_inputs import exchanged, weights_of_readings
+from selector.diagnosis.shapes.residual import exchanged, weights_of_readings
 from selector.diagnosis.shapes.signals import excited, filled
+from selector.types import Vector
 
 _AROUND_ONE = ((0.7, 1.3),)
 

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.data.places import Part, estimate, where_of, whole_runs
-from selector.diagnosis.effects.data.words import amount, step_unit
+from selector.diagnosis.effects.data._places import Part, amount, estimate, step_unit, where_of, whole_runs
 from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant
 
 

@@ -1,20 +1,29 @@
-"""How forces on an axis become the shapes of a drive effect, and how a fit of them is put into words."""
+"""How forces on an axis become the shapes of a drive effect: leads, limits, fits in newtons."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
+from numba import njit
+from scipy.ndimage import median_filter
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Fitted, Quantity, ShapeParameter, Variant
-from selector.diagnosis.shapes.force_response import PLACE_ROLES, guesses, passed, responds, yields_s2
-from selector.diagnosis.shapes.motion import Motion, motion
-from selector.diagnosis.shapes.simulated_axis import FORCE_ROLES, simulated_axis
+from selector.diagnosis.shapes.axis import (
+    FORCE_ROLES,
+    MOST_SUBSTEPS,
+    Motion,
+    SimulatedAxis,
+    motion,
+    pieces,
+    simulated_axis,
+)
+from selector.diagnosis.shapes.force_response import PLACE_ROLES, ClosedLoop, felt, guesses, passed, responds, yields_s2
+from selector.diagnosis.shapes.signals import excited, filled, rate
 from selector.diagnosis.shown_units import displayed
-
-Vector = NDArray[np.float64]
+from selector.types import Vector
 
 PLACES = PLACE_ROLES
 YIELD = ShapeParameter("yield_s2", "s^2", 0.0, 1e-4, "compliance between drive and table times the moving mass")
@@ -161,3 +170,202 @@ def key_of(fitted: Fitted) -> str:
 
 def _number(value: float) -> str:
     return f"{value:.3g}"
+
+
+SHORTEST_M = 5e-4
+FEWEST_TURNS = 3.0
+N_PEAKS = 6
+N_LONG = 3
+"""Of leads with few turns on the way: they stand beside what is slow, not beside noise."""
+_FEW_TURNS = 12.0
+_FINER = 6
+_BACKGROUND_LINES = 60
+"""Strokes that overlap little make one line as wide as several."""
+_BINS = 2**13
+
+
+@lru_cache(maxsize=16)
+def leads(comparison: Comparison, axis: str | None, *, of_force: bool) -> tuple[float, ...]:
+    """Leads [m] that the residuals of an axis repeat with over its position, longest first; fitted rows only.
+
+    Of a position itself (in displacements and positions), or `of_force`: of a force, by all responses together, each
+    passed back through what it does to them, so that a ripple that the loop turns with speed adds up.
+    """
+    moving = motion(comparison, axis)
+    if moving is None:
+        return ()
+    used = (moving.sense != 0.0) & ~comparison.held_out
+    place = moving.position_m[used]
+    if len(place) < 50 or np.ptp(place) < FEWEST_TURNS * SHORTEST_M:
+        return ()
+    courses = []
+    for name in comparison.responses:
+        channel = comparison.channel(name)
+        seen = FORCE_ROLES + PLACES if of_force else PLACES
+        if channel.role not in seen or (axis is not None and channel.axis not in (None, axis)):
+            continue
+        left = _left(comparison, moving, name)
+        if excited(left):
+            courses.append((felt(comparison, name, left) if of_force else left)[used])
+    return _highest(place, courses, comparison, np.abs(moving.velocity_m_per_s[used]))
+
+
+def _left(comparison: Comparison, moving: Motion, name: str) -> Vector:
+    """What motion, place and the simulated course do not explain of a residual in the fitted rows; 0 in the others."""
+    own = np.column_stack([
+        moving.velocity_m_per_s, moving.acceleration_m_per_s2, moving.sense, moving.position_m, moving.position_m**2,
+        *(np.equal(comparison.run_index, k) for k in range(len(comparison.runs))),
+        filled(comparison, comparison.simulated[name]),
+    ])[~comparison.held_out]  # fmt: skip
+    size = np.sqrt(np.mean(own**2, axis=0))
+    own = own[:, size > 0.0] / size[size > 0.0]
+    residual = filled(comparison, comparison.difference(name))[~comparison.held_out]
+    left = np.zeros(len(comparison.time_s))
+    left[~comparison.held_out] = residual - own @ np.linalg.lstsq(own, residual, rcond=None)[0]
+    return left
+
+
+def _highest(place: Vector, courses: list[Vector], comparison: Comparison, speed: Vector) -> tuple[float, ...]:
+    way = float(np.ptp(place))
+    width = way * _FINER / _BINS
+    number = np.minimum(((place - place.min()) / way * _FINER**-1 * _BINS).astype(np.intp), _BINS - 1)
+    frequency = np.fft.rfftfreq(_BINS, width)
+    # at least four samples a turn at the usual speed
+    travel = float(np.median(speed)) * comparison.period_s
+    shortest = max(SHORTEST_M, 4.0 * travel, 4.0 * width)
+    inside = (frequency >= FEWEST_TURNS / way) & (frequency <= 1.0 / shortest)
+    if inside.sum() < 5 or not courses:
+        return ()
+    height = np.zeros(int(inside.sum()))
+    for course in courses:
+        sums = np.bincount(number, weights=course, minlength=_BINS)
+        power = np.abs(np.fft.rfft(sums)[inside]) ** 2
+        background = median_filter(power, min(_BACKGROUND_LINES * _FINER, len(power)), mode="reflect")
+        height += power / np.maximum(background, 1e-300 + 1e-6 * float(power.max()))
+    is_long = frequency[inside] * way < _FEW_TURNS
+    taken = [*_apart(np.where(is_long, 0.0, height), N_PEAKS), *_apart(np.where(is_long, height, 0.0), N_LONG)]
+    return tuple(sorted({float(1.0 / frequency[inside][k]) for k in taken}, reverse=True))
+
+
+def _apart(height: Vector, most: int) -> list[int]:
+    """The highest peaks, no two nearer than a line is wide."""
+    padded = np.r_[0.0, height, 0.0]
+    order = [k for k in range(len(height)) if height[k] > 0.0 and height[k] >= max(padded[k], padded[k + 2])]
+    taken: list[int] = []
+    for k in sorted(order, key=lambda k: -height[k]):
+        if all(abs(k - other) > _FINER for other in taken):
+            taken.append(k)
+        if len(taken) == most:
+            break
+    return taken
+
+
+_SUBSTEPS_PER_POLE = 0.2
+
+
+def held_back(
+    comparison: Comparison, loop: ClosedLoop, force: Vector, limit: float, *, winds_up: bool
+) -> tuple[Vector, Vector]:
+    """Force that lacks [unit of the force] and way behind [the same · s²], shape (n_rows,), from rest in every run.
+
+    With `winds_up` the integral part of the control runs on while the force is at its limit, else it waits.
+    """
+    # what is over long before the next sample may as well take a part of that time
+    quickest = MOST_SUBSTEPS * _SUBSTEPS_PER_POLE / comparison.period_s
+    poles = np.roots(loop.polynomial)
+    poles = poles * np.minimum(1.0, quickest / np.maximum(np.abs(poles), 1e-300))
+    # a loop without an integral part has no α₀
+    alpha = np.array([*np.real(np.poly(poles))[1:], *[0.0] * (3 - loop.order)])
+    fastest = float(np.max(np.abs(poles)))
+    substeps = int(np.clip(np.ceil(fastest * comparison.period_s / _SUBSTEPS_PER_POLE), 1, MOST_SUBSTEPS))
+    lacking, behind = np.zeros(len(force)), np.zeros(len(force))
+    for _, rows in comparison.rows_of_runs():
+        state = np.zeros(3)
+        for part in pieces(rows):
+            _stepped(
+                force[part], comparison.time_s[part], alpha, limit, winds_up, substeps, state, lacking[part],
+                behind[part],
+            )  # fmt: skip
+    return lacking, behind
+
+
+def asked_for(comparison: Comparison, axis: SimulatedAxis, force: Vector) -> Vector:
+    """What the control asked for, so that the force came, F + τF' [unit of the force]."""
+    return force + axis.lag_s * rate(comparison, force)
+
+
+def held_back_axis(
+    comparison: Comparison, axis: SimulatedAxis, asked: Vector, limit: float, *, winds_up: bool
+) -> tuple[Vector, Vector]:
+    """As `held_back`, with a limit on what the control asks for (`asked`), its lag, and the axis' dry friction."""
+    c2, c1, c0 = axis.control
+    # position gain and reset: c₁ = c₂·(p + r), c₀ = c₂·p·r; the position loop is the slower one
+    half = 0.5 * c1 / c2
+    position_gain = half - float(np.sqrt(max(half**2 - c0 / c2, 0.0)))
+    reset = c1 / c2 - position_gain
+    control = np.array([c2, position_gain, reset, axis.lag_s, axis.viscous_per_s, axis.dry_m_per_s2])
+    lacking, behind = np.zeros(len(asked)), np.zeros(len(asked))
+    for _, rows in comparison.rows_of_runs():
+        state = np.zeros(5)
+        for part in pieces(rows):
+            _held(
+                asked[part], comparison.time_s[part], control, axis.stiffens_per_m[part], axis.forgets_per_s[part],
+                limit, winds_up, axis.substeps(comparison.period_s), state, lacking[part], behind[part],
+            )  # fmt: skip
+    return lacking, behind
+
+
+@njit(cache=True, nogil=True)
+def _held(  # type: ignore[no-untyped-def]
+    asked, time_s, control, stiffens, forgets, limit, winds_up, substeps, state, lacking, behind
+):
+    gain, position_gain, reset, lag, viscous, dry = control
+    way, speed, integral, given, bent = state
+    for k in range(1, len(asked)):
+        step = (time_s[k] - time_s[k - 1]) / substeps
+        quick = step / (lag + step)
+        for j in range(substeps):
+            share = (j + 1.0) / substeps
+            simulated = asked[k - 1] + (asked[k] - asked[k - 1]) * share
+            wanted = simulated - gain * (speed + position_gain * way) - integral
+            let = min(max(wanted, -limit), limit)
+            integral += reset * step * gain * (speed + position_gain * way)
+            if not winds_up:
+                integral -= reset * step * (let - wanted)
+            # what is given beyond the simulation
+            given += quick * (let - simulated - given)
+            turned = bent + step * (stiffens[k] * speed - forgets[k] * bent)
+            if forgets[k] * step > 0.5:
+                turned = (bent + step * stiffens[k] * speed) / (1.0 + step * forgets[k])
+            spring = dry * stiffens[k] * step**2
+            if spring > 0.25:
+                # stiffer than the steps can follow: taken at the end of the step, where it holds
+                soft = 1.0 / (1.0 + step * forgets[k])
+                pushed = speed + step * (given - viscous * speed - dry * soft * bent)
+                speed = pushed / (1.0 + soft * spring)
+                bent = soft * (bent + step * stiffens[k] * speed)
+            else:
+                bent = turned
+                speed += step * (given - viscous * speed - dry * bent)
+            way += step * speed
+        lacking[k] = given
+        behind[k] = way
+    state[:] = way, speed, integral, given, bent
+
+
+@njit(cache=True, nogil=True)
+def _stepped(force, time_s, alpha, limit, winds_up, substeps, state, lacking, behind):  # type: ignore[no-untyped-def]
+    way, speed, integral = state
+    for k in range(1, len(force)):
+        step = (time_s[k] - time_s[k - 1]) / substeps
+        for j in range(substeps):
+            asked = force[k - 1] + (force[k] - force[k - 1]) * (j + 1.0) / substeps
+            wanted = asked - alpha[0] * speed - alpha[1] * way - alpha[2] * integral
+            given = min(max(wanted, -limit), limit)
+            if winds_up or given == wanted:
+                integral += way * step
+            speed += (given - asked) * step
+            way += speed * step
+            lacking[k] = given - asked
+        behind[k] = way
+    state[:] = way, speed, integral

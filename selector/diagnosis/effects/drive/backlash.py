@@ -7,7 +7,6 @@ from itertools import pairwise
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import (
@@ -21,12 +20,10 @@ from selector.diagnosis.effects.drive._forces import (
     with_interval,
 )
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.shapes.axis import FORCE_ROLES, Motion, simulated_drive_force
 from selector.diagnosis.shapes.force_response import loop_parts
-from selector.diagnosis.shapes.motion import Motion
 from selector.diagnosis.shapes.signals import scaled
-from selector.diagnosis.shapes.simulated_axis import FORCE_ROLES, simulated_drive_force
-
-Vector = NDArray[np.float64]
+from selector.types import Vector
 
 _CROSSED_UM = (1.0, 10.0, 100.0)
 """Way on which the lost motion is crossed; the finest stands for all that the sampling shows as a step."""

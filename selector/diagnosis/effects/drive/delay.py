@@ -17,8 +17,8 @@ from selector.diagnosis.effects.drive._forces import (
     with_interval,
 )
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.shapes.axis import simulated_drive_force
 from selector.diagnosis.shapes.signals import filled, rate
-from selector.diagnosis.shapes.simulated_axis import simulated_drive_force
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:

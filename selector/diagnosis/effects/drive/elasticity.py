@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import bilinear, lfilter
 
 from selector.diagnosis.comparison import Comparison
@@ -22,10 +21,9 @@ from selector.diagnosis.effects.drive._forces import (
     with_interval,
 )
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.shapes.axis import simulated_drive_force
 from selector.diagnosis.shapes.signals import rate
-from selector.diagnosis.shapes.simulated_axis import simulated_drive_force
-
-Vector = NDArray[np.float64]
+from selector.types import Vector
 
 _DAMPING = (0.04,)
 _N_FREQUENCIES = 12

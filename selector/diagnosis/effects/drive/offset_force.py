@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import (
@@ -21,8 +20,7 @@ from selector.diagnosis.effects.drive._forces import (
 )
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.signals import course, in_run
-
-Vector = NDArray[np.float64]
+from selector.types import Vector
 
 _CONSTANT = "constant force"
 

@@ -10,12 +10,12 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import (
     centred_place,
     direct,
+    leads,
     motion_of,
     place_only,
     shape_quantity,
     size_of,
 )
-from selector.diagnosis.effects.drive._leads import leads
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shown_units import displayed
 

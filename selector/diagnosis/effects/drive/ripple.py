@@ -11,12 +11,12 @@ from selector.diagnosis.effects.drive._forces import (
     any_response,
     is_force,
     key_of,
+    leads,
     motion_of,
     of_forces,
     shape_quantity,
     size_of,
 )
-from selector.diagnosis.effects.drive._leads import leads
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 
 

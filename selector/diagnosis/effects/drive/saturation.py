@@ -5,29 +5,29 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import (
     PLACES,
     any_response,
+    asked_for,
+    held_back,
+    held_back_axis,
     motion_of,
     shape_quantity,
     size_of,
 )
-from selector.diagnosis.effects.drive._limit import asked_for, held_back, held_back_axis
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.shapes.force_response import ClosedLoop, closed_loop, drawn_out
-from selector.diagnosis.shapes.motion import derivatives
-from selector.diagnosis.shapes.signals import scaled
-from selector.diagnosis.shapes.simulated_axis import (
+from selector.diagnosis.shapes.axis import (
     FORCE_ROLES,
     SimulatedAxis,
+    derivatives,
     simulated_axis,
     simulated_drive_force,
 )
-
-Vector = NDArray[np.float64]
+from selector.diagnosis.shapes.force_response import ClosedLoop, closed_loop, drawn_out
+from selector.diagnosis.shapes.signals import scaled
+from selector.types import Vector
 
 _SHARES = (0.99, 0.98, 0.97, 0.955, 0.94, 0.92, 0.9, 0.87, 0.84, 0.8, 0.75, 0.7, 0.6, 0.5, 0.4)
 _SHARES_OF_SPEED = (0.97, 0.94, 0.9, 0.85, 0.8, 0.7)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import (
@@ -17,10 +16,8 @@ from selector.diagnosis.effects.drive._forces import (
     size_of,
 )
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.shapes.motion import Motion
-from selector.diagnosis.shapes.simulated_axis import simulated_drive_force
-
-Vector = NDArray[np.float64]
+from selector.diagnosis.shapes.axis import Motion, simulated_drive_force
+from selector.types import Vector
 
 _INERTIA, _FRICTION = "inertia", "friction"
 

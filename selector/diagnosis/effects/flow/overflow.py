@@ -6,16 +6,13 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.shapes.leftover import Remainder
-from selector.diagnosis.shapes.record_kind import no_flow
-from selector.diagnosis.shapes.signals import course, excited, filled, lagged, time_constants
-from selector.diagnosis.shapes.stores import Brims, Stores, refitted, stores_of
-
-Vector = NDArray[np.float64]
+from selector.diagnosis.shapes.reservoirs import Brims, Stores, refitted, stores_of
+from selector.diagnosis.shapes.residual import Remainder
+from selector.diagnosis.shapes.signals import course, excited, filled, lagged, no_flow, time_constants
+from selector.types import Vector
 
 _FALLING = ((-np.inf, 0.0),)
 _RISING = ((0.0, np.inf),)

@@ -5,18 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.effects.gauging.lag import infeed
-from selector.diagnosis.shapes.leftover import leftover
-from selector.diagnosis.shapes.record_kind import SLOWEST_VIBRATION_S, no_gauging, part_by_part
-from selector.diagnosis.shapes.rotation import turns_of
-from selector.diagnosis.shapes.signals import course, excited, lagged
-from selector.diagnosis.shapes.spectral_lines import Line, course_of, lines
-
-Vector = NDArray[np.float64]
+from selector.diagnosis.shapes.residual import leftover
+from selector.diagnosis.shapes.signals import SLOWEST_VIBRATION_S, course, excited, lagged, no_gauging, part_by_part
+from selector.diagnosis.shapes.spectral_lines import Line, course_of, lines, turns_of
+from selector.types import Vector
 
 _LAGS_S = (0.0, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 _OWN = 0.03

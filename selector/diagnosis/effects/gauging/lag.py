@@ -10,10 +10,8 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.shapes.record_kind import no_gauging, part_by_part
-from selector.diagnosis.shapes.signals import course, excited, filled, lagged, time_constants
-
-Vector = NDArray[np.float64]
+from selector.diagnosis.shapes.signals import course, excited, filled, lagged, no_gauging, part_by_part, time_constants
+from selector.types import Vector
 
 _UM_PER_S = {"feed_rate": 1000.0 / 60.0, "velocity": 1e6}
 """Canonical unit of the role in µm/s."""

@@ -10,10 +10,8 @@ from numpy.typing import NDArray
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.effects.gauging.lag import infeed
-from selector.diagnosis.shapes.record_kind import no_gauging, part_by_part
-from selector.diagnosis.shapes.signals import course, excited
-
-Vector = NDArray[np.float64]
+from selector.diagnosis.shapes.signals import course, excited, no_gauging, part_by_part
+from selector.types import Vector
 
 _SATURATION = (0.15, 0.4)
 """Amount after which wear that settles is two thirds done, over the whole amount."""

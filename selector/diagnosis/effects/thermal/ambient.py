@@ -8,7 +8,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.shapes.heat_wording import delay_of, quantities, with_place, worth
+from selector.diagnosis.effects.thermal._wording import delay_of, quantities, with_place, worth
 from selector.diagnosis.shapes.heating import lacking, sources, temperature_rise
 from selector.diagnosis.shapes.signals import course, lagged, time_constants
 

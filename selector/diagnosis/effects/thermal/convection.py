@@ -5,17 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.shapes.heat_wording import delay_of, place_of, quantities, worth
-from selector.diagnosis.shapes.heating import lacking, simulated_rise, sources, speed_power
+from selector.diagnosis.effects.thermal._wording import delay_of, place_of, quantities, worth
+from selector.diagnosis.shapes.heating import (
+    SpindleLaw,
+    follows_sensors,
+    lacking,
+    simulated_rise,
+    sources,
+    speed_power,
+    spindle_law,
+)
 from selector.diagnosis.shapes.signals import excited, lagged, scaled, time_constants
-from selector.diagnosis.shapes.spindle_heat import SpindleLaw, follows_sensors, spindle_law
-from selector.quality.wording import duration
+from selector.quality.survey import duration
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
 _GROWTHS = (0.05, 0.5, 2.0)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.shapes.heat_wording import place_of, quantities, worth
+from selector.diagnosis.effects.thermal._wording import place_of, quantities, worth
 from selector.diagnosis.shapes.heating import lacking, shown_unit, sources, speed_power, top_speed_rpm
 
 _EXPONENTS = (0.5, 1.0, 1.5, 2.0)

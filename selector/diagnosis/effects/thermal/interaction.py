@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import numpy as np
-from numpy.typing import NDArray
-
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.shapes.heat_wording import place_of, quantities, with_place, worth
-from selector.diagnosis.shapes.heating import lacking, shown_unit, simulated_rise, sources
+from selector.diagnosis.effects.thermal._wording import place_of, quantities, with_place, worth
+from selector.diagnosis.shapes.heating import calm_rise, lacking, shown_unit, simulated_rise, sources
 from selector.diagnosis.shapes.signals import excited
-from selector.diagnosis.shapes.spindle_heat import calm_rise
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
 _MOST_SENSORS = 8
 
 

@@ -5,16 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.shapes.heat_wording import delay_of, place_of, quantities, with_place, worth
-from selector.diagnosis.shapes.heating import lacking, simulated_rise, sources, speed_power, temperature_rise
+from selector.diagnosis.effects.thermal._wording import delay_of, place_of, quantities, with_place, worth
+from selector.diagnosis.shapes.heating import (
+    free_part,
+    lacking,
+    simulated_rise,
+    sources,
+    speed_power,
+    spindle_law,
+    spindle_part,
+    temperature_rise,
+)
 from selector.diagnosis.shapes.signals import excited, lagged, start_decay, time_constants
-from selector.diagnosis.shapes.spindle_heat import free_part, spindle_law, spindle_part
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
 _MOST_SENSORS = 3
 _WARM_START_K = 1.0
 

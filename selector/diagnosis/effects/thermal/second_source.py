@@ -5,21 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.shapes.heat_wording import delay_of, place_of, quantities, with_place, worth
+from selector.diagnosis.effects.thermal._wording import delay_of, place_of, quantities, with_place, worth
 from selector.diagnosis.shapes.heating import (
+    calm_rise,
+    free_part,
     heats,
     lacking,
     says_other_source,
     sources,
 )
 from selector.diagnosis.shapes.signals import excited, lagged, time_constants
-from selector.diagnosis.shapes.spindle_heat import calm_rise, free_part
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
 _FREE_SHARE = 0.03
 _FREE_SHARE_IF_SAID = 0.015
 _OWN_SHARE = 0.5

@@ -8,11 +8,18 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.shapes.heat_wording import place_of, quantities, worth
-from selector.diagnosis.shapes.heating import lacking, sources, speed_power, top_speed_rpm
+from selector.diagnosis.effects.thermal._wording import place_of, quantities, worth
+from selector.diagnosis.shapes.heating import (
+    EXPONENTS,
+    SpindleLaw,
+    lacking,
+    sources,
+    speed_power,
+    spindle_law,
+    top_speed_rpm,
+)
 from selector.diagnosis.shapes.signals import course, lagged, time_constants
-from selector.diagnosis.shapes.spindle_heat import EXPONENTS, SpindleLaw, spindle_law
-from selector.quality.wording import duration
+from selector.quality.survey import duration
 
 _APART = 0.2
 

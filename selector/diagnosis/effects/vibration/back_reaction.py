@@ -5,18 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.shapes.leftover import Remainder, least_squares
-from selector.diagnosis.shapes.linear_response import LinearResponse, linear_responses
-from selector.diagnosis.shapes.member_chain import inertia_force, members, reactions, transfer
-from selector.diagnosis.shapes.record_kind import no_vibration, of_a_drive, swept_hz
-from selector.diagnosis.shapes.response_curve import slope
-from selector.diagnosis.shapes.signals import filled, rate
-
-Vector = NDArray[np.float64]
+from selector.diagnosis.shapes.linear_response import (
+    LinearResponse,
+    inertia_force,
+    linear_responses,
+    members,
+    reactions,
+    transfer,
+)
+from selector.diagnosis.shapes.residual import Remainder, least_squares
+from selector.diagnosis.shapes.signals import filled, no_vibration, of_a_drive, rate, slope, swept_hz
+from selector.types import Vector
 
 _WEAK, _HEAVY = 0.01, 30.0
 """Gains of the loop through the successor's inertia that are tried."""

@@ -5,19 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.shapes.leftover import Remainder
-from selector.diagnosis.shapes.linear_response import LinearResponse, linear_responses
-from selector.diagnosis.shapes.member_chain import displacement_of, joints
-from selector.diagnosis.shapes.record_kind import no_vibration, of_a_drive, swept_hz
-from selector.diagnosis.shapes.response_curve import slope
-from selector.diagnosis.shapes.restoring_force import fed_back, linear_part, restoring
-from selector.diagnosis.shapes.signals import filled, rate
-
-Vector = NDArray[np.float64]
+from selector.diagnosis.shapes.linear_response import (
+    LinearResponse,
+    displacement_of,
+    fed_back,
+    joints,
+    linear_part,
+    linear_responses,
+    restoring,
+)
+from selector.diagnosis.shapes.residual import Remainder
+from selector.diagnosis.shapes.signals import filled, no_vibration, of_a_drive, rate, slope, swept_hz
+from selector.types import Vector
 
 _ROLES = ("displacement", "acceleration", "velocity", "position", "voltage")
 _STRENGTHS = np.geomspace(0.01, 30.0, 8)

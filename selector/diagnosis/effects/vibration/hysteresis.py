@@ -6,18 +6,23 @@ from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.shapes.leftover import Remainder
-from selector.diagnosis.shapes.linear_response import LinearResponse, linear_responses
-from selector.diagnosis.shapes.member_chain import displacement_of, joints
-from selector.diagnosis.shapes.record_kind import no_vibration, of_a_drive, swept_hz
-from selector.diagnosis.shapes.restoring_force import Law, fed_back, linear_part, restoring
-from selector.diagnosis.shapes.signals import filled, rate
+from selector.diagnosis.shapes.linear_response import (
+    Law,
+    LinearResponse,
+    displacement_of,
+    fed_back,
+    joints,
+    linear_part,
+    linear_responses,
+    restoring,
+)
+from selector.diagnosis.shapes.residual import Remainder
+from selector.diagnosis.shapes.signals import filled, no_vibration, of_a_drive, rate, swept_hz
+from selector.types import Vector
 
-Vector = NDArray[np.float64]
 Column = Callable[[Law, float, tuple[float, float], float], Vector | None]
 
 _ROLES = ("displacement", "acceleration", "velocity", "position", "voltage")

@@ -10,14 +10,20 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, equally_likely
-from selector.diagnosis.shapes.leftover import leftover
 from selector.diagnosis.shapes.linear_response import LinearResponse, linear_responses, resonator
-from selector.diagnosis.shapes.record_kind import no_vibration, swept_hz
-from selector.diagnosis.shapes.rotation import is_turning, turns_of
-from selector.diagnosis.shapes.signals import course, filled
-from selector.diagnosis.shapes.spectral_lines import CHANCE, Line, aligned, course_of, fitted_parts, lines
-
-Vector = NDArray[np.float64]
+from selector.diagnosis.shapes.residual import leftover
+from selector.diagnosis.shapes.signals import course, filled, no_vibration, swept_hz
+from selector.diagnosis.shapes.spectral_lines import (
+    CHANCE,
+    Line,
+    aligned,
+    course_of,
+    fitted_parts,
+    is_turning,
+    lines,
+    turns_of,
+)
+from selector.types import Vector
 
 _ROLES = ("displacement", "acceleration", "velocity", "position", "voltage", "force", "current")
 _ORDERS = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0)

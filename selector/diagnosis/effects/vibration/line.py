@@ -8,10 +8,9 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.shapes.leftover import leftover
 from selector.diagnosis.shapes.linear_response import resonances_of
-from selector.diagnosis.shapes.record_kind import no_vibration, of_a_drive, swept_hz
-from selector.diagnosis.shapes.signals import filled
+from selector.diagnosis.shapes.residual import leftover
+from selector.diagnosis.shapes.signals import filled, no_vibration, of_a_drive, swept_hz
 from selector.diagnosis.shapes.spectral_lines import course_of, fitted_parts, lines
 
 _ROLES = ("displacement", "acceleration", "velocity", "position", "voltage", "force", "current")

@@ -6,19 +6,14 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.shapes.even_clock import even_runs
-from selector.diagnosis.shapes.leftover import leftover
 from selector.diagnosis.shapes.linear_response import LinearResponse, inputs, resonances_of, resonator
-from selector.diagnosis.shapes.record_kind import no_vibration, of_a_drive, swept_hz
-from selector.diagnosis.shapes.resonance_scan import resonances
-from selector.diagnosis.shapes.response_curve import resonance
-from selector.diagnosis.shapes.signals import course, filled
-
-Vector = NDArray[np.float64]
+from selector.diagnosis.shapes.residual import leftover
+from selector.diagnosis.shapes.signals import course, even_runs, filled, no_vibration, of_a_drive, resonance, swept_hz
+from selector.diagnosis.shapes.spectral_lines import resonances
+from selector.types import Vector
 
 _MOST_SOURCES = 3
 _OCTAVES, _NARROWEST = 5.0, 0.005

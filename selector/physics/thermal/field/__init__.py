@@ -17,22 +17,28 @@
 
 from __future__ import annotations
 
-from selector.physics.thermal.field.candidates import ACCESSIBLE, sensor_candidates
-from selector.physics.thermal.field.conduction import conduction_matrices, film, surface_source, volume_source
-from selector.physics.thermal.field.export import write_vtu
+from selector.physics.thermal.field.candidates import ACCESSIBLE, machine_outline, sensor_candidates
 from selector.physics.thermal.field.geometry import MachineGeometry, machine_blocks
-from selector.physics.thermal.field.machine import FieldMachine, field_machine
-from selector.physics.thermal.field.materials import MATERIALS, Material
-from selector.physics.thermal.field.mesh import VOID, Block, BlockMesh, block_mesh
-from selector.physics.thermal.field.outline import machine_outline
-from selector.physics.thermal.field.probes import probe_row
-from selector.physics.thermal.field.thermoelasticity import Elasticity, elasticity, rigid_motion_reading
-from selector.physics.thermal.field.virtual_laws import machine_laws, parts_beside
+from selector.physics.thermal.field.machine import FieldMachine, field_machine, write_vtu
+from selector.physics.thermal.field.mesh import VOID, Block, BlockMesh, block_mesh, probe_row
+from selector.physics.thermal.field.thermoelasticity import (
+    MATERIALS,
+    Elasticity,
+    Material,
+    conduction_matrices,
+    elasticity,
+    film,
+    rigid_motion_reading,
+    surface_source,
+    volume_source,
+)
 from selector.physics.thermal.field.virtual_machine import (
     SENSORS,
     Sensor,
     VirtualMachine,
     film_sets,
+    machine_laws,
+    parts_beside,
     virtual_machining_centre,
 )
 

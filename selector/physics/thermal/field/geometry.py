@@ -1,75 +1,66 @@
-"""The C-frame machining centre as boxes: bed, column, headstock, spindle, saddle, table, screws, guideways, motor.
-
-X points sideways, Y from the column to the spindle, Z up; the origin is on the floor under the column's front wall.
-"""
+"""The C-frame machining centre as boxes, which of its surfaces meet a fluid, and which parts are heated."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from itertools import pairwise
 
+import numpy as np
+from numpy.typing import NDArray
+
 from selector.errors import OptionError
-from selector.physics.thermal.field.mesh import VOID, Block
+from selector.physics.thermal.field.mesh import VOID, Block, BlockMesh
+from selector.types import Indices, Vector
 
 _IRON, _STEEL = "cast iron", "steel"
 
 
 @dataclass(frozen=True)
 class MachineGeometry:
-    """Lengths of a vertical machining centre [m]; about 5 t, as large as the machine of P.
+    """Lengths of a vertical machining centre [m]; about 5 t, as large as the machine of P."""
 
-    Attributes
-    ----------
-    bed_width_m, bed_back_m, bed_front_m, bed_top_m : float
-        Bed: width, Y of its back and front, Z of its top. It is a ribbed box, open below.
-    column_width_m, column_back_m, column_front_m, column_top_m : float
-        Column: width, Y of its back and front, Z of its top. It is a box with three diaphragms and an upright rib.
-    wall_m : float
-        Thickness of walls and ribs.
-    headstock_width_m, headstock_back_m, headstock_front_m, headstock_bottom_m, headstock_top_m : float
-        Headstock: a box that carries the spindle between two floors, on a slide as wide as the guideways.
-    spindle_y_m, spindle_width_m, nose_m : float
-        Y of the spindle axis, side of the (square) spindle, how far it comes out below the headstock.
-    guideway_inner_m, guideway_outer_m : float
-        Distance from the middle to the inner and outer side of the Y and Z guideways.
-    screw_width_m : float
-        Side of the (square) ball screws.
-    saddle_width_m, saddle_back_m, saddle_front_m, saddle_bottom_m, saddle_top_m : float
-        Saddle on the bed.
-    table_width_m, table_bottom_m, table_top_m : float
-        Table on the saddle; it is as deep as the saddle.
-    motor_width_m, motor_back_m, motor_front_m, motor_top_m : float
-        Main motor on top of the headstock.
-    """
-
+    #: bed_width_m, bed_back_m, bed_front_m and bed_top_m: Bed: width, Y of its back and front, Z of its top. It is a
+    #: ribbed box, open below.
     bed_width_m: float = 0.80
     bed_back_m: float = -0.39
     bed_front_m: float = 1.00
     bed_top_m: float = 0.36
+    #: column_width_m, column_back_m, column_front_m and column_top_m: Column: width, Y of its back and front, Z of its
+    #: top. It is a box with three diaphragms and an upright rib.
     column_width_m: float = 0.60
     column_back_m: float = -0.35
     column_front_m: float = 0.05
     column_top_m: float = 1.70
-    wall_m: float = 0.04
+    wall_m: float = 0.04  #: Thickness of walls and ribs
+    #: headstock_width_m, headstock_back_m, headstock_front_m, headstock_bottom_m and headstock_top_m: Headstock: a box
+    #: that carries the spindle between two floors, on a slide as wide as the guideways
     headstock_width_m: float = 0.32
     headstock_back_m: float = 0.12
     headstock_front_m: float = 0.66
     headstock_bottom_m: float = 0.92
     headstock_top_m: float = 1.46
+    #: spindle_y_m, spindle_width_m and nose_m: Y of the spindle axis, side of the (square) spindle, how far it comes
+    #: out below the headstock
     spindle_y_m: float = 0.55
     spindle_width_m: float = 0.10
     nose_m: float = 0.06
+    #: guideway_inner_m and guideway_outer_m: Distance from the middle to the inner and outer side of the Y and Z
+    #: guideways
     guideway_inner_m: float = 0.16
     guideway_outer_m: float = 0.26
-    screw_width_m: float = 0.04
+    screw_width_m: float = 0.04  #: Side of the (square) ball screws
+    #: saddle_width_m, saddle_back_m, saddle_front_m, saddle_bottom_m and saddle_top_m: Saddle on the bed
     saddle_width_m: float = 0.60
     saddle_back_m: float = 0.34
     saddle_front_m: float = 0.86
     saddle_bottom_m: float = 0.42
     saddle_top_m: float = 0.54
+    #: table_width_m, table_bottom_m and table_top_m: Table on the saddle; it is as deep as the saddle
     table_width_m: float = 0.80
     table_bottom_m: float = 0.60
     table_top_m: float = 0.70
+    #: motor_width_m, motor_back_m, motor_front_m and motor_top_m: Main motor on top of the headstock
     motor_width_m: float = 0.24
     motor_back_m: float = 0.26
     motor_front_m: float = 0.46
@@ -262,3 +253,95 @@ def _x_axis(g: MachineGeometry) -> tuple[Block, ...]:
         _box("X screw bearing", _STEEL, bearing, (y - 0.05, y + 0.05), (g.saddle_top_m, g.table_bottom_m)),
         _box("X screw", _STEEL, (-0.05, bearing[0]), (y - half, y + half), screw_z),
     )
+
+
+_SPINDLE = ("spindle", "lower bearing", "upper bearing")
+_HEAD = ("headstock", "headstock slide", "gearbox", "Z nut")
+_FOOT_M = 0.16
+
+
+def surfaces(body: BlockMesh, geometry: MachineGeometry) -> dict[str, Indices]:
+    """Facets of every surface that can meet a fluid; each boundary facet belongs to exactly one.
+
+    ``… inside`` are the walls of chambers; ``bed top``, ``table top`` and ``spindle nose`` are washed by coolant; the
+    bed's lower edge stands on feet and is in ``bed inside``.
+    """
+    g = geometry
+    half_bed, half_column, half_head = g.bed_width_m / 2, g.column_width_m / 2, g.headstock_width_m / 2
+    bed = ((-half_bed, half_bed), (g.bed_back_m, g.bed_front_m), (0.0, np.inf))
+    column = ((-half_column, half_column), (g.column_back_m, g.column_front_m), (-np.inf, g.column_top_m))
+    head = ((-half_head, half_head), (g.headstock_back_m + 0.06, g.headstock_front_m), (-np.inf, g.headstock_top_m))
+    # the shaft between its bearings turns in the headstock's chamber
+    nose_z = g.headstock_bottom_m
+    rules: dict[str, tuple[tuple[str, ...], Callable[[Vector], NDArray[np.bool_]] | None]] = {
+        "bed": (("bed",), lambda c: ~_within(c, bed) & ~_at_top(c, g)),
+        "bed inside": (("bed",), lambda c: _within(c, bed) & ~_at_top(c, g)),
+        "bed top": (("bed",), lambda c: _at_top(c, g)),
+        "column": (("column",), lambda c: ~_within(c, column)),
+        "column inside": (("column",), lambda c: _within(c, column)),
+        "headstock": (_HEAD, lambda c: ~_within(c, head)),
+        "headstock inside": (_HEAD, lambda c: _within(c, head)),
+        "motor": (("motor", "motor flange"), None),
+        "spindle nose": (_SPINDLE, lambda c: c[:, 2] <= nose_z + 1e-9),
+        "spindle inside": (_SPINDLE, lambda c: c[:, 2] > nose_z + 1e-9),
+        "saddle": (("saddle", "Y nut"), None),
+        "table": (("table", "X nut"), lambda c: c[:, 2] < g.table_top_m - 1e-9),
+        "table top": (("table",), lambda c: c[:, 2] >= g.table_top_m - 1e-9),
+        "guideways": (("Z guideways", "Y guideways", "X guideways"), None),
+        "screws": (tuple(f"{axis} screw{end}" for axis in "XYZ" for end in ("", " bearing")), None),
+    }
+    return {name: body.surface_of(parts, where) for name, (parts, where) in rules.items()}
+
+
+def heated_parts() -> dict[str, tuple[str, ...]]:
+    """Source → parts over whose volume its heat is spread."""
+    axes = {f"{axis} {part}": (f"{axis} {part}",) for axis in "XYZ" for part in ("nut", "screw bearing", "guideways")}
+    return {
+        "lower bearing": ("lower bearing",),
+        "upper bearing": ("upper bearing",),
+        "gearbox": ("gearbox",),
+        "motor": ("motor",),
+        "motor flange": ("motor flange",),
+        "spindle": ("spindle",),
+        **axes,
+    }
+
+
+def heated_surfaces(body: BlockMesh, geometry: MachineGeometry) -> dict[str, Indices]:
+    """Source → facets over which its heat is spread: the hydraulic line along the headstock's left side."""
+    g = geometry
+    left, half = -g.headstock_width_m / 2, (g.headstock_bottom_m + g.headstock_top_m) / 2
+    line = body.surface_of(
+        ["headstock"],
+        lambda c: np.isclose(c[:, 0], left) & (c[:, 1] < g.motor_front_m) & (abs(c[:, 2] - half) < 0.15),
+    )
+    return {"hydraulic line": line}
+
+
+def feet(body: BlockMesh, geometry: MachineGeometry) -> dict[str, Indices]:
+    """Facets of the six feet on the lower edge of the bed."""
+    g = geometry
+    half = g.bed_width_m / 2
+    middle = (g.bed_back_m + g.bed_front_m) / 2
+    rows = {"back": g.bed_back_m + _FOOT_M / 2, "middle": middle, "front": g.bed_front_m - _FOOT_M / 2}
+
+    def foot(side: int, y: float) -> Indices:
+        return body.surface_of(
+            ["bed"],
+            lambda c: np.isclose(c[:, 2], 0.0) & (c[:, 0] * side > half - g.wall_m) & (abs(c[:, 1] - y) < _FOOT_M / 2),
+        )
+
+    return {f"{row} {name}": foot(side, y) for row, y in rows.items() for name, side in (("left", -1), ("right", 1))}
+
+
+def _at_top(centres_m: Vector, g: MachineGeometry) -> NDArray[np.bool_]:
+    """The bed's upper face in front of the column, where coolant and chips fall."""
+    return (centres_m[:, 2] >= g.bed_top_m - 1e-9) & (centres_m[:, 1] > g.column_front_m)
+
+
+def _within(centres_m: Vector, box: tuple[tuple[float, float], ...]) -> NDArray[np.bool_]:
+    """Whether facets lie inside the outer shape of a part, and not on it: in its chambers."""
+    inside = np.ones(len(centres_m), dtype=np.bool_)
+    for axis, (low, high) in enumerate(box):
+        inside &= (centres_m[:, axis] > low + 1e-9) & (centres_m[:, axis] < high - 1e-9)
+    return inside

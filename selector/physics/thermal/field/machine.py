@@ -1,25 +1,37 @@
-"""The finite-element model of the C-frame machining centre: heat system, displacements of the tool, deformation."""
+"""The finite-element model of the C-frame machining centre, and its fields for other programs."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from selector.errors import InputError, OptionError
-from selector.physics.thermal.field.conduction import conduction_matrices, film, surface_source, volume_source
-from selector.physics.thermal.field.geometry import MachineGeometry, machine_blocks
-from selector.physics.thermal.field.materials import MATERIALS, Material
-from selector.physics.thermal.field.mesh import BlockMesh, Point, block_mesh
-from selector.physics.thermal.field.probes import probe_row
-from selector.physics.thermal.field.surfaces import feet, heated_parts, heated_surfaces, surfaces
-from selector.physics.thermal.field.thermoelasticity import Elasticity, elasticity, rigid_motion_reading
-from selector.physics.thermal.heat_system import HeatSystem
-
-Vector = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from selector.physics.thermal.field.geometry import (
+    MachineGeometry,
+    feet,
+    heated_parts,
+    heated_surfaces,
+    machine_blocks,
+    surfaces,
+)
+from selector.physics.thermal.field.mesh import BlockMesh, Point, block_mesh, probe_row
+from selector.physics.thermal.field.thermoelasticity import (
+    MATERIALS,
+    Elasticity,
+    Material,
+    conduction_matrices,
+    elasticity,
+    film,
+    rigid_motion_reading,
+    surface_source,
+    volume_source,
+)
+from selector.physics.thermal.network.heat_system import HeatSystem
+from selector.types import Vector
 
 CELL_M = 0.04
 """Longest cell at refinement 1 [m]: one cell in a wall, about 20 000 nodes."""
@@ -33,34 +45,12 @@ BAR_M = (0.30, 0.05)
 
 @dataclass(frozen=True)
 class FieldMachine:
-    """A machine as a field.
+    """A machine as a field."""
 
-    Attributes
-    ----------
-    geometry : MachineGeometry
-        Its lengths.
-    mesh : BlockMesh
-        Its mesh; `mesh.nodes_m` are the places of the states of `system`.
-    system : HeatSystem
-        Conduction with films, sources, probes, and the displacements of the tool against the table.
-    elasticity : Elasticity
-        Its factorised stiffness.
-    """
-
-    geometry: MachineGeometry
-    mesh: BlockMesh
-    system: HeatSystem
-    elasticity: Elasticity
-
-    @property
-    def patches(self) -> tuple[str, ...]:
-        """Names of the surfaces that can meet a fluid: the films of `system`."""
-        return tuple(self.system.films)
-
-    @property
-    def sources(self) -> tuple[str, ...]:
-        """Names of the places where heat arises: the sources of `system`."""
-        return tuple(self.system.sources)
+    geometry: MachineGeometry  #: Its lengths
+    mesh: BlockMesh  #: Its mesh; `mesh.nodes_m` are the places of the states of `system`
+    system: HeatSystem  #: Conduction with films, sources, probes, and the displacements of the tool against the table
+    elasticity: Elasticity  #: Its factorised stiffness
 
     def deformation(self, temperature_degc: Vector, reference_degc: float = 20.0) -> Vector:
         """Displacement of every node, of shape (n_nodes, 3) [µm], for the temperatures of the nodes [°C].
@@ -80,10 +70,6 @@ class FieldMachine:
                 advice="pass a state of the unreduced system, FieldMachine.system",
             )
         return self.elasticity.displacement_um(temperature - reference_degc)
-
-    def surface(self) -> Indices:
-        """Triangles of the whole surface, of shape (n_triangles, 3), as numbers of nodes; for drawing."""
-        return self.mesh.triangles()
 
 
 def field_machine(
@@ -176,3 +162,43 @@ def displacement_readings(body: BlockMesh, geometry: MachineGeometry) -> dict[st
         "Y_lower": lower,
         "Y_upper": upper,
     }
+
+
+# VTK counts the corners of a hexahedron around the bottom, then around the top; scikit-fem by coordinates
+_VTK_CORNERS = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1))
+
+
+def write_vtu(
+    machine: FieldMachine, temperature_degc: NDArray[np.float64], path: str | Path, reference_degc: float = 20.0
+) -> None:
+    """Write ``temperature`` [°C], ``displacement`` [µm] of the nodes and ``part`` (a number) of the cells.
+
+    Raises
+    ------
+    InputError
+        If the temperatures are not one finite number for every node, or the file cannot be written.
+    """
+    import meshio
+    from skfem import ElementHex1
+
+    body = machine.mesh
+    displacement = machine.deformation(temperature_degc, reference_degc)
+    here = [tuple(corner) for corner in ElementHex1.doflocs.astype(int)]
+    order = [here.index(corner) for corner in _VTK_CORNERS]
+    parts = list(dict.fromkeys(body.parts))
+    number = np.array([parts.index(part) for part in body.parts])[body.kind]
+    mesh = meshio.Mesh(
+        body.nodes_m,
+        [("hexahedron", body.cells[:, order])],
+        point_data={"temperature": np.asarray(temperature_degc, dtype=np.float64), "displacement": displacement},
+        cell_data={"part": [number]},
+    )
+    try:
+        mesh.write(path, file_format="vtu")
+    except OSError as error:
+        raise InputError(
+            f"{path} cannot be written ({error.strerror})",
+            expected="a file that can be written",
+            where="VTU file",
+            advice="name a folder that exists and may be written to",
+        ) from error

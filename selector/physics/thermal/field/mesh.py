@@ -1,4 +1,4 @@
-"""Hexahedral meshes of bodies that are unions of boxes: cells of one tensor grid, so that all faces fit."""
+"""Hexahedral meshes of bodies that are unions of boxes, and the temperature anywhere in them."""
 
 from __future__ import annotations
 
@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from selector.errors import OptionError
+from selector.errors import InputError, OptionError
+from selector.types import Indices, Vector
 
-Vector = NDArray[np.float64]
-Indices = NDArray[np.int64]
 Point = tuple[float, float, float]
 
 VOID = ""
@@ -24,20 +23,11 @@ VOID = ""
 
 @dataclass(frozen=True)
 class Block:
-    """A box of a part; a later block takes the room of the blocks before it.
+    """A box of a part; a later block takes the room of the blocks before it."""
 
-    Attributes
-    ----------
-    part : str
-        Name of the part; `VOID` cuts.
-    material : str
-        Name of its material.
-    low_m, high_m : tuple of three floats
-        Opposite corners [m].
-    """
-
-    part: str
-    material: str
+    part: str  #: Name of the part; `VOID` cuts
+    material: str  #: Name of its material
+    #: low_m and high_m: Opposite corners [m]
     low_m: Point
     high_m: Point
 
@@ -53,25 +43,14 @@ class Block:
 
 @dataclass(frozen=True)
 class BlockMesh:
-    """A body of hexahedra with its parts.
+    """A body of hexahedra with its parts."""
 
-    Attributes
-    ----------
-    nodes_m : ndarray of shape (n_nodes, 3)
-        Places of the nodes [m].
-    cells : ndarray of shape (n_cells, 8)
-        Nodes of every cell, in scikit-fem's order of corners.
-    parts, materials : tuple of str
-        Name of the part and of the material of every kind of cell.
-    kind : ndarray of shape (n_cells,)
-        Which of them each cell is.
-    """
-
-    nodes_m: Vector
-    cells: Indices
+    nodes_m: Vector  #: (n_nodes, 3): Places of the nodes [m]
+    cells: Indices  #: (n_cells, 8): Nodes of every cell, in scikit-fem's order of corners
+    #: parts and materials: Name of the part and of the material of every kind of cell
     parts: tuple[str, ...]
     materials: tuple[str, ...]
-    kind: Indices
+    kind: Indices  #: (n_cells,): Which of them each cell is
 
     @cached_property
     def mesh(self) -> Any:
@@ -196,3 +175,35 @@ def _mesh_of_cells(lines: Sequence[Vector], paint: Indices, kinds: Sequence[tupl
         materials=tuple(material for _, material in kinds),
         kind=paint[tuple(solid.T)].astype(np.int64),
     )
+
+
+REACH_M = 0.03
+"""How far from the body a sensor may be named and still be put on its surface [m]."""
+
+
+def probe_row(body: BlockMesh, place_m: Point, name: str = "probe") -> Vector:
+    """Row of shape (n_nodes,) that reads the temperature at a place; outside, at the nearest point of the surface.
+
+    Raises
+    ------
+    InputError
+        If the place is more than `REACH_M` away from the body.
+    """
+    place = np.asarray(place_m, dtype=np.float64)
+    nearest = np.clip(place, body.low_m, body.high_m)
+    away = np.linalg.norm(nearest - place, axis=1)
+    cell = int(np.argmin(away))
+    if not away[cell] <= REACH_M:
+        raise InputError(
+            f"a place ({', '.join(f'{x:g}' for x in place)}) m, {away[cell] * 1000:.0f} mm away from the body",
+            expected=f"a place in the body or at most {REACH_M * 1000:.0f} mm outside",
+            where=f"sensor {name!r}",
+            advice="correct the coordinates [m]; the nearest point of the body is "
+            f"({', '.join(f'{x:.3f}' for x in nearest[cell])})",
+        )
+    corners = body.nodes_m[body.cells[cell]]
+    inside = (nearest[cell] - body.low_m[cell]) / (body.high_m[cell] - body.low_m[cell])
+    upper = corners > body.low_m[cell]
+    row = np.zeros(len(body.nodes_m))
+    row[body.cells[cell]] = np.where(upper, inside, 1 - inside).prod(axis=1)
+    return row

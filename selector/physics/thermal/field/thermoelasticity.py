@@ -1,20 +1,72 @@
-"""Static linear thermoelasticity on a mesh: how the body deforms under a temperature field."""
+"""Heat conduction and static linear thermoelasticity on a mesh as matrices, and the constants of materials."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from selector.physics.thermal.field.materials import Material
 from selector.physics.thermal.field.mesh import BlockMesh
 from selector.physics.thermal.field.solvers import Solver, direct_solver, multigrid_solver
+from selector.types import Indices, Vector
 
-Vector = NDArray[np.float64]
-Indices = NDArray[np.int64]
+SLIDING_STIFFNESS = 1e-4
+"""Share of the stiffness that a sliding layer keeps along its sliding direction: small, but the body stays held."""
+
+
+@dataclass(frozen=True)
+class Material:
+    """An isotropic solid, or a thin layer of rolling elements that slides along one axis."""
+
+    #: conductivity_w_per_m_k, specific_heat_j_per_kg_k and density_kg_per_m3: k [W/(m·K)], c [J/(kg·K)], ρ [kg/m³]
+    conductivity_w_per_m_k: float
+    specific_heat_j_per_kg_k: float
+    density_kg_per_m3: float
+    #: expansion_per_k, young_pa and poisson: α [1/K], E [Pa], ν
+    expansion_per_k: float
+    young_pa: float
+    poisson: float
+    slides: str = ""  #: {"", "x", "y", "z"}: Axis along which the layer transmits (almost) no force; empty for a solid
+
+    def stiffness_pa(self) -> NDArray[np.float64]:
+        """Stiffness of shape (6, 6) [Pa]; strains in the order xx, yy, zz, yz, zx, xy (shear as angles)."""
+        shear = 2 * (1 + self.poisson)
+        compliance = np.diag([1.0, 1.0, 1.0, shear, shear, shear])
+        compliance[:3, :3] -= self.poisson * (1 - np.eye(3))
+        if self.slides:
+            along = "xyz".index(self.slides)
+            others = [axis for axis in range(3) if axis != along]
+            compliance[along, others] = compliance[others, along] = 0.0
+            soft = [along, *(3 + axis for axis in others)]  # shear yz, zx, xy is number 3 + the axis it leaves out
+            compliance[soft, soft] /= SLIDING_STIFFNESS
+        return np.asarray(np.linalg.inv(compliance) * self.young_pa)
+
+
+_GREY_IRON = Material(48.0, 500.0, 7200.0, 10.5e-6, 110e9, 0.26)
+_STEEL = Material(46.0, 470.0, 7850.0, 11.7e-6, 210e9, 0.30)
+
+MATERIALS: Mapping[str, Material] = MappingProxyType(
+    {
+        # grey iron of 250 MPa and structural steel, rounded within what tables of materials give at room temperature
+        "cast iron": _GREY_IRON,
+        "steel": _STEEL,
+        # a motor is half copper and laminations, half gaps
+        "motor": Material(20.0, 450.0, 5000.0, 13e-6, 30e9, 0.30),
+        # rings and rolling elements: contacts conduct badly, see docs/explanation/thermal-field.md
+        "bearing": Material(8.0, 470.0, 7000.0, 11.7e-6, 40e9, 0.30),
+        "bearing, floating": Material(8.0, 470.0, 7000.0, 11.7e-6, 40e9, 0.30, slides="z"),
+        "guideway x": Material(6.0, 470.0, 6000.0, 11.0e-6, 40e9, 0.30, slides="x"),
+        "guideway y": Material(6.0, 470.0, 6000.0, 11.0e-6, 40e9, 0.30, slides="y"),
+        "guideway z": Material(6.0, 470.0, 6000.0, 11.0e-6, 40e9, 0.30, slides="z"),
+    }
+)
+"""The materials that `machine_blocks` names."""
+
 
 DIRECT_NODES = 60_000
 """Largest number of nodes whose elastic system is factorised; more takes more than 6 GB."""
@@ -28,20 +80,11 @@ class Elasticity:
     """K·u = F·(T − T_reference) with elastic feet, ready to be solved.
 
     Degree of freedom 3·i + a is the displacement [m] of node i along axis a.
-
-    Attributes
-    ----------
-    stiffness : sparse matrix of shape (3n, 3n)
-        K [N/m], feet included.
-    expansion : sparse matrix of shape (3n, n)
-        F [N/K]: forces of the heated material.
-    solve : callable
-        u = K⁻¹·f for a force vector of shape (3n,) or several as columns.
     """
 
-    stiffness: sparse.csr_array
-    expansion: sparse.csr_array
-    solve: Solver
+    stiffness: sparse.csr_array  #: (3n, 3n): K [N/m], feet included
+    expansion: sparse.csr_array  #: (3n, n): F [N/K]: forces of the heated material
+    solve: Solver  #: u = K⁻¹·f for a force vector of shape (3n,) or several as columns
 
     def displacement_um(self, rise_k: Vector) -> Vector:
         """Displacement of every node, of shape (n, 3) [µm], for its temperature rise [K]."""
@@ -143,3 +186,57 @@ def rigid_motion_reading(body: BlockMesh, weights: Vector, at_m: Sequence[float]
     reading = np.zeros((len(body.nodes_m), 3))
     reading[nodes] = share[:, None] * (np.eye(3)[axis] + np.cross(turning, arms))  # t·(arm × u) = u·(t × arm)
     return reading.ravel()
+
+
+def conduction_matrices(
+    body: BlockMesh, materials: Mapping[str, Material]
+) -> tuple[sparse.csr_array, sparse.csr_array]:
+    """Capacity C_ij = ∫ρc φ_i φ_j dV [J/K] and conduction K_ij = ∫k ∇φ_i·∇φ_j dV [W/K], each of shape (n, n)."""
+    from skfem import Basis, BilinearForm, ElementHex1
+
+    basis = Basis(body.mesh, ElementHex1(), intorder=2)
+    of_cell = [materials[name] for name in body.materials]
+    heat = np.array([m.density_kg_per_m3 * m.specific_heat_j_per_kg_k for m in of_cell])[body.kind][:, None]
+    conductivity = np.array([m.conductivity_w_per_m_k for m in of_cell])[body.kind][:, None]
+
+    def stored(u: Any, v: Any, w: Any) -> Any:
+        return w["rho_c"] * u * v
+
+    def conducted(u: Any, v: Any, w: Any) -> Any:
+        return w["k"] * sum(u.grad[i] * v.grad[i] for i in range(3))
+
+    points = basis.dx.shape
+    capacity = BilinearForm(stored).assemble(basis, rho_c=np.broadcast_to(heat, points))
+    conduction = BilinearForm(conducted).assemble(basis, k=np.broadcast_to(conductivity, points))
+    return _symmetric(capacity), _symmetric(conduction)
+
+
+def film(body: BlockMesh, facets: Indices) -> tuple[sparse.csr_array, Vector]:
+    """Film matrix A_ij = ∫φ_i φ_j dS [m²] of some boundary facets, and its load a = A·1 [m²]."""
+    from skfem import BilinearForm, ElementHex1, FacetBasis
+
+    basis = FacetBasis(body.mesh, ElementHex1(), facets=facets, intorder=2)
+    matrix = _symmetric(BilinearForm(lambda u, v, w: u * v).assemble(basis))
+    return matrix, np.asarray(matrix @ np.ones(len(body.nodes_m)))
+
+
+def volume_source(body: BlockMesh, cells: Indices) -> Vector:
+    """Shares b_i = ∫φ_i dV / V of heat that is spread evenly over some cells; they sum to 1."""
+    share = np.zeros(len(body.nodes_m))
+    np.add.at(share, body.cells[cells], (body.volume_m3[cells] / 8)[:, None])
+    return share / share.sum()
+
+
+def surface_source(body: BlockMesh, facets: Indices) -> Vector:
+    """Shares b_i = ∫φ_i dS / S of heat that is spread evenly over some boundary facets; they sum to 1."""
+    corners = body.nodes_m[np.asarray(body.mesh.facets)[:, facets]]
+    extent = np.ptp(corners, axis=0)
+    area = np.where(extent > 0, extent, 1.0).prod(axis=1)  # facets of boxes: one extent is zero
+    share = np.zeros(len(body.nodes_m))
+    np.add.at(share, np.asarray(body.mesh.facets)[:, facets], (area / 4)[None, :])
+    return share / share.sum()
+
+
+def _symmetric(matrix: Any) -> sparse.csr_array:
+    result = sparse.csr_array(matrix)
+    return sparse.csr_array((result + result.T) * 0.5)

@@ -20,8 +20,8 @@ from selector.workbench import parts
 from selector.workbench.bench import Bench
 from selector.workbench.commands import SELECTION, command_text, option_arguments
 from selector.workbench.live import View
-from selector.workbench.pages.sensors import machine, pictures, tables, wishes
-from selector.workbench.pages.sensors.names import ID
+from selector.workbench.pages.sensors import machine, pictures, wishes
+from selector.workbench.pages.sensors.machine import ID
 from selector.workbench.typed import FIELDS, in_words_of_fields, number
 
 __all__ = ["ID", "TITLE", "command", "layout", "register"]
@@ -85,7 +85,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
     """The whole page after a change of the bench; what changed in it after a move."""
     machine.register(app, bench)
     forms = (*wishes.register(app, bench), parts.Form((), _level_taken(bench), ((f"{ID}-typed", "data"),)))
-    parts.register_table(app, "groups", tables.GROUP_COLUMNS, lambda: _group_rows(bench))
+    parts.register_table(app, "groups", pictures.GROUP_COLUMNS, lambda: _group_rows(bench))
 
     @app.callback(
         Output(f"{ID}-body", "hidden"),
@@ -140,7 +140,7 @@ def _group_rows(bench: Bench) -> list[list[object]]:
         view = _view(bench)
     except InputError:
         return []
-    return [] if view is None else tables.group_rows(view)
+    return [] if view is None else pictures.group_rows(view)
 
 
 def _level_taken(bench: Bench) -> Callable[[str | None], None]:
@@ -193,8 +193,8 @@ def _told(bench: Bench, view: View) -> dict[str, Any]:
         "is_taken": view.is_taken,
         "responses": list(view.exploration.question.responses),
         "response": view.response,
-        "facts": tables.facts(view),
-        "groups": tables.groups(view),
+        "facts": pictures.facts(view),
+        "groups": pictures.groups(view),
         "titles": pictures.titles(view),
         "command": "" if asked is None else command_text(asked),
     }

@@ -1,4 +1,4 @@
-"""The machine with its pins: where the sensors sit, moving them, and the user's own photo behind them."""
+"""The machine with its pins: where the sensors sit, moving them, and the user's own photo."""
 
 from __future__ import annotations
 
@@ -20,8 +20,10 @@ from selector.physics.thermal.field import machine_outline
 from selector.recording import SENSOR_ROLES, Channel
 from selector.workbench import parts
 from selector.workbench.bench import Bench
-from selector.workbench.pages.sensors.names import ID
 from selector.workbench.study_folder import PICTURES, files_in
+
+ID = "sensors"
+
 
 MOST_PHOTO_BYTES = 8_000_000
 _VIEWS = {"front": "front view", "side": "side view"}

@@ -1,4 +1,4 @@
-"""The pictures of the Sensors page: drawn whole once, after that only what a move changes."""
+"""The pictures, words and numbers of the Sensors page: drawn whole once, after that only what a move changes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,16 @@ from typing import Any
 import plotly.graph_objects as go
 
 from selector.figures import style
-from selector.figures.changes import Changes, changed
+from selector.figures.errors import (
+    KINDS,
+    RunError,
+    SetError,
+    run_error_changes,
+    run_errors_picture,
+    run_errors_title,
+    set_error_changes,
+    set_errors_picture,
+)
 from selector.figures.model import (
     TermShown,
     coefficient_changes,
@@ -20,10 +29,10 @@ from selector.figures.model import (
     faults_title,
 )
 from selector.figures.places import machine_changes, machine_picture
-from selector.figures.run_errors import KINDS, RunError, run_error_changes, run_errors_picture, run_errors_title
 from selector.figures.sensor_tree import CutShown, group_colours, tree_changes, tree_picture, tree_title
-from selector.figures.set_errors import SetError, set_error_changes, set_errors_picture
-from selector.selection.fixed_sets import NORMAL_95, FixedModel
+from selector.figures.style import Changes, changed
+from selector.number_text import number_text
+from selector.selection.exploration import NORMAL_95, FixedModel
 from selector.sensors.groups import Dendrogram, dendrogram
 from selector.workbench.live import View
 from selector.workbench.pages.sensors.machine import Pins
@@ -186,3 +195,51 @@ def _cut(view: View) -> CutShown:
         frozenset(position[name] for name in view.cut.representatives),
         frozenset(position[name] for name in view.fixed.sensors if name in position),
     )
+
+
+_INFINITE_VIF = 1e12
+GROUP_COLUMNS = ("group", "sensor", "represents", "shown", "because")
+
+
+def facts(view: View) -> list[tuple[str, str]]:
+    """The set that is shown and its numbers: what, value."""
+    model = view.fixed.models[view.response]
+    kind = KINDS[view.exploration.parts]
+    worst = max(view.faults, key=lambda one: one.worst_um)
+    n = len(view.cut.groups)
+    return [
+        ("taken by hand" if view.is_taken else f"λ = {view.level:.6g}", f"{n} group{'s' * (n != 1)}"),
+        ("sensors shown", ", ".join(view.fixed.sensors)),
+        (f"{view.response} on left-out {kind}, set fixed", f"{number_text(model.heldout_rmse_um)} µm"),
+        ("in sample", f"{number_text(model.rmse_um)} µm"),
+        ("R², adjusted R²", f"{model.r2:.4f}, {model.adjusted_r2:.4f}"),
+        ("largest VIF", number_text(view.fixed.largest_vif) if view.fixed.largest_vif < _INFINITE_VIF else "∞"),
+        ("worst fault", f"{number_text(worst.worst_um)} µm"),
+    ]
+
+
+def groups(view: View) -> list[dict[str, Any]]:
+    """Groups with who stands for them and why, in the colours of the pictures."""
+    tree = dendrogram(view.exploration.grouping.similarity.matrix)
+    members = view.cut.step.partition.members
+    colours = group_colours(tree, members)
+    shown = set(view.fixed.sensors)
+    return [
+        {
+            "colour": colours.get(own[0], style.MUTED),
+            "sensors": group.sensors,
+            "representatives": group.representatives,
+            "shown": [name for name in group.sensors if name in shown],
+            "because": group.because,
+        }
+        for own, group in zip(members, view.cut.groups, strict=True)
+    ]
+
+
+def group_rows(view: View) -> list[list[object]]:
+    """A row for each sensor under `GROUP_COLUMNS`."""
+    return [
+        [number, name, name in group["representatives"], name in group["shown"], group["because"]]
+        for number, group in enumerate(groups(view), start=1)
+        for name in group["sensors"]
+    ]

@@ -12,8 +12,7 @@ from dash.development.base_component import Component
 from selector.errors import OptionError
 from selector.workbench import parts, typed, wished
 from selector.workbench.bench import Bench
-from selector.workbench.pages.sensors.machine import sensors_of
-from selector.workbench.pages.sensors.names import ID
+from selector.workbench.pages.sensors.machine import ID, sensors_of
 
 _FARTHEST_M = 1e6
 

@@ -19,8 +19,8 @@ from selector.physics.thermal.field import (
     sensor_candidates,
 )
 from selector.physics.thermal.field.candidates import FOOT_M, MOST_CANDIDATES, ROOM_M
-from selector.physics.thermal.field.surfaces import surfaces
-from selector.physics.thermal.model_schema import MOST_SENSORS, CandidatesSection
+from selector.physics.thermal.field.geometry import surfaces
+from selector.physics.thermal.file.model_file import MOST_SENSORS, CandidatesSection
 
 OUTWARD = {
     "left": (-1, 0, 0),
@@ -53,7 +53,7 @@ lengths = st.fixed_dictionaries(
 )
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(spacing_m=st.floats(0.2, 1.0), changes=lengths)
 def test_every_place_is_on_the_surface_with_air_before_it_and_iron_behind_it(spacing_m, changes):
     geometry = replace(MachineGeometry(), **changes)
@@ -75,7 +75,7 @@ def test_every_place_is_on_the_surface_with_air_before_it_and_iron_behind_it(spa
             assert in_body(body, foot - 1e-3 * outward).all()
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(spacing_m=st.floats(0.12, 1.0))
 def test_places_keep_their_distance_and_their_names(spacing_m):
     found = sensor_candidates(spacing_m=spacing_m, surfaces=("column", "headstock"))

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 
 from selector.errors import InputError, OptionError
 from selector.physics.thermal.field import MATERIALS, MachineGeometry, block_mesh, field_machine, machine_blocks
+from selector.physics.thermal.field.geometry import feet, heated_parts, heated_surfaces, surfaces
 from selector.physics.thermal.field.machine import CELL_M, displacement_readings
 from selector.physics.thermal.field.solvers import direct_solver, rigid_motions
-from selector.physics.thermal.field.surfaces import feet, heated_parts, heated_surfaces, surfaces
 
 COARSE = 0.2
 ONE_ALPHA = {name: replace(material, expansion_per_k=11e-6) for name, material in MATERIALS.items()}
@@ -46,12 +46,12 @@ def test_energy_is_counted_once(machine):
     materials = [MATERIALS[name] for name in body.materials]
     heat = np.array([m.density_kg_per_m3 * m.specific_heat_j_per_kg_k for m in materials])[body.kind]
     assert system.capacity.sum() == pytest.approx(heat @ body.volume_m3, rel=1e-12)
-    for name in machine.sources:
+    for name in machine.system.sources:
         assert system.sources[name].sum() == pytest.approx(1.0, abs=1e-12)
         assert system.sources[name].min() >= 0.0
-    corners = body.nodes_m[machine.surface()]
+    corners = body.nodes_m[machine.mesh.triangles()]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
-    assert sum(system.film_loads[name].sum() for name in machine.patches) == pytest.approx(area.sum(), rel=1e-12)
+    assert sum(system.film_loads[name].sum() for name in machine.system.films) == pytest.approx(area.sum(), rel=1e-12)
 
 
 def test_table_top_is_as_large_as_the_table(machine):
@@ -60,7 +60,7 @@ def test_table_top_is_as_large_as_the_table(machine):
     assert machine.system.film_loads["table top"].sum() == pytest.approx(expected, rel=1e-12)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(
     st.builds(
         MachineGeometry,
@@ -128,13 +128,13 @@ def test_the_upper_gauge_sees_less_of_a_tilt_by_the_250_mm_between_the_gauges(ma
 
 def heated(machine, name, heat_w=100.0):
     """Steady temperature rise in a hall, 8 W/(m²·K) everywhere."""
-    matrix = machine.system.conduction + 8.0 * sum(machine.system.films[patch] for patch in machine.patches)
+    matrix = machine.system.conduction + 8.0 * sum(machine.system.films[patch] for patch in machine.system.films)
     return direct_solver(matrix.tocsr(), machine.mesh.nodes_m)(heat_w * machine.system.sources[name])
 
 
 def test_heat_goes_out_where_it_can_and_warms_what_is_near(machine):
     rise = heated(machine, "lower bearing")
-    out = 8.0 * sum(machine.system.film_loads[patch] for patch in machine.patches) @ rise
+    out = 8.0 * sum(machine.system.film_loads[patch] for patch in machine.system.films) @ rise
     assert out == pytest.approx(100.0, rel=1e-9)  # all of it, to round-off of the solve
     # trilinear cells keep the maximum principle only nearly: 1 % of the peak below the hall at most
     assert rise.min() > -0.01 * rise.max()

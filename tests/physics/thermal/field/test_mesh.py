@@ -39,7 +39,7 @@ def ones(body):
     return np.ones(len(body.nodes_m))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(bodies())
 def test_sums_over_any_body_are_those_of_the_body(body):
     capacity, conduction = conduction_matrices(body, MATERIALS)
@@ -61,7 +61,7 @@ def test_sums_over_any_body_are_those_of_the_body(body):
     np.testing.assert_allclose(surface_source(body, facets) * load.sum(), load, rtol=1e-12, atol=1e-15)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(bodies(), st.integers(0, 10**6), st.tuples(*[st.floats(0, 1)] * 3))
 def test_a_probe_reads_a_linear_field_exactly(body, number, inside):
     cell = number % len(body.cells)

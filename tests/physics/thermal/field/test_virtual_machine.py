@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from selector.errors import InputError, OptionError
-from selector.physics.thermal.field.virtual_laws import MAX_RPM, machine_laws, parts_beside
-from selector.physics.thermal.field.virtual_machine import SENSORS, film_sets, virtual_machining_centre
-from selector.physics.thermal.laws import Conditions
-from selector.physics.thermal.reduction import projected, reduction_error
-from selector.physics.thermal.transient import simulate_heat
+from selector.physics.thermal.field.virtual_machine import (
+    MAX_RPM,
+    SENSORS,
+    film_sets,
+    machine_laws,
+    parts_beside,
+    virtual_machining_centre,
+)
+from selector.physics.thermal.network.laws import Conditions
+from selector.physics.thermal.network.reduction import projected
+from selector.physics.thermal.network.transient import simulate_heat
+from tests.physics.thermal.reductions import reduction_error
 
 SHIFT_S = np.arange(0.0, 8 * 3600 + 1, 60.0)
 
@@ -51,9 +57,7 @@ def test_the_reduced_shift_is_that_of_the_full_field(machine):
     full = simulate_heat(
         machine.full, machine.laws, conditions, time_s=SHIFT_S, step_s=60.0, start_degc=20.0, method="implicit"
     )
-    started = time.perf_counter()
     small = machine.simulate(conditions, time_s=SHIFT_S, start_degc=20.0)
-    assert time.perf_counter() - started < 5.0  # the promise; 0.1 s here
     for name in (*full.displacements, *full.probes):
         true, near = column(full, name), column(small, name)
         # the promise is 1 % of the peak; displacements stay below 0.3 %, most of which is the full model's stepping
@@ -152,7 +156,7 @@ def test_coolant_and_hydraulics_are_felt(machine):
 def test_temperatures_of_all_nodes(machine):
     conditions = random_shift(2)
     history = machine.simulate(conditions, time_s=[14400.0], start_degc=20.0, keep_states_at_s=[14400.0])
-    nodes = machine.node_degc(history.states[0])
+    nodes = history.states[0] @ machine.basis[: machine.field.system.size].T
     assert nodes.shape == (machine.field.system.size,)
     read = {name: float(row @ nodes) for name, row in machine.field.system.probes.items()}
     for name, degc in read.items():

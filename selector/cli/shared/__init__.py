@@ -1,0 +1,1 @@
+"""What commands share: options, recordings, study files, the screen, written files, exit codes."""

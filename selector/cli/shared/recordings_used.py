@@ -1,0 +1,129 @@
+"""What does a study work on: recordings without their faults, in memory or read piece by piece."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from selector.cli.finding_table import FINDINGS
+from selector.cli.shared.source import Source
+from selector.findings import Finding, Where
+from selector.quality import StreamWithoutFaults, file_copies, inspect, without_faults
+from selector.readers import Reading, is_large, machine, stream_parquet
+from selector.readers.files import recording_files
+from selector.readers.finding_table import FILES_SKIPPED
+from selector.readers.roles.names import printable_name
+from selector.recording import Recording, RunSource, thinned
+
+INSPECTED_ROWS = 100_000
+_BESIDE = (FILES_SKIPPED,)
+
+
+@dataclass(frozen=True)
+class Material:
+    """Recordings without their faults, what was found about them, where they come from, how they were read.
+
+    `files` are path and SHA-256 of what was read; the machine file, which has none yet, is apart. `beside` is what was
+    found of other files in the folders, which is no part of a result.
+    """
+
+    source: RunSource
+    findings: tuple[Finding, ...]
+    provenance: dict[str, Any]
+    description: dict[str, Any] | None
+    files: tuple[tuple[str, str], ...] = ()
+    machine_file: str | None = None
+    beside: tuple[Finding, ...] = ()
+
+
+def material_of(source: Source) -> Material:
+    """The material that a command line names; large Parquet files are read piece by piece.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read, the machine file does not fit, or an option cannot be used.
+    """
+    if is_large(source.runs):
+        return _streamed(source)
+    reading = source.reading()
+    faults = inspect(reading.recording)
+    copies = tuple(file_copies({run.name: run.sha256 for run in reading.runs}))
+    recording = without_faults(reading.recording, (*faults, *copies))
+    return Material(
+        recording,
+        without_folders((*reading.findings, *copies, *faults)),
+        provenance_of(reading),
+        {**reading.description(), "drift": drift_of(recording)},
+        tuple((run.file, run.sha256) for run in reading.runs),
+        reading.machine_file,
+        beside_recordings(reading.findings),
+    )
+
+
+def drift_of(recording: Recording) -> list[dict[str, Any]]:
+    """Drift and tilt after ISO 230-3, one entry a run, for JSON."""
+    from selector.physics.thermal.drift_quantities import drift_quantities
+
+    return [one.as_dict() for one in drift_quantities(recording)]
+
+
+def without_folders(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Findings of the recordings alone, files without their folders: the same recordings give the same result anywhere.
+
+    What lies beside the recordings is told by `beside_recordings`.
+    """
+    return tuple(
+        one
+        if one.where.file is None
+        else replace(one, where=replace(one.where, file=printable_name(Path(one.where.file).name)))
+        for one in findings
+        if one.id not in _BESIDE
+    )
+
+
+def beside_recordings(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Findings about other files in the folders; results that are written there must not change the next result."""
+    return tuple(one for one in findings if one.id in _BESIDE)
+
+
+def provenance_of(reading: Reading) -> dict[str, Any]:
+    """The machine's name, and file and SHA-256 of every run, as reports show them."""
+    machine_section = None if reading.machine is None else reading.machine.machine
+    return {
+        "machine": None if machine_section is None else machine_section.name,
+        "runs": {run.name: {"file": printable_name(Path(run.file).name), "sha256": run.sha256} for run in reading.runs},
+    }
+
+
+def _streamed(source: Source) -> Material:
+    used = source.machine or recording_files(source.runs).machine
+    named = None if source.machine is None else machine(source.machine)
+    stream = stream_parquet(source.runs, named)
+    rows = sum(stream.rows(run) for run in stream.runs)
+    stride = max(1, -(-rows // INSPECTED_ROWS))
+    faults = inspect(thinned(stream, stride))
+    found = FINDINGS.finding(
+        "read-in-pieces",
+        f"The recordings hold {rows} rows and were read in pieces; faults were looked for in every {stride}th row.",
+        Where(),
+        {"rows": rows, "stride": stride},
+    )
+    provenance = {
+        "machine": None if named is None or named.machine is None else named.machine.name,
+        "runs": {
+            run: {"file": printable_name(Path(entry["file"]).name), "sha256": entry["sha256"]}
+            for run, entry in stream.provenance["runs"].items()
+        },
+    }
+    return Material(
+        StreamWithoutFaults(stream, faults),
+        without_folders((*stream.findings, found, *faults)),
+        provenance,
+        None,
+        tuple((str(entry["file"]), entry["sha256"]) for entry in stream.provenance["runs"].values()),
+        None if used is None else str(used),
+        beside_recordings(stream.findings),
+    )

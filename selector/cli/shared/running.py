@@ -1,0 +1,192 @@
+"""How does a command end: exit codes, and what a person reads when it could not be done.
+
+====  ==========================================================================
+0     done, also when the news is bad
+1     a defect of this program; the traceback is shown under ``SELECTOR_DEBUG=1``
+2     the input, or the command itself, is unusable
+130   stopped with Ctrl-C; nothing half-written is left
+141   whoever read the output went away (``selector … | head``)
+====  ==========================================================================
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
+from typing import Any, TextIO
+
+import typer
+
+from selector.errors import CancelledError, InputError, OptionError, ReadError
+
+DONE, DEFECT, UNUSABLE, STOPPED, PIPE_CLOSED = 0, 1, 2, 130, 141
+
+_stopped = ["stopped. Nothing was written."]
+"""What is said after a Ctrl-C: the last of these."""
+
+
+def exit_status(app: typer.Typer, arguments: Sequence[str] | None = None) -> int:
+    """The exit code of one command line; messages about errors are written to stderr.
+
+    Parameters
+    ----------
+    app : typer.Typer
+        The tree of commands.
+    arguments : sequence of str, optional
+        Command line without the program's name; default ``sys.argv[1:]``.
+    """
+    del _stopped[1:]
+    try:
+        result = _command(app)(args=arguments, standalone_mode=False, prog_name="selector")
+        # click hands back the code of `Exit` as a number; commands themselves return nothing
+        if not isinstance(result, int):
+            result = DONE
+        if result == STOPPED:
+            _say(_stopped[-1])
+        sys.stdout.flush()
+        return result
+    except (KeyboardInterrupt, typer.Abort):
+        _say(_stopped[-1])
+        return STOPPED
+    except CancelledError as stop:
+        _say(str(stop) or _stopped[-1])
+        return STOPPED
+    except BrokenPipeError:
+        # a later flush at interpreter exit must not fail again
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return PIPE_CLOSED
+    except Exception as error:
+        unusable = _as_input_error(error)
+        if unusable is None:
+            _say_defect(error)
+            return DEFECT
+        _say(error_text(unusable))
+        if _debugging():
+            traceback.print_exception(error, file=sys.stderr)
+        return UNUSABLE
+
+
+@cache
+def _command(app: typer.Typer) -> Any:
+    """The tree of commands, made once for all command lines of a process."""
+    return typer.main.get_command(app)
+
+
+@contextmanager
+def last_step(said: str) -> Iterator[None]:
+    """A short step that a Ctrl-C waits for; `said` is what a Ctrl-C ends with once it is done."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    asked: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: asked.append(number))
+    try:
+        yield
+        _stopped.append(said)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if asked:
+        raise CancelledError(said)
+
+
+def error_text(error: InputError) -> str:
+    """The four parts of an error, one line each, for a person."""
+    return f"{error.found}\n  Where:      {error.where}\n  Expected:   {error.expected}\n  What to do: {error.advice}"
+
+
+def _as_input_error(error: Exception) -> InputError | None:
+    """The error as the user's to solve, or None when it is a defect of ours."""
+    if isinstance(error, InputError):
+        return error
+    if _is_usage_error(error):
+        return _usage_error(error)
+    if isinstance(error, UnicodeEncodeError):
+        return OptionError(
+            "a name with bytes that are no text",
+            expected="names of files that can be written as text",
+            where=ascii(error.object[:200]),
+            advice="choose another name",
+        )
+    if isinstance(error, UnicodeError):
+        return ReadError(
+            "text that cannot be read in the encoding that was chosen",
+            expected="text in one encoding from its first to its last byte",
+            where=str(error),
+            advice="save the file as UTF-8; where the command has it, --encoding names another one",
+        )
+    if isinstance(error, MemoryError):
+        return ReadError(
+            "more data than the memory of this machine holds",
+            expected="recordings that fit into memory, or Parquet files, which are read in pieces",
+            where=str(error) or "memory",
+            advice="give fewer runs at a time, or `selector convert … --format parquet` them one by one",
+        )
+    if isinstance(error, OSError):
+        return _file_error(error)
+    if isinstance(error, ModuleNotFoundError) and error.name in {"nptdms", "asammdf", "h5py"}:
+        return ReadError(
+            f"the reader of this format needs the package {error.name}, which is not installed",
+            expected="an installation with the extra `formats`",
+            where="installation",
+            advice='run `pip install "selector[formats]"`, or export the recording as CSV',
+        )
+    return None
+
+
+def _is_usage_error(error: Exception) -> bool:
+    """Whether the command line itself is at fault; typer brings its own click, so the type has no stable name."""
+    return hasattr(error, "format_message") and hasattr(error, "exit_code")
+
+
+def _usage_error(error: Any) -> OptionError:
+    context = getattr(error, "ctx", None)
+    path = context.command_path if context is not None else "selector"
+    usage = context.get_usage().removeprefix("Usage:").strip() if context is not None else "selector COMMAND"
+    return OptionError(
+        " ".join(str(error.format_message()).split()),
+        expected=" ".join(usage.split()),
+        where="command line",
+        advice=f"correct the command; `{path} --help` lists its options",
+    )
+
+
+def _file_error(error: OSError) -> ReadError:
+    where = str(error.filename2 or error.filename or "file system")
+    found, advice = {
+        errno.ENOENT: ("no such file or folder", "correct the path"),
+        errno.EACCES: ("no permission", "check the rights, and close the program that holds the file open"),
+        errno.EPERM: ("no permission", "check the rights, and close the program that holds the file open"),
+        errno.EISDIR: ("a folder in the place of a file", "name a file"),
+        errno.ENOTDIR: ("a file in the place of a folder", "name a folder"),
+        errno.EEXIST: ("it exists already", "choose another name, or remove it first"),
+        errno.ENOSPC: ("the disk is full", "free some space, or write to another disk"),
+        errno.ENAMETOOLONG: ("a name that is too long", "choose a shorter name"),
+    }.get(error.errno or 0, (str(error.strerror or error), "check that the file can be opened by another program"))
+    return ReadError(found, expected="a path that can be read or written", where=where, advice=advice)
+
+
+def _say_defect(error: Exception) -> None:
+    _say(
+        f"this is a defect of the program, not of your data: {type(error).__name__}: {error}\n"
+        "  What to do: report it, with the command and what it prints when the environment has SELECTOR_DEBUG=1"
+    )
+    if _debugging():
+        traceback.print_exception(error, file=sys.stderr)
+
+
+def _debugging() -> bool:
+    return os.environ.get("SELECTOR_DEBUG", "") not in ("", "0")
+
+
+def _say(text: str, stream: TextIO | None = None) -> None:
+    stream = sys.stderr if stream is None else stream
+    encoding = getattr(stream, "encoding", None) or "utf-8"
+    stream.write(f"selector: {text}\n".encode(encoding, "backslashreplace").decode(encoding))
+    stream.flush()

@@ -1,0 +1,145 @@
+"""What may be asked of a selection on the command line."""
+
+from __future__ import annotations
+
+import datetime
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from selector.cli.shared.source import pairs
+from selector.errors import OptionError
+
+if TYPE_CHECKING:
+    from selector.selection import Options
+
+_of_sensors = partial(typer.Option, rich_help_panel="Which sensors")
+_of_model = partial(typer.Option, rich_help_panel="Which model")
+
+Responses = Annotated[
+    list[str] | None,
+    typer.Option("--response", metavar="NAME", help="Displacement to predict; repeat. Default: all there are."),
+]
+Levels = Annotated[
+    list[str] | None,
+    _of_sensors("--lambda", metavar="λ|auto", help="Level of the cut, 0 to 1; repeat for one a round. Default: auto."),
+]
+Rounds = Annotated[int, _of_sensors("--rounds", metavar="N", help="Rounds of screening.")]
+MaxSensors = Annotated[int, _of_sensors("--max-sensors", metavar="K", help="Most sensors in a set.")]
+Absolute = Annotated[
+    bool,
+    _of_sensors(
+        "--absolute-similarity", help="Group by |r|: a sensor and its mirror image stand together.", metavar=""
+    ),
+]
+Must = Annotated[list[str] | None, _of_sensors("--must", metavar="SENSOR", help="A sensor that must be kept; repeat.")]
+Never = Annotated[
+    list[str] | None, _of_sensors("--never", metavar="SENSOR", help="A sensor that must not be used; repeat.")
+]
+Cost = Annotated[
+    list[str] | None, _of_sensors("--cost", metavar="SENSOR=COST", help="Cost of a sensor (default 1); repeat.")
+]
+Tolerance = Annotated[
+    float | None,
+    _of_sensors(
+        "--tolerance",
+        metavar="ΔR²",
+        help="Take the cheapest set whose adjusted R² is within this distance of the best. Default: the cheapest that "
+        "predicts unseen runs as well as the best, within one standard error.",
+    ),
+]
+Degree = Annotated[int, _of_model("--degree", metavar="1|2|3", help="Highest power offered to the model.")]
+Interactions = Annotated[bool, _of_model("--interactions", help="Offer products of sensors.", metavar="")]
+Memory = Annotated[bool, _of_model("--memory", help="Offer lagged temperatures and lagged spindle speed.", metavar="")]
+Reference = Annotated[
+    str,
+    _of_model(
+        "--reference", metavar="rise|absolute", help="Readings as differences to the start of the run, or as they are."
+    ),
+]
+Ridge = Annotated[
+    bool, _of_model("--ridge", help="Shrink coefficients as far as unseen runs profit; shows the cost.", metavar="")
+]
+Conditions = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--condition", metavar="RUN=NAME", help="Condition of a run; whole conditions are left out in turn. Repeat."
+    ),
+]
+Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Of the bootstrap over runs.")]
+Date = Annotated[
+    str | None,
+    typer.Option("--date", metavar="YYYY-MM-DD", help="Date to write into the files; the clock is not read."),
+]
+
+
+def options_of(
+    *,
+    response: Responses,
+    level: Levels,
+    rounds: int,
+    must: Must,
+    never: Never,
+    cost: Cost,
+    condition: Conditions,
+    **alike: Any,
+) -> Options:
+    """The options of a selection; those that have the same form there are handed on.
+
+    Raises
+    ------
+    OptionError
+        One cannot be used.
+    """
+    from selector.selection import Options
+
+    return Options(
+        responses=tuple(response or ()),
+        level=_levels(level),
+        rounds=rounds if rounds < 1 else max(rounds, len(level or ())),
+        must=tuple(must or ()),
+        never=tuple(never or ()),
+        cost={name: _number(text, f"--cost {name}") for name, text in pairs(cost, "--cost").items()},
+        conditions=pairs(condition, "--condition"),
+        **alike,
+    )
+
+
+def date_of(text: str | None) -> str | None:
+    """A date as it is written into the files.
+
+    Raises
+    ------
+    OptionError
+        It is none.
+    """
+    if text is None:
+        return None
+    try:
+        return datetime.date.fromisoformat(text).isoformat()
+    except ValueError:
+        raise OptionError(
+            repr(text), expected="a date as YYYY-MM-DD", where="--date", advice="e.g. --date 2026-11-20"
+        ) from None
+
+
+def _levels(given: list[str] | None) -> float | tuple[float, ...] | None:
+    given = [text.strip().lower() for text in given or ()]
+    if not given or given == ["auto"]:
+        return None
+    if "auto" in given:
+        raise OptionError(
+            ", ".join(given), expected="auto alone, or numbers", where="--lambda", advice="use one or the other"
+        )
+    levels = tuple(_number(text, "--lambda") for text in given)
+    return levels[0] if len(levels) == 1 else levels
+
+
+def _number(text: str, where: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise OptionError(
+            repr(text), expected="a number with a decimal point", where=where, advice="e.g. 0.995 or 2"
+        ) from None

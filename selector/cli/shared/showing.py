@@ -1,0 +1,188 @@
+"""How are results shown: JSON on stdout for programs, tables and findings for people."""
+
+from __future__ import annotations
+
+import codecs
+import io
+import json
+import math
+import os
+import sys
+from collections.abc import Iterable, Mapping
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from selector.findings import Finding
+from selector.telling.account import ACTIONS, Account, Captioned, Heading, Note, Paragraph
+from selector.telling.numbers import place_text
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+AsJson = Annotated[
+    bool, typer.Option("--json", help="Print only JSON to stdout; everything else goes to stderr.", metavar="")
+]
+
+_WIDTH_WITHOUT_TERMINAL = 140
+_STYLES = {"info": "cyan", "warning": "yellow", "error": "bold red"}
+_SIGNS = ("−-", "–-", "→->", "·*", "Δd", "λlambda", "τtau", "µu", "²2", "³3", "≥>=", "≤<=", "….", "×x", "√sqrt", "≈~")
+_SPELLINGS = {sign[0]: sign[1:] for sign in _SIGNS}
+
+
+def _spelt_out(error: UnicodeError) -> tuple[str, int]:
+    """Signs that a code page lacks, in letters that every one has."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    return "".join(_SPELLINGS.get(sign, "?") for sign in error.object[error.start : error.end]), error.end
+
+
+_SPELT_OUT = "selector.spelt-out"
+codecs.register_error(_SPELT_OUT, _spelt_out)
+
+
+def json_text(value: Any) -> str:
+    """JSON with every number finite: NaN and infinity become null; other alphabets stay readable."""
+    return json.dumps(_plain(value), ensure_ascii=False, allow_nan=False, indent=1)
+
+
+def print_json(value: Any) -> None:
+    """Writes JSON and a line end to stdout, in UTF-8 whatever the terminal's code page is."""
+    text = json_text(value) + "\n"
+    sys.stdout.flush()
+    buffer = getattr(sys.stdout, "buffer", None)
+    if buffer is None:
+        sys.stdout.write(text)
+    else:
+        buffer.write(text.encode("utf-8", "backslashreplace"))
+    sys.stdout.flush()
+
+
+def screen(as_json: bool = False) -> Console:
+    """Where people read: stdout, or stderr when stdout belongs to the JSON."""
+    from rich.console import Console
+
+    stream = sys.stderr if as_json else sys.stdout
+    if isinstance(stream, io.TextIOWrapper):
+        # a code page that lacks a letter must not end the program, nor swallow the sign of a number
+        stream.reconfigure(errors=_SPELT_OUT)
+    wide = None if stream.isatty() or "COLUMNS" in os.environ else _WIDTH_WITHOUT_TERMINAL
+    return Console(file=stream, width=wide, soft_wrap=False, highlight=False, emoji=False)
+
+
+def table(
+    title: str,
+    columns: Iterable[str],
+    rows: Iterable[Iterable[object]],
+    numeric: Iterable[str] = (),
+    whole: Iterable[str] = (),
+) -> Table:
+    """A table of plain text; columns in `numeric` are aligned to the right, those and `whole` ones are never broken."""
+    from rich.text import Text
+
+    from selector.cli.shared.fitted_table import FittedTable
+
+    right, unbroken = set(numeric), set(whole)
+    shown = FittedTable(title)
+    for column in columns:
+        justify: Literal["left", "right"] = "right" if column in right else "left"
+        shown.add_column(Text(column), justify=justify, overflow="fold", no_wrap=column in unbroken)
+    shown.show_header = any(str(column.header) for column in shown.columns)
+    for row in rows:
+        shown.add_row(*(Text(cell_text(cell)) for cell in row))
+    return shown
+
+
+def cell_text(value: object) -> str:
+    """A value as a person reads it in a table: four significant digits, a dash for "none"."""
+    if value is None:
+        return "–"
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            return "–"
+        return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.4g}"
+    return _harmless(str(value))
+
+
+def _harmless(text: str) -> str:
+    """Text without the control characters with which a file's name could steer the terminal."""
+    return "".join(sign if sign.isprintable() or sign in "\n\t" else "?" for sign in text)
+
+
+MOST_ROWS = 20
+"""Of a table of an account that are shown; a page and the JSON have all."""
+
+
+def show_account(console: Console, account: Account) -> None:
+    """What an account says, in sentences and in the tables that answer the question; what several note is said once."""
+    console.print(_harmless(account.title), markup=False, soft_wrap=True)
+    for sentence in account.sentences:
+        console.print(_harmless(sentence), markup=False)
+    console.print()
+    noted: set[str] = set()
+    if account.answer is not None:
+        show_captioned(console, Captioned("In numbers", account.answer), most=MOST_ROWS, noted=noted)
+    for section in account.sections:
+        for block in section.blocks:
+            if isinstance(block, Captioned) and block.on_screen and block.table.rows:
+                show_captioned(console, block, section.title, most=MOST_ROWS, noted=noted)
+            elif isinstance(block, Heading) and block.on_screen:
+                console.print(_harmless(f"{block.text}: {block.code}"), style="bold", markup=False)
+            elif isinstance(block, Note | Paragraph) and block.on_screen:
+                lead = f"{block.lead} " if isinstance(block, Paragraph) and block.lead else ""
+                console.print(_harmless(lead + block.text), "", sep="\n", markup=False)
+
+
+def show_captioned(
+    console: Console, told: Captioned, otherwise: str = "", *, most: int | None = None, noted: set[str] | None = None
+) -> None:
+    """A table under its caption, or `otherwise`, with at most so many rows and its note unless that was `noted`."""
+    columns, rows, said = told.table.columns, told.table.rows, set() if noted is None else noted
+    names = [column.name for column in columns]
+    numeric = [column.name for column in columns if column.numeric]
+    console.print(table(told.caption or otherwise, names, rows[:most], numeric=numeric))
+    left = 0 if most is None else max(0, len(rows) - most)
+    more = f"{left} more rows are in the page and in the JSON. " if left else ""
+    note = more + ("" if told.table.note in said else told.table.note)
+    if note:
+        console.print(_harmless(note), "", sep="\n", style="dim", markup=False)
+    said.add(told.table.note)
+
+
+def show_findings(console: Console, findings: Iterable[Finding]) -> None:
+    """One paragraph for each finding: what, where, and what will be done or can be done."""
+    from rich.text import Text
+
+    for finding in findings:
+        line = Text()
+        line.append(f"{finding.level}", style=_STYLES[finding.level])
+        line.append(f" {finding.id}")
+        place = place_text(finding.where, whole_path=True)
+        line.append(_harmless(f" ({place}): ") if place else ": ")
+        line.append(_harmless(finding.statement))
+        # many suggestions say themselves what is left out
+        action = "" if "left out" in finding.suggestion else ACTIONS[finding.action]
+        for more in (action, finding.suggestion):
+            if more:
+                line.append(f"\n    → {more}")
+        console.print(line)
+
+
+def _plain(value: Any) -> Any:
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Finding):
+        return _plain(value.as_dict())
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, PurePath):
+        return value.as_posix()
+    if hasattr(value, "tolist"):  # arrays and numbers of numpy
+        return _plain(value.tolist())
+    if isinstance(value, Iterable):
+        return [_plain(item) for item in value]
+    raise TypeError(f"{type(value).__name__} has no JSON form")

@@ -1,0 +1,418 @@
+"""The check of one sensor and the correction of one output as statements, as `SensorWatch` and `Correction` do them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+from selector.controllers.guard.codes import (
+    ANCHOR_S,
+    FORGIVEN_S,
+    LARGEST_NUMBER,
+    LEAST_GOOD_SAMPLES,
+    LONGEST_S,
+    Mode,
+    SensorCode,
+)
+from selector.controllers.guard.decided import DecidedLimits, is_turned
+from selector.controllers.model_file import Guard, Input, Output, PositionPart, Term
+from selector.controllers.program.language import Expression, Real, Variable, Writing, is_code
+from selector.controllers.sensor_check import CODE_SLACK, RANGE_SLACK
+
+NO_READING = 1e30
+"""What an input holds that nobody has wired or read yet: missing, never a temperature of 0."""
+
+
+class WatchedSensor:
+    """Variables and statements of the k-th sensor (from 1)."""
+
+    def __init__(self, w: Writing, item: Input, guard: Guard, k: int) -> None:
+        self._w = w
+        self._item = item
+        self._guard = guard
+        self._codes = guard.break_codes if item.unit == "degC" else ()
+        self._stuck_after_s = guard.stuck_after_s if item.unit == "degC" else None
+        self._reading = w.variable(f"reading_{k}", "real", "input", f"{item.name} [{item.unit}]", NO_READING)
+        about = "0 ok, 1 limited, 2 recovering, 3 missing, 4 break code, 5 out of limits, 6 jump, 7 stuck, 8 range"
+        self.code = w.variable(
+            f"sensor_{k}", "code", "output", f"{item.name}: {about}" if k == 1 else item.name, float(SensorCode.MISSING)
+        )
+        self.x = w.variable(f"x_{k}", "real", "kept", f"{item.name} as the model gets it")
+        self.since = w.variable(f"since_{k}", "real", "kept", "since it was believed last [s]")
+        self._good_for = w.variable(f"good_for_{k}", "real", "kept", "good for so long [s]; -1: not good", -1.0)
+        self.is_new = w.variable(f"is_new_{k}", "flag", "kept", "not believed since the control started", 1.0)
+        self.has_memory = w.variable(f"has_memory_{k}", "flag", "retained", "memory has begun")
+        if item.reference == "rise":
+            self._start = w.variable(f"start_{k}", "real", "retained", f"start reading of {item.name}")
+            self._has_start = w.variable(f"has_start_{k}", "flag", "retained", "start reading is taken")
+        if item.rate_limit_per_min is not None:
+            self._anchor = w.variable(f"anchor_{k}", "real", "kept", "reading about a minute ago")
+            self._has_anchor = w.variable(f"has_anchor_{k}", "flag", "kept")
+            self._anchor_age = w.variable(f"anchor_age_{k}", "real", "kept", "[s]")
+        if self._stuck_after_s is not None:
+            self._last = w.variable(f"last_{k}", "real", "kept", "last reading that differed")
+            self._has_last = w.variable(f"has_last_{k}", "flag", "kept")
+            self._unchanged = w.variable(f"unchanged_{k}", "real", "kept", "has not changed for so long [s]")
+
+    @property
+    def is_believed(self) -> Expression:
+        """Condition: the model may use x."""
+        return is_code(self.code, SensorCode.OK) | is_code(self.code, SensorCode.LIMITED)
+
+    def passed(self, standstill: Variable) -> None:
+        """Time went by without samples."""
+        self._add(self.since, standstill)
+        self._w.assign(self._good_for, -1.0)
+        self._w.assign(self.is_new, True)
+        if self._item.rate_limit_per_min is not None:
+            self._w.assign(self._has_anchor, False)
+        if self._stuck_after_s is not None:
+            self._w.assign(self._has_last, False)
+
+    def begins_anew(self) -> None:
+        """The next good reading is the start reading once it is believed, and memory begins with it."""
+        self._w.assign(self.has_memory, False)
+        if self._item.reference == "rise":
+            self._w.assign(self._has_start, False)
+
+    def kept_checked(self, levels: Sequence[Variable]) -> None:
+        """Drops a start that is no reading, and memory with a level out of range."""
+        w, item = self._w, self._item
+        if item.reference == "rise":
+            low = -LARGEST_NUMBER if item.reading_min is None else item.reading_min
+            high = LARGEST_NUMBER if item.reading_max is None else item.reading_max
+            with w.when(~((self._start >= low) & (self._start <= high))):
+                self.begins_anew()
+        slack = RANGE_SLACK * (item.valid_max - item.valid_min)
+        for level in levels:
+            with w.when(~((level >= item.valid_min - slack) & (level <= item.valid_max + slack))):
+                w.assign(self.has_memory, False)
+
+    def sampled(self, elapsed: Variable, begin_memory: Callable[[], None]) -> None:
+        """The next reading is judged; `begin_memory` writes that memory begins with x."""
+        w, item = self._w, self._item
+        w.remark(f"sensor {item.name}")
+        cleared: Expression = ~self.has_memory
+        if item.reference == "rise":
+            cleared = cleared | ~self._has_start
+        with w.when(cleared & ~self.is_new):
+            # somebody wants a new start
+            w.assign(self.has_memory, False)
+            w.assign(self.is_new, True)
+            w.assign(self._good_for, -1.0)
+        if item.rate_limit_per_min is not None:
+            self._credit(self._anchor_age, elapsed, ANCHOR_S, FORGIVEN_S)
+        if self._stuck_after_s is not None:
+            self._add(self._unchanged, elapsed)
+        self._add(self.since, elapsed)
+        self._verdict()
+        with w.when(is_code(self.code, SensorCode.OK)):
+            self._count_good(elapsed, begin_memory)
+            with w.when(self._good_for < self._guard.recover_after_s):
+                w.assign(self.code, SensorCode.RECOVERING)
+            with w.otherwise():
+                self._believe()
+        with w.otherwise():
+            w.assign(self._good_for, -1.0)
+
+    def _count_good(self, elapsed: Variable, begin_memory: Callable[[], None]) -> None:
+        """The first good reading is what a rise and memory begin with, if it is still believed at the end."""
+        w, item = self._w, self._item
+        if item.reference == "rise":
+            change, width = w.variable("change"), item.valid_max - item.valid_min
+            w.assign(change, self._reading - self._start)
+            with w.when(~self._has_start & ((change > width) | (change < -width))):
+                w.assign(self._good_for, -1.0)
+        with w.when(self._good_for >= 0.0):
+            self._credit(self._good_for, elapsed, self._guard.recover_after_s / LEAST_GOOD_SAMPLES)
+        with w.otherwise():
+            w.assign(self._good_for, 0.0)
+            with w.when(~self.has_memory):
+                if item.reference == "rise":
+                    with w.when(~self._has_start):
+                        w.assign(self._start, self._reading)
+                self._take_x()
+                w.assign(self.since, 0.0)
+                begin_memory()
+
+    def _verdict(self) -> None:
+        w, r, code = self._w, self._reading, self.code
+        w.assign(code, SensorCode.OK)
+        # written so that NaN fails
+        with w.when(~((r >= -LARGEST_NUMBER) & (r <= LARGEST_NUMBER))):
+            w.assign(code, SensorCode.MISSING)
+        for value in self._codes:
+            slack = CODE_SLACK * abs(value)
+            with w.when(is_code(code, SensorCode.OK) & (r >= value - slack) & (r <= value + slack)):
+                w.assign(code, SensorCode.BREAK_CODE)
+        low_limit, high_limit = self._item.reading_min, self._item.reading_max
+        if low_limit is not None:
+            with w.when(is_code(code, SensorCode.OK) & (r < low_limit)):
+                w.assign(code, SensorCode.OUT_OF_LIMITS)
+        if high_limit is not None:
+            with w.when(is_code(code, SensorCode.OK) & (r > high_limit)):
+                w.assign(code, SensorCode.OUT_OF_LIMITS)
+        if self._item.rate_limit_per_min is not None:
+            with w.when(is_code(code, SensorCode.OK)):
+                self._jump(self._item.rate_limit_per_min / 60.0)
+        if self._stuck_after_s is not None:
+            with w.when(is_code(code, SensorCode.OK)):
+                self._stuck(self._stuck_after_s)
+        if self._guard.outside_valid_range == "fault":
+            with w.when(is_code(code, SensorCode.OK)):
+                x = self._fresh_x()
+                with w.when(self._is_outside(x)):
+                    w.assign(code, SensorCode.OUTSIDE_VALID_RANGE)
+
+    def _jump(self, rate_per_s: float) -> None:
+        w, r = self._w, self._reading
+        allowed, change = w.variable("allowed"), w.variable("change")
+        with w.when(~self._has_anchor):
+            self._take_anchor()
+        with w.otherwise():
+            w.assign(allowed, self._anchor_age)
+            w.at_least(allowed, ANCHOR_S)
+            w.assign(allowed, Real(rate_per_s) * allowed)
+            w.assign(change, r - self._anchor)
+            with w.when((change > allowed) | (change < -allowed)):
+                w.assign(self.code, SensorCode.JUMP)
+                with w.when(self.is_new):
+                    self._take_anchor()
+            with w.otherwise(), w.when(self._anchor_age >= ANCHOR_S):
+                self._take_anchor()
+
+    def _take_anchor(self) -> None:
+        self._w.assign(self._anchor, self._reading)
+        self._w.assign(self._has_anchor, True)
+        self._w.assign(self._anchor_age, 0.0)
+
+    def _stuck(self, after_s: float) -> None:
+        w, r = self._w, self._reading
+        with w.when(~self._has_last | (r < self._last) | (r > self._last)):
+            w.assign(self._last, r)
+            w.assign(self._has_last, True)
+            w.assign(self._unchanged, 0.0)
+        with w.when(self._unchanged > after_s):
+            w.assign(self.code, SensorCode.STUCK)
+
+    def _fresh_x(self) -> Variable:
+        w = self._w
+        x = w.variable("x")
+        if self._item.reference == "absolute":
+            w.assign(x, self._reading)
+            return x
+        w.assign(x, 0.0)
+        with w.when(self._has_start):
+            w.assign(x, self._reading - self._start)
+        return x
+
+    def _is_outside(self, x: Variable) -> Expression:
+        slack = RANGE_SLACK * (self._item.valid_max - self._item.valid_min)
+        return (x < self._item.valid_min - slack) | (x > self._item.valid_max + slack)
+
+    def _believe(self) -> None:
+        w = self._w
+        if self._item.reference == "rise":
+            w.assign(self._has_start, True)
+        x = self._take_x()
+        with w.when(self._is_outside(x)):
+            w.assign(self.code, SensorCode.LIMITED)
+
+    def _take_x(self) -> Variable:
+        """What the model gets, inside its valid range; before that it is returned."""
+        w, item = self._w, self._item
+        x = w.variable("x")
+        w.assign(x, self._reading - self._start if item.reference == "rise" else self._reading)
+        w.assign(self.x, x)
+        w.limit(self.x, item.valid_min, item.valid_max)
+        return x
+
+    def _credit(self, clock: Variable, elapsed: Variable, most_s: float, longest_s: float = LONGEST_S) -> None:
+        """A sample counts for so long at most."""
+        credit = self._w.variable("credit_s")
+        self._w.assign(credit, elapsed)
+        self._w.at_most(credit, most_s)
+        self._add(clock, credit, longest_s)
+
+    def _add(self, clock: Variable, elapsed: Variable, longest_s: float = LONGEST_S) -> None:
+        self._w.assign(clock, clock + elapsed)
+        self._w.at_most(clock, longest_s)
+
+
+class SlewedCorrection:
+    """Variables and statements of the k-th output (from 1)."""
+
+    def __init__(self, w: Writing, output: Output, limits: DecidedLimits, k: int) -> None:
+        self._w, self._limits, self._name = w, limits, output.name
+        self._is_turned = is_turned(output)
+        self._test = w.variable(
+            f"test_um_{k}", "real", "input", f"sign test of {output.name}: not 0 commands so much [um]"
+        )
+        self._tested = w.variable(f"tested_{k}")
+        self._correction = w.variable(
+            f"correction_{k}", "real", "output", f"to be added to the axis for {output.name} [um]"
+        )
+        self._k0 = w.variable(f"k0_{k}", "real", "output", "the same at the reference position [um]")
+        self._aim = w.variable(f"aim_{k}", "real", "kept", "where it moves to [um]")
+        self._rest = w.variable(f"rest_{k}", "real", "kept", "what rounding left of its last step [um]")
+        self._along = None if output.position is None else _Along(w, output.position, k)
+
+    @property
+    def _moving(self) -> tuple[Variable, ...]:
+        """What is 0 while the axis is not ready."""
+        own, along = (self._k0, self._rest, self._correction), self._along
+        return own if along is None else (*own, along.slope, along.rest, along.back_rest)
+
+    def stopped(self) -> None:
+        """The control was off: the correction begins at zero."""
+        self._off()
+        self.aimed_at_zero()
+
+    def aimed_at_zero(self) -> None:
+        """Whatever comes, it goes to zero."""
+        self._w.assign(self._aim, 0.0)
+        if self._along is not None:
+            self._w.assign(self._along.aim, 0.0)
+
+    def tested(self, is_test: Variable) -> None:
+        """What is commanded by hand, 0 if nothing is; what is no number commands nothing."""
+        w, test, clamp = self._w, self._tested, self._limits.clamp_um
+        w.assign(test, 0.0)
+        with w.when((self._test >= -LARGEST_NUMBER) & (self._test <= LARGEST_NUMBER)):
+            w.assign(test, self._test)
+        with w.when((test < 0.0) | (test > 0.0)):
+            w.assign(is_test, True)
+        w.limit(test, -clamp, clamp)
+
+    def aimed(self, output: Output, z: Mapping[str, Variable]) -> None:
+        """The output of the model, or of a fallback, is where it moves to from now on."""
+        w, limits, along = self._w, self._limits, self._along
+        own, change = w.variable("own"), w.variable("change")
+        _polynomial(w, own, output.intercept, output.terms, z)
+        self._turn(own)
+        is_number = (own >= -LARGEST_NUMBER) & (own <= LARGEST_NUMBER)
+        if along is not None:
+            part, steep = output.position, w.variable("steep")
+            _polynomial(w, steep, part.intercept if part else 0.0, part.terms if part else (), z)
+            self._turn(steep)
+            is_number = is_number & (steep >= -LARGEST_NUMBER) & (steep <= LARGEST_NUMBER)
+        with w.when(is_number):
+            w.limit(own, -limits.clamp_um, limits.clamp_um)
+            w.assign(change, own - self._aim)
+            with w.when((change >= limits.dead_band_um) | (change <= -limits.dead_band_um)):
+                w.assign(self._aim, own)
+            if along is not None and limits.reach_m > 0.0:
+                steep, size, most = w.variable("steep"), w.variable("size"), w.variable("most")
+                w.assign(size, self._aim)
+                with w.when(self._aim < 0.0):
+                    w.assign(size, -self._aim)
+                w.assign(most, (Real(limits.clamp_um) - size) / limits.reach_m)
+                w.at_most(most, limits.slope_clamp_um_per_m)
+                w.limit(steep, -most, most)
+                w.assign(along.aim, steep)
+
+    def moved(self, mode: Variable, slewed: Variable, at: Mapping[str, Variable], back: Mapping[str, Variable]) -> None:
+        """One call goes by.
+
+        Parameters
+        ----------
+        mode, slewed : Variable
+        at, back : mapping of str to Variable
+            Per axis, its position, and whether that was lost and is there again.
+        """
+        w, limits, along = self._w, self._limits, self._along
+        switched_off, is_test = is_code(mode, Mode.SWITCHED_OFF), is_code(mode, Mode.TEST)
+        w.remark(f"correction of {self._name}: no faster than the slew limit")
+        with w.when(is_code(mode, Mode.OFF)):
+            self._off()
+        with w.otherwise():
+            if along is not None:
+                self._carried(along, at[along.part.axis], back[along.part.axis])
+            to = w.variable("towards")
+            w.assign(to, self._aim)
+            with w.when(switched_off):
+                w.assign(to, 0.0)
+            with w.when(is_test):
+                w.assign(to, self._tested)
+            _towards(w, self._k0, to, self._rest, slewed, limits.own_slew_um_per_s)
+            if along is None:
+                w.assign(self._correction, self._k0)
+                return
+            w.assign(to, along.aim)
+            with w.when(switched_off | is_test):
+                w.assign(to, 0.0)
+            _towards(w, along.slope, to, along.rest, slewed, limits.slope_slew_um_per_m_s)
+            w.assign(to, self._k0 + along.slope * (along.where - along.part.reference_m))
+            w.limit(to, -limits.clamp_um, limits.clamp_um)
+            with w.when(along.is_back):
+                whole = w.variable("whole")
+                w.assign(whole, to)
+                _towards(w, self._correction, to, along.back_rest, slewed, limits.slew_um_per_s)
+                w.assign(along.is_back, (self._correction < whole) | (self._correction > whole))
+            with w.otherwise():
+                w.assign(self._correction, to)
+
+    def _off(self) -> None:
+        for variable in self._moving:
+            self._w.assign(variable, 0.0)
+        if self._along is not None:
+            self._w.assign(self._along.is_back, False)
+
+    def _carried(self, along: _Along, at: Variable, back: Variable) -> None:
+        """The correction moves with its axis; after its position was lost, no faster than the slew limit."""
+        w, clamp, where = self._w, self._limits.clamp_um, self._w.variable("where")
+        w.assign(where, at)
+        w.limit(where, along.part.valid_min_m, along.part.valid_max_m)
+        with w.when(back):
+            w.assign(along.is_back, True)
+        with w.otherwise():
+            w.assign(self._correction, self._correction + along.slope * (where - along.where))
+            w.limit(self._correction, -clamp, clamp)
+        w.assign(along.where, where)
+
+    def _turn(self, displacement: Variable) -> None:
+        """The sign of the correction."""
+        if not self._is_turned:
+            self._w.assign(displacement, -displacement)
+
+
+class _Along:
+    """Variables of a position-dependent part."""
+
+    def __init__(self, w: Writing, part: PositionPart, k: int) -> None:
+        self.part = part
+        self.slope = w.variable(f"slope_{k}", "real", "output", "and its slope [um/m]")
+        self.aim = w.variable(f"slope_aim_{k}", "real", "kept", "where the slope moves to [um/m]")
+        self.rest = w.variable(f"slope_rest_{k}", "real", "kept", "[um/m]")
+        self.where = w.variable(f"where_{k}", "real", "kept", "position in the call before [m]", part.reference_m)
+        self.is_back = w.variable(f"is_back_{k}", "flag", "kept", "position came back, correction is on its way")
+        self.back_rest = w.variable(f"back_rest_{k}", "real", "kept", "[um]")
+
+
+def _towards(w: Writing, now: Variable, to: Variable, rest: Variable, slewed: Variable, slew: float) -> None:
+    """What rounding gives or takes of a step is made up for in the next."""
+    most, reach, low, high = (w.variable(name) for name in ("most", "reach", "low", "high"))
+    w.assign(most, Real(slew) * slewed + rest)
+    w.assign(reach, most)
+    w.at_least(reach, 0.0)
+    w.assign(low, now - reach)
+    w.assign(high, now + reach)
+    w.assign(rest, 0.0)
+    with w.when(to < low):
+        w.assign(rest, most - (now - low))
+        w.assign(to, low)
+    with w.when(to > high):
+        w.assign(rest, most - (high - now))
+        w.assign(to, high)
+    w.assign(now, to)
+
+
+def _polynomial(
+    w: Writing, total: Variable, intercept: float, terms: Sequence[Term], z: Mapping[str, Variable]
+) -> None:
+    w.assign(total, intercept)
+    for term in terms:
+        product: Expression = Real(term.coefficient)
+        for name, power in term.powers.items():
+            for _ in range(power):
+                product = product * z[name]
+        w.assign(total, total + product)

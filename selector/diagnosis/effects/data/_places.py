@@ -1,0 +1,161 @@
+"""In which runs, and from which moments of a run on, a fault of the data may act, and how it is said."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.effect import Fitted, Quantity
+from selector.diagnosis.shown_units import displayed
+from selector.types import Mask, Vector
+
+_MOST_MOMENTS = 40
+_ALL_MOMENTS = 160
+_LEAST_ROWS = 8
+"""Rows of a run before and after a moment, without which nothing tells the two apart."""
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Rows in which a fault acts; the run if it is one, in words, and the window [s] if it is not the whole run."""
+
+    rows: Mask
+    run: str | None
+    words: str
+    from_s: float | None = None
+    to_s: float | None = None
+
+    def over(self, values: Vector) -> Vector:
+        """The course in this part, 0 elsewhere."""
+        return np.where(self.rows, values, 0.0)
+
+    @property
+    def shape(self) -> dict[str, Quantity]:
+        """The window as shape parameters; empty if it is whole runs."""
+        if self.from_s is None or self.to_s is None:
+            return {}
+        return {"from_s": Quantity(self.from_s, "s"), "to_s": Quantity(self.to_s, "s")}
+
+    @property
+    def regime(self) -> str | None:
+        """When the fault acts, as an answer says it; None = always."""
+        return None if self.run is None and not self.words else self.words
+
+
+def fitted_runs(comparison: Comparison) -> tuple[str, ...]:
+    """Runs with rows that are not held out."""
+    return tuple(run for run, rows in comparison.rows_of_runs() if not comparison.held_out[rows].all())
+
+
+def whole_runs(comparison: Comparison, oddness: Callable[[slice], float] | None = None) -> Iterator[Part]:
+    """Single runs, and runs from one on, that can be told apart while all runs together may be recalibrated.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    oddness : callable (rows) -> float, optional
+        How far a run is off by itself. Of two runs, "the one" and "the other" are the same fit beside what all runs
+        share: the one that is farther off is meant. None: nothing that all runs share resembles the fault, so that
+        every run counts, and all of them together.
+    """
+    runs = fitted_runs(comparison)
+    singles: tuple[str, ...] = runs
+    onwards: tuple[str, ...] = ()
+    if oddness is None:
+        yield Part(np.ones(len(comparison.time_s), dtype=bool), None, "")
+        # what begins in the last fitted run goes on in the runs that are held out
+        lasting = runs[-1:] != comparison.runs[-1:]
+        onwards = runs[1:] if lasting else runs[1:-1]
+        singles = () if len(runs) < 2 else runs[:-1] if lasting else runs
+    elif len(runs) < 2:
+        return
+    elif len(runs) == 2:
+        far = {run: abs(oddness(rows)) for run, rows in comparison.rows_of_runs() if run in runs}
+        singles = (max(runs, key=lambda run: far[run]),)
+    else:
+        # from the second on is all but the first, from the last on is the last alone
+        onwards = runs[2:-1]
+    index = comparison.run_index
+    for run in singles:
+        yield Part(index == comparison.runs.index(run), run, f"run {run}")
+    for run in onwards:
+        yield Part(index >= comparison.runs.index(run), None, f"from run {run} on")
+
+
+def later_parts(
+    comparison: Comparison,
+    most: int = _MOST_MOMENTS,
+    total: int = _ALL_MOMENTS,
+    between: tuple[float, float] = (0.04, 0.96),
+) -> Iterator[Part]:
+    """Every run from each of some moments on to its end; the moments stand at fixed shares of the run.
+
+    Fixed, because moments chosen from the residual would fit noise better than noise drawn anew does. `between` are
+    the first and the last of them as shares of a run: nearer to its start it is the whole run, nearer to its end a few
+    stray readings.
+    """
+    runs = fitted_runs(comparison)
+    per_run = int(np.clip(total // max(len(runs), 1), 3, most))
+    index = np.arange(len(comparison.time_s))
+    for run, rows in comparison.rows_of_runs():
+        n = rows.stop - rows.start
+        if run not in runs or n < 3 * _LEAST_ROWS:
+            continue
+        low, high = max(_LEAST_ROWS, int(between[0] * n)), min(n - _LEAST_ROWS, int(between[1] * n))
+        firsts = np.unique(np.linspace(low, high, min(per_run, n // _LEAST_ROWS)).astype(int))
+        end_s = float(comparison.time_s[rows.stop - 1])
+        for first in firsts + rows.start:
+            from_s = float(comparison.time_s[first])
+            yield Part(
+                (index >= first) & (index < rows.stop), run, f"run {run} from {duration(from_s)} on", from_s, end_s
+            )
+
+
+def window(comparison: Comparison, run: str, first: int, last: int) -> Part:
+    """The rows from `first` to `last` of all rows, both included, that lie in one run."""
+    index = np.arange(len(comparison.time_s))
+    from_s, to_s = float(comparison.time_s[first]), float(comparison.time_s[last])
+    words = f"run {run} from {duration(from_s)} to {duration(to_s)}"
+    return Part((index >= first) & (index <= last), run, words, from_s, to_s)
+
+
+def duration(seconds: float) -> str:
+    """A time with the unit that makes it readable."""
+    size = abs(seconds)
+    for unit, length in (("h", 3600.0), ("min", 60.0), ("s", 1.0)):
+        if size >= 2.0 * length:
+            return f"{seconds / length:.4g} {unit}"
+    return f"{1e3 * seconds:.4g} ms" if size < 1.0 else f"{seconds:.4g} s"
+
+
+def where_of(fitted: Fitted) -> str:
+    """Where a fitted variant acts, to stand at the end of a sentence."""
+    return (
+        f" in {fitted.variant.regime}"
+        if (fitted.variant.regime or "").startswith("run ")
+        else (f" {fitted.variant.regime}" if fitted.variant.regime else " in all runs")
+    )
+
+
+def estimate(fitted: Fitted, unit: str, column: int = 0, factor: float = 1.0, offset: float = 0.0) -> Quantity:
+    """A coefficient as a quantity, `offset` + `factor` × coefficient, with its 95 % interval."""
+    value = offset + factor * float(fitted.coefficients[column])
+    half = 1.96 * abs(factor) * float(fitted.standard_errors[column])
+    return Quantity(value, unit, value - half, value + half)
+
+
+_SHOWN = {"um": "µm", "degC": "K", "1": ""}
+
+
+def step_unit(unit: str) -> str:
+    """The unit of a difference of two readings."""
+    return "K" if unit == "degC" else unit
+
+
+def amount(value: float, unit: str) -> str:
+    """The size of a difference with its unit."""
+    factor, shown = displayed(_SHOWN.get(unit, unit), value)
+    return f"{abs(factor * value):.3g} {shown}".strip()

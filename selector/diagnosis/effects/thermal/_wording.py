@@ -1,0 +1,85 @@
+"""How thermal effects are said: places of channels, delays, what an effect is worth, parameters with intervals."""
+
+from __future__ import annotations
+
+from math import isfinite
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.effect import Fitted, Quantity
+from selector.diagnosis.shapes.heating import shown_unit
+from selector.quality.survey import duration
+
+_BOTH_WAYS = 0.2
+"""Of the larger way, from which on the smaller one is said as well."""
+
+
+def with_place(comparison: Comparison, name: str) -> str:
+    """A channel with its place, e.g. ``"T2 (rear bearing)"``."""
+    place = place_of(comparison, name)
+    return f"{name} ({place})" if place else name
+
+
+def place_of(comparison: Comparison, name: str) -> str | None:
+    """Where a channel sits, in the words of the machine file; None if it says nothing."""
+    return next((channel.place for channel in comparison.channels if channel.name == name), None)
+
+
+def delay(tau_s: float) -> str:
+    """``"with a delay of 41 min"``, or ``"at once"``."""
+    return f"with a delay of {duration(tau_s)}" if tau_s > 0.0 else "at once"
+
+
+def delay_of(fitted: Fitted) -> str:
+    """The delays of the fitted variant: one, or two that act together."""
+    shape = fitted.variant.shape
+    if "tau_s" not in shape:
+        return "at once"
+    text = delay(shape["tau_s"].value)
+    if "tau_s" in fitted.shape_intervals:
+        text += f" ({_interval(*fitted.shape_intervals['tau_s'])})"
+    elif shape["tau_s"].value > 0.0:
+        text = f"with a delay of about {duration(shape['tau_s'].value)}"
+    if "slow_tau_s" not in shape:
+        return text
+    text += f" and one of {duration(shape['slow_tau_s'].value)}"
+    slow = fitted.shape_intervals.get("slow_tau_s")
+    return text if slow is None else f"{text} ({_interval(*slow)})"
+
+
+def _interval(low: float, high: float) -> str:
+    """An interval of delays, which may be open at an end."""
+    if not isfinite(high):
+        return f"at least {duration(low)}" if low > 0.0 else "of any length"
+    return f"{duration(low)} to {duration(high)}" if low > 0.0 else f"at most {duration(high)}"
+
+
+def worth(fitted: Fitted) -> str:
+    """Which way the effect moves the response: ``"it moves Z by up to −9 µm"``, or both ways ``"by −3 to +4 µm"``."""
+    low, high = fitted.extremes
+    unit = shown_unit(fitted.unit)
+    if low == high == 0.0:
+        return f"worth {fitted.largest:.3g} {unit} at most"
+    if min(-low, high) > _BOTH_WAYS * max(-low, high):
+        return f"it moves {fitted.response} by {_signed(low)} to {_signed(high)} {unit} since the start of a run"
+    most = low if -low > high else high
+    return f"it moves {fitted.response} by up to {_signed(most)} {unit} since the start of a run"
+
+
+def _signed(value: float) -> str:
+    return f"{value:+.3g}".replace("-", "−")
+
+
+def quantities(fitted: Fitted, comparison: Comparison) -> dict[str, Quantity]:
+    """The shape parameters with their intervals, and how far the effect moved the response.
+
+    `largest` is the amount, `lowest` and `highest` are signed and count from the start of a run.
+    """
+    found = {}
+    for name, quantity in fitted.variant.shape.items():
+        low, high = fitted.shape_intervals.get(name, (quantity.low, quantity.high))
+        found[name] = Quantity(quantity.value, quantity.unit, low, high)
+    unit = comparison.channel(fitted.response).unit
+    found["largest"] = Quantity(fitted.largest, unit)
+    if fitted.extremes != (0.0, 0.0):
+        found |= {"lowest": Quantity(fitted.extremes[0], unit), "highest": Quantity(fitted.extremes[1], unit)}
+    return found

@@ -1,1 +1,0 @@
-"""The entrance: clocks and names brought together, and what cannot be used turned away."""

@@ -1,0 +1,128 @@
+"""Which responses froze beyond doubt, and a diagnosis without those stretches."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.diagnosis.answer import Diagnosis, NamedEffect, Place
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.data._places import duration
+from selector.diagnosis.effects.data.stuck import frozen_stretches
+from selector.diagnosis.evidence.naming import input_fault_effect
+from selector.diagnosis.evidence.search import Search
+from selector.diagnosis.finding_table import FINDINGS
+from selector.diagnosis.matching.usable import LEAST_SAMPLES, fit_of_copy, rows_in_stretches
+from selector.diagnosis.shapes.input_faults import InputFault
+from selector.diagnosis.shapes.signals import filled
+from selector.diagnosis.wording import headline
+from selector.findings import Finding, Where
+from selector.types import Mask
+
+
+def frozen_responses(comparison: Comparison) -> tuple[InputFault, ...]:
+    """Frozen stretches of responses, fitted and held-out runs; equal readings prove them, so no test is needed."""
+    faults = []
+    for name in comparison.responses:
+        expected = filled(comparison, comparison.simulated[name])
+        for run, first, last in frozen_stretches(comparison, name, surely=True):
+            here = np.zeros(len(expected), dtype=bool)
+            here[first : last + 1] = True
+            from_s, to_s = float(comparison.time_s[first]), float(comparison.time_s[last])
+            reading = float(comparison.recorded[name][first])
+            faults.append(
+                InputFault(
+                    id="data.stuck",
+                    channel=name,
+                    run=run,
+                    from_s=from_s,
+                    to_s=to_s,
+                    statement=f"{name} in run {run} stands at {reading:.6g} for {duration(to_s - from_s)} from "
+                    f"{duration(from_s)} on: {last - first + 1} equal samples, though it is never silent elsewhere.",
+                    sure=True,
+                    evidence={"samples": last - first + 1, "value": reading},
+                    course=np.where(here, reading - expected, 0.0),
+                )
+            )
+    return tuple(faults)
+
+
+def frozen_and_unnamed(comparison: Comparison, found: Search) -> tuple[InputFault, ...]:
+    """Frozen stretches of responses that the search has not named itself, and has therefore fitted."""
+    named = {
+        (name, found.benches[name].candidates[k].variant.run) for name, k in found.named.get("data.stuck", {}).items()
+    }
+    return tuple(fault for fault in frozen_responses(comparison) if (fault.channel, fault.run) not in named)
+
+
+def without_frozen(comparison: Comparison, frozen: Sequence[InputFault]) -> Comparison:
+    """The comparison without these stretches; a response of which too little is left is not looked at any further."""
+    recorded = dict(comparison.recorded)
+    for fault in frozen:
+        name = str(fault.channel)
+        recorded[name] = np.where(_rows(comparison, fault), np.nan, recorded[name])
+    rest = replace(comparison, recorded=recorded)
+    kept = tuple(name for name in comparison.responses if _is_enough(rest, name))
+    lost = [name for name in comparison.responses if name not in kept]
+    findings = (*comparison.findings, *(_too_little_left(name) for name in lost))
+    return replace(rest, responses=kept, findings=findings)
+
+
+def with_frozen(
+    answer: Diagnosis, *, comparison: Comparison, rest: Comparison, frozen: Sequence[InputFault]
+) -> Diagnosis:
+    """The answer to the `rest` of a comparison, and its frozen stretches as frozen readings."""
+    effects = [_effect(comparison, fault) for fault in frozen]
+    answer = replace(
+        answer,
+        comparison=replace(comparison, findings=rest.findings),
+        verdict="missing-physics" if answer.verdict == "missing-physics" else "data-fault",
+        where=(*(_place(effect, fault) for effect, fault in zip(effects, frozen, strict=True)), *answer.where),
+        effects=tuple(sorted([*answer.effects, *effects], key=lambda effect: -effect.share)),
+        fit={
+            name: answer.fit[name] if name in answer.fit else fit_of_copy(rest, name) for name in comparison.responses
+        },
+    )
+    return replace(answer, headline=headline(answer))
+
+
+def _rows(comparison: Comparison, fault: InputFault) -> Mask:
+    here = np.zeros(len(comparison.time_s), dtype=np.bool_)
+    rows = dict(comparison.rows_of_runs())[fault.run]
+    time: NDArray[np.float64] = comparison.time_s[rows]
+    here[rows] = (time >= fault.from_s) & (time <= fault.to_s)
+    return here
+
+
+def _is_enough(comparison: Comparison, name: str) -> bool:
+    """Whether a response has rows enough to be fitted to, and moves in them."""
+    compared = np.isfinite(comparison.difference(name))
+    if rows_in_stretches(comparison, compared & ~comparison.held_out) < LEAST_SAMPLES:
+        return False
+    return float(np.ptp(comparison.recorded[name][compared])) > 0.0
+
+
+def _effect(comparison: Comparison, fault: InputFault) -> NamedEffect:
+    """The frozen reading, with the share of the squared difference that stands in its stretch."""
+    effect = input_fault_effect(comparison, fault)
+    squares = comparison.difference(effect.channel) ** 2
+    here = _rows(comparison, fault)
+    whole = float(np.nansum(squares))
+    return replace(effect, share=float(np.nansum(squares[here])) / whole if whole > 0.0 else 0.0)
+
+
+def _place(effect: NamedEffect, fault: InputFault) -> Place:
+    return Place(effect.channel, effect.place, fault.run, fault.from_s, fault.to_s, None, effect.share)
+
+
+def _too_little_left(name: str) -> Finding:
+    return FINDINGS.finding(
+        "not-compared",
+        f"{name} is not compared: without its frozen stretches fewer than {LEAST_SAMPLES} samples are left to fit to.",
+        Where(channel=name),
+        {},
+        "record it again with a sensor that works",
+    )

@@ -1,0 +1,125 @@
+"""What the improved model gains: errors on fitted and on held-out rows, beside the noise and beside placebos."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.diagnosis.answer import Errors, Fit
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.effect import Quantity
+from selector.diagnosis.evidence.moments import all_moderated, inverse_of
+from selector.diagnosis.evidence.response import Bench
+from selector.diagnosis.shapes.residual import least_squares
+from selector.types import Matrix, Vector
+
+_DRAWS = 400
+
+
+def fit_of(
+    comparison: Comparison, bench: Bench, named: Sequence[int], unit: str, *, recalibrate: bool, seed: int
+) -> Fit:
+    """Errors of the simulation as given, recalibrated, and with the named candidates, in one response.
+
+    With `recalibrate` off and nothing named the improved model is the simulation as it was.
+    """
+    simulated, target = comparison.simulated[bench.response], bench.target
+    recalibrated = _recalibration(bench)
+    explained = bench.explained(named) if named or recalibrate else np.zeros(len(target))
+    seen = np.isfinite(target)
+    held = seen & comparison.held_out
+    floor = _noise_floor(bench, named)
+    before, middle, after = target, target - recalibrated, target - explained
+    return Fit(
+        unit=unit,
+        train=Errors(_rms(before[bench.fitted]), _rms(after[bench.fitted])),
+        heldout=Errors(_rms(before[held]), _rms(after[held]), floor),
+        recalibrated_heldout=_rms(middle[held]),
+        gap_closed=_gap(bench, middle, after, floor, held, seed) if named else None,
+        placebo_gain=_placebo(comparison, bench, named, middle, floor, held, seed) if named else None,
+        before=np.asarray(simulated),
+        recalibrated=np.asarray(simulated + recalibrated),
+        after=np.asarray(simulated + explained),
+    )
+
+
+def _recalibration(bench: Bench) -> Vector:
+    """What offset, gain and delay alone explain, by plain least squares [unit], all rows."""
+    plain = bench.nuisance[:, : bench.n_plain]
+    return np.asarray(plain @ least_squares(plain[bench.fitted], bench.target[bench.fitted]))
+
+
+def _noise_floor(bench: Bench, named: Sequence[int]) -> float:
+    """Root mean square of what is left in the fitted rows, less what the fit took."""
+    left = bench.residual(named)[bench.fitted]
+    n, p = len(left), bench.raw_base(named).shape[1]
+    return _rms(left) * float(np.sqrt(n / max(n - p, 1)))
+
+
+def _gap(
+    bench: Bench, middle: Vector, after: Vector, floor: float, held: NDArray[np.bool_], seed: int
+) -> Quantity | None:
+    """Share of the held-out mean square above the noise that is gone, with a block bootstrap interval."""
+    rows = np.flatnonzero(held)
+    if len(rows) < 20:
+        return None
+    size = int(max(4.0 * bench.noise.correlation_samples, len(rows) / 20.0, 5.0))
+    blocks = [rows[k : k + size] for k in range(0, len(rows), size)]
+    squares = np.array([[np.sum(middle[block] ** 2), np.sum(after[block] ** 2), len(block)] for block in blocks])
+    picks = np.random.default_rng(seed).integers(len(blocks), size=(_DRAWS, len(blocks)))
+    drawn = squares[picks].sum(axis=1)
+    shares = [share for share in (_closed(sums, floor) for sums in drawn) if share is not None]
+    value = _closed(squares.sum(axis=0), floor)
+    if value is None or not shares:
+        return None
+    return Quantity(value, "1", float(np.quantile(shares, 0.025)), float(np.quantile(shares, 0.975)))
+
+
+def _closed(sums: Vector, floor: float) -> float | None:
+    middle, after, n = (float(value) for value in sums)
+    gap = float(np.sqrt(middle / n)) - floor
+    return (float(np.sqrt(middle / n)) - float(np.sqrt(after / n))) / gap if gap > 0.02 * floor else None
+
+
+def _placebo(
+    comparison: Comparison, bench: Bench, named: Sequence[int], middle: Vector, floor: float,
+    held: NDArray[np.bool_], seed: int,
+) -> Quantity | None:  # fmt: skip
+    """Share of the gap that the same columns close when they are shifted in time, several shifts of every run.
+
+    Median and range of the shifts: one that hardly shows where it is fitted may do any harm elsewhere. They are fitted
+    by plain least squares, their coefficients moderated as those of the named shapes are.
+    """
+    gap = _rms(middle[held]) - floor
+    if gap <= 0.02 * floor or not held.any():
+        return None
+    generator = np.random.default_rng(seed)
+    gains = []
+    own = bench.nuisance.shape[1]
+    for _ in range(8):
+        base = np.array(bench.raw_base(named))
+        for _, rows in comparison.rows_of_runs():
+            n = rows.stop - rows.start
+            base[rows, own:] = np.roll(
+                base[rows, own:], int(generator.integers(n // 4, max(3 * n // 4, n // 4 + 1))), axis=0
+            )
+        beta = _placebo_fit(base[bench.fitted], bench.target[bench.fitted], own, [bench.counts[v] for v in named])
+        gains.append((_rms(middle[held]) - _rms((bench.target - base @ beta)[held])) / gap)
+    low, value, high = (float(share) for share in np.quantile(gains, (0.025, 0.5, 0.975)))
+    return Quantity(value, "1", low, high)
+
+
+def _placebo_fit(base: Matrix, target: Vector, own: int, counts: Sequence[int]) -> Vector:
+    beta = least_squares(base, target)
+    spread = float(np.mean((target - base @ beta) ** 2))
+    beta = all_moderated(beta, spread * inverse_of(base.T @ base), own, counts)
+    beta[:own] = least_squares(base[:, :own], target - base[:, own:] @ beta[own:])
+    return beta
+
+
+def _rms(values: Vector) -> float:
+    """Root mean square of what is not missing; NaN where all is."""
+    values = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")

@@ -1,0 +1,373 @@
+"""One response on the bench: what recalibration explains, every candidate shape, the noise filter, blocks of rows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.effect import Effect, Variant
+from selector.diagnosis.evidence.moments import Moments, all_moderated, beside, inverse_of, moments
+from selector.diagnosis.evidence.noise import NoiseModel, noise_model, stretches, whitened
+from selector.diagnosis.matching.usable import rounding_of
+from selector.diagnosis.shapes.machine_cycle import MachineCycle, machine_cycle
+from selector.diagnosis.shapes.residual import least_squares
+from selector.diagnosis.shapes.signals import filled, rate
+from selector.types import Matrix, Vector
+
+_BLOCKS = 24
+_ROUNDS = 4
+_MOST_SAMPLES = 2.0
+_AT_ONCE = 32
+"""Candidates that are whitened together: one by one the calls take longer than the numbers, all at once need memory."""
+OF_MODEL = "model: "
+"""Begins the name of a column that is a parameter of a simulation that can be run again."""
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One shape of one effect in one response, and where its columns stand among all columns."""
+
+    effect: Effect
+    variant: Variant
+    first: int
+
+    @property
+    def columns(self) -> slice:
+        """Its columns among those of all candidates."""
+        return slice(self.first, self.first + len(self.variant.names))
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """All that is needed to test effects in one response."""
+
+    response: str
+    target: Vector  #: (n_rows,): Recorded minus simulated [unit]; NaN where one is missing
+    fitted: NDArray[np.bool_]  #: (n_rows,): Rows that are fitted to: seen, not held out
+    #: (n_rows, p): What recalibration may change; `nuisance_names` says what each is. First offset, gain and delay, as
+    #: far as they are excited, then the parameters in `own`.
+    nuisance: Matrix
+    nuisance_names: tuple[str, ...]
+    #: (m,): Root mean square of every candidate column over the fitted rows; columns are used divided by it
+    scales: Vector
+    candidates: tuple[Candidate, ...]
+    noise: NoiseModel
+    parts: list[slice]  #: Stretches without gaps
+    runs: NDArray[np.intp]  #: (n_rows,): Number of the run of every row
+    resolution: float  #: Step of the readings [unit]; 0 = none was seen
+    rounding: float  #: Standard deviation [unit] that noise has at least
+    own: Mapping[str, slice]  #: Effect → its columns in `nuisance`: parameters that every such simulation has
+    cycle: MachineCycle | None = None  #: What the machine repeats
+    is_off_cycle: bool = False  #: Whether what comes back with every cycle is taken for noise, and taken off
+    #: (len(rows),): Takes the place of the whitened target, where its noise has heavy tails
+    pseudo_target: Vector | None = None
+
+    @property
+    def n_plain(self) -> int:
+        """Columns of `nuisance` before the own parameters."""
+        return min((part.start for part in self.own.values()), default=self.nuisance.shape[1])
+
+    def off_cycle(self, cycle: MachineCycle) -> Bench:
+        """The same with what comes back with every cycle taken off."""
+        return replace(self, cycle=cycle, is_off_cycle=True)
+
+    def without_own(self, id: str) -> Bench:  # noqa: A002 - the word of the contract
+        """The same with an own parameter as a candidate instead."""
+        if id not in self.own:
+            return self
+        kept = np.ones(self.nuisance.shape[1], dtype=bool)
+        kept[self.own[id]] = False
+        gone = self.own[id].stop - self.own[id].start
+        own = {
+            name: slice(part.start - gone, part.stop - gone) if part.start > self.own[id].start else part
+            for name, part in self.own.items()
+            if name != id
+        }
+        names = tuple(name for name, keep in zip(self.nuisance_names, kept, strict=True) if keep)
+        return replace(self, nuisance=self.nuisance[:, kept], nuisance_names=names, own=own)
+
+    def with_noise(self, noise: NoiseModel) -> Bench:
+        """The same with another noise filter."""
+        other = replace(self, noise=noise, pseudo_target=None)
+        if len(noise.phi) == 0 == len(self.noise.phi) and "white_columns" in vars(self):
+            # white before and after: only the size differs
+            vars(other)["white_columns"] = self.white_columns * (self.noise.sd / noise.sd)
+        return other
+
+    def first_candidate(self, id: str) -> int:  # noqa: A002 - the word of the contract
+        """Number of the first shape of an effect."""
+        return next(k for k, candidate in enumerate(self.candidates) if candidate.effect.id == id)
+
+    @cached_property
+    def white_columns(self) -> Matrix:
+        """Candidate columns behind the noise filter, fitted rows only, shape (len(rows), m)."""
+        result = np.empty((len(self.rows), len(self.scales)))
+        for first in range(0, len(self.candidates), _AT_ONCE):
+            some = self.candidates[first : first + _AT_ONCE]
+            columns = slice(some[0].columns.start, some[-1].columns.stop)
+            raw = np.column_stack([one.variant.columns for one in some]) / self.scales[columns]
+            result[:, columns] = whitened(self.noise, raw, self.parts)[self.rows]
+        return self._single(result)
+
+    def _single(self, white: Matrix) -> Matrix:
+        """Whitened columns (fitted rows) less what comes back with every cycle, if that counts as noise."""
+        if self.cycle is None or not self.is_off_cycle:
+            return white
+        values = np.zeros((len(self.target), white.shape[1]))
+        values[self.rows] = white
+        return np.asarray(white - self.cycle.repeated(values, self.rows)[self.rows])
+
+    def raw(self, v: int) -> Matrix:
+        """Columns of candidate `v`, all rows, each of root mean square 1 over the fitted ones."""
+        return self.candidates[v].variant.columns / self.scales[self.candidates[v].columns]
+
+    @cached_property
+    def white_nuisance(self) -> Matrix:
+        """Columns of the recalibration behind the noise filter, fitted rows only."""
+        return self._single(whitened(self.noise, self.nuisance, self.parts)[self.rows])
+
+    @cached_property
+    def white_target(self) -> Vector:
+        """The target behind the noise filter, fitted rows only; 0 where it is missing."""
+        if self.pseudo_target is not None:
+            return self.pseudo_target
+        return self._single(whitened(self.noise, self._whole_target[:, None], self.parts)[self.rows])[:, 0]
+
+    @cached_property
+    def _whole_target(self) -> Vector:
+        result = np.zeros(len(self.target))
+        for part in self.parts:
+            seen = np.isfinite(self.target[part])
+            at = np.arange(part.stop - part.start)
+            result[part] = np.interp(at, at[seen], self.target[part][seen])
+        return result
+
+    @cached_property
+    def rows(self) -> NDArray[np.intp]:
+        """The fitted rows that have a past within their stretch."""
+        told = np.zeros(len(self.target), dtype=bool)
+        for part in self.parts:
+            told[part.start + len(self.noise.phi) : part.stop] = True
+        return np.flatnonzero(told & self.fitted)
+
+    @cached_property
+    def blocks(self) -> list[slice]:
+        """About 24 blocks of `rows`, none over the end of a run, none shorter than the noise remembers."""
+        run = self.runs[self.rows]
+        size = max(len(self.rows) / _BLOCKS, 4.0 * self.noise.correlation_samples, 8.0)
+        found = []
+        edges = np.flatnonzero(np.r_[True, np.diff(run) != 0, True])
+        for first, last in pairwise(edges):
+            n = max(1, round((last - first) / size))
+            cuts = np.linspace(first, last, n + 1).round().astype(int)
+            found += [slice(int(a), int(b)) for a, b in pairwise(cuts)]
+        return found
+
+    @cached_property
+    def block_runs(self) -> NDArray[np.intp]:
+        """Which run every block lies in."""
+        return np.array([self.runs[self.rows[block.start]] for block in self.blocks])
+
+    @cached_property
+    def counts(self) -> list[int]:
+        """Number of columns of every candidate."""
+        return [len(candidate.variant.names) for candidate in self.candidates]
+
+    @cached_property
+    def bounds(self) -> Matrix:
+        """Between what the coefficient of every (scaled) column may lie, shape (m, 2)."""
+        limits = np.tile([-np.inf, np.inf], (len(self.scales), 1))
+        for candidate in self.candidates:
+            if candidate.variant.bounds is not None:
+                limits[candidate.columns] = np.array(candidate.variant.bounds)
+        return limits * self.scales[:, None]
+
+    def base(self, named: Sequence[int]) -> Matrix:
+        """Whitened columns of the recalibration and of the candidates `named`, fitted rows."""
+        parts = [self.white_nuisance, *(self.white_columns[:, self.candidates[v].columns] for v in named)]
+        return np.column_stack(parts)
+
+    @cached_property
+    def _sums(self) -> Moments:
+        return moments(self.white_columns, self.white_target, self.blocks, self.counts, self.bounds)
+
+    def moments(self, base: Matrix) -> Moments:
+        """Sums of products of all candidates beside whitened `base` columns."""
+        return beside(self._sums, base, self.white_columns, self.white_target, self.blocks)
+
+    def raw_base(self, named: Sequence[int]) -> Matrix:
+        """Columns of the recalibration and of the candidates `named`, all rows, not whitened."""
+        return np.column_stack([self.nuisance, *(self.raw(v) for v in named)])
+
+    def coefficients(self, named: Sequence[int]) -> tuple[Vector, Matrix]:
+        """Generalised least squares on the fitted rows: coefficients and their covariance, shapes (p,), (p, p).
+
+        Those of a candidate with several columns are `moderated`. Those of the recalibration are then fitted once more
+        by plain least squares to what the named candidates leave: behind the filter of a noise that wanders the level
+        says next to nothing, and may come out anywhere; so it may where what comes back with every cycle is taken off.
+        """
+        base, own = self.base(named), self.nuisance.shape[1]
+        gram = base.T @ base
+        inverse = inverse_of(gram)
+        beta = inverse @ (base.T @ self.white_target)
+        beta = all_moderated(beta, inverse, own, [self.counts[v] for v in named])
+        rest = (self.target - self.raw_base(named)[:, own:] @ beta[own:])[self.fitted]
+        beta[:own] = least_squares(self.nuisance[self.fitted], rest)
+        return beta, inverse
+
+    def residual(self, named: Sequence[int]) -> Vector:
+        """The target less recalibration and named candidates [unit], all rows; NaN where the target is missing.
+
+        Less what comes back with every cycle, too, where that counts as noise.
+        """
+        left = self.target - self.raw_base(named) @ self.coefficients(named)[0]
+        if self.cycle is None or not self.is_off_cycle:
+            return left
+        return np.asarray(left - self.cycle.repeated(left[:, None], self.fitted)[:, 0])
+
+    def explained(self, named: Sequence[int]) -> Vector:
+        """What recalibration and named candidates explain [unit], all rows."""
+        return np.asarray(self.raw_base(named) @ self.coefficients(named)[0])
+
+    def white_residual(self, named: Sequence[int]) -> Vector:
+        """The residual behind the noise filter, all rows; NaN where there is none, or no past."""
+        left = self.residual(named)
+        seen = np.isfinite(left)
+        result = whitened(self.noise, np.where(seen, left, 0.0)[:, None], self.parts)[:, 0]
+        told = np.zeros(len(left), dtype=bool)
+        for part in self.parts:
+            told[part.start + len(self.noise.phi) : part.stop] = True
+        return np.where(told & seen, result, np.nan)
+
+    def refitted_noise(self, named: Sequence[int]) -> Bench:
+        """The same with the noise that is left beside the candidates `named`."""
+        left = np.where(self.fitted, self.residual(named), np.nan)
+        parts = [part for part in stretches_of(self, self.fitted) if part.stop - part.start > 8]
+        lost = self.nuisance.shape[1] + sum(self.counts[v] for v in named)
+        lost += self.cycle.samples if self.cycle is not None and self.is_off_cycle else 0
+        return self.with_noise(noise_model(left, parts, lost=lost, rounding=self.rounding))
+
+
+def stretches_of(bench: Bench, seen: NDArray[np.bool_]) -> list[slice]:
+    """The stretches of a bench, cut to rows that are `seen` at both ends."""
+    found = []
+    for part in bench.parts:
+        here = np.flatnonzero(seen[part])
+        if len(here) > 2:
+            found.append(slice(part.start + int(here[0]), part.start + int(here[-1]) + 1))
+    return found
+
+
+def bench_of(
+    comparison: Comparison,
+    response: str,
+    effects: Sequence[Effect],
+    extra: Mapping[str, Sequence[Variant]] | None = None,
+) -> tuple[Bench, dict[str, str]]:
+    """The bench of a response, and for every effect that cannot be tested in it, why.
+
+    `extra` are shapes that a runnable model gave, effect id → variants; they take the place of the effect's own.
+    """
+    target = comparison.difference(response)
+    seen = np.isfinite(target)
+    fitted = seen & ~comparison.held_out
+    candidates: list[Candidate] = []
+    scales: list[Vector] = []
+    untested: dict[str, str] = {}
+    nuisance, names = recalibration_columns(comparison, response, fitted)
+    own: dict[str, slice] = {}
+    first = 0
+    for effect in effects:
+        given = (extra or {}).get(effect.id)
+        reason = None if given else effect.testable(comparison, response)
+        if reason is not None:
+            untested[effect.id] = reason
+            continue
+        before = first
+        for variant in given or effect.variants(comparison, response):
+            scale = np.sqrt(np.mean(variant.columns[fitted] ** 2, axis=0))
+            if not np.isfinite(variant.columns).all() or not (scale > 0.0).all():
+                continue
+            candidates.append(Candidate(effect, variant, first))
+            scales.append(scale)
+            first += len(variant.names)
+        if first == before:
+            untested[effect.id] = "nothing in the fitted runs excites it"
+        elif effect.absorbs:
+            number, added = next((k, c) for k, c in enumerate(candidates) if c.effect is effect)
+            start = nuisance.shape[1]
+            nuisance = np.column_stack([nuisance, added.variant.columns / scales[number]])
+            own[effect.id] = slice(start, nuisance.shape[1])
+            names = (*names, *(f"{effect.id}: {name}" for name in added.variant.names))
+    parts = stretches(comparison, seen)
+    bench = Bench(
+        response=response,
+        target=target,
+        fitted=fitted,
+        nuisance=nuisance,
+        nuisance_names=names,
+        scales=np.concatenate(scales) if scales else np.empty(0),
+        candidates=tuple(candidates),
+        noise=NoiseModel(np.zeros(0), float(np.nanstd(target[fitted])) or 1.0),
+        parts=parts,
+        runs=comparison.run_index,
+        resolution=comparison.resolution.get(response, 0.0),
+        rounding=rounding_of(comparison, response),
+        own=own,
+        cycle=machine_cycle(comparison),
+    )
+    return bench.refitted_noise([]), untested
+
+
+def recalibration_columns(
+    comparison: Comparison, response: str, fitted: NDArray[np.bool_]
+) -> tuple[Matrix, tuple[str, ...]]:
+    """What the simulation's user may put right without new physics: offset, gain and delay of the simulated course.
+
+    Columns are scaled to root mean square 1 over the fitted rows, but the offset, which is 1.
+    """
+    simulated = filled(comparison, comparison.simulated[response])
+    found, names = [np.ones(len(simulated))], ["offset"]
+    for name, column in (("gain", simulated), ("delay", _delayed(comparison, response, simulated, fitted))):
+        spread = float(np.std(column[fitted]))
+        if spread > 1e-9 * max(float(np.abs(column[fitted]).max()), 1e-300):
+            found.append(column)
+            names.append(name)
+    for name, column in comparison.tangents.get(response, {}).items():
+        size = float(np.sqrt(np.mean(column[fitted] ** 2)))
+        if size > 0.0:
+            found.append(column / size)
+            names.append(f"{OF_MODEL}{name}")
+    return np.column_stack(found), tuple(names)
+
+
+def _delayed(comparison: Comparison, response: str, simulated: Vector, fitted: NDArray[np.bool_]) -> Vector:
+    """What a delay changes in the simulated course, per second of it; a derivative where none of a few samples fits.
+
+    Where a course bends within a sample its derivative is not what a delay by a part of the sample makes of it.
+    """
+    slope, difference = -rate(comparison, simulated), comparison.difference(response)[fitted]
+    column = slope
+    for _ in range(_ROUNDS):
+        columns = np.column_stack([np.ones(len(simulated)), simulated, column])
+        delay_s = float(least_squares(columns[fitted], difference)[-1])
+        if not 1e-3 < abs(delay_s) / comparison.period_s < _MOST_SAMPLES:
+            return slope
+        column = (_late_by(comparison, simulated, delay_s) - simulated) / delay_s
+    return column
+
+
+def _late_by(comparison: Comparison, course: Vector, delay_s: float) -> Vector:
+    result = np.array(course)
+    for _, rows in comparison.rows_of_runs():
+        time = comparison.time_s[rows]
+        if len(time) > 1:
+            result[rows] = CubicSpline(time, course[rows])(np.clip(time - delay_s, time[0], time[-1]))
+    return result

@@ -1,0 +1,1 @@
+"""Recording and simulation brought together: clocks, names, and what cannot be used turned away."""

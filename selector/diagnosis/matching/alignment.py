@@ -1,0 +1,435 @@
+"""How recording and simulation are brought together: runs by name, one clock, and which rows are compared."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from datetime import datetime
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.diagnosis.comparison import Comparison, read_only
+from selector.diagnosis.finding_table import FINDINGS
+from selector.diagnosis.matching.exchanged_runs import exchanged_runs
+from selector.diagnosis.matching.usable import at_readings, without_codes, without_extremes, without_useless
+from selector.errors import InputError, OptionError
+from selector.findings import Finding, Where
+from selector.recording import Recording
+from selector.types import Mask, Vector
+
+Rows = NDArray[np.intp]
+_SEEN = 0.1
+"""Of the usual change from reading to reading: lines that cut off less do not matter."""
+_COARSE = 1.6
+"""Recorded steps in a simulated one from which a line between two simulated values may be no longer the simulation."""
+
+
+def comparable_rows(at_s: Vector, stamps_s: Vector, recorded: Sequence[Vector], simulated: Sequence[Vector]) -> Rows:
+    """Recorded rows at which a run can be compared: all, or those at which the simulation has a value of its own.
+
+    Between two stamps a line stands for what the simulation did; what it cuts off looks like a lag of the machine. That
+    is an eighth of h²·y'' at most, a fourth of what a line over two steps is off in the middle.
+
+    Parameters
+    ----------
+    at_s : ndarray of shape (n_rows,)
+        Recorded times on the simulation's clock [s].
+    stamps_s : ndarray of shape (n_stamps,)
+        Stamps of the simulation [s].
+    recorded, simulated : sequences of ndarray of shapes (n_rows,), (n_stamps,)
+        The responses.
+    """
+    everything = np.arange(len(at_s))
+    if len(at_s) < 3 or len(stamps_s) < 3:
+        return everything
+    step_s = float(np.median(np.diff(at_s)))
+    if float(np.median(np.diff(stamps_s))) < _COARSE * step_s:
+        return everything
+    if not any(
+        _cut_off(stamps_s, course) > _SEEN * _noise(values) for values, course in zip(recorded, simulated, strict=True)
+    ):
+        return everything
+    inside = stamps_s[(stamps_s >= at_s[0] - 0.5 * step_s) & (stamps_s <= at_s[-1] + 0.5 * step_s)]
+    after = np.clip(np.searchsorted(at_s, inside), 1, len(at_s) - 1)
+    nearest = np.where(inside - at_s[after - 1] <= at_s[after] - inside, after - 1, after)
+    return np.unique(nearest)
+
+
+def _cut_off(stamps_s: Vector, course: Vector) -> float:
+    """Root mean square of what lines between the samples of a course cut off, at most."""
+    share = (stamps_s[1:-1] - stamps_s[:-2]) / (stamps_s[2:] - stamps_s[:-2])
+    bend = course[1:-1] - (1.0 - share) * course[:-2] - share * course[2:]
+    bend = bend[np.isfinite(bend)]
+    return 0.25 * float(np.sqrt(np.mean(bend**2))) if len(bend) else 0.0
+
+
+def _noise(values: Vector) -> float:
+    steps = np.abs(np.diff(values[np.isfinite(values)]))
+    return float(np.median(steps)) if len(steps) else 0.0
+
+
+def told(run: str, rows: Rows, at_s: Vector, stamps_s: Vector) -> Finding:
+    """That only some readings of a run are compared."""
+    recorded, simulated = float(np.median(np.diff(at_s))), float(np.median(np.diff(stamps_s)))
+    return FINDINGS.finding(
+        "coarse-simulation",
+        f"Run {run}: the simulation has a value every {simulated:.6g} s, the recording every {recorded:.6g} s; "
+        f"compared are the {len(rows)} of {len(at_s)} readings at which the simulation has a value.",
+        Where(run=run),
+        {"simulated_step_s": simulated, "recorded_step_s": recorded, "rows": len(rows), "of": len(at_s)},
+    )
+
+
+_PART = 0.8
+"""Share of a run below which it is said that the rest of it is not compared."""
+_LEAST = 0.1
+"""Share below which a simulation is not of this run: another unit of time or another programme."""
+
+
+_TIME_UNITS = (60.0, 1e3, 3600.0, 6e4, 3.6e6)
+"""How many times longer a run is in another unit of time."""
+_SAME = 0.03
+"""Part by which runs may differ that are the same in another unit."""
+
+
+def require_same_time_unit(durations_s: Mapping[str, tuple[float, float]]) -> None:
+    """Ends with an error when every simulated run is the recorded one in a smaller unit of time.
+
+    Parameters
+    ----------
+    durations_s : mapping of str to tuple of float
+        Run → duration of what was recorded and of what was simulated [s].
+
+    Raises
+    ------
+    InputError
+        Every run is longer by the same factor between units.
+    """
+    ratios = {run: simulated / recorded for run, (recorded, simulated) in durations_s.items() if recorded > 0.0}
+    for factor in _TIME_UNITS:
+        if ratios and all(abs(ratio / factor - 1.0) < _SAME for ratio in ratios.values()):
+            run = next(iter(ratios))
+            recorded_s, simulated_s = durations_s[run]
+            raise InputError(
+                f"run {run} was recorded for {recorded_s:.6g} s and simulated for {simulated_s:.6g} s, "
+                f"{factor:g} times as long, and so was every other",
+                expected="the same unit of time in both",
+                where="simulation",
+                advice="check the unit of time in both (--time-unit, --simulation-time-unit, the headers)",
+            )
+
+
+def partly_simulated(covered: Mapping[str, Mask]) -> list[Finding]:
+    """Findings ``partly-simulated`` of runs that the simulation covers in part.
+
+    Parameters
+    ----------
+    covered : mapping of str to ndarray of bool of shape (n_rows,)
+        Run → recorded rows at which the simulation has a value.
+
+    Raises
+    ------
+    InputError
+        It covers less than a tenth of every run.
+    """
+    counts = {run: (int(rows.sum()), len(rows)) for run, rows in covered.items()}
+    if counts and all(there < _LEAST * of for there, of in counts.values()):
+        run, (there, of) = max(counts.items(), key=lambda item: item[1][0] / item[1][1])
+        raise InputError(
+            f"{there} of {of} recorded rows of run {run} ({there / of:.1%}) lie within the simulated time, fewer in "
+            "the others"
+            if len(counts) > 1
+            else f"{there} of {of} recorded rows of run {run} ({there / of:.1%}) lie within the simulated time",
+            expected=f"a simulation of at least {_LEAST:.0%} of a run",
+            where="simulation",
+            advice="check the unit of time in both (--time-unit, --simulation-time-unit), or give only the part of the "
+            "recording that was simulated",
+        )
+    return [
+        FINDINGS.finding(
+            "partly-simulated",
+            f"Run {run}: the simulation has a value at {there} of {of} recorded rows ({there / of:.0%}); only these "
+            "are compared.",
+            Where(run=run),
+            {"rows": there, "of": of, "share": there / of},
+        )
+        for run, (there, of) in counts.items()
+        if there < _PART * of
+    ]
+
+
+LAST_PART = 0.3
+"""Share of a single run that is held out."""
+_HELD_ROLES = ("state",)
+"""Roles whose values hold until the next sample; all others are read between samples along a line."""
+_HOLE = 4.0
+"""Steps of the simulation beyond which missing values are a hole, not a channel that is written more rarely."""
+_ON_GRID = 0.95
+"""Share of the readings that stand on a common grid, when they have a resolution."""
+_OTHER_ZERO = 0.05
+"""Part of a run by which clocks that cover the same span may differ before they are taken to have other zeros."""
+
+
+def comparison_of(
+    recording: Recording, simulation: Recording, *, responses: Sequence[str] | None = None, holdout: str = "last"
+) -> Comparison:
+    """Recording and simulation as one comparison, at the times of the recording, or of a simulation that is coarser.
+
+    Parameters
+    ----------
+    recording, simulation : Recording
+        Runs are matched by name. The simulation may be sampled otherwise, start later and end earlier.
+    responses : sequence of str, optional
+        Channels to be compared; default: all that both have, but those that the simulation was merely given.
+    holdout : str
+        ``"last"`` (the last run; of a single run its last 30 %), the name of a run, or the share of every run, at its
+        end, that nothing is fitted to.
+
+    Raises
+    ------
+    InputError
+        There is nothing to compare: no common run or channel, no overlap in time, another quantity, too few samples.
+    OptionError
+        `responses` or `holdout` name something that is not there.
+    """
+    recording, codes = without_codes(recording)
+    runs, findings = _common_runs(recording, simulation)
+    findings += codes
+    shared = _common_channels(recording, simulation, responses)
+    aligned = {run: _simulated_times(recording, simulation, run) for run in runs}
+    findings += [finding for _, said in aligned.values() for finding in said]
+    reached = [run for run in runs if np.any(np.isfinite(_read_at(simulation, run, shared, *_times(aligned, run))))]
+    if not reached:
+        raise _no_overlap(recording, aligned, shared)
+    findings += [
+        _left_out(run, "the simulation has no value at any of its times") for run in runs if run not in reached
+    ]
+    require_same_time_unit(
+        {run: (float(np.ptp(recording.time_s(run))), float(np.ptp(simulation.time_s(run)))) for run in reached}
+    )
+    findings += partly_simulated(
+        {run: np.any(np.isfinite(_read_at(simulation, run, shared, *_times(aligned, run))), axis=1) for run in reached}
+    )
+    rows: dict[str, Rows] = {}
+    for run in reached:
+        at_s, stamps_s = aligned[run][0][0], simulation.time_s(run)
+        moving = [name for name in shared if simulation.channel(name).role not in _HELD_ROLES]
+        both = [list(part.values(run, moving).T) for part in (recording, simulation)]
+        rows[run] = comparable_rows(at_s, stamps_s, *both)
+        if len(rows[run]) < len(at_s):
+            findings.append(told(run, rows[run], at_s, stamps_s))
+    time = [recording.time_s(run)[rows[run]] for run in reached]
+    starts = (0, *np.cumsum([len(part) for part in time]).tolist())
+    recorded = np.concatenate([recording.values(run, recording.names)[rows[run]] for run in reached])
+    read = np.concatenate(
+        [_read_at(simulation, run, simulation.names, *_times(aligned, run))[rows[run]] for run in reached]
+    )
+    comparison = Comparison(
+        runs=tuple(reached),
+        starts=starts,
+        time_s=read_only(np.concatenate(time)),
+        channels=recording.channels,
+        recorded={name: read_only(recorded[:, k]) for k, name in enumerate(recording.names)},
+        simulated={name: read_only(read[:, k]) for k, name in enumerate(simulation.names)},
+        responses=tuple(shared),
+        held_out=_held_out(reached, time, holdout),
+        findings=tuple(findings),
+    )
+    comparison = without_extremes(comparison)
+    steps = {name: resolution(values) for name, values in comparison.recorded.items()}
+    comparison = at_readings(replace(comparison, resolution=steps))
+    usable = without_useless(comparison, asked=responses is not None)
+    return replace(usable, findings=(*usable.findings, *exchanged_runs(usable)))
+
+
+def resolution(values: Vector) -> float:
+    """Step of the grid on which readings stand [their unit]; 0 if they stand on none."""
+    seen = np.unique(values[np.isfinite(values)])
+    if len(seen) < 2:
+        return 0.0
+    steps = np.diff(seen)
+    steps = np.sort(steps[steps > 1e-9 * float(np.abs(seen).max())])
+    # the smallest step may come from a single value off the grid, a large one may be a multiple
+    for nth in (len(steps) // 10, len(steps) // 100, 0):
+        if nth >= len(steps):
+            return 0.0
+        step = float(steps[nth])
+        counts = (seen - seen[0]) / step
+        if np.mean(np.abs(counts - np.rint(counts)) < 0.05) >= _ON_GRID:
+            # many steps give the grid more sharply than one
+            return float((seen[-1] - seen[0]) / np.rint(counts[-1]))
+    return 0.0
+
+
+def _common_runs(recording: Recording, simulation: Recording) -> tuple[list[str], list[Finding]]:
+    runs = [run for run in recording.runs if run in simulation.runs]
+    if not runs:
+        raise InputError(
+            f"recorded runs {_listed(recording.runs)}; simulated runs {_listed(simulation.runs)}",
+            expected="at least one run of the same name (the file's name without its ending) in both",
+            where="simulation",
+            advice="name the file of the simulated run like that of the recorded one",
+        )
+    findings = [_left_out(run, "the simulation has no such run") for run in recording.runs if run not in runs]
+    spare = [run for run in simulation.runs if run not in runs]
+    if spare:
+        findings.append(
+            FINDINGS.finding(
+                "simulated-only",
+                f"Simulated but not recorded, and not used: {_listed(spare)}.",
+                Where(),
+                {"runs": spare},
+            )
+        )
+    return runs, findings
+
+
+def _common_channels(recording: Recording, simulation: Recording, responses: Sequence[str] | None) -> list[str]:
+    both = [name for name in recording.names if name in simulation.names]
+    for name in responses or ():
+        lacking = "recording" if name not in recording.names else "simulation" if name not in simulation.names else None
+        if lacking is not None:
+            raise OptionError(
+                f"{name!r} is not in the {lacking}",
+                expected=f"one of {_listed(both)}" if both else "a channel that recording and simulation both have",
+                where="--response",
+                advice="correct the name, or write the simulated channel under the name that the recorded one has",
+            )
+    if not both:
+        raise InputError(
+            f"recorded channels {_listed(recording.names)}; simulated channels {_listed(simulation.names)}",
+            expected="at least one channel of the same name in both",
+            where="simulation",
+            advice="name the simulated channels as the recorded ones, or say their columns in the machine file",
+        )
+    chosen = list(dict.fromkeys(responses or both))
+    for name in chosen:
+        one, other = recording.channel(name).role, simulation.channel(name).role
+        if one != other:
+            raise InputError(
+                f"{name} is recorded as {one}, simulated as {other}",
+                expected="the same quantity in both",
+                where=f"channel {name!r}",
+                advice="correct the role, or rename one of the two",
+            )
+    return chosen
+
+
+def _simulated_times(
+    recording: Recording, simulation: Recording, run: str
+) -> tuple[tuple[Vector, float], list[Finding]]:
+    """Recorded times of a run on the simulation's clock with the tolerance at its ends [s], and what is to be said."""
+    time, simulated = recording.time_s(run), simulation.time_s(run)
+    tolerance_s = 0.5 * float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    shift_s, from_zero = _shift_s(recording, simulation, run)
+    span_s, span_simulated_s = float(time[-1]), float(simulated[-1])
+    overlap_s = min(span_s + shift_s, span_simulated_s) - max(shift_s, 0.0)
+    same_span = abs(span_s - span_simulated_s) <= 0.01 * span_s and abs(shift_s) > _OTHER_ZERO * span_s
+    # a logger may count from when it was switched on, a simulation from the start of the run
+    if not from_zero or shift_s == 0.0 or (overlap_s >= 0.5 * min(span_s, span_simulated_s) and not same_span):
+        return (time + shift_s, tolerance_s), []
+    told = FINDINGS.finding(
+        "clocks-with-other-zeros",
+        f"Run {run}: the recorded clock starts at {shift_s:.6g} s and the simulated one at 0, and they cover the same "
+        "span or hardly meet; both are counted from their first sample.",
+        Where(run=run),
+        {"shift_s": shift_s},
+    )
+    return (time, tolerance_s), [told]
+
+
+def _shift_s(recording: Recording, simulation: Recording, run: str) -> tuple[float, bool]:
+    """What the recorded clock showed at the first sample, less what the simulated one did [s]; 0 if not comparable.
+
+    And whether the simulation counts from 0.
+    """
+    entries = [part.provenance.get("runs", {}).get(run, {}) for part in (recording, simulation)]
+    dates = [None if entry.get("start") is None else datetime.fromisoformat(entry["start"]) for entry in entries]
+    if dates[0] is None and dates[1] is None:
+        first_s, simulated_s = (float(entry.get("first_stamp_s", 0.0)) for entry in entries)
+        return first_s - simulated_s, simulated_s == 0.0
+    if dates[0] is None or dates[1] is None or (dates[0].tzinfo is None) != (dates[1].tzinfo is None):
+        return 0.0, False
+    return (dates[0] - dates[1]).total_seconds(), False
+
+
+def _times(aligned: dict[str, tuple[tuple[Vector, float], list[Finding]]], run: str) -> tuple[Vector, float]:
+    return aligned[run][0]
+
+
+def _read_at(
+    simulation: Recording, run: str, names: Sequence[str], at_s: Vector, tolerance_s: float
+) -> NDArray[np.float64]:
+    """Simulated channels at some times, shape (n_times, n_names); NaN where the simulation does not reach."""
+    time, values = simulation.time_s(run), simulation.values(run, names)
+    result = np.full((len(at_s), len(names)), np.nan)
+    for k, name in enumerate(names):
+        present = np.isfinite(values[:, k])
+        if not present.any():
+            continue
+        stamps, x = time[present], values[present, k]
+        inside = (at_s >= stamps[0] - tolerance_s) & (at_s <= stamps[-1] + tolerance_s)
+        if simulation.channel(name).role in _HELD_ROLES:
+            read = x[np.clip(np.searchsorted(stamps, at_s, side="right") - 1, 0, len(x) - 1)]
+        else:
+            read = np.interp(at_s, stamps, x)
+        if not present.all() and len(stamps) > 1:
+            gaps = np.diff(stamps)
+            rows = np.flatnonzero(present)
+            hole = (gaps > _HOLE * np.median(gaps)) & (np.diff(rows) > 1)
+            before = np.clip(np.searchsorted(stamps, at_s, side="right") - 1, 0, len(gaps) - 1)
+            inside &= ~(hole[before] & (at_s > stamps[before]) & (at_s < stamps[before + 1]))
+        result[inside, k] = read[inside]
+    return result
+
+
+def _held_out(runs: Sequence[str], time: Sequence[Vector], holdout: str) -> Mask:
+    """Rows that nothing is fitted to, shape (n_rows,)."""
+    share = LAST_PART
+    if holdout in runs or (holdout == "last" and len(runs) > 1):
+        if len(runs) == 1:
+            raise OptionError(
+                f"{holdout!r}, the only run that is compared",
+                expected="something that is left to be fitted to",
+                where="--holdout",
+                advice="leave it out: of a single run the last 30 % are kept for the proof; or give more runs",
+            )
+        kept = holdout if holdout in runs else runs[-1]
+        return np.repeat([run == kept for run in runs], [len(part) for part in time])
+    if holdout != "last":
+        try:
+            share = float(holdout)
+        except ValueError:
+            share = 0.0
+        if not 0.0 < share <= 0.8:
+            raise OptionError(
+                repr(holdout),
+                expected=f"last, a run ({_listed(runs)}), or a share above 0 and up to 0.8",
+                where="--holdout",
+                advice="e.g. --holdout 0.3 keeps the last 30 % of every run for the proof",
+            )
+    return np.concatenate([part > part[0] + (1.0 - share) * (part[-1] - part[0]) for part in time])
+
+
+def _left_out(run: str, reason: str) -> Finding:
+    return FINDINGS.finding(
+        "run-not-compared", f"Run {run} is not compared: {reason}.", Where(run=run), {}, action="leave-out-run"
+    )
+
+
+def _no_overlap(
+    recording: Recording, aligned: dict[str, tuple[tuple[Vector, float], list[Finding]]], shared: Sequence[str]
+) -> InputError:
+    run, ((times, _), _) = next(iter(aligned.items()))
+    return InputError(
+        f"no value of {_listed(shared)} in the simulation at any recorded time (run {run}: {times[0]:.6g} to "
+        f"{times[-1]:.6g} s on its clock)",
+        expected="recording and simulation that overlap in time, with values where they do",
+        where="simulation",
+        advice="check the time column and its unit in both, and whether the simulated columns hold numbers",
+    )
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")

@@ -1,0 +1,433 @@
+"""Which readings are computed with, and what makes a comparison no basis for an answer."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from selector.diagnosis.answer import Diagnosis, Errors, Fit
+from selector.diagnosis.comparison import Comparison, read_only
+from selector.diagnosis.finding_table import BEYOND_MEASURE, FINDINGS, NOT_COMPARED
+from selector.errors import InputError
+from selector.findings import Finding, Level, Where
+from selector.quality.break_codes import broken_sensors, out_of_range
+from selector.quality.finding_table import OUT_OF_RANGE, SENSOR_BREAK
+from selector.quality.leave_out import left_out_rows
+from selector.quality.survey import Survey
+from selector.quality.wrong_units import wrong_temperature_units
+from selector.recording import Recording
+from selector.types import Mask, Vector
+
+LARGEST = 1e30
+"""Beyond this a number is no reading in any unit, and its fourth power may be no number at all."""
+SELDOM = 3.5
+"""Sampling periods between two readings of a response from which on it was read more rarely than the rest."""
+_MOST_ROWS_BETWEEN = 12.0
+"""Beyond this other responses lose too much when all are compared at the readings of the one that was read seldom."""
+_ROWS = 60
+"""Readings to be fitted to that must be left then."""
+
+
+def without_extremes(comparison: Comparison) -> Comparison:
+    """Numbers beyond 1e30 are missing readings, recorded or simulated; which, is said."""
+    recorded, told = _measurable(comparison, comparison.recorded, "recorded")
+    simulated, also = _measurable(comparison, comparison.simulated, "simulated")
+    return dataclasses.replace(
+        comparison, recorded=recorded, simulated=simulated, findings=(*comparison.findings, *told, *also)
+    )
+
+
+def at_readings(comparison: Comparison) -> Comparison:
+    """The rows at which responses were read, where some were read more rarely than the rows follow each other.
+
+    A response that was read in every fifth row, as a slower logger writes it, says nothing about the four between. All
+    responses are compared at its readings. Where others would lose too much by that, it is left out instead, with a
+    finding that says how to compare it by itself.
+    """
+    every = {name: _rows_between(comparison, name) for name in comparison.responses}
+    seldom = {name: count for name, count in every.items() if count > SELDOM}
+    if not seldom:
+        return comparison
+    read = np.any([_compared(comparison, name) for name in seldom], axis=0)
+    is_enough = max(seldom.values()) <= _MOST_ROWS_BETWEEN and int(np.sum(read & ~comparison.held_out)) >= _ROWS
+    if len(seldom) < len(every) and (not is_enough or read.all()):
+        told = [_more_rarely(name, count) for name, count in seldom.items()]
+        kept = tuple(name for name in every if name not in seldom)
+        return dataclasses.replace(comparison, responses=kept, findings=(*comparison.findings, *told))
+    if read.all():
+        return comparison
+    counts = ", ".join(f"{name} has a value in every {_nth(count)} row" for name, count in seldom.items())
+    alone = len(seldom) == len(every)
+    said = FINDINGS.finding(
+        "read-seldom",
+        f"{counts}: responses are compared at {'its' if len(seldom) == 1 else 'their'} readings only.",
+        evidence={"rows_between": seldom},
+        suggestion=""
+        if alone
+        else "diagnose the other responses by themselves, with --response, to use all their rows",
+        level="info" if alone else "warning",
+    )
+    thinned = _only(comparison, read)
+    return at_readings(dataclasses.replace(thinned, findings=(*thinned.findings, said)))
+
+
+def rows_in_stretches(comparison: Comparison, seen: Mask) -> int:
+    """Rows in stretches of more than 8 that are `seen` and follow each other without a hole."""
+    total = 0
+    for _, rows in comparison.rows_of_runs():
+        here = comparison.time_s[rows][seen[rows]]
+        cuts = np.flatnonzero(np.diff(here) > SELDOM * comparison.period_s) + 1
+        total += sum(len(part) for part in np.split(here, cuts) if len(part) > 8)
+    return total
+
+
+def _measurable(
+    comparison: Comparison, courses: Mapping[str, Vector], kind: str
+) -> tuple[dict[str, Vector], list[Finding]]:
+    result, findings = {}, []
+    for name, values in courses.items():
+        beyond = np.abs(values) > LARGEST
+        result[name] = values
+        if not beyond.any():
+            continue
+        result[name] = np.where(beyond, np.nan, values)
+        first = int(np.flatnonzero(beyond)[0])
+        run = comparison.runs[int(comparison.run_index[first])]
+        findings.append(
+            FINDINGS.finding(
+                "beyond-measure",
+                f"{int(beyond.sum())} {kind} value(s) of {name} are beyond {LARGEST:g}, the first {values[first]:.4g} "
+                f"in run {run} at {comparison.time_s[first]:.6g} s: they count as missing.",
+                Where(channel=name, run=run),
+                {"count": int(beyond.sum()), "value": float(values[first]), "kind": kind},
+            )
+        )
+    return result, findings
+
+
+def _rows_between(comparison: Comparison, name: str) -> float:
+    """Median number of sampling periods from one compared reading of a response to the next; 1 if there is one only."""
+    compared = _compared(comparison, name)
+    steps = [np.diff(comparison.time_s[rows][compared[rows]]) for _, rows in comparison.rows_of_runs()]
+    known = np.concatenate(steps)
+    return float(np.median(known)) / comparison.period_s if len(known) else 1.0
+
+
+def _compared(comparison: Comparison, name: str) -> Mask:
+    return np.asarray(np.isfinite(comparison.difference(name)), dtype=np.bool_)
+
+
+def _only(comparison: Comparison, kept: Mask) -> Comparison:
+    """The comparison with some of its rows; runs without any are gone."""
+    counts = [(run, int(kept[rows].sum())) for run, rows in comparison.rows_of_runs()]
+    counts = [(run, count) for run, count in counts if count]
+    return dataclasses.replace(
+        comparison,
+        runs=tuple(run for run, _ in counts),
+        starts=(0, *np.cumsum([count for _, count in counts]).tolist()),
+        time_s=read_only(comparison.time_s[kept]),
+        recorded={name: read_only(values[kept]) for name, values in comparison.recorded.items()},
+        simulated={name: read_only(values[kept]) for name, values in comparison.simulated.items()},
+        held_out=comparison.held_out[kept],
+    )
+
+
+def _more_rarely(name: str, every: float) -> Finding:
+    return FINDINGS.finding(
+        "not-compared",
+        f"{name} is not compared: it has a value in every {_nth(every)} row only, more rarely than other responses.",
+        Where(channel=name),
+        {"rows_between": every},
+        f"diagnose it by itself: --response {name}",
+    )
+
+
+def _nth(count: float) -> str:
+    whole = round(count)
+    ending = "th" if 10 <= whole % 100 <= 20 else {1: "st", 2: "nd", 3: "rd"}.get(whole % 10, "th")
+    return f"{whole}{ending}"
+
+
+LEAST_SAMPLES = 40
+"""Compared samples that are needed to fit offset, gain and delay and to tell noise from structure."""
+_UNIT_FACTORS = {1e3: "mm and µm, or m and mm", 1e6: "m and µm", 60.0: "per second and per minute"}
+"""How many times larger a number is in another unit, where no calibration error could explain it."""
+_SMALLEST = 1e-30
+"""Below this the square of a course may be no number."""
+_ROUNDED = 0.51
+"""Steps of the resolution by which rounding alone makes two equal courses differ."""
+_SAME = 1e-8
+"""Of the largest reading: files with a finite number of digits, read back between their rows, differ by less."""
+_OF_SUMS = 1e-12
+"""Of the largest reading: what is left of differences by sums in double precision."""
+
+
+def without_useless(comparison: Comparison, *, asked: bool) -> Comparison:
+    """The comparison without responses from which nothing can be learned, and why, as findings.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    asked : bool
+        Whether the user named the responses: then it is a warning that one is a mere input of the simulation.
+
+    Raises
+    ------
+    InputError
+        No response is left, or one is in another unit in the simulation.
+    """
+    findings, kept = list(comparison.findings), []
+    copies = set(identical_responses(comparison))
+    for name in comparison.responses:
+        reason = _reason(comparison, name)
+        if reason is None and name in copies and len(copies) < len(comparison.responses):
+            # what the simulation was given, it hands back
+            level: Level = "warning" if asked else "info"
+            findings.append(_told("input-of-simulation", level, name, "is in the simulation as it was recorded"))
+        elif reason is None:
+            _require_same_unit(comparison, name)
+            kept.append(name)
+        else:
+            findings.append(_told(NOT_COMPARED, "warning", name, reason))
+    if not kept:
+        ids = (NOT_COMPARED, BEYOND_MEASURE)
+        reasons = " ".join(finding.statement for finding in findings if finding.id in ids)
+        raise InputError(
+            reasons.removesuffix("."),
+            expected=f"a channel that moves and has at least {LEAST_SAMPLES} samples with a simulated value outside "
+            "the part that is held out",
+            where="recording and simulation",
+            advice="give longer or more runs, or check the time columns and what the columns hold",
+        )
+    short = [run for run, rows in comparison.rows_of_runs() if rows.stop - rows.start < LEAST_SAMPLES]
+    findings += [
+        FINDINGS.finding(
+            "short-run",
+            f"Run {run} has fewer than {LEAST_SAMPLES} samples: what happens in it alone cannot be told from noise.",
+            Where(run=run),
+            {},
+            "record longer",
+            level="info",
+        )
+        for run in short
+    ]
+    findings += [_still(comparison, name) for name in kept if np.ptp(_seen(comparison.simulated[name])) == 0.0]
+    findings += [_same(comparison, name) for name in kept if name in copies]
+    return dataclasses.replace(comparison, responses=tuple(kept), findings=tuple(findings))
+
+
+def identical_responses(comparison: Comparison) -> tuple[str, ...]:
+    """Responses in which recording and simulation differ by no more than the rounding of the readings."""
+    same = []
+    for name in comparison.responses:
+        difference = _seen(comparison.difference(name))
+        rounding = max(_ROUNDED * comparison.resolution.get(name, 0.0), _SAME * _size(comparison, name))
+        # a noisy recording never lies within half a step of a smooth course throughout
+        if len(difference) and np.abs(difference).max() <= rounding:
+            same.append(name)
+    return tuple(same)
+
+
+def rounding_of(comparison: Comparison, response: str) -> float:
+    """What sums of numbers as large as the readings cannot tell from nothing [unit of the response]."""
+    return _OF_SUMS * _size(comparison, response)
+
+
+def _size(comparison: Comparison, response: str) -> float:
+    return float(np.abs(_seen(comparison.recorded[response])).max(initial=0.0))
+
+
+def _reason(comparison: Comparison, name: str) -> str | None:
+    """Why nothing can be learned from a response, as a clause; None if something can."""
+    compared = np.isfinite(comparison.difference(name))
+    fitted = int(np.sum(compared & ~comparison.held_out))
+    if not compared.any():
+        missing = "recorded" if not np.isfinite(comparison.recorded[name]).any() else "simulated"
+        return f"has no {missing} value where it could be compared"
+    if fitted < LEAST_SAMPLES:
+        return f"has {fitted} samples that can be compared and are not held out"
+    if np.ptp(comparison.recorded[name][compared]) == 0.0:
+        return "never moves in the recording"
+    moved = float(np.ptp(comparison.recorded[name][compared]))
+    if moved < _SMALLEST:
+        return f"moves by {moved:.3g} {comparison.channel(name).unit} at most in the recording, which is no reading"
+    without_hole = rows_in_stretches(comparison, compared & ~comparison.held_out)
+    if without_hole < LEAST_SAMPLES:
+        return f"has {without_hole} samples that follow each other without a hole and are not held out"
+    return None
+
+
+def _require_same_unit(comparison: Comparison, name: str) -> None:
+    """Ends with an error when one course is the other times a factor between units."""
+    compared = np.isfinite(comparison.difference(name))
+    recorded, simulated = comparison.recorded[name][compared], comparison.simulated[name][compared]
+    x, y = simulated - simulated.mean(), recorded - recorded.mean()
+    size = float(np.sqrt(x @ x) * np.sqrt(y @ y))
+    if size == 0.0 or float(x @ y) < 0.9 * size:
+        return
+    gain = float(y @ y / (x @ y))
+    for factor, units in _UNIT_FACTORS.items():
+        for times in (factor, 1.0 / factor):
+            if abs(gain / times - 1.0) < 0.15:
+                raise InputError(
+                    f"what was recorded of {name} is {gain:.4g} times what was simulated, as between {units}",
+                    expected="the same unit in both",
+                    where=f"channel {name!r} of the simulation",
+                    advice="convert the simulated column to the unit that the machine file says, or correct that",
+                )
+
+
+def _told(id_: str, level: Level, name: str, clause: str) -> Finding:
+    return FINDINGS.finding(
+        id_,
+        f"{name} is not compared: it {clause}.",
+        Where(channel=name),
+        {},
+        "" if level == "info" else "check the recording and the file",
+        level=level,
+    )
+
+
+def _still(comparison: Comparison, name: str) -> Finding:
+    return FINDINGS.finding(
+        "simulation-stands-still",
+        f"The simulated {name} never moves: all that was recorded counts as left out.",
+        Where(channel=name),
+        {"value": float(_seen(comparison.simulated[name])[0])},
+    )
+
+
+def _same(comparison: Comparison, name: str) -> Finding:
+    difference = _seen(comparison.difference(name))
+    return FINDINGS.finding(
+        "simulation-is-recording",
+        f"The simulated {name} is the recorded one to within its rounding: there is no difference to explain.",
+        Where(channel=name),
+        {"largest_difference": float(np.abs(difference).max())},
+    )
+
+
+def _seen(values: Vector) -> Vector:
+    return values[np.isfinite(values)]
+
+
+_CHECKS = (broken_sensors, wrong_temperature_units, out_of_range)
+"""In the order of `selector.quality.inspect`: what one finds is blank for the next."""
+_NO_READINGS = (SENSOR_BREAK, OUT_OF_RANGE)
+"""What is left out. A frozen or stepped reading is one, and a fault that a diagnosis can name."""
+
+
+def without_codes(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:
+    """The recording with missing samples where no reading stands, and what was left out, as findings.
+
+    Every run and every channel stays, if only as missing samples. O(samples).
+
+    Parameters
+    ----------
+    recording : Recording
+
+    Returns
+    -------
+    tuple of Recording and tuple of Finding
+        The recording itself and nothing if there are no such samples. Ids: ``sensor-break``, ``out-of-range``; all
+        of them warnings, for what is left out does no more harm to the answer.
+    """
+    survey, found = Survey(recording), list[Finding]()
+    with np.errstate(all="ignore"):
+        for check in _CHECKS:
+            new = list(check(survey))
+            survey.leave_out(new)
+            found += new
+    found = [replace(finding, level="warning") for finding in found if finding.id in _NO_READINGS]
+    if not found:
+        return recording, ()
+    tables: dict[str, pd.DataFrame] = {}
+    for run in recording.runs:
+        time_s, values = recording.time_s(run), np.array(recording.values(run, recording.names))
+        for finding in found:
+            if finding.where.run == run and finding.where.channel is not None:
+                values[left_out_rows(finding, time_s), recording.names.index(finding.where.channel)] = np.nan
+        tables[run] = pd.DataFrame(values, index=time_s, columns=list(recording.names))
+    return Recording.from_runs(tables, recording.channels, recording.provenance), tuple(found)
+
+
+def without_fitted_difference(comparison: Comparison) -> tuple[str, ...]:
+    """Responses of which nothing can be fitted: copies, and those that differ from one on held-out rows only."""
+    copies = identical_responses(comparison)
+    fitted = {name: _seen(comparison.difference(name)[~comparison.held_out]) for name in comparison.responses}
+    return tuple(
+        name
+        for name, left in fitted.items()
+        if name in copies or np.abs(left).max(initial=0.0) <= _SAME * _size(comparison, name)
+    )
+
+
+def diagnosis_of_copy(comparison: Comparison, *, seed: int = 0) -> Diagnosis:
+    """The answer if every response was simulated as it was recorded, to within rounding, wherever it is fitted."""
+    later = [name for name in comparison.responses if name not in identical_responses(comparison)]
+    headline = "The simulation is the recording to within its rounding: there is no difference to explain."
+    if later:
+        headline = (
+            "The simulation is the recording to within its rounding where it is fitted, and differs in "
+            f"{', '.join(later)} on what is held out: nothing is left to fit an explanation to."
+        )
+    return Diagnosis(
+        comparison=comparison,
+        verdict="unexplained" if later else "nothing-missing",
+        headline=headline,
+        fit={name: fit_of_copy(comparison, name) for name in comparison.responses},
+        findings=comparison.findings,
+        seed=seed,
+    )
+
+
+def with_copies(answer: Diagnosis, *, comparison: Comparison, names: Sequence[str]) -> Diagnosis:
+    """The answer to the rest of a comparison, with the errors of what was left out of it as well."""
+    return replace(answer, fit={**answer.fit, **{name: fit_of_copy(comparison, name) for name in names}})
+
+
+def told_of_copies(comparison: Comparison, names: Sequence[str]) -> Comparison:
+    """The comparison with a finding for each of these responses that differs on held-out rows only."""
+    later = [name for name in names if name not in identical_responses(comparison)]
+    return replace(comparison, findings=(*comparison.findings, *(_differs_later(comparison, name) for name in later)))
+
+
+def _differs_later(comparison: Comparison, name: str) -> Finding:
+    most = float(np.abs(_seen(comparison.difference(name)[comparison.held_out])).max())
+    unit = comparison.channel(name).unit
+    quantity = f"{most:.3g}" if unit == "1" else f"{most:.3g} {unit}"
+    return FINDINGS.finding(
+        "differs-held-out",
+        f"The simulated {name} is the recorded one where it is fitted, and differs by up to "
+        f"{quantity} on what is held out: nothing can be fitted that would explain it.",
+        Where(channel=name),
+        {"largest_difference": most},
+    )
+
+
+def fit_of_copy(comparison: Comparison, response: str) -> Fit:
+    """Errors of a response that was simulated as it was recorded: nothing to gain."""
+    course = comparison.simulated[response]
+    difference = comparison.difference(response)
+    train, held = (_rmse(difference[rows]) for rows in (~comparison.held_out, comparison.held_out))
+    return Fit(
+        unit=comparison.channel(response).unit,
+        train=Errors(train, train),
+        heldout=Errors(held, held),
+        recalibrated_heldout=held,
+        gap_closed=None,
+        placebo_gain=None,
+        before=course,
+        recalibrated=course,
+        after=course,
+    )
+
+
+def _rmse(values: NDArray[np.float64]) -> float:
+    seen = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(seen**2))) if len(seen) else float("nan")

@@ -1,0 +1,292 @@
+"""From a model file to the folder of a control: the program, its proof on recordings, the commissioning sheet."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from selector.atomic_file import folder_written_whole, refuse_to_replace_input, require_writable_folder
+from selector.controllers.application import other_sampling, without_displacement_faults
+from selector.controllers.finding_table import FINDINGS
+from selector.controllers.guard.decided import decided_limits, is_turned, with_decided_limits, with_turned_signs
+from selector.controllers.model_file import ModelFile, OutputLimits, equations_sha256, read_model, write_model
+from selector.controllers.replay.replayed import Replay, replay_findings, replayed
+from selector.controllers.self_check import model_findings
+from selector.controllers.writers.exported import Exported
+from selector.controllers.writers.targets import TARGETS, Target
+from selector.errors import ModelFileError, NotExecutableError, OptionError
+from selector.findings import Finding
+from selector.readers import Overrides, Reading, read
+from selector.telling.account import Account
+from selector.telling.commissioning import commissioning_account
+from selector.telling.page import write_account
+
+SCHEMA = "selector.export/1"
+SHEET = "commissioning.html"
+MODEL = "model.json"
+_FEWEST_DIGITS = 8
+_LIMITS_BELOW = 1e6
+
+Progress = Callable[[int, int, str], None]
+
+
+@dataclass(frozen=True)
+class ExportOptions:
+    """What is decided for one machine; the defaults leave the model as it is and replay nothing."""
+
+    #: Output → largest correction [µm], a number or its text; what is not here is as the model file says
+    clamp_um: Mapping[str, float | str] = field(default_factory=dict)
+    #: Output → largest change of the correction [µm/s], likewise
+    slew_um_per_s: Mapping[str, float | str] = field(default_factory=dict)
+    invert: Sequence[str] = ()  #: Outputs whose axis the control counts the other way
+    is_sign_verified: bool = False  #: The sign test of the commissioning sheet was passed
+    #: First digits (8 or more) of the equations SHA-256 of the program that passed it; another program is refused
+    tested: str | None = None
+    replay: Sequence[Path] = ()  #: Recordings to run through the program; a folder stands for those in it
+    machine: Path | None = None  #: Machine file of these recordings
+    overrides: Overrides = field(default_factory=Overrides)  #: How they are read, where that is not to be inferred
+
+
+@dataclass(frozen=True, eq=False)
+class Export:
+    """What was written for a control."""
+
+    target: str  #: A key of `TARGETS`
+    folder: Path
+    files: tuple[str, ...]  #: Names in the folder: programs, model file, commissioning sheet
+    model: ModelFile  #: As the program has it: signs as asked for, no limit left open
+    replay: Replay | None  #: None: nothing to replay, or nothing on this computer that executes the program
+    findings: tuple[Finding, ...]
+    is_sign_verified: bool
+    sheet: Account  #: What the commissioning sheet says
+
+    def as_dict(self) -> dict[str, Any]:
+        """The object `selector.export/1`."""
+        return {
+            "schema": SCHEMA,
+            "target": self.target,
+            "files": list(self.files),
+            "sign_verified": self.is_sign_verified,
+            "replay": None if self.replay is None else self.replay.as_dict(),
+            "findings": [finding.as_dict() for finding in self.findings],
+        }
+
+
+def export_model(
+    model: str | Path,
+    target: str,
+    folder: str | Path,
+    options: ExportOptions | None = None,
+    progress: Progress | None = None,
+) -> Export:
+    """Write the program of a model for a control, guarded against broken sensors, and its commissioning sheet.
+
+    With `ExportOptions.replay`, the written program is executed on recordings and compared with the model, sample by
+    sample. The folder is written whole or not at all; files of an earlier export to the same control are replaced.
+
+    Parameters
+    ----------
+    model : path
+        A model file, as `selector select` or `write_model` writes it.
+    target : str
+        A key of `selector.controllers.writers.targets.TARGETS`: ``"c"``, ``"st"``, ``"sinumerik"`` …
+    folder : path
+        Is made if it is not there; other files in it stay.
+    options : ExportOptions, optional
+    progress : callable, optional
+        Called with runs done, runs in all, and what is being done, before each replayed run.
+
+    Returns
+    -------
+    Export
+        Files, the model as exported, the replay, and what a person has to know.
+
+    Raises
+    ------
+    OptionError
+        An unknown target or output, a limit that is none, an untested program, or a folder that cannot be written.
+    ModelFileError
+        The model file contradicts itself.
+    ExportRefusedError
+        The control cannot take this model.
+    InputError
+        Recordings cannot be read, or lack what the model needs.
+    """
+    model, folder, options = Path(model), Path(folder), options or ExportOptions()
+    if target not in TARGETS:
+        raise OptionError(repr(target), expected="one of " + ", ".join(TARGETS), where="--for", advice="choose one")
+    chosen = TARGETS[target]
+    require_writable_folder(folder, "--out")
+    usable, of_model = _usable(model)
+    wanted = _with_limits(with_turned_signs(usable, options.invert), chosen, options)
+    of_limits = decided_limits(wanted)[1] if chosen.has_guard else ()
+    of_sign = tuple(_of_sign(wanted, options))
+    decided = with_decided_limits(wanted)
+    program = chosen.write(decided, is_sign_verified=options.is_sign_verified)
+    # the model itself may lie there: it stays as it is
+    own = [] if (folder / MODEL).exists() and (folder / MODEL).samefile(model) else [MODEL]
+    files = (*program.files, *own, SHEET)
+    reading = read(options.replay, machine=options.machine, overrides=options.overrides) if options.replay else None
+    machine_files = () if options.machine is None else (options.machine,)
+    recorded = () if reading is None else tuple(run.file for run in reading.runs)
+    for name in files:
+        refuse_to_replace_input(folder / name, (model, *machine_files, *recorded), "--out")
+    proof, of_replay = (None, ()) if reading is None else _replayed(decided, chosen, program.files, reading, progress)
+    of_folder = tuple(_of_other_targets(target, folder, files))
+    findings = (*of_model, *of_limits, *program.findings, *of_replay, *of_sign, *of_folder)
+    is_verified = options.is_sign_verified
+    sheet = commissioning_account(
+        decided, program, chosen, replay=proof, findings=findings, is_sign_verified=is_verified
+    )
+    export = Export(target, folder, files, decided, proof, findings, is_verified, sheet)
+    _write(export, program)
+    return export
+
+
+def _usable(path: Path) -> tuple[ModelFile, tuple[Finding, ...]]:
+    model = read_model(path)
+    findings = model_findings(model)
+    wrong = [finding.statement for finding in findings if finding.level == "error"]
+    if wrong:
+        raise ModelFileError(
+            "; ".join(wrong),
+            expected="a model file whose test vectors and numbers agree with each other",
+            where=str(path),
+            advice="do not export this file; make it again with `selector select --out DIR`",
+        )
+    return model, findings
+
+
+def _with_limits(model: ModelFile, target: Target, options: ExportOptions) -> ModelFile:
+    """The model with the limits that were given; refuses them where the control has none."""
+    names = [output.name for output in model.outputs]
+    found = {limits.output: limits for limits in model.guard.limits}
+    for option, limit, values in (
+        ("--clamp", "clamp_um", options.clamp_um),
+        ("--slew", "slew_um_per_s", options.slew_um_per_s),
+    ):
+        for name, given in values.items():
+            if not target.has_guard:
+                raise OptionError(
+                    f"{option} {name}={given}",
+                    expected=f"no limits: {target.title} has neither a clamp nor a slew limit",
+                    where=option,
+                    advice="leave the option out, and limit the temperature that the control passes on",
+                )
+            if name not in names:
+                raise OptionError(
+                    f"no output {name!r}",
+                    expected="one of " + ", ".join(names),
+                    where=option,
+                    advice="correct the name",
+                )
+            limits = found.get(name, OutputLimits(output=name))
+            found[name] = limits.model_copy(update={limit: _limit(given, option, name)})
+    guard = model.guard.model_copy(update={"limits": tuple(found[name] for name in names if name in found)})
+    return model.model_copy(update={"guard": guard})
+
+
+def _limit(given: float | str, option: str, name: str) -> float:
+    try:
+        value = float(given)
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value < _LIMITS_BELOW:
+        unit, example = ("µm", 50) if option == "--clamp" else ("µm/s", 1)
+        raise OptionError(
+            str(given),
+            expected=f"a number above 0 and below {_LIMITS_BELOW:.0f} {unit}",
+            where=f"{option} {name}",
+            advice=f"e.g. {option} {name}={example}",
+        )
+    return value
+
+
+def _replayed(
+    model: ModelFile, target: Target, files: Mapping[str, str], reading: Reading, progress: Progress | None
+) -> tuple[Replay | None, tuple[Finding, ...]]:
+    recording, quality = without_displacement_faults(model, reading.recording)
+    left_out = [finding for finding in quality if finding.action != "none"]
+    total, done = len(recording.runs), iter(range(len(recording.runs)))
+    say = None if progress is None else lambda run: progress(next(done), total, f"run {run}")
+    try:
+        proof = replayed(model, files, recording, target.parts, say)
+    except NotExecutableError as error:
+        lack = f"The program was not executed: {error.found}."
+        return None, (FINDINGS.finding("replay-not-run", lack, suggestion=error.advice),)
+    of_clock = other_sampling(model, reading.recording, is_guarded=target.has_guard)
+    return proof, (*reading.findings, *left_out, *of_clock, *replay_findings(proof, has_guard=target.has_guard))
+
+
+def _of_sign(model: ModelFile, options: ExportOptions) -> Iterator[Finding]:
+    """What is known of the sign; refuses to call another program verified than the one that was tested."""
+    own, tested, is_verified = equations_sha256(model), options.tested, options.is_sign_verified
+    if tested is not None and not is_verified:
+        raise OptionError(
+            "--tested alone",
+            expected="--sign-verified beside it",
+            where="--tested",
+            advice="say --sign-verified when the sign test was passed, or leave --tested out",
+        )
+    if tested is not None and (len(tested) < _FEWEST_DIGITS or not own.startswith(tested.lower())):
+        raise OptionError(
+            repr(tested),
+            expected=f"{_FEWEST_DIGITS} digits or more of {own}, the equations SHA-256 of what would be written",
+            where="--tested",
+            advice="export the model that was tested, with the same --invert; or do the sign test with this program",
+        )
+    if not is_verified:
+        yield FINDINGS.finding(
+            "sign-unverified",
+            "SIGN UNVERIFIED: nobody has said that the sign test was passed.",
+            suggestion="do the sign test of the commissioning sheet, then export again with the same options, "
+            f"--sign-verified and --tested {own[:16]}",
+        )
+    elif tested is None:
+        yield FINDINGS.finding(
+            "sign-taken-on-trust",
+            f"Sign verified is written on the program with equations SHA-256 {own[:16]}…; nobody said which one was "
+            "tested.",
+            evidence={"equations_sha256": own},
+        )
+    for output in model.outputs:
+        if is_turned(output):
+            yield FINDINGS.finding(
+                "sign-turned",
+                f"The correction of {output.name} is turned round: it is the displacement itself, for a control that "
+                "counts the axis the other way.",
+                evidence={"output": output.name},
+            )
+
+
+def _of_other_targets(target: str, folder: Path, files: Sequence[str]) -> Iterator[Finding]:
+    """Programs of other controls in the folder, which the new model and sheet do not belong to."""
+    left: dict[str, str] = {}
+    for name, other in TARGETS.items():
+        if name == target:
+            continue
+        patterns = [*(part.file for part in other.parts), *other.not_always]
+        for file in sorted({path.name for pattern in patterns for path in folder.glob(pattern)} - set(files)):
+            left.setdefault(file, name)
+    if left:
+        listed = ", ".join(f"{file} ({name})" for file, name in left.items())
+        yield FINDINGS.finding(
+            "other-target-in-folder",
+            f"{folder} also holds programs of other controls: {listed}. {MODEL} and {SHEET} beside them are of this "
+            "export and do not describe them.",
+            evidence={"files": list(left)},
+        )
+
+
+def _write(export: Export, program: Exported) -> None:
+    folder = export.folder
+    earlier = [path.name for pattern in TARGETS[export.target].not_always for path in folder.glob(pattern)]
+    with folder_written_whole(folder, earlier) as part:
+        for name, text in program.files.items():
+            (part / name).write_text(text, encoding="utf-8", newline="\n")
+        if MODEL in export.files:
+            write_model(export.model, part / MODEL)
+        write_account(export.sheet, part / SHEET)

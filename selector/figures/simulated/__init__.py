@@ -1,0 +1,1 @@
+"""Pictures of what was simulated: heat, drives, vibration, gauging, and the machine itself."""

@@ -1,0 +1,346 @@
+"""How a feed axis moved: its error over time, what varied, its frequency response."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import plotly.graph_objects as go
+from numpy.typing import NDArray
+
+from selector.figures import style
+from selector.figures.panels import POINTS, Line, Panel, stacked
+from selector.number_text import number_text
+from selector.physics.drive.drive_summary import LINEAR, Measures
+from selector.physics.drive.motion import Motion
+from selector.types import Vector
+
+COMMANDED, TABLE, ERROR, OUTPUT = style.MUTED, style.PREDICTED, style.RESIDUAL, style.CHOSEN
+VARYING, CONSTANT = style.PREDICTED, style.MUTED
+SHORTEST_SPAN = 1 / 500
+"""Stretches of the run that are closer together than this share of it are shaded as one."""
+
+MOST_REVERSALS = 6
+"""Reversals that are drawn enlarged."""
+
+MOST_ON_A_PATH = 8000
+FINEST_BIT = 1 / 1000
+"""Samples of a path that are drawn at most, and the share of the picture below which two are not told apart."""
+
+_JUMP = 0.3
+"""Share of the range of friction from which on a change between two samples is a jump."""
+
+_FLOOR_DB = -80.0
+_PHASE_STEP = 90.0
+
+
+def axis_course(
+    motion: Motion,
+    name: str,
+    output_unit: str,
+    *,
+    limited: NDArray[np.bool_] | None = None,
+    measures: Measures = LINEAR,
+) -> go.Figure:
+    """Position and speed of an axis, below them its tracking error and the output of its control.
+
+    Parameters
+    ----------
+    motion : Motion
+    name : str
+        Of the axis, empty if there is one only.
+    output_unit : str
+        Of the control's output, e.g. "A".
+    limited : ndarray of shape (n_samples,), optional
+        Where a limit of current or speed was reached: shaded.
+    measures : Measures
+    """
+    time_s, error = motion.time_s, motion.tracking_error_m * measures.error[1]
+    dry = float(np.ptp(motion.friction_n)) > 0
+    panels = [
+        Panel(
+            f"position [{measures.position[0]}]",
+            [
+                Line("commanded", time_s, motion.reference_m * measures.position[1], COMMANDED, width=4.0),
+                Line("table", time_s, motion.table_m * measures.position[1], TABLE),
+            ],
+            140,
+        ),
+        Panel(
+            f"speed [{measures.speed[0]}]",
+            [Line("", time_s, motion.table_speed_m_per_s * measures.speed[1], TABLE)],
+            90,
+            least=0.0,
+        ),
+        Panel(f"error [{measures.error[0]}]", [Line("", time_s, error, ERROR)], 230, least=0.0),
+        Panel(f"output [{output_unit}]", [Line("", time_s, motion.command, OUTPUT)], 110, least=0.0),
+    ]
+    if dry:
+        panels.append(
+            Panel(f"dry friction [{measures.force}]", [Line("", time_s, motion.friction_n, style.INK)], 100, least=0.0)
+        )
+    worst = int(np.argmax(np.abs(error)))
+    rms = float(np.sqrt(np.mean(error**2)))
+    who = style.label(name, 12) if name else "the table"
+    unit, seconds = style.time_unit(float(time_s[-1]))
+    title = (
+        f"Simulated: {who} is off by up to {number_text(abs(error[worst]))} {measures.error[0]} "
+        f"(after {time_s[worst] / seconds:.3g} {unit}), rms {number_text(rms)} {measures.error[0]}"
+    )
+    spans = () if limited is None else stretches(time_s, limited)
+    return stacked(title, panels, float(time_s[-1]), spans_s=spans)
+
+
+def stiffness_and_damping(
+    time_s: Vector, stiffness_n_per_m: Vector, damping_ns_per_m: Vector, marks_s: Sequence[float] = ()
+) -> go.Figure:
+    """Axial stiffness and guide damping over time (F figs. 6, 7); at `marks_s` the frequency response is shown."""
+    stiffness, damping = stiffness_n_per_m * 1e-6, damping_ns_per_m * 1e-3
+    varies = 100.0 * (stiffness.max() / stiffness.min() - 1.0)
+    title = (
+        f"Simulated: axial stiffness {number_text(stiffness.min())} to {number_text(stiffness.max())} N/µm "
+        f"({number_text(varies)} % more at its highest)"
+    )
+    panels = [
+        Panel("stiffness [N/µm]", [Line("", time_s, stiffness, style.PREDICTED)], 170),
+        Panel("damping [kN·s/m]", [Line("", time_s, damping, style.RESIDUAL)], 170, least=0.0),
+    ]
+    return stacked(title, panels, float(time_s[-1]), marks_s)
+
+
+def varying_against_constant(
+    time_s: Vector, varying_m: Vector, constant_m: Vector, measures: Measures = LINEAR
+) -> go.Figure:
+    """Tracking errors [m] of the time-varying and of the constant model, and their difference (F fig. 9)."""
+    unit, times = measures.error
+    varying, constant = varying_m * times, constant_m * times
+    larger = 100.0 * float(np.mean(np.abs(varying) > np.abs(constant)))
+    rms = [float(np.sqrt(np.mean(course**2))) for course in (varying, constant)]
+    title = (
+        f"Simulated: rms {number_text(rms[0], 4)} {unit} with varying stiffness and damping, "
+        f"{number_text(rms[1], 4)} {unit} with constant ones; the varying one is larger {larger:.0f} % of the time"
+    )
+    panels = [
+        Panel(
+            f"error [{unit}]",
+            [
+                Line("constant", time_s, constant, CONSTANT, width=4.0),
+                Line("varying", time_s, varying, VARYING),
+            ],
+            220,
+            least=0.0,
+        ),
+        Panel(f"difference [{unit}]", [Line("", time_s, varying - constant, style.RESIDUAL)], 130, least=0.0),
+    ]
+    return stacked(title, panels, float(time_s[-1]))
+
+
+def frequency_response(
+    frequency_hz: Vector, amplitudes: Mapping[str, Vector], phases_deg: Mapping[str, Vector], title: str
+) -> go.Figure:
+    """Amplitude and phase from commanded to actual position, one line an instant (F fig. 8).
+
+    Parameters
+    ----------
+    frequency_hz : ndarray of shape (n_frequencies,)
+    amplitudes, phases_deg : mapping of str to ndarray of shape (n_frequencies,)
+        By what the line is called, in the same order.
+    title : str
+        Plain text, as `style.label` makes it.
+    """
+    drawn = style.figure(title, 480)
+    for number, (name, amplitude) in enumerate(amplitudes.items()):
+        colour = style.GROUPS[number % len(style.GROUPS)]
+        decibels = 20.0 * np.log10(np.maximum(np.abs(amplitude), 10.0 ** (1.5 * _FLOOR_DB / 20.0)))
+        for values, axis, unit in ((decibels, "y", "dB"), (phases_deg[name], "y2", "°")):
+            drawn.add_scatter(
+                x=frequency_hz.astype(np.float32),
+                y=values.astype(np.float32),
+                yaxis=axis,
+                mode="lines",
+                name=style.label(name),
+                legendgroup=str(number),
+                showlegend=axis == "y" and len(amplitudes) > 1,
+                line={"color": colour, "width": 1.8, "dash": ("solid", "dash", "dot")[number % 3]},
+                hovertemplate=f"%{{x:.4g}} Hz: %{{y:.4g}} {unit}<extra>{style.label(name)}</extra>",
+            )
+    low = min(float(np.min(20.0 * np.log10(np.maximum(np.abs(a), 1e-12)))) for a in amplitudes.values())
+    high = max(float(np.max(20.0 * np.log10(np.maximum(np.abs(a), 1e-12)))) for a in amplitudes.values())
+    drawn.add_shape(
+        type="line", xref="x domain", x0=0, x1=1, yref="y", y0=-20.0 * math.log10(math.sqrt(2.0)),
+        y1=-20.0 * math.log10(math.sqrt(2.0)), line={"color": style.MUTED, "width": 1, "dash": "dot"},
+    )  # fmt: skip
+    least = min(float(np.min(p)) for p in phases_deg.values())
+    drawn.update_layout(
+        xaxis={
+            "type": "log", "anchor": "y2", "title": {"text": "frequency [Hz]"}, "dtick": 1,
+            "range": [math.log10(frequency_hz[0]), math.log10(frequency_hz[-1])],
+        },
+        yaxis={
+            "domain": [0.46, 1.0], "title": {"text": "amplitude [dB]"},
+            "range": [max(low, _FLOOR_DB) - 3.0, high + 3.0],
+        },
+        yaxis2={
+            "domain": [0.0, 0.40], "anchor": "x", "title": {"text": "phase [°]"}, "dtick": _phase_ticks(least),
+        },
+    )  # fmt: skip
+    return drawn
+
+
+def friction_over_speed(
+    motion: Motion, name: str, *, near_m_per_s: float | None = None, measures: Measures = LINEAR
+) -> go.Figure:
+    """Dry friction over the speed of the table; where `near_m_per_s` is given, the reversal beside it, enlarged."""
+    at = path_samples(motion.table_speed_m_per_s, motion.friction_n)
+    unit, times = measures.speed
+    low, high = min(0.0, float(motion.friction_n.min())), max(0.0, float(motion.friction_n.max()))
+    peak = max(-low, high)
+    who = style.label(name, 12) if name else "the table"
+    drawn = style.figure(f"Simulated: up to {number_text(peak)} {measures.force} of dry friction on {who}", 340)
+    near = None
+    if near_m_per_s is not None and 0 < near_m_per_s < 0.5 * float(np.abs(motion.table_speed_m_per_s).max()):
+        near = near_m_per_s
+    for k in range(1 if near is None else 2):
+        axis = "" if k == 0 else "2"
+        speed, friction = motion.table_speed_m_per_s[at], motion.friction_n[at]
+        if near is not None and k == 1:
+            speed, friction = _around(motion, near)
+        speed, friction = through_standstill(speed, friction)
+        drawn.add_scatter(
+            x=(speed * times).astype(np.float32),
+            y=friction.astype(np.float32),
+            xaxis=f"x{axis}",
+            yaxis=f"y{axis}",
+            mode="lines",
+            connectgaps=False,
+            showlegend=False,
+            name="dry friction",
+            line={"color": style.PREDICTED, "width": 1.4},
+            hovertemplate=f"%{{x:.4g}} {unit}: %{{y:.4g}} {measures.force}<extra></extra>",
+        )
+        drawn.layout[f"xaxis{axis}"] = {
+            "anchor": f"y{axis}",
+            "domain": [0.0, 1.0] if near is None else ([0.0, 0.46] if k == 0 else [0.56, 1.0]),
+            "title": {"text": f"speed [{unit}]" if k == 0 else f"speed near the reversal [{unit}]"},
+            "zeroline": True,
+            "zerolinecolor": style.GRID,
+            **({"range": [-near * times, near * times]} if near is not None and k == 1 else {}),
+        }
+        drawn.layout[f"yaxis{axis}"] = {
+            "anchor": f"x{axis}",
+            "title": {"text": f"dry friction [{measures.force}]" if k == 0 else ""},
+            "range": [low - 0.1 * peak, high + 0.1 * peak] if peak > 0 else [-1.0, 1.0],
+            "zeroline": True,
+            "zerolinecolor": style.GRID,
+        }
+    return drawn
+
+
+def stretches(time_s: Vector, mask: NDArray[np.bool_]) -> list[tuple[float, float]]:
+    """(from, to) [s] of the stretches where `mask` holds; those closer than `SHORTEST_SPAN` of the run are one.
+
+    A single sample is as wide as its distance to the next.
+    """
+    if not mask.any():
+        return []
+    edges = np.diff(np.concatenate([[0], mask.astype(np.int8), [0]]))
+    starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    end_s = time_s[np.minimum(ends, len(time_s) - 1)]
+    found: list[tuple[float, float]] = []
+    least = SHORTEST_SPAN * float(time_s[-1] - time_s[0])
+    for start, end in zip(time_s[starts].tolist(), end_s.tolist(), strict=True):
+        if found and start - found[-1][1] < least:
+            found[-1] = (found[-1][0], end)
+        else:
+            found.append((start, end))
+    return found
+
+
+def path_samples(x: Vector, y: Vector, points: int = MOST_ON_A_PATH) -> NDArray[np.int64]:
+    """Positions of the samples that draw a path: one each time it has gone on by a bit, and both ends of jumps."""
+    spans = [float(np.ptp(row)) or 1.0 for row in (x, y)]
+    steps = np.hypot(np.diff(x) / spans[0], np.diff(y) / spans[1])
+    gone = np.concatenate([[0.0], np.cumsum(steps)])
+    # a jump may need two of them, and the ends are kept
+    bit = max(gone[-1] / (points / 2), FINEST_BIT)
+    passed = np.flatnonzero(np.diff(np.floor(gone / bit)) > 0) + 1
+    jumps = np.flatnonzero(steps > bit)
+    return np.unique(np.concatenate([[0, len(x) - 1], passed, jumps, jumps + 1]))
+
+
+def through_standstill(speed: Vector, friction: Vector) -> tuple[Vector, Vector]:
+    """A path of friction over speed whose jumps from one direction to the other are at speed 0, where they are.
+
+    Between two samples of a fast reversal a straight line would be friction that changes with the speed. Paths without
+    jumps, of bristles, stay as they are.
+    """
+    least = _JUMP * float(np.nanmax(friction) - np.nanmin(friction))
+    reverses = (speed[:-1] * speed[1:] < 0) & (np.abs(np.diff(friction)) > least)
+    before = np.flatnonzero(reverses)
+    at = np.repeat(before + 1, 2)
+    ends = np.column_stack([friction[before], friction[before + 1]]).ravel()
+    return np.insert(speed, at, 0.0), np.insert(friction, at, ends)
+
+
+def _phase_ticks(least: float) -> float:
+    return _PHASE_STEP * max(1, math.ceil(abs(least) / _PHASE_STEP / 6))
+
+
+def _around(motion: Motion, near_m_per_s: float) -> tuple[Vector, Vector]:
+    """Speed and friction at the first reversals, with gaps between; each has a sample beyond the limit."""
+    inside = np.abs(motion.table_speed_m_per_s) <= near_m_per_s
+    wide = inside.copy()
+    wide[1:] |= inside[:-1]
+    wide[:-1] |= inside[1:]
+    at = np.flatnonzero(wide)
+    visits = np.split(at, np.flatnonzero(np.diff(at) > 1) + 1)[:MOST_REVERSALS]
+    gap = np.array([np.nan])
+    rows = [visit[:: max(1, math.ceil(len(visit) / POINTS))] for visit in visits]
+    return (
+        np.concatenate([part for row in rows for part in (motion.table_speed_m_per_s[row], gap)]),
+        np.concatenate([part for row in rows for part in (motion.friction_n[row], gap)]),
+    )
+
+
+_UNITS = {"um": ("mm", 1e-3, "µm"), "urad": ("rad", 1e-6, "µrad")}
+
+
+def recorded_and_simulated(time_s: Vector, recorded: Vector, simulated: Vector, name: str, unit: str) -> go.Figure:
+    """Both courses, and simulated minus recorded; each stretch keeps its lowest and highest sample.
+
+    Parameters
+    ----------
+    time_s, recorded, simulated : ndarray of shape (n_samples,)
+        From the start of the run [s]; the courses [unit].
+    name : str
+        Of the channel.
+    unit : str
+        As of `physics.channel_differences.ChannelDifference`; courses in µm are drawn in mm.
+    """
+    whole, times, text = _UNITS.get(unit, (unit, 1.0, unit))
+    text, whole = ("", "") if unit == "1" else (text, whole)
+    difference = simulated - recorded
+    worst = int(np.argmax(np.abs(difference)))
+    rms = float(np.sqrt(np.mean(difference**2)))
+    span, seconds = style.time_unit(float(time_s[-1]))
+    title = (
+        f"{style.label(name)}: simulated and recorded differ by {number_text(rms)} {text} rms, at most "
+        f"{number_text(abs(difference[worst]))} {text} (after {time_s[worst] / seconds:.3g} {span})"
+    )
+    panels = [
+        Panel(
+            _titled("course", whole),
+            [
+                Line("recorded", time_s, recorded * times, style.MEASURED, width=4.0),
+                Line("simulated", time_s, simulated * times, style.PREDICTED),
+            ],
+            170,
+        ),
+        Panel(_titled("difference", text), [Line("", time_s, difference, style.RESIDUAL)], 230, least=0.0),
+    ]
+    return stacked(title, panels, float(time_s[-1]))
+
+
+def _titled(what: str, unit: str) -> str:
+    return f"{what} [{unit}]" if unit else what

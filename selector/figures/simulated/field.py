@@ -1,0 +1,178 @@
+"""The machine as a field: its temperatures, and its deformation drawn larger than it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import plotly.graph_objects as go
+from numpy.typing import NDArray
+
+from selector.figures import style
+from selector.types import Vector
+
+_HEIGHT = 640
+_SHOWN_SHARE = 0.08
+_MOST_LABELS = 12
+_HEAT_SCALE = ((0.0, "#f2f0ea"), (0.3, "#f6c667"), (0.6, "#e2652a"), (1.0, "#6b0f1a"))
+_SIZE_SCALE = ((0.0, "#f7fbff"), (0.35, "#b5d4e9"), (0.7, "#3787c0"), (1.0, "#08306b"))
+_CAMERA = {"eye": {"x": 1.5, "y": 1.7, "z": 0.9}, "center": {"x": 0, "y": 0, "z": -0.08}}
+_LIGHT = {"ambient": 0.75, "diffuse": 0.5, "specular": 0.05, "facenormalsepsilon": 0.0, "vertexnormalsepsilon": 0.0}
+"""Without the two epsilons, cells of some millimetres have no normal, and are drawn as dark patches."""
+_ON_THE_MACHINE_M = 0.15
+_TRIED = 200
+_ROOM_M = 0.04
+_BESIDE_M = 0.05
+"""Distance of a sensor's mark from the surface, so that it is not half inside."""
+
+
+def machine_field(
+    nodes_m: NDArray[np.float64],
+    triangles: NDArray[np.int64],
+    temperature_degc: NDArray[np.float64],
+    deformation_um: NDArray[np.float64],
+    title: str,
+    places_m: Mapping[str, tuple[float, float, float]] | None = None,
+) -> go.Figure:
+    """Temperature of the surface beside its deformation, which is scaled so that it can be seen; the scale is stated.
+
+    The picture can be turned with the mouse.
+
+    Parameters
+    ----------
+    nodes_m : ndarray of shape (n_nodes, 3)
+        Places of the nodes [m], Z upwards.
+    triangles : ndarray of shape (n_triangles, 3)
+        Nodes of the triangles of the surface.
+    temperature_degc : ndarray of shape (n_nodes,)
+    deformation_um : ndarray of shape (n_nodes, 3)
+    title : str
+        When this is, and under which load.
+    places_m : mapping of str to (x, y, z), optional
+        Sensors [m], drawn on the surface that is nearest.
+    """
+    nodes, corners = np.unique(triangles, return_inverse=True)
+    corners = corners.reshape(triangles.shape)
+    place, moved = nodes_m[nodes], deformation_um[nodes]
+    size = np.linalg.norm(moved, axis=1)
+    extent = float(np.ptp(place, axis=0).max())
+    scale = _round_scale(_SHOWN_SHARE * extent / max(float(size.max()) * 1e-6, 1e-12))
+    drawn = style.figure(style.label(title, 200), _HEIGHT)
+    count = np.uint16 if len(place) < 2**16 else np.int32
+    parts = (
+        ("scene", place, temperature_degc[nodes], _HEAT_SCALE, "temperature [°C]", 0.44, "%{intensity:.2f} °C"),
+        ("scene2", place + moved * 1e-6 * scale, size, _SIZE_SCALE, "displacement [µm]", 1.0, "%{intensity:.1f} µm"),
+    )
+    for scene, points, values, colours, text, bar_at, hover in parts:
+        drawn.add_mesh3d(
+            x=points[:, 0].astype(np.float32),
+            y=points[:, 1].astype(np.float32),
+            z=points[:, 2].astype(np.float32),
+            i=corners[:, 0].astype(count),
+            j=corners[:, 1].astype(count),
+            k=corners[:, 2].astype(count),
+            intensity=values.astype(np.float32),
+            colorscale=colours,
+            colorbar={"title": {"text": text, "side": "right"}, "thickness": 14, "len": 0.7, "x": bar_at},
+            flatshading=True,
+            lighting=_LIGHT,
+            hovertemplate=hover + "<extra></extra>",
+            scene=scene,
+        )
+    everything = np.vstack([place, place + moved * 1e-6 * scale])
+    if places_m:
+        marks = _on_the_surface(np.array(list(places_m.values()), dtype=np.float64), place, corners)
+        names = [style.label(name) for name in places_m]
+        drawn.add_scatter3d(
+            x=marks[:, 0].astype(np.float32),
+            y=marks[:, 1].astype(np.float32),
+            z=marks[:, 2].astype(np.float32),
+            mode="markers+text" if len(names) <= _MOST_LABELS else "markers",
+            text=names,
+            textposition="top center",
+            textfont={"size": 11},
+            marker={"size": 4, "color": style.PREDICTED, "line": {"color": "#ffffff", "width": 1}},
+            hovertemplate="%{text}<extra></extra>",
+            showlegend=False,
+            scene="scene",
+        )
+        everything = np.vstack([everything, marks])
+    low, high = everything.min(axis=0) - _ROOM_M, everything.max(axis=0) + _ROOM_M
+    axes = {
+        f"{name}axis": {
+            "title": {"text": f"{name.upper()} [m]"},
+            "nticks": 5,
+            "range": [float(low[k]), float(high[k])],
+        }
+        for k, name in enumerate("xyz")
+    }
+    drawn.update_layout(
+        scene={"domain": {"x": [0.02, 0.46]}, "aspectmode": "data", "camera": _CAMERA, **axes},
+        scene2={"domain": {"x": [0.54, 0.98]}, "aspectmode": "data", "camera": _CAMERA, **axes},
+        margin={"l": 0, "r": 0, "b": 10},
+    )
+    heading = "temperature" + (f", with {len(places_m)} thermometer{'s' * (len(places_m) != 1)}" if places_m else "")
+    larger = f"{scale:,.0f}".replace(",", " ")
+    for at, text in ((0.22, heading), (0.76, f"deformation, drawn {larger} times larger")):
+        drawn.add_annotation(
+            text=f"<b>{text}</b>", x=at, y=1.0, xref="paper", yref="paper", xanchor="center", yanchor="bottom",
+            showarrow=False,
+        )  # fmt: skip
+    return drawn
+
+
+def _on_the_surface(points_m: Vector, nodes_m: Vector, corners: NDArray[np.int64]) -> Vector:
+    """Beside the nearest triangle that can be seen from outside; points that are far from the machine stay."""
+    ends = nodes_m[corners]
+    normals = np.cross(ends[:, 1] - ends[:, 0], ends[:, 2] - ends[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+    marks = points_m.copy()
+    for mark in marks:
+        touched = _in_triangles(mark, ends)
+        distance = np.linalg.norm(touched - mark, axis=1)
+        near = np.argsort(distance, kind="stable")[:_TRIED]
+        near = near[distance[near] < _ON_THE_MACHINE_M]
+        seen = (t for t in near.tolist() if _is_seen(touched[t] + 1e-6 * normals[t], normals[t], ends))
+        if len(near):
+            nearest = next(seen, int(near[0]))
+            mark[:] = touched[nearest] + _BESIDE_M * normals[nearest]
+    return marks
+
+
+def _in_triangles(point_m: Vector, ends_m: Vector) -> Vector:
+    """A point of every triangle near this one: its foot on the plane, drawn in where that is outside."""
+    first, second = ends_m[:, 1] - ends_m[:, 0], ends_m[:, 2] - ends_m[:, 0]
+    along = point_m - ends_m[:, 0]
+    a, b, c = (first * first).sum(axis=1), (first * second).sum(axis=1), (second * second).sum(axis=1)
+    d, e = (along * first).sum(axis=1), (along * second).sum(axis=1)
+    size = np.maximum(a * c - b * b, 1e-30)
+    v, w = (c * d - b * e) / size, (a * e - b * d) / size
+    shares = np.maximum(np.stack([1.0 - v - w, v, w], axis=1), 0.0)
+    return np.asarray(np.einsum("tk,tkx->tx", shares / shares.sum(axis=1, keepdims=True), ends_m))
+
+
+def _is_seen(origin_m: Vector, normal: Vector, ends_m: Vector) -> bool:
+    """Whether anything leads away from here: the walls of chambers look at each other in every direction."""
+    tangents = np.cross(normal, np.eye(3))
+    ways = [normal, *(normal + sign * tangent for tangent in tangents for sign in (1.0, -1.0))]
+    return not all(_meets_any(origin_m, way, ends_m) for way in ways)
+
+
+def _meets_any(origin_m: Vector, direction: Vector, ends_m: Vector) -> bool:
+    """Whether a ray meets any triangle (Möller and Trumbore, 1997)."""
+    first, second = ends_m[:, 1] - ends_m[:, 0], ends_m[:, 2] - ends_m[:, 0]
+    across = np.cross(direction, second)
+    size = (first * across).sum(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        from_corner = origin_m - ends_m[:, 0]
+        u = (from_corner * across).sum(axis=1) / size
+        turned = np.cross(from_corner, first)
+        v = (turned @ direction) / size
+        ahead = (turned * second).sum(axis=1) / size
+        return bool(((u >= 0) & (v >= 0) & (u + v <= 1) & (ahead > 0)).any())
+
+
+def _round_scale(value: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that is not above the value."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(max(factor * power for factor in (1, 2, 5) if factor * power <= value * (1 + 1e-12)))

@@ -1,0 +1,501 @@
+"""How a gauge sees a part, and what sizes come out of gauged grinding."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import plotly.graph_objects as go
+
+from selector.figures import style
+from selector.figures.panels import Line, Panel, shown_samples, stacked
+from selector.number_text import number_text
+from selector.physics.gauging.gauge.transducer import LinearGauge
+from selector.types import Vector
+
+CURVE, LINE, THRESHOLD = style.PREDICTED, style.RESIDUAL, style.CHOSEN
+SEEN, TRUE = style.RESIDUAL, style.PREDICTED
+_RIGHT_PX = 150
+_LABEL_PX = 17
+_CURVE_PX, _ERROR_PX, _GAP_PX, _BOTTOM_PX = 300, 130, 16, 44
+_SHOWN_ERRORS = 4.0
+"""The error of the line is shown up to so many times its largest one within the valid range."""
+
+
+def gauge_characteristic(
+    allowance_um: Vector,
+    voltage_v: Vector,
+    gauge: LinearGauge,
+    line_um: tuple[float, float],
+    thresholds: Sequence[tuple[float, float]] = (),
+) -> go.Figure:
+    """Mean smoothed voltage over the allowance, the line beside it, and by how much of size the line is wrong.
+
+    Parameters
+    ----------
+    allowance_um, voltage_v : ndarray of shape (n_points,)
+        The characteristic, allowances increasing [µm], [V].
+    gauge : LinearGauge
+        The line.
+    line_um : tuple of float
+        Allowances between which the line holds [µm].
+    thresholds : sequence of (until_um, threshold_v)
+        One a stage: allowance at which it is to end [µm], and voltage of the relay [V].
+    """
+    line_v = gauge.bias_v + gauge.gain_v_per_um * allowance_um
+    error_um = (voltage_v - line_v) / gauge.gain_v_per_um
+    valid = (allowance_um >= line_um[0]) & (allowance_um <= line_um[1])
+    title = (
+        f"Computed: {number_text(gauge.gain_v_per_um * 1e3)} mV/µm at {number_text(gauge.allowance_um)} µm; the line "
+        f"holds from {number_text(line_um[0])} to {number_text(line_um[1])} µm"
+    )
+    inside = _CURVE_PX + _GAP_PX + _ERROR_PX
+    drawn = style.figure(title, inside)
+    drawn.update_layout(height=int(drawn.layout.margin.t) + inside + _BOTTOM_PX, showlegend=False)
+    drawn.update_layout(margin={"b": _BOTTOM_PX, "r": _RIGHT_PX})
+    split = (_ERROR_PX + _GAP_PX / 2) / inside
+    low, high = _widened(voltage_v, [threshold for _, threshold in thresholds])
+    most = _SHOWN_ERRORS * max(float(np.abs(error_um[valid]).max(initial=0.0)), 1e-3)
+    shown = (line_v >= low) & (line_v <= high)
+    for x, y, axis, colour, dash, name in (
+        (allowance_um, voltage_v, "", CURVE, "solid", "characteristic"),
+        (allowance_um[shown], line_v[shown], "", LINE, "dash", "line"),
+        (allowance_um, error_um, "2", LINE, "solid", "error of the line"),
+    ):
+        unit = "µm" if axis else "V"
+        drawn.add_scatter(
+            x=x.astype(np.float32), y=y.astype(np.float32), xaxis=f"x{axis}", yaxis=f"y{axis}", mode="lines", name=name,
+            line={"color": colour, "width": 2.0, "dash": dash},
+            hovertemplate=f"%{{x:.4g}} µm: %{{y:.4g}} {unit}<extra>{name}</extra>",
+        )  # fmt: skip
+    _band(drawn, line_um, allowance_um)
+    _thresholds(drawn, allowance_um, voltage_v, thresholds, (low, high), split * inside + _GAP_PX / 2, inside)
+    across = {"range": [float(allowance_um[0]), float(allowance_um[-1])]}
+    drawn.update_layout(
+        xaxis={"anchor": "y", "showticklabels": False, "ticks": "", "matches": "x2", **across},
+        yaxis={"anchor": "x", "domain": [split + _GAP_PX / 2 / inside, 1.0], "range": [low, high],
+               "title": {"text": "voltage [V]"}},
+        xaxis2={"anchor": "y2", "title": {"text": "allowance [µm]"}, **across},
+        yaxis2={"anchor": "x2", "domain": [0.0, split - _GAP_PX / 2 / inside], "range": [-most, most],
+                "title": {"text": "line is off [µm]"}, "nticks": 5, "zeroline": True, "zerolinecolor": style.MUTED},
+    )  # fmt: skip
+    return drawn
+
+
+def part_in_time(
+    time_s: Vector,
+    allowance_um: Vector,
+    measured_um: Vector,
+    voltage_v: Vector,
+    feed_um_per_s: Vector | None,
+    thresholds: Sequence[tuple[float, float]] = (),
+    ends_s: Sequence[float] = (),
+    *,
+    is_finished: bool = True,
+    from_s: float = 0.0,
+    name: str = "",
+) -> go.Figure:
+    """Allowance of one part, what the gauge reads, its voltage against the thresholds, and the feed.
+
+    Parameters
+    ----------
+    time_s : ndarray of shape (n_samples,)
+        From the start of the part [s].
+    allowance_um, measured_um, voltage_v, feed_um_per_s : ndarray of shape (n_samples,)
+        True and measured allowance [µm], voltage behind the filter [V], infeed [µm/s]; None: it is not known.
+    thresholds : sequence of (until_um, threshold_v)
+        One a stage.
+    ends_s : sequence of float
+        When the stages end: dotted lines [s].
+    is_finished : bool
+        Whether the last allowance is the size of a finished part.
+    from_s : float
+        Where the picture begins; thresholds of stages that are over by then are left out [s].
+    name : str
+        Of the part.
+    """
+    kept = time_s >= from_s
+    time, end = time_s[kept], float(time_s[-1])
+    wanted = thresholds[-1][0] if thresholds else 0.0
+    ends = np.array([max(from_s, 0.0), end])
+    over = sum(end_s < from_s for end_s in ends_s)
+    limits = [
+        Line(f"{number_text(volts, 4)} V, end of stage {k}", ends, np.full(2, volts), THRESHOLD, dash="dot")
+        for k, (_, volts) in enumerate(thresholds, start=1)
+        if k > over
+    ]
+    panels = [
+        Panel(
+            "allowance [µm]",
+            [
+                Line("gauge reads", time, measured_um[kept], SEEN, width=1.2),
+                Line("true", time, allowance_um[kept], TRUE, width=2.4),
+                Line(f"wanted, {number_text(wanted)} µm", ends, np.full(2, wanted), style.MUTED, dash="dash", width=1),
+            ],
+            210,
+        ),
+        Panel("voltage [V]", [*limits, Line("", time, voltage_v[kept], SEEN)], 170),
+    ]
+    if feed_um_per_s is not None:
+        fed = Line("", time, feed_um_per_s[kept], style.INK, steps=True)
+        panels.append(Panel("feed [µm/s]", [fed], 90, least=0.0))
+    size = float(allowance_um[-1])
+    who = style.label(name, 20) if name else "the part"
+    off = size - wanted
+    if from_s > 0:
+        title = f"Simulated: the last {number_text(end - from_s)} s of {who}, when the gauge stops the feed"
+    elif is_finished:
+        title = (
+            f"Simulated: {who} ends at {number_text(size)} µm after {number_text(end)} s, "
+            f"{number_text(abs(off))} µm {'above' if off >= 0 else 'below'} the wanted {number_text(wanted)} µm"
+        )
+    else:
+        apart = float(np.abs(measured_um - allowance_um).max())
+        title = f"Simulated: what the gauge reads of {who} is up to {number_text(apart)} µm off"
+    marks = [mark for mark in ends_s if from_s <= mark <= end]
+    drawn = stacked(title, panels, end, marks)
+    if from_s > 0:
+        _, seconds = style.time_unit(end)
+        drawn.update_xaxes(range=[from_s / seconds, end / seconds])
+    return drawn
+
+
+def chain_waveform(
+    time_s: Vector, probe_um: Vector, surface_um: Vector, contact_n: Vector, generator_v: Vector, smoothed_v: Vector
+) -> go.Figure:
+    """A few strokes of the whole chain: probe against the workpiece, contact force, rectified and smoothed voltage.
+
+    Parameters
+    ----------
+    time_s : ndarray of shape (n_samples,)
+    probe_um : ndarray of shape (n_samples,)
+        Position of the tip, towards the workpiece [µm].
+    surface_um : ndarray of shape (n_samples,)
+        Where the workpiece stands on the same count [µm].
+    contact_n, generator_v, smoothed_v : ndarray of shape (n_samples,)
+        [N], [V], [V].
+    """
+    start = float(time_s[0])
+    time, end = time_s - start, float(time_s[-1]) - start
+    force = float(contact_n.max())
+    stroke = float(np.ptp(probe_um))
+    panels = [
+        Panel(
+            "probe [µm]",
+            [
+                Line("workpiece", time, surface_um, style.MUTED, dash="dash"),
+                Line("tip", time, probe_um, style.PREDICTED),
+            ],
+            190,
+        ),
+        Panel("contact [N]", [Line("", time, contact_n, style.INK)], 100, least=0.0),
+        Panel(
+            "voltage [V]",
+            [
+                Line("rectified", time, np.abs(generator_v), style.BEFORE, width=1.2),
+                Line("smoothed", time, smoothed_v, SEEN, width=2.2),
+            ],
+            170,
+            least=0.0,
+        ),
+    ]
+    title = f"Simulated: strokes of {number_text(stroke)} µm, " + (
+        f"and {number_text(force)} N when the tip meets the workpiece" if force > 0 else "the workpiece out of reach"
+    )
+    drawn = stacked(title, panels, end)
+    drawn.update_yaxes(exponentformat="none")
+    return drawn
+
+
+def _widened(values: Vector, others: Sequence[float]) -> tuple[float, float]:
+    ends = [float(values.min()), float(values.max()), *others]
+    room = 0.08 * max(max(ends) - min(ends), 1e-9)
+    return min(ends) - room, max(ends) + room
+
+
+def _band(drawn: go.Figure, line_um: tuple[float, float], allowance_um: Vector) -> None:
+    """Shade where the line holds, as far as it is drawn."""
+    first, last = max(line_um[0], float(allowance_um[0])), min(line_um[1], float(allowance_um[-1]))
+    for axis in ("", "2"):
+        drawn.add_shape(
+            type="rect", xref=f"x{axis}", x0=first, x1=last, yref=f"y{axis} domain", y0=0, y1=1,
+            fillcolor=CURVE, opacity=0.08, line={"width": 0}, layer="below",
+        )  # fmt: skip
+
+
+def _thresholds(
+    drawn: go.Figure,
+    allowance_um: Vector,
+    voltage_v: Vector,
+    thresholds: Sequence[tuple[float, float]],
+    shown_v: tuple[float, float],
+    floor_px: float,
+    inside_px: float,
+) -> None:
+    """Dotted lines at the thresholds, and their names to the right, apart from each other."""
+    low, high = shown_v
+    order = sorted(range(len(thresholds)), key=lambda k: thresholds[k][1])
+    wanted = [_CURVE_PX * (thresholds[k][1] - low) / (high - low) for k in order]
+    placed: list[float] = []
+    for want in wanted:
+        placed.append(max(want, placed[-1] + _LABEL_PX if placed else _LABEL_PX / 2))
+    ceiling = _CURVE_PX - _LABEL_PX / 2
+    for k in reversed(range(len(placed))):
+        placed[k] = min(placed[k], ceiling)
+        ceiling = placed[k] - _LABEL_PX
+    falls = voltage_v[-1] < voltage_v[0]
+    rising_v, at_um = (voltage_v[::-1], allowance_um[::-1]) if falls else (voltage_v, allowance_um)
+    for k, place in zip(order, placed, strict=True):
+        until, volts = thresholds[k]
+        reads = float(np.interp(volts, rising_v, at_um))
+        drawn.add_shape(
+            type="line", xref="x domain", x0=0, x1=1, yref="y", y0=volts, y1=volts,
+            line={"color": THRESHOLD, "width": 1.4, "dash": "dot"}, layer="below",
+        )  # fmt: skip
+        drawn.add_scatter(
+            x=[reads], y=[volts], mode="markers", showlegend=False, name=f"stage {k + 1}",
+            marker={"color": THRESHOLD, "size": 9, "line": {"color": "#ffffff", "width": 1.4}},
+            hovertemplate=f"stage {k + 1} ends: %{{y:.4g}} V, reads %{{x:.4g}} µm, wanted {until:.4g}<extra></extra>",
+        )  # fmt: skip
+        drawn.add_annotation(
+            text=f"{number_text(volts, 4)} V, end of stage {k + 1}", font={"color": THRESHOLD, "size": 12},
+            x=1.0, xref="paper", xanchor="left", xshift=6, y=(floor_px + place) / inside_px, yref="paper",
+            yanchor="middle", showarrow=False,
+        )  # fmt: skip
+
+
+DRAWN, LIMIT, WANTED = style.BEFORE, style.RESIDUAL, style.MUTED
+CURVES = (style.PREDICTED, style.CHOSEN, "#CC79A7")
+MOST_MARKERS = 600
+"""Parts that are drawn one by one; of more the smallest and largest of each stretch."""
+
+MOST_DRESSINGS = 40
+_BINS = 60
+_FEW_DECADES = 1.5
+"""Up to so many 2 and 5 are written between the powers of ten."""
+
+_DECADES = 5.0
+"""Decades below the largest error that the trade-off shows at most."""
+
+
+def size_histogram(
+    size_um: Vector,
+    curves: Mapping[str, tuple[Vector, Vector]],
+    tolerance_um: tuple[float, float] | None,
+    wanted_um: float,
+    title: str,
+) -> go.Figure:
+    """Sizes of the simulated parts as a histogram, the densities by formula as lines, and the tolerance.
+
+    Parameters
+    ----------
+    size_um : ndarray of shape (n_parts,)
+        Finished sizes, counted from the nominal size [µm].
+    curves : mapping of str to (size_um, density_per_um)
+        By what the line is called.
+    tolerance_um : (lower, upper) or None
+        [µm].
+    wanted_um : float
+        x_k, for which the threshold is meant [µm].
+    title : str
+        Plain text, as `style.label` makes it.
+    """
+    counts, edges = np.histogram(size_um, bins=_edges(size_um))
+    density = counts / (len(size_um) * np.diff(edges))
+    drawn = style.figure(title, 400)
+    centres = (edges[:-1] + edges[1:]) / 2.0
+    drawn.add_bar(
+        x=centres.astype(np.float32), y=(100.0 * density).astype(np.float32), width=np.diff(edges).astype(np.float32),
+        name=f"Monte Carlo, {len(size_um)} parts", marker={"color": DRAWN, "line": {"width": 0}},
+        hovertemplate="%{x:.4g} µm: %{y:.3g} % per µm<extra>Monte Carlo</extra>",
+    )  # fmt: skip
+    for k, (name, (at_um, per_um)) in enumerate(curves.items()):
+        drawn.add_scatter(
+            x=at_um.astype(np.float32), y=(100.0 * per_um).astype(np.float32), mode="lines", name=style.label(name, 60),
+            line={"color": CURVES[k % len(CURVES)], "width": 2.2, "dash": ("solid", "dash", "dot")[k % 3]},
+            hovertemplate=f"%{{x:.4g}} µm: %{{y:.3g}} % per µm<extra>{style.label(name, 60)}</extra>",
+        )  # fmt: skip
+    ends = [float(edges[0]), float(edges[-1]), wanted_um, *(tolerance_um or ())]
+    room = 0.06 * (max(ends) - min(ends))
+    _upright(drawn, [(wanted_um, "wanted", WANTED, "dash")])
+    if tolerance_um is not None:
+        limits = [(value, name, LIMIT, "solid") for value, name in zip(tolerance_um, ("lower", "upper"), strict=True)]
+        _upright(drawn, limits)
+    top = max(float(density.max()), *(float(per_um.max()) for _, per_um in curves.values()), 1e-12)
+    drawn.update_layout(
+        bargap=0,
+        xaxis={"title": {"text": "finished size, from nominal [µm]"}, "range": [min(ends) - room, max(ends) + room]},
+        yaxis={"title": {"text": "share of the parts [% per µm]"}, "range": [0.0, _rounded(116.0 * top)],
+               "exponentformat": "none"},
+        margin={"t": int(drawn.layout.margin.t) + 18},
+        height=418,
+    )  # fmt: skip
+    return drawn
+
+
+def sizes_over_parts(
+    size_um: Vector,
+    tolerance_um: tuple[float, float] | None,
+    wanted_um: float,
+    dressed: Sequence[int],
+    title: str,
+) -> go.Figure:
+    """Finished sizes in the order of grinding, with the tolerance, and dotted lines where the wheel was dressed.
+
+    Parameters
+    ----------
+    size_um : ndarray of shape (n_parts,)
+        [µm].
+    tolerance_um : (lower, upper) or None
+        [µm].
+    wanted_um : float
+        [µm].
+    dressed : sequence of int
+        Numbers of the parts, from 1, before which the wheel was dressed.
+    title : str
+        Plain text, as `style.label` makes it.
+    """
+    number = np.arange(1, len(size_um) + 1, dtype=np.float64)
+    few = len(size_um) <= MOST_MARKERS
+    at = np.arange(len(size_um)) if few else shown_samples(number, size_um)
+    drawn = style.figure(title, 340)
+    drawn.add_scatter(
+        x=number[at].astype(np.float32), y=size_um[at].astype(np.float32), mode="lines+markers" if few else "lines",
+        name="finished size", showlegend=False,
+        line={"color": style.BEFORE if few else style.PREDICTED, "width": 1.0},
+        marker={"color": style.PREDICTED, "size": 5},
+        hovertemplate="part %{x:.0f}: %{y:.4g} µm<extra></extra>",
+    )  # fmt: skip
+    ends = [float(size_um.min()), float(size_um.max()), wanted_um, *(tolerance_um or ())]
+    room = 0.08 * max(max(ends) - min(ends), 1e-6)
+    lines = [(wanted_um, "wanted", WANTED, "dash")]
+    if tolerance_um is not None:
+        lines += [(tolerance_um[0], "lower limit", LIMIT, "solid"), (tolerance_um[1], "upper limit", LIMIT, "solid")]
+    for value, name, colour, dash in lines:
+        drawn.add_shape(
+            type="line", xref="x domain", x0=0, x1=1, yref="y", y0=value, y1=value,
+            line={"color": colour, "width": 1.4, "dash": dash},
+        )  # fmt: skip
+        drawn.add_annotation(
+            text=name, font={"color": colour, "size": 12}, x=1.0, xref="paper", xanchor="left", xshift=6, y=value,
+            yref="y", yanchor="middle", showarrow=False,
+        )  # fmt: skip
+    shown = list(dressed)[:MOST_DRESSINGS] if len(dressed) <= MOST_DRESSINGS else []
+    for part in shown:
+        drawn.add_shape(
+            type="line", xref="x", x0=part - 0.5, x1=part - 0.5, yref="y domain", y0=0, y1=1,
+            line={"color": style.CHOSEN, "width": 1.4, "dash": "dot"},
+        )  # fmt: skip
+    drawn.update_layout(
+        margin={"r": 100},
+        xaxis={"title": {"text": "part [number]"}, "range": [0.5 - 0.01 * len(size_um), 0.5 + 1.01 * len(size_um)]},
+        yaxis={"title": {"text": "size [µm]"}, "range": [min(ends) - room, max(ends) + room], "exponentformat": "none"},
+    )
+    return drawn
+
+
+def filter_trade_off(
+    time_constant_s: Vector,
+    bias_um: Vector,
+    sd_um: Vector,
+    best: tuple[float, float],
+    present: tuple[float, float],
+    title: str,
+    checked: tuple[Vector, Vector] | None = None,
+) -> go.Figure:
+    """Bias², variance and their sum over the time constant of the filter, both on logarithmic axes.
+
+    Parameters
+    ----------
+    time_constant_s, bias_um, sd_um : ndarray of shape (n_filters,)
+        T_Φ [s]; mean error and standard deviation of the finished size with it [µm].
+    best, present : (time_constant_s, mean_square_um2)
+        The best filter, and the one of the gauge with its own threshold [s], [µm²].
+    title : str
+        Plain text, as `style.label` makes it.
+    checked : (time_constant_s, mean_square_um2) or None
+        Mean square errors by Monte Carlo at some of them [s], [µm²].
+    """
+    bias2, variance = bias_um**2, sd_um**2
+    total = bias2 + variance
+    drawn = style.figure(title, 400)
+    for values, name, colour, dash, width in (
+        (bias2, "bias²", style.RESIDUAL, "dash", 1.8),
+        (variance, "variance", style.PREDICTED, "dot", 1.8),
+        (total, "mean square error", style.INK, "solid", 2.6),
+    ):
+        seen = values > 0
+        if not seen.any():
+            continue
+        drawn.add_scatter(
+            x=(1e3 * time_constant_s[seen]).astype(np.float32), y=values[seen].astype(np.float32), mode="lines",
+            name=name, line={"color": colour, "width": width, "dash": dash},
+            hovertemplate=f"%{{x:.4g}} ms: %{{y:.4g}} µm²<extra>{name}</extra>",
+        )  # fmt: skip
+    if checked is not None:
+        drawn.add_scatter(
+            x=(1e3 * checked[0]).astype(np.float32), y=checked[1].astype(np.float32), mode="markers",
+            name="Monte Carlo", marker={"color": "#ffffff", "size": 9, "line": {"color": style.INK, "width": 1.6}},
+            hovertemplate="%{x:.4g} ms: %{y:.4g} µm²<extra>Monte Carlo</extra>",
+        )  # fmt: skip
+    for (at_s, value), name, colour, symbol in (
+        (best, "best", style.CHOSEN, "star"),
+        (present, "present", style.BASELINES["all sensors"], "diamond"),
+    ):
+        drawn.add_scatter(
+            x=[_rounded(1e3 * at_s)], y=[_rounded(value)], mode="markers",
+            name=f"{name}: {number_text(1e3 * at_s)} ms",
+            marker={"color": colour, "size": 13, "symbol": symbol, "line": {"color": "#ffffff", "width": 1}},
+            hovertemplate=f"{name}: %{{x:.4g}} ms, %{{y:.4g}} µm²<extra></extra>",
+        )  # fmt: skip
+    positive = np.concatenate([row[row > 0] for row in (bias2, variance, total, np.array([best[1], present[1]]))])
+    high = math.log10(float(positive.max()))
+    low = max(math.log10(float(positive.min())), high - _DECADES)
+    drawn.update_layout(
+        xaxis={"type": "log", "title": {"text": "time constant of the filter [ms]"}, "dtick": 1,
+               "minor": {"ticks": "outside", "ticklen": 3},
+               "range": [math.log10(1e3 * time_constant_s[0]), math.log10(1e3 * time_constant_s[-1])]},
+        yaxis={"type": "log", "title": {"text": "error of the size [µm²]"}, "exponentformat": "power",
+               **_decade_ticks(low, high),
+               "range": [_rounded(low - 0.1), _rounded(high + 0.1)]},
+        height=420,
+    )  # fmt: skip
+    return drawn
+
+
+def _decade_ticks(low: float, high: float) -> dict[str, object]:
+    """Ticks of a logarithmic axis from 10^low to 10^high."""
+    if high - low > _FEW_DECADES:
+        return {"dtick": 1}
+    values = [step * 10.0**power for power in range(math.floor(low), math.ceil(high) + 1) for step in (1, 2, 5)]
+    return {"tickvals": [_rounded(value) for value in values], "ticktext": [f"{value:.6g}" for value in values]}
+
+
+def _rounded(value: float) -> float:
+    """Six digits: the last ones of a result may depend on the machine, and equal results shall look alike."""
+    return float(f"{value:.6g}")
+
+
+def _edges(size_um: Vector) -> Vector:
+    """Edges of bins as Freedman and Diaconis choose them, at most `_BINS` between the bulk's ends."""
+    low, high = float(size_um.min()), float(size_um.max())
+    if high - low <= 1e-9 * max(abs(low), 1.0):
+        half = max(0.05, 1e-3 * abs(low))
+        return np.array([low - half, low + half])
+    bulk = np.quantile(size_um, [0.25, 0.75])
+    width = 2.0 * float(bulk[1] - bulk[0]) / len(size_um) ** (1.0 / 3.0)
+    count = _BINS if width <= 0 else int(np.clip(math.ceil((high - low) / width), 5, _BINS))
+    return np.linspace(low, high, count + 1)
+
+
+def _upright(drawn: go.Figure, marks: Sequence[tuple[float, str, str, str]]) -> None:
+    for value, name, colour, dash in marks:
+        drawn.add_shape(
+            type="line", xref="x", x0=value, x1=value, yref="y domain", y0=0, y1=0.93,
+            line={"color": colour, "width": 1.8, "dash": dash},
+        )  # fmt: skip
+        drawn.add_annotation(
+            text=name, font={"color": colour, "size": 12}, x=value, xref="x", y=0.93, yref="y domain",
+            yanchor="bottom", showarrow=False,
+        )  # fmt: skip

@@ -1,0 +1,226 @@
+"""A simulated run, or a recorded one: what is done to the machine, how it warms and moves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+
+from selector.figures import style
+from selector.figures.panels import Line, Panel, stacked
+from selector.number_text import number_text
+from selector.physics.thermal.drift_quantities import largest_displacement
+from selector.recording import Channel, Recording
+
+MOST_IN_A_PANEL = 12
+MOST_BARS = 12
+_DASHES = ("solid", "dash", "dot")
+_IN, _OUT, _KEPT = style.RESIDUAL, style.PREDICTED, style.CHOSEN
+_ELSEWHERE = "elsewhere"
+
+
+def inputs_and_displacements(recording: Recording, run: str, inputs: Sequence[str]) -> go.Figure:
+    """Speed, torque, fluids and switches, and below them the displacements; `inputs` names the channels that act."""
+    time_s = recording.time_s(run)
+    acting = [recording.channel(name) for name in inputs]
+    moving = [recording.channel(name) for name in recording.with_role("displacement") if name not in inputs]
+    panels = []
+    for axis, chosen, height in (
+        ("speed [r/min]", [c for c in acting if c.role == "spindle_speed"], 110),
+        ("air, coolant [°C]", [c for c in acting if c.role in ("ambient", "temperature")], 110),
+    ):
+        if chosen:
+            panels.append(Panel(axis, _lines(recording, run, chosen, steps=True), height, least=_zero_of(axis)))
+    for channel in acting:
+        if channel.role == "state":
+            unit = "[N·m]" if "N·m" in (channel.place or "") else "[0, 1]"
+            panels.append(
+                Panel(
+                    unit,  # the name stands beside the line
+                    _lines(recording, run, [channel], steps=True),
+                    70,
+                    least=0.0,
+                )
+            )
+    panels.append(Panel("displacement [µm]", _lines(recording, run, moving), 300, least=0.0))
+    most, at_s, um = largest_displacement(recording, run)
+    unit, seconds = style.time_unit(float(time_s[-1]))
+    title = (
+        f"Simulated: {style.label(most)} moves most, by {number_text(um)} µm after {at_s / seconds:.3g} {unit}"
+        if most
+        else "Simulated: no displacement"
+    )
+    return stacked(title, panels, float(time_s[-1]))
+
+
+def temperatures(recording: Recording, run: str, inputs: Sequence[str]) -> go.Figure:
+    """The thermometers in groups by the part they sit on: the first words of their places, up to a comma.
+
+    Those that are alone on their part share a panel.
+    """
+    names = [name for name in recording.with_role("temperature") if name not in inputs]
+    rise = {name: _rise(recording, run, name) for name in names}
+    groups: dict[str, list[Channel]] = {}
+    for name in names:
+        channel = recording.channel(name)
+        part = (channel.place or "").split(",")[0].strip() or _ELSEWHERE
+        groups.setdefault(part, []).append(channel)
+    alone = [channel for channels in groups.values() if len(channels) == 1 for channel in channels]
+    if len(alone) > 1:
+        groups = {part: channels for part, channels in groups.items() if len(channels) > 1}
+        groups |= {_ELSEWHERE: [*groups.get(_ELSEWHERE, []), *alone]}
+    warmest = max(names, key=lambda name: abs(rise[name]))
+    verb = "warms" if rise[warmest] >= 0 else "cools"
+    title = f"Simulated: {style.label(warmest)} {verb} most, by {number_text(abs(rise[warmest]))} K"
+    panels = []
+    for part, channels in groups.items():
+        shown = _spread(channels, rise)
+        text = style.label(part, 16)
+        panels.append(Panel(f"{text} [°C]", _lines(recording, run, shown), max(110, 19 * len(shown))))
+    return stacked(title, panels, float(recording.time_s(run)[-1]))
+
+
+def heat_balance(balance: Mapping[str, Any]) -> go.Figure:
+    """Heat that every source brought, every surface gave to its fluid, and that stayed, over the whole run."""
+    sources = {name: float(j) for name, j in balance["sources_j"].items()}
+    films = {name: float(j) for name, j in balance["films_j"].items()}
+    kept = float(balance["stored_j"])
+    came = sum(max(j, 0.0) for j in sources.values()) + sum(max(-j, 0.0) for j in films.values()) + max(-kept, 0.0)
+    unit, joules = next((u, j) for u, j in (("GJ", 1e9), ("MJ", 1e6), ("kJ", 1e3), ("J", 1.0)) if came >= j or u == "J")
+    went = sum(max(j, 0.0) for j in films.values())
+    title = (
+        "Simulated: no heat"
+        if came == 0
+        else (
+            f"Simulated: of {number_text(came / joules)} {unit} of heat, {100 * went / came:.0f} % went into air and "
+            f"coolant and {100 * max(kept, 0.0) / came:.0f} % stayed in the machine"
+        )
+    )
+    rows = [(name, j, _IN) for name, j in _largest(sources, "source")]
+    rows += [(name, -j, _OUT) for name, j in _largest(films, "surface")]
+    rows.append(("stayed in the machine" if kept >= 0 else "given off by the machine itself", -kept, _KEPT))
+    drawn = style.figure(title, 130 + 24 * len(rows))
+    drawn.add_bar(
+        x=[j / joules for _, j, _ in rows],
+        y=list(range(len(rows))),
+        orientation="h",
+        marker={"color": [colour for _, _, colour in rows]},
+        text=[number_text(j / joules) for _, j, _ in rows],
+        textposition="outside",
+        cliponaxis=False,
+        hovertemplate=f"%{{x:.4g}} {unit}<extra></extra>",
+        showlegend=False,
+    )
+    drawn.update_xaxes(title_text=f"heat into the machine, out of it to the left [{unit}]", zeroline=True)
+    drawn.update_layout(xaxis={"zerolinecolor": style.INK}, bargap=0.3)
+    drawn.update_yaxes(
+        range=[len(rows) - 0.5, -0.5],
+        tickvals=list(range(len(rows))),
+        ticktext=[style.label(name, 40) for name, _, _ in rows],
+        showgrid=False,
+        ticks="",
+    )
+    return drawn
+
+
+def _largest(amounts: Mapping[str, float], what: str) -> list[tuple[str, float]]:
+    """The largest amounts by name, and the sum of the others."""
+    ranked = sorted(amounts.items(), key=lambda item: -abs(item[1]))
+    told = [(f"{name}, {what}", amount) for name, amount in ranked[:MOST_BARS]]
+    rest = ranked[MOST_BARS:]
+    return told + ([(f"{len(rest)} more {what}s", sum(amount for _, amount in rest))] if rest else [])
+
+
+def _lines(recording: Recording, run: str, channels: Sequence[Channel], *, steps: bool = False) -> list[Line]:
+    time_s = recording.time_s(run)
+    count = len(style.GROUPS)
+    return [
+        Line(
+            channel.name,
+            time_s,
+            recording.values(run, [channel.name])[:, 0],
+            style.GROUPS[k % count],
+            steps=steps,
+            dash=_DASHES[k // count % len(_DASHES)],
+        )
+        for k, channel in enumerate(channels)
+    ]
+
+
+def _zero_of(axis: str) -> float | None:
+    return 0.0 if axis.startswith("speed") else None
+
+
+def _rise(recording: Recording, run: str, name: str) -> float:
+    course = recording.values(run, [name])[:, 0] - recording.values(run, [name])[0, 0]
+    return float(course[int(np.nanargmax(np.abs(course)))])
+
+
+def _spread(channels: Sequence[Channel], rise: Mapping[str, float]) -> list[Channel]:
+    """All channels of a part, or of many some from the one that warms least to the one that warms most."""
+    if len(channels) <= MOST_IN_A_PANEL:
+        return list(channels)
+    ranked = sorted(channels, key=lambda channel: rise[channel.name])
+    kept = {ranked[k].name for k in np.linspace(0, len(ranked) - 1, MOST_IN_A_PANEL).round().astype(int).tolist()}
+    return [channel for channel in channels if channel.name in kept]
+
+
+MOST_NAMED = 8
+"""More lines in a panel than this are drawn thin, and named by hovering only."""
+
+_PANELS: tuple[tuple[str, tuple[str, ...], int], ...] = (
+    ("displacement", ("displacement",), 170),
+    ("temperature", ("temperature", "ambient"), 200),
+    ("speed", ("spindle_speed",), 80),
+)
+_OTHER_PX, _MOST_OTHERS = 90, 6
+
+
+def courses(recording: Recording, run: str) -> go.Figure:
+    """Displacements, temperatures, speed, and up to six further roles of a run; nothing is left out of a panel."""
+    time_s = recording.time_s(run)
+    panels, drawn_channels = [], []
+    taken: set[str] = set()
+    for text, roles, height in _PANELS:
+        taken |= set(roles)
+        if chosen := _recorded(recording, run, roles):
+            panels.append(Panel(f"{text} [{_unit(chosen[0])}]", _recorded_lines(recording, run, chosen), height))
+            drawn_channels += chosen
+    others = dict.fromkeys(channel.role for channel in recording.channels if channel.role not in taken)
+    for role in list(others)[:_MOST_OTHERS]:
+        if chosen := _recorded(recording, run, (role,)):
+            text = f"{role.replace('_', ' ')} [{_unit(chosen[0])}]"
+            panels.append(Panel(text, _recorded_lines(recording, run, chosen), _OTHER_PX))
+            drawn_channels += chosen
+    drawn = stacked(f"Run {style.label(run)}", panels, float(time_s[-1]))
+    for line, channel in zip(drawn.data, drawn_channels, strict=True):
+        named = f"<extra>{style.label(channel.name)}</extra>"
+        line.update(name=style.label(channel.name), hovertemplate=line.hovertemplate.partition("<extra>")[0] + named)
+    return drawn
+
+
+def _recorded(recording: Recording, run: str, roles: tuple[str, ...]) -> list[Channel]:
+    """Channels of these roles with a value in this run."""
+    named = [channel for channel in recording.channels if channel.role in roles]
+    return [channel for channel in named if np.isfinite(recording.values(run, [channel.name])).any()]
+
+
+def _recorded_lines(recording: Recording, run: str, channels: list[Channel]) -> list[Line]:
+    time_s = recording.time_s(run)
+    are_many = len(channels) > MOST_NAMED
+    return [
+        Line(
+            "" if are_many else channel.name,
+            time_s,
+            recording.values(run, [channel.name])[:, 0],
+            style.GROUPS[number % len(style.GROUPS)],
+            width=1.0 if are_many else 1.8,
+        )
+        for number, channel in enumerate(channels)
+    ]
+
+
+def _unit(channel: Channel) -> str:
+    return {"degC": "°C", "um": "µm", "rpm": "1/min"}.get(channel.unit, channel.unit)

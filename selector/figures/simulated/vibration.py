@@ -1,0 +1,480 @@
+"""How do tool and workpiece vibrate, what does that leave on the part, and where do the chains agree."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+
+from selector.figures import style
+from selector.figures.panels import Line, Panel, shown_samples, stacked
+from selector.figures.style import log_ticks
+from selector.number_text import number_text
+from selector.physics.vibration.chain.chain_error import ChainAccuracy
+from selector.physics.vibration.motion.final_motion import Method
+from selector.physics.vibration.motion.periodic_error import Cutting, PeriodicError, Surface
+from selector.physics.vibration.vibration_summary import LineSummary
+from selector.types import Vector
+
+MOST_BARS = 14
+MOST_SOURCES = len(style.GROUPS)
+"""Sources that are told apart by colour; answers and forces are drawn of no more."""
+
+_PANEL_PX, _GAP_PX, _BELOW_PX = 250, 34, 50
+_BAR_PX = 26
+_OTHER = {"chains": "chains", "coupled": "coupled structure"}
+_MOTIONS = (style.PREDICTED, style.RESIDUAL, style.INK)
+_DECADES = 4.0
+"""Answers weaker than this many powers of ten below the strongest are off the picture."""
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """Motion of one final member per unit force of one source."""
+
+    source: str
+    coupled_um_per_n: Vector  #: (n_frequencies,): Amplitude by the coupled structure [µm/N]
+    #: (n_frequencies,): By the chains, NaN where none leads from the source to the final [µm/N]
+    chains_um_per_n: Vector | None
+    lines_hz: Vector  #: (n_lines,): Frequencies at which the source shakes [Hz]
+
+
+def source_colours(names: Sequence[str]) -> dict[str, str]:
+    """Source → its colour, the same in every picture; those after the first `MOST_SOURCES` are grey."""
+    return {name: style.GROUPS[k] if k < MOST_SOURCES else style.MUTED for k, name in enumerate(names)}
+
+
+def response_over_frequency(
+    frequency_hz: Vector,
+    answers: Mapping[str, Sequence[Answer]],
+    colours: Mapping[str, str],
+    title: str,
+    split_hz: float | None = None,
+) -> go.Figure:
+    """Amplitude per unit force over frequency, a panel each final member; lines of the sources as circles.
+
+    Parameters
+    ----------
+    frequency_hz : ndarray of shape (n_frequencies,)
+        [Hz].
+    answers : mapping of str to sequence of Answer
+        Final member → its answer to every source.
+    colours : mapping of str to str
+        As of `source_colours`.
+    title : str
+        Plain text, as `style.label` makes it.
+    split_hz : float, optional
+        Where the chains of the low range end and those of the high one begin [Hz].
+    """
+    count = len(answers)
+    inside = count * _PANEL_PX + (count - 1) * _GAP_PX
+    drawn = style.figure(title, inside)
+    drawn.update_layout(height=int(drawn.layout.margin.t) + inside + _BELOW_PX)
+    ends = np.log10(frequency_hz[[0, -1]])
+    has_chains = any(one.chains_um_per_n is not None for ones in answers.values() for one in ones)
+    named: set[str] = set()
+    for number, (final, ones) in enumerate(answers.items()):
+        key = "" if number == 0 else str(number + 1)
+        top = 1.0 - number * (_PANEL_PX + _GAP_PX) / inside
+        strongest = np.log10(max(float(one.coupled_um_per_n.max()) for one in ones))
+        weakest = np.log10(min(float(one.coupled_um_per_n.min()) for one in ones))
+        for one in ones:
+            is_first = one.source not in named
+            named.add(one.source)
+            _add_answer(drawn, frequency_hz, one, colours[one.source], key, is_first=is_first)
+        drawn.layout[f"xaxis{key}"] = {
+            "type": "log", "anchor": f"y{key}", "range": ends.tolist(), "showticklabels": number == count - 1,
+            "title": {"text": "frequency [Hz]" if number == count - 1 else ""}, **log_ticks(*ends.tolist()),
+            **({"matches": "x"} if number else {}),
+        }  # fmt: skip
+        drawn.layout[f"yaxis{key}"] = {
+            "type": "log", "anchor": f"x{key}", "domain": [max(top - _PANEL_PX / inside, 0.0), top], "dtick": 1,
+            "title": {"text": f"{style.label(final, 12)} [µm/N]"}, "exponentformat": "power",
+            "range": [max(weakest - 0.15, strongest - _DECADES), strongest + 0.25],
+        }  # fmt: skip
+        if split_hz is not None and has_chains:
+            drawn.add_shape(
+                type="line", xref=f"x{key}", x0=split_hz, x1=split_hz, yref=f"y{key} domain", y0=0, y1=1,
+                line={"color": style.INK, "width": 1, "dash": "dot"},
+            )  # fmt: skip
+    if has_chains:
+        for name, dash in (("coupled", "solid"), ("chains", "dash")):
+            drawn.add_scatter(x=[None], y=[None], mode="lines", name=name, line={"color": style.INK, "dash": dash})
+    return drawn
+
+
+def _add_answer(drawn: go.Figure, frequency_hz: Vector, one: Answer, colour: str, key: str, *, is_first: bool) -> None:
+    name = style.label(one.source, 16)
+    common = {"xaxis": f"x{key}", "yaxis": f"y{key}", "legendgroup": name, "name": name}
+    told = "%{x:.4g} Hz: %{y:.3g} µm/N<extra>" + name
+    drawn.add_scatter(
+        x=frequency_hz.astype(np.float32), y=one.coupled_um_per_n.astype(np.float32), mode="lines",
+        line={"color": colour, "width": 1.8}, showlegend=is_first, hovertemplate=f"{told}, coupled</extra>", **common,
+    )  # fmt: skip
+    if one.chains_um_per_n is not None:
+        drawn.add_scatter(
+            x=frequency_hz.astype(np.float32), y=one.chains_um_per_n.astype(np.float32), mode="lines",
+            connectgaps=False, line={"color": colour, "width": 1.6, "dash": "dash"}, showlegend=False,
+            hovertemplate=f"{told}, chains</extra>", **common,
+        )  # fmt: skip
+    there = one.lines_hz[(one.lines_hz >= frequency_hz[0]) & (one.lines_hz <= frequency_hz[-1])]
+    at = np.exp(np.interp(np.log(there), np.log(frequency_hz), np.log(np.maximum(one.coupled_um_per_n, 1e-300))))
+    drawn.add_scatter(
+        x=there.astype(np.float32), y=at.astype(np.float32), mode="markers", showlegend=False,
+        marker={"color": "#ffffff", "size": 7, "line": {"color": colour, "width": 2}},
+        hovertemplate=f"{told}, line</extra>", **common,
+    )  # fmt: skip
+
+
+def line_amplitudes(
+    lines: Sequence[LineSummary], finals: Sequence[str], colours: Mapping[str, str], other: Method, title: str
+) -> go.Figure:
+    """The largest lines as bars in the colour of their source, side by side for every final; crosses: by `other`.
+
+    Parameters
+    ----------
+    lines : sequence of LineSummary
+    finals : sequence of str
+        Keys of their motions: what stands side by side; lines are ranked by the last of them.
+    colours : mapping of str to str
+        As of `source_colours`.
+    other : {"chains", "coupled"}
+        The method by which the motions were not made.
+    title : str
+        Plain text, as `style.label` makes it.
+    """
+    ranked = sorted(lines, key=lambda one: -one.motion_um[finals[-1]])[:MOST_BARS]
+    rows = list(range(len(ranked)))
+    drawn = style.figure(title, 140 + _BAR_PX * len(rows))
+    width = (1.0 - 0.04 * (len(finals) - 1)) / len(finals)
+    for number, final in enumerate(finals):
+        key = "" if number == 0 else str(number + 1)
+        for source in dict.fromkeys(one.source for one in ranked):
+            mine = [k for k in rows if ranked[k].source == source]
+            drawn.add_bar(
+                x=[ranked[k].motion_um[final] for k in mine], y=mine, orientation="h", width=0.62,
+                xaxis=f"x{key}",
+                name=style.label(source, 16), legendgroup=style.label(source, 16), showlegend=number == 0,
+                marker={"color": colours[source]}, hovertemplate="%{x:.4g} µm<extra></extra>",
+            )  # fmt: skip
+        others = [one.chains_um[final] if other == "chains" else one.coupled_um[final] for one in ranked]
+        if any(value is not None for value in others):
+            drawn.add_scatter(
+                x=others, y=rows, xaxis=f"x{key}", mode="markers", name=f"by the {_OTHER[other]}", legendgroup=other,
+                showlegend=number == 0, hovertemplate=f"%{{x:.4g}} µm<extra>{_OTHER[other]}</extra>",
+                marker={"symbol": "x-thin", "size": 10, "line": {"color": style.INK, "width": 2}},
+            )  # fmt: skip
+        start = number * (width + 0.04)
+        drawn.layout[f"xaxis{key}"] = {
+            "domain": [start, min(start + width, 1.0)], "title": {"text": f"{final_text(final)} [µm]"},
+            "rangemode": "tozero", "nticks": 5, "exponentformat": "none", "anchor": "y",
+        }  # fmt: skip
+    drawn.update_layout(barmode="overlay")
+    drawn.update_yaxes(
+        range=[len(rows) - 0.4, -0.6], tickvals=rows, ticktext=[line_text(one) for one in ranked], showgrid=False,
+        ticks="",
+    )  # fmt: skip
+    return drawn
+
+
+def line_text(one: LineSummary) -> str:
+    """A line by its source and frequency, as Plotly shows it."""
+    return f"{style.label(one.source, 14)}, {one.frequency_hz:.4g} Hz"
+
+
+def final_text(final: str) -> str:
+    """What a final is called; of the difference, what it is the difference of."""
+    return style.label(final.replace("_", " – ") if final == "tool_workpiece" else final, 20)
+
+
+def motion_course(
+    time_s: Vector,
+    motions_um: Mapping[str, Vector],
+    forces_n: Mapping[str, Vector],
+    speeds_rpm: Mapping[str, Vector],
+    colours: Mapping[str, str],
+    title: str,
+) -> go.Figure:
+    """Motions over time, above them speeds of shafts that change, below the forces of sources that have a colour.
+
+    Parameters
+    ----------
+    time_s : ndarray of shape (n_samples,)
+        From the start of what is shown [s].
+    motions_um, forces_n, speeds_rpm : mapping of str to ndarray of shape (n_samples,)
+        By what they are called [µm, N, r/min].
+    colours : mapping of str to str
+        As of `source_colours`.
+    title : str
+        Plain text, as `style.label` makes it.
+    """
+    panels = []
+    turning = {name: rpm for name, rpm in speeds_rpm.items() if np.ptp(rpm) > 0}
+    if turning:
+        lines = [Line(name, time_s, rpm, style.GROUPS[k % 6]) for k, (name, rpm) in enumerate(turning.items())]
+        panels.append(Panel("speed [r/min]", lines, 90, least=0.0))
+    *parts, last = motions_um
+    if parts:
+        panels.append(
+            Panel(
+                "motion [µm]",
+                [Line(final_text(name), time_s, motions_um[name], _MOTIONS[k % 3]) for k, name in enumerate(parts)],
+                190,
+                least=0.0,
+            )
+        )
+    panels.append(Panel(f"{final_text(last)} [µm]", [Line("", time_s, motions_um[last], style.INK)], 190, least=0.0))
+    shown = [name for name in colours if name in forces_n][:MOST_SOURCES]
+    if shown:
+        lines = [Line(name, time_s, forces_n[name], colours.get(name, style.MUTED), width=1.4) for name in shown]
+        panels.append(Panel("force [N]", lines, 150, least=0.0))
+    return stacked(title, panels, float(time_s[-1]))
+
+
+LIMITS = (0.1, 0.3, 1.0)
+"""Errors at which the colour changes: within 10 %, within 30 %, within 100 %, and beyond."""
+
+MOST_STRIPS = 60
+_COLOURS = (style.CHOSEN, "#c8dfae", "#f0b86a", "#b34a00")
+_NAMES = ("within 10 %", "10 to 30 %", "30 to 100 %", "above 100 %")
+_STRIP_PX = 22
+_POINTS = 400
+_LEAST, _MOST = 0.1, 1e3
+"""Errors [%] between which the axis is drawn."""
+
+_PARTS = (
+    ("published", "chain as published", style.INK, "solid"),
+    ("one_way", "one way: no back reaction", style.PREDICTED, "dash"),
+    ("cut_out", "cut out: merged, held, left out", style.RESIDUAL, "dot"),
+)
+
+
+def accuracy_strips(accuracy: Sequence[ChainAccuracy], title: str) -> go.Figure:
+    """A strip over frequency for each chain and source, in the colour of its error against the coupled structure."""
+    shown = accuracy[:MOST_STRIPS]
+    drawn = style.figure(title, 120 + _STRIP_PX * len(shown))
+    for level, (colour, name) in enumerate(zip(_COLOURS, _NAMES, strict=True)):
+        x: list[float | None] = []
+        y: list[float | None] = []
+        for row, one in enumerate(shown):
+            for start, stop in _stretches(one, level):
+                x += [start, stop, None]
+                y += [row, row, None]
+        drawn.add_scatter(
+            x=x, y=y, mode="lines", name=name, line={"color": colour, "width": _STRIP_PX - 7}, hoverinfo="skip"
+        )
+    ends = [extreme(one.frequency_hz[one.frequency_hz > 0]) for one in shown for extreme in (np.min, np.max)]
+    low, high = float(np.log10(min(ends))), float(np.log10(max(ends)))
+    drawn.update_xaxes(type="log", title_text="frequency [Hz]", range=[low, high], **log_ticks(low, high))
+    drawn.update_yaxes(
+        range=[len(shown) - 0.4, -0.6], tickvals=list(range(len(shown))), ticktext=[chain_text(one) for one in shown],
+        showgrid=False, ticks="",
+    )  # fmt: skip
+    return drawn
+
+
+def error_of_chains(accuracy: Sequence[ChainAccuracy], title: str) -> go.Figure:
+    """Error over frequency of one chain, with what the two simplifications make of it; the others are in a menu."""
+    drawn = style.figure(title, 440)
+    # the menu stands above, where legends stand elsewhere
+    drawn.update_layout(margin={"b": 92}, legend={"y": -0.2, "yanchor": "top"})
+    courses = [_courses(one) for one in accuracy[:MOST_STRIPS]]
+    for (_, name, colour, dash), (x, y) in zip(_PARTS, courses[0], strict=True):
+        drawn.add_scatter(
+            x=x, y=y, mode="lines", name=name, line={"color": colour, "width": 1.8, "dash": dash},
+            hovertemplate="%{x:.4g} Hz: %{y:.3g} %<extra></extra>",
+        )  # fmt: skip
+    drawn.add_shape(
+        type="rect", xref="x domain", x0=0, x1=1, yref="y", y0=_LEAST, y1=100 * LIMITS[0], fillcolor=style.CHOSEN,
+        opacity=0.14, line={"width": 0}, layer="below",
+    )  # fmt: skip
+    # the ranges of chains are shorter than all of them together
+    drawn.update_xaxes(type="log", title_text="frequency [Hz]", **log_ticks(0.0, 0.0))
+    drawn.update_yaxes(
+        type="log", title_text="error [%]", dtick=1, exponentformat="none",
+        range=[np.log10(_LEAST).item(), np.log10(_MOST).item()],
+    )  # fmt: skip
+    if len(courses) > 1:
+        buttons: list[dict[str, Any]] = [
+            {
+                "label": chain_text(one),
+                "method": "restyle",
+                "args": [{"x": [x for x, _ in course], "y": [y for _, y in course]}],
+            }
+            for one, course in zip(accuracy, courses, strict=False)
+        ]
+        drawn.update_layout(
+            updatemenus=[
+                {
+                    "buttons": buttons, "direction": "down", "x": 0, "xanchor": "left", "y": 1.0, "yanchor": "bottom",
+                    "bgcolor": "#ffffff", "font": {"size": 12}, "pad": {"b": 4},
+                }
+            ]
+        )  # fmt: skip
+    return drawn
+
+
+def chain_text(one: ChainAccuracy) -> str:
+    """A chain and the source that drives it, as Plotly shows it."""
+    return style.label(one.chain, 20) + (f", {style.label(one.source, 12)}" if one.source else "")
+
+
+def _stretches(one: ChainAccuracy, level: int) -> list[tuple[float, float]]:
+    """Frequencies between which the error is of one colour; neighbours meet in the middle between two of them."""
+    error, frequency = one.published.error, one.frequency_hz
+    inside = np.digitize(error, LIMITS, right=True) == level
+    edges = np.diff(np.concatenate([[0], inside.astype(np.int8), [0]]))
+    middles = np.concatenate([frequency[:1], (frequency[:-1] + frequency[1:]) / 2.0, frequency[-1:]])
+    starts, ends = middles[np.flatnonzero(edges == 1)], middles[np.flatnonzero(edges == -1)]
+    return [(float(start), float(end)) for start, end in zip(starts, ends, strict=True) if start > 0]
+
+
+def _courses(one: ChainAccuracy) -> list[tuple[list[float], list[float]]]:
+    """Error [%] over frequency of the published chain and of its two simplifications, peaks kept."""
+    found = []
+    for name, *_ in _PARTS:
+        error = np.clip(100.0 * getattr(one, name).error, _LEAST / 10.0, 10.0 * _MOST)
+        at = shown_samples(np.log(np.maximum(one.frequency_hz, 1e-9)), np.log(error), points=_POINTS)
+        found.append(([float(f"{f:.5g}") for f in one.frequency_hz[at]], [float(f"{e:.4g}") for e in error[at]]))
+    return found
+
+
+_HEIGHT_PANEL_PX, _HEIGHT_GAP_PX, _HEIGHT_BELOW_PX = 320, 66, 50
+_HEIGHT_DECADES = 5.0
+"""Errors lower than this many powers of ten below the highest are off the picture."""
+
+ZONES = {"roughness": "#eaf3f9", "waviness": "#f4f4f4", "lobing": "#fdf1e3", "runout": "#f9ecf3"}
+_SEVERAL = "several sources"
+_LEAST_LOBES = 1.5
+"""Waves per revolution from which on an error is one of form, and below which it is runout."""
+
+_ALONG = {"cut": "wavelength along the cut [mm]", "feed": "wavelength along the feed [mm]"}
+
+
+def errors_over_wavelength(
+    errors: Sequence[PeriodicError], cutting: Cutting, surface: Surface, colours: Mapping[str, str], title: str
+) -> go.Figure:
+    """Both heights of every error over its wavelength; a second panel has those that lie along the feed.
+
+    Filled: what a tip leaves that copies the motion; hollow: W by the law of the cutting force (V eq. 2).
+
+    Parameters
+    ----------
+    errors : sequence of PeriodicError
+        At least one.
+    cutting : Cutting
+    surface : Surface
+        Where one kind ends and the next begins.
+    colours : mapping of str to str
+        Source → colour; errors of several sources are grey.
+    title : str
+        Plain text, as `style.label` makes it.
+    """
+    highest = max(max(one.published_um, one.kinematic_um) for one in errors)
+    panels = [(key, [one for one in errors if one.direction == key]) for key in _ALONG]
+    panels = [(direction, ones) for direction, ones in panels if ones]
+    inside = len(panels) * _HEIGHT_PANEL_PX + (len(panels) - 1) * _HEIGHT_GAP_PX
+    drawn = style.figure(title, inside)
+    drawn.update_layout(height=int(drawn.layout.margin.t) + inside + _HEIGHT_BELOW_PX)
+    top = math.log10(highest) if highest > 0 else 0.0
+    for number, (direction, ones) in enumerate(panels):
+        key = "" if number == 0 else str(number + 1)
+        edge = 1.0 - number * (_HEIGHT_PANEL_PX + _HEIGHT_GAP_PX) / inside
+        waves = np.log10([one.wavelength_mm for one in ones])
+        low, high = float(waves.min()) - 0.3, float(waves.max()) + 0.3
+        if direction == "cut":
+            # the limits of the kinds belong into the picture
+            low, high = (
+                min(low, math.log10(surface.roughness_below_mm) - 0.5),
+                max(high, _lobing_mm(cutting, surface)[0]),
+            )
+        _add_zones(drawn, direction, cutting, surface, key, (low, high))
+        _add_errors(drawn, ones, colours, key, is_first=number == 0)
+        drawn.layout[f"xaxis{key}"] = {
+            "type": "log", "anchor": f"y{key}", "range": [low, high], "title": {"text": _ALONG[direction]},
+            "showgrid": False, **log_ticks(low, high),
+        }  # fmt: skip
+        drawn.layout[f"yaxis{key}"] = {
+            "type": "log", "anchor": f"x{key}", "domain": [max(edge - _HEIGHT_PANEL_PX / inside, 0.0), edge],
+            "dtick": 1, "range": [top - _HEIGHT_DECADES, top + 0.45], "title": {"text": "height [µm]"},
+            "exponentformat": "none",
+        }  # fmt: skip
+    for name, fill in (("copied motion", style.INK), ("W by the force", "#ffffff")):
+        drawn.add_scatter(
+            x=[None], y=[None], mode="markers", name=name,
+            marker={"color": fill, "size": 9, "line": {"color": style.INK, "width": 1.8}},
+        )  # fmt: skip
+    return drawn
+
+
+def _add_errors(
+    drawn: go.Figure, ones: Sequence[PeriodicError], colours: Mapping[str, str], key: str, *, is_first: bool
+) -> None:
+    axes = {"xaxis": f"x{key}", "yaxis": f"y{key}"}
+    by_source: dict[str, list[PeriodicError]] = {}
+    for one in ones:
+        by_source.setdefault(one.sources[0] if len(one.sources) == 1 else _SEVERAL, []).append(one)
+    for source, mine in by_source.items():
+        colour, name = colours.get(source, style.MUTED), style.label(source, 16)
+        between: list[list[float | None]] = [[], []]
+        for one in mine:
+            between[0] += [one.wavelength_mm, one.wavelength_mm, None]
+            between[1] += [one.published_um or None, one.kinematic_um or None, None]
+        drawn.add_scatter(
+            x=between[0], y=between[1], mode="lines", line={"color": colour, "width": 1}, hoverinfo="skip",
+            showlegend=False, legendgroup=name, **axes,
+        )  # fmt: skip
+        for heights, fill, told in (
+            ([one.kinematic_um or None for one in mine], colour, "copied motion"),
+            ([one.published_um or None for one in mine], "#ffffff", "W by the force"),
+        ):
+            drawn.add_scatter(
+                x=[one.wavelength_mm for one in mine],
+                y=heights,
+                mode="markers",
+                name=name,
+                legendgroup=name,
+                showlegend=fill == colour
+                and (is_first or name not in [trace.legendgroup for trace in drawn.data[:-1]]),
+                marker={"color": fill, "size": 9, "line": {"color": colour, "width": 1.8}},
+                text=[f"{number_text(one.frequency_hz, 4)} Hz, {one.kind}" for one in mine],
+                hovertemplate=f"%{{text}}: %{{y:.3g}} µm, %{{x:.4g}} mm<extra>{told}</extra>",
+                **axes,
+            )
+
+
+def _add_zones(
+    drawn: go.Figure, direction: str, cutting: Cutting, surface: Surface, key: str, ends: tuple[float, float]
+) -> None:
+    rough = math.log10(surface.roughness_below_mm)
+    if direction == "cut":
+        lobing, runout = _lobing_mm(cutting, surface)
+        rough = min(rough, lobing)
+        zones = [("roughness", -math.inf, rough), ("waviness", rough, lobing)]
+        zones += [("lobing", lobing, runout), ("runout", runout, math.inf)]
+    else:
+        zones = [("roughness", -math.inf, rough), ("waviness", rough, math.inf)]
+    low, high = ends
+    for name, start, stop in zones:
+        start, stop = max(start, low), min(stop, high)
+        if stop <= start:
+            continue
+        drawn.add_shape(
+            type="rect", xref=f"x{key}", x0=10**start, x1=10**stop, yref=f"y{key} domain", y0=0, y1=1,
+            fillcolor=ZONES[name], line={"width": 0}, layer="below",
+        )  # fmt: skip
+        if stop - start > 0.08 * (high - low):
+            drawn.add_annotation(
+                text=name, xref=f"x{key}", x=(start + stop) / 2, yref=f"y{key} domain", y=1.0, yanchor="top",
+                showarrow=False, font={"color": style.MUTED, "size": 12},
+            )  # fmt: skip
+
+
+def _lobing_mm(cutting: Cutting, surface: Surface) -> tuple[float, float]:
+    """log₁₀ of the wavelengths [mm] at which errors of form begin and end."""
+    around = math.pi * cutting.diameter_mm
+    return math.log10(around / surface.lobing_up_to_upr), math.log10(around / _LEAST_LOBES)

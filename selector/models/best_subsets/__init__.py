@@ -1,0 +1,1 @@
+"""Exact best subsets of columns and of sensors: the search, its compiled parts, its results."""

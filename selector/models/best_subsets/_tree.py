@@ -1,0 +1,325 @@
+"""Compiled best-first branch and bound for the best subsets of one size, in resumable chunks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from selector.models.best_subsets._algebra import DROPPED, FREE, KEPT, PIVOT_TOLERANCE, eliminate, gather, kernel
+from selector.models.best_subsets._bound import inverse, inverse_diagonal, largest_scale, relax, spread_shares
+from selector.models.best_subsets._nodes import (
+    CHOSEN,
+    CURRENT,
+    DIAGONAL,
+    FREE_COLUMNS,
+    HEAP,
+    INV,
+    NODES,
+    ORDER,
+    OUTCOME,
+    PM,
+    RANKING,
+    STACK,
+    WHOLE,
+    WORK,
+    H,
+    M,
+    U,
+    X,
+    Y,
+    Z,
+    enumerate_leaves,
+    pop,
+    push,
+)
+
+DONE, PAUSED, FULL = 0, 1, 2
+CLOSED, AGAIN = -1, -2
+
+PROOF_TOLERANCE = 1e-9
+"""A node is closed when its bound reaches the best RSS less this share of it (or 1e-14 of the total)."""
+
+MAX_SOLVES = 15
+MIN_PROGRESS = 0.05
+"""Solves of one node stop when the last one closed less than this share of what was left."""
+
+
+@kernel
+def expand(
+    gram: Any,
+    cross: Any,
+    size: int,
+    costs: Any,
+    budget: float,
+    root_d: Any,
+    tree: Any,
+    w: Any,
+    best_rss: Any,
+    best_state: Any,
+) -> int:
+    """Bound the next node: CLOSED, AGAIN (many columns were fixed), or the column to branch on.
+
+    What is to be opened stands in the scratch: the state in CURRENT, the shares in Y, bounds and scale in OUTCOME.
+    """
+    big = w.matrices[WHOLE]
+    pm = w.matrices[PM]
+    wm = w.matrices[M]
+    inv = w.matrices[INV]
+    diagonal = w.vectors[DIAGONAL]
+    wz = w.vectors[Z]
+    u = w.vectors[U]
+    h = w.vectors[H]
+    wx = w.vectors[X]
+    wy = w.vectors[Y]
+    ranking = w.integers[RANKING]
+    order = w.integers[ORDER]
+    free = w.integers[FREE_COLUMNS]
+    chosen = w.integers[CHOSEN]
+    current = w.states[CURRENT]
+    p = gram.shape[0]
+    n = tree.counters
+    slot = pop(tree)
+    bound0 = tree.bound[slot]
+    threshold = best_rss[-1] * (1.0 - PROOF_TOLERANCE) - 1e-14
+    if bound0 >= threshold:
+        return CLOSED
+    scale = tree.scale[slot]
+    for j in range(p):
+        current[j] = tree.state[slot, j]
+    n[NODES] += 1
+    kept = 0
+    spent = 0.0
+    for j in range(p):
+        if current[j] == KEPT:
+            order[kept] = j
+            kept += 1
+            spent += costs[j]
+    total = kept
+    for j in range(p):
+        if current[j] == FREE:
+            order[total] = j
+            total += 1
+    a = size - kept
+    if a < 0 or a > total - kept or spent > budget:
+        return CLOSED
+    if budget < np.inf and not _affordable(costs, budget - spent, current, a, wx):
+        return CLOSED
+    stride = total + 1
+    gather(gram, cross, order, total, big, stride)
+    eliminate(big, stride, total, total + 1, kept, PIVOT_TOLERANCE)
+    n[WORK] -= total * total * (kept + 3) // 2
+    r = 1.0
+    for j in range(kept):
+        d = big[j * stride + j]
+        if d > 0.0:
+            r -= big[j * stride + total] ** 2 / d
+    # columns that depend on the kept ones bring nothing
+    t = 0
+    null = -1
+    nulls = 0
+    for i in range(kept, total):
+        if big[i * stride + i] > PIVOT_TOLERANCE:
+            free[t] = order[i]
+            chosen[t] = i
+            t += 1
+        else:
+            nulls += 1
+            if null < 0:
+                null = order[i]
+    if nulls > 0 and a > 0:
+        if best_rss.size > 1 or budget < np.inf:
+            return _carried(tree, w, slot, null, bound0, scale)
+        spare = max(0, a - t)
+        for i in range(kept, total):
+            if big[i * stride + i] <= PIVOT_TOLERANCE:
+                current[order[i]] = KEPT if spare > 0 else DROPPED
+                spare -= 1
+        a = min(a, t)
+    sp = t + 1
+    for i in range(t):
+        ki = chosen[i]
+        for e in range(i, t):
+            pm[i * sp + e] = big[ki * stride + chosen[e]]
+        pm[i * sp + t] = big[ki * stride + total]
+    leaf = a <= 2
+    few = a
+    which = PM
+    keep = True
+    if not leaf and t - a <= 2 and inverse(pm, sp, t, wm, wx, inv):
+        n[WORK] -= t * t * t
+        leaf = True
+        few = t - a
+        which = INV
+        keep = False
+        for j in range(t):
+            r -= inv[j * sp + t] * pm[j * sp + t]
+    if leaf or a == t:
+        if a == t:
+            few = 0
+            keep = False
+        n[WORK] -= t * t
+        enumerate_leaves(gram, cross, costs, budget, best_rss, best_state, w, w.matrices[which], sp, t, few, r, keep)
+        return CLOSED
+    missing = False
+    for j in range(t):
+        diagonal[j] = root_d[free[j]] * scale
+        wz[j] = max(tree.share[slot, free[j]], 1e-4)
+        ranking[j] = j
+        missing = missing or diagonal[j] <= 0.0
+    fresh = False
+    dependent = -1
+    if missing:
+        fresh = inverse_diagonal(pm, sp, t, wm, wx, wy, inv, diagonal)
+        n[WORK] -= 10 * t * t * t
+        if not fresh:
+            for j in range(t):
+                diagonal[j] = root_d[free[j]] * scale
+                if wm[j * sp + j] <= 0.0 and dependent < 0:
+                    dependent = free[j]
+    bound = bound0
+    now = bound0
+    last = -np.inf
+    fixed = 0
+    for solve in range(MAX_SOLVES):
+        spread_shares(wz, t, a)
+        now = relax(pm, sp, t, a, r, diagonal, wz, wm, u, h, ranking)
+        n[WORK] -= t * t * (t + 12) // 6
+        bound = max(bound, now)
+        if now >= threshold:
+            return CLOSED
+        least_in = h[ranking[a - 1]]
+        most_out = h[ranking[a]]
+        for j in range(t):
+            column = free[j]
+            if current[column] == FREE:
+                if h[j] <= most_out:
+                    if now + least_in - h[j] >= threshold:
+                        current[column] = DROPPED
+                        fixed += 1
+                elif now + h[j] - most_out >= threshold:
+                    current[column] = KEPT
+                    fixed += 1
+        if solve == 0 and not fresh:
+            s = largest_scale(pm, sp, t, diagonal, wm, wx, wy)
+            n[WORK] -= t * t * (t + 12) // 3
+            if s > 1.0:
+                scale *= s
+                for j in range(t):
+                    diagonal[j] *= s
+                last = -np.inf
+        elif now - last < MIN_PROGRESS * (threshold - now):
+            break
+        if 5 * fixed > t:
+            break
+        last = max(last, now)
+        for j in range(t):
+            wz[j] = max(wz[j] * np.sqrt(h[j]), 1e-150)
+    if dependent >= 0 and current[dependent] == FREE:
+        return _carried(tree, w, slot, dependent, bound, scale)
+    return _chosen(w, t, a, bound, now, scale, fixed)
+
+
+@kernel
+def _carried(tree: Any, w: Any, slot: int, column: int, bound: float, scale: float) -> int:
+    """Branch on a given column; the children start where this node did."""
+    shares = w.vectors[Y]
+    outcome = w.vectors[OUTCOME]
+    for j in range(tree.share.shape[1]):
+        shares[j] = tree.share[slot, j]
+    outcome[0] = bound
+    outcome[1] = bound
+    outcome[2] = scale
+    return column
+
+
+@kernel
+def _chosen(w: Any, t: int, a: int, bound: float, now: float, scale: float, fixed: int) -> int:
+    """The free column with the largest share to branch on, or AGAIN after many columns were fixed."""
+    z = w.vectors[Z]
+    h = w.vectors[H]
+    shares = w.vectors[Y]
+    outcome = w.vectors[OUTCOME]
+    ranking = w.integers[RANKING]
+    free = w.integers[FREE_COLUMNS]
+    current = w.states[CURRENT]
+    for j in range(current.size):
+        shares[j] = 1.0
+    largest = 1e-300
+    for j in range(t):
+        largest = max(largest, z[j])
+    best = -1.0
+    at = -1
+    for j in range(t):
+        share = z[j] / largest
+        shares[free[j]] = share
+        v = 1.0 + h[j] if share > 0.999 else share
+        if current[free[j]] == FREE and v > best:
+            best = v
+            at = j
+    outcome[2] = scale
+    outcome[0] = bound
+    outcome[1] = bound
+    if at < 0 or 5 * fixed > t:
+        return AGAIN
+    outcome[0] = max(bound, now + h[ranking[a - 1]] - h[at])
+    outcome[1] = max(bound, now + h[at] - h[ranking[a]])
+    return int(free[at])
+
+
+@kernel
+def _affordable(costs: Any, left: float, state: Any, a: int, x: Any) -> bool:
+    """Whether the `a` cheapest free columns fit into what is left of the budget."""
+    t = 0
+    for j in range(state.size):
+        if state[j] == FREE:
+            i = t
+            while i > 0 and x[i - 1] > costs[j]:
+                x[i] = x[i - 1]
+                i -= 1
+            x[i] = costs[j]
+            t += 1
+    cheapest = 0.0
+    for i in range(a):
+        cheapest += x[i]
+    return bool(cheapest <= left + 1e-12 * abs(left))
+
+
+@kernel
+def search(
+    gram: Any,
+    cross: Any,
+    size: int,
+    costs: Any,
+    budget: float,
+    root_d: Any,
+    tree: Any,
+    w: Any,
+    best_rss: Any,
+    best_state: Any,
+    capacity: int,
+    work: int,
+) -> int:
+    """Expand nodes until none is open (DONE), the work is used up (PAUSED) or more room is needed (FULL)."""
+    heap = tree.slots[0]
+    current = w.states[CURRENT]
+    outcome = w.vectors[OUTCOME]
+    n = tree.counters
+    n[WORK] = work
+    room = tree.bound.size
+    while n[HEAP] + n[STACK] > 0:
+        if n[WORK] < 0:
+            return PAUSED
+        if room < capacity and n[HEAP] + n[STACK] + 2 > room:
+            return FULL
+        if n[STACK] == 0 and tree.bound[heap[0]] >= best_rss[-1] * (1.0 - PROOF_TOLERANCE) - 1e-14:
+            n[HEAP] = 0
+            break
+        column = expand(gram, cross, size, costs, budget, root_d, tree, w, best_rss, best_state)
+        depth_first = n[HEAP] >= capacity - 2 * gram.shape[0] - 8
+        # the child that keeps the column comes last: a stack takes it first
+        for child in range(0 if column == CLOSED else 1 if column == AGAIN else 2):
+            if column >= 0:
+                current[column] = DROPPED if child == 0 else KEPT
+            push(tree, current, w.vectors[Y], outcome[1 - child], outcome[2], depth_first)
+    return DONE

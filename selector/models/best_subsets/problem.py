@@ -1,0 +1,260 @@
+"""A subset problem made ready for the compiled search: checked, scaled; and when a search stops early."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from selector.errors import InputError
+from selector.findings import Finding
+from selector.models.best_subsets import _nodes as nodes
+from selector.models.best_subsets._algebra import FREE, KEPT, PIVOT_TOLERANCE, eliminate
+from selector.models.best_subsets._bound import root_diagonal
+from selector.models.best_subsets._tree import PROOF_TOLERANCE
+from selector.models.finding_table import FINDINGS
+from selector.types import Matrix
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Allowed columns at unit length, response at unit length."""
+
+    #: gram and cross: (p, p): Only the columns in `allowed`; a constant column is all zero
+    gram: Matrix
+    cross: Matrix
+    root: NDArray[np.int8]  #: (p,): KEPT where a column must be in
+    costs: Matrix
+    budget: float
+    allowed: NDArray[np.int64]  #: Number of each column in the caller's matrix
+    sst: float
+    n_samples: float
+    intercept: bool
+    max_size: int
+
+    @classmethod
+    def of(
+        cls,
+        cross: ArrayLike,
+        n_samples: float,
+        must: Iterable[int],
+        never: Iterable[int],
+        costs: Sequence[float] | None,
+        budget: float | None,
+        intercept: bool,
+        n_best: int,
+        max_size: int | None,
+    ) -> Problem:
+        """Checked and scaled; see `best_subsets` for the arguments."""
+        matrix = checked_cross(cross)
+        p = matrix.shape[0] - 1
+        kept, forbidden = checked_columns("must", must, p), checked_columns("never", never, p)
+        require(not kept & forbidden, f"columns {sorted(kept & forbidden)} in must and in never", "either of them")
+        require(n_best >= 1, f"n_best = {n_best}", "1 or more")
+        prices, limit = checked_costs(costs, budget, p)
+        allowed = np.array([j for j in range(p) if j not in forbidden], dtype=np.int64)
+        require(len(allowed) > 0, "no column is allowed", "at least one column that is not in never")
+        top = len(allowed) if max_size is None else min(max_size, len(allowed))
+        if max_size is None:
+            top = max(min(top, int(n_samples) - intercept - 1), len(kept), 1)
+        require(top >= max(1, len(kept)), f"max_size = {max_size}", f"at least {max(1, len(kept))}")
+        root = np.array([KEPT if j in kept else FREE for j in allowed], dtype=np.int8)
+        gram, response, sst = scaled(matrix, allowed)
+        return cls(gram, response, root, prices[allowed], limit, allowed, sst, float(n_samples), intercept, top)
+
+    @property
+    def n_columns(self) -> int:
+        """Columns that may be used."""
+        return len(self.allowed)
+
+    @property
+    def n_must(self) -> int:
+        """Columns that are in every set."""
+        return int(np.sum(self.root == KEPT))
+
+    @property
+    def unconstrained(self) -> bool:
+        """Whether a set may always take one more column."""
+        return bool(np.isinf(self.budget))
+
+    def scratch(self) -> nodes.Scratch:
+        """Work space for the compiled search."""
+        p = self.n_columns
+        return nodes.Scratch(
+            np.zeros((4, (p + 1) * (p + 2))),
+            np.zeros((7, p + 3)),
+            np.zeros((4, p + 1), np.int64),
+            np.zeros((2, p), np.int8),
+        )
+
+    def tree(self, room: int) -> nodes.Tree:
+        """An empty store of open nodes."""
+        p = self.n_columns
+        return nodes.Tree(
+            np.zeros(5, np.int64),
+            np.zeros((3, room), np.int64),
+            np.zeros(room),
+            np.zeros(room),
+            np.zeros((room, p), np.int8),
+            np.zeros((room, p), np.float32),
+        )
+
+    def larger(self, tree: nodes.Tree) -> nodes.Tree:
+        """The same open nodes with twice the room."""
+        room = tree.bound.size
+        grown = self.tree(2 * room)
+        grown.counters[:] = tree.counters
+        grown.slots[:, :room] = tree.slots
+        for name in ("bound", "scale", "state", "share"):
+            getattr(grown, name)[:room] = getattr(tree, name)
+        return grown
+
+    def full_rss_and_rank(self) -> tuple[float, int]:
+        """Residual sum of squares with all allowed columns, and how many of them are independent."""
+        p = self.n_columns
+        a = np.zeros((p + 1, p + 1))
+        a[:p, :p], a[:p, p], a[p, p] = self.gram, self.cross, 1.0
+        flat = a.ravel()
+        small = eliminate(flat, p + 1, p + 1, p + 1, p, PIVOT_TOLERANCE)
+        return max(float(flat[-1]), 0.0) * self.sst, p - int(small)
+
+
+def valid_diagonal(problem: Problem) -> tuple[Matrix, tuple[Finding, ...]]:
+    """A large D >= 0 with gram - D positive semidefinite, and what is to be said about dependent columns.
+
+    Columns that take part in a linear dependence get 0; the others what the rest of the matrix allows them.
+    """
+    p = problem.n_columns
+    diagonal = _diagonal(problem.gram)
+    if diagonal is not None:
+        return diagonal, ()
+    values, vectors = np.linalg.eigh(problem.gram)
+    null = vectors[:, values < 10.0 * PIVOT_TOLERANCE]
+    dependent = np.sum(null**2, axis=1) > 1e-8
+    rest = np.flatnonzero(~dependent)
+    full = np.zeros(p)
+    if 0 < len(rest) < p:
+        inside = np.flatnonzero(dependent)
+        link = problem.gram[np.ix_(rest, inside)]
+        inverse = np.linalg.pinv(problem.gram[np.ix_(inside, inside)], rcond=1e-9, hermitian=True)
+        part = _diagonal(problem.gram[np.ix_(rest, rest)] - link @ inverse @ link.T)
+        if part is not None:
+            full[rest] = part
+    return full, _findings(problem, null)
+
+
+def _diagonal(gram: Matrix) -> Matrix | None:
+    t = gram.shape[0]
+    pm = np.zeros((t, t + 1))
+    pm[:, :t] = gram
+    diagonal = np.zeros(t + 1)
+    work, out = np.zeros(t * (t + 1)), np.zeros(t * (t + 1))
+    done = root_diagonal(pm.ravel(), t + 1, t, work, np.zeros(t + 1), np.zeros(t + 1), out, diagonal)
+    return diagonal[:t] if done else None
+
+
+def _findings(problem: Problem, null: Matrix) -> tuple[Finding, ...]:
+    constant = np.diag(problem.gram) <= 0.0
+    found = []
+    if constant.any():
+        columns = [int(j) for j in problem.allowed[constant]]
+        found.append(
+            FINDINGS.finding(
+                "constant-column",
+                f"Columns {columns} do not vary: they add nothing to any set.",
+                evidence={"columns": columns},
+            )
+        )
+    links = np.abs(null @ null.T) > 1e-6
+    links[constant] = False
+    left = {int(j) for j in np.flatnonzero(np.diag(links))}
+    while left:
+        group = {left.pop()}
+        while True:
+            more = {int(j) for i in group for j in np.flatnonzero(links[i])} - group
+            if not more:
+                break
+            group |= more
+        left -= group
+        columns = sorted(int(problem.allowed[j]) for j in group)
+        found.append(
+            FINDINGS.finding(
+                "dependent-columns",
+                f"Columns {columns} are linearly dependent (to 1e-10 of their sums of squares): several sets of them "
+                "explain the same, and one of those is reported.",
+                evidence={"columns": columns},
+            )
+        )
+    return tuple(found)
+
+
+def scaled(matrix: Matrix, allowed: NDArray[np.int64]) -> tuple[Matrix, Matrix, float]:
+    """Cross-products of the allowed columns at unit length, those with the response at unit length, and its square."""
+    sst = float(matrix[-1, -1])
+    squares = np.diag(matrix)[allowed]
+    factor = np.where(squares > 0.0, 1.0 / np.sqrt(np.where(squares > 0.0, squares, 1.0)), 0.0)
+    gram = matrix[np.ix_(allowed, allowed)] * np.outer(factor, factor)
+    np.fill_diagonal(gram, np.where(squares > 0.0, 1.0, 0.0))
+    return gram, matrix[allowed, -1] * factor / np.sqrt(sst), sst
+
+
+def checked_cross(cross: ArrayLike) -> Matrix:
+    """The matrix as float64, symmetric, with a response that varies."""
+    matrix = np.array(cross, dtype=np.float64)
+    square = matrix.ndim == 2 and matrix.shape[0] == matrix.shape[1] and matrix.shape[0] >= 2
+    require(square, f"cross-products of shape {matrix.shape}", "(p + 1, p + 1) with p >= 1, the response last")
+    require(bool(np.all(np.isfinite(matrix))), "missing or infinite cross-products", "finite numbers")
+    size = np.sqrt(np.abs(np.diag(matrix)))
+    apart = np.abs(matrix - matrix.T) > 1e-9 * np.outer(size, size) + 1e-300
+    require(not apart.any(), "cross-products that are not symmetric", "X'X of the centred columns")
+    require(bool(matrix[-1, -1] > 0.0), "a response that does not vary", "a response that varies")
+    return (matrix + matrix.T) / 2.0
+
+
+def checked_columns(name: str, columns: Iterable[int], p: int) -> set[int]:
+    """The numbers as a set, each a column."""
+    chosen = {int(j) for j in columns}
+    outside = sorted(j for j in chosen if not 0 <= j < p)
+    require(not outside, f"{name} has {outside}", f"numbers from 0 to {p - 1}")
+    return chosen
+
+
+def checked_costs(costs: Sequence[float] | None, budget: float | None, p: int) -> tuple[Matrix, float]:
+    """Prices (zero if none) and the budget (infinite if none)."""
+    if costs is None:
+        require(budget is None, f"a budget of {budget} without costs", "costs, one of each column")
+        return np.zeros(p), np.inf
+    prices = np.array(costs, dtype=np.float64)
+    require(prices.shape == (p,), f"{prices.size} costs", f"{p}, one of each")
+    require(bool(np.all(prices >= 0.0) and np.all(np.isfinite(prices))), "a negative or missing cost", "0 or more")
+    # sums of prices such as 0.1 must not fail by their last digit
+    return prices, np.inf if budget is None else float(budget) * (1.0 + 1e-12)
+
+
+def require(holds: bool, found: str, expected: str) -> None:
+    """Raise an InputError unless it holds."""
+    if not holds:
+        raise InputError(found, expected=expected, where="subset search", advice="correct this argument of the search")
+
+
+Cancel = threading.Event | Callable[[], bool]
+
+CHUNK_WORK = 30_000_000
+"""Multiplications between two looks at the clock and at `cancel`: about 0.02 s."""
+
+
+def is_set(cancel: Cancel | None) -> bool:
+    """Whether the user wants to stop."""
+    if cancel is None:
+        return False
+    return cancel.is_set() if isinstance(cancel, threading.Event) else bool(cancel())
+
+
+def relative_gap(best: float, bound: float) -> float:
+    """How far the best RSS may be above the optimum, as a share of it: 0 where proved, 1 where nothing is known."""
+    if bound >= best * (1.0 - PROOF_TOLERANCE) - 1e-14:
+        return 0.0
+    return 1.0 if not np.isfinite(best) else float((best - max(bound, 0.0)) / best)

@@ -1,0 +1,16 @@
+"""The findings of fitting sets of columns: how much each matters, what it means and what to do about it."""
+
+from __future__ import annotations
+
+from selector.findings import Kind, Kinds
+
+FINDINGS = Kinds(
+    {
+        "constant-column": Kind("warning", "columns do not vary: they add nothing to any set", "leave them out"),
+        "dependent-columns": Kind(
+            "warning",
+            "columns are linearly dependent: several sets of them explain the same",
+            "keep one of them, or forbid the ones that are harder to measure",
+        ),
+    }
+)

@@ -1,0 +1,25 @@
+"""How a number is written for people, on the screen, in reports and in figures."""
+
+from __future__ import annotations
+
+import math
+
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def number_text(value: float | None, digits: int = 3) -> str:
+    """A number with some significant digits, a true minus sign and powers of ten written out; a dash for none.
+
+    >>> number_text(-83.64), number_text(1.5e-7), number_text(float("nan")), number_text(123456.0)
+    ('−83.6', '1.50·10⁻⁷', '–', '123456')
+    """
+    if value is None or not math.isfinite(value):
+        return "–"
+    if value == 0:
+        return "0"
+    if not 1e-4 <= abs(value) < 1e7:
+        mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+        return f"{mantissa}·10{str(int(exponent)).translate(SUPERSCRIPTS)}".replace("-", "−")
+    rounded = float(f"{value:.{digits - 1}e}")
+    decimals = max(0, digits - 1 - math.floor(math.log10(abs(rounded))))
+    return f"{value:.{decimals}f}".replace("-", "−")

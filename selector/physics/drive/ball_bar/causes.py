@@ -1,0 +1,311 @@
+"""What is behind a circular test: which causes make the deviation, how much each, and what cannot be told apart."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from selector.errors import InputError
+from selector.findings import Finding, Where
+from selector.physics.drive.ball_bar.basis import CirclePair, pair_of
+from selector.physics.drive.ball_bar.circle import BallBarTrace
+from selector.physics.drive.ball_bar.fit import ALARM, CircleFit, amounts_probability, circle_fit
+from selector.physics.drive.ball_bar.laws import (
+    SET_UP,
+    Amount,
+    SharedAmount,
+    lag_parted,
+    shared_amounts,
+    smallest_um,
+    steady_fits,
+)
+from selector.physics.drive.ball_bar.quantities import paired
+from selector.physics.drive.finding_table import FINDINGS
+
+Kind = Literal[
+    "radius",
+    "gain-mismatch",
+    "rotary-lag",
+    "squareness",
+    "scale-mismatch",
+    "straightness",
+    "backlash",
+    "reversal-spike",
+    "cyclic-pitch",
+]
+
+_PLAIN = 0.1
+_STRUCTURED = 3.0
+
+
+@dataclass(frozen=True)
+class Cause:
+    """One cause at one feed."""
+
+    kind: Kind  #: What it is
+    axis: str | None  #: Axis it belongs to
+    #: Whether it stands out of the residual: its chance is below `ALARM` over all causes and shapes tried
+    found: bool
+    amounts: Mapping[str, Amount]  #: Its numbers by name
+    #: largest_um and range_um: Largest deviation it makes by itself, and from its innermost to its outermost, 0
+    #: included [µm]
+    largest_um: float
+    range_um: float
+    share: float  #: Of the sum of squares of the deviation about its centre; shares and what remains add up to 1
+    probability: float  #: Chance of an amount like this if the cause is not there
+
+
+@dataclass(frozen=True, eq=False)
+class FeedCauses:
+    """The causes at one feed."""
+
+    feed_mm_per_min: float  #: Feed [mm/min]
+    causes: tuple[Cause, ...]  #: Those that were found first, the largest first
+    #: Axis → place of the spindle ball against the middle: set-up, no error of the machine
+    centre: Mapping[str, Amount]
+    #: deviation_rms_um, remaining_rms_um and remaining_share: Deviation about its centre; what no cause explains [µm],
+    #: as a share of the sum of squares
+    deviation_rms_um: float
+    remaining_rms_um: float
+    remaining_share: float
+
+    def cause(self, kind: Kind, axis: str | None = None) -> Cause:
+        """The cause of this kind, of this axis if it belongs to one."""
+        return next(one for one in self.causes if (one.kind, one.axis) == (kind, axis))
+
+
+@dataclass(frozen=True)
+class CircleCauses:
+    """The causes at every feed, slowest first; the laws through all of them; and what cannot be told apart."""
+
+    feeds: tuple[FeedCauses, ...]
+    through_feeds: Mapping[str, SharedAmount]
+    findings: tuple[Finding, ...]
+
+
+def circle_causes(traces: Sequence[BallBarTrace], *, lead_m: Mapping[str, float] | None = None) -> CircleCauses:
+    """The deviation of a circular test, taken apart.
+
+    Each feed by itself: least squares on the columns of `circle_basis`, then laws through the feeds: lag and length of
+    the bar part by feed², squareness and gain mismatch by the direction.
+
+    Parameters
+    ----------
+    traces : sequence of BallBarTrace
+        Both directions at one or more feeds, of two linear axes; with a rotary one where its `table_ball` is known.
+    lead_m : mapping of str to float or None
+        Axis → lead of its screw [m]: wavelength of the cyclic error; where it is missing it is searched.
+
+    Raises
+    ------
+    InputError
+        If a direction is missing, or the place of the ball on a rotary axis.
+    """
+    leads = dict(lead_m or {})
+    pairs = paired(traces)
+    names = pairs[0][0].axes
+    if any(pair[0].axes != names or pair[0].radius_m != pairs[0][0].radius_m for pair in pairs):
+        raise _unfit("circles of different axes or radii", "one circle at several feeds", "analyse them one by one")
+    tables = {(one.table_ball, one.start_angle_rad) for pair in pairs for one in pair if len(names) == 3}
+    if len(names) == 3 and (len(tables) != 1 or None in next(iter(tables))):
+        raise _unfit(
+            f"a rotary axis ({names[2]}) and no or several places of its ball",
+            "one table_ball, and start_angle_rad, in all traces",
+            "say where the ball of the workpiece stood on the table",
+        )
+    if not set(leads) <= set(names[:2]) or not all(0 < lead <= pairs[0][0].radius_m for lead in leads.values()):
+        raise _unfit(
+            f"leads {leads}", f"leads in m of {' and '.join(names)}, up to the radius", "give the leads of the screws"
+        )
+    waves = {names.index(name): lead * 1e6 for name, lead in leads.items()}
+    circles = [pair_of(pair) for pair in pairs]
+    fits = [(circle, circle_fit(circle, waves)) for circle in circles]
+    fits = list(zip(circles, lag_parted(fits), strict=True))
+    shared = shared_amounts(fits, names)
+    fits = list(zip(circles, steady_fits(fits), strict=True))
+    feeds = tuple(_feed(pair, fit, names) for pair, fit in fits)
+    return CircleCauses(feeds, shared, (*_not_apart(circles[0], names), *_findings(feeds, fits)))
+
+
+def _feed(pair: CirclePair, fit: CircleFit, names: tuple[str, ...]) -> FeedCauses:
+    centred = pair.deviation_um - fit.part_um(*SET_UP)
+    total = float(centred @ centred)
+    per_m = 2e6 / pair.radius_um
+    least = smallest_um(pair, fit)
+
+    def cause(kind: Kind, axis: int | None, columns: Sequence[str], amounts: Mapping[str, Amount], tried: int) -> Cause:
+        values, covariance = fit.amounts(*columns)
+        part = fit.part_um(*columns)
+        chance = amounts_probability(values, covariance, tried)
+        range_um = float(max(part.max(), 0.0) - min(part.min(), 0.0))
+        return Cause(
+            kind,
+            None if axis is None else names[axis],
+            chance < ALARM and range_um >= least,
+            amounts,
+            float(np.abs(part).max()),
+            range_um,
+            float(part @ centred) / total if total > 0 else 0.0,
+            chance,
+        )
+
+    causes = [cause("radius", None, ["radius"], _radius(pair, fit), 1)]
+    if "gain-mismatch" in fit.names:
+        causes.append(cause("gain-mismatch", None, ["gain-mismatch"], _mismatch(pair, fit), 1))
+    if "rotary-lag" in fit.names:
+        late = _scaled(fit, "rotary-lag", -1e3 / pair.speed_um_per_s, "ms")
+        causes.append(cause("rotary-lag", 2, ["rotary-lag"], {"lag time over that of the others": late}, 1))
+    scaled: tuple[tuple[Kind, str], ...] = (("squareness", "squareness"), ("scale-mismatch", "scale"))
+    for kind, called in scaled:
+        if kind in fit.names:
+            causes.append(cause(kind, None, [kind], {called: _scaled(fit, kind, per_m, "µm/m")}, 1))
+    for axis in (0, 1):
+        bow, ends = f"straightness {axis}", [f"backlash {axis}+", f"backlash {axis}-"]
+        tops, waves = [f"spike {axis}+", f"spike {axis}-"], [f"cyclic {axis}c", f"cyclic {axis}s"]
+        if bow in fit.names:
+            causes.append(cause("straightness", axis, [bow], {"bow": _scaled(fit, bow, 1.0, "µm")}, 1))
+        causes += [
+            cause("backlash", axis, ends, _of_ends(fit, ends), 1),
+            cause("reversal-spike", axis, tops, _spikes(pair, fit, axis, tops), fit.shapes.spikes_tried),
+            cause("cyclic-pitch", axis, waves, _cyclic(fit, axis, waves), fit.shapes.wavelengths_tried[axis]),
+        ]
+    causes.sort(key=lambda one: (not one.found, -one.range_um))
+    remaining = float(fit.residual_um @ fit.residual_um)
+    return FeedCauses(
+        pair.speed_um_per_s * 60e-3,
+        tuple(causes),
+        {name: _scaled(fit, f"centre {axis}", 1.0, "µm") for axis, name in enumerate(names[:2])},
+        math.sqrt(total / len(centred)),
+        math.sqrt(remaining / len(centred)),
+        remaining / total if total > 0 else 0.0,
+    )
+
+
+def _scaled(fit: CircleFit, name: str, factor: float, unit: str) -> Amount:
+    values, covariance = fit.amounts(name)
+    return Amount(float(values[0]) * factor, math.sqrt(float(covariance[0, 0])) * abs(factor), unit)
+
+
+def _weighted(fit: CircleFit, names: Sequence[str], weights: Sequence[float], unit: str) -> Amount:
+    values, covariance = fit.amounts(*names)
+    w = np.array(weights)
+    return Amount(float(w @ values), math.sqrt(float(w @ covariance @ w)), unit)
+
+
+def _radius(pair: CirclePair, fit: CircleFit) -> dict[str, Amount]:
+    change = _scaled(fit, "radius", 1.0, "µm")
+    amounts = {"radius": change}
+    if change.value < 0:
+        gain = pair.speed_um_per_s * math.sqrt(max(pair.reach, 0.1) / (-2.0 * pair.radius_um * change.value))
+        amounts["gain if all of it is lag"] = Amount(gain, gain * change.standard_error / -change.value / 2.0, "1/s")
+    return amounts
+
+
+def _mismatch(pair: CirclePair, fit: CircleFit) -> dict[str, Amount]:
+    return {
+        "difference of the lags": _scaled(fit, "gain-mismatch", 2.0, "µm"),
+        "difference of the lag times": _scaled(fit, "gain-mismatch", 2e3 / pair.speed_um_per_s, "ms"),
+    }
+
+
+def _of_ends(fit: CircleFit, ends: Sequence[str]) -> dict[str, Amount]:
+    return {
+        "at the positive end": _scaled(fit, ends[0], 1.0, "µm"),
+        "at the negative end": _scaled(fit, ends[1], 1.0, "µm"),
+        "mean": _weighted(fit, ends, (0.5, 0.5), "µm"),
+    }
+
+
+def _spikes(pair: CirclePair, fit: CircleFit, axis: int, tops: Sequence[str]) -> dict[str, Amount]:
+    width_s, steepness = fit.shapes.spike[axis]
+    return {
+        **_of_ends(fit, tops),
+        "width": _shape(fit, f"spike {axis} width", width_s * 1e3, "ms"),
+        "travel": _shape(fit, f"spike {axis} width", width_s * pair.speed_um_per_s * 1e-3, "mm"),
+        "steepness": _shape(fit, f"spike {axis} steepness", steepness, "–"),
+    }
+
+
+def _shape(fit: CircleFit, name: str, value: float, unit: str) -> Amount:
+    """A searched number; its error is known relative to it, and only where its cause stands out."""
+    if name not in fit.names:
+        return Amount(value, math.nan, unit)
+    at = fit.names.index(name)
+    return Amount(value, value * math.sqrt(float(fit.covariance[at, at])), unit)
+
+
+def _cyclic(fit: CircleFit, axis: int, waves: Sequence[str]) -> dict[str, Amount]:
+    values, _ = fit.amounts(*waves)
+    size = float(np.hypot(values[0], values[1]))
+    direction = values / size if size > 0 else np.array([1.0, 0.0])
+    along = _weighted(fit, waves, [float(one) for one in direction], "µm")
+    return {
+        "amplitude": Amount(size, along.standard_error, "µm"),
+        "wavelength": _shape(fit, f"cyclic {axis} wavelength", fit.shapes.wavelength_um[axis] * 1e-3, "mm"),
+    }
+
+
+def _findings(feeds: Sequence[FeedCauses], fits: Sequence[tuple[CirclePair, CircleFit]]) -> tuple[Finding, ...]:
+    told = []
+    if len(feeds) == 1:
+        told.append(
+            FINDINGS.finding(
+                "ball-bar-single-feed",
+                f"At one feed ({feeds[0].feed_mm_per_min:.4g} mm/min) lag of the drives, an error of the bar's length "
+                "and a scale error of both axes all change the radius alike, and different scales look like different "
+                "amplitudes.",
+            )
+        )
+    for feed, (_, fit) in zip(feeds, fits, strict=True):
+        if feed.remaining_share > _PLAIN and fit.resemblance > _STRUCTURED:
+            told.append(
+                FINDINGS.finding(
+                    "ball-bar-unexplained",
+                    f"At {feed.feed_mm_per_min:.4g} mm/min {feed.remaining_rms_um:.2g} µm (RMS) of "
+                    f"{feed.deviation_rms_um:.2g} µm follow none of the causes and are not noise.",
+                    Where(),
+                    {"feed_mm_per_min": feed.feed_mm_per_min, "remaining_share": feed.remaining_share},
+                )
+            )
+    return tuple(told)
+
+
+def _not_apart(pair: CirclePair, names: tuple[str, ...]) -> tuple[Finding, ...]:
+    """What the place of the ball on the rotary axis hides."""
+    told = []
+    hidden = pair.not_apart
+    if "rotary-lag" in hidden:
+        told.append(
+            FINDINGS.finding(
+                "ball-bar-rotary-lag-hidden",
+                f"The ball of the workpiece stands in line with the bar, or at the centre of {names[2]}: lag of it "
+                "against the linear axes moves it across the bar and does not show.",
+            )
+        )
+    if "set-up 0" in hidden or "set-up 1" in hidden:
+        told.append(
+            FINDINGS.finding(
+                "ball-bar-set-up-turns",
+                f"The ball's place on {names[2]} turns with it: what the set-up is off looks like another length of "
+                f"the bar or another centre of {names[2]} and is not told apart from them.",
+            )
+        )
+    others = [name for name in hidden if name != "rotary-lag" and not name.startswith("set-up")]
+    if others:
+        told.append(
+            FINDINGS.finding(
+                "ball-bar-alike",
+                f"On this circle {', '.join(others)} cannot be told apart from other causes and are left out.",
+                Where(),
+                {"left_out": others},
+            )
+        )
+    return tuple(told)
+
+
+def _unfit(found: str, expected: str, advice: str) -> InputError:
+    return InputError(found, expected=expected, where="causes of a circular test", advice=advice)

@@ -1,0 +1,458 @@
+"""A circular test: what the axes are asked to do, and what a ball-bar shows of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from selector.errors import InputError
+from selector.physics.checks import require_finite, require_not_negative, require_positive, told_of
+from selector.physics.drive.motion import Motion, ParameterCourse, Reference
+from selector.physics.drive.parts.axis import Axis
+from selector.physics.drive.parts.mechanics import RigidMechanics
+from selector.physics.drive.simulation import circle_step_s
+from selector.types import Vector
+
+RAMP_S = 1.0
+"""Longest time in which the feed is reached [s]."""
+
+MOST_SAMPLES = 5_000_000
+_MM_PER_MIN = 1e-3 / 60.0
+
+
+@dataclass(frozen=True)
+class TableBall:
+    """The ball of the workpiece on a rotary table."""
+
+    ball_distance_m: float  #: From the centre of the table [m]
+    #: Direction of the ball seen from the centre of the table at the start of the measured circle [rad]. A quarter turn
+    #: from the bar (the default, with the circle's start at 0): lag of the table against the linear axes changes the
+    #: radius; in line with the bar it does not.
+    ball_angle_rad: float = -math.pi / 2
+    ratio: float = 1.0  #: Turn of the table per turn of the bar; 1: the bar stands still on the table
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "ball_distance_m")
+        require_finite(self, "ball_angle_rad", "ratio")
+
+
+@dataclass(frozen=True)
+class Circle:
+    """One run of a circular test: 360° that are measured, and an overshoot before and after them.
+
+    The feed-in is along the circle: the axes start at rest on it, reach the feed as a raised cosine within half of the
+    overshoot and at most `RAMP_S`, and stop in the same way, so that the measured arc has a steady feed.
+    """
+
+    feed_mm_per_min: float  #: Speed of one ball about the other one, radius × angular speed [mm/min]
+    direction: Literal[1, -1] = 1  #: {1, -1}: 1: counter-clockwise, from the first axis to the second; −1: clockwise
+    radius_m: float = 0.1  #: Nominal length of the bar [m]
+    #: Centre in the coordinates of the axes [m]; with a rotary axis the centre of its table
+    centre_m: tuple[float, float] = (0.0, 0.0)
+    start_angle_rad: float = 0.0  #: Where the measured arc begins [rad]
+    overshoot_rad: float = math.pi / 4  #: Arc before and after the measured one [rad]
+    table_ball: TableBall | None = None  #: The third, rotary axis
+
+    def __post_init__(self) -> None:
+        require_positive(self, "feed_mm_per_min", "radius_m", "overshoot_rad")
+        require_finite(self, "start_angle_rad")
+        if self.direction not in (1, -1):
+            raise _wrong(f"direction {self.direction}", "1 (counter-clockwise) or -1 (clockwise)", "give 1 or -1")
+        if len(self.centre_m) != 2 or not np.isfinite(self.centre_m).all():
+            raise _wrong(f"centre {self.centre_m}", "two finite coordinates in m", "give the centre of the circle")
+
+    @property
+    def speed_rad_per_s(self) -> float:
+        """Steady angular speed of the bar [rad/s], not negative."""
+        return self.feed_mm_per_min * _MM_PER_MIN / self.radius_m
+
+    @property
+    def ramp_s(self) -> float:
+        """Time in which the feed is reached [s]."""
+        return min(RAMP_S, self.overshoot_rad / self.speed_rad_per_s)
+
+    @property
+    def duration_s(self) -> float:
+        """From rest to rest [s]."""
+        return (2.0 * math.pi + 2.0 * self.overshoot_rad) / self.speed_rad_per_s + self.ramp_s
+
+    def travelled_rad(self, time_s: Vector) -> tuple[Vector, Vector, Vector]:
+        """Angle of the bar since the start of the measured arc, counter-clockwise positive, and its two derivatives."""
+        pace, ramp, end = self.speed_rad_per_s, self.ramp_s, self.duration_s
+        arc = pace * (end - ramp)
+        rising = np.clip(time_s, 0.0, ramp)
+        falling = np.clip(end - time_s, 0.0, ramp)
+        steady = np.clip(time_s - ramp, 0.0, end - 2.0 * ramp)
+        travelled = _ramped(rising, ramp) + steady + ramp / 2.0 - _ramped(falling, ramp)
+        share = np.minimum(_share(rising, ramp), _share(falling, ramp))
+        change = (np.sin(np.pi * rising / ramp) - np.sin(np.pi * falling / ramp)) * np.pi / (2.0 * ramp)
+        angle = np.clip(pace * travelled, 0.0, arc) - self.overshoot_rad
+        return self.direction * angle, self.direction * pace * share, self.direction * pace * change
+
+
+def circle_references(circle: Circle, axes: Sequence[str] = ("X", "Y"), *, period_s: float) -> dict[str, Reference]:
+    """Axis → what it is asked to do, from rest to rest, sampled every `period_s` [s].
+
+    Raises
+    ------
+    InputError
+        If the names are not two (three with a rotary axis), or the run has too many samples.
+    """
+    names = tuple(axes)
+    if len(set(names)) != len(names) or len(names) != (2 if circle.table_ball is None else 3):
+        raise _wrong(
+            f"{len(set(names))} axes ({', '.join(names)})",
+            "two linear axes" if circle.table_ball is None else "two linear axes and a rotary one",
+            "name the axes in the order first, second, rotary",
+        )
+    count = math.ceil(circle.duration_s / period_s - 1e-9) + 1 if period_s > 0 else 0
+    if not 2 <= count <= MOST_SAMPLES:
+        raise _wrong(
+            f"{circle.duration_s:.6g} s sampled every {period_s:g} s",
+            f"2 to {MOST_SAMPLES} samples",
+            "choose another feed or period",
+        )
+    angle, speed, change = circle.travelled_rad(np.arange(count, dtype=np.float64) * period_s)
+    courses = _arm(circle.radius_m, circle.start_angle_rad + angle, speed, change)
+    turned: tuple[Vector, Vector, Vector] | None = None
+    if circle.table_ball is not None:
+        ball = circle.table_ball
+        turned = (ball.ratio * angle, ball.ratio * speed, ball.ratio * change)
+        arm = _arm(ball.ball_distance_m, ball.ball_angle_rad + turned[0], turned[1], turned[2])
+        courses = tuple(
+            tuple(a + b for a, b in zip(one, two, strict=True)) for one, two in zip(courses, arm, strict=True)
+        )
+    made = {
+        name: Reference(period_s, middle + course[0], course[1], course[2])
+        for name, middle, course in zip(names[:2], circle.centre_m, courses, strict=True)
+    }
+    if turned is not None:
+        made[names[2]] = Reference(period_s, *turned)
+    return made
+
+
+def measured_samples(circle: Circle, time_s: Vector) -> NDArray[np.bool_]:
+    """Which times belong to the measured 360°; shape of `time_s` [s]."""
+    angle = circle.direction * circle.travelled_rad(time_s)[0]
+    inside = (angle >= -1e-12) & (angle < 2.0 * math.pi - 1e-12)
+    return np.asarray(inside, dtype=np.bool_)
+
+
+def _arm(length: float, angle: Vector, speed: Vector, change: Vector) -> tuple[tuple[Vector, ...], ...]:
+    """Position, speed and acceleration of the two coordinates of the end of a turning arm."""
+    cos, sin = length * np.cos(angle), length * np.sin(angle)
+    return (
+        (cos, -sin * speed, -sin * change - cos * speed**2),
+        (sin, cos * speed, cos * change - sin * speed**2),
+    )
+
+
+def _ramped(time: Vector, ramp: float) -> Vector:
+    return time / 2.0 - ramp / (2.0 * np.pi) * np.sin(np.pi * time / ramp)
+
+
+def _share(time: Vector, ramp: float) -> Vector:
+    return np.asarray((1.0 - np.cos(np.pi * time / ramp)) / 2.0)
+
+
+def _wrong(found: str, expected: str, advice: str) -> InputError:
+    return InputError(found, expected=expected, where="circular test", advice=advice)
+
+
+Pair = tuple[float, float]
+CourseOf = Callable[[Reference], ParameterCourse | None]
+"""Stiffness and damping that change along a reference; None: they do not."""
+
+FEEDS_MM_PER_MIN = (100.0, 1000.0, 3000.0, 5000.0)
+LONGEST_PERIOD_S = 0.01
+"""A reversal takes some hundredths of a second, however slow the feed is."""
+
+SAMPLES_PER_TURN = 7200
+_UM = 1e6
+
+
+@dataclass(frozen=True)
+class PairGeometry:
+    """Errors of two linear axes and of the set-up that do not depend on the motion; all zero: ideal."""
+
+    #: How far the second axis leans towards the first: the angle between them is 90° less this [µm/m]
+    squareness_um_per_m: float = 0.0
+    scale_um_per_m: Pair = (0.0, 0.0)  #: How much further than commanded each axis goes [µm/m]
+    #: Straightness: how far an axis at ± radius has moved across, in the direction of the other one, against the
+    #: middle; with the square of the distance [µm]
+    bow_um: Pair = (0.0, 0.0)
+    centre_offset_um: Pair = (0.0, 0.0)  #: Where the ball of the workpiece sits against the commanded centre [µm]
+    length_error_um: float = 0.0  #: How much longer than nominal the bar is where it reads 0 [µm]
+    #: Where the centre of the rotary table is against its commanded place [µm]
+    rotary_centre_offset_um: Pair = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        for name, values in vars(self).items():
+            if np.size(values) != (1 if name in ("squareness_um_per_m", "length_error_um") else 2) or not np.all(
+                np.isfinite(values)
+            ):
+                raise InputError(
+                    f"{values}",
+                    expected="a finite number for each of the two axes" if np.size(values) != 1 else "a finite number",
+                    where=name,
+                    advice="correct this error of the geometry",
+                )
+
+
+@dataclass(frozen=True)
+class BallBarPlan:
+    """Which circles are run: both directions at every feed."""
+
+    #: radius_m, centre_m, start_angle_rad, overshoot_rad and table_ball: As in `Circle`
+    radius_m: float = 0.1
+    feeds_mm_per_min: tuple[float, ...] = FEEDS_MM_PER_MIN  #: Feeds [mm/min]
+    centre_m: Pair = (0.0, 0.0)
+    start_angle_rad: float = 0.0
+    overshoot_rad: float = math.pi / 4
+    table_ball: TableBall | None = None
+    #: Distance of the samples [s]; None: at least `SAMPLES_PER_TURN` a turn, every `LONGEST_PERIOD_S` or oftener
+    period_s: float | None = None
+    noise_um: float = 0.0  #: Standard deviation of a reading of the bar [µm]
+
+    def __post_init__(self) -> None:
+        require_positive(self, "period_s")
+        require_not_negative(self, "noise_um")
+        if not self.feeds_mm_per_min:
+            raise InputError(
+                "no feed",
+                expected="one or more in mm/min",
+                where="feeds_mm_per_min",
+                advice="name the feeds of the test",
+            )
+
+    @property
+    def circles(self) -> tuple[Circle, ...]:
+        """The runs: counter-clockwise and clockwise, feed after feed."""
+        directions: tuple[Literal[1, -1], ...] = (1, -1)
+        return tuple(
+            Circle(
+                feed,
+                direction,
+                self.radius_m,
+                self.centre_m,
+                self.start_angle_rad,
+                self.overshoot_rad,
+                self.table_ball,
+            )
+            for feed in self.feeds_mm_per_min
+            for direction in directions
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class BallBarTrace:
+    """One full circle as the bar shows it, simulated or measured.
+
+    Raises
+    ------
+    InputError
+        Less than 350° or more than 361°, gaps over 5°, angles that run against the direction, missing values.
+    """
+
+    #: (n_samples,): Direction of the bar, from the ball of the workpiece to that of the spindle [rad], in the order of
+    #: time
+    angle_rad: Vector
+    deviation_um: Vector  #: (n_samples,): Distance of the balls minus nominal length [µm]
+    direction: Literal[1, -1]  #: {1, -1}: 1: counter-clockwise, from the first axis to the second
+    #: feed_mm_per_min and radius_m: Feed [mm/min] and nominal length of the bar [m]
+    feed_mm_per_min: float
+    radius_m: float = 0.1
+    axes: tuple[str, ...] = ("X", "Y")  #: Names: first, second, and of a third, rotary one if there was one
+    table_ball: TableBall | None = None  #: Where the ball of the workpiece stood on the rotary axis
+    #: Direction of the bar where the ball of the workpiece stood at its `ball_angle_rad` [rad]
+    start_angle_rad: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_positive(self, "feed_mm_per_min", "radius_m")
+        angle, deviation = np.array(self.angle_rad, dtype=np.float64), np.array(self.deviation_um, dtype=np.float64)
+        if angle.ndim != 1 or angle.shape != deviation.shape or len(angle) < 100:
+            raise _unusable(f"{angle.shape} angles and {deviation.shape} deviations", "as many of both, 100 or more")
+        if not (np.isfinite(angle).all() and np.isfinite(deviation).all()):
+            raise _unusable("missing values", "finite numbers")
+        if self.direction not in (1, -1) or len(self.axes) not in (2, 3):
+            raise _unusable(f"direction {self.direction}, axes {self.axes}", "direction 1 or -1, two or three axes")
+        steps = np.diff(np.unwrap(angle)) * self.direction
+        covered = steps.sum() + np.median(steps)
+        if not (math.radians(350) <= covered <= math.radians(361) and steps.max() <= math.radians(5)):
+            raise _unusable(
+                f"{math.degrees(covered):.0f}° {'counter-clockwise' if self.direction > 0 else 'clockwise'}, "
+                f"longest gap {math.degrees(steps.max()):.1f}°",
+                "a full circle in its direction without gaps over 5°",
+            )
+        for name, values in (("angle_rad", angle), ("deviation_um", deviation)):
+            values.setflags(write=False)
+            object.__setattr__(self, name, values)
+
+
+@dataclass(frozen=True, eq=False)
+class BallBarRun:
+    """One simulated circle, from rest to rest."""
+
+    trace: BallBarTrace  #: What the bar shows of it
+    #: references and motions: Axis → what it was asked, and what it did
+    references: Mapping[str, Reference]
+    motions: Mapping[str, Motion]
+    courses: Mapping[str, ParameterCourse | None]  #: Axis → stiffness and damping that it had; None: constant ones
+    steps_s: Mapping[str, float]  #: Axis → longest step of its simulation [s]
+
+
+def ball_bar_run(
+    axes: Mapping[str, Axis],
+    circle: Circle,
+    geometry: PairGeometry,
+    plan: BallBarPlan,
+    *,
+    courses: Mapping[str, CourseOf] | None = None,
+    step_s: float | None = None,
+    seed: int = 0,
+    number: int = 0,
+) -> BallBarRun:
+    """One circle of a test, simulated.
+
+    Parameters
+    ----------
+    axes : mapping of str to Axis
+        First, second and, if the plan has a `table_ball`, the rotary axis, in this order.
+    courses : mapping of str to callable, optional
+        Axis → stiffness and damping along its reference, where they change.
+    step_s : float or None
+        Longest step of the simulation [s]; None: `circle_step_s` of each axis.
+    seed, number : int
+        Of the noise of currents and bar; the number parts the runs of a test.
+
+    Raises
+    ------
+    InputError
+        If axes, courses and plan do not fit together, or an axis cannot be simulated.
+    """
+    from selector.physics.drive.simulation import simulate_axis
+
+    names = tuple(axes)
+    if len(names) == 3 and not isinstance(axes[names[2]].mechanics, RigidMechanics):
+        raise _misfit(
+            f"{names[2]} as a screw drive",
+            "a rigid axis with kg·m², rad and N·m for the rotary table",
+            "describe the rotary axis with its moment of inertia as mass",
+        )
+    if not set(courses or {}) <= set(names):
+        raise _misfit(
+            f"courses of {', '.join(courses or {})}", f"of {', '.join(names)} at most", "give courses of these axes"
+        )
+    period = plan.period_s or _period_s(circle, [axis.servo.sample_s if axis.servo else 0.0 for axis in axes.values()])
+    references = circle_references(circle, names, period_s=period)
+    seeds = np.random.SeedSequence([seed, number]).generate_state(len(names) + 1)
+    steps = {name: step_s or circle_step_s(axis, period) for name, axis in axes.items()}
+    varying = {name: of(references[name]) for name, of in (courses or {}).items()}
+    along = {name: varying.get(name) for name in names}
+    motions = {}
+    for name, own in zip(names, seeds, strict=False):
+        with told_of(f"axis {name}"):
+            motions[name] = simulate_axis(
+                axes[name], references[name], step_s=steps[name], course=along[name], seed=int(own)
+            )
+    inside = measured_samples(circle, references[names[0]].time_s)
+    angle, deviation = _bar(circle, geometry, [motions[name].table_m[inside] for name in names])
+    if plan.noise_um > 0:
+        deviation = deviation + np.random.default_rng(seeds[-1]).normal(0.0, plan.noise_um, len(deviation))
+    trace = BallBarTrace(
+        angle,
+        deviation,
+        circle.direction,
+        circle.feed_mm_per_min,
+        circle.radius_m,
+        names,
+        circle.table_ball,
+        circle.start_angle_rad,
+    )
+    return BallBarRun(trace, references, motions, along, steps)
+
+
+def positions_trace(
+    time_s: ArrayLike,
+    first_m: ArrayLike,
+    second_m: ArrayLike,
+    *,
+    radius_m: float,
+    centre_m: Pair = (0.0, 0.0),
+    axes: tuple[str, str] = ("X", "Y"),
+) -> BallBarTrace:
+    """A circle that was recorded as two positions over time, of scales or of a grid encoder [m].
+
+    Direction and feed are those of the recording; of more than 360° the middle ones are taken.
+    """
+    time, first, second = (np.array(values, dtype=np.float64) for values in (time_s, first_m, second_m))
+    if not (time.ndim == 1 and time.shape == first.shape == second.shape and len(time) >= 100):
+        raise _unusable(
+            f"{time.shape} times, {first.shape} and {second.shape} positions", "as many of all, 100 or more"
+        )
+    if not np.isfinite(np.concatenate([time, first, second])).all() or (np.diff(time) <= 0).any():
+        raise _unusable("missing values or times that do not increase", "finite numbers at increasing times")
+    across, along = first - centre_m[0], second - centre_m[1]
+    angle = np.unwrap(np.arctan2(along, across))
+    direction: Literal[1, -1] = 1 if angle[-1] > angle[0] else -1
+    travelled = np.maximum.accumulate((angle - angle[0]) * direction)
+    begin = max((travelled[-1] - 2.0 * math.pi) / 2.0, 0.0)
+    inside = (travelled >= begin) & (travelled < begin + 2.0 * math.pi)
+    spent = time[inside][-1] - time[inside][0]
+    turned = travelled[inside][-1] - travelled[inside][0]
+    deviation = (np.hypot(across, along) - radius_m)[inside] * _UM
+    feed = turned / spent * radius_m * 60e3
+    return BallBarTrace(angle[inside], deviation, direction, float(feed), radius_m, axes)
+
+
+def _bar(circle: Circle, geometry: PairGeometry, tables_m: Sequence[Vector]) -> tuple[Vector, Vector]:
+    """Direction of the bar [rad] and deviation of its length [µm], from the positions of the axes."""
+    middle = (circle.centre_m[0], circle.centre_m[1])
+    reach = circle.radius_m + (circle.table_ball.ball_distance_m if circle.table_ball is not None else 0.0)
+    first, second = tables_m[0] - middle[0], tables_m[1] - middle[1]
+    lean = geometry.squareness_um_per_m / _UM
+    spindle = (
+        first * (1.0 + geometry.scale_um_per_m[0] / _UM)
+        + second * lean
+        + geometry.bow_um[1] / _UM * (second / reach) ** 2,
+        second * (1.0 + geometry.scale_um_per_m[1] / _UM) + geometry.bow_um[0] / _UM * (first / reach) ** 2,
+    )
+    ball = [np.full(len(first), offset / _UM) for offset in geometry.centre_offset_um]
+    if circle.table_ball is not None:
+        turned = circle.table_ball.ball_angle_rad + tables_m[2]
+        arm = circle.table_ball.ball_distance_m
+        # what the set-up is off is off on the table, and turns with it
+        offset = geometry.centre_offset_um[0] / _UM + 1j * geometry.centre_offset_um[1] / _UM
+        place = arm * np.exp(1j * turned) + offset * np.exp(1j * tables_m[2])
+        ball = [
+            place.real + geometry.rotary_centre_offset_um[0] / _UM,
+            place.imag + geometry.rotary_centre_offset_um[1] / _UM,
+        ]
+    across, along = spindle[0] - ball[0], spindle[1] - ball[1]
+    length = circle.radius_m + geometry.length_error_um / _UM
+    return np.arctan2(along, across), (np.hypot(across, along) - length) * _UM
+
+
+def _period_s(circle: Circle, sample_s: Sequence[float]) -> float:
+    """Distance of the samples [s]: a whole number of samples of the slowest control."""
+    wanted = min(2.0 * math.pi / circle.speed_rad_per_s / SAMPLES_PER_TURN, LONGEST_PERIOD_S)
+    slowest = max(sample_s)
+    return max(1, int(wanted / slowest + 1e-9)) * slowest if slowest > 0 else wanted
+
+
+def _unusable(found: str, expected: str) -> InputError:
+    return InputError(
+        found,
+        expected=expected,
+        where="ball-bar trace",
+        advice="give the measured circle of one run, in its order of time",
+    )
+
+
+def _misfit(found: str, expected: str, advice: str) -> InputError:
+    return InputError(found, expected=expected, where="ball-bar test", advice=advice)

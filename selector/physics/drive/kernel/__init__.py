@@ -1,0 +1,1 @@
+"""The compiled simulation of an axis, and its slow twin."""

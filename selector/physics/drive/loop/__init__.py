@@ -1,0 +1,1 @@
+"""The control loop of an axis: its responses, poles and stability."""

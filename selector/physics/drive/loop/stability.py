@@ -1,0 +1,472 @@
+"""How fast the loop of an axis is, whether it is stable, and up to which gains."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from selector.errors import InputError
+from selector.findings import Finding, Where
+from selector.physics.drive.finding_table import FINDINGS
+from selector.physics.drive.loop.closed_loop import plant, servo_of, small_signal_mechanics
+from selector.physics.drive.loop.loop_response import (
+    Response,
+    growing_poles,
+    loop_poles,
+    loop_response,
+    nyquist_rad_per_s,
+)
+from selector.physics.drive.motion import ParameterCourse
+from selector.physics.drive.parts.axis import Axis
+from selector.physics.drive.parts.mechanics import Mechanics, RigidMechanics
+from selector.types import Vector
+
+GAINS = ("position_gain_per_s", "velocity_gain", "velocity_integral_gain")
+
+
+_BEYOND = 1e3
+"""How far the frequencies reach above and below those of the poles; farther off no phase turns any more."""
+
+_A_DECADE, _A_TURN = 60, 48
+_NEAR = np.geomspace(1e-9, 0.5, 60)
+"""Distances from a resonance, as a share of its frequency, where it is looked at."""
+
+_NO_PHASE = 1e-11
+"""Sine of an angle that is rounding."""
+
+_RIGHT_ANGLE = 0.7
+"""Sine of an angle that is nearer to a right one than to 0."""
+
+_HALVINGS = 60
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """Poles that reach the edge of stability."""
+
+    factor: float  #: On the gain
+    rad_per_s: float  #: Where on the edge [rad/s]
+    #: How many poles more grow with a larger factor: 2 of a pair, 1 where a sampled loop swings from sample to sample;
+    #: negative if fewer
+    grow: int
+
+
+def gain_crossings(axis: Axis, gain: str, poles: NDArray[np.complex128]) -> tuple[Crossing, ...]:
+    """Where poles reach the edge of stability as one of `GAINS` changes, the others as they are; by factor.
+
+    Parameters
+    ----------
+    axis
+        With a servo.
+    gain
+        Name of the gain, which is above 0.
+    poles : ndarray of complex
+        Poles of the closed loop [1/s], which tell where to look.
+
+    Raises
+    ------
+    InputError
+        If the axis has no servo, or numbers too far apart to be calculated with.
+    """
+    rad = _frequencies(axis, poles)
+    sine = _sine(*_loop_of_gain(axis, gain, rad))
+    told = np.abs(sine) > _NO_PHASE
+    rad, sine = rad[told], sine[told]
+    at = np.flatnonzero(np.sign(sine[:-1]) != np.sign(sine[1:]))
+    low, high, before = rad[at], rad[at + 1], sine[at]
+    for _ in range(_HALVINGS if len(at) else 0):
+        middle = np.sqrt(low * high)
+        same = np.sign(_sine(*_loop_of_gain(axis, gain, middle))) == np.sign(before)
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    found = list(zip(np.sqrt(low * high), np.where(before < 0, 2, -2), strict=True))
+    # at half the sample rate L is real; turned by a right angle up to there it is 0, which no factor brings to the edge
+    if np.isfinite(edge := nyquist_rad_per_s(axis)) and len(sine) and abs(sine[-1]) < _RIGHT_ANGLE:
+        found.append((edge, 1 if sine[-1] < 0 else -1))
+    crossings = []
+    for frequency, grow in found:
+        numerator, denominator = _loop_of_gain(axis, gain, np.array([frequency]))
+        with np.errstate(all="ignore"):
+            factor = float(-(denominator / numerator).real[0])
+        if np.isfinite(factor) and factor > 0:
+            crossings.append(Crossing(factor, float(frequency), int(grow)))
+    return tuple(sorted(crossings, key=lambda one: one.factor))
+
+
+def stable_factors(crossings: tuple[Crossing, ...], growing: int) -> tuple[float | None, float | None]:
+    """Ends of the range of factors nearest to 1 with which nothing grows; (None, 0) if there is none.
+
+    Parameters
+    ----------
+    crossings
+        As `gain_crossings` gives them.
+    growing
+        How many poles grow with factor 1.
+    """
+    factors = [one.factor for one in crossings]
+    first = int(np.searchsorted(factors, 1.0, side="right"))
+    # poles that grow between crossing number i − 1 and i
+    between = [0] * (len(crossings) + 1)
+    between[first] = growing
+    for number in range(first, len(crossings)):
+        between[number + 1] = between[number] + crossings[number].grow
+    for number in range(first, 0, -1):
+        between[number - 1] = between[number] - crossings[number - 1].grow
+    ends: list[float | None] = [None, *factors, None]
+    ranges = [(ends[i], ends[i + 1]) for i, count in enumerate(between) if count <= 0]
+    if not ranges:
+        return None, 0.0
+    return min(ranges, key=_distance)
+
+
+def _distance(ends: tuple[float | None, float | None]) -> float:
+    """Of a range from the factor 1, as a logarithm."""
+    low, high = ends
+    return max(float(np.log(low)) if low else 0.0, -float(np.log(high)) if high else 0.0, 0.0)
+
+
+def _loop_of_gain(axis: Axis, gain: str, rad_per_s: Vector) -> tuple[Response, Response]:
+    """Numerator and denominator of L, which 1 + k·L = 0 is about."""
+    servo, found = servo_of(axis), loop_response(axis, rad_per_s)
+    integral = servo.velocity_integral_gain * found.integral
+    position = servo.position_gain_per_s / axis.mechanics.travel_per_motion * found.measured
+    if gain == "position_gain_per_s":
+        control = servo.velocity_gain + integral
+        return control * position, 1.0 + control * found.motor_speed
+    if gain == "velocity_gain":
+        return servo.velocity_gain * (found.motor_speed + position), 1.0 + integral * (found.motor_speed + position)
+    return integral * (found.motor_speed + position), 1.0 + servo.velocity_gain * (found.motor_speed + position)
+
+
+def _sine(numerator: Response, denominator: Response) -> Vector:
+    """Sine of the angle of L; free of the poles and zeros that L may have on the edge itself."""
+    with np.errstate(all="ignore"):
+        turned = numerator / np.abs(numerator) * np.conj(denominator / np.abs(denominator))
+    return np.nan_to_num(turned.imag)
+
+
+def _frequencies(axis: Axis, poles: NDArray[np.complex128]) -> Vector:
+    """Frequencies between which no phase turns unseen: decades, turns of the delay, and both sides of resonances."""
+    servo, edge = servo_of(axis), nyquist_rad_per_s(axis)
+    own = plant(small_signal_mechanics(axis)).poles
+    corners = np.abs(np.concatenate([poles, own]))
+    corners = np.append(corners, [servo.position_gain_per_s, servo.velocity_integral_gain / servo.velocity_gain])
+    corners = corners[corners > 1e-15 * corners.max()]
+    lowest, highest = corners.min() / _BEYOND, min(corners.max() * _BEYOND, edge)
+    lowest = min(lowest, highest / _BEYOND)
+    rows = [np.geomspace(lowest, highest, int(_A_DECADE * np.log10(highest / lowest)) + 2)]
+    swinging = np.unique(np.abs(np.concatenate([poles, own]).imag))
+    rows += [swinging * (1.0 + side * share) for share in _NEAR for side in (-1.0, 1.0)]
+    if np.isfinite(edge):
+        samples = servo.delay_s / servo.sample_s + (
+            axis.sensing.speed_samples if axis.sensing.speed_from_encoder else 1
+        )
+        rows.append(np.linspace(0.0, edge, int(_A_TURN * (samples + 2.0)) + 2))
+    rad = np.unique(np.concatenate(rows))
+    return np.asarray(rad[(rad >= lowest) & (rad <= highest) & (rad < edge * (1.0 - 1e-9))])
+
+
+@dataclass(frozen=True)
+class LoopFigures:
+    """Key figures of a position loop; NaN where the loop is unstable, infinite where there is no such limit."""
+
+    bandwidth_hz: float  #: Where the amplitude of the table falls 3 dB below the reference for the first time [Hz]
+    #: peak and peak_hz: Largest amplitude of table / reference, and where; 1 at 0 Hz if nothing is amplified
+    peak: float
+    peak_hz: float
+    #: gain_margin_db and phase_margin_deg: Margins of the opened position loop; that of the gain is exact, and negative
+    #: where less gain is nearer to the edge than more
+    gain_margin_db: float
+    phase_margin_deg: float
+    #: gain_margin_hz and phase_margin_hz: Where they are found [Hz]
+    gain_margin_hz: float
+    phase_margin_hz: float
+
+
+def frequency_response(axis: Axis, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
+    """Table position over reference at frequencies [Hz], complex, shape of `frequency_hz`.
+
+    With a sampled servo of the table at the samples, which means something up to half the sample rate. With
+    feed-forward, the reference's derivatives are part of it.
+    """
+    return _reference_to_table(axis, np.asarray(frequency_hz, dtype=np.float64))
+
+
+def loop_figures(axis: Axis) -> LoopFigures:
+    """Bandwidth, resonance and margins of the position loop; the phase margin by python-control.
+
+    Raises
+    ------
+    InputError
+        If the axis has no servo.
+    """
+    import control
+
+    poles = loop_poles(axis)
+    if len(growing_poles(poles)):
+        return LoopFigures(*[math.nan] * 7)
+    frequency_hz = _frequencies_hz(axis, poles)
+    peak, peak_hz, bandwidth_hz = _resonance(axis, frequency_hz)
+    gain_db, gain_hz = _gain_margin(axis, poles)
+    # from the response itself: crossings of polynomials are too inexact in z, and where numbers are far apart
+    rad = 2.0 * math.pi * frequency_hz
+    opened = control.frd(loop_response(axis, rad).opened_position_loop(axis), rad, smooth=True)
+    _, phase, _, _, phase_rad, _ = control.stability_margins(opened)
+    return LoopFigures(
+        bandwidth_hz=bandwidth_hz,
+        peak=peak,
+        peak_hz=peak_hz,
+        gain_margin_db=gain_db,
+        phase_margin_deg=float(phase),
+        gain_margin_hz=gain_hz,
+        phase_margin_hz=float(phase_rad) / (2.0 * math.pi),
+    )
+
+
+def frozen(axis: Axis, course: ParameterCourse, time_s: float) -> Axis:
+    """The axis with the stiffness and damping that a course has at one instant [s], held.
+
+    Raises
+    ------
+    InputError
+        If the instant is outside the course, or the course has a stiffness and the axis no spring.
+    """
+    mechanics: Mechanics = axis.mechanics
+    values: dict[str, float] = {}
+    for name in ("axial_stiffness_n_per_m", "guide_damping_ns_per_m"):
+        samples = getattr(course, name)
+        if samples is None:
+            continue
+        times = np.arange(len(samples)) * course.period_s
+        if not 0.0 <= time_s <= times[-1] * (1.0 + 1e-12):
+            raise InputError(
+                f"{time_s:g} s",
+                expected=f"an instant from 0 to {times[-1]:g} s",
+                where="frozen frequency response",
+                advice="choose an instant within the course of parameters",
+            )
+        values[name] = float(np.interp(time_s, times, samples))
+    if isinstance(mechanics, RigidMechanics):
+        if "axial_stiffness_n_per_m" in values:
+            raise InputError(
+                "a course of the axial stiffness for a rigid axis",
+                expected="a course of the damping alone",
+                where="frozen frequency response",
+                advice="describe motor, screw and table",
+            )
+        return replace(axis, mechanics=replace(mechanics, **values))
+    compliance = None if "axial_stiffness_n_per_m" in values else axis.compliance
+    return replace(axis, mechanics=replace(mechanics, **values), compliance=compliance)
+
+
+def _gain_margin(axis: Axis, poles: NDArray[np.complex128]) -> tuple[float, float]:
+    """Nearest factor on the position gain with which the loop is at the edge [dB], and where [Hz]."""
+    crossings = gain_crossings(axis, "position_gain_per_s", poles)
+    if not crossings:
+        return math.inf, math.nan
+    nearest = min(crossings, key=lambda one: abs(math.log(one.factor)))
+    return 20.0 * math.log10(nearest.factor), nearest.rad_per_s / (2.0 * math.pi)
+
+
+def _reference_to_table(axis: Axis, frequency_hz: NDArray[np.float64]) -> NDArray[np.complex128]:
+    return loop_response(axis, 2.0 * math.pi * frequency_hz).reference_to_table(axis)
+
+
+def _resonance(axis: Axis, frequency_hz: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Largest amplitude, where, and the first frequency 3 dB below the amplitude at rest."""
+    amplitude = np.abs(_reference_to_table(axis, frequency_hz))
+    highest = int(np.argmax(amplitude))
+    below = np.flatnonzero(amplitude < 1.0 / math.sqrt(2.0))
+    bandwidth_hz = math.inf
+    if len(below) and below[0] > 0:
+        pair = slice(below[0] - 1, below[0] + 1)
+        bandwidth_hz = float(np.interp(-1.0 / math.sqrt(2.0), -amplitude[pair], frequency_hz[pair]))
+    # rounding is no resonance
+    if amplitude[highest] <= 1.0 + 1e-9:
+        return 1.0, 0.0, bandwidth_hz
+    return float(amplitude[highest]), float(frequency_hz[highest]), bandwidth_hz
+
+
+def _frequencies_hz(axis: Axis, poles: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Frequencies that miss nothing: 4000 over all that the poles ask for, and those of the poles."""
+    size = np.abs(poles)
+    highest_hz = min(20.0 * float(size.max()), nyquist_rad_per_s(axis)) / (2.0 * math.pi)
+    lowest_hz = 1e-3 * float(size[size > 0].min()) / (2.0 * math.pi)
+    near = np.abs(poles.imag) / (2.0 * math.pi)
+    frequency_hz = np.unique(np.concatenate([np.geomspace(lowest_hz, highest_hz, 4000), near[near > lowest_hz]]))
+    return np.asarray(frequency_hz[frequency_hz < highest_hz])
+
+
+LEAST_GAIN_MARGIN_DB, LEAST_PHASE_MARGIN_DEG = 6.0, 20.0
+
+_MOST_POLES = 4
+_SLOWER = tuple(0.5**power for power in range(1, 15))
+
+
+@dataclass(frozen=True)
+class Stability:
+    """Poles of a closed loop, and how far its gains may go."""
+
+    #: Poles [1/s], the slowest or growing ones first; of a sampled servo ln(z)/sample time
+    poles: NDArray[np.complex128]
+    stable: bool  #: Whether every pole decays
+    margin_per_s: float  #: Rate at which the slowest decays; negative: at which the fastest grows [1/s]
+    #: Gain → factor from which on the loop is unstable, the other gains as they are; None: never
+    gain_limits: Mapping[str, float | None]
+    #: Gain → factor below which it is unstable; None: there is none. Both are the ends of the range of stable factors
+    #: that is nearest to 1; a limit of 0 means that no factor makes the loop stable.
+    gain_floors: Mapping[str, float | None]
+
+    def __post_init__(self) -> None:
+        poles = np.array(self.poles, dtype=np.complex128)
+        poles.setflags(write=False)
+        object.__setattr__(self, "poles", poles)
+
+
+def stability(axis: Axis) -> Stability:
+    """Poles, margin and limits of the gains; of a sampled servo from the exact discrete-time loop.
+
+    Raises
+    ------
+    InputError
+        If the axis has no servo.
+    """
+    poles = loop_poles(axis)
+    growing = len(growing_poles(poles))
+    margin = -float(poles.real.max())
+    ranges = {
+        name: stable_factors(gain_crossings(axis, name, poles), growing)
+        for name in GAINS
+        if getattr(servo_of(axis), name) > 0
+    }
+    return Stability(
+        poles=poles,
+        stable=growing == 0,
+        # a slow pole that decays may be computed as one that grows by rounding
+        margin_per_s=max(margin, 0.0) if growing == 0 else margin,
+        gain_limits={name: high for name, (_, high) in ranges.items()},
+        gain_floors={name: low for name, (low, _) in ranges.items()},
+    )
+
+
+def stability_findings(axis: Axis, where: str) -> tuple[Finding, ...]:
+    """What a person must know about the loop of the axis called `where`: unstable, or less than 6 dB or 20° from it.
+
+    An axis without a servo has no loop and no findings.
+    """
+    if axis.servo is None:
+        return ()
+    found = stability(axis)
+    evidence = {
+        "margin_per_s": found.margin_per_s,
+        "gain_limits": dict(found.gain_limits),
+        "gain_floors": dict(found.gain_floors),
+    }
+    if not found.stable:
+        growing = [pole for pole in growing_poles(found.poles) if pole.imag >= 0]
+        told = [_pole_in_words(pole, axis.servo.sample_s) for pole in growing[:_MOST_POLES]]
+        if len(growing) > _MOST_POLES:
+            told.append(f"{len(growing) - _MOST_POLES} more")
+        return (
+            FINDINGS.finding(
+                "unstable-loop",
+                f"The control loop of {where} is unstable: it has {_joined(told)}.",
+                Where(channel=where),
+                evidence={
+                    **evidence,
+                    "poles_per_s": [[pole.real, pole.imag] for pole in growing],
+                    "frequency_hz": [abs(pole.imag) / (2.0 * math.pi) for pole in growing],
+                },
+                suggestion=_remedy(axis, found),
+            ),
+        )
+    figures = loop_figures(axis)
+    little = [
+        f"{value:.1f} {unit} of {name} margin, less than {least:g} {unit}"
+        for value, least, unit, name in (
+            (figures.gain_margin_db, LEAST_GAIN_MARGIN_DB, "dB", "gain"),
+            (figures.phase_margin_deg, LEAST_PHASE_MARGIN_DEG, "degrees", "phase"),
+        )
+        if abs(value) < least
+    ]
+    if not little:
+        return ()
+    return (
+        FINDINGS.finding(
+            "little-stability-margin",
+            f"The position loop of {where} is stable with {_joined(little)}.",
+            Where(channel=where),
+            evidence={
+                **evidence,
+                **{
+                    name: value if math.isfinite(value := getattr(figures, name)) else None
+                    for name in ("gain_margin_db", "phase_margin_deg")
+                },
+            },
+            suggestion=f"It swings after every change. {_limits_in_words(axis, found)}",
+        ),
+    )
+
+
+def _remedy(axis: Axis, found: Stability) -> str:
+    """What makes an unstable loop stable: one gain if that does, else less delay or a slower loop."""
+    if any(high != 0.0 for high in found.gain_limits.values()):
+        return _limits_in_words(axis, found)
+    servo, told = servo_of(axis), ["No gain alone makes it stable."]
+    if servo.sample_s > 0:
+        delay = f"delay_s ({_seconds(servo.delay_s)}) and " if servo.delay_s > 0 else ""
+        told.append(f"Shorten {delay}sample_s ({_seconds(servo.sample_s)}) of the servo, or lower the gains together.")
+    slower = next((by for by in _SLOWER if not len(growing_poles(loop_poles(_slower(axis, by))))), None)
+    if slower is not None:
+        names = " and ".join(f"{name} {slower * getattr(servo, name):.3g}" for name in GAINS[:2])
+        integral = f", {GAINS[2]} {slower**2 * servo.velocity_integral_gain:.3g}" * (servo.velocity_integral_gain > 0)
+        told.append(f"It is stable with {names}{integral}.")
+    return " ".join(told)
+
+
+def _slower(axis: Axis, by: float) -> Axis:
+    """The same axis with a loop that is slower by a factor."""
+    servo = servo_of(axis)
+    gains = {name: by * getattr(servo, name) for name in GAINS[:2]}
+    return replace(axis, servo=replace(servo, **gains, velocity_integral_gain=by**2 * servo.velocity_integral_gain))
+
+
+def _limits_in_words(axis: Axis, found: Stability) -> str:
+    limits = [_limit_in_words(axis, name, found) for name in found.gain_limits]
+    return "With the other gains as they are: " + "; ".join(limits) + "."
+
+
+def _limit_in_words(axis: Axis, name: str, found: Stability) -> str:
+    value, low, high = getattr(axis.servo, name), found.gain_floors[name], found.gain_limits[name]
+    if high == 0.0:
+        return f"no {name} makes it stable"
+    if low is None and high is None:
+        return f"{name} may have any value"
+    parts = [] if low is None else [f"above {low * value:.4g} ({low:.3g} times what it is)"]
+    parts += [] if high is None else [f"below {high * value:.4g} ({high:.3g} times what it is)"]
+    return f"stable with {name} {' and '.join(parts)}"
+
+
+def _pole_in_words(pole: complex, sample_s: float) -> str:
+    grows = f"growing e-fold in {_seconds(1.0 / pole.real)}" if pole.real > 0 else "that does not decay"
+    if sample_s > 0 and abs(pole.imag * sample_s / math.pi - 1.0) < 1e-9:
+        # ln z of a real z below 0, which has no twin
+        z = -math.exp(pole.real * sample_s)
+        return f"a pole at z = {z:.4g}, a swing to and fro from sample to sample {grows}"
+    if pole.imag == 0:
+        return f"a pole at {pole.real:.3g} 1/s, {grows}"
+    return (
+        f"poles at {pole.real:.3g} ± {pole.imag:.4g}j 1/s, an oscillation at {pole.imag / (2.0 * math.pi):.3g} Hz "
+        f"{grows} (damping ratio {-pole.real / abs(pole):.3g})"
+    )
+
+
+def _seconds(value: float) -> str:
+    return f"{value:.3g} s" if value >= 1 else f"{value * 1e3:.3g} ms"
+
+
+def _joined(parts: object) -> str:
+    return " and ".join(str(part) for part in parts)  # type: ignore[attr-defined]

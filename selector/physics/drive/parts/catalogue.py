@@ -1,0 +1,211 @@
+"""What a feed axis is built from, in the units of catalogues; defaults: a machining centre with 500 mm pallet.
+
+Where each default comes from is told in docs/explanation/drive-stiffness.md. None was measured on a machine.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from selector.errors import InputError
+from selector.physics.checks import require_not_negative, require_positive
+from selector.physics.drive.parts.axis import Servo
+
+
+@dataclass(frozen=True)
+class Motor:
+    """Servo motor: rotor inertia [kg·m²], torque per current [N·m/A], largest torque [N·m] and speed [r/min]."""
+
+    inertia_kg_m2: float = 0.0053
+    torque_constant_nm_per_a: float = 0.79
+    peak_torque_nm: float = 76.0
+    top_speed_rpm: float = 4000.0
+
+    def __post_init__(self) -> None:
+        require_positive(self, "inertia_kg_m2", "torque_constant_nm_per_a", "peak_torque_nm", "top_speed_rpm")
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """Coupling between motor and screw: its catalogue stiffness [N·m/rad], or None: a solid cylinder, πGD⁴/(32L)."""
+
+    inertia_kg_m2: float = 0.0009
+    stiffness_nm_per_rad: float | None = 76_000.0
+    diameter_mm: float = 40.0
+    length_mm: float = 80.0
+    shear_modulus_gpa: float = 79.0
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "inertia_kg_m2")
+        require_positive(self, "stiffness_nm_per_rad", "diameter_mm", "length_mm", "shear_modulus_gpa")
+
+
+@dataclass(frozen=True)
+class Screw:
+    """Ball screw."""
+
+    #: diameter_mm and root_diameter_mm: Nominal diameter, which gives the inertia; that of the core, which carries [mm]
+    diameter_mm: float = 40.0
+    root_diameter_mm: float = 34.91
+    lead_mm: float = 20.0  #: Travel per revolution [mm]
+    #: length_mm and overhang_mm: Between the axial bearings; from the coupling to the first of them [mm]
+    length_mm: float = 1200.0
+    overhang_mm: float = 100.0
+    origin_mm: float = 600.0  #: From the first bearing to the nut at table position 0 [mm]
+    both_ends: bool = True  #: Held axially at both ends, else at the motor's only
+    #: modulus_gpa, shear_modulus_gpa and density_kg_per_m3: Of its steel
+    modulus_gpa: float = 206.0
+    shear_modulus_gpa: float = 79.0
+    density_kg_per_m3: float = 7850.0
+    inertia_kg_m2: float | None = None  #: Of the whole screw; None: a cylinder of the nominal diameter
+    damping_nms_per_rad: float = 0.004  #: Viscous friction of screw, nut and bearings [N·m·s/rad]
+    #: torsional_damping_nms_per_rad and axial_damping_ns_per_m: Damping inside the two springs; none in F
+    torsional_damping_nms_per_rad: float = 0.0
+    axial_damping_ns_per_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_positive(self, "diameter_mm", "root_diameter_mm", "lead_mm", "length_mm", "origin_mm", "inertia_kg_m2")
+        require_positive(self, "modulus_gpa", "shear_modulus_gpa", "density_kg_per_m3")
+        require_not_negative(
+            self, "overhang_mm", "damping_nms_per_rad", "torsional_damping_nms_per_rad", "axial_damping_ns_per_m"
+        )
+        if self.root_diameter_mm > self.diameter_mm:
+            raise _refused(self.root_diameter_mm, f"at most diameter_mm, {self.diameter_mm:g}", "root_diameter_mm")
+        if self.origin_mm >= self.length_mm:
+            raise _refused(self.origin_mm, f"less than length_mm, {self.length_mm:g}: the nut is outside", "origin_mm")
+
+
+@dataclass(frozen=True)
+class Nut:
+    """Preloaded ball nut: double, or single with oversize balls."""
+
+    preload_n: float = 3000.0  #: Preload [N]
+    #: ball_diameter_mm and pitch_circle_mm: Of the balls; of the circle of their centres [mm]
+    ball_diameter_mm: float = 6.35
+    pitch_circle_mm: float = 41.4
+    turns: float = 4.0  #: Loaded turns of balls for each direction
+    contact_angle_deg: float = 45.0  #: Between a contact and the plane across the axis
+    conformity: float = 0.54  #: Radius of the groove / diameter of the balls
+    #: rigidity_n_per_um and rigidity_preload_n: Catalogue rigidity and the preload that it holds for; None: Hertz
+    #: contact alone
+    rigidity_n_per_um: float | None = 1150.0
+    rigidity_preload_n: float | None = 5130.0
+    #: What of either is left in a machine: housing, thread and load distribution take the rest
+    rigidity_share: float = 0.8
+    drag_torque_nm: float = 1.2  #: Friction from the preload [N·m]
+
+    def __post_init__(self) -> None:
+        require_positive(self, "preload_n", "ball_diameter_mm", "pitch_circle_mm", "turns", "rigidity_share")
+        require_not_negative(self, "drag_torque_nm")
+        _require_contact(self)
+
+
+@dataclass(frozen=True)
+class Bearings:
+    """Preloaded angular-contact bearings at one end of the screw; if it is held at both ends, these are at each."""
+
+    preload_n: float = 3350.0  #: Preload of the set [N]
+    per_direction: int = 1  #: N, bearings that carry each direction: 1 in a pair, 2 in a set of four
+    #: ball_diameter_mm, pitch_circle_mm and balls: Of one bearing
+    ball_diameter_mm: float = 7.144
+    pitch_circle_mm: float = 46.4
+    balls: int = 18
+    #: contact_angle_deg and conformity: As of `Nut`
+    contact_angle_deg: float = 60.0
+    conformity: float = 0.52
+    #: rigidity_n_per_um and rigidity_preload_n: Catalogue rigidity of the set and its preload; None: Hertz contact
+    #: alone
+    rigidity_n_per_um: float | None = None
+    rigidity_preload_n: float | None = None
+    rigidity_share: float = 1.0  #: What of either is left in a machine
+    drag_torque_nm: float = 0.3  #: Friction of the set [N·m]
+
+    def __post_init__(self) -> None:
+        require_positive(self, "preload_n", "per_direction", "ball_diameter_mm", "pitch_circle_mm", "balls")
+        require_positive(self, "rigidity_share")
+        require_not_negative(self, "drag_torque_nm")
+        _require_contact(self)
+
+
+@dataclass(frozen=True)
+class Guide:
+    """Preloaded linear guides: friction μ·(weight + 2·carriages·preload) + seals, and viscous friction.
+
+    Balls of both rows of a carriage carry its preload, hence the 2.
+    """
+
+    friction_coefficient: float = 0.004
+    carriages: int = 4
+    carriage_preload_n: float = 4000.0
+    seal_n: float = 20.0
+    viscous_ns_per_m: float = 600.0
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "friction_coefficient", "carriages", "carriage_preload_n", "seal_n")
+        require_not_negative(self, "viscous_ns_per_m")
+
+
+@dataclass(frozen=True)
+class Table:
+    """What slides, with what lies on it [kg]."""
+
+    mass_kg: float = 1000.0
+
+    def __post_init__(self) -> None:
+        require_positive(self, "mass_kg")
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The parts of one feed axis."""
+
+    motor: Motor = field(default_factory=Motor)
+    coupling: Coupling = field(default_factory=Coupling)
+    screw: Screw = field(default_factory=Screw)
+    nut: Nut = field(default_factory=Nut)
+    bearings: Bearings = field(default_factory=Bearings)
+    guide: Guide = field(default_factory=Guide)
+    table: Table = field(default_factory=Table)
+
+
+def thc6350_x_axis() -> Parts:
+    """Parts as an X axis of a horizontal machining centre with 500 mm pallet has them; F's own table is lost.
+
+    The defaults of the parts, and 2 to 4 % of critical damping inside the springs, which F leaves out.
+    """
+    return Parts(screw=Screw(torsional_damping_nms_per_rad=0.3, axial_damping_ns_per_m=2e4))
+
+
+def thc6350_servo() -> Servo:
+    """Continuous cascade control for `thc6350_x_axis`: Kv 40/s, velocity loop of about 40 Hz, limits of the motor."""
+    motor = Motor()
+    return Servo(
+        position_gain_per_s=40.0,
+        velocity_gain=6.0,
+        velocity_integral_gain=300.0,
+        actuator_gain=motor.torque_constant_nm_per_a,
+        command_limit=motor.peak_torque_nm / motor.torque_constant_nm_per_a,
+        speed_limit=motor.top_speed_rpm * math.pi / 30.0,
+    )
+
+
+def _require_contact(part: Nut | Bearings) -> None:
+    require_positive(part, "rigidity_n_per_um", "rigidity_preload_n")
+    if not 0.0 < part.contact_angle_deg < 90.0:
+        raise _refused(part.contact_angle_deg, "an angle between 0 and 90 degrees", "contact_angle_deg")
+    if not 0.5 < part.conformity < 1.0:
+        raise _refused(part.conformity, "more than 0.5 and less than 1: groove radius / ball diameter", "conformity")
+    if part.pitch_circle_mm <= 2.0 * part.ball_diameter_mm:
+        raise _refused(part.pitch_circle_mm, "more than two ball diameters", "pitch_circle_mm")
+    if (part.rigidity_n_per_um is None) != (part.rigidity_preload_n is None):
+        raise InputError(
+            "a rigidity or a preload alone",
+            expected="rigidity_n_per_um with rigidity_preload_n, the preload that it holds for",
+            where="rigidity_n_per_um",
+            advice="give both as the catalogue has them, or neither",
+        )
+
+
+def _refused(value: float, expected: str, key: str) -> InputError:
+    return InputError(f"{value:g}", expected=expected, where=key, advice="correct this parameter")

@@ -1,0 +1,1 @@
+"""The model file of in-process gauging, and its parameters."""

@@ -1,0 +1,478 @@
+"""What does the model file of in-process gauging say: TOML text → checked values, or an error that names the key."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+
+from pydantic import Field
+
+from selector.errors import InputError
+from selector.physics.gauging.gauge.threshold import removal_rate_um_per_s, wear_share
+from selector.physics.gauging.gauge.transducer import LinearGauge, Relay, Transducer
+from selector.physics.gauging.grinding.gauged_grinding import MOST_FEED_SD
+from selector.physics.gauging.grinding.part_plan import (
+    FEWEST_SIZES,
+    STEPS_ADVICE,
+    STEPS_PER_CORRELATION,
+    STEPS_PER_FILTER,
+    STEPS_PER_LAG,
+    STEPS_PER_TURN,
+    feeds_s,
+    longest_step_s,
+    steps_in,
+    too_long,
+)
+from selector.physics.gauging.process import Grinding, Noise, Stage, Surface, Tolerance
+from selector.physics.model_text import (
+    MOST_SAMPLES,
+    Bounds,
+    Contradiction,
+    Entry,
+    Key,
+    ModelFamily,
+    Name,
+    Note,
+    Seed,
+    Signed,
+    bound_contradictions,
+    limited,
+)
+from selector.physics.model_values import entry_of, given, refused, value_of
+
+MOST_ALLOWANCE_UM = 1e6
+"""In recordings: allowances and sizes [µm]."""
+
+MOST_STAGES = 20
+
+MOST_PARTS = 1_000_000
+"""Parts of one file."""
+
+MOST_STEPS = 500_000_000
+"""Samples of all parts together; some half a minute."""
+
+MOST_WAVEFORM_S = 10.0
+"""Of it thousands of samples a second are kept."""
+
+if TYPE_CHECKING:
+    TransducerSection: TypeAlias = Entry
+    LinearSection: TypeAlias = Entry
+    RelaySection: TypeAlias = Entry
+    GrindingSection: TypeAlias = Entry
+    SurfaceSection: TypeAlias = Entry
+    NoiseSection: TypeAlias = Entry
+    ToleranceSection: TypeAlias = Entry
+else:
+    TransducerSection, LinearSection, RelaySection = entry_of(Transducer), entry_of(LinearGauge), entry_of(Relay)
+    GrindingSection, SurfaceSection = entry_of(Grinding), entry_of(Surface)
+    NoiseSection, ToleranceSection = entry_of(Noise), entry_of(Tolerance)
+
+
+class ModelSection(Entry):
+    """``[model]``."""
+
+    kind: Literal["gauging"]
+    name: Name
+    note: Note = ""
+
+
+class RunSection(Entry):
+    """``[run]``: how many parts, how often they are looked at, with which noise."""
+
+    period_s: Annotated[float, limited(1e-6, 10.0)] | None = None
+    parts: Annotated[int, Field(strict=True, ge=1, le=MOST_PARTS)] = 1
+    waveform_s: Annotated[float, limited(0, MOST_WAVEFORM_S)] = 0.0
+    seed: Seed = 0
+
+
+class ThresholdsSection(Entry):
+    """``[thresholds]``: voltages of the relay, where they are not those of eq. 23."""
+
+    volts: Annotated[tuple[Signed, ...], Field(min_length=1, max_length=MOST_STAGES)]
+
+
+class RecordedSection(Entry):
+    """``[recorded]``: channels of a recording, where role and name do not tell."""
+
+    allowance: Name | None = None
+    feed: Name | None = None
+    gauge: Name | None = None
+    measured: Name | None = None
+
+
+class GaugingFile(Entry):
+    """A gauge, the grinding that it stops, and what size is wanted."""
+
+    model: ModelSection
+    run: RunSection = RunSection()
+    transducer: TransducerSection | None = None
+    linear: LinearSection | None = None
+    relay: RelaySection | None = None
+    grinding: GrindingSection
+    surface: SurfaceSection = SurfaceSection()
+    noise: NoiseSection = NoiseSection()
+    tolerance: ToleranceSection | None = None
+    thresholds: ThresholdsSection | None = None
+    recorded: RecordedSection = RecordedSection()
+    bounds: Bounds = Field(default_factory=dict)
+
+
+KINDS: Mapping[str, type[GaugingFile]] = {"gauging": GaugingFile}
+
+
+@dataclass(frozen=True)
+class FileParts:
+    """The values that a model file describes."""
+
+    #: transducer and linear: The gauge: one of the two
+    transducer: Transducer | None
+    linear: LinearGauge | None
+    relay: Relay
+    grinding: Grinding
+    surface: Surface
+    noise: Noise
+    tolerance: Tolerance | None
+
+    @property
+    def filter_s(self) -> float:
+        """T_Φ of the gauge [s]."""
+        gauge = self.linear if self.transducer is None else self.transducer.smoothing
+        return gauge.time_constant_s if gauge is not None else 0.0
+
+
+def file_parts(file: GaugingFile) -> FileParts:
+    """The values of the sections; errors as their dataclasses have them."""
+    transducer = None if file.transducer is None else value_of(Transducer, file.transducer)
+    relay = Relay() if file.relay is None else value_of(Relay, file.relay)
+    return FileParts(
+        transducer,
+        None if file.linear is None else value_of(LinearGauge, file.linear),
+        relay if transducer is None else transducer.relay,
+        _grinding(file.grinding),
+        value_of(Surface, file.surface),
+        value_of(Noise, file.noise),
+        None if file.tolerance is None else value_of(Tolerance, file.tolerance),
+    )
+
+
+def part_contradictions(file: GaugingFile) -> Iterator[Contradiction]:
+    """Whatever the values of the sections refuse, at the key of the section."""
+    stages: tuple[Entry, ...] = file.grinding.stages  # type: ignore[attr-defined]
+    kinds: list[tuple[type, Entry | None, Key]] = [
+        (Transducer, file.transducer, ("transducer",)),
+        (LinearGauge, file.linear, ("linear",)),
+        (Relay, file.relay, ("relay",)),
+        *((Stage, stage, ("grinding", "stages", number)) for number, stage in enumerate(stages)),
+        (Surface, file.surface, ("surface",)),
+        (Noise, file.noise, ("noise",)),
+        (Tolerance, file.tolerance, ("tolerance",)),
+    ]
+    refusals = []
+    for kind, section, key in kinds:
+        if section is not None:
+            try:
+                value_of(kind, section)
+            except InputError as error:
+                refusals.append(refused(error, key, section))
+    yield from refusals
+    if not refusals:
+        try:
+            _grinding(file.grinding)
+        except InputError as error:
+            yield refused(error, ("grinding",), file.grinding)
+
+
+def _grinding(section: Entry) -> Grinding:
+    said = given(Grinding, section)
+    return Grinding(**(said | {"stages": tuple(value_of(Stage, stage) for stage in said["stages"])}))
+
+
+MOST_RECORDED = 50
+"""Parts that are recorded in full; of more only the sizes are kept."""
+
+_PER_FILTER = 5
+_PER_TURN = 20
+_PER_GROOVE = 8
+_SHORT_FILTER_S = 1e-3
+_FEWEST, _MOST = 500, 20_000
+"""Samples of a part, where the file does not say how often it is looked at."""
+
+
+def planned_s(parts: FileParts) -> float:
+    """How long a freshly dressed wheel needs for a part of mean allowance, with the lags of removal and filter [s]."""
+    grinding = parts.grinding
+    return grinding_s(parts, grinding.allowance_um) + 5.0 * grinding.lag_s + parts.filter_s + parts.relay.delay_s
+
+
+def grinding_s(parts: FileParts, allowance_um: float) -> float:
+    """The time that feed alone needs from this allowance to the end of the last stage [s]."""
+    stages, wear = parts.grinding.stages, wear_share(parts.grinding)
+    ends = (allowance_um, *(stage.until_um for stage in stages))
+    return sum(
+        (before - after) / removal_rate_um_per_s(stage.feed_um_per_s, wear)
+        for (before, after), stage in zip(pairwise(ends), stages, strict=True)
+    )
+
+
+def sampling_s(file: GaugingFile, parts: FileParts) -> float:
+    """Time between the samples: what the file says, or what shows filter, turns and grooves [s]."""
+    if file.run.period_s is not None:
+        return file.run.period_s
+    duration_s = planned_s(parts)
+    wanted = min(finest_s(parts), duration_s / _FEWEST)
+    return _rounded(max(wanted, duration_s / _MOST))
+
+
+def finest_s(parts: FileParts) -> float:
+    """The longest time between samples that still shows filter, turns and grooves [s]."""
+    surface = parts.surface
+    wanted = [parts.filter_s / _PER_FILTER]
+    if surface.runout_um > 0:
+        wanted.append(60.0 / surface.workpiece_rpm / _PER_TURN)
+    if surface.grooves > 0 and surface.groove_depth_um > 0:
+        wanted.append(60.0 / surface.workpiece_rpm / surface.grooves / _PER_GROOVE)
+    return min(wanted)
+
+
+def length_contradictions(file: GaugingFile) -> Iterator[Contradiction]:
+    """Parts that take too many samples to be held, or all of them too many to be waited for."""
+    parts = file_parts(file)
+    duration_s, period_s = planned_s(parts), sampling_s(file, parts)
+    key = ("run", "period_s") if file.run.period_s is not None else ("grinding", "stages")
+    samples = duration_s / period_s
+    if samples < 2:
+        found = f"a period of {period_s:g} s, and a part takes {duration_s:.3g} s"
+        yield key, found, "a period that is shorter than a part", "shorten run.period_s, or leave it out"
+    elif samples > MOST_SAMPLES:
+        found = f"{samples:.3g} samples of a part that takes {duration_s:.3g} s"
+        yield key, found, f"at most {MOST_SAMPLES}", "lengthen run.period_s, or give the feeds the right power of ten"
+    elif samples * file.run.parts > MOST_STEPS:
+        found = f"{file.run.parts} parts of {samples:.3g} samples"
+        expected = f"at most {MOST_STEPS} samples of all parts"
+        yield ("run", "parts"), found, expected, "take fewer parts, or lengthen run.period_s"
+    else:
+        yield from _fine_steps(file, parts)
+
+
+def _fine_steps(file: GaugingFile, parts: FileParts) -> Iterator[Contradiction]:
+    """Sizes that would take too many steps of the calculation, however seldom a part is looked at."""
+    grinding, surface, relay = parts.grinding, parts.surface, parts.relay
+    step_s = longest_step_s(parts.filter_s, grinding, surface, parts.noise)
+    wanted = [stage.until_um for stage in grinding.stages]
+    ends = wanted
+    if file.thresholds is not None and parts.linear is not None:
+        line = parts.linear
+        reached = [(volts - line.bias_v) / line.gain_v_per_um for volts in file.thresholds.volts]
+        ends = [min(pair) for pair in zip(wanted, reached, strict=True)]
+    of_feeds, of_thresholds = (
+        steps_in(feeds_s(grinding, relay, until), step_s, surface, relay) for until in (wanted, ends)
+    )
+    wrong = too_long(of_feeds, of_thresholds, max(file.run.parts, FEWEST_SIZES))
+    if wrong is None:
+        return
+    where, found, expected = wrong
+    key: Key = ("thresholds", "volts") if where == "thresholds_v" else ("run", "parts")
+    if where == "stages" or (where == "parts" and file.run.parts <= FEWEST_SIZES):
+        where, key = "stages", _asks_for_steps(file, parts)
+    yield key, found, expected, STEPS_ADVICE[where]
+
+
+def _asks_for_steps(file: GaugingFile, parts: FileParts) -> Key:
+    """The key that makes steps so many: whatever asks for many more than a usual filter, else the feeds."""
+    surface, noise, relay, grinding = parts.surface, parts.noise, parts.relay, parts.grinding
+    line = file.transducer is None
+    turns_per_s = surface.workpiece_rpm / 60.0
+    per_s: dict[Key, float] = {
+        ("grinding", "stages"): STEPS_PER_FILTER / _SHORT_FILTER_S,
+        ("linear" if line else "transducer", *(() if line else ("smoothing",)), "time_constant_s"): (
+            STEPS_PER_FILTER / parts.filter_s
+        ),
+        ("noise", "rate_per_s"): STEPS_PER_CORRELATION * noise.rate_per_s if noise.sd_um > 0 else 0.0,
+        ("grinding", "lag_s"): STEPS_PER_LAG / grinding.lag_s if 0 < grinding.lag_s < parts.filter_s else 0.0,
+        ("surface", "workpiece_rpm"): STEPS_PER_TURN * turns_per_s if surface.runout_um > 0 else 0.0,
+        ("surface", "grooves"): 2.0 * surface.grooves * turns_per_s if surface.groove_depth_um > 0 else 0.0,
+        (*(() if line else ("transducer",)), "relay", "noise_hold_s"): (
+            1.0 / relay.noise_hold_s if relay.noise_v > 0 else 0.0
+        ),
+    }
+    return max(per_s, key=lambda key: per_s[key])
+
+
+def _rounded(value: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that is not above a value."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return next(times * power for times in (5.0, 2.0, 1.0) if times * power <= value * (1.0 + 1e-9))
+
+
+_SHORT = 0.5
+_OF_FEED = "give it as a share of the feed, 0.05 for 5 %"
+
+
+def slow_times(parts: FileParts) -> dict[str, float]:
+    """Key of the file → time by which gauge or machine are late [s]."""
+    gauge, relay = ("linear", "relay") if parts.transducer is None else ("transducer.smoothing", "transducer.relay")
+    return {
+        f"{gauge}.time_constant_s": parts.filter_s,
+        f"{relay}.delay_s": parts.relay.delay_s,
+        "grinding.lag_s": parts.grinding.lag_s,
+    }
+
+
+def early_slips(file: GaugingFile) -> Iterator[Contradiction]:
+    """Slips that what the sections describe would refuse in words that lead nowhere."""
+    grinding = file.grinding
+    allowance_um, spread = float(grinding.allowance_um), float(grinding.feed_sd)  # type: ignore[attr-defined]
+    stages = grinding.stages  # type: ignore[attr-defined]
+    first_um = max((float(stage.until_um) for stage in stages), default=0.0)
+    if 0 < allowance_um <= first_um < 1e3 * allowance_um:
+        yield (
+            ("grinding", "allowance_um"),
+            f"allowance_um = {allowance_um:g}, and a stage ends at {first_um:g} µm",
+            f"a start above {first_um:g} µm",
+            f"write allowance_um = {1e3 * allowance_um:g} if {allowance_um:g} mm was meant, or sort the stages",
+        )
+    if spread > MOST_FEED_SD:
+        meant = 0.01 * spread
+        advice = f"write feed_sd = {meant:g}: {spread:g} % is {meant:g}" if meant <= MOST_FEED_SD else _OF_FEED
+        expected = f"a share up to {MOST_FEED_SD:g}: with more some parts would not be fed at all"
+        yield ("grinding", "feed_sd"), f"feed_sd = {spread:g}", expected, advice
+
+
+def late_slips(file: GaugingFile) -> Iterator[Contradiction]:
+    """Times that are longer than the grinding, and thresholds of a line that no part comes near."""
+    parts = file_parts(file)
+    yield from _of_times(parts)
+    yield from _of_volts(file, parts)
+
+
+def _of_times(parts: FileParts) -> Iterator[Contradiction]:
+    lasts_s = grinding_s(parts, parts.grinding.allowance_um)
+    for key, time_s in slow_times(parts).items():
+        if time_s > lasts_s:
+            name, meant = key.rsplit(".", 1)[-1], 1e-3 * time_s
+            advice = (
+                f"write {name} = {meant:g} if {time_s:g} ms was meant"
+                if meant < _SHORT * lasts_s
+                else "shorten it, or correct feeds and allowances"
+            )
+            yield (
+                tuple(key.split(".")),
+                f"{name} = {time_s:g} s, and the feeds take {lasts_s:.3g} s for the whole allowance",
+                "a time that is short against the grinding, at most as long as it",
+                advice,
+            )
+
+
+def _of_volts(file: GaugingFile, parts: FileParts) -> Iterator[Contradiction]:
+    gauge, grinding, surface = parts.linear, parts.grinding, parts.surface
+    if file.thresholds is None or gauge is None:
+        return
+    wanted_um, start_um = grinding.stages[-1].until_um, grinding.allowance_um
+    # as far below the wanted size as the start is above it, and what grooves and run-out take off the reading
+    least_um = 2.0 * wanted_um - start_um - surface.groove_depth_um - surface.runout_um
+    low_v, high_v = (gauge.bias_v + gauge.gain_v_per_um * end for end in (start_um, least_um))
+    for number, volts in enumerate(file.thresholds.volts):
+        if low_v <= volts <= high_v:
+            continue
+        reached_um = (volts - gauge.bias_v) / gauge.gain_v_per_um
+        advice = (
+            f"write {1e-3 * volts:g} if {volts:g} mV was meant"
+            if low_v <= 1e-3 * volts <= high_v
+            else "correct it or bias_v, or leave [thresholds] out: they are then calculated (eq. 23)"
+        )
+        yield (
+            ("thresholds", "volts", number),
+            f"{volts:g} V, which the gauge shows at {reached_um:.6g} µm",
+            f"{low_v:.5g} V, shown where grinding begins at {start_um:g} µm, to {high_v:.5g} V, far below the wanted "
+            f"{wanted_um:g} µm",
+            advice,
+        )
+
+
+def contradictions(file: GaugingFile) -> Iterator[Contradiction]:
+    """(key, found, expected, advice) of whatever does not fit together in a file whose values are valid one by one."""
+    yield from _of_gauge(file)
+    yield from early_slips(file)
+    yield from part_contradictions(file)
+    yield from _of_linear(file)
+    yield from _of_wear(file)
+    yield from _of_thresholds(file)
+    yield from late_slips(file)
+    yield from bound_contradictions(file.bounds)
+    yield from length_contradictions(file)
+
+
+def _of_gauge(file: GaugingFile) -> Iterator[Contradiction]:
+    one = "one gauge: [transducer] with its parts, or [linear]"
+    if file.transducer is None and file.linear is None:
+        yield (
+            ("linear",),
+            "no gauge",
+            one,
+            "add gain_v_per_um, bias_v and time_constant_s under [linear], or a transducer",
+        )
+    elif file.transducer is not None and file.linear is not None:
+        yield ("linear",), "a second gauge beside [transducer]", one, "leave one of the two out"
+    if file.transducer is not None and file.relay is not None:
+        expected = "the relay of [linear]"
+        yield ("relay",), "a relay beside [transducer]", expected, "move its keys to [transducer.relay]"
+    if file.transducer is None and file.run.waveform_s > 0:
+        found, expected = "a waveform of a linear gauge", "a [transducer], whose parts swing"
+        yield ("run", "waveform_s"), found, expected, "leave it out, or describe the gauge by its parts"
+
+
+def _of_linear(file: GaugingFile) -> Iterator[Contradiction]:
+    gauge = file_parts(file).linear
+    if gauge is not None and gauge.gain_v_per_um >= 0:
+        yield (
+            ("linear", "gain_v_per_um"),
+            f"{gauge.gain_v_per_um:g} V/µm",
+            "a gain below 0: the voltage rises while the allowance falls",
+            "turn the sign of gain_v_per_um" if gauge.gain_v_per_um > 0 else "give the slope of the gauge",
+        )
+
+
+def _of_wear(file: GaugingFile) -> Iterator[Contradiction]:
+    grinding = file_parts(file).grinding
+    since = min(file.run.parts, grinding.dress_every or file.run.parts)
+    try:
+        wear_share(grinding, since - 1)
+    except InputError as error:
+        yield refused(error, ("grinding",), file.grinding)
+
+
+def _of_thresholds(file: GaugingFile) -> Iterator[Contradiction]:
+    parts = file_parts(file)
+    stages = len(parts.grinding.stages)
+    if stages > MOST_STAGES:
+        yield ("grinding", "stages"), f"{stages} stages", f"at most {MOST_STAGES}", "leave stages out"
+    if file.thresholds is None:
+        return
+    key, volts = ("thresholds", "volts"), file.thresholds.volts
+    if len(volts) != stages:
+        many = f"{stages} stage{'s' * (stages != 1)}"
+        advice = "give one voltage a stage, or leave the section out: they are then calculated (eq. 23)"
+        yield key, f"{len(volts)} for {many}", "one threshold for each of the stages", advice
+    elif any(later <= earlier for earlier, later in pairwise(volts)):
+        found = ", ".join(f"{one:g}" for one in volts)
+        yield key, f"{found} V", "voltages that rise, as that of the gauge does", "sort them as the stages are sorted"
+
+
+FAMILY: ModelFamily[GaugingFile] = ModelFamily(
+    "gauging", KINDS, contradictions, page="docs/reference/gauging-model.md", examples="fixtures/gauging"
+)
+read_model_file = FAMILY.read
+"""The model file at a path, see `ModelFamily.read`."""
+
+
+def parsed_model_file(text: str, *, where: str = "model file") -> GaugingFile:
+    """The model file with this content, see `ModelFamily.parsed`."""
+    return FAMILY.parsed(text, where=where)
+
+
+def checked_model_file(values: Mapping[str, Any], *, where: str = "model file") -> GaugingFile:
+    """The model file with these sections as plain values, see `ModelFamily.checked`."""
+    return FAMILY.checked(values, where=where)

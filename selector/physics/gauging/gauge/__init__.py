@@ -1,0 +1,1 @@
+"""The gauge: its parts, how it swings, what it shows, and when its relay trips."""

@@ -1,0 +1,236 @@
+"""The parts of a vibrating-contact gauge, and their numbers as the compiled swing takes them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from selector.errors import InputError
+from selector.physics.checks import require_finite, require_not_negative, require_positive
+from selector.physics.gauging.gauge import _swing as at
+from selector.physics.model_fields import Fit, Limits, Unit, Usual
+from selector.types import Vector
+
+_SECONDS = {"ms": 1e-3, "µs": 1e-6}
+_GAP = Usual(2e-5, 0.01, {"mm": 1e-3, "µm": 1e-6})
+
+
+@dataclass(frozen=True)
+class Electromagnet:
+    """Coil and core: L·i' + R·i = V0·sin(ω0·t), pull = force_n_per_a2·i² at rest, (gap/(gap − z))² of it at z."""
+
+    #: voltage_v and frequency_hz: V0, ω0/2π of the supply [V], [Hz]
+    voltage_v: Annotated[float, Unit("V"), Limits(0.0, 1e9), Fit(), Usual(0.5, 500.0, {"kV": 1e3, "mV": 1e-3})]
+    frequency_hz: Annotated[float, Unit("Hz"), Limits(1e-3, 1e6), Fit(), Usual(5.0, 5e3, {"kHz": 1e3, "1/min": 1 / 60})]
+    #: resistance_ohm and inductance_h: R, L [Ω], [H]
+    resistance_ohm: Annotated[float, Unit("Ω"), Limits(1e-6, 1e9), Fit(), Usual(0.5, 1e5, {"kΩ": 1e3, "mΩ": 1e-3})]
+    inductance_h: Annotated[
+        float, Unit("H"), Limits(0.0, 1e6), Fit(up_to=1.0), Usual(1e-5, 50.0, {"mH": 1e-3, "µH": 1e-6})
+    ]
+    force_n_per_a2: Annotated[float, Unit("N/A²"), Limits(1e-9, 1e9), Fit()]  #: Pull at the rest position [N/A²]
+    #: Air gap at rest [m]; None: the pull does not depend on the position
+    gap_m: Annotated[float | None, Unit("m"), Limits(1e-9, 1.0), Fit(), _GAP] = None
+
+    def __post_init__(self) -> None:
+        require_positive(self, "voltage_v", "frequency_hz", "resistance_ohm", "force_n_per_a2", "gap_m")
+        require_not_negative(self, "inductance_h")
+
+
+@dataclass(frozen=True)
+class Probe:
+    """The swinging part: m·z'' + d·z' + c·z = pull − contact force."""
+
+    #: mass_kg, stiffness_n_per_m and damping_ns_per_m: m, c, d [kg], [N/m], [N·s/m]
+    mass_kg: Annotated[float, Unit("kg"), Limits(1e-9, 1e3), Fit(), Usual(1e-4, 1.0, {"g": 1e-3})]
+    stiffness_n_per_m: Annotated[
+        float, Unit("N/m"), Limits(1e-3, 1e13), Fit(), Usual(20.0, 1e7, {"N/mm": 1e3, "N/µm": 1e6})
+    ]
+    damping_ns_per_m: Annotated[float, Unit("N·s/m"), Limits(1e-9, 1e9), Fit()]
+
+    def __post_init__(self) -> None:
+        require_positive(self, "mass_kg", "stiffness_n_per_m", "damping_ns_per_m")
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Tip against workpiece where they overlap by δ > 0: k·δ^p·(1 + λ·δ'), never pulling.
+
+    Hunt and Crossley (1975), J. Appl. Mech. 42(2), 440–445: the damping vanishes with the overlap.
+    """
+
+    stiffness: Annotated[float, Unit("N/m^p"), Limits(1e-3, 1e15), Fit()]  #: k [N/m^p]
+    exponent: Annotated[float, Limits(0.5, 3.0)] = 1.5  #: p: 1.5 for a ball on a flat (Hertz), 1 for a spring
+    damping_s_per_m: Annotated[float, Unit("s/m"), Limits(0.0, 1e6), Fit(up_to=2.0)] = 0.0  #: λ [s/m]
+
+    def __post_init__(self) -> None:
+        require_positive(self, "stiffness", "exponent")
+        require_not_negative(self, "damping_s_per_m")
+        if self.exponent < 1.0:
+            raise InputError(
+                f"{self.exponent:g}: infinitely stiff where it begins",
+                expected="1 or more: 1 for a spring, 1.5 for a ball on a flat",
+                where="exponent",
+                advice="correct this parameter",
+            )
+
+
+@dataclass(frozen=True)
+class Generator:
+    """Coil on a permanent magnet: T_Γ·u' + u = −W·dΦ/dt, Φ = flux_wb·gap/(gap − z)."""
+
+    turns: Annotated[float, Limits(1e-3, 1e7), Fit(), Usual(5.0, 1e5)]  #: W
+    #: flux_wb and gap_m: Flux at rest [Wb]; air gap at rest [m]
+    flux_wb: Annotated[float, Unit("Wb"), Limits(1e-15, 1e3), Fit(), Usual(1e-8, 0.01, {"mWb": 1e-3, "µWb": 1e-6})]
+    gap_m: Annotated[float, Unit("m"), Limits(1e-9, 1.0), Fit(), _GAP]
+    #: T_Γ, of the coil with its load [s]; 0: none
+    time_constant_s: Annotated[float, Unit("s"), Limits(1e-9, 1e4), Fit(), Usual(0.0, 1.0, _SECONDS)] = 0.0
+
+    def __post_init__(self) -> None:
+        require_positive(self, "turns", "flux_wb", "gap_m")
+        require_not_negative(self, "time_constant_s")
+
+
+@dataclass(frozen=True)
+class Smoothing:
+    """Full-wave rectifier and first-order filter: T_Φ·S' + S = |u|."""
+
+    #: T_Φ [s]
+    time_constant_s: Annotated[float, Unit("s"), Limits(1e-9, 1e4), Fit(), Usual(1e-3, 5.0, _SECONDS)]
+
+    def __post_init__(self) -> None:
+        require_positive(self, "time_constant_s")
+
+
+@dataclass(frozen=True)
+class Relay:
+    """Comparison with a threshold, and what follows it: the command stands `delay_s` after the voltage reached it."""
+
+    #: From the comparison to the feed standing still [s]
+    delay_s: Annotated[float, Unit("s"), Limits(1e-9, 1e4), Fit(up_to=0.2), Usual(0.0, 0.5, _SECONDS)] = 0.0
+    #: Standard deviation of noise on the compared voltage, without memory from one value to the next [V]
+    noise_v: Annotated[float, Unit("V"), Limits(0.0, 1e9), Fit(up_to=0.1), Usual(0.0, 1.0, {"mV": 1e-3})] = 0.0
+    #: How long a value of this noise lasts, until the next is drawn: of a relay that samples, its period [s]
+    noise_hold_s: Annotated[float, Unit("s"), Limits(1e-9, 1e4), Fit(), Usual(1e-5, 1.0, _SECONDS)] = 0.01
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "delay_s", "noise_v")
+        require_positive(self, "noise_hold_s")
+
+
+@dataclass(frozen=True)
+class Transducer:
+    """A whole gauge."""
+
+    electromagnet: Electromagnet
+    probe: Probe
+    contact: Contact
+    generator: Generator
+    smoothing: Smoothing
+    relay: Relay = Relay()
+    #: From the tip at rest to a workpiece that is just to size, allowance 0 [m]; an allowance stands nearer by itself
+    rest_gap_m: Annotated[
+        float, Unit("m"), Limits(1e-9, 1.0), Fit(either_sign=1e-3), Usual(0.0, 3e-3, {"µm": 1e-6, "mm": 1e-3})
+    ] = 0.0
+
+    def __post_init__(self) -> None:
+        require_finite(self, "rest_gap_m")
+
+
+@dataclass(frozen=True)
+class LinearGauge:
+    """The gauge as G eq. 20 has it: T_Φ·S' + S = gain·x + bias, for allowances x around `allowance_um`."""
+
+    #: K [V/µm]; negative: less allowance, more stroke
+    gain_v_per_um: Annotated[
+        float,
+        Unit("V/µm"),
+        Limits(1e-12, 1e6),
+        Fit(),
+        Usual(2e-4, 2.0, {"mV/µm": 1e-3, "V/mm": 1e-3, "V/nm": 1e3, "V/m": 1e-6}),
+    ]
+    #: Voltage that belongs to allowance 0 on this line [V]
+    bias_v: Annotated[float, Unit("V"), Limits(0.0, 1e9), Fit(either_sign=1.0)]
+    #: T_Φ [s]
+    time_constant_s: Annotated[float, Unit("s"), Limits(1e-9, 1e4), Fit(), Usual(1e-3, 5.0, _SECONDS)]
+    #: Where the line touches the true characteristic [µm]
+    allowance_um: Annotated[float, Unit("µm"), Limits(0.0, 1e6)] = 0.0
+
+    def __post_init__(self) -> None:
+        require_finite(self, "gain_v_per_um", "bias_v", "allowance_um")
+        require_positive(self, "time_constant_s")
+
+
+FAR_M = 1.0
+"""A workpiece at this distance is out of reach."""
+STEPS_PER_ROUND, STEPS_PER_KNOT = 50_000, 1000
+
+
+def packed(transducer: Transducer, relative_tolerance: float) -> Vector:
+    """Parameters of the compiled swing; the filter is the transducer's own, time 0 a zero crossing of the supply."""
+    if not 0.0 < relative_tolerance <= 1e-2:
+        raise InputError(
+            f"{relative_tolerance:g}",
+            expected="a number above 0, at most 0.01",
+            where="relative_tolerance",
+            advice="leave it out",
+        )
+    magnet, probe, generator = transducer.electromagnet, transducer.probe, transducer.generator
+    p = np.zeros(at.PARAMETERS)
+    mains = 2.0 * math.pi * magnet.frequency_hz
+    reactance = mains * magnet.inductance_h
+    p[at.MAINS], p[at.PHASE] = mains, math.atan2(reactance, magnet.resistance_ohm)
+    p[at.CURRENT] = magnet.voltage_v / math.hypot(magnet.resistance_ohm, reactance)
+    p[at.PULL], p[at.MAGNET] = magnet.force_n_per_a2, 1.0 / magnet.gap_m if magnet.gap_m is not None else 0.0
+    p[at.MASS], p[at.DAMPING], p[at.STIFFNESS] = probe.mass_kg, probe.damping_ns_per_m, probe.stiffness_n_per_m
+    p[at.CONTACT], p[at.EXPONENT] = transducer.contact.stiffness, transducer.contact.exponent
+    p[at.CONTACT_DAMPING] = transducer.contact.damping_s_per_m
+    p[at.INDUCED], p[at.CORE] = generator.turns * generator.flux_wb / generator.gap_m, 1.0 / generator.gap_m
+    p[at.COIL_S] = generator.time_constant_s
+    p[at.RATE], p[at.LEAK] = 1.0 / transducer.smoothing.time_constant_s, 1.0
+    p[at.LONGEST], p[at.ERROR] = round_s(transducer) / 12.0, relative_tolerance
+    push = 0.5 * p[at.PULL] * p[at.CURRENT] ** 2
+    dynamic = math.hypot(p[at.STIFFNESS] - p[at.MASS] * (2 * mains) ** 2, 2 * mains * p[at.DAMPING])
+    swing = push / min(dynamic, p[at.STIFFNESS])
+    volts = p[at.INDUCED] * 2 * mains * swing / math.hypot(1.0, 2 * mains * p[at.COIL_S])
+    p[at.SCALES :] = swing, 2 * mains * swing, volts, volts
+    return p
+
+
+def widen_scales(p: Vector, probe_m: float, probe_m_per_s: float, plane_m: float) -> None:
+    """Errors count against what a start or a workpiece makes of the swing, where that is more than the pull does."""
+    frequency = max(math.sqrt(p[at.STIFFNESS] / p[at.MASS]), 2.0 * p[at.MAINS])
+    swing = max(abs(probe_m), abs(probe_m_per_s) / frequency, -plane_m)
+    p[at.SCALES :] *= max(1.0, swing / p[at.SCALES])
+
+
+def round_s(transducer: Transducer) -> float:
+    """Period of the pull, half of one of the supply [s]."""
+    return 0.5 / transducer.electromagnet.frequency_hz
+
+
+def refusal(ended: int, transducer: Transducer) -> InputError:
+    """Why a swing could not go on."""
+    if ended == at.MAGNET_REACHED:
+        return InputError(
+            "the probe swings across the air gap of the electromagnet"
+            f" ({1e3 * (transducer.electromagnet.gap_m or 0.0):g} mm)",
+            expected="a swing that stays off the core",
+            where="electromagnet.gap_m",
+            advice="widen the gap, stiffen the probe, or lower voltage_v or force_n_per_a2",
+        )
+    if ended == at.CORE_REACHED:
+        return InputError(
+            f"the probe swings across the air gap of the generator ({1e3 * transducer.generator.gap_m:g} mm)",
+            expected="a swing that stays off the core",
+            where="generator.gap_m",
+            advice="widen the gap, stiffen the probe, or lower voltage_v or force_n_per_a2",
+        )
+    return InputError(
+        f"more than {STEPS_PER_ROUND} steps in half a period of the supply",
+        expected="a contact and a generator that a simulation can follow",
+        where="transducer",
+        advice="correct contact.stiffness; give generator.time_constant_s = 0 in place of less than a microsecond",
+    )

@@ -1,0 +1,1 @@
+"""The model file of a thermal machine, and its parameters."""

@@ -1,0 +1,437 @@
+"""What does a thermal model file say: TOML text → checked values, or an error that names the key."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, StrictBool, Tag
+
+from selector.errors import ModelFileError
+from selector.physics.model_text import (
+    MOST_SAMPLES,
+    Bounds,
+    Column,
+    Contradiction,
+    Entry,
+    Key,
+    ModelFamily,
+    Name,
+    NonNegative,
+    Note,
+    Point,
+    Positive,
+    Seed,
+    Share,
+    Signed,
+    bound_contradictions,
+    choice_tag,
+    limited,
+    unknown_name,
+)
+
+MOST_NODES = 300
+"""Nodes of a network. Its exact stepping costs their number cubed."""
+
+MOST_SENSORS = 1000
+"""Thermometers of a model, candidates among them."""
+
+Exponent = Annotated[float, limited(0, 4)]
+Degrees = Annotated[float, limited(-100, 1000)]
+Speed = Annotated[float, limited(1e-3, 1e6)]
+
+
+class Sine(Entry):
+    """A course that swings: mean + amplitude·sin(2π(t − phase)/period); values in the unit of its key."""
+
+    mean: Signed
+    amplitude: Signed
+    period_min: Positive = 1440.0
+    phase_min: Signed = 0.0
+
+
+Step = tuple[Annotated[float, limited(0, 1e9)], Signed]
+Steps = Annotated[tuple[Step, ...], Field(min_length=1, max_length=10_000)]
+
+
+def _course_kind(value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return _STEPS
+    if isinstance(value, Column) or (isinstance(value, Mapping) and ("file" in value or "column" in value)):
+        return _COLUMN
+    return _SINE if isinstance(value, Sine | Mapping) else _NUMBER
+
+
+_NUMBER, _STEPS, _SINE, _COLUMN = (choice_tag(form) for form in ("number", "steps", "sine", "column"))
+
+Course = Annotated[
+    Annotated[Signed, Tag(_NUMBER)]
+    | Annotated[Steps, Tag(_STEPS)]
+    | Annotated[Sine, Tag(_SINE)]
+    | Annotated[Column, Tag(_COLUMN)],
+    Discriminator(_course_kind),
+]
+"""A number that holds for the whole run, steps [from minute, value], a sine, or a column of a file."""
+
+
+class ModelSection(Entry):
+    """``[model]``."""
+
+    kind: Literal["network", "modes", "field"]
+    name: Name
+    note: Note = ""
+
+
+class RunSection(Entry):
+    """``[run]``: how long, how often, how finely, and from which state."""
+
+    duration_min: Annotated[float, limited(0, 1e6, above=True)]
+    period_s: Annotated[float, limited(0, 1e6, above=True)] = 60.0
+    step_s: Annotated[float, limited(0, 1e6, above=True)] = 10.0
+    start_degc: Degrees | None = None
+    seed: Seed = 0
+
+
+class ConditionsSection(Entry):
+    """``[conditions]``: what is done to the machine."""
+
+    spindle_speed_rpm: Course
+    torque_nm: Course = 0.0
+    ambient_degc: Course = 20.0
+    coolant_on: Course = 0.0
+    coolant_degc: Course = 20.0
+    machine_on: Course = 1.0
+
+
+class SpeedOnly(Entry):
+    """``[conditions]`` of thermal modes, which know the spindle speed only."""
+
+    spindle_speed_rpm: Course
+
+
+class InputsSection(Entry):
+    """``[inputs]``: channels of a recording that drives the model, where the role does not tell."""
+
+    spindle_speed: Name | None = None
+    torque: Name | None = None
+    ambient: Name | None = None
+    coolant_on: Name | None = None
+    coolant: Name | None = None
+    machine_on: Name | None = None
+
+
+class Sensor(Entry):
+    """``[[sensors]]``: a thermometer and its faults."""
+
+    name: Name
+    at: Name | None = None
+    place: Name | None = None
+    xyz: Point | None = None
+    lag_s: NonNegative = 0.0
+    noise_k: Annotated[float, limited(0, 100)] = 0.0
+    resolution_k: Annotated[float, limited(0, 100)] = 0.0
+
+
+class Gauge(Entry):
+    """``[[gauges]]``: a displacement gauge and its faults."""
+
+    name: Name
+    of: Name | None = None
+    axis: Name | None = None
+    zeroed: StrictBool = True
+    noise_um: Annotated[float, limited(0, 1e4)] = 0.0
+    resolution_um: Annotated[float, limited(0, 1e4)] = 0.0
+
+
+class Node(Entry):
+    """``[nodes.NAME]``."""
+
+    heat_capacity_j_per_k: Positive
+    place: Name | None = None
+    xyz: Point | None = None
+    expansion_um_per_k: Annotated[dict[Name, Signed], Field(max_length=20)] = Field(default_factory=dict)
+
+
+class Link(Entry):
+    """``[[links]]``."""
+
+    between: Annotated[tuple[Name, Name], Field()]
+    conductance_w_per_k: Positive
+
+
+Heat = Annotated[float, limited(-1e9, 1e9)]
+Softening = Annotated[float, limited(0, 1)]
+
+
+class NodeSource(Entry):
+    """``[sources.NAME]`` of a network: the nodes that the heat goes to, and its law, see `laws.HeatLaw`."""
+
+    shares: Annotated[
+        dict[Name, Annotated[float, limited(0, 1, above=True)]], Field(min_length=1, max_length=MOST_NODES)
+    ]
+    on_w: Heat = 0.0
+    turning_w: NonNegative = 0.0
+    coolant_w: Heat = 0.0
+    speed_w: NonNegative = 0.0
+    reference_rpm: Speed = 1000.0
+    exponent: Exponent = 1.0
+    torque_share: Share = 0.0
+    softening_per_k: Softening = 0.0
+    softening_degc: Degrees = 20.0
+    at: Name | None = None
+
+
+class NodeFilm(Entry):
+    """``[films.NAME]`` of a network: the area of every node that it wets, and its law, see `laws.FilmLaw`."""
+
+    area_m2: Annotated[dict[Name, Positive], Field(min_length=1, max_length=MOST_NODES)]
+    still_w_per_m2_k: NonNegative
+    speed_w_per_m2_k: NonNegative = 0.0
+    reference_rpm: Speed = 1000.0
+    exponent: Exponent = 1.0
+    while_coolant: StrictBool = False
+    fluid: Literal["ambient", "coolant", "fixed"] = "ambient"
+    fixed_degc: Degrees = 20.0
+
+
+class FieldSource(Entry):
+    """``[sources.NAME]`` of the field machine: what is said takes the place of the shipped law, key by key."""
+
+    on_w: Heat | None = None
+    turning_w: NonNegative | None = None
+    coolant_w: Heat | None = None
+    speed_w: NonNegative | None = None
+    reference_rpm: Speed | None = None
+    exponent: Exponent | None = None
+    torque_share: Share | None = None
+    softening_per_k: Softening | None = None
+    softening_degc: Degrees | None = None
+
+
+class FieldFilm(Entry):
+    """``[films.NAME]`` and ``[coolant_films.NAME]`` of the field machine, key by key as `FieldSource`."""
+
+    still_w_per_m2_k: NonNegative | None = None
+    speed_w_per_m2_k: NonNegative | None = None
+    reference_rpm: Speed | None = None
+    exponent: Exponent | None = None
+
+
+class ModesSection(Entry):
+    """``[modes]``: time constants shared by all displacements, steady gains per tested speed and mode."""
+
+    tau_s: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=20)]
+    speed_rpm: Annotated[tuple[Speed, ...], Field(min_length=1, max_length=200)]
+    gains_um: Annotated[
+        dict[Name, Annotated[tuple[tuple[Signed, ...], ...], Field(max_length=200)]], Field(min_length=1, max_length=20)
+    ]
+    exponent: Annotated[float, limited(0, 4, above=True)] = 1.0
+
+
+class FieldSection(Entry):
+    """``[field]``: what is varied on the shipped finite-element machine."""
+
+    physics: Literal["linear", "convection", "everything"] = "everything"
+    refinement: Annotated[float, limited(0.1, 2.0)] = 1.0
+    geometry: Annotated[dict[str, Signed], Field(max_length=100)] = Field(default_factory=dict)
+
+
+class CandidatesSection(Entry):
+    """``[candidates]`` of the field machine: thermometers spread over its surfaces, see `field.sensor_candidates`."""
+
+    spacing_m: Annotated[float, limited(0.03, 10)] = 0.3
+    surfaces: Annotated[tuple[Name, ...], Field(min_length=1, max_length=100)] = (
+        "headstock",
+        "motor",
+        "column",
+        "saddle",
+        "bed",
+    )
+    lag_s: NonNegative = 0.0
+    noise_k: Annotated[float, limited(0, 100)] = 0.0
+    resolution_k: Annotated[float, limited(0, 100)] = 0.0
+
+
+class _Common(Entry):
+    model: ModelSection
+    run: RunSection
+    inputs: InputsSection = InputsSection()
+    gauges: Annotated[tuple[Gauge, ...], Field(max_length=100)] = ()
+    bounds: Bounds = Field(default_factory=dict)
+
+
+class NetworkFile(_Common):
+    """A lumped network of nodes, links, films and sources."""
+
+    conditions: ConditionsSection
+    nodes: Annotated[dict[Name, Node], Field(min_length=1, max_length=MOST_NODES)]
+    links: Annotated[tuple[Link, ...], Field(max_length=20 * MOST_NODES)] = ()
+    films: Annotated[dict[Name, NodeFilm], Field(max_length=MOST_NODES)] = Field(default_factory=dict)
+    sources: Annotated[dict[Name, NodeSource], Field(max_length=MOST_NODES)] = Field(default_factory=dict)
+    sensors: Annotated[tuple[Sensor, ...], Field(max_length=MOST_SENSORS)] = ()
+
+
+class ModesFile(_Common):
+    """Thermal modes: displacements only, no thermometers."""
+
+    conditions: SpeedOnly
+    modes: ModesSection
+
+
+class FieldFile(_Common):
+    """The finite-element machine; its laws may be replaced source by source and film by film."""
+
+    conditions: ConditionsSection
+    field: FieldSection = FieldSection()
+    sources: Annotated[dict[Name, FieldSource], Field(max_length=100)] = Field(default_factory=dict)
+    films: Annotated[dict[Name, FieldFilm], Field(max_length=100)] = Field(default_factory=dict)
+    coolant_films: Annotated[dict[Name, FieldFilm], Field(max_length=100)] = Field(default_factory=dict)
+    sensors: Annotated[tuple[Sensor, ...], Field(max_length=MOST_SENSORS)] = ()
+    candidates: CandidatesSection | None = None
+
+
+ModelFile = NetworkFile | ModesFile | FieldFile
+KINDS: Mapping[str, type[NetworkFile] | type[ModesFile] | type[FieldFile]] = {
+    "network": NetworkFile,
+    "modes": ModesFile,
+    "field": FieldFile,
+}
+
+
+def columns_needed(file: ModelFile) -> dict[str, Column]:
+    """Condition → column of a recording that it is read from."""
+    conditions = file.conditions
+    courses = {name: getattr(conditions, name) for name in type(conditions).model_fields}
+    return {name: course for name, course in courses.items() if isinstance(course, Column)}
+
+
+def require_few_samples(file: ModelFile, duration_s: float, where: str) -> None:
+    """Refuses a run of this length [s] that the sampling and the steps of the file make too long to be held.
+
+    Raises
+    ------
+    ModelFileError
+        It has more than `MOST_SAMPLES` samples or steps.
+    """
+    count = duration_s / min(file.run.period_s, file.run.step_s)
+    if count > MOST_SAMPLES:
+        raise ModelFileError(
+            f"{duration_s / 3600:.6g} h, which make {count:.3g} samples or steps",
+            expected=f"at most {MOST_SAMPLES}",
+            where=where,
+            advice="make run.period_s and run.step_s of the model file larger, or simulate a shorter time",
+        )
+
+
+def contradictions(file: ModelFile) -> Iterator[Contradiction]:
+    """(key, found, expected, advice) of whatever does not fit together in a file whose values are valid one by one."""
+    run = file.run
+    for key in ("period_s", "step_s"):
+        count = run.duration_min * 60.0 / getattr(run, key)
+        if count > MOST_SAMPLES:
+            advice = f"make {key} larger or duration_min shorter"
+            yield ("run", key), f"{count:.3g} samples or steps", f"at most {MOST_SAMPLES}", advice
+    for name in type(file.conditions).model_fields:
+        steps = getattr(file.conditions, name)
+        if isinstance(steps, tuple):
+            starts = [start for start, _ in steps]
+            if starts[0] != 0.0 or any(b <= a for a, b in pairwise(starts)):
+                advice = "begin with [0, …] and sort the steps; one value a time"
+                yield ("conditions", name), f"steps at {starts[:6]} min", "times that begin with 0 and increase", advice
+    if isinstance(file, NetworkFile):
+        yield from _of_network(file)
+    if isinstance(file, ModesFile):
+        yield from _of_modes(file)
+    yield from _of_names(file)
+    yield from bound_contradictions(file.bounds)
+
+
+def _of_network(file: NetworkFile) -> Iterator[Contradiction]:
+    known = list(file.nodes)
+    for number, link in enumerate(file.links):
+        a, b = link.between
+        for node in (a, b):
+            if node not in file.nodes:
+                yield ("links", number, "between"), *unknown_name("node", node, known)
+        if a == b:
+            yield ("links", number, "between"), f"{a!r} twice", "two different nodes", "name both ends of the link"
+    pairs = Counter(frozenset(link.between) for link in file.links)
+    for number, link in enumerate(file.links):
+        if pairs[frozenset(link.between)] > 1:
+            found, advice = f"{' and '.join(link.between)} linked twice", "add the conductances into one link"
+            yield ("links", number, "between"), found, "one link between two nodes", advice
+    for name, film in file.films.items():
+        for node in film.area_m2:
+            if node not in file.nodes:
+                yield ("films", name, "area_m2"), *unknown_name("node", node, known)
+    for name, source in file.sources.items():
+        for node in source.shares:
+            if node not in file.nodes:
+                yield ("sources", name, "shares"), *unknown_name("node", node, known)
+        total = sum(source.shares.values())
+        if abs(total - 1.0) > 1e-6:  # numbers of a few digits add up to 1 far better than this
+            yield ("sources", name, "shares"), f"shares that add up to {total:g}", "1", "share out all of the heat"
+        if source.softening_per_k and source.at is None:
+            advice = 'add at = "NODE", the node whose temperature thins the lubricant'
+            yield ("sources", name, "softening_per_k"), "softening without a place", "a node", advice
+        if source.at is not None and source.at not in file.nodes:
+            yield ("sources", name, "at"), *unknown_name("node", source.at, known)
+    for number, sensor in enumerate(file.sensors):
+        if (sensor.at or sensor.name) not in file.nodes:
+            yield ("sensors", number, "at"), *unknown_name("node", sensor.at or sensor.name, known)
+    displacements = list(dict.fromkeys(d for node in file.nodes.values() for d in node.expansion_um_per_k))
+    yield from _of_gauges(file, displacements)
+
+
+def _of_modes(file: ModesFile) -> Iterator[Contradiction]:
+    modes = file.modes
+    for key, values in (("tau_s", modes.tau_s), ("speed_rpm", modes.speed_rpm)):
+        if any(b <= a for a, b in pairwise(values)):
+            yield ("modes", key), f"{list(values)[:8]}", "numbers that increase", "sort them; each once"
+    for name, rows in modes.gains_um.items():
+        shape = [len(row) for row in rows]
+        if len(rows) != len(modes.speed_rpm) or set(shape) != {len(modes.tau_s)}:
+            found = f"{len(rows)} rows of {sorted(set(shape))} gains"
+            expected = f"{len(modes.speed_rpm)} rows (one a speed) of {len(modes.tau_s)} gains (one a mode)"
+            yield ("modes", "gains_um", name), found, expected, "give one row for each speed of speed_rpm"
+    yield from _of_gauges(file, list(modes.gains_um))
+
+
+def _of_gauges(file: ModelFile, displacements: list[str]) -> Iterator[Contradiction]:
+    for number, gauge in enumerate(file.gauges):
+        if (gauge.of or gauge.name) not in displacements:
+            yield ("gauges", number, "of"), *unknown_name("displacement", gauge.of or gauge.name, displacements)
+
+
+def _of_names(file: ModelFile) -> Iterator[Contradiction]:
+    entries: list[tuple[Key, str]] = []
+    if not isinstance(file, ModesFile):
+        entries += [(("sensors", number, "name"), sensor.name) for number, sensor in enumerate(file.sensors)]
+    entries += [(("gauges", number, "name"), gauge.name) for number, gauge in enumerate(file.gauges)]
+    taken = set(RECORDED_CONDITIONS)
+    for key, name in entries:
+        if name in taken:
+            yield key, f"a second channel called {name!r}", "a name for each channel", "give it another name"
+        taken.add(name)
+
+
+RECORDED_CONDITIONS = ("time_s", "spindle_speed", "ambient", "torque", "coolant_on", "coolant", "machine_on")
+"""Names of the channels that hold the conditions of a simulation; sensors and gauges have others."""
+
+FAMILY: ModelFamily[ModelFile] = ModelFamily(
+    "thermal", KINDS, contradictions, page="docs/reference/thermal-model.md", examples="fixtures/thermal"
+)
+read_model_file = FAMILY.read
+"""The model file at a path, see `ModelFamily.read`."""
+
+
+def parsed_model_file(text: str, *, where: str = "model file") -> ModelFile:
+    """The model file with this content, see `ModelFamily.parsed`."""
+    return FAMILY.parsed(text, where=where)
+
+
+def checked_model_file(values: Mapping[str, Any], *, where: str = "model file") -> ModelFile:
+    """The model file with these sections as plain values, see `ModelFamily.checked`."""
+    return FAMILY.checked(values, where=where)

@@ -1,0 +1,172 @@
+"""A machine that warms as a kind of simulation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from selector.errors import ModelFileError, OptionError
+from selector.physics.simulation_kind import (
+    Columns,
+    DutyCycle,
+    Option,
+    RunSettings,
+    Simulated,
+    SimulationKind,
+)
+
+if TYPE_CHECKING:
+    from selector.findings import Finding
+    from selector.physics.model_text import ModelFamily
+    from selector.recording import Recording
+
+
+class ThermalKind(SimulationKind):
+    """A network, thermal modes, or the field machine."""
+
+    name = "thermal"
+    file_kinds = ("network", "modes", "field")
+    about = """Simulates how a machine warms and moves, and writes a recording of it.
+
+    Beside RUN.csv stands RUN.machine.toml, for --machine of the other commands. With --inputs the model is driven by
+    recorded runs at their own time stamps; --out is a folder then, which receives one file a run and machine.toml and
+    can be compared with the recordings. Without --seed such simulations have no noise.
+    """
+    model_help = "Model file of a network, of thermal modes, or of the field machine."
+    report_help = "Also write a page: courses, heat balance, the field machine's picture."
+    seed_help = "Of the instruments' noise. Default: that of the model file; none with --inputs."
+    options = (
+        Option(
+            "cycle",
+            DutyCycle,
+            "CYCLE.csv",
+            "Duty cycle (time_s, spindle_speed) instead of the speeds of the model file; its last row is the end.",
+        ),
+        Option(
+            "picture_at_min",
+            float,
+            "MIN",
+            "When the picture of a field machine is taken. Default: at the largest displacement.",
+        ),
+    )
+    column_section = "conditions."
+
+    def family(self) -> ModelFamily[Any]:
+        """How its model files are read."""
+        from selector.physics.thermal.file.model_file import FAMILY
+
+        return FAMILY
+
+    def columns_needed(self, file: Any) -> Mapping[str, Any]:
+        """Columns of conditions."""
+        from selector.physics.thermal.file.model_file import columns_needed
+
+        return columns_needed(file)
+
+    def column_roles(self) -> Mapping[str, str]:
+        """Roles of these columns."""
+        return {"spindle_speed_rpm": "spindle_speed", "ambient_degc": "ambient", "coolant_degc": "temperature"}
+
+    def model(self, file: Any, columns: Columns) -> Any:
+        """The machine."""
+        from selector.physics.thermal.thermal_model import thermal_model
+
+        return thermal_model(file)
+
+    def require_options(self, file: Any, asked: Mapping[str, Any], *, driven: bool, report: bool) -> None:
+        """Pictures are of field machines, in a report; a duty cycle and recordings both say the speed."""
+        picture_at_min = asked.get("picture_at_min")
+        if picture_at_min is not None and (not report or file.model.kind != "field"):
+            what = "without --report" if not report else f"for a model of the kind {file.model.kind}"
+            raise OptionError(
+                f"--picture-at-min {what}",
+                expected="a field machine and a report that shows it",
+                where="--picture-at-min",
+                advice="leave --picture-at-min out" if report else "add --report REPORT.html",
+            )
+        if picture_at_min is not None and not (math.isfinite(picture_at_min) and picture_at_min >= 0):
+            raise OptionError(
+                f"{picture_at_min:g}",
+                expected="minutes from the start of the run, 0 or more",
+                where="--picture-at-min",
+                advice="e.g. --picture-at-min 120",
+            )
+        if asked.get("cycle") is not None and driven:
+            raise OptionError(
+                "--cycle and --inputs together",
+                expected="one of them: both say the spindle speed",
+                where="command line",
+                advice="leave one out",
+            )
+
+    def findings_before(self, model: Any) -> tuple[Finding, ...]:
+        """Numbers that no machine has."""
+        from selector.physics.thermal.file.parameters import model_findings
+
+        return tuple(model_findings(model.file))
+
+    def planned(self, model: Any, run: str, how: RunSettings) -> Simulated:
+        """The conditions that the file describes, or a duty cycle."""
+        from selector.physics.thermal.file.model_file import require_few_samples
+        from selector.physics.thermal.modes.cyclogram import Cyclogram
+        from selector.physics.thermal.schedule import scheduled
+        from selector.physics.thermal.thermal_model import simulation_findings
+
+        settings, cycle, cyclogram = model.file.run, how.asked.get("cycle"), None
+        duration_s = settings.duration_min * 60.0
+        if cycle is not None:
+            # a single row holds for the duration of the file
+            ends = len(cycle.time_s) - 1 or None
+            last_s = duration_s if ends is None else float(cycle.time_s[-1])
+            cyclogram = Cyclogram(cycle.time_s[:ends], cycle.speed_rpm[:ends], last_s)
+            duration_s = cyclogram.end_s
+            require_few_samples(model.file, duration_s, f"the duty cycle {cycle.path}")
+        if duration_s < settings.period_s:
+            raise ModelFileError(
+                f"a run of {duration_s:g} s with a sample every {settings.period_s:g} s",
+                expected="a run of one period or more",
+                where="key run.duration_min" if cycle is None else f"{cycle.path}, with key run.period_s",
+                advice="make run.duration_min larger or run.period_s smaller",
+            )
+        conditions = scheduled(
+            model.file.conditions, how.columns, duration_s=duration_s, period_s=settings.period_s, cyclogram=cyclogram
+        )
+        made = model.simulate(conditions, run=run, seed=how.seed)
+        return self._simulated(model, made, tuple(simulation_findings(made)), lambda _: conditions)
+
+    def driven(self, model: Any, recording: Recording, how: RunSettings) -> Simulated:
+        """The machine under recorded conditions; what was not recorded is as the file says."""
+        from selector.physics.thermal.driving import driven_runs
+        from selector.physics.thermal.schedule import driven, scheduled
+
+        file = model.file
+        longest_s = max(float(recording.time_s(run)[-1]) for run in recording.runs)
+        otherwise = scheduled(
+            file.conditions,
+            how.columns,
+            duration_s=max(file.run.duration_min * 60.0, longest_s),
+            period_s=file.run.period_s,
+        )
+        made, findings = driven_runs(
+            model, recording, inputs=file.inputs, otherwise=otherwise, seed=how.seed, progress=how.progress
+        )
+        return self._simulated(
+            model, made, tuple(findings), lambda run: driven(recording, run, file.inputs, otherwise).conditions, ()
+        )
+
+    def _simulated(
+        self, model: Any, made: Recording, findings: Any, conditions: Any, differences: Any = None
+    ) -> Simulated:
+        """`details` gives the conditions of a run."""
+        balances = made.provenance["runs"]
+        return Simulated(
+            model,
+            made,
+            findings,
+            conditions,
+            # the outputs of the model stand last
+            made.names[: len(made.names) - len(model.outputs)],
+            differences,
+            {run: {"balance": balances.get(run) or None} for run in made.runs},
+        )

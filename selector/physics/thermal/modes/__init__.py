@@ -1,0 +1,1 @@
+"""Thermal modes: what they are, and which of them the tests support."""

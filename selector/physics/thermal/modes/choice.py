@@ -1,0 +1,391 @@
+"""How many thermal modes the tests support, and which law of the speed predicts what they do not show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+from threadpoolctl import threadpool_limits
+
+from selector.findings import Finding
+from selector.physics.thermal.modes.findings import choice_findings
+from selector.physics.thermal.modes.fit import (
+    USUAL_EXPONENT,
+    Fit,
+    Law,
+    ModeSpec,
+    block_weights,
+    grown,
+    searched,
+    solved,
+    with_film,
+)
+from selector.physics.thermal.modes.heldout import held_out_um, resemblance, run_folds, tau_intervals, time_folds
+from selector.physics.thermal.modes.modes import ModalModel
+from selector.physics.thermal.modes.thermal_test import ModeData, ThermalTest, mode_data
+from selector.types import Vector
+
+Rows = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class SpeedFold:
+    """Runs that are left out together: those that mainly ran at this level."""
+
+    level_rpm: float  #: The level [r/min]
+    fold: Rows  #: (n_blocks,): Blocks of these runs
+
+
+def speed_folds(data: ModeData) -> list[SpeedFold]:
+    """Left-out levels below the fastest (nobody asks beyond it), as far as other runs remain that turn."""
+    levels = np.array(data.levels_rpm)
+    length_s = data.before_s + data.after_s
+    main: dict[int, list[int]] = {}
+    for run, (begin, end) in enumerate(data.bounds):
+        turning = data.speed_rpm[begin:end] > 0.01 * data.fastest_rpm
+        if turning.any():
+            nearest = np.abs(data.speed_rpm[begin:end, None] - levels).argmin(axis=1)[turning]
+            time_s = np.bincount(nearest, length_s[begin:end][turning], minlength=len(levels))
+            main.setdefault(int(np.argmax(time_s)), []).append(run)
+    if len(main) < 2:
+        return []
+    return [
+        SpeedFold(float(levels[level]), run_folds(data, [runs])[0])
+        for level, runs in sorted(main.items())
+        if level < len(levels) - 1
+    ]
+
+
+def law_errors(fit: Fit, data: ModeData, folds: list[SpeedFold]) -> Vector:
+    """Root mean square error [µm] at left-out speeds, shape (n_folds, n_responses)."""
+    if fit.spec.law_kind != "levels":
+        return held_out_um(fit, data, [one.fold for one in folds], own_zeros=True)
+    errors = np.zeros((len(folds), fit.weights.shape[1]))
+    for i, one in enumerate(folds):
+        # the factor at a left-out level is unknown: it must come from the levels beside it
+        kept = tuple(level for level in data.levels_rpm if level != one.level_rpm)
+        without = replace(data, levels_rpm=kept)
+        there = fit.weights * ~one.fold[:, None]
+        left_out = solved(fit.spec, without, fit.theta, there).left_out_um
+        for r in range(errors.shape[1]):
+            total = samples = 0.0
+            for begin, end in data.bounds:
+                if one.fold[begin]:
+                    count = np.where(fit.weights[begin:end, r] > 0, data.counts[begin:end, r], 0.0)
+                    own = left_out[begin:end, r]
+                    own = own - (own @ count) / max(count.sum(), 1.0)
+                    total, samples = total + float(count @ own**2), samples + float(count.sum())
+            errors[i, r] = np.sqrt(total / max(samples, 1.0))
+    return errors
+
+
+def with_law(fit: Fit, data: ModeData, law_kind: Law) -> Fit:
+    """The fit with another law, searched from its time constants and film."""
+    modes, old = fit.spec.n_modes, fit.spec
+    exponent = float(fit.theta[modes]) if old.n_powers else USUAL_EXPONENT[0]
+    spec = replace(old, law_kind=law_kind, level_exponent=exponent if law_kind == "levels" else old.level_exponent)
+    powers = np.full(spec.n_powers, exponent)
+    start = np.r_[fit.theta[:modes], powers, fit.theta[modes + old.n_powers :]]
+    return searched(spec, data, start, fit.weights)
+
+
+def law_candidates(fit: Fit, data: ModeData) -> list[tuple[Fit, Vector]]:
+    """Fits with every law that the tests can tell apart, simplest first, with their errors at left-out speeds.
+
+    With tests at two levels, or none that can be left out, the errors are those of left-out stretches of time.
+    """
+    folds = speed_folds(data)
+    several = len(data.levels_rpm) > 2
+    turning = fit.spec.law_kind in ("turning", "turning-powers")
+    kinds: list[Law] = ["power"]
+    if len(data.levels_rpm) > 1:
+        kinds.append("powers")
+    if several and turning:
+        kinds += ["turning", "turning-powers"]
+    if several and not turning and fit.spec.film == "none" and fit.spec.n_modes > 1:
+        kinds.append("mode-powers")
+    if several:
+        kinds.append("levels")
+    found = []
+    for kind in kinds:
+        one = fit if kind == fit.spec.law_kind else with_law(fit, data, kind)
+        errors = law_errors(one, data, folds) if folds else held_out_um(one, data, time_folds(data), own_zeros=False)
+        found.append((one, errors))
+    return found
+
+
+MOST_MODES = 7
+MOST_WITH_FILM = 5
+NO_WORSE = 0.01
+"""Mean squared errors that differ by less than this share are the same."""
+TURNING = 0.1
+"""Heat that does not depend on the speed while the spindle turns is believed where it lowers the logarithm of the error
+at left-out speeds by this much: below the slowest tested speed it makes a large difference that no test shows."""
+CERTAIN = 0.999
+"""Probability with which chance must not explain what a mode adds."""
+FAR_AHEAD = 0.3
+"""A film this much better in the logarithm of the error is not the law of the speed in disguise."""
+WORTH_A_GUESS = 0.2
+"""Time constants longer than the runs are accepted where they improve the logarithm of the error by this much."""
+WARM_START = 3.0
+"""A run whose residuals are this much larger than the others', and become this much smaller with a start of its own,
+did not begin at rest and cold."""
+WARM_GAIN = 0.1
+"""Starts of their own are believed where they lower the logarithm of the held-out error by this much."""
+
+
+@dataclass(frozen=True)
+class ModalFit:
+    """Thermal modes with what is known of their certainty."""
+
+    model: ModalModel  #: What was found
+    #: tau_low_s and tau_high_s: (n_modes,): 95 % confidence intervals of the time constants [s]; NaN where the tests
+    #: set no bound
+    tau_low_s: Vector
+    tau_high_s: Vector
+    #: (n_responses,): Root mean square of the block residuals [µm], each block counting as its samples
+    residual_um: Vector
+    #: (n_responses,): The same on what was left out: speeds where runs at others remain, else stretches of time
+    heldout_um: Vector | None
+    warm: tuple[str, ...]  #: Runs that do not begin at rest and cold
+    with_hall: bool  #: Whether the hall temperature drives the same modes
+    #: Modes, film, and error on left-out stretches relative to the best, of everything that was tried
+    candidates: tuple[tuple[int, str, float], ...]
+    findings: tuple[Finding, ...]  #: What a user should know
+
+
+def choose_modes(tests: Sequence[ThermalTest], responses: Sequence[str]) -> ModalFit:
+    """The simplest modes whose error on what was left out is within noise of the best.
+
+    Tried are 1 to 7 modes with constant time constants, and 1 to 5 with a film that grows with the speed, by their
+    error on stretches of time that are left out; then the laws of the speed, by their error on left-out speeds.
+    The zero of every run is free. Runs begin at rest and cold, but for those in which the spindle never turns, and
+    those that nothing else explains (a finding says so). A recorded hall temperature drives the same modes where that
+    lowers the error on left-out stretches; predictions are for a constant hall.
+
+    Raises
+    ------
+    InputError
+        If the tests cannot be used: none, none that turns, too few samples.
+    """
+    with threadpool_limits(1, "blas"):  # thousands of small matrices: threads would only wait for each other
+        return _chosen(tests, responses)
+
+
+def _chosen(tests: Sequence[ThermalTest], responses: Sequence[str]) -> ModalFit:
+    data = mode_data(tests)
+    _check_responses(data, responses)
+    spec = ModeSpec(1, _sweep_law(data), free_starts=_idle_runs(data))
+    spec = replace(spec, with_hall=_hall_drives(spec, data))
+    tried, best = _swept(spec, data)
+    # a start that is not at rest hides behind slow modes and films: it is looked for before these are there too
+    warm = {*_warm_runs(_plain(spec, data), data), *_warm_runs(best, data)}
+    if warm:
+        freed = replace(spec, free_starts=tuple(sorted({*spec.free_starts, *warm})))
+        freed_tried, freed_best = _swept(freed, data)
+        if float(np.log(_scores(freed_best, data) / _scores(best, data)).mean()) < -WARM_GAIN:
+            spec, tried, best = freed, freed_tried, freed_best
+    final = searched(best.spec, data, best.theta, block_weights(data, best))
+    laws = law_candidates(final, data)
+    final = laws[_simplest([errors for _, errors in laws])][0]
+    return _finished(tests, responses, data, final, tried)
+
+
+def _plain(spec: ModeSpec, data: ModeData) -> Fit:
+    """Three modes without a film: a first look."""
+    weights = block_weights(data)
+    fit: Fit | None = None
+    for k in (1, 2, 3):
+        fit = grown(fit, replace(spec, n_modes=k), data, weights)
+    assert fit is not None
+    return fit
+
+
+def _sweep_law(data: ModeData) -> Law:
+    """Two powers, or with them what runs while the spindle turns, where they describe the levels as free gains do.
+
+    Laws are compared by their error at left-out speeds, each without or with a film, whichever is better: a film that
+    is missing would be taken for the law.
+    """
+    if len(data.levels_rpm) < 2:
+        return "power"
+    fit = _plain(ModeSpec(1, "powers", free_starts=_idle_runs(data)), data)
+    free = with_law(fit, data, "levels")
+    folds = speed_folds(data)
+    if not folds:
+        return "powers" if fit.cost < 1.1 * free.cost else "levels"
+    kinds: tuple[Law, ...] = ("powers", "turning", "turning-powers") if len(data.levels_rpm) > 2 else ("powers",)
+    filmed = with_film(fit, data)
+    errors, costs = {}, {}
+    for kind in kinds:
+        both = [with_law(one, data, kind) for one in (fit, filmed)]
+        errors[kind] = min(float(np.log(law_errors(one, data, folds)).mean()) for one in both)
+        costs[kind] = min(one.cost for one in both)
+    law = min(kinds, key=lambda one: errors[one] - (TURNING if one == "powers" else 0.0))
+    better = float(np.log(law_errors(free, data, folds)).mean()) < errors[law] - 0.1
+    return "levels" if better or costs[law] > 3.0 * free.cost else law
+
+
+def _swept(spec: ModeSpec, data: ModeData) -> tuple[list[tuple[Fit, Vector]], Fit]:
+    """All numbers of modes without and with a film, each with its held-out errors; and the simplest good one."""
+    weights = block_weights(data)
+    tried: list[tuple[Fit, Vector]] = []
+    plain: Fit | None = None
+    film: Fit | None = None
+    for k in range(1, MOST_MODES + 1):
+        plain = grown(plain, replace(spec, n_modes=k), data, weights)
+        tried.append((plain, _scores(plain, data)))
+        # before a film is believed in, gains that follow no simple law must have had their chance
+        for other in _OTHER_LAWS if _laws_open(tried, data, spec) else ():
+            one = with_law(plain, data, other)
+            tried.append((one, _scores(one, data)))
+        if k <= MOST_WITH_FILM and _worth_a_film(tried, k):
+            film = with_film(plain, data, film)
+            tried.append((film, _scores(film, data)))
+        elif _no_gain([scores for fit, scores in tried if fit.spec == replace(spec, n_modes=fit.spec.n_modes)]):
+            break
+    tried.sort(key=_complexity)
+    best = tried[_simplest([scores for _, scores in tried])]
+    # a mode slower than the longest run is a straight line there, and anything beyond it
+    seen = [one for one in tried if float(one[0].tau_s.max()) <= data.longest_s]
+    if seen:
+        bounded = seen[_simplest([scores for _, scores in seen])]
+        if float(np.log(bounded[1] / best[1]).mean()) < WORTH_A_GUESS:
+            best = bounded
+    return tried, _without_chance(best[0], tried, data)
+
+
+def _without_chance(fit: Fit, tried: list[tuple[Fit, Vector]], data: ModeData) -> Fit:
+    """The fit less its last modes, as long as chance alone lowers the sum of squares as much as the last one did."""
+    for simpler, _ in sorted(tried, key=lambda one: -one[0].spec.n_modes):
+        spec = simpler.spec
+        if (spec.n_modes, spec.film, spec.law_kind) == (fit.spec.n_modes - 1, fit.spec.film, fit.spec.law_kind):
+            added = fit.spec.n_searched - spec.n_searched
+            added += fit.solution.coefficients.size - simpler.solution.coefficients.size
+            variance = fit.cost / max(int((fit.weights > 0).sum()), 1) * resemblance(fit, data)
+            if simpler.cost - fit.cost > variance * float(chi2.ppf(CERTAIN, added)):
+                break
+            fit = simpler
+    return fit
+
+
+_OTHER_LAWS: tuple[Law, ...] = ("mode-powers", "levels")
+
+
+def _complexity(candidate: tuple[Fit, Vector]) -> tuple[bool, int, bool]:
+    spec = candidate[0].spec
+    return spec.film == "growing", spec.n_modes, spec.law_kind in _OTHER_LAWS
+
+
+def _laws_open(tried: list[tuple[Fit, Vector]], data: ModeData, spec: ModeSpec) -> bool:
+    """Whether other laws can be told apart, and a film is not far ahead of all of them."""
+    films = [float(np.log(scores).mean()) for fit, scores in tried if fit.spec.film == "growing"]
+    plains = [float(np.log(scores).mean()) for fit, scores in tried if fit.spec.film == "none"]
+    ahead = bool(films) and min(films) < min(plains) - FAR_AHEAD
+    return len(data.levels_rpm) > 2 and spec.law_kind == "powers" and len(films) < MOST_WITH_FILM and not ahead
+
+
+def _no_gain(scores: Sequence[Vector]) -> bool:
+    """Whether the last two modes did not lower the error."""
+    means = [float(np.log(one).mean()) for one in scores]
+    return len(means) > 2 and min(means[-2:]) > min(means[:-2]) - 0.5 * NO_WORSE
+
+
+def _worth_a_film(tried: list[tuple[Fit, Vector]], k: int) -> bool:
+    """Up to two modes always; beyond, if it was better for one mode less."""
+    if k <= 2:
+        return True
+    before = [(fit.spec, float(np.log(scores).mean())) for fit, scores in tried if fit.spec.n_modes == k - 1]
+    films = [error for spec, error in before if spec.film == "growing"]
+    plains = [error for spec, error in before if spec.film == "none"]
+    return bool(films) and min(films) < min(plains) - NO_WORSE
+
+
+def _scores(fit: Fit, data: ModeData) -> Vector:
+    return 1e-9 + held_out_um(fit, data, time_folds(data), own_zeros=False)
+
+
+def _simplest(errors: Sequence[Vector]) -> int:
+    """First candidate whose squared errors are within noise of the best; they are in order of simplicity."""
+    logs = [2.0 * np.log(np.maximum(one, 1e-12)) for one in errors]
+    best = int(np.argmin([one.mean() for one in logs]))
+    for i, one in enumerate(logs):
+        # the median over responses would hide the one that needs the mode; the mean does not
+        difference = (one - logs[best]).mean(axis=1)
+        spread = float(difference.std(ddof=1) / np.sqrt(len(difference))) if len(difference) > 1 else 0.0
+        if float(difference.mean()) <= max(NO_WORSE, min(2.0 * spread, 10 * NO_WORSE)):
+            return i
+    return best
+
+
+def _idle_runs(data: ModeData) -> tuple[int, ...]:
+    """Runs in which the spindle never turns: whatever they show began before them."""
+    return tuple(
+        run
+        for run, (begin, end) in enumerate(data.bounds)
+        if (data.speed_rpm[begin:end] < 0.01 * data.fastest_rpm).all()
+    )
+
+
+def _warm_runs(fit: Fit, data: ModeData) -> tuple[int, ...]:
+    """Runs that only a start of their own explains."""
+    runs = range(len(data.bounds))
+
+    def misfits(one: Fit) -> Vector:
+        return np.array([float((one.solution.residual[b:e] ** 2).mean()) for b, e in data.bounds])
+
+    before = misfits(fit)
+    out = []
+    for run in runs:
+        others = [before[other] for other in runs if other != run]
+        if run in fit.spec.free_starts or not others or before[run] < WARM_START * max(float(np.median(others)), 1.0):
+            continue
+        spec = replace(fit.spec, free_starts=tuple(sorted((*fit.spec.free_starts, run))))
+        if before[run] > WARM_START * misfits(searched(spec, data, fit.theta, fit.weights))[run]:
+            out.append(run)
+    return tuple(out)
+
+
+def _hall_drives(spec: ModeSpec, data: ModeData) -> bool:
+    """Whether the hall temperature moves, and as a further input lowers the error on left-out stretches."""
+    if data.ambient_k is None or float(np.ptp(data.ambient_k)) < 0.1:
+        return False
+    fit = _plain(spec, data)
+    driven = searched(replace(fit.spec, with_hall=True), data, fit.theta, fit.weights)
+    difference = 2.0 * np.log(_scores(driven, data) / _scores(fit, data)).mean(axis=1)
+    return float(difference.mean()) < -max(NO_WORSE, 2.0 * float(difference.std(ddof=1)) / np.sqrt(len(difference)))
+
+
+def _check_responses(data: ModeData, responses: Sequence[str]) -> None:
+    if data.counts.shape[1] != len(responses):
+        raise ValueError(f"{len(responses)} responses for {data.counts.shape[1]} columns of displacements")
+
+
+def _finished(
+    tests: Sequence[ThermalTest], responses: Sequence[str], data: ModeData, fit: Fit, tried: list[tuple[Fit, Vector]]
+) -> ModalFit:
+    order = np.argsort(fit.tau_s)
+    intervals = tau_intervals(fit, data)
+    folds = speed_folds(data)
+    errors = law_errors(fit, data, folds) if folds else _scores(fit, data)
+    heldout = np.sqrt(np.mean(errors**2, axis=0))
+    best = min(float(np.log(scores).mean()) for _, scores in tried)
+    candidates = tuple(
+        (one.spec.n_modes, one.spec.film, float(np.exp(np.log(scores).mean() - best))) for one, scores in tried
+    )
+    squares = data.counts * fit.solution.left_out_um**2
+    low, high = intervals.low_s[order], intervals.high_s[order]
+    return ModalFit(
+        model=fit.model(data, responses),
+        tau_low_s=low,
+        tau_high_s=high,
+        residual_um=np.sqrt(squares.sum(axis=0) / data.counts.sum(axis=0)),
+        heldout_um=heldout,
+        warm=tuple(tests[run].run for run in fit.spec.free_starts),
+        with_hall=fit.spec.with_hall,
+        candidates=candidates,
+        findings=tuple(choice_findings(tests, data, fit, tried, low, high, heldout, responses)),
+    )

@@ -1,0 +1,218 @@
+"""How far a fit of modes can be trusted: its error on left-out parts, and intervals of its time constants."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from selector.physics.thermal.modes.fit import STEP, Fit, columns, expectations, limits, searched
+from selector.physics.thermal.modes.thermal_test import ModeData
+from selector.types import Vector
+
+Rows = NDArray[np.bool_]
+FIRMEST = 1e-4
+"""What is left of a direction in which only the part left out had a say; smaller is as good as unknown."""
+
+
+def jacobian(fit: Fit, data: ModeData, *, own_zeros: bool) -> Vector:
+    """Derivative of the weighted prediction, rows block by block within response by response.
+
+    Columns: searched parameters, then coefficients, then zeros and starts of the runs. With `own_zeros` these last are
+    eliminated instead, so that a run left out as a whole may still choose its zero.
+    """
+    spec, theta, weights = fit.spec, fit.theta, fit.weights
+    states, left = columns(spec, data, theta)
+    design = states.reshape(len(states), -1)
+    solution = fit.solution.coefficients
+    searched = []
+    for i in range(len(theta)):
+        moved = theta.copy()
+        moved[i] += STEP
+        change = columns(spec, data, moved)[0].reshape(len(states), -1) - design
+        searched.append((change @ solution) / STEP)
+    nuisances = _nuisances(fit, data, left)
+    pieces = []
+    for r in range(weights.shape[1]):
+        block = np.column_stack([np.column_stack([one[:, r] for one in searched]), design]) * weights[:, r : r + 1]
+        zeros = nuisances * weights[:, r : r + 1]
+        if own_zeros:
+            basis = np.linalg.qr(zeros)[0]
+            block = block - basis @ (basis.T @ block)
+            zeros = zeros[:, :0]
+        own = np.column_stack([block[:, len(theta) :], zeros])
+        full = np.zeros((len(states), len(theta) + weights.shape[1] * own.shape[1]))
+        full[:, : len(theta)] = block[:, : len(theta)]
+        begin = len(theta) + r * own.shape[1]
+        full[:, begin : begin + own.shape[1]] = own
+        pieces.append(full)
+    return np.vstack(pieces)
+
+
+def _nuisances(fit: Fit, data: ModeData, left: Vector) -> Vector:
+    parts = []
+    for run, (begin, end) in enumerate(data.bounds):
+        here = np.zeros((len(left), 1))
+        here[begin:end] = 1.0
+        parts.append(here)
+        if run in fit.spec.free_starts:
+            parts.append(here * left)
+    return np.column_stack(parts)
+
+
+def expected_rows(fit: Fit, width: int) -> Vector:
+    """Derivative of what is known without the tests, shape (n_rows, width), for a `jacobian` of that many columns."""
+    moves = []
+    for i in range(len(fit.theta)):
+        moved = fit.theta.copy()
+        moved[i] += STEP
+        moves.append((expectations(fit.spec, moved) - expectations(fit.spec, fit.theta)) / STEP)
+    usual = np.zeros((len(moves[0]), width))
+    usual[:, : len(moves)] = np.column_stack(moves)
+    n_columns, n_responses = fit.solution.coefficients.shape
+    own = (width - len(moves)) // n_responses
+    shrunk = np.zeros((n_responses * n_columns, width))
+    for r in range(n_responses):
+        rows = np.arange(n_columns)
+        shrunk[r * n_columns + rows, len(moves) + r * own + rows] = fit.solution.shrinkage[r]
+    return np.vstack([usual, shrunk])
+
+
+def held_out_um(fit: Fit, data: ModeData, folds: Sequence[Rows], *, own_zeros: bool) -> Vector:
+    """Root mean square error [µm] of every fold and response, shape (n_folds, n_responses).
+
+    For a linear fit with orthonormal columns Q, the error on the rows f when they are left out is
+    r_f + Q_f (I − Q_fᵀ Q_f)⁻¹ Q_fᵀ r_f, exactly; a fit of modes is nearly linear around its optimum.
+    """
+    derivative = jacobian(fit, data, own_zeros=own_zeros)
+    rows = np.vstack([derivative, expected_rows(fit, derivative.shape[1])])
+    size = np.sqrt((rows**2).sum(axis=0))
+    size[size == 0.0] = 1.0
+    q = np.linalg.qr(np.vstack([rows / size, 1e-7 * np.eye(rows.shape[1])]))[0]
+    n_blocks, n_responses = fit.weights.shape
+    residual = fit.solution.residual.T.ravel()
+    out = np.full((len(folds), n_responses), np.nan)
+    for number, fold in enumerate(folds):
+        part = np.tile(fold, n_responses) & (fit.weights.T.ravel() > 0)
+        mine = q[: len(residual)][part]
+        value, vector = np.linalg.eigh(np.eye(q.shape[1]) - mine.T @ mine)
+        push = vector @ ((vector.T @ (mine.T @ residual[part])) / np.maximum(value, FIRMEST))
+        error = np.zeros(len(residual))
+        error[part] = residual[part] + mine @ push
+        for r in range(n_responses):
+            w = fit.weights[:, r]
+            keep = fold & (w > 0)
+            if keep.any():
+                e = error[r * n_blocks : (r + 1) * n_blocks][keep] / w[keep]
+                samples = data.counts[keep, r]
+                out[number, r] = np.sqrt((samples * e**2).sum() / samples.sum())
+    return out
+
+
+def time_folds(data: ModeData, n_folds: int = 5, n_pieces: int = 4) -> list[Rows]:
+    """Every run is cut into n_folds·n_pieces stretches of equally many blocks; fold f has each n_folds-th of them."""
+    folds = [np.zeros(len(data.before_s), dtype=np.bool_) for _ in range(n_folds)]
+    for begin, end in data.bounds:
+        piece = (np.arange(end - begin) * n_folds * n_pieces) // (end - begin)
+        for f in range(n_folds):
+            folds[f][begin:end] = piece % n_folds == f
+    return folds
+
+
+def run_folds(data: ModeData, runs: Sequence[Sequence[int]]) -> list[Rows]:
+    """One fold for every group of runs."""
+    folds = []
+    for group in runs:
+        fold = np.zeros(len(data.before_s), dtype=np.bool_)
+        for run in group:
+            begin, end = data.bounds[run]
+            fold[begin:end] = True
+        folds.append(fold)
+    return folds
+
+
+CONFIDENCE = 0.95
+LOOSE = 1.2
+"""A standard error of log τ above this is not followed: the interval spans more than a factor of 100."""
+
+
+@dataclass(frozen=True)
+class Intervals:
+    """Confidence intervals of the time constants."""
+
+    #: low_s and high_s: (n_modes,): Bounds [s] in the order of the fit; NaN where the tests set none
+    low_s: Vector
+    high_s: Vector
+    resemblance: float  #: Factor by which neighbouring residuals that resemble each other widen the variance
+
+
+def resemblance(fit: Fit, data: ModeData) -> float:
+    """1 + 2 Σ ρ_k of the weighted residuals within runs, up to the first pair of lags that adds nothing; at least 1."""
+    total = np.zeros(60)
+    for begin, end in data.bounds:
+        for r in range(fit.weights.shape[1]):
+            here = fit.solution.residual[begin:end, r][fit.weights[begin:end, r] > 0]
+            n = min(len(here), len(total))
+            total[:n] += [float(here[lag:] @ here[: len(here) - lag]) for lag in range(n)]
+    if total[0] <= 0.0:
+        return 1.0
+    pairs = (total / total[0]).reshape(-1, 2).sum(axis=1)
+    last = int(np.argmax(pairs <= 0.0)) if (pairs <= 0.0).any() else len(pairs)
+    return max(1.0, 2.0 * float(pairs[:last].sum()) - 1.0)
+
+
+def tau_intervals(fit: Fit, data: ModeData) -> Intervals:
+    """Intervals in which the sum of squares stays within what chance explains, other parameters fitted anew."""
+    modes = fit.spec.n_modes
+    derivative = jacobian(fit, data, own_zeros=False)
+    rows = np.vstack([derivative, expected_rows(fit, derivative.shape[1])])
+    size = np.sqrt((rows**2).sum(axis=0))
+    size[size == 0.0] = 1.0
+    scaled = rows / size
+    covariance = np.linalg.inv(scaled.T @ scaled + 1e-12 * np.eye(len(size))) / np.outer(size, size)
+    n_free = max(int((fit.weights > 0).sum()) - derivative.shape[1], 1)
+    widening = resemblance(fit, data)
+    variance = max(fit.cost / n_free, 1e-12) * widening
+    allowed = variance * float(chi2.ppf(CONFIDENCE, 1))
+    low, high = np.full(modes, np.nan), np.full(modes, np.nan)
+    bounds = limits(fit.spec, data)
+    for k in range(modes):
+        step = np.sqrt(allowed * covariance[k, k])
+        if step > LOOSE * 1.96:
+            continue
+        slope = covariance[: len(fit.theta), k] / covariance[k, k]
+        for sign, out in ((-1.0, low), (1.0, high)):
+            edge = _edge(fit, data, k, sign * step, slope, allowed, (float(bounds[0][k]), float(bounds[1][k])))
+            out[k] = np.exp(edge) if edge is not None else np.nan
+    return Intervals(low, high, widening)
+
+
+def _edge(
+    fit: Fit, data: ModeData, k: int, step: float, slope: Vector, allowed: float, bounds: tuple[float, float]
+) -> float | None:
+    """Where the sum of squares has risen by what is allowed; its square root is nearly linear: secant steps."""
+    centre, distance = float(fit.theta[k]), abs(step)
+    sign = 1.0 if step > 0 else -1.0
+    inside, outside = 0.0, np.inf
+    for _ in range(8):
+        place = centre + sign * distance
+        if not bounds[0] < place < bounds[1]:
+            return None
+        start = fit.theta + slope * (place - centre)
+        start[k] = place
+        moved = searched(fit.spec, data, start, fit.weights, held=k, max_steps=6)
+        rise = np.sqrt(max(moved.cost - fit.cost, 0.0) / allowed)
+        if 0.93 < rise < 1.08:
+            return centre + sign * distance / rise
+        if rise < 1.0:
+            inside = distance
+        else:
+            outside = distance
+        aim = distance / max(rise, 0.3)
+        if not inside < aim < outside:
+            aim = 0.5 * (inside + outside) if np.isfinite(outside) else 2.0 * distance
+        distance = aim
+    return centre + sign * distance if np.isfinite(outside) else None

@@ -1,0 +1,150 @@
+"""Thermal modes: the displacement of a machine that has run through these speeds, and how it depends on the speed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from selector.errors import InputError
+from selector.physics.thermal.modes.cyclogram import Cyclogram
+from selector.types import Vector
+
+STANDING = 0.002
+"""Up to this share of the reference speed a spindle stands: noise of its sensor."""
+
+
+@dataclass(frozen=True)
+class SpeedLaw:
+    """Functions of the speed that every gain is a linear combination of: none of them heats a spindle that stands.
+
+    Without knots, term j is (n / reference_rpm)^exponents[j]; the exponent 0 is 1 while the spindle turns, for axes and
+    pumps that run with it. With knots there is one exponent p, and term j is (n / reference_rpm)^p times the hat
+    function of knot j: a power law whose factor is free at every tested speed, linear between them, constant beyond.
+    """
+
+    exponents: tuple[float, ...]  #: Exponents, 0 or above
+    reference_rpm: float  #: The speed at which powers are 1 [r/min]: the fastest tested one
+    knots_rpm: tuple[float, ...] = ()  #: Increasing speeds above 0 [r/min], or empty
+
+    def terms(self, speed_rpm: Vector) -> Vector:
+        """Values of the terms, shape (n_speeds, n_terms), at speeds [r/min] of shape (n_speeds,)."""
+        speed = np.asarray(speed_rpm, dtype=np.float64)
+        share = speed[:, None] / self.reference_rpm
+        powers = np.where(share > STANDING, share ** np.array(self.exponents), 0.0)
+        if not self.knots_rpm:
+            return powers
+        hats = [np.interp(speed, self.knots_rpm, row) for row in np.eye(len(self.knots_rpm))]
+        return powers * np.column_stack(hats)
+
+    @property
+    def size(self) -> int:
+        """Number of terms."""
+        return len(self.knots_rpm) or len(self.exponents)
+
+
+BEYOND = 0.005
+"""Speeds this fraction above the fastest tested one are still that speed: sensors of speed are no better."""
+
+ROUNDING = 1e-9
+"""Times this share beyond the end of a duty cycle are its end."""
+
+
+@dataclass(frozen=True)
+class ModalModel:
+    """Displacements as sums of first-order modes with common time constants, in state-space form.
+
+    x_j' = (f_j(n)·1 − (I + s(n)·M)·x_j)/τ for every term f_j of the speed law, and δ_r = Σ_jk gains_jkr·x_jk. The
+    states are carried through changes of the speed n; from rest at constant speed this is the heating law, standing
+    the cooling law (C eq. 1–4), with the levels A_k = Σ_j gains_jk·f_j(n). s(n)·M is convection that grows with the
+    speed, s = (n/reference)^cooling_exponent: it speeds modes up, lowers their levels and couples them, since films act
+    on a part of the machine only. M is 0 unless the tests ask for more. The hall temperature is taken to be constant.
+    """
+
+    responses: tuple[str, ...]  #: Displacements that are predicted
+    tau_s: Vector  #: (n_modes,): Time constants of the standing spindle [s], increasing, shared by all responses
+    gains_um: Vector  #: (n_terms, n_modes, n_responses): Steady displacement [µm] per unit of each term, without film
+    law: SpeedLaw  #: How gains depend on the speed
+    fastest_rpm: float  #: Fastest tested speed [r/min]; faster ones are refused
+    #: (n_modes, n_modes): M, for the speed at which the law's powers are 1; a vector is its diagonal (modes without
+    #: coupling)
+    cooling_growth: Vector
+    cooling_exponent: float = 0.8  #: Exponent of its growth with the speed
+
+    def __post_init__(self) -> None:
+        for name in ("tau_s", "gains_um", "cooling_growth"):
+            values = np.array(getattr(self, name), dtype=np.float64)
+            if name == "cooling_growth" and values.ndim == 1:
+                values = np.diag(values)
+            values.setflags(write=False)
+            object.__setattr__(self, name, values)
+        modes = len(self.tau_s)
+        if self.gains_um.shape != (self.law.size, modes, len(self.responses)):
+            raise ValueError(f"gains of shape {self.gains_um.shape} do not fit the law, modes and responses")
+        if self.cooling_growth.shape != (modes, modes):
+            raise ValueError(f"cooling growth of shape {self.cooling_growth.shape} for {modes} modes")
+
+    def states_at(self, cyclogram: Cyclogram, time_s: Vector, start: Vector | None = None) -> Vector:
+        """States x, shape (n_times, n_modes, n_terms), exact between changes of speed.
+
+        `start` of shape (n_modes, n_terms) is the state at time 0 (e.g. the last one of another cyclogram); without it
+        the machine begins at rest and cold.
+
+        Raises
+        ------
+        InputError
+            If a speed is outside the tests, or a time outside the cyclogram.
+        """
+        time = np.atleast_1d(np.asarray(time_s, dtype=np.float64))
+        # sums of decimal minutes are off by roundings
+        inside = (time >= 0.0) & (time <= cyclogram.end_s * (1.0 + ROUNDING))
+        if not inside.all():
+            raise InputError(
+                f"a prediction at {time[~inside][0]:g} s",
+                expected=f"times from 0 to {cyclogram.end_s:g} s, the end of the duty cycle",
+                where="duty cycle",
+                advice="ask for times inside the duty cycle, or give its last segment a later end",
+            )
+        speed = self._checked(cyclogram.speed_rpm)
+        terms, losses = self.law.terms(speed), self._losses(speed)
+        values, vectors = np.linalg.eig(losses / self.tau_s[:, None])
+        at = np.searchsorted(cyclogram.start_s, time, side="right") - 1
+        out = np.zeros((len(time), len(self.tau_s), self.law.size))
+        entry = np.zeros(out.shape[1:]) if start is None else np.asarray(start, dtype=np.float64)
+        ends = np.append(cyclogram.start_s[1:], cyclogram.end_s)
+        for i, (begin_s, end_s) in enumerate(zip(cyclogram.start_s, ends, strict=True)):
+            rows = np.flatnonzero(at == i)
+            steady = np.linalg.solve(losses[i], np.ones((len(self.tau_s), 1))) * terms[i]
+            inward = np.linalg.solve(vectors[i], entry - steady)
+            since = np.append(time[rows], end_s) - begin_s
+            course = np.real(vectors[i] @ (np.exp(-since[:, None] * values[i])[:, :, None] * inward)) + steady
+            out[rows], entry = course[:-1], course[-1]
+        return out
+
+    def displacement_um(self, cyclogram: Cyclogram, time_s: Vector, start: Vector | None = None) -> Vector:
+        """Displacements [µm], shape (n_times, n_responses), at times [s] of shape (n_times,); see `states_at`."""
+        return self._displacement(self.states_at(cyclogram, time_s, start))
+
+    def mode_displacement_um(self, cyclogram: Cyclogram, time_s: Vector) -> Vector:
+        """What each mode contributes [µm], shape (n_times, n_modes, n_responses); the sum is the displacement."""
+        return np.asarray(np.einsum("nkj,jkr->nkr", self.states_at(cyclogram, time_s), self.gains_um))
+
+    def _displacement(self, states: Vector) -> Vector:
+        return np.asarray(np.einsum("nkj,jkr->nr", states, self.gains_um))
+
+    def _losses(self, speed: Vector) -> Vector:
+        """I + s(n)·M, shape (n_speeds, n_modes, n_modes)."""
+        share = (speed / self.law.reference_rpm) ** self.cooling_exponent
+        return np.eye(len(self.tau_s)) + share[:, None, None] * self.cooling_growth
+
+    def _checked(self, speed_rpm: Vector) -> Vector:
+        speed = np.atleast_1d(np.asarray(speed_rpm, dtype=np.float64))
+        inside = (speed >= 0.0) & (speed <= self.fastest_rpm * (1.0 + BEYOND))
+        if not inside.all():
+            raise InputError(
+                f"{speed[~inside][0]:g} r/min",
+                expected=f"speeds from 0 to {self.fastest_rpm:g} r/min, the fastest tested one",
+                where="duty cycle",
+                advice="test the machine at that speed, or keep the duty cycle within the tested speeds",
+            )
+        return speed

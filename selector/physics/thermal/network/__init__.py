@@ -1,0 +1,1 @@
+"""Heat in bodies: systems, laws, time stepping, steady state and reduction."""

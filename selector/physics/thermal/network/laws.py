@@ -1,0 +1,298 @@
+"""How heat and cooling depend on what the machine does: laws of sources and films, and what they give."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from selector.errors import InputError
+from selector.physics.thermal.network.heat_system import HeatSystem
+from selector.types import Array, Matrix, Vector
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What is done to the machine: values at `time_s`, each held until the next time (C: stepwise load).
+
+    Raises
+    ------
+    InputError
+        If there are fewer than two times, if they do not increase, or a value is missing or has no meaning.
+    """
+
+    time_s: Vector  #: (n_samples,): Increasing [s]; the last is the end
+    #: spindle_speed, torque, ambient_degc, coolant_on, coolant_degc and machine_on: (n_samples,): [r/min], [N·m], [°C],
+    #: 0 or 1, [°C], 0 or 1
+    spindle_speed: Vector
+    torque: Vector
+    ambient_degc: Vector
+    coolant_on: Vector
+    coolant_degc: Vector
+    machine_on: Vector
+
+    def __post_init__(self) -> None:
+        time = np.array(self.time_s, dtype=np.float64)
+        if time.ndim != 1 or len(time) < 2:
+            _refuse(f"{time.size} times", "at least two: a start and an end", "add the time at which the run ends")
+        for name in ("time_s", "spindle_speed", "torque", "ambient_degc", "coolant_on", "coolant_degc", "machine_on"):
+            values = np.array(getattr(self, name), dtype=np.float64)
+            if values.shape != time.shape:
+                _refuse(f"{values.size} values of {name} for {time.size} times", "one value for every time", _FILL)
+            if not np.isfinite(values).all():
+                row = int(np.argmax(~np.isfinite(values))) + 1
+                _refuse(f"no number for {name} in row {row}", "a number in every row", _FILL)
+            # derivatives are taken at "off" and "on", a little to both sides
+            odd = (values < -1e-4) | (values > 1 + 1e-4)
+            if name in ("coolant_on", "machine_on") and odd.any():
+                row = int(np.argmax(odd)) + 1
+                _refuse(f"{name} = {values[row - 1]:g} in row {row}", "0 (off) to 1 (on)", "write 0 or 1")
+            values.setflags(write=False)
+            object.__setattr__(self, name, values)
+        if (np.diff(time) <= 0).any():
+            row = int(np.argmax(np.diff(time) <= 0)) + 2
+            _refuse(
+                f"time {time[row - 1]:g} s after {time[row - 2]:g} s",
+                "times that increase",
+                "keep one row a time, sorted",
+            )
+
+    @classmethod
+    def held(
+        cls,
+        time_s: ArrayLike,
+        *,
+        spindle_speed: ArrayLike = 0.0,
+        torque: ArrayLike = 0.0,
+        ambient_degc: ArrayLike = 20.0,
+        coolant_on: ArrayLike = 0.0,
+        coolant_degc: ArrayLike = 20.0,
+        machine_on: ArrayLike = 1.0,
+    ) -> Conditions:
+        """Conditions in which what is given as one number stays the same for all times."""
+        time = np.array(time_s, dtype=np.float64)
+
+        def column(value: ArrayLike) -> Vector:
+            values = np.array(value, dtype=np.float64)
+            return np.full(time.shape, values) if values.ndim == 0 else values
+
+        return cls(
+            time,
+            column(spindle_speed),
+            column(torque),
+            column(ambient_degc),
+            column(coolant_on),
+            column(coolant_degc),
+            column(machine_on),
+        )
+
+
+@dataclass(frozen=True)
+class HeatLaw:
+    """Heat of a source [W]; several laws of one source add up.
+
+    q = on_w·on + turning_w·[n > 0] + coolant_w·coolant + speed_w·(n / reference_rpm)^exponent·s
+        + torque_share·M·2πn/60,   s = exp(−softening_per_k·(T_at − softening_degc))
+
+    The factor s is the lubricant that grows thinner as it warms; `at` names the probe whose temperature T_at it has.
+    """
+
+    source: str
+    on_w: float = 0.0
+    turning_w: float = 0.0
+    coolant_w: float = 0.0
+    speed_w: float = 0.0
+    reference_rpm: float = 1000.0
+    exponent: float = 1.0
+    torque_share: float = 0.0
+    softening_per_k: float = 0.0
+    softening_degc: float = 20.0
+    at: str = ""
+
+
+@dataclass(frozen=True)
+class FilmLaw:
+    """Film coefficient of a surface [W/(m²·K)] and the fluid that it meets; several laws of one surface add up.
+
+    h = still_w_per_m2_k + speed_w_per_m2_k·(n / reference_rpm)^exponent, times the coolant's state if `while_coolant`.
+    `fluid` is ``"ambient"``, ``"coolant"`` or ``"fixed"`` (then `fixed_degc`).
+    """
+
+    film: str
+    still_w_per_m2_k: float
+    speed_w_per_m2_k: float = 0.0
+    reference_rpm: float = 1000.0
+    exponent: float = 1.0
+    while_coolant: bool = False
+    fluid: str = "ambient"
+    fixed_degc: float = 20.0
+
+
+@dataclass(frozen=True)
+class Laws:
+    """The laws of all sources and films of a machine; a source or film without a law gives no heat."""
+
+    heat: tuple[HeatLaw, ...]
+    films: tuple[FilmLaw, ...]
+
+
+_FILL = "fill the gaps before simulating"
+
+
+def _refuse(found: str, expected: str, advice: str) -> None:
+    raise InputError(found, expected=expected, where="operating conditions", advice=advice)
+
+
+def film_coefficients(laws: Laws, conditions: Conditions) -> Matrix:
+    """Film coefficients [W/(m²·K)], shape (n_samples, n_film_laws), in the order of `laws.films`."""
+    columns = [
+        (law.still_w_per_m2_k + law.speed_w_per_m2_k * _power_of_speed(conditions, law))
+        * (conditions.coolant_on if law.while_coolant else 1.0)
+        for law in laws.films
+    ]
+    return _table(columns, len(conditions.time_s))
+
+
+def fluid_degc(laws: Laws, conditions: Conditions) -> Matrix:
+    """Temperatures [°C] of the fluids, shape (n_samples, n_film_laws), in the order of `laws.films`."""
+    fluids = {"ambient": conditions.ambient_degc, "coolant": conditions.coolant_degc}
+    columns = [fluids.get(law.fluid, np.full(len(conditions.time_s), law.fixed_degc)) for law in laws.films]
+    return _table(columns, len(conditions.time_s))
+
+
+def heat_parts(laws: Laws, conditions: Conditions) -> tuple[Matrix, Matrix]:
+    """Heat [W] that does not depend on temperature, and the lubricant's at its reference temperature.
+
+    Both of shape (n_samples, n_heat_laws), in the order of `laws.heat`.
+    """
+    turns_per_s = np.abs(conditions.spindle_speed) / 60.0
+    firm = [
+        law.on_w * conditions.machine_on
+        + law.turning_w * (turns_per_s > 0)
+        + law.coolant_w * conditions.coolant_on
+        + law.torque_share * np.abs(conditions.torque) * 2.0 * np.pi * turns_per_s
+        for law in laws.heat
+    ]
+    lubricant = [law.speed_w * _power_of_speed(conditions, law) for law in laws.heat]
+    return _table(firm, len(turns_per_s)), _table(lubricant, len(turns_per_s))
+
+
+def require_known_places(laws: Laws, system: HeatSystem) -> None:
+    """Refuse laws of sources, films, fluids and probes that do not exist, and film coefficients below zero.
+
+    Raises
+    ------
+    InputError
+        With the name that is unknown and those that are known.
+    """
+    for heat in laws.heat:
+        where = f"the law of the source {heat.source!r}"
+        if heat.source not in system.sources:
+            raise _unknown("source", heat.source, tuple(system.sources), where)
+        if heat.softening_per_k != 0.0 and heat.at not in system.probes:
+            raise _unknown("probe", heat.at, tuple(system.probes), where)
+        _require_finite(heat, where)
+        if heat.softening_per_k < 0:
+            raise InputError(
+                f"softening_per_k = {heat.softening_per_k:g}",
+                expected="0 or more",
+                where=where,
+                advice="friction falls as a lubricant warms: write the coefficient without a sign",
+            )
+    for film in laws.films:
+        where = f"the law of the surface {film.film!r}"
+        if film.film not in system.films:
+            raise _unknown("surface", film.film, tuple(system.films), where)
+        if film.fluid not in ("ambient", "coolant", "fixed"):
+            raise _unknown("fluid", film.fluid, ("ambient", "coolant", "fixed"), where)
+        _require_finite(film, where)
+        if film.still_w_per_m2_k < 0 or film.speed_w_per_m2_k < 0:
+            raise InputError(
+                f"a film coefficient of {min(film.still_w_per_m2_k, film.speed_w_per_m2_k):g} W/(m²·K)",
+                expected="0 or more",
+                where=where,
+                advice="a warm surface gives heat to a cool fluid: write the coefficient without a sign",
+            )
+
+
+def _require_finite(law: HeatLaw | FilmLaw, where: str) -> None:
+    for name, value in vars(law).items():
+        if isinstance(value, float | int) and not np.isfinite(value):
+            raise InputError(f"{name} = {value}", expected="a number", where=where, advice="correct the law")
+    if law.reference_rpm <= 0 or law.exponent < 0:
+        raise InputError(
+            f"reference_rpm = {law.reference_rpm:g}, exponent = {law.exponent:g}",
+            expected="a reference speed above 0 and an exponent of 0 or more",
+            where=where,
+            advice="give the speed at which the law has the stated heat or film coefficient",
+        )
+
+
+def _power_of_speed(conditions: Conditions, law: HeatLaw | FilmLaw) -> Vector:
+    """(n / reference)^exponent, 0 at standstill whatever the exponent."""
+    speed = np.abs(conditions.spindle_speed)
+    return np.where(speed > 0, (speed / law.reference_rpm) ** law.exponent, 0.0)
+
+
+def _table(columns: list[Vector], rows: int) -> Matrix:
+    return np.column_stack(columns) if columns else np.zeros((rows, 0))
+
+
+def _unknown(kind: str, name: str, known: tuple[str, ...], where: str) -> InputError:
+    return InputError(
+        f"no {kind} called {name!r}",
+        expected="one of " + (", ".join(known) or "those of the machine (there are none)"),
+        where=where,
+        advice=f"correct the name, or add the {kind} to the machine",
+    )
+
+
+@dataclass(frozen=True)
+class Lubricants:
+    """Where the lubricants of some sources are, and how they soften."""
+
+    rows: Array  #: (n_soft, n): Row times state = temperature of the lubricant
+    per_k: Vector  #: (n_soft,): Softening [1/K]
+    zero_rise: Vector  #: (n_soft,): Rise [K] at which a lubricant makes its nominal heat
+
+    def heat_w(self, nominal_w: Vector, rise: Vector) -> Vector:
+        """Heat [W] of the lubricants at these rises [K]."""
+        return np.asarray(nominal_w * np.exp(-self.per_k * (rise - self.zero_rise)))
+
+    def settled_heat_w(self, nominal_w: Vector, without: Vector, per_watt: Array) -> Vector:
+        """Heat q [W] that agrees with the rises without + per_watt·q [K] that it brings about itself.
+
+        Newton's method on the rises, its step halved until the disagreement shrinks. One lubricant alone is reached
+        from the cold side without overshooting, because heat falls convexly with temperature.
+
+        Raises
+        ------
+        InputError
+            If it finds no agreement.
+        """
+        rise = without
+        heat = self.heat_w(nominal_w, rise)
+        gap = without + per_watt @ heat - rise
+        for _ in range(200):
+            change = np.linalg.solve(np.eye(len(rise)) + per_watt * (self.per_k * heat), gap)
+            size, share = float(np.linalg.norm(gap)), 1.0
+            while share > 1e-9:
+                ahead = rise + share * change
+                with np.errstate(over="ignore", invalid="ignore"):
+                    heat = self.heat_w(nominal_w, ahead)
+                    gap = without + per_watt @ heat - ahead
+                    # once rounding is all that is left, it need not shrink
+                    if np.linalg.norm(gap) <= max(size, 1e-12 * (1.0 + float(np.max(np.abs(ahead))))):
+                        break
+                share *= 0.5
+            rise = ahead
+            # far below what a sensor tells; the error of the heat is the square of the last change
+            if share == 1.0 and np.max(np.abs(change)) <= 1e-7 * (1.0 + np.max(np.abs(rise))):
+                return heat
+        raise InputError(
+            "lubricants whose heat and temperature do not settle",
+            expected="heat that falls as a lubricant warms",
+            where="simulation",
+            advice="check softening_per_k, softening_degc and the heat of the sources",
+        )

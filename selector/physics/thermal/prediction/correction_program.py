@@ -1,0 +1,381 @@
+"""When the control has to be corrected by how much to keep a tolerance of the drift, and how that is written."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from selector.csv_text import csv_text
+from selector.errors import InputError
+from selector.types import Vector
+
+MOST_CORRECTIONS = 10_000
+"""More corrections than this in one program are a mistake in the tolerance or in the unit of the displacement."""
+
+_SAME = 1e-9
+"""Share of the tolerance, and of the time, below which a difference is rounding."""
+
+
+@dataclass(frozen=True)
+class Operation:
+    """Corrections of one technological operation (C eq. 5, one line)."""
+
+    #: start_s and end_s: Start and end of the operation [s]; the displacement at the start is its zero
+    start_s: float
+    end_s: float
+    times_s: Vector  #: (n,): When each correction comes into force [s]; the first is the start of the operation
+    #: (n,): Displacement [µm] that is taken off from then on, in addition to those before; the first is 0
+    corrections_um: Vector
+
+    @property
+    def durations_s(self) -> Vector:
+        """How long each correction is the last one [s], shape (n,); they add up to the length of the operation."""
+        return np.asarray(np.diff(np.r_[self.times_s, self.end_s]))
+
+    @property
+    def offsets_um(self) -> Vector:
+        """All that is taken off from each time on [µm], counted from the zero of the operation, shape (n,)."""
+        return np.asarray(np.cumsum(self.corrections_um))
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON form, durations in minutes."""
+        return {
+            "durations_min": (self.durations_s / 60.0).tolist(),
+            "corrections_um": self.corrections_um.tolist(),
+        }
+
+
+@dataclass(frozen=True)
+class CorrectionProgram:
+    """The corrections of all operations, one after the other (C eq. 5), for one displacement."""
+
+    operations: tuple[Operation, ...]  #: The first starts at 0 s, each of the others where the one before it ends
+    #: Drift since the last correction, or since the zero of the operation, that is never exceeded [µm]
+    tolerance_um: float
+
+    def drift_left_um(self, time_s: Vector, displacement_um: Vector) -> tuple[Vector, Vector]:
+        """What this program leaves of another curve, e.g. of the true one: times [s] and drift [µm].
+
+        The curve is linear between its samples. Where a correction comes into force and where an operation ends, the
+        time appears twice, with the drift before and after. Drift beyond `tolerance_um` is the prediction's error, not
+        the program's.
+
+        Raises
+        ------
+        InputError
+            If the curve cannot be used or ends before the operations do.
+        """
+        time, displacement = _checked_curve(time_s, displacement_um, self.operations[-1].end_s)
+        times: list[Vector] = []
+        left: list[Vector] = []
+        for operation in self.operations:
+            zero_um = float(np.interp(operation.start_s, time, displacement))
+            stops = [*operation.times_s[1:], operation.end_s]
+            for begin, end, offset in zip(operation.times_s, stops, operation.offsets_um, strict=True):
+                inside = time[(time > begin) & (time < end)]
+                times.append(np.r_[begin, inside, end])
+                left.append(np.interp(times[-1], time, displacement) - zero_um - offset)
+        return np.concatenate(times), np.concatenate(left)
+
+
+def correction_program(
+    time_s: Vector,
+    displacement_um: Vector,
+    operations_s: Sequence[float],
+    tolerance_um: float,
+    resolution_s: float | None = None,
+) -> CorrectionProgram:
+    """The corrections that keep the drift of a curve within a tolerance (C eq. 5).
+
+    Each operation starts from a new zero. A correction is inserted when the drift since the last one, or since the
+    zero, reaches the tolerance; it takes that drift off, whichever its sign. The curve is linear between its samples,
+    and the times are exact on it, so that the drift exceeds the tolerance nowhere, also between samples. None is
+    inserted at the end of an operation.
+
+    Parameters
+    ----------
+    time_s, displacement_um : ndarray of shape (n_samples,)
+        The curve [s], [µm]; times increase and cover the operations.
+    operations_s : sequence of float
+        Lengths of the operations [s], the first from 0 s on.
+    tolerance_um : float
+        Tolerance [µm].
+    resolution_s : float, optional
+        Corrections come only at whole multiples of this time [s] after the start of the operation, before the tolerance
+        is reached and never after; they take off the drift that there is at that time.
+
+    Raises
+    ------
+    InputError
+        If tolerance, operations or curve cannot be used, more than `MOST_CORRECTIONS` would be needed, or the drift
+        grows by more than the tolerance within `resolution_s`.
+    """
+    lengths = _checked_lengths(operations_s)
+    _require_positive(tolerance_um, "tolerance", "a drift [µm]", "give the tolerance in µm, e.g. 10")
+    if resolution_s is not None:
+        _require_positive(resolution_s, "resolution", "a time [s]", "give a time, e.g. one minute, or leave it out")
+    ends = np.cumsum(lengths)
+    time, displacement = _checked_curve(time_s, displacement_um, float(ends[-1]))
+    with np.errstate(over="ignore"):
+        needed = float(np.abs(np.diff(displacement)).sum() / tolerance_um)
+    if not needed <= MOST_CORRECTIONS:
+        raise InputError(
+            f"a curve that would need up to {needed:.3g} corrections of {tolerance_um:g} µm",
+            expected=f"at most {MOST_CORRECTIONS}",
+            where="correction program",
+            advice="choose a larger tolerance, or check the unit of the displacement",
+        )
+    operations = []
+    for start, end in zip(np.r_[0.0, ends[:-1]], ends, strict=True):
+        inside = (time > start) & (time < end)
+        t = np.r_[start, time[inside], end]
+        d = np.asarray(np.interp(t, time, displacement))
+        d = d - d[0]
+        if resolution_s is None:
+            times, corrections = _when_reached(t, d, tolerance_um)
+        else:
+            times, corrections = _on_a_grid(t, d, tolerance_um, resolution_s)
+        operations.append(Operation(float(start), float(end), np.r_[start, times], np.r_[0.0, corrections]))
+    return CorrectionProgram(tuple(operations), float(tolerance_um))
+
+
+def _when_reached(t: Vector, d: Vector, tolerance_um: float) -> tuple[list[float], list[float]]:
+    """Times and corrections of one operation, its displacement counted from its start."""
+    times: list[float] = []
+    corrections: list[float] = []
+    reference = 0.0
+    reached = tolerance_um * (1.0 - _SAME)
+    for i in range(1, len(t)):
+        while abs(d[i] - reference) >= reached:
+            step = float(np.copysign(tolerance_um, d[i] - reference))
+            share = (reference + step - d[i - 1]) / (d[i] - d[i - 1])
+            at = float(t[i - 1] + min(max(share, 0.0), 1.0) * (t[i] - t[i - 1]))
+            # what is reached at the end of the operation only, its end takes off
+            ends_here = at >= t[-1] - _SAME * (t[-1] - t[0])
+            if ends_here and float(np.abs(d[i:] - reference).max()) <= tolerance_um * (1.0 + _SAME):
+                return times, corrections
+            reference += step
+            if times and at <= times[-1]:
+                corrections[-1] += step
+            else:
+                times.append(at)
+                corrections.append(step)
+    return times, corrections
+
+
+def _on_a_grid(t: Vector, d: Vector, tolerance_um: float, resolution_s: float) -> tuple[list[float], list[float]]:
+    """Times and corrections of one operation at whole multiples of the resolution."""
+    count = int(np.ceil((t[-1] - t[0]) / resolution_s * (1.0 - _SAME)))
+    if count > 100 * MOST_CORRECTIONS:
+        raise InputError(
+            f"a resolution of {resolution_s:g} s in an operation of {(t[-1] - t[0]) / 60:g} min",
+            expected="a resolution that is no smaller than a millionth of the operation",
+            where="resolution",
+            advice="choose a longer time, e.g. one minute, or leave the resolution out",
+        )
+    grid = t[0] + resolution_s * np.arange(count)
+    edges = np.r_[grid, t[-1]]
+    at_edges = np.asarray(np.interp(edges, t, d))
+    lows, highs = _extremes(t, d, edges, at_edges)
+    times: list[float] = []
+    corrections: list[float] = []
+    reference = 0.0
+    bound = tolerance_um * (1.0 + _SAME)
+    for k in range(count):
+        if max(highs[k] - reference, reference - lows[k]) <= bound:
+            continue
+        here = float(at_edges[k])
+        if max(highs[k] - here, here - lows[k]) > bound:
+            raise InputError(
+                f"a drift of {max(highs[k] - here, here - lows[k]):.3g} µm within {resolution_s:g} s "
+                f"after {grid[k] / 60:.4g} min",
+                expected=f"at most the tolerance, {tolerance_um:g} µm",
+                where="correction program",
+                advice="choose a finer resolution or a larger tolerance, or leave the resolution out",
+            )
+        times.append(float(grid[k]))
+        corrections.append(here - reference)
+        reference = here
+    return times, corrections
+
+
+def _extremes(t: Vector, d: Vector, edges: Vector, at_edges: Vector) -> tuple[Vector, Vector]:
+    """Smallest and largest value of the curve between neighbouring edges, both included."""
+    low = np.minimum(at_edges[:-1], at_edges[1:])
+    high = np.maximum(at_edges[:-1], at_edges[1:])
+    cell = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, len(edges) - 2)
+    np.minimum.at(low, cell, d)
+    np.maximum.at(high, cell, d)
+    return low, high
+
+
+def _checked_lengths(operations_s: Sequence[float]) -> Vector:
+    lengths = np.array(list(operations_s), dtype=np.float64)
+    if lengths.ndim != 1 or not len(lengths) or not (np.isfinite(lengths) & (lengths > 0)).all():
+        raise InputError(
+            f"operations of {', '.join(f'{length / 60:g}' for length in lengths.ravel()) or 'no'} min",
+            expected="at least one operation, each with a length above 0",
+            where="operations",
+            advice="give the length of every operation, one after the other",
+        )
+    return lengths
+
+
+def _require_positive(value: float, where: str, expected: str, advice: str) -> None:
+    if not (np.isfinite(value) and value > 0):
+        raise InputError(f"{value:g}", expected=f"{expected} above 0", where=where, advice=advice)
+
+
+def _checked_curve(time_s: Vector, displacement_um: Vector, end_s: float) -> tuple[Vector, Vector]:
+    time = np.array(time_s, dtype=np.float64)
+    displacement = np.array(displacement_um, dtype=np.float64)
+    if time.ndim != 1 or time.shape != displacement.shape or len(time) < 2:
+        _refuse_curve(f"{time.size} times and {displacement.size} displacements", "at least two pairs")
+    if not (np.isfinite(time).all() and np.isfinite(displacement).all()):
+        _refuse_curve("values that are missing or infinite", "numbers throughout")
+    if (np.diff(time) <= 0).any():
+        _refuse_curve("times that repeat or go back", "times that increase")
+    slack = _SAME * end_s
+    if time[0] > slack or time[-1] < end_s - slack:
+        _refuse_curve(
+            f"a curve from {time[0] / 60:g} to {time[-1] / 60:g} min",
+            f"a curve that covers the operations, 0 to {end_s / 60:g} min",
+        )
+    return time, displacement
+
+
+def _refuse_curve(found: str, expected: str) -> None:
+    raise InputError(
+        found, expected=expected, where="curve of the displacement", advice="correct the curve that the program is for"
+    )
+
+
+_RULES = """\
+Timed corrections of the thermal displacement
+=============================================
+
+offset      displacement that is predicted since the zero of the operation [µm], [mm], counted as the gauge counts it
+step        change of the offset at this time [µm], [mm]
+time        from the start of the duty cycle [h:mm:ss]
+
+At its time, move the zero of the axis so that the offset is taken off: the correction is the displacement to be
+SUBTRACTED. Whether that is + or - on your control depends on how the gauge stood and how the control counts:
+VERIFY THE SIGN ON THE MACHINE (apply 10 µm by hand and read the gauge) before the first part.
+
+Every operation begins with a new zero: touch off the workpiece or the tool, and set the offset to 0 there. A control
+takes the offset as an external work zero or an external zero offset (`offset`, replacing the value before), or as an
+increment (`step`, added to it), never both. The times hold for the duty cycle of the prediction: after a stop, predict
+again. The notation number-{minutes}-{µm} is for reading: its times are rounded down to 0.1 min, so that corrections
+read from there act up to 6 s early; prediction.json has the exact ones.
+Spread large steps over a moment without cutting contact.
+"""
+
+_HEADINGS = (
+    "response",
+    "operation",
+    "correction",
+    "start_min",
+    "duration_min",
+    "step_um",
+    "offset_um",
+    "step_mm",
+    "offset_mm",
+)
+
+
+def notation(operation: Operation) -> str:
+    """One operation as the source prints it (C eq. 5): ``3-{18,27,15}-{0,10,10}``, minutes and µm.
+
+    For reading: the times of the corrections are rounded down to 0.1 min, so that none is late and the durations add up
+    to the operation, the corrections to 0.1 µm; `Operation` has the exact values.
+    """
+    starts = [_tenths(time_s - operation.start_s) for time_s in operation.times_s.tolist()]
+    ends = [*starts[1:], (operation.end_s - operation.start_s) / 60.0]
+    durations = ",".join(_minutes(end - start) for start, end in zip(starts, ends, strict=True))
+    corrections = ",".join(_short(value) for value in operation.corrections_um)
+    return f"{len(operation.corrections_um)}-{{{durations}}}-{{{corrections}}}"
+
+
+def program_table(programs: Mapping[str, CorrectionProgram]) -> str:
+    """The programs (response → program) as CSV, one row a correction; times are rounded down to 0.0001 min.
+
+    Names of responses are those of `selector.csv_text.defused`.
+    """
+    rows: list[tuple[object, ...]] = []
+    for response, program in programs.items():
+        for number, operation in enumerate(program.operations, start=1):
+            for correction, (time_s, duration_s, step_um, offset_um) in enumerate(_rows(operation), start=1):
+                rows.append(
+                    (
+                        response,
+                        number,
+                        correction,
+                        f"{_ten_thousandths(time_s):.4f}",
+                        f"{_ten_thousandths(time_s + duration_s) - _ten_thousandths(time_s):.4f}",
+                        f"{step_um:.3f}",
+                        f"{offset_um:.3f}",
+                        f"{step_um / 1000.0:.6f}",
+                        f"{offset_um / 1000.0:.6f}",
+                    )
+                )
+    return csv_text(_HEADINGS, rows)
+
+
+def program_blocks(programs: Mapping[str, CorrectionProgram]) -> str:
+    """The programs (response → program) as timed offset blocks that name no control, for people to type in."""
+    lines = [_RULES]
+    for response, program in programs.items():
+        lines.append(f"[{_one_line(response)}]   tolerance {program.tolerance_um:g} µm")
+        number = 0
+        for place, operation in enumerate(program.operations, start=1):
+            lines.append("")
+            lines.append(
+                f"; operation {place}: {_clock(operation.start_s)} to {_clock(operation.end_s)}   {notation(operation)}"
+            )
+            for correction, (time_s, _, step_um, offset_um) in enumerate(_rows(operation)):
+                number += 10
+                what = "new zero" if correction == 0 else f"step {step_um:+9.3f} µm ({step_um / 1000.0:+.6f} mm)"
+                lines.append(
+                    f"N{number:<5} AT {_clock(time_s):>9}  OFFSET {offset_um:+9.3f} µm ({offset_um / 1000.0:+.6f} mm)"
+                    f"  ; {what}"
+                )
+        lines.append("")
+    return "\n".join(lines)
+
+
+def _rows(operation: Operation) -> Iterator[tuple[float, float, float, float]]:
+    columns = (operation.times_s, operation.durations_s, operation.corrections_um, operation.offsets_um)
+    yield from zip(*(column.tolist() for column in columns), strict=True)
+
+
+def _clock(time_s: float) -> str:
+    # down, so that a correction read from here is never late
+    seconds = int(time_s + 1e-6)
+    return f"{seconds // 3600}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
+
+
+def _tenths(time_s: float) -> float:
+    """Minutes, rounded down to 0.1; what is less than 0.06 s before a tenth counts as that tenth (fitted curves)."""
+    return math.floor(time_s / 6.0 + 0.01) / 10.0
+
+
+def _ten_thousandths(time_s: float) -> float:
+    return math.floor(time_s / 60.0 * 1e4 + 1e-4) / 1e4
+
+
+def _minutes(minutes: float) -> str:
+    text = f"{max(minutes, 0.0):.4f}".rstrip("0").rstrip(".")
+    return text or "0"
+
+
+def _short(value: float) -> str:
+    text = f"{value:.1f}".rstrip("0").rstrip(".")
+    return "0" if text == "-0" else text
+
+
+def _one_line(text: str) -> str:
+    return "".join(sign if sign.isprintable() else " " for sign in text)

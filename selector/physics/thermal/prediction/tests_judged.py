@@ -1,0 +1,380 @@
+"""What makes tests doubtful, and how well a prediction that was learnt from them gives them back."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from selector.errors import InputError
+from selector.findings import Finding, Where
+from selector.physics.thermal.finding_table import FINDINGS
+from selector.physics.thermal.modes.cyclogram import Cyclogram
+from selector.physics.thermal.modes.modes import ModalModel
+from selector.physics.thermal.modes.thermal_test import SAME_SPEED, ModeData, ThermalTest, mode_data
+from selector.physics.thermal.prediction.characteristics import Characteristics
+from selector.physics.thermal.prediction.piecewise import piecewise_displacement_um
+from selector.types import Vector
+
+MOST_SAMPLES = 20_000
+"""A longer test is repeated at evenly spaced samples."""
+
+
+@dataclass(frozen=True)
+class RepeatedTest:
+    """A test and what the prediction makes of it."""
+
+    run: str  #: Name of the run
+    time_s: Vector  #: (n_times,): Times [s] from the start of the run
+    speed_rpm: Vector  #: (n_times,): Spindle speed [r/min]
+    #: measured_um and predicted_um: (n_times, n_responses): Displacements [µm]; what was not measured is NaN. The zero
+    #: of the gauge is part of the prediction.
+    measured_um: Vector
+    predicted_um: Vector
+
+    @property
+    def rmse_um(self) -> Vector:
+        """Root mean square of measured minus predicted [µm], shape (n_responses,)."""
+        error = self.measured_um - self.predicted_um
+        return np.asarray(np.sqrt(np.nansum(error**2, axis=0) / np.maximum(np.isfinite(error).sum(axis=0), 1)))
+
+
+def modal_repeats(
+    tests: Sequence[ThermalTest], model: ModalModel, *, warm: Collection[str] = (), with_hall: bool = False
+) -> tuple[RepeatedTest, ...]:
+    """The tests as thermal modes repeat them: from rest and cold, each with a zero of its own.
+
+    What else was fitted to the tests is fitted here again, with the modes as they are: the state at the start of runs
+    that were `warm` then (their names), and the part of the hall temperature, if it drove the modes.
+    """
+    data = mode_data(tests)
+    cyclograms = [_cyclogram(data, run) for run in range(len(tests))]
+    taken = [_samples(test) for test in tests]
+    plain = [
+        model.displacement_um(_within(cyclogram, model.fastest_rpm), time)
+        for cyclogram, (time, _) in zip(cyclograms, taken, strict=True)
+    ]
+    columns = []
+    for run, (cyclogram, (time, _)) in enumerate(zip(cyclograms, taken, strict=True)):
+        own = [np.ones(len(time))]
+        if tests[run].run in warm:
+            own += list(_fading(model, _within(cyclogram, model.fastest_rpm), time).T)
+        shared = _hall_states(data, run, cyclogram, model.tau_s, time) if with_hall else np.zeros((len(time), 0))
+        columns.append((np.column_stack(own), shared))
+    fitted = _fitted([m - p for (_, m), p in zip(taken, plain, strict=True)], columns)
+    return tuple(
+        RepeatedTest(test.run, time, cyclogram.speed_at(time), measured, first + rest)
+        for test, cyclogram, (time, measured), first, rest in zip(tests, cyclograms, taken, plain, fitted, strict=True)
+    )
+
+
+def piecewise_repeats(tests: Sequence[ThermalTest], curves: Sequence[Characteristics]) -> tuple[RepeatedTest, ...]:
+    """The tests as pieces of the characteristics repeat them, each with a zero of its own.
+
+    Runs in which the spindle never turns, or turns faster than the characteristics reach, are not repeated.
+    """
+    data = mode_data(tests)
+    repeats = []
+    for run, test in enumerate(tests):
+        cyclogram = _at_levels(_cyclogram(data, run), data)
+        time, measured = _samples(test)
+        if not (cyclogram.speed_rpm > 0).any():
+            continue
+        try:
+            first = piecewise_displacement_um(curves, cyclogram, time)[0]
+        except InputError:
+            continue
+        rest = _fitted([measured - first], [(np.ones((len(time), 1)), np.zeros((len(time), 0)))])[0]
+        repeats.append(RepeatedTest(test.run, time, cyclogram.speed_at(time), measured, first + rest))
+    return tuple(repeats)
+
+
+def _samples(test: ThermalTest) -> tuple[Vector, Vector]:
+    """Times from the start and displacements where anything was read, thinned where there are very many."""
+    read = np.flatnonzero(np.isfinite(test.displacement_um).any(axis=1))
+    read = read[:: max(1, -(-len(read) // MOST_SAMPLES))]
+    return test.time_s[read] - test.time_s[0], test.displacement_um[read]
+
+
+def _cyclogram(data: ModeData, run: int) -> Cyclogram:
+    """The speeds of a run's blocks, standing where it is near 0."""
+    blocks = slice(*data.bounds[run])
+    ends = np.cumsum(data.before_s[blocks] + data.after_s[blocks])
+    speed = np.where(data.speed_rpm[blocks] < 0.01 * data.fastest_rpm, 0.0, data.speed_rpm[blocks])
+    # the last sample counts for as long as the one before it, so this is beyond it
+    return Cyclogram(np.r_[0.0, ends[:-1]], speed, float(ends[-1]))
+
+
+def _within(cyclogram: Cyclogram, fastest_rpm: float) -> Cyclogram:
+    """The duty cycle with what overshoots the fastest level held there."""
+    return Cyclogram(cyclogram.start_s, np.minimum(cyclogram.speed_rpm, fastest_rpm), cyclogram.end_s)
+
+
+def _at_levels(cyclogram: Cyclogram, data: ModeData) -> Cyclogram:
+    """The duty cycle with speeds that are a level up to jitter taken for it, one segment a level."""
+    levels = np.array(data.levels_rpm)
+    nearest = levels[np.abs(cyclogram.speed_rpm[:, None] - levels).argmin(axis=1)]
+    near = np.abs(cyclogram.speed_rpm - nearest) < SAME_SPEED * data.fastest_rpm
+    speed = np.where(near & (cyclogram.speed_rpm > 0), nearest, cyclogram.speed_rpm)
+    first = np.r_[True, np.diff(speed) != 0]
+    return Cyclogram(cyclogram.start_s[first], speed[first], cyclogram.end_s)
+
+
+def _fading(model: ModalModel, cyclogram: Cyclogram, time_s: Vector) -> Vector:
+    """What is left of a unit of each mode that is there at the start, shape (n_times, n_modes²).
+
+    Mode by mode, because convection may couple them; where it does not, only n_modes of the columns are not zero.
+    """
+    modes = len(model.tau_s)
+    none = model.states_at(cyclogram, time_s)
+
+    def left(k: int) -> Vector:
+        start = np.zeros(none.shape[1:])
+        start[k, 0] = 1.0
+        return np.asarray(model.states_at(cyclogram, time_s, start)[:, :, 0] - none[:, :, 0])
+
+    return np.hstack([left(k) for k in range(modes)])
+
+
+def _hall_states(data: ModeData, run: int, cyclogram: Cyclogram, tau_s: Vector, time_s: Vector) -> Vector:
+    """The hall temperature as every mode follows it [K], shape (n_times, n_modes); films that grow are left out."""
+    if data.ambient_k is None:
+        return np.zeros((len(time_s), 0))
+    hall = data.ambient_k[slice(*data.bounds[run])]
+    at = np.clip(np.searchsorted(cyclogram.start_s, time_s, side="right") - 1, 0, None)
+    lengths = np.diff(np.r_[cyclogram.start_s, cyclogram.end_s])
+    entry = np.zeros((len(hall), len(tau_s)))
+    for i in range(1, len(hall)):
+        entry[i] = hall[i - 1] + (entry[i - 1] - hall[i - 1]) * np.exp(-lengths[i - 1] / tau_s)
+    since = (time_s - cyclogram.start_s[at])[:, None]
+    return np.asarray(hall[at, None] + (entry[at] - hall[at, None]) * np.exp(-since / tau_s))
+
+
+def _fitted(rest_um: Sequence[Vector], columns: Sequence[tuple[Vector, Vector]]) -> list[Vector]:
+    """What the columns of each run's own and those shared by all describe of the rest, run by run [µm]."""
+    answers = [np.zeros(rest.shape) for rest in rest_um]
+    for r in range(rest_um[0].shape[1]):
+        there = [np.isfinite(rest[:, r]) for rest in rest_um]
+        seen = [
+            (own[rows], shared[rows], rest[rows, r])
+            for (own, shared), rest, rows in zip(columns, rest_um, there, strict=True)
+        ]
+        design = np.vstack([shared - own @ _best(own, shared) for own, shared, _ in seen])
+        aim = np.concatenate([rest - own @ _best(own, rest) for own, _, rest in seen])
+        gains = _best(design, aim)
+        for answer, (own, shared), (own_seen, shared_seen, rest) in zip(answers, columns, seen, strict=True):
+            answer[:, r] = shared @ gains + own @ _best(own_seen, rest - shared_seen @ gains)
+    return answers
+
+
+def _best(design: Vector, aim: Vector) -> Vector:
+    """Least squares; the smallest solution where columns are alike."""
+    return np.asarray(np.linalg.lstsq(design, aim, rcond=1e-8)[0])
+
+
+LEAST_UM = 1e-3
+"""A displacement that moves by less in every test is no reading of a gauge."""
+STRETCHES = 8
+"""So many means of a run tell slow movement from noise."""
+CERTAIN = 0.999
+"""Probability with which noise alone shows less than what counts as a movement."""
+WARM = 0.1
+"""Share of a run's range by which cooling has to end beyond its start, for the start to be called warm."""
+IN_NOISE = 3.0
+OPPOSITE = -0.5
+"""Heating curves whose cosine is below this go the other way."""
+FAR_BEYOND = 4.0
+"""A run whose residual is this many times the median of the others' contradicts them."""
+
+
+def movement_findings(tests: Sequence[ThermalTest], responses: Sequence[str]) -> list[Finding]:
+    """A warning for every response in which slow movement cannot be told from the noise.
+
+    Raises
+    ------
+    InputError
+        If a response does not move at all in any of the tests.
+    """
+    findings = []
+    for r, name in enumerate(responses):
+        courses = [_read(test, r)[1] for test in tests]
+        largest = max(float(np.ptp(course)) for course in courses)
+        if largest < LEAST_UM:
+            raise InputError(
+                f"{name} does not move in the tests (by {largest:.2g} µm at most)",
+                expected="a displacement that follows the heating and cooling of the machine",
+                where="the tests",
+                advice=f"check the gauge of {name} and its unit, or predict other displacements only",
+            )
+        moved, free = np.sum([_slow_part(course) for course in courses], axis=0)
+        if moved <= float(chi2.ppf(CERTAIN, max(free, 1.0))):
+            noise = float(np.median([_noise_um(course) for course in courses]))
+            findings.append(
+                FINDINGS.finding(
+                    "no-thermal-movement",
+                    f"In {name} no thermal movement was found above the noise of {noise:.2g} µm: what is predicted for "
+                    "it is noise.",
+                    Where(channel=name), {"noise_um": noise},
+                )
+            )  # fmt: skip
+    return findings
+
+
+def warm_start_findings(tests: Sequence[ThermalTest], responses: Sequence[str]) -> list[Finding]:
+    """A warning for every run that cools to the other side of where it started: it did not begin cold.
+
+    Judged by the response that moves most; other axes may turn back beyond their start by themselves.
+    """
+    findings = []
+    for test in tests:
+        r = int(np.argmax([float(np.ptp(_read(test, k)[1])) for k in range(len(responses))]))
+        time, course, speed = _read(test, r)
+        turning = np.flatnonzero(speed > 0.01 * max(float(speed.max()), 1e-9))
+        last = int(turning[-1]) + 1 if len(turning) else len(course)
+        few = max(1, min(10, len(course) // 50))
+        if not len(turning) or len(course) - last < 3 * few:
+            continue
+        # where the spindle turns from the first sample on, only that one is the start
+        start, end = float(np.mean(course[: max(1, min(few, int(turning[0])))])), float(np.mean(course[-few:]))
+        top = float(np.mean(course[max(0, last - few) : last]))
+        fallen = (start - end) * np.sign(top - start)
+        if fallen > max(IN_NOISE * _noise_um(course), WARM * float(np.ptp(course))):
+            findings.append(
+                FINDINGS.finding(
+                    "run-begins-warm",
+                    f"Run {test.run} cools to {fallen:.3g} µm beyond where {responses[r]} started: it did not begin "
+                    "cold, or something else moves it. Predictions take starts to be cold, so they are too small.",
+                    Where(channel=responses[r], run=test.run, from_s=float(time[0]), to_s=float(time[-1])),
+                    {"beyond_start_um": float(fallen)},
+                )
+            )  # fmt: skip
+    return findings
+
+
+def speed_findings(tests: Sequence[ThermalTest], cyclogram: Cyclogram) -> list[Finding]:
+    """What the tested speeds do not say about those of the duty cycle.
+
+    Raises
+    ------
+    InputError
+        If the tests cannot be used.
+    """
+    levels = np.array(mode_data(tests).levels_rpm)
+    speeds = np.unique(cyclogram.speed_rpm[cyclogram.speed_rpm > 0])
+    findings = []
+    others = speeds[np.abs(speeds - levels[-1]) > SAME_SPEED * levels[-1]]
+    if len(levels) == 1 and len(others):
+        findings.append(
+            FINDINGS.finding(
+                "one-speed-tested",
+                f"Only {levels[0]:.6g} r/min was tested; the duty cycle has {others[0]:.6g} r/min too. How heat grows "
+                "with the speed is then an assumption: errors up to half of the displacement were seen.",
+                Where(), {"levels_rpm": levels.tolist(), "speeds_rpm": others.tolist()},
+            )
+        )  # fmt: skip
+    slow = speeds[speeds < 0.5 * levels[0]]
+    if len(slow):
+        findings.append(
+            FINDINGS.finding(
+                "slower-than-tests",
+                f"The duty cycle has {slow[0]:.6g} r/min, less than half of the slowest tested speed, {levels[0]:.6g} "
+                "r/min: what is predicted there rests on the law of the speed. Were the speeds written as meant?",
+                Where(), {"speeds_rpm": slow.tolist(), "slowest_tested_rpm": float(levels[0])},
+            )
+        )  # fmt: skip
+    return findings
+
+
+def contradiction_findings(
+    tests: Sequence[ThermalTest], repeats: Sequence[RepeatedTest], responses: Sequence[str]
+) -> list[Finding]:
+    """A warning for every run that heats the other way than most, or is repeated far worse than the others."""
+    findings = []
+    for r, name in enumerate(responses):
+        opposite = _opposite(tests, r)
+        worse = {} if opposite else _worse(repeats, r)
+        for run in opposite:
+            findings.append(
+                FINDINGS.finding(
+                    "run-contradicts-others",
+                    f"In run {run} heating moves {name} the other way than in "
+                    + ("the other run." if len(opposite) == len(tests) == 2 else "most of the other runs."),
+                    Where(channel=name, run=run),
+                )
+            )  # fmt: skip
+        for run, (error, usual) in worse.items():
+            findings.append(
+                FINDINGS.finding(
+                    "run-contradicts-others",
+                    f"Run {run} is repeated with an error of {error:.2g} µm RMS in {name}, the others with "
+                    f"{usual:.2g} µm: it contradicts them.",
+                    Where(channel=name, run=run), {"residual_um": error, "others_um": usual},
+                    "look at that run (gauge, speed, start from cold), or leave it out",
+                )
+            )  # fmt: skip
+    return findings
+
+
+def _opposite(tests: Sequence[ThermalTest], r: int) -> list[str]:
+    """Names of the runs whose first heating goes against that of at least half of the others."""
+    curves = []
+    for test in tests:
+        time, course, speed = _read(test, r)
+        turning = speed > 0.01 * max(float(speed.max()), 1e-9)
+        if not turning.any():
+            continue
+        first = int(np.argmax(turning))
+        after = first + int(np.argmin(turning[first:])) if not turning[first:].all() else len(course)
+        if after - first < 3:
+            continue
+        heated = course[first:after] - float(np.mean(course[: max(1, first)]))
+        if float(np.ptp(heated)) > 2.0 * IN_NOISE * _noise_um(course):
+            curves.append((test.run, time[first:after] - time[first], heated))
+    named = []
+    for run, time, heated in curves:
+        signs = []
+        for other, other_time, other_heated in curves:
+            if other != run:
+                grid = np.linspace(0.0, min(time[-1], other_time[-1]), 50)
+                one, two = np.interp(grid, time, heated), np.interp(grid, other_time, other_heated)
+                size = float(np.linalg.norm(one) * np.linalg.norm(two))
+                signs.append(size > 0.0 and float(one @ two) < OPPOSITE * size)
+        if signs and np.mean(signs) > 0.5:
+            named.append(run)
+    return named
+
+
+def _worse(repeats: Sequence[RepeatedTest], r: int) -> dict[str, tuple[float, float]]:
+    errors = np.array([float(one.rmse_um[r]) for one in repeats])
+    found = {}
+    for k, one in enumerate(repeats):
+        if len(errors) < 3:
+            break
+        usual = float(np.median(np.delete(errors, k)))
+        course = one.measured_um[np.isfinite(one.measured_um[:, r]), r]
+        # a tenth of what it moves: smaller differences are those of speeds and methods
+        if errors[k] > max(FAR_BEYOND * usual, IN_NOISE * _noise_um(course), WARM * float(np.ptp(course))):
+            found[one.run] = (float(errors[k]), usual)
+    return found
+
+
+def _read(test: ThermalTest, r: int) -> tuple[Vector, Vector, Vector]:
+    """Times, displacement and speed where the displacement was read."""
+    there = np.isfinite(test.displacement_um[:, r])
+    return test.time_s[there], test.displacement_um[there, r], test.speed_rpm[there]
+
+
+def _noise_um(course: Vector) -> float:
+    return float(np.std(np.diff(course))) / np.sqrt(2.0) if len(course) > 2 else 0.0
+
+
+def _slow_part(course: Vector) -> tuple[float, float]:
+    """Sum of squares of the means of stretches in units of their noise, and its degrees of freedom."""
+    if float(np.ptp(course)) < LEAST_UM:
+        return 0.0, 0.0
+    parts = np.array_split(course, min(STRETCHES, len(course) // 2))
+    means, sizes = np.array([float(part.mean()) for part in parts]), np.array([len(part) for part in parts])
+    noise = max(_noise_um(course), 1e-3 * LEAST_UM)
+    return float((sizes * (means - course.mean()) ** 2).sum()) / noise**2, float(len(parts) - 1)

@@ -1,0 +1,1 @@
+"""The published chain method, and where it is good."""

@@ -1,0 +1,1 @@
+"""The model file of a vibration, and its parameters."""

@@ -1,0 +1,196 @@
+"""How far do tool and workpiece move, line by line: by the coupled structure, or by the published chains."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.errors import InputError
+from selector.physics.vibration.chain.chain import Chain, chain_receptance, force_sign, in_range
+from selector.physics.vibration.structure.source import Excitation, Source
+from selector.physics.vibration.structure.structure import GROUND, Structure, response
+from selector.types import ComplexMatrix, Vector
+
+Method = Literal["coupled", "chains"]
+
+
+@dataclass(frozen=True, eq=False)
+class FinalReceptance:
+    """Motion of the finals per unit force of one source."""
+
+    #: motion_m_per_n and moment_kg_m_per_n: (n_finals, n_freq): X/F [m/N], and m·X/F [kg·m/N] with the mass that the
+    #: method takes as that of the final
+    motion_m_per_n: ComplexMatrix
+    moment_kg_m_per_n: ComplexMatrix
+    #: (n_finals, n_freq): Whether the method has a way from the source to the final; 0 stands where it has none
+    carried: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class FinalMotions:
+    """Motion Im(X·e^{iωt}) of the finals by every line of the excitation."""
+
+    finals: tuple[str, ...]  #: Their names, "tool" and "workpiece" as a rule
+    frequency_hz: Vector  #: (n_lines,): [Hz]
+    source: NDArray[np.int64]  #: (n_lines,): Position of each line's source in `sources`
+    motion_m: ComplexMatrix  #: (n_finals, n_lines): X [m]
+    #: (n_finals, n_lines): m·X, by which the inertia force of V eq. 1 is ω²·|m·X| [kg·m]: m of the final member, with
+    #: chains of its group
+    moment_kg_m: ComplexMatrix
+    sources: tuple[str, ...]  #: Names of all sources
+    #: (n_finals, n_lines): Whether the method has a way from the source to the final; where it has none, X is 0
+    carried: NDArray[np.bool_]
+
+    def of(self, final: str, against: str | None = None) -> NDArray[np.complex128]:
+        """X of one final, or of one against another, shape (n_lines,) [m]; InputError for an unknown name."""
+        places = []
+        for name in (final,) if against is None else (final, against):
+            if name not in self.finals:
+                raise InputError(
+                    repr(name),
+                    expected=f"one of {', '.join(self.finals)}",
+                    where="finals",
+                    advice="give the member whose motion is asked for",
+                )
+            places.append(self.finals.index(name))
+        motion = self.motion_m[places[0]]
+        return motion if against is None else motion - self.motion_m[places[1]]
+
+
+def final_motions(
+    structure: Structure,
+    sources: Sequence[Source],
+    excitation: Excitation,
+    finals: Mapping[str, str],
+    *,
+    method: Method = "coupled",
+    chains: Sequence[Chain] = (),
+    split_hz: float | None = None,
+) -> FinalMotions:
+    """Motion of the finals by every line; `excitation` must be that of these `sources`.
+
+    Coupled: every member moves, the source pushes its member and, the other way, what it pushes against. Chains (V):
+    above `split_hz` those of the high range, at and below it those of the low one, summed over all that name the source
+    and end at the final.
+
+    Parameters
+    ----------
+    finals : mapping of str to str
+        Name of a final → its member.
+    split_hz : float or None
+        None only where all chains are of one range, which then counts at all frequencies [Hz].
+
+    Raises
+    ------
+    InputError
+        An unknown member, both ranges of chains without `split_hz`, chains missing, or a motion that is not finite.
+    """
+    shape = len(finals), len(excitation.frequency_hz)
+    motion, moment = np.zeros(shape, dtype=np.complex128), np.zeros(shape, dtype=np.complex128)
+    carried = np.zeros(shape, dtype=np.bool_)
+    for position, source in enumerate(sources):
+        rows = np.flatnonzero(excitation.source == position)
+        if not len(rows):
+            continue
+        found = final_receptance(
+            structure, source, excitation.frequency_hz[rows], finals, method=method, chains=chains, split_hz=split_hz
+        )
+        force = excitation.force_n[rows]
+        with np.errstate(over="ignore", invalid="ignore"):
+            motion[:, rows] = found.motion_m_per_n * force
+            moment[:, rows] = found.moment_kg_m_per_n * force
+        carried[:, rows] = found.carried
+        bad = rows[~(np.isfinite(motion[:, rows]).all(axis=0) & np.isfinite(moment[:, rows]).all(axis=0))]
+        if len(bad):
+            raise InputError(
+                f"no finite motion at {excitation.frequency_hz[bad[0]]:g} Hz",
+                expected="finite forces on a structure with dissipation",
+                where=f"sources.{source.name}",
+                advice="correct the force, or the masses and stiffnesses",
+            )
+    for values in (motion, moment, carried):
+        values.setflags(write=False)
+    return FinalMotions(
+        tuple(finals), excitation.frequency_hz, excitation.source, motion, moment, excitation.sources, carried
+    )
+
+
+def final_receptance(
+    structure: Structure,
+    source: Source,
+    frequency_hz: Vector,
+    finals: Mapping[str, str],
+    *,
+    method: Method = "coupled",
+    chains: Sequence[Chain] = (),
+    split_hz: float | None = None,
+) -> FinalReceptance:
+    """Motion of the finals per unit force of one source at frequencies of shape (n_freq,); see `final_motions`."""
+    for where, names in (
+        (f"sources.{source.name}.member", (source.member,)),
+        (f"sources.{source.name}.against", (source.against or GROUND,)),
+        ("finals", tuple(finals.values())),
+    ):
+        for name in names:
+            if name not in structure.names and not (name == GROUND and where.endswith("against")):
+                raise InputError(
+                    f"{name!r}",
+                    expected=f"one of {', '.join(structure.names)}",
+                    where=where,
+                    advice="correct the name, or add the member",
+                )
+    frequency = np.asarray(frequency_hz, dtype=np.float64)
+    if method == "coupled":
+        return _coupled(structure, source, frequency, finals)
+    return _by_chains(structure, source, frequency, finals, chains, split_hz)
+
+
+def _coupled(structure: Structure, source: Source, frequency: Vector, finals: Mapping[str, str]) -> FinalReceptance:
+    force = np.zeros((len(frequency), len(structure.members)), dtype=np.complex128)
+    force[:, structure.position(source.member)] = 1.0
+    if source.against is not None and source.against != GROUND:
+        force[:, structure.position(source.against)] -= 1.0
+    places = [structure.position(member) for member in finals.values()]
+    motion = response(structure, frequency, force)[:, places].T
+    mass = np.array([structure.members[place].mass_kg for place in places])
+    return FinalReceptance(motion, motion * mass[:, None], np.ones(motion.shape, dtype=np.bool_))
+
+
+def _by_chains(
+    structure: Structure,
+    source: Source,
+    frequency: Vector,
+    finals: Mapping[str, str],
+    chains: Sequence[Chain],
+    split_hz: float | None,
+) -> FinalReceptance:
+    if not chains or (split_hz is None and len({chain.range for chain in chains}) > 1):
+        raise InputError(
+            "chains of both ranges, and no frequency between them" if chains else "no chains",
+            expected="chains, and where they are of both ranges the frequency that parts these",
+            where="split_hz" if chains else "chains",
+            advice="give the cut, which says where roughness begins, or chains of one range alone"
+            if chains
+            else "describe the chains, or use the coupled structure",
+        )
+    mass = {member.name: member.mass_kg for member in structure.members}
+    shape = len(finals), len(frequency)
+    motion, moment = np.zeros(shape, dtype=np.complex128), np.zeros(shape, dtype=np.complex128)
+    carried = np.zeros(shape, dtype=np.bool_)
+    for row, member in enumerate(finals.values()):
+        for chain in chains:
+            if chain.final != member or source.name not in chain.sources:
+                continue
+            held = in_range(chain.range, frequency, split_hz)
+            if not held.any():
+                continue
+            final = force_sign(chain, source) * chain_receptance(structure, chain, frequency[held]).final
+            group = chain.branch[-1] if chain.branch else chain.path[0]
+            motion[row, held] += final
+            moment[row, held] += final * sum(mass[name] for name in group)
+            carried[row, held] = True
+    return FinalReceptance(motion, moment, carried)

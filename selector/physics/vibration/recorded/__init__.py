@@ -1,0 +1,1 @@
+"""Recorded speeds and forces that drive a model."""

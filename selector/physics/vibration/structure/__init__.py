@@ -1,0 +1,1 @@
+"""What vibrates: the structure, its modes, and the sources that shake it."""

@@ -1,0 +1,261 @@
+"""What shakes the machine: sources with their spectra, fixed or following shafts whose speed may change."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from selector.errors import InputError
+from selector.physics.checks import require_finite, require_not_negative, require_positive
+from selector.types import Indices, Vector
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line of a spectrum: amplitude·sin(ωt + phase)."""
+
+    frequency_hz: float | None = None  #: Where the frequency is fixed [Hz]
+    order: float | None = None  #: Where it follows a shaft: periods per revolution
+    force_n: float = 0.0  #: Amplitude of the force, the same at every speed [N]
+    #: Mass times eccentricity of what turns [kg·m]: a force of unbalance·ω² beside `force_n`
+    unbalance_kg_m: float = 0.0
+    phase_rad: float = 0.0  #: Phase against the other lines of its source [rad]
+
+    def __post_init__(self) -> None:
+        require_positive(self, "frequency_hz", "order")
+        require_not_negative(self, "force_n", "unbalance_kg_m")
+        require_finite(self, "phase_rad")
+        if (self.frequency_hz is None) == (self.order is None):
+            raise InputError(
+                "both frequency_hz and order" if self.order is not None else "neither frequency_hz nor order",
+                expected="one of them",
+                where="frequency_hz",
+                advice="give the frequency where it is fixed, the order where it follows a shaft",
+            )
+        if self.force_n == 0 and self.unbalance_kg_m == 0:
+            raise InputError(
+                "a line without force",
+                expected="force_n or unbalance_kg_m above 0",
+                where="force_n",
+                advice="give its size, or leave the line out",
+            )
+
+
+@dataclass(frozen=True)
+class Source:
+    """A source of vibration: it pushes a member, and with the same force the other way what it pushes against."""
+
+    name: str  #: IK1 cutting, IK2 spindle unit, IK3 main motor, IK4 cross-feed motor, IK5 longitudinal-feed motor in V
+    member: str  #: Member on which the force acts
+    lines: tuple[Line, ...]  #: Its spectrum
+    against: str | None = None  #: Member on which the opposite force acts; None: the ground
+    shaft: str | None = None  #: Shaft whose speed the orders belong to
+
+    def __post_init__(self) -> None:
+        wrong = (
+            "no lines"
+            if not self.lines
+            else "orders without a shaft"
+            if self.shaft is None and any(line.order is not None for line in self.lines)
+            else f"{self.member!r} pushing against itself"
+            if self.against == self.member
+            else None
+        )
+        if wrong is not None:
+            raise InputError(
+                wrong,
+                expected="lines of a spectrum, a shaft for those that follow one, and two sides of the force",
+                where="lines" if "lines" in wrong else "shaft" if "shaft" in wrong else "against",
+                advice=f"correct the source {self.name!r}",
+            )
+
+
+ComplexVector = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class Excitation:
+    """The lines of all sources, one row a line; lines of different sources at one frequency stay apart.
+
+    A force is Im(F·e^{iωt}): amplitude·sin(ωt + phase).
+    """
+
+    sources: tuple[str, ...]  #: Names of all sources, also of those without a row
+    frequency_hz: Vector  #: (n_lines,): Above 0 [Hz]
+    force_n: ComplexVector  #: (n_lines,): F, what the source does to its member [N]
+    #: source and line: (n_lines,): Position of the source, and of the line among the lines of its source
+    source: Indices
+    line: Indices
+    #: order and shaft: Periods per revolution and the shaft that the line follows; None where the frequency is fixed
+    order: tuple[float | None, ...]
+    shaft: tuple[str | None, ...]
+
+    def __post_init__(self) -> None:
+        for values in (self.frequency_hz, self.force_n, self.source, self.line):
+            values.setflags(write=False)
+
+    def only(self, rows: Indices) -> Excitation:
+        """The excitation by these rows alone."""
+        return Excitation(
+            self.sources,
+            self.frequency_hz[rows],
+            self.force_n[rows],
+            self.source[rows],
+            self.line[rows],
+            tuple(self.order[row] for row in rows),
+            tuple(self.shaft[row] for row in rows),
+        )
+
+
+def excitation(sources: Sequence[Source], shaft_rpm: Mapping[str, float]) -> Excitation:
+    """Lines of all sources while the shafts turn at constant speeds.
+
+    A line that follows a shaft that stands still is a force that does not change: it has no row.
+
+    Parameters
+    ----------
+    sources : sequence of Source
+    shaft_rpm : mapping of str to float
+        Shaft → speed [r/min], 0 or more.
+
+    Raises
+    ------
+    InputError
+        A name stands twice, a shaft is missing or turns with an impossible speed, or a number overflows.
+    """
+    require_names(sources)
+    rows: list[tuple[int, int, Line, str | None, float]] = []
+    for position, source in enumerate(sources):
+        for number, line in enumerate(source.lines):
+            if line.order is None:
+                rows.append((position, number, line, None, line.frequency_hz or 0.0))
+                continue
+            speed = shaft_speed(source, shaft_rpm)
+            if speed > 0:
+                rows.append((position, number, line, source.shaft, line.order * speed / 60.0))
+    frequency = np.array([row[4] for row in rows], dtype=np.float64)
+    made = [line_force_n(row[2], frequency[place : place + 1])[0] for place, row in enumerate(rows)]
+    force = np.array(made, dtype=np.complex128)
+    for (position, number, *_), f, value in zip(rows, frequency, force, strict=True):
+        if not (math.isfinite(f) and np.isfinite(value)):
+            raise InputError(
+                f"a force beyond all numbers, at {f:g} Hz",
+                expected="finite numbers",
+                where=f"sources.{sources[position].name}.lines[{number + 1}]",
+                advice="correct the speed of the shaft, the order, or the unbalance [kg·m]",
+            )
+    return Excitation(
+        sources=tuple(source.name for source in sources),
+        frequency_hz=frequency,
+        force_n=force,
+        source=np.array([row[0] for row in rows], dtype=np.int64),
+        line=np.array([row[1] for row in rows], dtype=np.int64),
+        order=tuple(row[2].order for row in rows),
+        shaft=tuple(row[3] for row in rows),
+    )
+
+
+def line_force_n(line: Line, frequency_hz: Vector) -> ComplexVector:
+    """F = (force + unbalance·ω²)·e^{i·phase} [N] of one line at frequencies of shape (n,)."""
+    # too large is the caller's to tell
+    with np.errstate(over="ignore", invalid="ignore"):
+        amplitude = line.force_n + line.unbalance_kg_m * (2.0 * np.pi * frequency_hz) ** 2
+        return np.asarray(amplitude * np.exp(1j * line.phase_rad))
+
+
+def shaft_speed(source: Source, shaft_rpm: Mapping[str, float]) -> float:
+    """Speed of a source's shaft [r/min]; InputError if there is none or it cannot be."""
+    speed = shaft_rpm.get(source.shaft or "")
+    if speed is None or not (math.isfinite(speed) and speed >= 0):
+        raise InputError(
+            f"no shaft {source.shaft!r}" if speed is None else f"{speed:g} r/min",
+            expected=f"one of {', '.join(shaft_rpm) or 'some shafts'}"
+            if speed is None
+            else "0 or more; orders are the same in both directions",
+            where=f"sources.{source.name}.shaft" if speed is None else f"shafts.{source.shaft}",
+            advice="give the speed of every shaft that a source follows",
+        )
+    return speed
+
+
+def require_names(sources: Sequence[Source]) -> None:
+    """Raises InputError if two sources have one name."""
+    names = [source.name for source in sources]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise InputError(
+            f"two sources called {twice!r}",
+            expected="sources, each with its own name",
+            where="sources",
+            advice="put all lines of a source into one, or name the second one otherwise",
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class ShaftCourse:
+    """Speed of a shaft over time: straight between corners, level before the first and after the last.
+
+    Raises
+    ------
+    InputError
+        No corner, times that do not increase, or a speed that is missing or below 0.
+    """
+
+    #: time_s and rpm: (n_corners,): Corners: increasing times [s], and speeds of 0 or more [r/min]
+    time_s: Vector
+    rpm: Vector
+
+    def __post_init__(self) -> None:
+        time, rpm = (np.array(values, dtype=np.float64) for values in (self.time_s, self.rpm))
+        shaped = time.ndim == 1 and time.shape == rpm.shape and len(time) > 0
+        if not shaped or not np.isfinite(time).all() or (np.diff(time) <= 0).any():
+            raise InputError(
+                f"times of shape {time.shape} and speeds of shape {rpm.shape}"
+                if not shaped
+                else "times that do not increase",
+                expected="one speed a time, each time after the one before",
+                where="shaft_rpm",
+                advice="give the corners in the order of their times; make a jump a short slope",
+            )
+        if not (np.isfinite(rpm) & (rpm >= 0)).all():
+            first = int(np.flatnonzero(~(np.isfinite(rpm) & (rpm >= 0)))[0])
+            raise InputError(
+                f"{rpm[first]:g} r/min at {time[first]:g} s",
+                expected="speeds of 0 or more; orders are the same in both directions",
+                where="shaft_rpm",
+                advice="fill what is missing; split a run where the shaft turns back",
+            )
+        for name, values in (("time_s", time), ("rpm", rpm)):
+            values.setflags(write=False)
+            object.__setattr__(self, name, values)
+
+    @property
+    def is_level(self) -> bool:
+        """Whether the speed never changes."""
+        return bool((self.rpm == self.rpm[0]).all())
+
+    def rpm_at(self, time_s: ArrayLike) -> Vector:
+        """Speed at these times [r/min], shape (n_times,)."""
+        return np.asarray(np.interp(np.asarray(time_s, dtype=np.float64), self.time_s, self.rpm))
+
+    def turns_at(self, time_s: ArrayLike) -> Vector:
+        """Turns since time 0, the exact integral of the speed, shape (n_times,)."""
+        time = np.asarray(time_s, dtype=np.float64)
+        return self._turns(time) - self._turns(np.zeros(1))
+
+    def range_rpm(self, from_s: float, to_s: float) -> tuple[float, float]:
+        """Lowest and highest speed from one time to another [r/min]."""
+        inside = self.rpm[(self.time_s > from_s) & (self.time_s < to_s)]
+        speeds = np.concatenate((inside, self.rpm_at([from_s, to_s])))
+        return float(speeds.min()), float(speeds.max())
+
+    def _turns(self, time: Vector) -> Vector:
+        """Turns since the first corner."""
+        whole = np.concatenate(([0.0], np.cumsum(np.diff(self.time_s) * (self.rpm[1:] + self.rpm[:-1]) / 2.0)))
+        corner = np.clip(np.searchsorted(self.time_s, time, side="right") - 1, 0, len(self.time_s) - 1)
+        since = time - self.time_s[corner]
+        return (whole[corner] + since * (self.rpm[corner] + self.rpm_at(time)) / 2.0) / 60.0

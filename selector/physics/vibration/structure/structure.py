@@ -1,0 +1,333 @@
+"""What vibrates, and how the whole structure answers to forces, every member reacting back on its neighbours."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from selector.errors import InputError
+from selector.physics.checks import require_not_negative, require_positive
+from selector.types import Complex, Matrix, Vector
+
+GROUND = "ground"
+"""What does not move: the foundation."""
+
+
+@dataclass(frozen=True)
+class Member:
+    """A part of the machine that moves as one mass."""
+
+    name: str
+    mass_kg: float  #: m [kg]
+
+    def __post_init__(self) -> None:
+        require_positive(self, "mass_kg")
+        if self.name == GROUND or not self.name:
+            raise InputError(
+                f"a member called {self.name!r}",
+                expected=f"another name: {GROUND!r} is what does not move",
+                where="name",
+                advice="call the part what it is",
+            )
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Spring and damping between two members, or between a member and `GROUND`."""
+
+    between: tuple[str, str]  #: Names of what it joins
+    stiffness_n_per_m: float  #: j [N/m]
+    dissipation: float = 0.0  #: ψ, energy lost in a cycle over the largest energy stored in it; 0: none
+
+    def __post_init__(self) -> None:
+        require_positive(self, "stiffness_n_per_m")
+        require_not_negative(self, "dissipation")
+        if self.between[0] == self.between[1]:
+            raise InputError(
+                f"a joint of {self.between[0]!r} with itself",
+                expected="two different members",
+                where="between",
+                advice="name the other side of the joint",
+            )
+
+    @property
+    def loss_factor(self) -> float:
+        """η = ψ/2π."""
+        return self.dissipation / (2.0 * math.pi)
+
+    @property
+    def complex_stiffness_n_per_m(self) -> complex:
+        """j·(1 + iη) [N/m]."""
+        return self.stiffness_n_per_m * complex(1.0, self.loss_factor)
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Members and the joints between them.
+
+    Raises
+    ------
+    InputError
+        A name stands twice, a joint names an unknown member, or a member has no way to the ground.
+    """
+
+    members: tuple[Member, ...]
+    joints: tuple[Joint, ...]
+
+    def __post_init__(self) -> None:
+        names = self.names
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice is not None or not names:
+            raise InputError(
+                f"two members called {twice!r}" if names else "no member",
+                expected="members, each with its own name",
+                where="members",
+                advice="name every part once",
+            )
+        for number, joint in enumerate(self.joints):
+            for name in joint.between:
+                if name != GROUND and name not in names:
+                    raise InputError(
+                        f"a joint with {name!r}",
+                        expected=f"one of {', '.join(names)}, or {GROUND}",
+                        where=f"joints[{number + 1}].between",
+                        advice="correct the name, or add the member",
+                    )
+        loose = [name for name in names if name not in self._held()]
+        if loose:
+            raise InputError(
+                f"no way from {', '.join(loose)} to the ground",
+                expected="joints that hold every member",
+                where="joints",
+                advice=f'add the joint that is missing; what stands on the foundation is joined with "{GROUND}"',
+            )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the members."""
+        return tuple(member.name for member in self.members)
+
+    def position(self, name: str) -> int:
+        """Place of a member among the members; KeyError where there is none."""
+        try:
+            return self.names.index(name)
+        except ValueError:
+            raise KeyError(name) from None
+
+    def _held(self) -> set[str]:
+        """What is joined with the ground, straight or through others."""
+        held, found = {GROUND}, {GROUND}
+        while found:
+            found = {
+                other
+                for joint in self.joints
+                for one, other in (joint.between, joint.between[::-1])
+                if one in held and other not in held
+            }
+            held |= found
+        return held
+
+
+NUMBERS_AT_ONCE = 2_000_000
+"""Complex numbers of dynamic stiffness that are held at a time (32 MB)."""
+UNDAMPED = 1e-9
+"""An eigenvalue this near to ω², as a share, is an undamped resonance: it amplifies a thousand million times."""
+RESOLVED = 1e3 * np.finfo(float).eps
+"""Share of the largest eigenvalue below which rounding decides what a smaller one is."""
+
+
+def mass_matrix(structure: Structure) -> Matrix:
+    """M [kg], diagonal, shape (n_members, n_members), in the order of the members."""
+    return np.diag(_masses_kg(structure))
+
+
+def stiffness_matrix(structure: Structure) -> Complex:
+    """K [N/m], complex symmetric, shape (n_members, n_members): joints j·(1 + iη), in the order of the members."""
+    stiffness = np.zeros((len(structure.members), len(structure.members)), dtype=np.complex128)
+    places = {name: place for place, name in enumerate(structure.names)}
+    for joint in structure.joints:
+        ends = [places[name] for name in joint.between if name != GROUND]
+        stiffness[ends, ends] += joint.complex_stiffness_n_per_m
+        if len(ends) == 2:
+            stiffness[ends, ends[::-1]] -= joint.complex_stiffness_n_per_m
+    return stiffness
+
+
+def scaled_stiffness_matrix(structure: Structure) -> Complex:
+    """M^−½·K·M^−½ [1/s²]: its eigenvalues are those of the pencil (K, M).
+
+    Raises
+    ------
+    InputError
+        If a stiffness over a mass is beyond what numbers hold.
+    """
+    root = np.sqrt(_masses_kg(structure))
+    with np.errstate(over="ignore", invalid="ignore"):
+        scaled = stiffness_matrix(structure) / root / root[:, None]
+    if not np.isfinite(scaled).all():
+        raise InputError(
+            "a stiffness over a mass beyond all numbers",
+            expected="stiffnesses [N/m] and masses [kg] of a machine",
+            where="joints",
+            advice="correct the stiffness or the mass; check their units",
+        )
+    return scaled
+
+
+def response(structure: Structure, frequency_hz: ArrayLike, force_n: ArrayLike) -> Complex:
+    """Motion of every member [m], complex, shape (n_freq, n_members), by solving at every frequency.
+
+    Parameters
+    ----------
+    structure
+    frequency_hz : array-like of shape (n_freq,)
+        [Hz]; 0 is the static limit.
+    force_n : array-like of shape (n_freq, n_members), or (n_members,) for all frequencies
+        Complex amplitudes of the forces on the members [N].
+
+    Raises
+    ------
+    InputError
+        At a resonance that nothing damps, or if numbers are missing or beyond what numbers hold.
+    """
+    frequency = checked_frequencies(frequency_hz)
+    force = np.asarray(force_n, dtype=np.complex128)
+    shape = (len(frequency), len(structure.members))
+    if force.shape not in (shape, shape[1:]) or not np.isfinite(force).all():
+        raise InputError(
+            f"forces of shape {force.shape}" + ("" if np.isfinite(force).all() else " with missing values"),
+            expected=f"a number for every frequency and member, shape {shape}",
+            where="force_n",
+            advice="give the force on every member, 0 where none acts",
+        )
+    return _solved(structure, frequency, np.broadcast_to(force, shape)[:, :, None])[:, :, 0]
+
+
+def receptances(structure: Structure, frequency_hz: ArrayLike, force_n: ArrayLike) -> Complex:
+    """Motions [m] in several cases of force at once, complex, shape (n_cases, n_freq, n_members).
+
+    `force_n` has the shape (n_cases, n_members) and is the same at every frequency. Errors: as `response`.
+    """
+    frequency = checked_frequencies(frequency_hz)
+    force = np.asarray(force_n, dtype=np.complex128)
+    solved = _solved(structure, frequency, np.broadcast_to(force.T, (len(frequency), *force.T.shape)))
+    return np.ascontiguousarray(np.moveaxis(solved, 2, 0))
+
+
+def receptance(
+    structure: Structure, frequency_hz: ArrayLike, *, of: str, at: str, against: str | None = None
+) -> Complex:
+    """Motion of the member `of` per unit force on the member `at` [m/N], complex, shape (n_freq,).
+
+    The opposite force acts on `against`, by default on the ground. Errors: as `response`, and for unknown members.
+    """
+    force = unit_force(structure, at, against)
+    return receptances(structure, frequency_hz, force[None])[0][:, known_place(structure, of, "of")]
+
+
+def unit_force(structure: Structure, at: str, against: str | None = None) -> Vector:
+    """Forces on the members [N], shape (n_members,): 1 on `at`, −1 on `against` unless that is the ground."""
+    force = np.zeros(len(structure.members))
+    force[known_place(structure, at, "at")] += 1.0
+    if against is not None and against != GROUND:
+        force[known_place(structure, against, "against")] -= 1.0
+    return force
+
+
+def known_place(structure: Structure, name: str, where: str) -> int:
+    """Place of a member among the members; InputError where there is none, saying `where` it was named."""
+    if name not in structure.names:
+        raise InputError(
+            f"a member {name!r}",
+            expected=f"one of {', '.join(structure.names)}",
+            where=where,
+            advice="correct the name, or add the member",
+        )
+    return structure.position(name)
+
+
+def checked_frequencies(frequency_hz: ArrayLike) -> Vector:
+    """The frequencies as an array [Hz]; InputError unless they are a row of numbers from 0 to 1e9."""
+    frequency = np.asarray(frequency_hz, dtype=np.float64)
+    # GHz: beyond it products of amplitudes would not be numbers any more
+    if frequency.ndim != 1 or not ((frequency >= 0.0) & (frequency <= 1e9)).all():
+        wrong = frequency[~((frequency >= 0.0) & (frequency <= 1e9))] if frequency.ndim == 1 else frequency
+        raise InputError(
+            f"{wrong[0]:g} Hz" if wrong.ndim == 1 else f"an array of shape {frequency.shape}",
+            expected="a row of frequencies from 0 to 1e9 Hz",
+            where="frequency_hz",
+            advice="correct the frequencies",
+        )
+    return frequency
+
+
+def refuse_unresolved(structure: Structure, frequency_hz: Vector) -> None:
+    """Raises InputError for the first frequency [Hz] at which the dynamic stiffness is singular or lost in rounding."""
+    eigenvalues = np.linalg.eigvals(scaled_stiffness_matrix(structure))
+    square = (2.0 * math.pi * frequency_hz) ** 2
+    largest = float(np.abs(eigenvalues).max())
+    distance = np.full(len(square), math.inf)
+    for eigenvalue in eigenvalues:
+        np.minimum(distance, np.abs(square - eigenvalue), out=distance)
+    wrong = np.flatnonzero(distance <= np.maximum(UNDAMPED * square, RESOLVED * largest))
+    if not len(wrong):
+        return
+    first = int(wrong[0])
+    frequency = f"{frequency_hz[first]:.6g} Hz"
+    member, between = _most_in_mode(structure, float(square[first]))
+    if distance[first] < UNDAMPED * square[first]:
+        raise InputError(
+            f"a resonance at {frequency} that nothing damps; {member!r} moves most in it",
+            expected="frequencies off the undamped resonances, or joints that take energy",
+            where="joints",
+            advice=f"give the joint {between[0]} – {between[1]} its dissipation (ψ above 0), or move the frequency",
+        )
+    raise InputError(
+        f"stiffnesses over masses that lie so far apart that rounding decides the motion at {frequency}",
+        expected="natural frequencies of single members within six powers of ten",
+        where="joints",
+        advice=f"correct the mass of {member!r} or its joints, or merge what is practically rigid",
+    )
+
+
+def _masses_kg(structure: Structure) -> Vector:
+    return np.array([member.mass_kg for member in structure.members], dtype=np.float64)
+
+
+def _solved(structure: Structure, frequency_hz: Vector, force_n: Complex) -> Complex:
+    """X of (K − ω²M)·X = F, shape (n_freq, n_members, n_cases)."""
+    scaled, root = scaled_stiffness_matrix(structure), np.sqrt(_masses_kg(structure))
+    refuse_unresolved(structure, frequency_hz)
+    motion = np.empty(force_n.shape, dtype=np.complex128)
+    at_once = max(1, NUMBERS_AT_ONCE // (len(root) * (len(root) + force_n.shape[2])))
+    diagonal = np.arange(len(root))
+    for begin in range(0, len(frequency_hz), at_once):
+        part = slice(begin, begin + at_once)
+        dynamic = np.repeat(scaled[None], len(frequency_hz[part]), axis=0)
+        dynamic[:, diagonal, diagonal] -= (2.0 * math.pi * frequency_hz[part, None]) ** 2
+        # too large numbers are told below
+        with np.errstate(over="ignore", invalid="ignore"):
+            motion[part] = np.linalg.solve(dynamic, force_n[part] / root[:, None]) / root[:, None]
+    if not np.isfinite(motion).all():
+        raise InputError(
+            "a motion beyond all numbers",
+            expected="forces [N] and stiffnesses [N/m] of a machine",
+            where="force_n",
+            advice="correct the force; check its unit",
+        )
+    return motion
+
+
+def _most_in_mode(structure: Structure, square: float) -> tuple[str, tuple[str, str]]:
+    """The member that moves most in the mode nearest to ω² = `square`, and the joint that it strains most."""
+    eigenvalues, vectors = np.linalg.eig(scaled_stiffness_matrix(structure))
+    shape = vectors[:, np.argmin(np.abs(eigenvalues - square))] / np.sqrt(_masses_kg(structure))
+    motion = {**dict(zip(structure.names, shape, strict=True)), GROUND: 0.0}
+    strained = max(
+        structure.joints,
+        key=lambda joint: joint.stiffness_n_per_m * abs(motion[joint.between[0]] - motion[joint.between[1]]) ** 2,
+    )
+    return structure.names[int(np.argmax(np.abs(shape)))], strained.between

@@ -1,0 +1,1 @@
+"""Files of loggers and programs: MAT, TDMS, MDF, Parquet."""

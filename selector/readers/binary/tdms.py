@@ -1,0 +1,232 @@
+"""NI TDMS and ASAM MDF 3 and 4 → tables."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from selector.errors import InputError, ReadError
+from selector.findings import Finding
+from selector.readers.binary.optional import collect_quietly, optional_module, quiet, silent
+from selector.readers.cells import numbers_or_text
+from selector.readers.clock.rates import Rate, one_clock
+from selector.readers.finding_table import FINDINGS
+from selector.readers.tables import Column, Overrides, Table, checked_size, checked_width, unique_headers
+
+
+def read_tdms(path: Path, data: bytes, overrides: Overrides) -> list[Table]:
+    """The groups of a TDMS file.
+
+    Raises
+    ------
+    ReadError
+        The file is damaged or has no channel of numbers.
+    """
+    nptdms = optional_module("nptdms", "a TDMS file", path.name)
+    try:
+        with quiet():
+            return _tables(nptdms.TdmsFile.read(io.BytesIO(data)), path, overrides)
+    except (InputError, MemoryError):
+        raise
+    except Exception as error:
+        raise ReadError(
+            f"a TDMS file that cannot be read ({type(error).__name__}: {str(error)[:120]})",
+            expected="a complete TDMS file",
+            where=path.name,
+            advice="check whether the recording was closed properly, or export it as CSV",
+        ) from error
+
+
+def _tables(file: Any, path: Path, overrides: Overrides) -> list[Table]:
+    tables: list[Table] = []
+    groups = [g for g in file.groups() if overrides.sheet in (None, g.name)]
+    skipped: list[str] = []
+    for group in groups:
+        channels = [c for c in group.channels() if len(c) > 1]
+        checked_width(len(channels), path.name)
+        checked_size(sum(len(c) for c in channels), path.name)
+        table = _table(channels, path, str(group.name)) if channels else None
+        if table is None:
+            skipped.append(str(group.name))
+        else:
+            tables.append(table)
+    if not tables:
+        raise ReadError(
+            f"no group with channels of numbers (groups: {', '.join(g.name for g in file.groups()) or 'none'})",
+            expected="at least one group with channels of two or more samples",
+            where=path.name,
+            advice="check the recording, or name the group (--sheet)",
+        )
+    if len(tables) == 1:
+        only = tables[0]
+        return [Table(path.stem, path, only.columns, only.reading, only.findings, None, only.time_s, only.start)]
+    told = FINDINGS.finding(
+        "groups-are-runs",
+        f"{path.name} has {len(tables)} groups of channels; each was read as a run of its own.",
+        evidence={"groups": [t.reading["sheet"] for t in tables]},
+    )
+    return [
+        Table(
+            f"{path.stem}_{t.reading['sheet']}",
+            path,
+            t.columns,
+            t.reading,
+            (told, *t.findings) if i == 0 else t.findings,
+            None,
+            t.time_s,
+            t.start,
+        )
+        for i, t in enumerate(tables)
+    ]
+
+
+def _table(channels: list[Any], path: Path, group: str) -> Table | None:
+    headers, findings = unique_headers([str(c.name) for c in channels], path.name)
+    by_length: dict[int, list[Column]] = {}
+    clocked: list[Rate] = []
+    start: np.datetime64 | None = None
+    for header, channel in zip(headers, channels, strict=True):
+        values = column_values(np.asarray(channel[:]))
+        if values is None:
+            continue
+        unit = channel.properties.get("unit_string") or channel.properties.get("NI_UnitDescription")
+        text = channel.properties.get("description") or None
+        column = Column(header, values, str(unit) if unit else None, (), str(text) if text else None)
+        step = float(channel.properties.get("wf_increment", 0.0) or 0.0)
+        if step > 0:
+            offset = float(channel.properties.get("wf_start_offset", 0.0) or 0.0)
+            ticks = np.arange(len(values), dtype=np.float64)
+            clocked.append(Rate(np.asarray(offset + step * ticks, dtype=np.float64), (column,)))
+            begun = channel.properties.get("wf_start_time")
+            if start is None and isinstance(begun, np.datetime64) and begun > np.datetime64("1905-01-01"):
+                start = begun
+        else:
+            by_length.setdefault(len(values), []).append(column)
+    reading = {
+        "format": "tdms", "encoding": None, "separator": None, "decimal": None, "skipped_rows": 0, "unit_row": False,
+        "sheet": group,
+    }  # fmt: skip
+    if clocked:
+        time_s, columns, told = one_clock(clocked, path)
+        same = by_length.pop(len(time_s), [])
+        left = [c.header for rest in by_length.values() for c in rest]
+        extra = [_left_out(left, path)] if left else []
+        return Table(path.stem, path, (*columns, *same), reading, (*findings, *told, *extra), None, time_s, start)
+    if not by_length:
+        return None
+    best = max(by_length.values(), key=lambda columns: (len(columns), len(columns[0].values)))
+    left = [c.header for columns in by_length.values() if columns is not best for c in columns]
+    extra = [_left_out(left, path)] if left else []
+    return Table(path.stem, path, tuple(best), reading, (*findings, *extra))
+
+
+def _left_out(names: list[str], path: Path) -> Finding:
+    return FINDINGS.finding(
+        "other-length",
+        f"Channels {', '.join(names[:8])} of {path.name} have another number of samples and no clock; they were "
+        f"left out.",
+        evidence={"channels": names},
+        action="leave-out-channel",
+        level="warning",
+    )
+
+
+def column_values(values: Any) -> Any:
+    """An array of any format's numbers, times or texts as a column holds it, or None for anything else."""
+    values = np.asarray(values)
+    if values.ndim != 1:
+        return None
+    if values.dtype.kind in "fiub":
+        out = values.astype(np.float64)
+        out[~np.isfinite(out)] = np.nan
+        return out
+    if values.dtype.kind == "M":
+        return values.astype("datetime64[ns]")
+    if values.dtype.kind == "m":
+        return values.astype("timedelta64[ns]").astype(np.float64) / 1e9
+    if values.dtype.kind in "OUS":
+        texts = [_text(v) for v in values]
+        return numbers_or_text(pa.array(texts, pa.string()), ".")[0]
+    return None
+
+
+def _text(value: Any) -> str | None:
+    if value is None:
+        return None
+    text = value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
+    return text.encode("utf-8", "replace").decode()
+
+
+def read_mdf(path: Path, data: bytes, overrides: Overrides) -> list[Table]:
+    """The channels of all groups on one clock.
+
+    Raises
+    ------
+    ReadError
+        The file is damaged or has no channel of numbers.
+    """
+    asammdf = optional_module("asammdf", "an MDF file", path.name)
+    try:
+        with quiet(), silent(), asammdf.MDF(io.BytesIO(data)) as file:
+            return [_mdf_table(file, path)]
+    except (InputError, MemoryError):
+        raise
+    except Exception as error:
+        reason = f"{type(error).__name__}: {str(error)[:120]}"
+    collect_quietly()
+    raise ReadError(
+        f"an MDF file that cannot be read ({reason})",
+        expected="a complete MDF 3 or MDF 4 file",
+        where=path.name,
+        advice="check whether the measurement was closed properly, or export it as CSV",
+    )
+
+
+def _mdf_table(file: Any, path: Path) -> Table:
+    rates: list[Rate] = []
+    n_channels = 0
+    signals: list[tuple[str, Any]] = []
+    for group, content in enumerate(file.groups):
+        n_channels += len(content.channels)
+        checked_width(n_channels, path.name)
+        cycles = int(getattr(content.channel_group, "cycles_nr", 0))
+        checked_size(cycles * max(len(content.channels), 1), path.name)
+        master = file.masters_db.get(group)
+        for index, channel in enumerate(content.channels):
+            if index == master:
+                continue
+            signal = file.get(group=group, index=index, raw=False, ignore_invalidation_bits=False)
+            if len(signal.timestamps) > 1:
+                signals.append((str(channel.name), signal))
+    headers, findings = unique_headers([name for name, _ in signals], path.name)
+    for header, (_, signal) in zip(headers, signals, strict=True):
+        values = column_values(signal.samples)
+        if values is None:
+            continue
+        if signal.invalidation_bits is not None and values.dtype.kind == "f":
+            values[np.asarray(signal.invalidation_bits, dtype=bool)] = np.nan
+        column = Column(header, values, signal.unit or None, (), signal.comment or None)
+        rates.append(Rate(np.asarray(signal.timestamps, dtype=np.float64), (column,)))
+    if not rates:
+        raise ReadError(
+            "no channel with two or more samples",
+            expected="channels of numbers with a time channel",
+            where=path.name,
+            advice="check the recording, or export it as CSV",
+        )
+    time_s, columns, told = one_clock(rates, path)
+    begun = getattr(file, "start_time", None)
+    start = None
+    if begun is not None and begun.year > 1980:
+        if begun.tzinfo is not None:
+            begun = begun.replace(tzinfo=None)
+        start = np.datetime64(begun)
+    reading = {
+        "format": "mdf", "encoding": None, "separator": None, "decimal": None, "skipped_rows": 0, "unit_row": False,
+        "version": str(file.version),
+    }  # fmt: skip
+    return Table(path.stem, path, columns, reading, (*findings, *told), None, time_s, start)

@@ -1,0 +1,1 @@
+"""Time: stamps and numbers → a clock that ticks forwards."""

@@ -1,0 +1,336 @@
+"""Which columns hold the time, and what time they tell."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.errors import ReadError
+from selector.findings import Finding, Where
+from selector.readers.clock.stamps import Stamps, numeric_clock, stamps, time_unit
+from selector.readers.finding_table import AMBIGUOUS_TIME, FINDINGS, TIME_UNIT_GUESSED
+from selector.readers.layout import is_counter_name, is_time_name
+from selector.readers.roles.inferred import known_unit, role_guess
+from selector.readers.roles.names import closest, found_column, name_and_unit
+from selector.readers.tables import Column, Table
+
+_MILLISECOND_NAME = re.compile(r"^(ms|msec|millis(ec(ond)?s?)?|millisekunden?|毫秒|ミリ秒|мс)$", re.IGNORECASE)
+
+_Known: TypeAlias = dict[str, Stamps | None]
+"""Stamps of the columns of one table that have been read already, by header."""
+
+
+@dataclass(frozen=True)
+class TimeOptions:
+    """What the machine file or the user says about the time; None = find out."""
+
+    columns: tuple[str, ...] = ()
+    unit: str | None = None
+    period_s: float | None = None
+    date_order: str | None = None
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Stamps of a table."""
+
+    seconds: NDArray[np.float64]  #: (n_rows,): Since `base_s`; NaN = no readable stamp
+    base_s: float | None  #: Absolute time of ``seconds == 0`` [s since 1970-01-01], None for a clock without a date
+    zone_s: float | None  #: Offset of the file's zone from UTC [s]; then `base_s` is UTC, otherwise local time
+    columns: tuple[str, ...]  #: Headers of the time columns; empty for a clock outside of the columns or none at all
+    unit: str  #: A unit of time, or "datetime", or "sample" when there is no clock
+    time_of_day: bool  #: Whether it starts anew at midnight
+    guessed: tuple[str, ...]  #: Which of "column", "unit" were guessed
+    findings: tuple[Finding, ...]
+
+
+def clock(table: Table, options: TimeOptions) -> Clock:
+    """The clock of a table.
+
+    Raises
+    ------
+    ReadError
+        A time column was named that the table does not have or that holds no times.
+    """
+    known: _Known = {}
+    if options.columns:
+        columns = [_named(table, name) for name in options.columns]
+        result = _told_by(table, columns, options, known)
+        if result is None:
+            raise ReadError(
+                f"no times in column {columns[0].header!r} (first cell: {str(columns[0].values[0])[:40]!r})",
+                expected="a number in a unit of time, or a date and time",
+                where=table.file.name,
+                advice="correct [time] column and unit in the machine file, or the time column (--time-column)",
+            )
+        return result
+    if options.period_s is not None:
+        return _sample_clock(table, options.period_s, named=True)
+    if table.time_s is not None:
+        base_s = None if table.start is None else float(table.start.astype("datetime64[us]").astype(np.int64)) / 1e6
+        return Clock(table.time_s, base_s, None, (), "datetime" if base_s is not None else "s", False, (), ())
+    for columns in _candidates(table, options, known):
+        result = _told_by(table, columns, options, known)
+        if result is not None and np.isfinite(result.seconds).sum() >= 0.5 * len(result.seconds):
+            return replace(result, guessed=("column", *result.guessed))
+    rising = _rising_column(table)
+    if rising is not None:
+        found = _told_by(table, [rising], options, known)
+        if found is not None:
+            finding = FINDINGS.finding(
+                "time-column-guessed",
+                f"No column of {table.file.name} is called a time; column {rising.header!r} rises in equal steps "
+                f"and was "
+                f"taken for the time, in {found.unit}.",
+                Where(channel=rising.header),
+                {"column": rising.header, "unit": found.unit},
+            )
+            return replace(found, guessed=("column", *found.guessed), findings=(finding,))
+    return _sample_clock(table, 1.0, named=False)
+
+
+def _sample_clock(table: Table, period_s: float, *, named: bool) -> Clock:
+    findings: tuple[Finding, ...] = ()
+    unread = [c.header for c in table.columns if c.kind == "text" and is_time_name(name_and_unit(c.header)[0])]
+    if not named:
+        findings = (
+            FINDINGS.finding(
+                "no-clock",
+                f"{table.file.name} has no time column"
+                + (f" (the cells of {unread[0]!r} are no times)" if unread else "")
+                + "; one row per second is assumed, so times and time constants are "
+                "counted in samples.",
+                evidence={"period_s": period_s},
+            ),
+        )
+    seconds = np.arange(len(table), dtype=np.float64) * period_s
+    return Clock(seconds, None, None, (), "sample", False, () if named else ("unit",), findings)
+
+
+def _named(table: Table, name: str) -> Column:
+    column = found_column(table.columns, name)
+    if column is None:
+        headers = [c.header for c in table.columns]
+        raise ReadError(
+            f"no time column {name!r}; the columns are {_listed(headers)}",
+            expected=f"a column called {name!r}"
+            + (f" (nearest: {closest(name, headers)!r})" if closest(name, headers) else ""),
+            where=table.file.name,
+            advice="correct [time] column in the machine file, or leave it out to have it found",
+        )
+    return column
+
+
+def _listed(headers: Sequence[str]) -> str:
+    return ", ".join(headers[:20]) + (" …" if len(headers) > 20 else "")
+
+
+def _candidates(table: Table, options: TimeOptions, known: _Known) -> list[list[Column]]:
+    """Sets of columns that may hold the time, the likeliest first."""
+    named = [c for c in table.columns if is_time_name(name_and_unit(c.header)[0]) or is_time_name(c.header)]
+    texts = [c for c in table.columns if c.kind in ("text", "datetime")]
+    read = {id(c): _text_stamps(c, table, options, known) for c in texts}
+    full = [c for c in texts if _kind(c, read[id(c)]) == "datetime"]
+    dates = [c for c in texts if _kind(c, read[id(c)]) == "date"]
+    times = [c for c in texts if _kind(c, read[id(c)]) == "time"]
+    fractions = [c for c in named if c.kind == "number" and _fraction_of_day(c)]
+    sets: list[list[Column]] = []
+    sets += [[c] for c in full if c in named] + [[c] for c in full if c not in named]
+    if dates and (times or fractions):
+        sets.append([dates[0], (times or fractions)[0]])
+    numbers = [c for c in named if c.kind == "number" and c not in dates]
+    united = [
+        c
+        for c in table.columns
+        if c.kind == "number" and c not in numbers and time_unit(c.unit or name_and_unit(c.header)[1]) and _rises(c)
+    ]
+    sets += (
+        [[c] for c in times if c in named]
+        + [[c] for c in numbers if _rises(c)]
+        + [[c] for c in times if c not in named]
+    )
+    sets += [[c] for c in united] + [[c] for c in numbers if not _rises(c)] + [[c] for c in dates]
+    return sets
+
+
+def _kind(column: Column, read: Stamps | None) -> str:
+    if column.kind == "datetime":
+        whole = column.values[~np.isnat(column.values)]
+        midnights = whole.astype("datetime64[D]").astype(whole.dtype) == whole
+        return "date" if len(whole) and bool(midnights.all()) else "datetime"
+    return "" if read is None else read.kind
+
+
+def _fraction_of_day(column: Column) -> bool:
+    known = column.values[np.isfinite(column.values)]
+    return bool(len(known) > 1 and known.min() >= 0 and known.max() < 1 and np.any(known > 0))
+
+
+def _rises(column: Column) -> bool:
+    known = column.values[np.isfinite(column.values)]
+    return len(known) > 1 and float(np.mean(np.diff(known) >= 0)) > 0.9 and known[-1] != known[0]
+
+
+def _rising_column(table: Table) -> Column | None:
+    """The first column, if it rises in equal steps as only a clock does and is not called a counter."""
+    first = table.columns[0] if table.columns else None
+    if first is None or first.kind != "number" or len(table.columns) < 2 or len(table) < 5:
+        return None
+    name, unit = name_and_unit(first.header)
+    if is_counter_name(name) or role_guess(name, known_unit(unit), first.values).role is not None:
+        return None
+    steps = np.diff(first.values)
+    if not np.all(np.isfinite(steps)) or not np.all(steps > 0):
+        return None
+    return first if float(np.ptp(steps)) < 0.05 * float(np.median(steps)) else None
+
+
+def _text_stamps(column: Column, table: Table, options: TimeOptions, known: _Known) -> Stamps | None:
+    if column.kind != "text":
+        return None
+    if column.header not in known:
+        known[column.header] = stamps(
+            column.values, column.header, table.file.name, options.date_order, table.reading.get("decimal") == ","
+        )
+    return known[column.header]
+
+
+def _told_by(table: Table, columns: Sequence[Column], options: TimeOptions, known: _Known) -> Clock | None:
+    if len(columns) > 1:
+        return _date_and_time(table, columns, options, known)
+    column = columns[0]
+    headers = (column.header,)
+    conflict: tuple[Finding, ...] = ()
+    wanted = options.unit
+    minutes = wanted == "min" and column.kind == "text"
+    if column.kind != "number" and wanted not in (None, "datetime") and not minutes:
+        conflict = (_unit_conflict(table, column, f"{wanted!r}", "dates or times of day"),)
+    if column.kind == "datetime":
+        told = ~np.isnat(column.values)
+        if not told.any():
+            return None
+        base = column.values[told][0]
+        seconds = np.where(told, (column.values - base).astype("timedelta64[ns]").astype(np.int64) / 1e9, np.nan)
+        base_s = int(base.astype("datetime64[ns]").astype(np.int64)) / 1e9
+        zone_s = 0.0 if table.reading.get("utc_columns") and column.header in table.reading["utc_columns"] else None
+        return Clock(seconds, base_s, zone_s, headers, "datetime", False, (), conflict)
+    if column.kind == "text":
+        read = _text_stamps(column, table, options, known)
+        if read is None:
+            return None
+        base_s_or_none = None if read.kind == "time" else read.base_s
+        seconds = read.seconds + _milliseconds(table, read)
+        if read.two_parts and minutes:
+            return Clock(seconds / 60.0, None, None, headers, "min", False, (), ())
+        if minutes:
+            conflict = (_unit_conflict(table, column, "'min'", "dates or times of day"),)
+        known_s = seconds[np.isfinite(seconds)]
+        if read.two_parts and wanted is None and len(known_s) and known_s[0] < 3600:
+            conflict = (_ambiguous_parts(table, column),)
+        return Clock(
+            seconds,
+            base_s_or_none,
+            read.zone_s,
+            headers,
+            "datetime",
+            read.kind == "time",
+            ("unit",) if any(one.id == AMBIGUOUS_TIME for one in conflict) else (),
+            (*read.findings, *conflict),
+        )
+    return _numeric(table, column, wanted)
+
+
+def _numeric(table: Table, column: Column, wanted: str | None) -> Clock | None:
+    _name, header_unit = name_and_unit(column.header, time=True)
+    in_file = time_unit(column.unit) or time_unit(header_unit)
+    named = None if wanted in (None, "datetime") else time_unit(wanted)
+    findings: list[Finding] = []
+    if named is not None and in_file is not None and named != in_file:
+        findings.append(_unit_conflict(table, column, f"{named!r}", f"{in_file!r}"))
+    read = numeric_clock(column.values, named or in_file)
+    absolute = numeric_clock(column.values, None) if in_file in ("s", "ms", "us", "ns") and named is None else None
+    if absolute is not None and absolute.base_s is not None:
+        read = absolute
+    if wanted == "datetime" and read.base_s is None:
+        return None
+    guessed: tuple[str, ...] = ()
+    if named is None and in_file is None and not (read.base_s is not None and read.sure):
+        guessed = ("unit",)
+        alternative = "min or h" if read.unit == "s" else "s"
+        findings.append(
+            FINDINGS.finding(
+                "time-unit-guessed",
+                f"The unit of time column {column.header!r} of {table.file.name} is not written; it was read as "
+                f"{read.unit}"
+                + (" (fractions of a day, as spreadsheets hold times)" if read.unit == "day" else "")
+                + ".",
+                Where(channel=column.header),
+                {"column": column.header, "unit": read.unit, "alternative": alternative},
+                f'name it: unit = "{"min" if read.unit == "s" else "s"}" under [time] in the machine file (or '
+                f"--time-unit)",
+            )
+        )
+    elif read.base_s is not None and named is None and in_file is None:
+        guessed = ("unit",)
+        findings.append(
+            FINDINGS.finding(
+                "absolute-clock",
+                f"Time column {column.header!r} of {table.file.name} counts {read.unit}: the run starts at "
+                f"{np.datetime64(int(read.base_s), 's')}.",
+                Where(channel=column.header),
+                {"unit": read.unit},
+            )
+        )
+    unit = "datetime" if read.base_s is not None else read.unit
+    return Clock(read.seconds, read.base_s, None, (column.header,), unit, read.unit == "day", guessed, tuple(findings))
+
+
+def _ambiguous_parts(table: Table, column: Column) -> Finding:
+    return FINDINGS.finding(
+        "ambiguous-time",
+        f"Times such as {next((str(v) for v in column.values if v), '')!r} in column {column.header!r} of "
+        f"{table.file.name} were read as hours:minutes; they could be minutes:seconds.",
+        Where(channel=column.header),
+        {"read_as": "hh:mm", "alternative": "mm:ss"},
+    )
+
+
+def _unit_conflict(table: Table, column: Column, wanted: str, found: str) -> Finding:
+    return FINDINGS.finding(
+        "time-unit-conflict",
+        f"The machine file (or the option) says that time column {column.header!r} is in {wanted}, but "
+        f"{table.file.name} "
+        f"says {found}. " + ("The dates and times were read." if "dates" in found else f"It was read in {wanted}."),
+        Where(channel=column.header),
+        {"asked": wanted, "in_file": found},
+    )
+
+
+def _date_and_time(table: Table, columns: Sequence[Column], options: TimeOptions, known: _Known) -> Clock | None:
+    day = _told_by(table, columns[:1], replace(options, columns=(), unit=None), known)
+    time = _told_by(table, columns[1:2], replace(options, columns=(), unit=None), known)
+    if day is None or time is None or day.base_s is None:
+        return None
+    settled = (TIME_UNIT_GUESSED, AMBIGUOUS_TIME)
+    findings = tuple(f for f in (*day.findings, *time.findings) if f.id not in settled)
+    seconds = day.seconds + time.seconds
+    headers = (*day.columns, *time.columns)
+    return Clock(seconds, day.base_s, day.zone_s, headers, "datetime", False, (), findings)
+
+
+def _milliseconds(table: Table, read: Stamps) -> NDArray[np.float64] | float:
+    """Fractions of a second that a logger writes into a column of their own."""
+    if np.any(read.seconds[np.isfinite(read.seconds)] % 1.0):
+        return 0.0
+    for column in table.columns:
+        if column.kind == "number" and _MILLISECOND_NAME.match(column.header.strip()):
+            values = column.values
+            known = values[np.isfinite(values)]
+            if len(known) and known.min() >= 0 and known.max() < 1000 and np.all(known == np.round(known)):
+                return np.nan_to_num(values) / 1000.0
+    return 0.0

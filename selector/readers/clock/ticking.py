@@ -1,0 +1,290 @@
+"""Stamps as they stand in the file → strictly increasing time; what was done to the rows is told."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.findings import Finding, Where
+from selector.readers.finding_table import FINDINGS
+from selector.readers.tables import Table
+
+_DAY_S = 86400.0
+
+
+@dataclass(frozen=True)
+class Ticks:
+    """Rows in order of time."""
+
+    time_s: NDArray[np.float64]  #: (n_kept,): Strictly increasing, 0 at the first kept row
+    #: (n_rows_used,): Rows of the table in order of time; rows with the same stamp stand together
+    rows: NDArray[np.int64]
+    #: (n_rows_used,): For each of `rows` the kept sample that it belongs to; several rows of one group are averaged
+    groups: NDArray[np.int64]
+    first_s: float  #: The file's own clock at the first kept row [s]
+    findings: tuple[Finding, ...]  #: Missing, repeated, unsorted stamps and clock jumps
+
+
+def ticks(
+    seconds: NDArray[np.float64],
+    table: Table,
+    values: NDArray[np.float64],
+    time_of_day: bool,
+    local_base_s: float | None,
+) -> Ticks:
+    """Rows in order of time.
+
+    Parameters
+    ----------
+    seconds : ndarray of shape (n_rows,)
+        Stamps; NaN = none.
+    values : ndarray of shape (n_rows, n_columns)
+        The numbers of each row, to see whether rows with the same stamp say the same.
+    time_of_day : bool
+        Whether the clock starts anew at midnight.
+    local_base_s : float or None
+        Absolute time of `seconds` = 0 in local time, if known: summer time is recognised by it.
+
+    Notes
+    -----
+    Rules: rows without a stamp are left out. Stamps out of order are sorted, unless sorting would put samples of two
+    different times on top of each other; then the clock jumped back and the time after it is moved on so that one
+    usual period passes. Rows with the same stamp that say the same are one row; when most stamps repeat, the stamps are
+    too coarse and the rows are spread evenly between them; otherwise the rows of a stamp are averaged.
+    """
+    findings: list[Finding] = []
+    rows = np.flatnonzero(np.isfinite(seconds)).astype(np.int64)
+    if len(rows) < len(seconds):
+        findings.append(_missing_stamps(seconds, table))
+    t = seconds[rows].copy()
+    if len(t) == 0:
+        return Ticks(t, rows, rows, 0.0, tuple(findings))
+    if time_of_day:
+        findings += _unwrapped(t, rows, table)
+    steps = np.diff(t)
+    usual = float(np.median(np.abs(steps[steps != 0]))) if np.any(steps != 0) else 1.0
+    if np.any(steps < 0):
+        order, told = _in_order(t, usual, rows, values, table, local_base_s)
+        t, rows = t[order], rows[order]
+        findings += told
+    if local_base_s is not None:
+        findings += _summer_time(t, usual, rows, table, local_base_s)
+    first_s = float(t[0])
+    time_s, groups, told = _without_repeats(t - first_s, rows, values, table)
+    return Ticks(time_s, rows, groups, first_s, tuple(findings + told))
+
+
+def _missing_stamps(seconds: NDArray[np.float64], table: Table) -> Finding:
+    missing = np.flatnonzero(~np.isfinite(seconds))
+    at_end = bool(missing[0] == len(seconds) - len(missing))
+    return FINDINGS.finding(
+        "missing-stamps",
+        f"{len(missing)} row(s) of {table.file.name} have no readable time ({_places(missing, table)})"
+        + (", all at the end of the file (a footer?)" if at_end else "")
+        + "; they were left out.",
+        evidence={"rows": [table.line(int(row)) for row in missing[:20]], "count": len(missing)},
+        action="leave-out-stretch",
+    )
+
+
+def _unwrapped(t: NDArray[np.float64], rows: NDArray[np.int64], table: Table) -> list[Finding]:
+    """Add a day (or twelve hours) from every step back over midnight on; `t` is changed in place."""
+    steps = np.diff(t)
+    wraps = np.flatnonzero(steps < -0.5 * _DAY_S)
+    period = _DAY_S
+    level = "info"
+    if len(wraps) == 0 and t.max() < 13 * 3600 + 3600 and np.any(steps < -11 * 3600):
+        wraps, period, level = np.flatnonzero(steps < -11 * 3600), 0.5 * _DAY_S, "warning"
+    if len(wraps) == 0:
+        return []
+    for wrap in wraps:
+        t[wrap + 1 :] += period
+    name = "midnight" if period == _DAY_S else "12 o'clock (no AM or PM is written)"
+    return [
+        FINDINGS.finding(
+            "midnight-wrap",
+            f"The time of day in {table.file.name} passes {name} {len(wraps)} time(s) "
+            f"({_places(rows[wraps + 1], table)}); "
+            "the run goes on behind it.",
+            Where(from_s=float(t[wraps[0] + 1] - t[0])),
+            {"count": len(wraps), "period_s": period},
+            level="info" if level == "info" else "warning",
+        )
+    ]
+
+
+def _in_order(
+    t: NDArray[np.float64],
+    usual: float,
+    rows: NDArray[np.int64],
+    values: NDArray[np.float64],
+    table: Table,
+    local_base_s: float | None,
+) -> tuple[NDArray[np.int64], list[Finding]]:
+    back = np.flatnonzero(np.diff(t) < 0) + 1
+    order = np.argsort(t, kind="stable").astype(np.int64)
+    ordered = np.diff(t[order])
+    repeats_now = int((np.diff(t) == 0).sum())
+    new_repeats = int((ordered == 0).sum()) - repeats_now
+    near = int((ordered < 0.7 * usual).sum()) - int(((np.diff(t) >= 0) & (np.diff(t) < 0.7 * usual)).sum())
+    # one chance neighbour is no evidence, and rows that stand in the file twice are no other time
+    crowded = 0 if _same_rows(values[rows[order]], ordered == 0) and new_repeats else max(new_repeats, near - 1)
+    n_pieces = len(back) + 1
+    # a clock that jumps leaves long stretches in order, shuffled rows do not
+    few = n_pieces <= max(4, 0.002 * len(t)) and len(t) >= 4 * n_pieces
+    if not (few and crowded > 0 and _overlapping(t, back)):
+        if crowded > 0 and len(back) < 0.1 * len(t) and _overlapping(t, back):
+            level, extra = "warning", " Some of them then lie closer together than the usual period."
+        else:
+            level, extra = "info", ""
+        descending = len(back) == len(t) - 1 - repeats_now
+        return order, [
+            FINDINGS.finding(
+                "unsorted-stamps",
+                f"The rows of {table.file.name} "
+                + (
+                    "run backwards in time"
+                    if descending
+                    else f"are not in order of time at {_places(rows[back], table)}"
+                )
+                + f"; they were sorted by their stamps.{extra}",
+                evidence={"steps_back": len(back)},
+                level="warning" if level == "warning" else "info",
+            )
+        ]
+    findings = []
+    for position in back:
+        size = float(t[position] - t[position - 1])
+        summer = local_base_s is not None and abs(size + 3600.0 - usual) < 0.51 * max(usual, 1.0)
+        restart = abs(t[position] - t[0]) <= 2 * usual and not summer
+        t[position:] += usual - size
+        cause = (
+            "the end of summer time" if summer else "a restart of the logger" if restart else "the clock was set back"
+        )
+        findings.append(
+            FINDINGS.finding(
+                "clock-jump-back",
+                f"The clock of {table.file.name} jumps back by {-size:g} s at {table.line(int(rows[position]))} "
+                f"({cause}). The time behind it was moved on so that one usual period of {usual:g} s passes"
+                + ("." if summer else "; how long the pause really was is not known."),
+                Where(from_s=float(t[position] - t[0])),
+                {"jump_s": size, "cause": cause, "row": table.line(int(rows[position]))},
+            )
+        )
+    return np.arange(len(t), dtype=np.int64), findings
+
+
+def _same_rows(values: NDArray[np.float64], repeated: NDArray[np.bool_]) -> bool:
+    """Whether every row with the stamp of the row before says the same as that row."""
+    here, before = values[1:][repeated], values[:-1][repeated]
+    return bool(np.all((here == before) | (np.isnan(here) & np.isnan(before))))
+
+
+def _overlapping(t: NDArray[np.float64], back: NDArray[np.int64]) -> bool:
+    """Whether pieces of rising stamps cover the same time: then they cannot have been recorded in it one by one."""
+    bounds = np.r_[0, back, len(t)]
+    spans = sorted((float(t[a]), float(t[b - 1])) for a, b in itertools.pairwise(bounds))
+    return any(left[1] >= right[0] for left, right in itertools.pairwise(spans))
+
+
+def _summer_time(
+    t: NDArray[np.float64], usual: float, rows: NDArray[np.int64], table: Table, local_base_s: float
+) -> list[Finding]:
+    """A step of one hour more than usual, in the small hours of a Sunday in spring: the clock was put forward."""
+    findings: list[Finding] = []
+    for i in np.flatnonzero(np.abs(np.diff(t) - usual - 3600.0) < 0.02 * usual + 1e-6):
+        moment = np.datetime64(int(local_base_s + t[i]), "s")
+        hour = int((moment - moment.astype("datetime64[D]")).astype(int)) // 3600
+        sunday = (moment.astype("datetime64[D]").astype(int) + 4) % 7 == 0
+        month = int(moment.astype("datetime64[M]").astype(int)) % 12 + 1
+        if not (sunday and hour <= 3 and month in (3, 4, 9, 10, 11)) or usual > 900:
+            continue
+        t[i + 1 :] -= 3600.0
+        findings.append(
+            FINDINGS.finding(
+                "clock-jump-forward",
+                f"The clock of {table.file.name} jumps forward by one hour at {table.line(int(rows[i + 1]))}, in "
+                f"the night "
+                "when summer time begins; the hour was taken out.",
+                Where(from_s=float(t[i + 1] - t[0])),
+                {"jump_s": 3600.0, "row": table.line(int(rows[i + 1]))},
+            )
+        )
+    return findings
+
+
+def _without_repeats(
+    t: NDArray[np.float64], rows: NDArray[np.int64], values: NDArray[np.float64], table: Table
+) -> tuple[NDArray[np.float64], NDArray[np.int64], list[Finding]]:
+    new = np.r_[True, np.diff(t) > 0]
+    groups = np.cumsum(new) - 1
+    kept = t[new]
+    repeated = int((~new).sum())
+    if repeated == 0:
+        return kept, groups.astype(np.int64), []
+    sizes = np.bincount(groups)
+    if repeated >= 0.5 * len(t) and len(kept) >= 3:
+        spread = _spread(kept, sizes)
+        usual_size = float(np.median(sizes[1:-1])) if len(sizes) > 2 else float(np.median(sizes))
+        return (
+            spread,
+            np.arange(len(t), dtype=np.int64),
+            [
+                FINDINGS.finding(
+                    "coarse-stamps",
+                    f"The stamps of {table.file.name} are coarser than its sampling: about {usual_size:g} rows "
+                    f"share each "
+                    "of them. The rows were spread evenly between the stamps.",
+                    evidence={"rows_per_stamp": usual_size},
+                )
+            ],
+        )
+    first_of_group = np.flatnonzero(new)[groups]
+    before, here = values[rows[first_of_group]], values[rows]
+    same = np.all((before == here) | (np.isnan(before) & np.isnan(here)), axis=1) & ~new
+    differing = int((~new & ~same).sum())
+    places = _places(rows[~new], table)
+    findings = []
+    if int(same.sum()):
+        findings.append(
+            FINDINGS.finding(
+                "repeated-rows",
+                f"{int(same.sum())} row(s) of {table.file.name} stand there more than once ({places}); each was "
+                f"taken once.",
+                evidence={"count": int(same.sum())},
+            )
+        )
+    if differing:
+        findings.append(
+            FINDINGS.finding(
+                "repeated-stamps",
+                f"{differing} row(s) of {table.file.name} have the stamp of another row but other values "
+                f"({places}); the "
+                "rows of one stamp were averaged.",
+                Where(from_s=float(t[np.flatnonzero(~new & ~same)[0]])),
+                {"count": differing},
+            )
+        )
+    return kept, groups.astype(np.int64), findings
+
+
+def _spread(kept: NDArray[np.float64], sizes: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Stamps with equal steps between one distinct stamp and the next; the last ones go on with the step before."""
+    usual = float(np.median(np.diff(kept) / np.maximum(sizes[:-1], 1)))
+    lengths = np.r_[np.diff(kept), sizes[-1] * usual]
+    position = np.arange(int(sizes.sum())) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+    out = np.repeat(kept, sizes) + position / np.repeat(sizes, sizes) * np.repeat(lengths, sizes)
+    if sizes[0] < np.median(sizes):
+        # the recording began inside of its first stamp
+        n = int(sizes[0])
+        out[:n] = kept[1] - usual * np.arange(n, 0, -1)
+    spread: NDArray[np.float64] = out - out[0]
+    return spread
+
+
+def _places(rows: NDArray[np.int64], table: Table) -> str:
+    shown = ", ".join(table.line(int(row)) for row in rows[:5])
+    return shown + (f", … {table.line(int(rows[-1]))}" if len(rows) > 5 else "")

@@ -1,0 +1,517 @@
+"""Which channels the recording has, from which columns, with which role, and with which unit in each run."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from selector.errors import InputError, OptionError, RecordingError
+from selector.findings import Finding, Where
+from selector.readers.finding_table import FINDINGS
+from selector.readers.layout import is_counter_name, is_time_name
+from selector.readers.machine_file import ChannelSection, Machine
+from selector.readers.roles.inferred import RoleGuess, known_unit, role_guess, role_of_numbers
+from selector.readers.roles.names import closest, found_header, name_and_unit
+from selector.readers.runs import TimedRun
+from selector.readers.tables import Column, Overrides
+from selector.units import ROLES, same_dimension, unit_for_role
+
+Ruling = Literal["header", "declared", "option", "each"]
+"""Who was believed: the header of the run, the machine file, an option; or each header, where nothing is declared."""
+
+
+@dataclass(frozen=True)
+class Dispute:
+    """One channel for which some runs print another unit than the machine file, an option, or the other runs.
+
+    `printed` holds the runs in dispute and the unit in their headers; with ``"each"`` it holds all runs with their
+    units. `declared` is what the machine file or the option says.
+    """
+
+    channel: str
+    role: str
+    ruling: Ruling
+    printed: tuple[tuple[str, str], ...]
+    declared: str | None = None
+
+
+def believed(
+    declared: str, printed: Mapping[str, str | None], *, by_option: bool
+) -> tuple[dict[str, str], dict[str, str], Ruling]:
+    """(unit of each run, what the headers in dispute print, who was believed in them).
+
+    One line of a machine file holds for all runs. Where every run prints another unit, the line is the user's
+    correction of the files. Where it holds for some runs, the others were recorded in another unit and say so: their
+    headers count. An option is said for this very reading and counts always.
+
+    Parameters
+    ----------
+    declared : str
+        Unit of the machine file or the option.
+    printed : mapping of run to unit or None
+        Known unit in the header of each run; None or "1" where there is none.
+    """
+    other = {run: unit for run, unit in printed.items() if unit not in (None, "1", declared) and unit is not None}
+    units = dict.fromkeys(printed, declared)
+    if by_option:
+        return units, other, "option"
+    convertible = all(same_dimension(unit, declared) for unit in other.values())
+    if len(other) == len(printed) or not convertible:
+        return units, other, "declared"
+    return {**units, **other}, other, "header"
+
+
+def unit_findings(disputes: Iterable[Dispute]) -> list[Finding]:
+    """One finding for all channels about which the same is to be said of the same runs."""
+    alike: dict[tuple[object, ...], list[Dispute]] = {}
+    for one in disputes:
+        alike.setdefault((one.ruling, one.printed, one.declared), []).append(one)
+    return [_finding(members) for members in alike.values()]
+
+
+def _finding(members: Sequence[Dispute]) -> Finding:
+    first = members[0]
+    names = [one.channel for one in members]
+    what = _named(names, {one.role for one in members})
+    by_unit: dict[str, list[str]] = {}
+    for run, unit in first.printed:
+        by_unit.setdefault(unit, []).append(run)
+    said = "; ".join(f"{unit} in {_listed(runs)}" for unit, runs in by_unit.items())
+    where = Where(
+        channel=names[0] if len(names) == 1 else None, run=first.printed[0][0] if len(first.printed) == 1 else None
+    )
+    evidence = {"channels": names, "in_file": by_unit, "asked": first.declared, "believed": first.ruling}
+    each = "" if len(names) == 1 else ", and so for each of these channels"
+    if first.ruling == "each":
+        return FINDINGS.finding(
+            "units-differ",
+            f"The runs have different units for {what}: {said}. Each run was read in its own.",
+            where,
+            {"channels": names, "in_file": by_unit},
+            "nothing to do if the headers are right; a machine file need not name these units",
+            level="info",
+        )
+    if first.ruling == "header":
+        return FINDINGS.finding(
+            "units-differ",
+            f"The machine file says {first.declared} for {what}, but the headers say {said}. Other runs do not "
+            "contradict the machine file, so these were read as their headers say.",
+            where,
+            evidence,
+            "nothing to do if the headers are right; if they are wrong, correct them in the files or add "
+            f"--unit {names[0]}={first.declared}{each}",
+            level="warning",
+        )
+    asked = "The option" if first.ruling == "option" else "The machine file"
+    advice = (
+        "leave the option out if the headers are right"
+        if first.ruling == "option"
+        else "nothing to do if the headers are wrong; if they are right, remove the line unit = … of "
+        f"{'this channel' if len(names) == 1 else 'these channels'} from the machine file"
+    )
+    return FINDINGS.finding(
+        "unit-conflict",
+        f"{asked} says {first.declared} for {what}, but the headers say {said}; "
+        f"{'it was' if len(names) == 1 else 'they were'} read in {first.declared}.",
+        where,
+        evidence,
+        advice,
+    )
+
+
+def _named(names: Sequence[str], roles: set[str]) -> str:
+    if len(names) == 1:
+        return f"channel {names[0]!r}"
+    kind = f"{next(iter(roles)).replace('_', ' ')} " if len(roles) == 1 else ""
+    return f"{len(names)} {kind}channels ({_listed(names)})"
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names[:6]) + (" …" if len(names) > 6 else "")
+
+
+def doubtful_role(name: str, guess: RoleGuess) -> Finding:
+    """A role that something speaks against."""
+    return FINDINGS.finding(
+        "ambiguous-role",
+        f"Channel {name!r} was taken for {guess.role} in {guess.unit}, but this is uncertain: {guess.doubt}.",
+        Where(channel=name),
+        {"role": guess.role, "unit": guess.unit},
+        "say what it is in a machine file: role and unit of this channel",
+    )
+
+
+def missing_everywhere(runs: Sequence[TimedRun], name: str, wanted: str) -> RecordingError:
+    """A channel of the machine file that no run has."""
+    columns = list(dict.fromkeys(c.header for run in runs for c in run.columns))
+    texts = {t for run in runs for t in run.texts}
+    stripped = {name_and_unit(h)[0]: h for h in columns}
+    near = closest(wanted, [*columns, *stripped])
+    found = f"no column {wanted!r} in any of the {len(runs)} run(s); the columns are {', '.join(columns[:30])}"
+    if wanted in texts:
+        found = f"column {wanted!r} holds text, not numbers"
+    elif any(wanted in run.clock.columns for run in runs):
+        found = f"column {wanted!r} is the time column"
+    return RecordingError(
+        found + (" …" if len(columns) > 30 else ""),
+        expected=f"the column of channel {name!r}" + (f" (nearest: {stripped.get(near, near)!r})" if near else ""),
+        where=f"machine file, channels.{name}",
+        advice="correct `column` of this channel in the machine file, or remove the channel",
+    )
+
+
+def check_overrides(runs: Sequence[TimedRun], machine: Machine | None, overrides: Overrides) -> None:
+    """Raise if an override names a channel or role that does not exist."""
+    headers = [c.header for run in runs for c in run.columns]
+    known = {*headers, *(name_and_unit(h)[0] for h in headers), *(machine.channels if machine is not None else ())}
+    for option, mapping in (("--unit", overrides.units), ("--role", overrides.roles)):
+        for name in mapping:
+            if name not in known:
+                near = closest(name, known)
+                raise OptionError(
+                    f"no channel or column {name!r}",
+                    expected="one of " + ", ".join(sorted(known)[:20]) + (f" (nearest: {near!r})" if near else ""),
+                    where=option,
+                    advice="correct the name",
+                )
+    for name, role in overrides.roles.items():
+        if role not in ROLES:
+            raise OptionError(
+                f"role {role!r} for {name!r}",
+                expected="one of " + ", ".join(ROLES),
+                where="--role",
+                advice="correct the role",
+            )
+
+
+@dataclass(frozen=True)
+class Planned:
+    """One channel and the column it comes from in every run."""
+
+    name: str
+    role: str
+    headers: dict[str, str]  #: Runs that do not have the channel are not in it
+    units: dict[str, str]  #: Unit of the values in that run's file
+    place: str | None
+    axis: str | None
+    xyz_m: tuple[float, float, float] | None
+    guessed: tuple[str, ...]  #: Which of "role", "unit", "axis", "place" were guessed
+    dispute: Dispute | None = None  #: Where headers and machine file, or the headers of the runs, name different units
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All channels; columns that are no channels and why; what is to be said."""
+
+    channels: tuple[Planned, ...]
+    undeclared: dict[str, str] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
+
+
+def plan(runs: Sequence[TimedRun], machine: Machine | None, overrides: Overrides) -> Plan:
+    """The channels of the recording.
+
+    Raises
+    ------
+    RecordingError
+        A channel of the machine file is in no file, or no column is a channel.
+    UnitError
+        A unit is unknown or does not fit the role.
+    OptionError
+        An override names a channel or role that does not exist.
+    """
+    check_overrides(runs, machine, overrides)
+    result = (
+        _declared(runs, machine, overrides) if machine is not None and machine.channels else _inferred(runs, overrides)
+    )
+    if not result.channels:
+        columns = [c.header for c in runs[0].columns]
+        if overrides.partial and machine is not None and machine.channels:
+            raise RecordingError(
+                f"none of the recorded channels (columns of numbers: {', '.join(columns[:20]) or 'none'})",
+                expected=f"columns for some of {', '.join(list(machine.channels)[:20])}",
+                where=runs[0].file.name,
+                advice="name the columns as the recorded channels, or as the columns in the machine file",
+            )
+        raise RecordingError(
+            f"no column whose meaning could be inferred (columns of numbers: {', '.join(columns[:20]) or 'none'})",
+            expected="temperatures, displacements, spindle speed, ...",
+            where=runs[0].file.name,
+            advice="say what the columns are in a machine file: [channels.NAME] with role and unit",
+        )
+    told = unit_findings(channel.dispute for channel in result.channels if channel.dispute is not None)
+    return replace(result, findings=(*result.findings, *told))
+
+
+def _declared(runs: Sequence[TimedRun], machine: Machine, overrides: Overrides) -> Plan:
+    findings: list[Finding] = []
+    channels: list[Planned] = []
+    lacking: list[str] = []
+    used: dict[str, set[str]] = {run.name: set() for run in runs}
+    for name, section in machine.channels.items():
+        wanted = section.column or name
+        headers: dict[str, str] = {}
+        for run in runs:
+            own = [c.header for c in run.columns]
+            position = found_header(own, wanted)
+            if position is not None and own[position] not in used[run.name]:
+                headers[run.name] = own[position]
+                used[run.name].add(own[position])
+        if not headers and overrides.partial:
+            lacking.append(name)
+            continue
+        if not headers:
+            raise missing_everywhere(runs, name, wanted)
+        absent = [run.name for run in runs if run.name not in headers]
+        if absent:
+            findings.append(
+                FINDINGS.finding(
+                    "channel-missing-in-run",
+                    f"Channel {name!r} (column {wanted!r}) is missing in run(s) {', '.join(absent[:8])}; its "
+                    f"samples there "
+                    "are missing values.",
+                    Where(channel=name),
+                    {"runs": absent, "column": wanted},
+                    action="leave-out-stretch",
+                )
+            )
+        channels.append(_planned(name, section, headers, runs, overrides, findings, strict=True))
+    if lacking:
+        findings.append(
+            FINDINGS.finding(
+                "channels-lacking",
+                f"Of the channels of the machine file, {', '.join(lacking[:10])} are in none of the files.",
+                evidence={"channels": lacking},
+            )
+        )
+    ignored: dict[str, str] = {}
+    for run in runs:
+        for column in run.columns:
+            if column.header not in used[run.name] and not _is_auxiliary(column):
+                ignored.setdefault(column.header, "not in the machine file")
+    if ignored:
+        findings.append(
+            FINDINGS.finding(
+                "columns-ignored",
+                f"{len(ignored)} column(s) of the files are not in the machine file and were not read: "
+                f"{', '.join(list(ignored)[:10])}" + (" …" if len(ignored) > 10 else "") + ".",
+                evidence={"columns": list(ignored)[:200]},
+            )
+        )
+    return Plan(tuple(channels), ignored, tuple(findings))
+
+
+def _inferred(runs: Sequence[TimedRun], overrides: Overrides) -> Plan:
+    findings: list[Finding] = []
+    names: dict[str, dict[str, str]] = {}
+    auxiliary: dict[str, None] = {}
+    for run in runs:
+        bare = [name_and_unit(c.header)[0] for c in run.columns]
+        counts = Counter(bare)
+        for column, name in zip(run.columns, bare, strict=True):
+            own = name if counts[name] == 1 else column.header
+            if _is_auxiliary(column) and own not in overrides.roles:
+                auxiliary.setdefault(column.header, None)
+            else:
+                names.setdefault(own, {})[run.name] = column.header
+    channels: list[Planned] = []
+    undeclared: dict[str, str] = {}
+    for name, headers in names.items():
+        planned = _planned_or_none(name, headers, runs, overrides, findings)
+        if planned is None:
+            undeclared[name] = "its role could not be inferred"
+            continue
+        channels.append(planned)
+        absent = [run.name for run in runs if run.name not in headers]
+        if absent:
+            findings.append(
+                FINDINGS.finding(
+                    "channel-missing-in-run",
+                    f"Channel {name!r} is missing in run(s) {', '.join(absent[:8])}; its samples there are missing "
+                    f"values.",
+                    Where(channel=name),
+                    {"runs": absent},
+                    action="leave-out-stretch",
+                )
+            )
+    if not channels:
+        for name, headers in names.items():
+            findings += _by_numbers(name, headers, runs, overrides, channels)
+        undeclared = {}
+    texts = list(dict.fromkeys(text for run in runs for text in run.texts))
+    if texts:
+        findings.append(
+            FINDINGS.finding(
+                "text-columns",
+                f"Column(s) {', '.join(texts[:8])} hold text; they were not read.",
+                evidence={"columns": texts[:200]},
+            )
+        )
+    if auxiliary:
+        findings.append(
+            FINDINGS.finding(
+                "auxiliary-columns",
+                f"Column(s) {', '.join(list(auxiliary)[:8])} number the samples or are further clocks; they are no "
+                f"channels.",
+                evidence={"columns": list(auxiliary)},
+            )
+        )
+    guessed = [c for c in channels if c.guessed]
+    if guessed:
+        shown = ", ".join(f"{c.name}: {c.role} [{next(iter(c.units.values()))}]" for c in guessed[:12])
+        findings.append(
+            FINDINGS.finding(
+                "roles-guessed",
+                f"No machine file says what the channels are; they were guessed from names, units and numbers: {shown}"
+                + (" …" if len(guessed) > 12 else "")
+                + ".",
+                evidence={c.name: {"role": c.role, "guessed": list(c.guessed)} for c in guessed},
+            )
+        )
+    if undeclared:
+        findings.append(
+            FINDINGS.finding(
+                "columns-without-role",
+                f"Nothing tells what {len(undeclared)} column(s) measure; they were not read: "
+                f"{', '.join(list(undeclared)[:10])}" + (" …" if len(undeclared) > 10 else "") + ".",
+                evidence={"columns": list(undeclared)[:200]},
+                action="leave-out-channel",
+            )
+        )
+    return Plan(tuple(channels), undeclared, tuple(findings))
+
+
+def _by_numbers(
+    name: str, headers: dict[str, str], runs: Sequence[TimedRun], overrides: Overrides, channels: list[Planned]
+) -> list[Finding]:
+    """Where no column at all can be told by its name: a role by the numbers, so that there is something to correct."""
+    first = next(run for run in runs if run.name in headers)
+    role = role_of_numbers(_column(first, headers[first.name]).values)
+    told: list[Finding] = []
+    section = ChannelSection(role=role)
+    planned = _planned(name, section, headers, runs, overrides, told, strict=False)
+    channels.append(replace(planned, guessed=("role", *planned.guessed)))
+    finding = FINDINGS.finding(
+        "ambiguous-role",
+        f"Nothing but its numbers tells what {name!r} is; it was taken for {role} in {planned.units[first.name]}.",
+        Where(channel=name),
+        {"role": role},
+        "say what it is in a machine file: column, role and unit of this channel",
+    )
+    return [*told, finding]
+
+
+def _planned_or_none(
+    name: str, headers: dict[str, str], runs: Sequence[TimedRun], overrides: Overrides, findings: list[Finding]
+) -> Planned | None:
+    try:
+        return _planned(name, ChannelSection(), headers, runs, overrides, findings, strict=False)
+    except _NoRoleError:
+        return None
+
+
+class _NoRoleError(InputError):
+    """Nothing speaks for any role."""
+
+
+def _planned(
+    name: str,
+    section: ChannelSection,
+    headers: dict[str, str],
+    runs: Sequence[TimedRun],
+    overrides: Overrides,
+    findings: list[Finding],
+    *,
+    strict: bool,
+) -> Planned:
+    with_channel = [run for run in runs if run.name in headers]
+    columns = {run.name: _column(run, headers[run.name]) for run in with_channel}
+    first = columns[with_channel[0].name]
+    asked_role = _asked(overrides.roles, name, first.header) or section.role
+    option = _asked(overrides.units, name, first.header)
+    asked_unit = option or section.unit
+    in_file = {run: _unit_in_file(column, findings, run) for run, column in columns.items()}
+    sample = np.concatenate([column.values[:5000] for column in columns.values()][:5])
+    hint = known_unit(asked_unit) or in_file[with_channel[0].name]
+    guess = role_guess(name_and_unit(name)[0], hint, sample, asked_role)
+    if guess.role is None:
+        raise _NoRoleError("no role", expected="a role", where=name, advice="name the role in the machine file")
+    if guess.doubt is not None:
+        findings.append(doubtful_role(name, guess))
+    units: dict[str, str] = {}
+    dispute = None
+    unit_guessed = False
+    where = f"channel {name!r}" + (" of the machine file" if strict else "")
+    if asked_unit is not None:
+        declared = unit_for_role(asked_unit, guess.role, where=where)
+        units, printed, ruling = believed(declared, in_file, by_option=option is not None)
+        if printed:
+            dispute = Dispute(name, guess.role, ruling, tuple(printed.items()), declared)
+        in_file = {}
+    for run, found in in_file.items():
+        if found is not None and same_dimension(found, unit_for_role(guess.unit, guess.role, where=where)):
+            units[run] = found
+        elif found is not None and found != "1":
+            units[run] = unit_for_role(found, guess.role, where=f"{where}, run {run!r}")
+        else:
+            units[run] = guess.unit
+            unit_guessed = unit_guessed or guess.role != "state"
+    if dispute is None and len(set(units.values())) > 1:
+        dispute = Dispute(name, guess.role, "each", tuple(units.items()))
+    guessed = []
+    if asked_role is None:
+        guessed.append("role")
+    if unit_guessed:
+        guessed.append("unit")
+    axis = section.axis or guess.axis
+    if section.axis is None and guess.axis is not None:
+        guessed.append("axis")
+    if section.place is None and first.description is not None:
+        guessed.append("place")
+    if unit_guessed and strict and asked_role is not None:
+        findings.append(
+            FINDINGS.finding(
+                "unit-guessed",
+                f"Neither the machine file nor the files say the unit of channel {name!r}; {guess.unit} is assumed.",
+                Where(channel=name),
+                {"unit": guess.unit},
+            )
+        )
+    place = section.place or first.description
+    return Planned(name, guess.role, headers, units, place, axis, section.xyz, tuple(guessed), dispute)
+
+
+def _unit_in_file(column: Column, findings: list[Finding], run: str) -> str | None:
+    text = column.unit if column.unit is not None and column.unit.strip() else name_and_unit(column.header)[1]
+    known = known_unit(text)
+    if text is not None and text.strip() and known is None:
+        findings.append(
+            FINDINGS.finding(
+                "unknown-unit",
+                f"The unit {text!r} of column {column.header!r} in run {run!r} is not known; it was not used.",
+                Where(channel=column.header, run=run),
+                {"unit": text},
+            )
+        )
+    return known
+
+
+def _column(run: TimedRun, header: str) -> Column:
+    return run.by_header[header]
+
+
+def _asked(values: Mapping[str, str], name: str, header: str) -> str | None:
+    return values.get(name, values.get(header))
+
+
+def _is_auxiliary(column: Column) -> bool:
+    """Whether a column only numbers the samples or is a further clock."""
+    name = name_and_unit(column.header, time=True)[0]
+    if is_counter_name(name):
+        steps = np.diff(column.values[np.isfinite(column.values)])
+        return len(steps) > 0 and bool(np.all(steps == np.round(steps))) and float(np.mean(steps == 1)) > 0.9
+    return (is_time_name(name) and name.casefold() != "t") or name.casefold() in ("ms", "msec")

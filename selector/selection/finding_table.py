@@ -1,0 +1,100 @@
+"""The findings of a selection: how much each matters, what it means and what to do about it."""
+
+from __future__ import annotations
+
+from selector.findings import Kind, Kinds
+from selector.quality.finding_table import FINDINGS as QUALITY
+from selector.sensors.finding_table import CONSTANT_SENSOR
+from selector.sensors.finding_table import FINDINGS as SENSORS
+
+NO_BETTER_THAN_NOTHING = "no-better-than-nothing"
+SENSOR_MISSING = "sensor-missing"
+
+FINDINGS = Kinds(
+    {
+        "regimes": Kind(
+            "warning",
+            "the unseen error falls into regimes of consecutive runs: something changed that is not recorded",
+            "find out what differed (setup, tool, coolant, spindle programme, season) and record it as a "
+            "channel, or build one model per regime",
+        ),
+        "gauge-not-zeroed": QUALITY["gauge-not-zeroed"],
+        "one-run-only": Kind(
+            "warning",
+            "there is one run: the error is that of stretches of it left out in turn",
+            "record at least three runs on different days and duty cycles",
+        ),
+        "few-runs": Kind(
+            "warning",
+            "there are few runs; an error over so few is itself uncertain",
+            "record more runs, with other speeds and another season",
+        ),
+        NO_BETTER_THAN_NOTHING: Kind(
+            "error",
+            "on unseen data the model is no better than no model: do not use it",
+            "look for a condition that the recording does not hold (see the regimes, if any were found), "
+            "record it, or try --memory",
+        ),
+        "one-part-unlike-the-others": Kind(
+            "warning",
+            "one run (or stretch) is predicted much worse than the others",
+            "look at this run: another setup, a moved gauge, coolant, an open door?",
+        ),
+        "samples-thinned": Kind(
+            "info", "sensors are chosen on all samples, final coefficients and errors come from a part of them"
+        ),
+        "choice-at-limit": Kind(
+            "info",
+            "as many sensors are chosen as --max-sensors allows: more might predict better",
+            "See whether more are worth their cost: a larger --max-sensors.",
+        ),
+        "terms-that-help": Kind(
+            "info", "richer terms (squares, products, memory) predict unseen data better; the model uses them"
+        ),
+        "terms-not-used": Kind(
+            "info",
+            "richer terms (squares, products, memory) do not predict unseen data better; the model does without",
+            "More runs, longer and with heating and cooling, would let richer terms prove themselves.",
+        ),
+        "collinear-terms": Kind(
+            "warning",
+            "the terms of the model move together: single coefficients are uncertain",
+            "Do not read single coefficients; a smaller --max-sensors gives terms that are less alike.",
+        ),
+        "correlated-residuals": Kind(
+            "info",
+            "residuals follow each other: the machine remembers something that the model does not",
+            "Try --memory: lagged temperatures follow slow parts.",
+        ),
+        "influential-sample": Kind(
+            "warning", "one sample bends the model by itself", "look for a spike in the recordings"
+        ),
+        "ridge": Kind("info", "the ridge penalty that predicts unseen data best"),
+        "runs-outside-the-others": Kind(
+            "info",
+            "runs lie beyond what the other runs cover: their unseen error is that of an extrapolation",
+            "more runs of this kind would prove the model there",
+        ),
+        "unstable-choice": Kind(
+            "warning",
+            "a sensor is chosen in few resamples of the runs",
+            "the runs do not agree on this sensor: record more, or compare the sets beside the chosen one",
+        ),
+        CONSTANT_SENSOR: SENSORS[CONSTANT_SENSOR],
+        SENSOR_MISSING: Kind(
+            "warning",
+            "a sensor is missing too often where the displacement is known; it is not a candidate",
+            "Check its wiring, or use --must to keep it at the price of those samples.",
+        ),
+        "samples-lost": Kind(
+            "warning",
+            "a sensor is missing in part of the samples and none can stand in for it; those samples are not used",
+            "Repair it and record again, or use --never; --reference absolute needs no start reading.",
+        ),
+        "run-without-displacement": Kind(
+            "warning",
+            "a run has no samples of the displacement; it is left out",
+            "check the displacement column of this file, or choose another --response",
+        ),
+    }
+)

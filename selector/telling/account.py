@@ -1,0 +1,197 @@
+"""What is told of a result, as data: sentences, tables, drawings and findings, for the screen, for a page, for JSON.
+
+A result is told once, as an `Account`. `selector.telling.page` makes a page of it, `selector.cli.shared.showing` writes
+it on the screen, and `data` is what the JSON says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+from selector.findings import Finding
+from selector.telling.numbers import place_text
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
+
+ACTIONS = {
+    "none": "",
+    "leave-out-stretch": "this stretch is left out",
+    "leave-out-run": "this run is left out",
+    "leave-out-channel": "this channel is left out",
+}
+_LEVELS = ("error", "warning", "info")
+
+Verdict = Literal["good", "plain", "bad"]
+
+
+@dataclass(frozen=True)
+class Column:
+    """Heading of a column; numbers are aligned to the right."""
+
+    name: str
+    numeric: bool = False
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of text."""
+
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[str, ...], ...]
+    marked: frozenset[int] = frozenset()  #: Rows that stand out
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Remark:
+    """A finding, ready to be read."""
+
+    id: str
+    level: str
+    statement: str
+    place: str
+    action: str
+    suggestion: str
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure, and how to read it; an account that is not for a page has none."""
+
+    figure: go.Figure
+    text: str = ""
+    title: str = ""  #: Default: that of the figure
+
+
+@dataclass(frozen=True)
+class Captioned:
+    """A table and what stands above it; the screen has only those that answer the question of the command."""
+
+    caption: str
+    table: Table
+    on_screen: bool = True
+
+
+@dataclass(frozen=True)
+class Heading:
+    """A heading within a section."""
+
+    text: str
+    level: int = 2
+    code: str = ""  #: The id of what it heads, which makes it one of the parts of its section
+    on_screen: bool = False
+
+
+@dataclass(frozen=True)
+class Note:
+    """A remark in small print."""
+
+    text: str
+    on_screen: bool = False
+
+
+@dataclass(frozen=True)
+class Paragraph:
+    """A paragraph; a page sets what stands between backticks as code, as it does in sentences and items.
+
+    The screen has only paragraphs that belong to the answer.
+    """
+
+    text: str
+    lead: str = ""  #: What stands out before it
+    on_screen: bool = False
+
+
+@dataclass(frozen=True)
+class Formula:
+    """A line that is read and copied as it is."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Listing:
+    """Lines that are read and copied as they are."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Items:
+    """A list of paragraphs; steps are numbered."""
+
+    items: tuple[str, ...]
+    are_steps: bool = False
+
+
+@dataclass(frozen=True)
+class Form:
+    """A table to be filled in by hand: empty cells are wide enough to be written into."""
+
+    table: Table
+
+
+@dataclass(frozen=True)
+class Remarks:
+    """Findings."""
+
+    remarks: tuple[Remark, ...]
+
+
+Block = Drawing | Captioned | Heading | Note | Paragraph | Formula | Listing | Items | Form | Remarks
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of an account, with what stands in it in the order of reading."""
+
+    id: str  #: Its place in a page
+    title: str  #: Its heading; empty if its blocks have headings of their own
+    blocks: tuple[Block, ...]
+    link: str = ""  #: What the contents call it; default: the title
+
+
+@dataclass(frozen=True)
+class Account:
+    """All that is told of a result."""
+
+    title: str
+    sentences: tuple[str, ...]  #: The answer; what matters most comes first; none where there is only a description
+    sections: tuple[Section, ...]
+    answer: Table | None = None  #: Numbers that belong to the sentences
+    about: str = ""  #: Stands under the title
+    label: str = ""  #: What has to be said before anything else: made-up data, a turned sign
+    verdict: Verdict = "good"  #: How the answer is to be taken
+    data: Mapping[str, Any] = field(default_factory=dict)  #: What the JSON says of it
+    footer: str = ""
+
+
+def table(headings: Sequence[str], rows: Sequence[Sequence[str]], note: str = "", marked: Sequence[int] = ()) -> Table:
+    """A table whose headings say with a leading ``>`` that a column holds numbers."""
+    columns = tuple(Column(heading.removeprefix(">"), heading.startswith(">")) for heading in headings)
+    return Table(columns, tuple(tuple(row) for row in rows), frozenset(marked), note)
+
+
+def remarks_of(findings: Iterable[Finding], *levels: str) -> tuple[Remark, ...]:
+    """Findings of these levels (all when none is given), the worst first."""
+    wanted = levels or _LEVELS
+    ordered = sorted(findings, key=lambda finding: _LEVELS.index(finding.level))
+    return tuple(
+        Remark(one.id, one.level, one.statement, place_text(one.where), ACTIONS[one.action], one.suggestion)
+        for one in ordered
+        if one.level in wanted
+    )
+
+
+def section(id_: str, title: str, *blocks: Block | None, link: str = "") -> Section | None:
+    """A section of the blocks that there are; None if there are none."""
+    kept = tuple(block for block in blocks if block is not None)
+    return Section(id_, title, kept, link) if kept else None
+
+
+def sections(*several: Section | None) -> tuple[Section, ...]:
+    """Those that there are."""
+    return tuple(one for one in several if one is not None)

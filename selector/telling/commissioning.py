@@ -1,0 +1,276 @@
+"""The sheet that goes to the machine with an exported program: wiring, sign test, limits, restart, proof."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from selector.controllers.guard.codes import LEAST_GOOD_SAMPLES
+from selector.controllers.guard.decided import is_turned
+from selector.controllers.model_file import ModelFile, equations_sha256
+from selector.controllers.replay.replayed import Replay
+from selector.controllers.writers.exported import Exported, SignTest
+from selector.controllers.writers.targets import Target
+from selector.figures.traces import replayed_run
+from selector.findings import Finding
+from selector.number_text import number_text
+from selector.telling.account import (
+    Account,
+    Block,
+    Captioned,
+    Drawing,
+    Form,
+    Heading,
+    Items,
+    Note,
+    Paragraph,
+    Remarks,
+    Section,
+    Table,
+    remarks_of,
+    table,
+)
+from selector.telling.model_card import STANDARD, card_blocks, formula_blocks, limits_table, sensors_table
+from selector.telling.numbers import NONE, share_text
+
+MOST_RUNS_DRAWN = 3
+
+
+def commissioning_account(
+    model: ModelFile,
+    program: Exported,
+    target: Target,
+    *,
+    replay: Replay | None,
+    findings: Sequence[Finding],
+    is_sign_verified: bool,
+) -> Account:
+    """What is told to the person who puts a program on a control, to be printed and signed.
+
+    Parameters
+    ----------
+    model : ModelFile
+        As the program has it.
+    program : Exported
+    target : Target
+    replay : Replay or None
+        The proof; None if none was asked for, or possible.
+    findings : sequence of Finding
+    is_sign_verified : bool
+    """
+    turned = _turned(model)
+    label = (
+        f"Turned round in this program: {turned}. The correction is the displacement itself, as the control was found "
+        "to count the axis the other way."
+    )
+    return Account(
+        f"Thermal correction: {target.title}",
+        (*(_VERIFIED if is_sign_verified else _UNVERIFIED), _NO_REPLAY if replay is None else verdict_of(replay)),
+        (
+            Section("sign", "Sign test", _sign_blocks(model, program.sign_test, target, is_sign_verified)),
+            Section("install", "Installing", _install_blocks(program)),
+            Section("wiring", "Wiring of the sensors", _wiring_blocks(model, target), link="Wiring"),
+            Section("limits", "Limits, faults and restarts", (_limits(model, target),), link="Limits and faults"),
+            Section("silently", "What the control does silently", (Items(program.silently or ("Nothing is known.",)),)),
+            Section("replay", "Replay", _replay_blocks(model, replay)),
+            Section(
+                "card",
+                "Model card",
+                (Note(f"Headings after {STANDARD}."), *card_blocks(model, 3, has_guard=target.has_guard)),
+            ),
+            Section("findings", "Findings", (Remarks(remarks_of(findings)),)),
+        ),
+        about=model.name,
+        label=label if turned else "",
+        verdict="good" if is_sign_verified else "bad",
+    )
+
+
+_VERIFIED = (
+    "The sign was said to be verified.",
+    "Repeat the sign test after every change of sensors, axes or this program.",
+)
+_UNVERIFIED = (
+    "SIGN UNVERIFIED. Do the sign test of the commissioning sheet before the first cut.",
+    "A correction of the wrong sign doubles the error. Export again with `--sign-verified` when the test is passed.",
+)
+_NO_REPLAY = "No recording was replayed through this program."
+
+
+def _turned(model: ModelFile) -> str:
+    return ", ".join(output.name for output in model.outputs if is_turned(output))
+
+
+def _sign_blocks(model: ModelFile, test: SignTest, target: Target, is_verified: bool) -> tuple[Block, ...]:
+    too_quick = target.has_guard and any(item.rate_limit_per_min is not None for item in model.inputs)
+    steps = [
+        test.before,
+        "Clamp an indicator on the table and touch the tool, so that it reads the tool against the workpiece, + in the "
+        "direction of + of the axis. Set it to zero.",
+        f"Command one line of the table and wait until the control shows what it says. {test.unless}".strip(),
+        "Read the indicator. The other sign, while the control shows what the table says: "
+        f"{test.wrong}. Another size: the unit is wrong.",
+        "Take the command back and wait until the indicator is back at zero. For the next line begin again with step "
+        "2.",
+        test.after,
+    ]
+    if not is_verified:
+        steps.append(
+            "Every line right: export again with the same options and "
+            f"`--sign-verified --tested {equations_sha256(model)[:16]}`. Another program than the tested one is "
+            "refused then."
+        )
+    form = table(
+        ["output", "axis", "command", "wait", "the control shows", "the indicator has to read [µm]", "read [µm]",
+         "right", "date, name"],
+        [
+            (
+                one.output,
+                one.axis or NONE,
+                one.command,
+                f"{one.wait_s:.0f} s" if one.wait_s else "none",
+                one.shown,
+                f"{one.expected_um:+g}".replace("-", "−"),
+                "",
+                "☐ yes ☐ no",
+                "",
+            )
+            for one in test.commanded
+        ],
+    )  # fmt: skip
+    return (
+        Paragraph(f"{test.by} For every axis, with the tool at rest, away from the workpiece:"),
+        Items(tuple(steps), are_steps=True),
+        Form(form),
+        Paragraph(
+            "In doubt about the direction of the indicator: a warm machine has to get better, not worse, when the "
+            "correction is switched on."
+            + (" Warming a sensor by hand is too quick and counts as a fault." if too_quick else "")
+        ),
+    )
+
+
+def _install_blocks(program: Exported) -> tuple[Block, ...]:
+    files = ", ".join(f"`{file}`" for file in program.files)
+    return Paragraph(f"Files: {files}."), Items(tuple(f"☐ {step}" for step in program.install), are_steps=True)
+
+
+def _wiring_blocks(model: ModelFile, target: Target) -> tuple[Block, ...]:
+    turned = _turned(model)
+    but = f", but of {turned} the displacement itself" if turned else ""
+    return (
+        Captioned("", sensors_table(model, has_guard=target.has_guard), on_screen=False),
+        Heading("Formula", 3),
+        *formula_blocks(model),
+        Paragraph(f"These are displacements. The correction is their negative{but}."),
+    )
+
+
+def _limits(model: ModelFile, target: Target) -> Block:
+    if target.has_guard:
+        return Captioned("", limits_table(model), on_screen=False)
+    return Paragraph("This control has none of them: what is listed under “What the control does silently” holds.")
+
+
+def _replay_blocks(model: ModelFile, replay: Replay | None) -> tuple[Block, ...]:
+    if replay is None:
+        return (
+            Paragraph(
+                "No recording was replayed: export with `--replay RUN.csv` to see what this program would have done."
+            ),
+        )
+    return (
+        Paragraph(verdict_of(replay)),
+        Captioned("", replay_table(replay)),
+        Captioned("", parts_table(replay)),
+        *_courses(model, replay),
+    )
+
+
+def verdict_of(replay: Replay) -> str:
+    """The result of a replay in a sentence."""
+    largest = replay.max_abs_difference_um
+    told = "not at all: every bit is the same" if largest == 0.0 else f"by {number_text(largest)} µm at most"
+    return (
+        f"{replay.rows} recorded samples went through the generated program ({replay.executed_by}) and through the "
+        f"reference: they differ {told}."
+    )
+
+
+BEFORE_AND_AFTER = (
+    "Without correction: displacement as recorded, from its start. With correction: what is left of it with the "
+    "correction that this program gave, limits, guard and start readings from single samples included."
+)
+
+
+def _beginnings(replay: Replay) -> list[str]:
+    """How long nothing was corrected at the start of the runs; nothing where the control does not wait."""
+    waited = [run.begins_s for run in replay.runs if run.begins_s > 0.0]
+    if not waited:
+        return []
+    shortest, longest = f"{min(waited):.0f}", f"{max(waited):.0f}"
+    first = longest if shortest == longest else f"{shortest} … {longest}"
+    return [
+        f"No correction in the first {first} s of a run: readings have to be good for some time first, in "
+        f"{LEAST_GOOD_SAMPLES} samples or more, and the correction then grows at its slew limit; the largest errors "
+        "may be from there. A control that has run for some time is past this."
+    ]
+
+
+def replay_table(replay: Replay) -> Table:
+    """One row per run and output."""
+    rows = []
+    for run in replay.runs:
+        for name, of in run.accuracy.items():
+            rows.append(
+                (
+                    run.run,
+                    name,
+                    str(len(run.time_s)),
+                    number_text(run.max_abs_difference_um) if run.max_abs_difference_um else "0",
+                    number_text(of.before_rmse_um),
+                    number_text(of.rmse_um),
+                    number_text(of.max_um),
+                    share_text(run.faulty_share),
+                )
+            )
+    return table(
+        ["run", "output", ">samples", ">program − reference [µm]", ">without correction: rms [µm]",
+         ">with correction: rms [µm]", ">with correction: largest [µm]", ">not the whole model"],
+        rows,
+        " ".join([BEFORE_AND_AFTER, *_beginnings(replay)]),
+    )  # fmt: skip
+
+
+def parts_table(replay: Replay) -> Table:
+    """One row per written file and output."""
+    rows = [
+        (
+            part.file,
+            part.output,
+            number_text(part.max_abs_difference_um) if part.max_abs_difference_um else "0",
+            number_text(part.allowed_um) if part.allowed_um else "0",
+            number_text(part.guard_difference_um) if part.lacks else "0",
+            part.executed_by,
+        )
+        for part in replay.parts
+    ]
+    return table(
+        ["file", "output", ">largest difference [µm]", ">allowed [µm]", ">smaller guard [µm]", "executed by"],
+        rows,
+        "Difference: to what the file has to give. Allowed: what its number type explains; more is a defect. Smaller "
+        "guard: from what this file has to give to what the whole guard gives, where the control has a smaller one.",
+    )
+
+
+def _courses(model: ModelFile, replay: Replay) -> list[Drawing]:
+    drawn = []
+    for run in replay.runs[:MOST_RUNS_DRAWN]:
+        for k, output in enumerate(model.outputs):
+            recorded = run.recorded_um[:, k]
+            text = "" if np.isfinite(recorded).any() else "This run has no recorded displacement."
+            # as seen at the tool, whatever way the control counts
+            seen = -run.correction_um[:, k] if is_turned(output) else run.correction_um[:, k]
+            drawn.append(Drawing(replayed_run(run.run, output.name, run.time_s, seen, recorded), text))
+    return drawn

@@ -1,0 +1,302 @@
+"""What is told of a diagnosis: first the answer and what to do, then where, how much better, why, what it misses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from math import isfinite
+from typing import Any
+
+from selector.diagnosis.answer import Diagnosis, Errors, Fit, NamedEffect, Place, recalibration_of
+from selector.diagnosis.effects.catalogue import catalogue
+from selector.diagnosis.shown_units import displayed, p_words, unit_words
+from selector.diagnosis.wording import (
+    amount,
+    duration_words,
+    headline,
+    listed,
+    name_of,
+    quantity_words,
+    sure_words,
+    suspicion_words,
+    what_to_do,
+)
+from selector.number_text import number_text
+from selector.telling import origin
+from selector.telling.account import (
+    Account,
+    Block,
+    Captioned,
+    Heading,
+    Note,
+    Paragraph,
+    Remarks,
+    Section,
+    Table,
+    remarks_of,
+    section,
+    sections,
+    table,
+)
+from selector.telling.numbers import NONE, share_text, span_text
+from selector.telling.wording import label_of
+
+MOST_PLACES = 60
+UNTESTED = "not testable here"
+_LEFT_OUT = (
+    "The map of the mismatch, recorded and simulated courses, the evidence of every effect that was tested and what "
+    "this record would not have shown: diagnosis.json does not hold them. With the study.toml of the diagnosis beside "
+    "it, and its recordings unchanged, they are made again."
+)
+_LABELS = {
+    "simulated": "Simulated data: the recordings come from a computer model, not from a machine.",
+    "reconstructed": "Reconstructed data: the recordings were made to agree with printed results; they are not "
+    "measurements.",
+}
+Drawings = Mapping[str, Sequence[Block]]
+"""Section of an account → its drawings; empty unless a page is made."""
+
+
+def diagnosis_account(
+    found: Diagnosis,
+    *,
+    title: str | None = None,
+    description: Mapping[str, Any] | None = None,
+    provenance: Mapping[str, Any] | None = None,
+    drawn: bool = False,
+    is_alone: bool = False,
+) -> Account:
+    """What is told of a diagnosis: the answer and what to do, where, how much better, why, and what it misses.
+
+    Parameters
+    ----------
+    found : Diagnosis
+    title : str, optional
+        Heading.
+    description : mapping, optional
+        How the recordings were read, as `selector describe` says it.
+    provenance : mapping, optional
+        ``machine``: its name; ``runs``: file and SHA-256 of every run; further facts are shown as they are.
+    drawn : bool
+        Whether the drawings are made, for a page.
+    is_alone : bool
+        Whether it was read from its JSON, without its recordings, which a page has to say.
+    """
+    told, described = provenance or {}, description or {}
+    drawings: Mapping[str, Sequence[Block]] = {}
+    if drawn and not is_alone:
+        from selector.telling.diagnosed.pictures import drawings as drawings_of
+
+        drawings = drawings_of(found)
+    machine = told.get("machine")
+    return Account(
+        title or ": ".join(["What the simulation left out", *([str(machine)] if machine else [])]),
+        (found.headline or headline(found), *what_to_do(found)),
+        sections(
+            section("left-out", "What this page leaves out", Paragraph(_LEFT_OUT), link="Left out")
+            if is_alone
+            else None,
+            _warnings(found),
+            section("where", "Where", *drawings.get("where", ()), _captioned("Windows", _places(found))),
+            _effects(found),
+            _better(found, drawings),
+            _evidence(found, drawings),
+            section(
+                "apart",
+                "What this record cannot tell apart",
+                *drawings.get("apart", ()),
+                _captioned("Runs that would tell", _next(found)),
+                link="What cannot be told apart",
+            ),
+            section(
+                "detectability",
+                "What this record would have missed",
+                *(drawings.get("detectability", ()) if found.detectable else ()),
+                _captioned("", _detectable(found), on_screen=False),
+                link="Detectability",
+            ),
+            section("findings", "All findings", Remarks(remarks_of(found.findings)), link="Findings"),
+            _origin(found, told, described),
+        ),
+        label=_LABELS.get(label_of(title or "", told, described) or "", ""),
+        verdict="good" if found.verdict == "nothing-missing" else "bad",
+        data=found.as_dict(),
+        footer=f"The same {'result gives' if is_alone else 'files and options give'} the same bytes.",
+        about="made from the result alone" if is_alone else f"verdict: {found.verdict}",
+    )
+
+
+def _captioned(caption: str, told: Table | None, *, on_screen: bool = True) -> Captioned | None:
+    return None if told is None else Captioned(caption, told, on_screen)
+
+
+def _warnings(found: Diagnosis) -> Section | None:
+    urgent = remarks_of(found.findings, "error", "warning")
+    return section("warnings", "Before you use it", Remarks(urgent) if urgent else None, link="Warnings")
+
+
+def _effects(found: Diagnosis) -> Section | None:
+    blocks = [block for effect in found.effects for block in _effect(found, effect)]
+    return section("effects", "What is at fault" if found.verdict == "data-fault" else "What was left out", *blocks)
+
+
+def _better(found: Diagnosis, drawings: Drawings) -> Section | None:
+    changes = _captioned("What the simulation itself would have to change", _recalibration(found))
+    name, link = ("How much better it gets", "How much better") if found.effects else ("Recorded and simulated", "")
+    errors = _captioned("Root mean square errors", _errors(found))
+    return section("better", name, *drawings.get("better", ()), errors, changes, link=link) if found.fit else None
+
+
+def _evidence(found: Diagnosis, drawings: Drawings) -> Section | None:
+    return section(
+        "evidence",
+        "Why: the evidence",
+        *drawings.get("evidence", ()),
+        _captioned("Effects that were tested", _tested(found), on_screen=False),
+        _captioned("Not testable with this record", _untested(found), on_screen=False),
+        link="Evidence",
+    )
+
+
+def _origin(found: Diagnosis, told: Mapping[str, Any], described: Mapping[str, Any]) -> Section | None:
+    return section(
+        "origin",
+        "Origin",
+        *(Captioned(caption, one, on_screen=False) for caption, one in origin.reading_tables(described)),
+        _captioned("Files", origin.files_table(told), on_screen=False),
+        _captioned("Also known", origin.remaining_table({**told, "seed": found.seed}), on_screen=False),
+    )
+
+
+def _places(found: Diagnosis) -> Table | None:
+    if not found.where:
+        return None
+    places = sorted(found.where, key=lambda place: -place.share)
+    left = len(places) - MOST_PLACES
+    note = f"{left} smaller windows are in diagnosis.json." if left > 0 else ""
+    return table(["channel", "place", "run", ">from", ">to", "state of the machine", ">share"], [
+        _place(place) for place in places[:MOST_PLACES]
+    ], note)  # fmt: skip
+
+
+def _place(place: Place) -> list[str]:
+    times = [NONE if time is None else duration_words(time) for time in (place.from_s, place.to_s)]
+    cells = [place.channel, place.place or NONE, place.run or "all", *times, unit_words(place.regime or NONE)]
+    return [*cells, share_text(place.share)]
+
+
+def _effect(found: Diagnosis, effect: NamedEffect) -> Iterator[Block]:
+    """What is said of one effect that was named."""
+    name = name_of(effect.id)
+    told = [f"{sure_words(effect.confidence)}, {p_words(effect.p_value, 'p = ')}"]
+    told.append(f"{share_text(effect.share)} of the mismatch")
+    if effect.suspected:
+        told.append(f"suspected: {suspicion_words(found, effect)}")
+    seen = listed(list(effect.channels or (effect.channel,))) + (f", at {effect.place}" if effect.place else "")
+    yield Heading(f"{name[:1].upper()}{name[1:]}", code=effect.id, on_screen=True)
+    yield Paragraph(effect.statement, on_screen=True)
+    yield Note(f"{'; '.join(told)}. Seen in {seen}.", on_screen=True)
+    if effect.parameters:
+        rows = [[name, quantity_words(quantity)] for name, quantity in effect.parameters.items()]
+        yield Captioned("", table(["parameter", ">value (95 % interval)"], rows))
+    alike = listed([name_of(id_) for id_ in effect.cannot_be_told_from], "or")
+    if alike:
+        lead = f"This record cannot tell it from {alike}."
+        yield Paragraph(f"What would tell: {effect.experiment}", lead, on_screen=True)
+    known = next((one for one in catalogue() if one.id == effect.id), None)
+    if known is not None and known.physics:
+        refuted = known.refuted_by.rstrip(".")
+        yield Note(f"{known.physics} What would refute it: {refuted}. Source: {known.reference}")
+
+
+def _errors(found: Diagnosis) -> Table | None:
+    if not found.fit:
+        return None
+    rows = [row for name, fit in found.fit.items() for row in _error_rows(name, fit)]
+    headings = ["response", "rows", ">as simulated", ">recalibrated", ">with what was found", ">noise"]
+    note = "Placebos are wrong effects of the same size: what they close is what chance closes."
+    closed = [">share of the gap closed", ">closed by placebos"]
+    return table([*headings, *closed], rows, note)
+
+
+def _error_rows(name: str, fit: Fit) -> list[list[str]]:
+    def cells(errors: Errors, recalibrated: float | None) -> list[str]:
+        shown = (errors.rmse_before, recalibrated, errors.rmse_after, errors.noise_floor)
+        return [NONE if value is None or not isfinite(value) else amount(value, fit.unit) for value in shown]
+
+    shares = [
+        NONE if one is None else _share(one.value, one.low, one.high) for one in (fit.gap_closed, fit.placebo_gain)
+    ]
+    return [
+        [name, "held out", *cells(fit.heldout, fit.recalibrated_heldout), *shares],
+        [name, "fitted", *cells(fit.train, None), NONE, NONE],
+    ]
+
+
+def _share(value: float, low: float | None, high: float | None) -> str:
+    if low is None or high is None:
+        return share_text(value)
+    return f"{share_text(value)} ({100 * low:.0f} to {100 * high:.0f})".replace("-", "−")
+
+
+def _recalibration(found: Diagnosis) -> Table | None:
+    rows = [
+        [response, name, quantity_words(quantity)]
+        for response, quantities in found.recalibration.items()
+        for name, quantity in recalibration_of(quantities).items()
+    ]
+    return table(["response", "of the simulation", ">should be (95 % interval)"], rows) if rows else None
+
+
+def _tested(found: Diagnosis) -> Table | None:
+    if not found.evidence:
+        return None
+    rows, marked = [], []
+    tested = [one for one in found.evidence if not one.note.startswith(UNTESTED)]
+    for k, one in enumerate(sorted(tested, key=lambda one: (not one.named, -one.gain))):
+        cells = [number_text(one.gain), p_words(one.p_value)]
+        rows.append([one.id, one.channel, *cells, "named" if one.named else one.note or "not named"])
+        if one.named:
+            marked.append(k)
+    if not rows:
+        return None
+    return table(["effect", "response", ">gain", ">p", "what came of it"], rows, marked=marked)
+
+
+def _untested(found: Diagnosis) -> Table | None:
+    """Effects that this record says nothing of, by the reason."""
+    by_reason: dict[tuple[str, str], list[str]] = {}
+    for one in found.evidence:
+        if one.note.startswith(UNTESTED):
+            by_reason.setdefault((one.note.removeprefix(UNTESTED).lstrip(" :"), one.id), []).append(one.channel)
+    effects: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+    for (reason, id_), channels in by_reason.items():
+        effects.setdefault((reason, tuple(channels)), []).append(id_)
+    rows = [[reason, ", ".join(ids), listed(channels)] for (reason, channels), ids in effects.items()]
+    return table(["why not", "effects", "response"], rows) if rows else None
+
+
+def _next(found: Diagnosis) -> Table | None:
+    if not found.next_runs:
+        return None
+    rows = [
+        [
+            run.description,
+            listed([name_of(id_) for id_ in run.separates]),
+            NONE if run.power is None else share_text(run.power),
+            span_text(run.duration_s),
+        ]
+        for run in found.next_runs
+    ]
+    return table(["run", "tells apart", ">chance", ">takes"], rows)
+
+
+def _detectable(found: Diagnosis) -> Table | None:
+    if not found.detectable:
+        return None
+    rows = [
+        [one.id, one.channel, amount(one.size, one.unit), share_text(one.chance), one.note] for one in found.detectable
+    ]
+    units = listed(sorted({displayed(one.unit, one.size)[1] for one in found.detectable}))
+    return table(
+        ["effect", "response", ">smallest size", ">found in", "remark"], rows, f"Sizes are rms of the course [{units}]."
+    )

@@ -1,0 +1,156 @@
+"""A diagnosis again from its JSON form (`selector.diagnosis/1`): all of it but courses, evidence and what it misses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from selector.diagnosis.answer import (
+    Diagnosis,
+    Errors,
+    Fit,
+    NamedEffect,
+    NextRun,
+    Place,
+    Verdict,
+    recalibration_of,
+)
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.effect import Quantity
+from selector.selection.result_file import FindingPart
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Perhaps = Number | None
+
+
+class _Part(BaseModel):
+    """A part of the document; fields that a later version adds are not looked at."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+
+class _Quantity(_Part):
+    value: Perhaps
+    unit: str = ""
+    low: Perhaps = None
+    high: Perhaps = None
+
+    def quantity(self) -> Quantity:
+        return Quantity(_known(self.value), self.unit, self.low, self.high)
+
+
+class _Place(_Part):
+    channel: str
+    place: str | None = None
+    run: str | None = None
+    from_s: Perhaps = None
+    to_s: Perhaps = None
+    regime: str | None = None
+    share: Number
+    p_value: Perhaps = None
+
+
+class _Effect(_Part):
+    id: str
+    channel: str
+    channels: tuple[str, ...] = ()
+    place: str | None = None
+    statement: str
+    parameters: dict[str, _Quantity]
+    confidence: Number
+    p_value: Number = float("nan")
+    share: Number
+    suspected: bool = False
+    cannot_be_told_from: tuple[str, ...] = ()
+    experiment: str = ""
+
+
+class _Errors(_Part):
+    rmse_before: Perhaps
+    rmse_after: Perhaps
+    noise_floor: Perhaps = None
+
+    def errors(self) -> Errors:
+        return Errors(_known(self.rmse_before), _known(self.rmse_after), self.noise_floor)
+
+
+class _Fit(_Part):
+    train: _Errors
+    heldout: _Errors
+    unit: str
+    recalibrated_heldout_rmse: Perhaps = None
+    gap_closed: _Quantity | None = None
+    placebo_gain: _Quantity | None = None
+
+    def fit(self) -> Fit:
+        gap, placebo = (None if one is None else one.quantity() for one in (self.gap_closed, self.placebo_gain))
+        errors = self.train.errors(), self.heldout.errors(), _known(self.recalibrated_heldout_rmse)
+        return Fit(self.unit, *errors, gap, placebo, _NOTHING, _NOTHING, _NOTHING)
+
+
+class _NextRun(_Part):
+    description: str
+    separates: tuple[str, ...]
+    power: Perhaps = None
+    duration_s: Perhaps = None
+
+
+class _Document(_Part):
+    verdict: Verdict
+    headline: str = ""
+    where: tuple[_Place, ...] = ()
+    effects: tuple[_Effect, ...] = ()
+    fit: dict[str, _Fit] = {}
+    recalibration: dict[str, dict[str, _Quantity]] = {}
+    next_runs: tuple[_NextRun, ...] = ()
+    findings: tuple[FindingPart, ...] = ()
+
+
+_NOTHING = np.zeros(0)
+
+
+def diagnosis_of(document: Mapping[str, Any]) -> Diagnosis:
+    """The diagnosis of a `selector.diagnosis/1` document, its comparison without rows.
+
+    Raises
+    ------
+    pydantic.ValidationError
+        A field is missing, or of the wrong kind.
+    """
+    told = _Document.model_validate(document)
+    courses = dict.fromkeys(told.fit, _NOTHING)
+    rows = np.zeros(0, dtype=np.bool_)
+    return Diagnosis(
+        comparison=Comparison((), (0,), _NOTHING, (), courses, courses, tuple(told.fit), rows),
+        verdict=told.verdict,
+        headline=told.headline or told.verdict,
+        where=tuple(Place(**dict(one)) for one in told.where),
+        effects=tuple(
+            NamedEffect(**{**dict(one), "parameters": {k: q.quantity() for k, q in one.parameters.items()}})
+            for one in told.effects
+        ),
+        fit={name: one.fit() for name, one in told.fit.items()},
+        next_runs=tuple(NextRun(**dict(one)) for one in told.next_runs),
+        recalibration={
+            name: _as_fitted({key: one.quantity() for key, one in of.items()})
+            for name, of in told.recalibration.items()
+        },
+        findings=tuple(part.finding() for part in told.findings),
+    )
+
+
+def _as_fitted(quantities: Mapping[str, Quantity]) -> dict[str, Quantity]:
+    """Offset, gain and delay as the fit has them, of which the document has what `recalibration_of` makes of them."""
+    gain = quantities.get("gain")
+    if gain is None or gain.value == 0.0:
+        return dict(quantities)
+    turned = recalibration_of({**quantities, "gain": replace(gain, value=1.0 / gain.value)})
+    return {**turned, "gain": gain}
+
+
+def _known(value: float | None) -> float:
+    return float("nan") if value is None else value

@@ -1,0 +1,168 @@
+"""Where the result comes from: files and their hashes, how they were read, what was asked, which version."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from selector import __version__
+from selector.number_text import number_text
+from selector.selection import Selection
+from selector.telling.account import Captioned, Table, table
+from selector.telling.numbers import NONE, file_name, given_text, span_text
+
+_UNIT_TEXT = {"degC": "°C", "degF": "°F", "um": "µm", "kelvin": "K", "1": NONE}
+
+
+def files_table(provenance: Mapping[str, Any]) -> Table | None:
+    """One row per run: what is known of its file, SHA-256 last; None if nothing was said about runs."""
+    runs = provenance.get("runs")
+    if not isinstance(runs, Mapping) or not runs:
+        return None
+    entries = {str(run): entry if isinstance(entry, Mapping) else {"file": entry} for run, entry in runs.items()}
+    keys = list(dict.fromkeys(str(key) for entry in entries.values() for key in entry if _is_plain(entry[key])))
+    keys = [key for key in keys if key != "sha256"] + ["sha256"] * ("sha256" in keys)
+    names = {"sha256": "SHA-256"}
+    return table(
+        ["run", *(names.get(key, _words(key)) for key in keys)],
+        [
+            [run, *(_file(entry[key]) if key == "file" and key in entry else _cell(entry.get(key)) for key in keys)]
+            for run, entry in entries.items()
+        ],
+    )
+
+
+def remaining_table(provenance: Mapping[str, Any]) -> Table | None:
+    """Everything else that the provenance says, one row a fact."""
+    rows = [(_words(key), value) for key, value in _facts({k: v for k, v in provenance.items() if k != "runs"})]
+    return table(["", ""], rows) if rows else None
+
+
+def origin_parts(description: Mapping[str, Any], provenance: Mapping[str, Any]) -> list[Captioned]:
+    """All that is known of where the data come from and how they were read, none of it for the screen."""
+    told = [
+        *reading_tables(description),
+        ("Files", files_table(provenance)),
+        ("Also known", remaining_table(provenance)),
+    ]
+    return [Captioned(caption, one, on_screen=False) for caption, one in told if one is not None]
+
+
+def options_table(selection: Selection) -> Table:
+    """What was asked, and the version that answered."""
+    rows = [(_words(key), _cell(value)) for key, value in selection.options.as_dict().items()]
+    return table(["option", "value"], [("selector version", __version__), *rows])
+
+
+def reading_tables(description: Mapping[str, Any], *, places: bool = True) -> list[tuple[str, Table]]:
+    """(caption, table) of the runs, the channels and the way of reading; a screen has no room for places."""
+    found = []
+    runs = _entries(description.get("runs"))
+    rows: list[tuple[str, ...]]
+    if runs:
+        rows = [
+            (
+                _cell(run.get("run")),
+                _file(run.get("file")),
+                _cell(run.get("rows")),
+                _span(run.get("duration_s")),
+                _span(run.get("period_s")),
+                _cell(run.get("start")),
+            )
+            for run in runs
+        ]
+        found.append(("Runs", table(["run", "file", ">rows", ">duration", ">step", "start"], rows)))
+    channels = _entries(description.get("channels"))
+    if channels:
+        rows = [
+            (
+                _cell(channel.get("name")),
+                _cell(channel.get("column")),
+                _cell(channel.get("role")),
+                _unit(channel.get("unit")),
+                _unit(channel.get("unit_in_file")),
+                *([_cell(channel.get("place"))] if places else []),
+                _cell(channel.get("guessed")) if channel.get("guessed") else "nothing",
+            )
+            for channel in channels
+        ]
+        headings = ["channel", "column", "role", "unit", "unit in file", *(["place"] if places else []), "guessed"]
+        found.append(("Channels", table(headings, rows)))
+    reading = description.get("reading")
+    if isinstance(reading, Mapping) and reading:
+        found.append(("Way of reading", table(["", ""], [(_words(key), value) for key, value in _facts(reading)])))
+    return found
+
+
+def drift_table(description: Mapping[str, Any]) -> Table | None:
+    """Drift and tilt of every run after ISO 230-3; None if nothing was said of it."""
+    runs = _entries(description.get("drift"))
+    if not runs:
+        return None
+    names = list(dict.fromkeys(str(one["name"]) for run in runs for one in run["drifts"]))
+    rows = []
+    for run in runs:
+        told = {str(one["name"]): one for one in run["drifts"]}
+        cells = [
+            f"{number_text(told[name]['first_hour'])} / {number_text(told[name]['whole'])}" if name in told else NONE
+            for name in names
+        ]
+        rows.append((_cell(run["run"]), _MOVED[run["test"]], _span(run["duration_s"]), *cells))
+    units = {str(one["name"]): one["unit"] for run in runs for one in run["drifts"]}
+    headings = [f">{name} [{'µm/m' if units[name] == 'um/m' else 'µm'}]" for name in names]
+    return table(["run", "moved", ">test of", *headings], rows, _DRIFT_NOTE)
+
+
+_MOVED = {"environment": "nothing (ETVE)", "spindle": "spindle", "axes": "axes", "unknown": NONE}
+_DRIFT_NOTE = (
+    "Largest minus smallest reading in the first 60 min / in the whole test, which begins with the first motion; a "
+    "dash for a shorter one. A, B, C: rotation about X, Y, Z from two probes of one axis at the places that the "
+    "machine file gives. Ranges have no sign; noise widens them. They are of the machine as recorded, without a model."
+)
+
+
+def _entries(value: Any) -> list[Mapping[str, Any]]:
+    return [item for item in value if isinstance(item, Mapping)] if isinstance(value, Sequence) else []
+
+
+def _facts(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
+    for key, value in values.items():
+        if isinstance(value, Mapping) and value:
+            yield from _facts(value, f"{prefix}{key}: ")
+        else:
+            yield f"{prefix}{key}", _cell(value)
+
+
+def _is_plain(value: Any) -> bool:
+    return not isinstance(value, Mapping)
+
+
+def _cell(value: Any) -> str:
+    if value is None or value == "":
+        return NONE
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return given_text(value)
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key}: {_cell(item)}" for key, item in value.items()) or NONE
+    if isinstance(value, list | tuple | set | frozenset):
+        items = sorted(value, key=str) if isinstance(value, set | frozenset) else value
+        return ", ".join(_cell(item) for item in items) or NONE
+    return str(value)
+
+
+def _file(value: Any) -> str:
+    return file_name(value) if isinstance(value, str) and value else _cell(value)
+
+
+def _span(value: Any) -> str:
+    return span_text(float(value)) if isinstance(value, int | float) else _cell(value)
+
+
+def _unit(value: Any) -> str:
+    return _UNIT_TEXT.get(str(value), _cell(value))
+
+
+def _words(key: str) -> str:
+    return key.replace("_", " ")

@@ -1,0 +1,378 @@
+"""What is told of a prediction: which corrections to make when, then why, then everything."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from selector.number_text import number_text
+from selector.physics.thermal.modes.cyclogram import Cyclogram, cyclogram_kind
+from selector.physics.thermal.prediction.correction_program import CorrectionProgram, Operation, program_blocks
+from selector.physics.thermal.prediction.prediction import Prediction
+from selector.telling import origin
+from selector.telling.account import (
+    Account,
+    Block,
+    Captioned,
+    Heading,
+    Listing,
+    Paragraph,
+    Remarks,
+    Table,
+    Verdict,
+    remarks_of,
+    section,
+    sections,
+    table,
+)
+from selector.telling.numbers import NONE, given_text, listed, span_text
+from selector.telling.wording import label_text
+
+MOST_TOLD = 8
+"""Corrections that a sentence can hold; more are in the table."""
+MOST_ROWS = 400
+MOMENTS, MOST_CHANGES = 9, 12
+"""Moments at which the displacement is told, and changes of speed at which it is too."""
+
+
+def prediction_account(
+    prediction: Prediction,
+    description: Mapping[str, Any] | None = None,
+    provenance: Mapping[str, Any] | None = None,
+    *,
+    drawn: bool = False,
+) -> Account:
+    """All that is told of a prediction.
+
+    Parameters
+    ----------
+    prediction : Prediction
+        One that was read from its JSON has no duty cycle; what it lacks is left out, and told.
+    description : mapping, optional
+        How the tests were read, as `selector describe` says it.
+    provenance : mapping, optional
+        ``machine``: its name; ``runs``: file and SHA-256 of every run; further facts are shown as they are.
+    drawn : bool
+        For a page, with its drawings.
+    """
+    described, provenance, cyclogram = description or {}, provenance or {}, prediction.cyclogram
+    drawings: Mapping[str, Sequence[Block]] = {}
+    if drawn:
+        from selector.telling.predicted.pictures import drawings as drawings_of
+
+        drawings = drawings_of(prediction)
+    verdict, sentences = prediction_advice(prediction)
+    if cyclogram is None and prediction.heldout_um is None:
+        verdict = "plain"
+    urgent = remarks_of(prediction.findings, "error", "warning")
+    no_warnings = Paragraph("No warnings were found in the tests or in the prediction.")
+    how = [] if cyclogram is None else [(f"Duty cycle, {prediction.method} method", _cycle_table(cyclogram))]
+    return Account(
+        title=": ".join(filter(None, ["Duty cycle", str(provenance.get("machine") or "")])),
+        about="" if cyclogram is not None else f"{prediction.method} method · made from the result alone",
+        label=label_text("the tests", "", provenance, described),
+        verdict=verdict,
+        sentences=sentences,
+        sections=sections(
+            None
+            if cyclogram
+            else section("left-out", "What this page leaves out", Paragraph(_LEFT_OUT), link="Left out"),
+            section("warnings", "Before you use it", Remarks(urgent) if urgent else no_warnings, link="Warnings"),
+            section(
+                "cycle",
+                "The duty cycle",
+                *drawings.get("cycle", ()),
+                Captioned("Predicted displacement", _course_table(prediction)),
+                link="Duty cycle",
+            ),
+            section("program", "The correction program", *_program(prediction), link="Program"),
+            section(
+                "tests",
+                "Why: what the tests say",
+                *drawings.get("tests", ()),
+                None if prediction.repeats or not cyclogram else Paragraph("No test can be repeated by this method."),
+                Captioned("Errors", _accuracy_table(prediction), on_screen=False),
+                link="Tests",
+            ),
+            section("modes", "The thermal modes", *_modes(prediction), *drawings.get("modes", ()), link="Modes"),
+            section("findings", "All findings", Remarks(remarks_of(prediction.findings)), link="Findings"),
+            section(
+                "origin",
+                "Origin",
+                *(Captioned(caption, one, on_screen=False) for caption, one in how),
+                *origin.origin_parts(described, provenance),
+            ),
+        ),
+        data=prediction.as_dict(),
+        footer="The same tests and options give the same bytes.",
+    )
+
+
+def prediction_advice(prediction: Prediction) -> tuple[Verdict, tuple[str, ...]]:
+    """What to correct when.
+
+    A program is not to be used where twice the error on unseen tests exceeds the tolerance: with errors that are
+    normally distributed, one drift in twenty would be off by more than all that was allowed.
+    """
+    if not prediction.programs:
+        moves = [_moves(prediction, r) for r in range(len(prediction.responses))]
+        return "good", (f"Expect {listed(moves)}.", _trust(prediction), _ASK)
+    doubtful = [
+        name
+        for name in prediction.programs
+        if 2.0 * _error_um(prediction, name) > prediction.programs[name].tolerance_um
+    ]
+    useful = [name for name in prediction.programs if name not in doubtful]
+    tolerance = next(iter(prediction.programs.values())).tolerance_um
+    instructions = [_instruction(prediction, name) for name in useful]
+    if not useful:
+        first = (
+            f"Do not use this program: the prediction of {listed(doubtful)} is not good enough for {tolerance:g} µm."
+        )
+        return "bad", (first, _trust(prediction), _SIGN)
+    ends = f"; the drift then stays within {tolerance:g} µm" if _any_correction(prediction, useful) else ""
+    first = "; ".join(instructions) + ends + "."
+    first = first[0].upper() + first[1:] if first.startswith("correct ") else first
+    if doubtful:
+        warning = f"Do not correct {listed(doubtful)}: the prediction is not good enough for {tolerance:g} µm. "
+        return "bad", (warning + first, _trust(prediction), _SIGN)
+    return "good", (first, _trust(prediction), _SIGN)
+
+
+def _instruction(prediction: Prediction, name: str) -> str:
+    program = prediction.programs[name]
+    counts = [len(operation.times_s) - 1 for operation in program.operations]
+    total = sum(counts)
+    if total == 0:
+        _, left = program.drift_left_um(prediction.time_s, prediction.displacement_um[:, _index(prediction, name)])
+        largest = number_text(float(np.abs(left).max()), 2)
+        within = " within an operation" if len(program.operations) > 1 else ""
+        return f"{name} needs no correction, it drifts by at most {largest} µm{within}"
+    if total > MOST_TOLD:
+        return f"correct {name} {total} times as the program says, {_beginning(program)}"
+    parts = [
+        f"{_times(count)} in operation {number} ({_amounts(operation)})"
+        if len(counts) > 1
+        else f"{_times(count)}: {_amounts(operation)}"
+        for number, (count, operation) in enumerate(zip(counts, program.operations, strict=True), start=1)
+        if count
+    ]
+    return f"correct {name} {listed(parts)}"
+
+
+def _beginning(program: CorrectionProgram) -> str:
+    number, operation = next((k, one) for k, one in enumerate(program.operations, start=1) if len(one.times_s) > 1)
+    after = (float(operation.times_s[1]) - operation.start_s) / 60
+    where = f" of operation {number}" if len(program.operations) > 1 else ""
+    return f"first by {number_text(float(operation.corrections_um[1]))} µm after {_minutes(after)} min{where}"
+
+
+def _amounts(operation: Operation) -> str:
+    """By 10 µm after 18 and 45 min; amounts that are the same once."""
+    steps = zip(
+        operation.corrections_um[1:].tolist(), (operation.times_s[1:] - operation.start_s).tolist(), strict=True
+    )
+    told = [
+        f"{amount} µm after {listed([_minutes(time_s / 60) for _, time_s in group])} min"
+        for amount, group in groupby(steps, key=lambda step: f"{step[0]:.3g}".replace("-", "−"))
+    ]
+    return "by " + ", ".join(told)
+
+
+def _moves(prediction: Prediction, r: int) -> str:
+    course = prediction.displacement_um[:, r]
+    k = int(np.argmax(np.abs(course)))
+    return (
+        f"{prediction.responses[r]} to move by up to {number_text(float(course[k]))} µm, "
+        f"after {span_text(float(prediction.time_s[k]))}"
+    )
+
+
+def _trust(prediction: Prediction) -> str:
+    """How good the prediction was where that could be seen."""
+    errors = [f"{number_text(_error_um(prediction, name), 2)} µm in {name}" for name in prediction.responses]
+    if prediction.heldout_um is not None:
+        seen = f"On tests that were left out, the modes were off by {listed(errors)} (root mean square)"
+    elif prediction.repeats:
+        seen = f"The pieces of the measured characteristics repeat the tests to {listed(errors)} (root mean square)"
+    elif prediction.cyclogram is None:
+        return "How far off this method is on tests is not in the JSON of a prediction."
+    else:
+        return "There is no test on which the error of this prediction could be seen."
+    return seen + (
+        "; the true drift exceeds the tolerance by the error of the prediction." if prediction.programs else "."
+    )
+
+
+def _error_um(prediction: Prediction, name: str) -> float:
+    """Error on what was left out; without it the worst on a test; 0 if nothing is known."""
+    r = _index(prediction, name)
+    if prediction.heldout_um is not None and np.isfinite(prediction.heldout_um[r]):
+        return float(prediction.heldout_um[r])
+    return max((float(one.rmse_um[r]) for one in prediction.repeats), default=0.0)
+
+
+def _any_correction(prediction: Prediction, names: list[str]) -> bool:
+    return any(len(operation.times_s) > 1 for name in names for operation in prediction.programs[name].operations)
+
+
+def _index(prediction: Prediction, name: str) -> int:
+    return prediction.responses.index(name)
+
+
+def _times(count: int) -> str:
+    return {1: "once", 2: "twice"}.get(count, f"{count} times")
+
+
+def _minutes(minutes: float) -> str:
+    # down, so that a correction read from here is never late
+    return f"{math.floor(minutes * 10 + 1e-6) / 10:g}"
+
+
+_ASK = (
+    "For a correction program, say how long the operations are and which drift is allowed: --operations, --tolerance."
+)
+_SIGN = (
+    "A correction is the displacement to be subtracted, counted as the gauge counted in the tests: verify the sign on "
+    "the machine before the first part. Each operation begins with a new zero. The times hold for this duty cycle; "
+    "after a stop, predict again."
+)
+_LEFT_OUT = (
+    "The spindle speed, the heating and cooling tests, how well they are repeated and what each mode contributes: "
+    "prediction.json does not hold them. `selector predict` makes the whole page."
+)
+
+
+def _program(prediction: Prediction) -> list[Block]:
+    if not prediction.programs:
+        return []
+    rules = (
+        "They name no control. An offset is counted from the zero of its operation and replaces the one before; a "
+        "click selects all of them."
+    )
+    blocks = Listing(_blocks(prediction))
+    return [Captioned("", _program_table(prediction)), Heading("Timed offset blocks", 3), Paragraph(rules), blocks]
+
+
+def _modes(prediction: Prediction) -> list[Block]:
+    return [Captioned("", _modes_table(prediction))] if prediction.modes else []
+
+
+def _program_table(prediction: Prediction) -> Table:
+    rows = [
+        (
+            name,
+            str(number),
+            f"{_down(time_s):.1f}",
+            f"{_down(time_s - operation.start_s):.1f}",
+            f"{_down(time_s + held_s) - _down(time_s):.1f}",
+            "new zero" if k == 0 else number_text(step_um),
+            number_text(offset_um),
+            f"{offset_um / 1000:.4f}".replace("-", "−"),
+        )
+        for name, program in prediction.programs.items()
+        for number, operation in enumerate(program.operations, start=1)
+        for k, (time_s, held_s, step_um, offset_um) in enumerate(
+            zip(operation.times_s, operation.durations_s, operation.corrections_um, operation.offsets_um, strict=True)
+        )
+    ]
+    headings = [
+        "response",
+        ">operation",
+        ">at [min]",
+        ">after the zero [min]",
+        ">holds for [min]",
+        ">step [µm]",
+        ">offset [µm]",
+        ">offset [mm]",
+    ]
+    more = f" {len(rows) - MOST_ROWS} more rows are in program.csv." if len(rows) > MOST_ROWS else ""
+    note = "Step and offset are the displacement to be subtracted, counted as the gauge counted in the tests. "
+    note += "Times are rounded down to 0.1 min, so corrections act up to 6 s early; the JSON form is exact." + more
+    return table(headings, rows[:MOST_ROWS], note)
+
+
+def _down(time_s: float) -> float:
+    """Minutes, rounded down: a correction that is read from here is never late."""
+    return math.floor(time_s / 6.0 + 1e-6) / 10.0
+
+
+def _blocks(prediction: Prediction) -> str:
+    """Timed offset blocks, the first of very many."""
+    lines = program_blocks(prediction.programs).splitlines()
+    # the rules stand in the page already
+    first = next(i for i, line in enumerate(lines) if line.startswith("["))
+    lines = lines[first:]
+    more = [f"; {len(lines) - MOST_ROWS} more lines are in program.txt"] if len(lines) > MOST_ROWS else []
+    return "\n".join([*lines[:MOST_ROWS], *more]).strip()
+
+
+def _course_table(prediction: Prediction) -> Table:
+    """The displacement at some moments, also where the speed changes first."""
+    end_s, cyclogram = float(prediction.time_s[-1]), prediction.cyclogram
+    times_s = np.linspace(0.0, end_s, MOMENTS)
+    speeds: list[tuple[str, ...]] = [() for _ in times_s]
+    if cyclogram is not None:
+        times_s = np.unique(np.r_[times_s, cyclogram.start_s[:MOST_CHANGES]])
+        speeds = [(given_text(speed),) for speed in cyclogram.speed_at(times_s).tolist()]
+    courses = [np.interp(times_s, prediction.time_s, course) for course in prediction.displacement_um.T]
+    rows = [
+        (given_text(time_s / 60), *speed, *(f"{um:.1f}".replace("-", "−") for um in at))
+        for time_s, speed, *at in zip(times_s.tolist(), speeds, *courses, strict=True)
+    ]
+    return table(
+        [">at [min]", *([">speed [r/min]"] if cyclogram else []), *(f">{name} [µm]" for name in prediction.responses)],
+        rows,
+    )
+
+
+def _accuracy_table(prediction: Prediction) -> Table:
+    """Errors of every response; those of single tests too."""
+    columns = [f">{name} [µm]" for name in prediction.responses]
+    rows = [
+        (label, *(number_text(float(value), 2) for value in values))
+        for label, values in (
+            ("tests that were fitted, means over some samples", prediction.residual_um),
+            ("tests, or stretches of them, that were left out", prediction.heldout_um),
+        )
+        if values is not None
+    ]
+    rows += [
+        (f"{one.run}, single samples", *(number_text(float(value), 2) for value in one.rmse_um))
+        for one in prediction.repeats
+    ]
+    note = "Root mean squares of measured minus predicted. Single samples include the noise of the gauge."
+    return table(["", *columns], rows, note)
+
+
+def _modes_table(prediction: Prediction) -> Table:
+    rows = [
+        (
+            str(number),
+            number_text(mode.tau_s / 60),
+            *(NONE if end is None else number_text(end / 60) for end in (mode.low, mode.high)),
+        )
+        for number, mode in enumerate(prediction.modes, start=1)
+    ]
+    note = (
+        "A dash: the tests set no bound there. After one time constant 63 % of a mode's way is done, after three 95 %."
+    )
+    return table([">mode", ">time constant [min]", ">low, 95 % [min]", ">high, 95 % [min]"], rows, note)
+
+
+def _cycle_table(cyclogram: Cyclogram) -> Table:
+    lengths = np.diff(np.r_[cyclogram.start_s, cyclogram.end_s])
+    rows = [
+        (given_text(start / 60), given_text(float(speed)), span_text(float(length)))
+        for start, speed, length in zip(cyclogram.start_s.tolist(), cyclogram.speed_rpm, lengths, strict=True)
+    ]
+    more = f" {len(rows) - MOST_ROWS} more rows are not shown." if len(rows) > MOST_ROWS else ""
+    note = (
+        f"A duty cycle of the kind that is called {cyclogram_kind(cyclogram)}, {span_text(cyclogram.end_s)} long."
+        + more
+    )
+    return table([">from [min]", ">speed [r/min]", ">for"], rows[:MOST_ROWS], note)

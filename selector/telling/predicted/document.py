@@ -1,0 +1,102 @@
+"""A prediction again from its JSON form, `selector.prediction/1`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from selector.physics.thermal.prediction.correction_program import CorrectionProgram, Operation
+from selector.physics.thermal.prediction.prediction import Method, Mode, Prediction
+from selector.selection.result_file import FindingPart
+from selector.types import Vector
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Perhaps = Number | None
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+
+class _Mode(_Part):
+    tau_s: Number
+    low: Perhaps
+    high: Perhaps
+
+
+class _Operation(_Part):
+    operation: int
+    durations_min: Annotated[tuple[Number, ...], Field(min_length=1)]
+    corrections_um: tuple[Number, ...]
+    response: str
+
+
+class _Accuracy(_Part):
+    residual_um: Perhaps
+    heldout_um: Perhaps
+
+
+class PredictionDocument(_Part):
+    """The fields of a prediction's JSON."""
+
+    method: Method
+    time_s: Annotated[tuple[Number, ...], Field(min_length=1)]
+    displacement_um: Annotated[dict[str, tuple[Number, ...]], Field(min_length=1)]
+    modes: tuple[_Mode, ...] = ()
+    program: tuple[_Operation, ...] = ()
+    tolerance_um: Perhaps = None
+    accuracy: dict[str, _Accuracy] = {}
+    findings: tuple[FindingPart, ...] = ()
+
+
+def prediction_of(document: Mapping[str, Any]) -> Prediction:
+    """The prediction whose JSON form this is, without its duty cycle, its tests and the courses of its modes.
+
+    Raises
+    ------
+    pydantic.ValidationError
+        A field is missing, or of the wrong kind.
+    ValueError
+        A course has another length than its times, or a program lacks its tolerance.
+    """
+    told = PredictionDocument.model_validate(document)
+    names = tuple(told.displacement_um)
+    for name, course in told.displacement_um.items():
+        if len(course) != len(told.time_s):
+            raise ValueError(f"{len(course)} values of {name} at {len(told.time_s)} times")
+    of_response = {name: [one for one in told.program if one.response == name] for name in names}
+    return Prediction(
+        responses=names,
+        method=told.method,
+        cyclogram=None,
+        time_s=np.array(told.time_s),
+        displacement_um=np.array([told.displacement_um[name] for name in names]).T,
+        modes=tuple(Mode(mode.tau_s, mode.low, mode.high) for mode in told.modes),
+        programs={name: _program(lines, told.tolerance_um) for name, lines in of_response.items() if lines},
+        residual_um=_errors([told.accuracy[name].residual_um for name in names if name in told.accuracy], len(names)),
+        heldout_um=_errors([told.accuracy[name].heldout_um for name in names if name in told.accuracy], len(names)),
+        findings=tuple(part.finding() for part in told.findings),
+    )
+
+
+def _program(lines: Sequence[_Operation], tolerance_um: float | None) -> CorrectionProgram:
+    if tolerance_um is None:
+        raise ValueError("a program without a tolerance")
+    operations, start_s = [], 0.0
+    for line in lines:
+        ends_s = start_s + 60.0 * np.cumsum(line.durations_min)
+        times_s = np.r_[start_s, ends_s[:-1]]
+        if len(times_s) != len(line.corrections_um):
+            raise ValueError(f"{len(line.corrections_um)} corrections of {len(times_s)} durations")
+        operations.append(Operation(start_s, float(ends_s[-1]), times_s, np.array(line.corrections_um)))
+        start_s = float(ends_s[-1])
+    return CorrectionProgram(tuple(operations), tolerance_um)
+
+
+def _errors(told: Sequence[float | None], count: int) -> Vector | None:
+    """Errors of all responses; None if they are not known."""
+    known = [np.nan if value is None else value for value in told]
+    return np.array(known) if len(known) == count and any(value is not None for value in told) else None

@@ -1,0 +1,1 @@
+"""What is told of a selection: its account, tables, advice, formula and pictures."""

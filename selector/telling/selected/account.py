@@ -1,0 +1,210 @@
+"""What is told of a selection: what to do, in plain words, then why, then everything."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from selector.atomic_file import write_whole
+from selector.selection import Selection
+from selector.selection.result import FIXED_SET
+from selector.telling import origin
+from selector.telling.account import (
+    Account,
+    Block,
+    Captioned,
+    Formula,
+    Note,
+    Paragraph,
+    Remarks,
+    remarks_of,
+    section,
+    sections,
+)
+from selector.telling.selected.advice import advice
+from selector.telling.selected.formula import formula_text, legend_rows
+from selector.telling.selected.tables import (
+    coefficients_table,
+    combinations_table,
+    curve_table,
+    faults_table,
+    gain_table,
+    groups_table,
+    quality_table,
+    range_table,
+    runs_table,
+    sensors_table,
+)
+from selector.telling.wording import label_text
+
+Description = Mapping[str, Any]
+
+NO_READINGS = (
+    "Not drawn: loops of the displacement over each temperature, and the range of the inputs. An earlier version of "
+    "selector wrote this result, without readings; `selector select` on the same recordings writes it with them."
+)
+
+
+def selection_account(
+    selection: Selection,
+    description: Description | None = None,
+    *,
+    title: str | None = None,
+    date: str | None = None,
+    drawn: bool = False,
+) -> Account:
+    """All that is told of a selection.
+
+    Parameters
+    ----------
+    selection : Selection
+    description : mapping, optional
+        How the recordings were read, as `selector describe` says it.
+    title : str, optional
+        Default: the machine's name.
+    date : str, optional
+        Shown as it is; the clock is never read, so that equal results give equal bytes.
+    drawn : bool
+        For a page, with its drawings.
+    """
+    described = description or {}
+    machine = str(selection.provenance.get("machine") or "")
+    heading = title or ": ".join(filter(None, ["Sensor selection", machine]))
+    unnamed = f"Machine: {machine}" if machine and machine not in heading else ""
+    verdict, sentences = advice(selection)
+    drift = [Captioned("", one, on_screen=False) for one in [origin.drift_table(described)] if one is not None]
+    drawings: Mapping[str, Sequence[Block]] = {}
+    if drawn:
+        from selector.telling.selected.pictures import drawings as drawings_of
+
+        drawings = drawings_of(selection, described)
+    return Account(
+        title=heading,
+        about=" · ".join(filter(None, [date, unnamed])),
+        label=label_text("these recordings", title or "", selection.provenance, described),
+        verdict=verdict,
+        sentences=sentences,
+        answer=gain_table(selection),
+        sections=sections(
+            section(
+                "warnings",
+                "Before you use it",
+                Remarks(urgent)
+                if (urgent := remarks_of(selection.findings, "error", "warning"))
+                else Paragraph("No warnings were found in the data or in the model."),
+                link="Warnings",
+            ),
+            section(
+                "proof",
+                "Why: what unseen data say",
+                Paragraph(selection.because, on_screen=True),
+                *drawings.get("curve", ()),
+                Captioned("Error against number of sensors", curve_table(selection)),
+                *drawings.get("proof", ()),
+                None if selection.readings else Note(NO_READINGS),
+                link="Proof",
+            ),
+            section(
+                "groups",
+                "Why: which sensors move together",
+                Paragraph(_sentence(selection.grouping.because)),
+                Captioned("", groups_table(selection)),
+                *drawings.get("groups", ()),
+                link="Groups",
+            ),
+            section("sets", "Why: sets that were compared", *_sets(selection), link="Sets compared"),
+            section("model", "The model", *_model(selection, drawings), link="Model"),
+            section(
+                "faults",
+                "Sensor faults",
+                *drawings.get("faults", ()),
+                Captioned("", faults_table(selection), on_screen=False),
+            ),
+            section("sensors", "Every sensor", Captioned("", sensors_table(selection), on_screen=False)),
+            section("drift", "Drift after ISO 230-3", *drift, link="Drift"),
+            section("findings", "All findings", Remarks(remarks_of(selection.findings)), link="Findings"),
+            section(
+                "origin",
+                "Origin",
+                *origin.origin_parts(described, selection.provenance),
+                Captioned("Options", origin.options_table(selection), on_screen=False),
+            ),
+        ),
+        data=selection.as_dict(),
+        footer="The same recordings and options give the same bytes.",
+    )
+
+
+def write_report(
+    selections: Selection | Sequence[Selection],
+    path: str | Path,
+    *,
+    title: str | None = None,
+    description: Description | Sequence[Description | None] | None = None,
+    date: str | None = None,
+) -> Path:
+    """Write the report of one or several selections as one HTML file that needs no network; whole or not at all.
+
+    Parameters
+    ----------
+    selections : Selection or sequence of Selection
+        Several stand one after the other, each under the name of its machine.
+    path : path
+        The file; its folder must exist.
+    title : str, optional
+        The machine's name if nothing is given.
+    description : mapping, or one per selection, optional
+        How the recordings were read, as `selector describe` says it.
+    date : str, optional
+        Shown as it is; the clock is never read, so that equal results give equal bytes.
+
+    Raises
+    ------
+    OptionError
+        The file cannot be written; an old file of that name is untouched.
+    """
+    from selector.telling.page import account_page, one_page
+
+    several = (selections,) if isinstance(selections, Selection) else tuple(selections)
+    described = [description] if description is None or isinstance(description, Mapping) else [*description]
+    described += [None] * (len(several) - len(described))
+    own_title = title if len(several) == 1 else None
+    pages = [
+        account_page(selection_account(one, of_one, title=own_title, date=date, drawn=True))
+        for one, of_one in zip(several, described, strict=True)
+    ]
+    target = Path(path)
+    # a lone surrogate in a name must not end the report
+    write_whole(target, one_page(pages, title or "Sensor selection").encode("utf-8", "replace"))
+    return target
+
+
+def _sets(selection: Selection) -> list[Block]:
+    shape = str(selection.recipe.shape)
+    text = (
+        f"All in the chosen shape ({shape}). The unseen error here is that of the {FIXED_SET}: its coefficients are "
+        "refitted without each part, the sensors stay. The choice compares these errors; the whole procedure above, "
+        "which chooses the sensors anew, is the error to expect."
+    )
+    compared = (Captioned(name, combinations_table(selection, name), on_screen=False) for name in selection.models)
+    return [Paragraph(text), *compared]
+
+
+def _model(selection: Selection, drawings: Mapping[str, Sequence[Block]]) -> list[Block]:
+    legend = "; ".join(f"{symbol}: {meaning}" for symbol, meaning in legend_rows(selection))
+    blocks: list[Block] = [Formula(formula_text(selection, name)) for name in selection.models]
+    blocks.append(Note(f"Displacements in µm; ± one standard error. {legend}."))
+    blocks.append(Captioned("Quality", quality_table(selection)))
+    for name in selection.models:
+        blocks.append(Captioned(f"Coefficients of {name}", coefficients_table(selection, name)))
+        blocks += drawings.get(f"model {name}", ())
+        blocks.append(Captioned(f"{name}, part by part", runs_table(selection, name), on_screen=False))
+    blocks.append(Captioned("Valid range", range_table(selection), on_screen=False))
+    return [*blocks, *drawings.get("range", ())]
+
+
+def _sentence(text: str) -> str:
+    """The text with a capital and a full stop; λ stays as it is."""
+    first = text[:1] if text[:1] == "λ" else text[:1].upper()
+    return f"{first}{text[1:].rstrip('.')}."

@@ -1,0 +1,158 @@
+"""What a selection says one should do, in plain words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from selector.models.validity import FaultGain
+from selector.number_text import number_text
+from selector.selection import Selection
+from selector.selection.result import PROCEDURE, RunProof
+from selector.telling.account import Verdict
+from selector.telling.numbers import listed, rounded_text
+
+_UNUSABLE = ("constant-sensor", "sensor-missing")
+USELESS = "no-better-than-nothing"
+_UNSEEN = {
+    "run": "On runs that the model has not seen",
+    "condition": "Under conditions that the model has not seen",
+    "block": "On stretches of the only run that the model has not seen",
+}
+MOST_SAID = 3
+"""Displacements of which the first sentence says each; of more it says the span, and the table below has them all."""
+
+
+def advice(selection: Selection) -> tuple[Verdict, tuple[str, ...]]:
+    """What the proof says one should do, first of all; a model that is no better than nothing is not to be used."""
+    useless = tuple(name for name in selection.models if name in useless_responses(selection))
+    useful = tuple(name for name in selection.models if name not in useless)
+    keep = f"Keep sensor{'s' * (len(selection.chosen) > 1)} {listed(selection.chosen)}"
+    warnings = tuple(_uselessness(selection, name) for name in useless)
+    if not useful:
+        return "bad", (f"Do not use this model{_of(useless, selection)}.", *warnings)
+    gain = f"{_improvement(selection, useful)}{_worst_fault(selection, useful)}."
+    more = (*_dropped(selection), *_worse(selection, useful), *_faults(selection, useful))
+    if useless:
+        first = f"Do not use the model of {listed(useless)}; for {listed(useful)}, {keep[0].lower()}{keep[1:]}. {gain}"
+        return "bad", (first, *warnings, *more)
+    return "good", (f"{keep}. {gain}", *more)
+
+
+def rmse_error_um(parts: Sequence[RunProof]) -> float:
+    """Standard error of the pooled root mean square error of some left-out parts [µm], from their scatter.
+
+    That of the mean square, carried through the root; NaN for a single part.
+    """
+    squares = np.array([part.rmse_um**2 for part in parts])
+    weights = np.array([part.n_samples for part in parts], dtype=np.float64)
+    if len(parts) < 2 or weights.sum() <= 0 or not squares.any():
+        return float("nan")
+    weights = weights / weights.sum()
+    mean = float(weights @ squares)
+    variance = float(weights**2 @ (squares - mean) ** 2) * len(parts) / (len(parts) - 1)
+    return math.sqrt(variance) / (2.0 * math.sqrt(mean))
+
+
+def useless_responses(selection: Selection) -> frozenset[str]:
+    """Responses whose model does not beat leaving the machine alone."""
+    return frozenset(
+        finding.where.channel or name
+        for finding in selection.findings
+        if finding.id == USELESS
+        for name in ([finding.where.channel] if finding.where.channel else list(selection.models))
+    )
+
+
+def _of(names: tuple[str, ...], selection: Selection) -> str:
+    return f" of {listed(names)}" if len(selection.models) == 1 else ""
+
+
+def _dropped(selection: Selection) -> tuple[str, ...]:
+    dropped, found = len(selection.sensors) - len(selection.chosen), []
+    gone = (one.where.channel for one in selection.findings if one.id in _UNUSABLE)
+    unusable = [name for name in dict.fromkeys(gone) if name is not None and name not in selection.sensors]
+    if dropped > 1:
+        usable = " usable" if unusable else ""
+        found.append(f"The other {dropped} of {len(selection.sensors)}{usable} sensors are not needed.")
+    if unusable:
+        found.append(f"Not usable and left out: {listed(unusable)} (see the warnings).")
+    return tuple(found)
+
+
+def _improvement(selection: Selection, names: tuple[str, ...]) -> str:
+    """What the model gains, without a full stop; of many displacements the least and the most."""
+    proof = selection.proof
+    where = _UNSEEN[proof.left_out]
+    falls = {name: (proof.baselines_um[name]["none"], proof.rmse_um(name)) for name in names}
+    if len(names) == 1:
+        before, after = falls[names[0]]
+        error = rmse_error_um(proof.per_response[names[0]])
+        return (
+            f"{where} the {names[0]} error falls from {number_text(before, 2)} to {rounded_text(after, error)} µm "
+            f"(rms, {PROCEDURE})"
+        )
+    if len(names) <= MOST_SAID:
+        said = (
+            f"{name} from {number_text(before, 2)} to {rounded_text(after, rmse_error_um(proof.per_response[name]))} µm"
+            for name, (before, after) in falls.items()
+        )
+        return f"{where} the errors fall: {', '.join(said)} (rms, {PROCEDURE})"
+    spans = (f"{number_text(min(ends), 2)}–{number_text(max(ends), 2)}" for ends in zip(*falls.values(), strict=True))
+    return f"{where} the errors of {len(names)} displacements fall from {' to '.join(spans)} µm (rms, {PROCEDURE})"
+
+
+def _worse(selection: Selection, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Where the model does harm."""
+    worse = []
+    for name in names:
+        parts = selection.proof.per_response[name]
+        larger = sum(part.rmse_um >= part.before_rmse_um for part in parts)
+        if larger:
+            worse.append(f"that of {name} on {larger} of {len(parts)}")
+    return (f"The error is larger than without compensation: {listed(worse)}.",) if worse else ()
+
+
+def _uselessness(selection: Selection, name: str) -> str:
+    ways = selection.proof.baselines_um[name]
+    return (
+        f"{_UNSEEN[selection.proof.left_out]} the {name} error is "
+        f"{number_text(selection.proof.rmse_um(name))} µm with the model, {number_text(ways['none'])} µm without any "
+        f"compensation and {number_text(ways['mean'])} µm with a constant (root mean square)."
+    )
+
+
+def _worst(selection: Selection, names: tuple[str, ...]) -> dict[str, FaultGain]:
+    """The worst fault in each displacement."""
+    worst = {}
+    for name in names:
+        gains = [gain for gain in selection.faults if gain.response == name]
+        if gains:
+            worst[name] = max(gains, key=lambda gain: gain.worst_um)
+    return worst
+
+
+def _worst_fault(selection: Selection, names: tuple[str, ...]) -> str:
+    """The worst of all, to stand behind what the model gains."""
+    worst = _worst(selection, names)
+    if not worst:
+        return ""
+    gain = max(worst.values(), key=lambda gain: gain.worst_um)
+    how = "broken (open)" if gain.open_um >= gain.stuck_um else "stuck"
+    where = f" in {gain.response}" if len(selection.models) > 1 else ""
+    return f"; worst single sensor fault {number_text(gain.worst_um, 2)} µm{where}, {gain.sensor} {how}"
+
+
+def _faults(selection: Selection, names: tuple[str, ...]) -> tuple[str, ...]:
+    worst = _worst(selection, names)
+    without = {name: max(part.before_max_um for part in selection.proof.per_response[name]) for name in worst}
+    beyond = [name for name, gain in worst.items() if gain.worst_um > without[name]]
+    if not beyond:
+        return ()
+    limits = listed([number_text(without[name], 2) for name in beyond])
+    return (
+        f"In {listed(beyond)} the worst fault is larger than any error without compensation ({limits} µm): it must be "
+        "noticed before its correction reaches the axis.",
+    )

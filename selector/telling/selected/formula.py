@@ -1,0 +1,94 @@
+"""The model as a person would write it: readings and rises, coefficients in physical units with their errors."""
+
+from __future__ import annotations
+
+from selector.models.terms import Term
+from selector.number_text import SUPERSCRIPTS, number_text
+from selector.selection import Selection
+from selector.telling.numbers import NONE, span_text, uncertain_text
+
+
+def formula_text(selection: Selection, response: str) -> str:
+    """One line, e.g. ``Z = (−1.871 ± 0.12) + (6.048 ± 0.031)·ΔT1``."""
+    model = selection.models[response]
+    terms, coefficients, errors = model.physical()
+    parts = []
+    if model.has_intercept:
+        parts.append(f"({uncertain_text(float(coefficients[0]), float(errors[0]))})")
+    for term, value, error in zip(terms, coefficients[1:], errors[1:], strict=True):
+        parts.append(f"({uncertain_text(float(value), float(error))})·{term_text(selection, term)}")
+    return f"{response} = {' + '.join(parts) or '0'}"
+
+
+def legend_rows(selection: Selection) -> list[tuple[str, str]]:
+    """(symbol, meaning) of every variable in the formula."""
+    rows = []
+    lags = {lag.name: lag for lag in selection.recipe.design.lags}
+    for name in selection.recipe.design.variables:
+        lag = lags.get(name)
+        source = lag.source if lag else name
+        if _is_rise(selection, source):
+            meaning = f"rise of {source} since the start of the run [K]"
+        else:
+            meaning = f"reading of {source} [{unit_of(selection, name)}]"
+        if lag:
+            meaning += f", lagged with the time constant {lag.tau_s:.6g} s"
+        rows.append((variable_text(selection, name), meaning))
+    return rows
+
+
+def coefficient_rows(selection: Selection, response: str) -> list[tuple[str, str, str, str]]:
+    """(term, coefficient ± standard error, unit, VIF), the intercept first."""
+    model = selection.models[response]
+    terms, coefficients, errors = model.physical()
+    vif = {tuple(sorted(term.powers)): float(value) for term, value in zip(model.terms, model.vif, strict=True)}
+    rows = []
+    if model.has_intercept:
+        rows.append(("intercept", uncertain_text(float(coefficients[0]), float(errors[0]), least=0), "µm", NONE))
+    for term, value, error in zip(terms, coefficients[1:], errors[1:], strict=True):
+        inflation = vif.get(tuple(sorted(term.powers)))
+        unit = _unit_of_term(selection, term)
+        text = uncertain_text(float(value), float(error), least=0)
+        rows.append((term_text(selection, term), text, unit, number_text(inflation)))
+    return rows
+
+
+def term_text(selection: Selection, term: Term) -> str:
+    """A term, e.g. ``ΔT1·ΔT3²``."""
+    return "·".join(
+        variable_text(selection, name) + (str(power).translate(SUPERSCRIPTS) if power > 1 else "")
+        for name, power in term.powers
+    )
+
+
+def variable_text(selection: Selection, name: str) -> str:
+    """The symbol of a variable: ``ΔT1`` for a rise, ``lag(ΔT1, 30 min)`` for its lag."""
+    lag = next((lag for lag in selection.recipe.design.lags if lag.name == name), None)
+    source = lag.source if lag else name
+    # an operator or a blank inside a name would read as part of the formula
+    plain = source if source.replace("_", "a").isalnum() else f"[{source}]"
+    symbol = f"Δ{plain}" if _is_rise(selection, source) else plain
+    return f"lag({symbol}, {span_text(lag.tau_s)})" if lag else symbol
+
+
+def unit_of(selection: Selection, variable: str) -> str:
+    """Unit of a variable: K for a rise, °C for a reading, rpm for a spindle speed."""
+    lag = next((lag for lag in selection.recipe.design.lags if lag.name == variable), None)
+    source = lag.source if lag else variable
+    if source not in selection.recipe.sensors:
+        return "rpm"
+    return "K" if _is_rise(selection, source) else "°C"
+
+
+def _unit_of_term(selection: Selection, term: Term) -> str:
+    powers: dict[str, int] = {}
+    for name, power in term.powers:
+        # a coefficient is per difference, and a difference of °C is one of K
+        unit = unit_of(selection, name).replace("°C", "K")
+        powers[unit] = powers.get(unit, 0) + power
+    below = "·".join(unit + (str(power).translate(SUPERSCRIPTS) if power > 1 else "") for unit, power in powers.items())
+    return f"µm/{below}" if len(powers) < 2 else f"µm/({below})"
+
+
+def _is_rise(selection: Selection, source: str) -> bool:
+    return selection.options.reference == "rise" and source in selection.recipe.sensors

@@ -1,0 +1,193 @@
+"""The drawings of a selection: what unseen data say, which sensors move together, the model, its range and faults."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from selector import figures
+from selector.figures.loops import MOST_PAIRS, MOST_SENSORS, LoopShown
+from selector.selection import Selection
+from selector.telling.account import Block, Drawing
+from selector.telling.numbers import listed, span_text
+from selector.telling.selected.formula import unit_of, variable_text
+
+MOST_RUNS = 12
+RUNS_PER_PICTURE = 6
+
+
+def drawings(selection: Selection, description: Mapping[str, Any]) -> dict[str, list[Block]]:
+    """Place in the account → its drawings."""
+    names = tuple(selection.models)
+    return {
+        "curve": [Drawing(figures.error_against_sensors(selection, name)) for name in names],
+        "proof": [
+            *(Drawing(figures.errors_per_run(selection, name), _PER_RUN) for name in names),
+            *(drawing for name in names for drawing in _traces(selection, name)),
+            *loops(selection),
+        ],
+        "groups": [*_places(selection, description), *_grouping(selection)],
+        **{f"model {name}": [Drawing(figures.coefficient_intervals(selection, name), _COEFFICIENTS)] for name in names},
+        "range": [*validity(selection)],
+        "faults": [Drawing(figures.fault_table(selection), _FAULTS)] if selection.faults else [],
+    }
+
+
+def _traces(selection: Selection, response: str) -> list[Drawing]:
+    """Every left-out run, or of many the worst and some of all sorts."""
+    runs = list(dict.fromkeys(trace.run for trace in selection.proof.traces))
+    error = {part.name: part.rmse_um for part in selection.proof.per_response[response]}
+    text = _TRACES
+    if len(runs) > MOST_RUNS:
+        ranked = sorted(runs, key=lambda run: -error.get(run, 0.0))
+        worst, others = ranked[:RUNS_PER_PICTURE], ranked[RUNS_PER_PICTURE:]
+        spaced = np.unique(np.linspace(0, len(others) - 1, MOST_RUNS - RUNS_PER_PICTURE).round().astype(int))
+        wanted = {*worst, *(others[i] for i in spaced.tolist())}
+        text += (
+            f" {len(wanted)} of {len(runs)} runs are drawn: the {len(worst)} with the largest error, and "
+            f"{len(wanted) - len(worst)} spread evenly over the others from bad to good."
+        )
+        runs = [run for run in runs if run in wanted]
+    chunks = [runs[i : i + RUNS_PER_PICTURE] for i in range(0, len(runs), RUNS_PER_PICTURE)]
+    found = []
+    for i, chunk in enumerate(chunks):
+        drawn = figures.measured_and_predicted(selection, response, chunk)
+        title = f"{response} measured and predicted, continued" if i else ""
+        found.append(Drawing(drawn, "" if i else text, title))
+    return found
+
+
+def _grouping(selection: Selection) -> list[Drawing]:
+    if len(selection.sensors) < 2:
+        return []
+    return [
+        Drawing(figures.lambda_scan(selection), _SCAN),
+        Drawing(figures.sensor_tree(selection), _TREE),
+        Drawing(figures.similarity_and_closure(selection), _SIMILARITY),
+    ]
+
+
+def _places(selection: Selection, description: Mapping[str, Any]) -> list[Drawing]:
+    """The machine picture, if the machine file says where the sensors sit."""
+    found = {
+        str(channel["name"]): (float(x), float(y), float(z))
+        for channel in description.get("channels", ())
+        if channel.get("xyz") is not None and channel["name"] in selection.sensors
+        for x, y, z in [channel["xyz"]]
+    }
+    return [Drawing(figures.sensor_places(selection, found), _PLACES)] if found else []
+
+
+_PLACES = "Where the sensors sit, as the machine file says. Sensors of one colour move together."
+_PER_RUN = "Each of them was predicted by sensors, terms and coefficients that were chosen without it."
+_TRACES = "The residual is measured minus predicted. All panels have the same scales."
+_SCAN = (
+    "Every level at which the groups change. The green band is the range of λ that gives the chosen groups. The "
+    "held-out error is that of the best linear model of the representatives, relative to the spread of the "
+    "displacement."
+)
+_TREE = (
+    "Read from right to left: as λ falls, sensors merge into groups. Colours: groups at the chosen λ; grey: single "
+    "sensors, and merges that the cut undoes. The axis stretches the levels close to 1."
+)
+_SIMILARITY = (
+    "The stronger the colour, the more alike two sensors move. A cell above the diagonal that is stronger than its "
+    "mirror image below says that the two are grouped through others, not by their own likeness. Bold: chosen."
+)
+_COEFFICIENTS = (
+    "Per standard deviation of each centred variable, so that terms of different units can be compared; intervals "
+    "allow for autocorrelation within runs. Dotted: variance inflation of 10."
+)
+_FAULTS = "Largest change of the prediction over the recorded samples; the table below says what each fault means."
+_LOOPS = (
+    "A temperature that tells all gives one line, the same on the way up and on the way down. A loop says that the "
+    "displacement lags behind this temperature, or runs ahead of it: the machine remembers, and no coefficient of this "
+    "reading closes the loop; another sensor, or a memory term (the same reading, lagged), can. Above each panel: the "
+    "widest loop, and what the fitted model leaves of such loops."
+)
+_HULL = (
+    "Green: the range of the inputs from which the model was learnt; outside it the model extrapolates, also where "
+    "each input alone is in its range. Points: how far a sample lies beyond all that was left for learning when its "
+    "{part} was left out, in standard deviations of the inputs together; the farther, the more its unseen error is "
+    "that of an extrapolation."
+)
+
+
+def loops(selection: Selection) -> list[Drawing]:
+    """Each displacement over the readings of the chosen sensors, with what the model leaves of the loops."""
+    if not selection.readings:
+        return []
+    text = [_LOOPS, _memory(selection), _thinning(selection)]
+    if len(selection.chosen) > MOST_SENSORS:
+        text.append(f"The first {MOST_SENSORS} of {len(selection.chosen)} sensors are drawn.")
+    rise = selection.options.reference == "rise"
+    return [
+        Drawing(
+            figures.displacement_loops(selection.chosen, name, _loops(selection, at), rise=rise),
+            " ".join(filter(None, text)) if at == 0 else "",
+        )
+        for at, name in enumerate(selection.models)
+    ]
+
+
+def _loops(selection: Selection, at: int) -> list[LoopShown]:
+    variables = selection.recipe.design.variables
+    column = [variables.index(name) for name in selection.chosen]
+    model = list(selection.models.values())[at]
+    return [
+        LoopShown(
+            one.run,
+            one.variables[:, column],
+            one.displacement_um[:, at],
+            one.displacement_um[:, at] - model.predicted(one.variables),
+        )
+        for one in selection.readings
+    ]
+
+
+def validity(selection: Selection) -> list[Drawing]:
+    """Where the inputs were, and which samples lie beyond what was left when theirs were left out."""
+    variables = selection.recipe.design.variables
+    if not selection.readings or len(variables) < 2:
+        return []
+    beyond = np.concatenate([one.beyond_others for one in selection.readings])
+    samples = np.concatenate([one.variables for one in selection.readings])[np.isfinite(beyond)]
+    axes = [(variable_text(selection, name), unit_of(selection, name)) for name in variables]
+    part = selection.proof.left_out
+    drawn = figures.validity_pairs(
+        selection.hull, axes, samples, beyond[np.isfinite(beyond)], f"what the other {part}s cover"
+    )
+    text = f"{_HULL.format(part=part)} {len(samples)} samples were judged, evenly spaced in time."
+    all_pairs = len(axes) * (len(axes) - 1) // 2
+    if all_pairs > MOST_PAIRS:
+        text += f" {MOST_PAIRS} of {all_pairs} pairs of inputs are drawn; all inputs count."
+    return [Drawing(drawn, text)]
+
+
+def _memory(selection: Selection) -> str:
+    lags = selection.recipe.design.lags
+    if not lags:
+        offered = "they were offered and did not pay" if selection.options.memory else "--memory offers them"
+        return f"This model has no memory terms; {offered}."
+    taus = list(dict.fromkeys(span_text(lag.tau_s) for lag in lags))
+    constants = "a time constant" if len(taus) == 1 else "time constants"
+    return f"This model has memory terms with {constants} of {listed(taus)}."
+
+
+def _thinning(selection: Selection) -> str:
+    """How many of the samples are drawn."""
+    shown, all_runs = selection.readings, {run for runs in selection.fit_per_run.values() for run in runs}
+    samples = sum(len(one.time_s) for one in shown), sum(one.n_samples for one in shown)
+    text = ""
+    if samples[0] < samples[1]:
+        text = (
+            f"Drawn are {samples[0]} of {samples[1]} samples, evenly spaced, with the extremes of every reading and "
+            "displacement."
+        )
+    if len(shown) < len(all_runs):
+        text += (
+            f" {len(shown)} of {len(all_runs)} runs are drawn: those with an extreme, and others evenly between them."
+        )
+    return text.strip()

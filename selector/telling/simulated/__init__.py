@@ -1,0 +1,38 @@
+"""How the results of simulations are told: an account for every kind."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+
+from selector.physics.simulation_kind import SimulationKind, register_kind
+from selector.telling.account import Account
+from selector.telling.simulated.result import SimulationResult
+
+Teller = Callable[[SimulationResult, bool], Account]
+_tellers: dict[str, Teller] = {}
+
+
+def account_of(result: SimulationResult, *, drawn: bool = False) -> Account:
+    """All that is told of a simulation; `drawn` for a page, with its drawings."""
+    teller = _tellers.get(result.kind)
+    if teller is not None:
+        return teller(result, drawn)
+    words = importlib.import_module(f"selector.telling.simulated.{result.kind}")
+    pictures = importlib.import_module(f"selector.telling.simulated.{result.kind}_pictures") if drawn else None
+    told: Account = getattr(words, f"{result.kind}_account")(result, pictures.drawings(result) if pictures else {})
+    return told
+
+
+def register(kind: SimulationKind, teller: Teller) -> None:
+    """Makes a kind of simulation known: it has its command, report, parameters, refit and reference page from now on.
+
+    Parameters
+    ----------
+    kind : SimulationKind
+        What can be done with its model files.
+    teller : callable
+        Result, and whether drawings are wanted → its account.
+    """
+    register_kind(kind)
+    _tellers[kind.name] = teller

@@ -1,0 +1,227 @@
+"""What is told of a circular test: how round it is at every feed, and which causes are behind it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from selector.number_text import number_text
+from selector.physics.drive.ball_bar.causes import Cause, CircleCauses, FeedCauses
+from selector.physics.drive.ball_bar.laws import Amount
+from selector.physics.drive.ball_bar.quantities import CircleQuantities, Extreme, Roundness
+from selector.physics.drive.drive_summary import DriveSummary
+from selector.telling.account import Captioned, Table, table
+from selector.telling.numbers import NONE, uncertain_text
+
+_MICRO = 1e6
+_BACKLASH = "backlash"
+_MEANING = "lost motion at the reversal: backlash, or wind-up by friction"
+
+WORDS = {
+    "radius": "radius",
+    "gain-mismatch": "position gains that differ",
+    "rotary-lag": "lag against the linear axes",
+    "squareness": "squareness",
+    "scale-mismatch": "scales that differ",
+    "straightness": "straightness",
+    "backlash": "lost motion (backlash or wind-up)",
+    "reversal-spike": "reversal spikes",
+    "cyclic-pitch": "cyclic error of the pitch",
+}
+
+
+def ball_bar_sentences(shown: DriveSummary) -> list[str]:
+    """How round the circle is at the fastest and the slowest feed, and the largest causes."""
+    slowest, fastest = shown.quantities[0], shown.quantities[-1]
+    first = (
+        f"At {_feed(fastest.feed_mm_per_min)} mm/min the circle is out of round by "
+        f"{number_text(fastest.both.circular_deviation_um)} µm, both directions together (ISO 230-4)"
+    )
+    if len(shown.quantities) > 1:
+        first += f"; at {_feed(slowest.feed_mm_per_min)} mm/min by {number_text(slowest.both.circular_deviation_um)} µm"
+    told = [f"{first}."]
+    if shown.causes is not None:
+        for feed in dict.fromkeys((shown.causes.feeds[-1], shown.causes.feeds[0])):
+            found = [cause for cause in feed.causes if cause.found and cause.kind != "radius"][:3]
+            if found:
+                words = "; ".join(f"{cause_name(cause)} {number_text(cause.range_um)} µm" for cause in found)
+                told.append(f"Causes at {_feed(feed.feed_mm_per_min)} mm/min, largest first: {words}.")
+    far = max(shown.quantities, key=lambda one: abs(one.both.mean_radial_um))
+    told.append(
+        f"At {_feed(far.feed_mm_per_min)} mm/min the mean radius is "
+        f"{number_text(abs(far.both.mean_radial_um))} µm "
+        f"{'larger' if far.both.mean_radial_um > 0 else 'smaller'} than nominal."
+    )
+    return told
+
+
+def cause_name(cause: Cause) -> str:
+    """A cause in words, with its axis."""
+    return WORDS[cause.kind] + (f" of {cause.axis}" if cause.axis else "")
+
+
+def ball_bar_tables(shown: DriveSummary) -> list[Captioned]:
+    """Quantities, causes at every feed, and what all feeds share."""
+    told = [Captioned("Quantities after ISO 230-4", quantities_table(shown.quantities))]
+    if shown.causes is not None:
+        told += [
+            Captioned(f"Causes at {_feed(feed.feed_mm_per_min)} mm/min", _causes_table(feed, shown.wind_up_m))
+            for feed in reversed(shown.causes.feeds)
+        ]
+        told.append(Captioned("Through all feeds", _overall_table(shown.causes)))
+    return told
+
+
+def quantities_table(quantities: Sequence[CircleQuantities]) -> Table:
+    """The quantities of ISO 230-4 at every feed [µm]."""
+    rows = [
+        (
+            _feed(one.feed_mm_per_min),
+            number_text(one.counter_clockwise.circular_deviation_um),
+            number_text(one.clockwise.circular_deviation_um),
+            number_text(one.both.circular_deviation_um),
+            _at(one.hysteresis),
+            _at(one.both.radial_max),
+            _at(one.both.radial_min),
+            number_text(one.both.mean_radial_um),
+        )
+        for one in quantities
+    ]
+    note = (
+        "G: circular deviation counter-clockwise and clockwise, G(b): both together, narrowest ring; H: hysteresis; "
+        "F: farthest from the nominal radius, about the least-squares centre; D: mean radius minus nominal; all in µm, "
+        "in brackets where."
+    )
+    return table([">mm/min", ">G ccw", ">G cw", ">G(b)", ">H", ">F max", ">F min", ">D"], rows, note)
+
+
+def _at(extreme: Extreme) -> str:
+    return f"{number_text(extreme.value_um)} ({math.degrees(extreme.angle_rad) % 360:.0f}°)"
+
+
+def _causes_table(feed: FeedCauses, wind_up_m: Mapping[str, float]) -> Table:
+    rows = [
+        (
+            cause_name(cause),
+            "; ".join([f"{name} {amount_text(one)}" for name, one in cause.amounts.items()] + _of_it(cause, wind_up_m)),
+            number_text(cause.range_um),
+            _percent(cause.share),
+        )
+        for cause in feed.causes
+        if cause.found
+    ]
+    rows.append(("what remains", "", f"{number_text(feed.remaining_rms_um)} rms", _percent(feed.remaining_share)))
+    note = (
+        "± one standard error, from what remains. Causes that do not stand out of it are left out. Shares are of the "
+        "sum of squares of the deviation and make 100 % with what remains; one is negative where a cause works against "
+        "the others, so that the circle is rounder with it."
+    )
+    return table(["cause", "size", ">range [µm]", ">share"], rows, note)
+
+
+def _of_it(cause: Cause, wind_up_m: Mapping[str, float]) -> list[str]:
+    """How much of a lost motion is wind-up, which the model knows and a real test does not."""
+    size = wind_up_m.get(cause.axis or "", 0.0) if cause.kind == "backlash" else 0.0
+    return [f"of it wind-up by the model's friction {number_text(1e6 * size)} µm"] if size > 0 else []
+
+
+def _overall_table(causes: CircleCauses) -> Table:
+    rows = [
+        (name, amount_text(one) if one.found else f"not found (below {number_text(one.below, 2)} {one.unit})")
+        for name, one in causes.through_feeds.items()
+    ]
+    note = (
+        "Constants of geometry and control that all feeds share. The gain by the radius is that of a first-order loop: "
+        "a slow velocity loop makes the circle shrink less, feed-forward more than the lag lets expect."
+    )
+    return table(["", ">value"], rows, note)
+
+
+def amount_text(amount: Amount) -> str:
+    """A number ± its standard error with its unit."""
+    return f"{uncertain_text(amount.value, amount.standard_error)} {amount.unit.removesuffix(NONE)}".rstrip()
+
+
+def _feed(feed_mm_per_min: float) -> str:
+    # as it is programmed: 100, not 100.0
+    return f"{feed_mm_per_min:.6g}"
+
+
+def _percent(share: float) -> str:
+    # rounded first, so that there is no −0
+    return f"{round(100 * share):d} %".replace("-", "−")
+
+
+def ball_bar_data(summary: DriveSummary) -> dict[str, Any] | None:
+    """`ball_bar` of the JSON; None if the axes did not go in circles."""
+    if not summary.quantities:
+        return None
+    return {
+        "quantities": [_quantities_data(one) for one in summary.quantities],
+        "causes": None if summary.causes is None else _causes_data(summary.causes, summary.wind_up_m),
+    }
+
+
+def _quantities_data(one: CircleQuantities) -> dict[str, Any]:
+    return {
+        "feed_mm_per_min": one.feed_mm_per_min,
+        "counter_clockwise": _roundness_data(one.counter_clockwise),
+        "clockwise": _roundness_data(one.clockwise),
+        "both": _roundness_data(one.both),
+        "hysteresis": _extreme_data(one.hysteresis),
+    }
+
+
+def _roundness_data(one: Roundness) -> dict[str, Any]:
+    return {
+        "circular_deviation_um": one.circular_deviation_um,
+        "radial_max": _extreme_data(one.radial_max),
+        "radial_min": _extreme_data(one.radial_min),
+        "mean_radial_um": one.mean_radial_um,
+        "centre_um": list(one.centre_um),
+    }
+
+
+def _extreme_data(one: Extreme) -> dict[str, float]:
+    return {"um": one.value_um, "at_deg": math.degrees(one.angle_rad) % 360.0}
+
+
+def _causes_data(causes: CircleCauses, wind_up_m: Mapping[str, float]) -> dict[str, Any]:
+    return {
+        "feeds": [
+            {
+                "feed_mm_per_min": feed.feed_mm_per_min,
+                "remaining_rms_um": feed.remaining_rms_um,
+                "remaining_share": feed.remaining_share,
+                "causes": [
+                    {
+                        "cause": cause.kind,
+                        "axis": cause.axis,
+                        **_lost_motion_data(cause, wind_up_m),
+                        "found": cause.found,
+                        "range_um": cause.range_um,
+                        "share": cause.share,
+                        "amounts": {name: _amount_data(one) for name, one in cause.amounts.items()},
+                    }
+                    for cause in feed.causes
+                ],
+            }
+            for feed in causes.feeds
+        ],
+        "through_feeds": {
+            name: {**_amount_data(one), "found": one.found, "below": None if one.found else one.below}
+            for name, one in causes.through_feeds.items()
+        },
+    }
+
+
+def _lost_motion_data(cause: Cause, wind_up_m: Mapping[str, float]) -> dict[str, Any]:
+    """What a backlash may be as well, and how much of it the model's own friction and springs make."""
+    if cause.kind != _BACKLASH:
+        return {}
+    return {"meaning": _MEANING, "wind_up_um": _MICRO * wind_up_m.get(cause.axis or "", 0.0)}
+
+
+def _amount_data(one: Amount) -> dict[str, Any]:
+    return {"value": one.value, "standard_error": one.standard_error, "unit": one.unit}

@@ -1,0 +1,469 @@
+"""What is told of simulated gauging: sizes, capability, filter and threshold, parts in time, the gauge."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from selector.number_text import number_text
+from selector.physics.gauging.gauging_advice import BEST_CENTRED, BEST_FILTER, CENTRED, PRESENT, Setting, off_text
+from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation
+from selector.physics.gauging.gauging_summary import GaugingSummary
+from selector.physics.gauging.grinding.finished_sizes import FinishedSizes
+from selector.physics.gauging.process import Tolerance
+from selector.physics.gauging.sizes.capability import Capability
+from selector.physics.gauging.sizes.size_distribution import SizeDistribution, size_distribution
+from selector.telling.account import Account, Captioned, Table, Verdict, section, table
+from selector.telling.numbers import NONE, listed, ms_text
+from selector.telling.simulated.result import Drawings, SimulationResult, simulation_account
+
+_MATTERS = 0.9
+"""An error that falls to less than this share of itself is worth a change."""
+
+_OFF_CENTRE = 0.05
+_MOST_DECIMALS = 6
+_ROUNDING_UM = 1e-4
+_CAPABLE, _SCRAP = 1.33, 1.0
+"""Cpk from which on a process is called capable; Cpk below which parts are scrap day by day."""
+
+SETTINGS = {
+    PRESENT: "as it is",
+    CENTRED: "last threshold centred",
+    BEST_FILTER: "best filter, calculated thresholds (eq. 23)",
+    BEST_CENTRED: "best filter, last threshold centred",
+}
+_METHODS = {
+    "linear": "formula, threshold passed once (linear, eq. 25)",
+    "first-passage": "formula, early trips counted (first passage)",
+}
+
+
+def gauging_account(result: SimulationResult, drawings: Drawings) -> Account:
+    """What is told of simulated gauging: which sizes come out, what other filters would do, how it went."""
+    model, done, summary = result.simulated.model, result.simulated.details, result.summary
+    linear = size_distribution(model.setup, method="linear", parts=model.file.run.parts)
+    wanted_um, tolerance = model.setup.wanted_um, model.values.tolerance
+    capability = None if summary.capability is None else Captioned("Capability", capability_table(summary.capability))
+    return simulation_account(
+        result,
+        size_sentences(summary, wanted_um, tolerance, is_ground=done.sizes is not None),
+        (
+            section(
+                "sizes",
+                "Finished sizes",
+                *drawings.get("sizes", ()),
+                Captioned("Finished sizes", sizes_table(summary, linear, wanted_um)),
+                capability,
+            ),
+            section(
+                "filter",
+                "Filter and threshold",
+                *drawings.get("filter", ()),
+                Captioned("Filter and last threshold", trade_off_table(summary)),
+                link="Filter",
+            ),
+            section("parts", "Parts", *drawings.get("parts", ())),
+            section(
+                "gauge",
+                "Gauge",
+                *drawings.get("gauge", ()),
+                *(Captioned(caption, one) for caption, one in gauge_tables(summary)),
+            ),
+        ),
+        drawings=drawings,
+        facts={
+            "time between samples [s]": model.period_s,
+            "parts of the Monte Carlo calculation": len(summary.sizes.size_um),
+        },
+        data=_data(model, done, summary),
+        verdict=verdict(summary),
+    )
+
+
+def size_sentences(
+    summary: GaugingSummary, wanted_um: float, tolerance: Tolerance | None, *, is_ground: bool = True
+) -> list[str]:
+    """Mean, spread, capability and what would improve it, the most important first.
+
+    `is_ground` is False of recorded runs: the sizes are then not theirs.
+    """
+    sizes = summary.sizes
+    off = sizes.mean_um - wanted_um
+    where = f"{number_text(abs(off), 2)} µm {'larger' if off >= 0 else 'smaller'} than wanted"
+    who = "Finished parts" if is_ground else "Parts that are ground as the model file says"
+    first = f"{who} are {where} on average and spread by {number_text(sizes.sd_um, 2)} µm (standard deviation)"
+    capable = summary.capability
+    if capable is not None:
+        first += f": Cpk is {number_text(capable.cpk)}, and {_out_of_tolerance(capable)} out of tolerance"
+    advice, *more = _advice(summary)
+    told = [f"{first}; {advice}.", *more]
+    if capable is not None and tolerance is not None:
+        told.append(_capability_sentence(capable, tolerance))
+        middle = (tolerance.lower_um + tolerance.upper_um) / 2.0
+        if abs(wanted_um - middle) > _OFF_CENTRE * (tolerance.upper_um - tolerance.lower_um):
+            told.append(
+                f"The wanted size, {number_text(wanted_um)} µm, is not the middle of the tolerance, "
+                f"{number_text(middle)} µm: parts that are as wanted are still nearer to one limit."
+            )
+    given_up = len(sizes.size_um) - len(sizes.finished_um)
+    if given_up:
+        told.append(f"Of {len(sizes.size_um)} parts {given_up} never reached a threshold; they are not counted above.")
+    return told
+
+
+def verdict(summary: GaugingSummary) -> Verdict:
+    """How the page takes it: ``"good"`` is capable, ``"bad"`` makes scrap, ``"plain"`` is between or not known."""
+    known = summary.capability
+    if known is None:
+        return "plain"
+    return "good" if known.cpk >= _CAPABLE else "bad" if known.cpk < _SCRAP else "plain"
+
+
+def sizes_table(summary: GaugingSummary, linear: SizeDistribution, wanted_um: float) -> Table:
+    """Mean and spread by Monte Carlo with standard errors, and by both formulas."""
+    sizes = summary.sizes
+    formulas = {one.method: one for one in (summary.formula, linear)}
+    formula = summary.formula
+    # counted from the wanted size too, where that is another number
+    zeros = (0.0,) if wanted_um == 0 else (0.0, wanted_um)
+    rows = [
+        (
+            f"Monte Carlo, {len(sizes.finished_um)} parts",
+            *(spread_text(sizes.mean_um - zero, sizes.mean_error_um) for zero in zeros),
+            spread_text(sizes.sd_um, sizes.sd_error_um),
+            *(NONE,) * 2,
+        )
+    ]
+    rows += [
+        (
+            _METHODS[method],
+            *(_um(one.mean_um - zero) for zero in zeros),
+            _um(one.sd_um),
+            _um(one.within_um),
+            _um(one.between_um),
+        )
+        for method, one in formulas.items()
+    ]
+    heads = [">mean [µm]", ">off wanted [µm]"][: len(zeros)]
+    note = (
+        "± one standard error. Within: the same part ground again and again; between: what differs from part to part. "
+        "Eq. 25, the published one, lets the reading pass its threshold once. It holds where σ of the rate of the "
+        f"smoothed noise is far below the rate at which the voltage rises: it is {number_text(formula.restlessness, 2)}"
+        " of it. First passage: noise that touches the threshold for the first time ends the feed, however early."
+    )
+    if formula.ripple_rate > 0:
+        note += (
+            f" Grooves and run-out change the smoothed reading {number_text(formula.ripple_rate, 2)} times as fast as "
+            "the allowance falls; from 1 on it reaches the threshold more than once."
+        )
+    if summary.characteristic is not None:
+        note += f" The curved characteristic moves the mean by {_um(formula.curvature_um, 2)} µm, which no formula has."
+    return table(["", *heads, ">sd [µm]", ">within [µm]", ">between [µm]"], rows, note)
+
+
+def capability_table(one: Capability) -> Table:
+    """Cp and Cpk with intervals, and shares out of tolerance."""
+    level = f"{100 * one.confidence:.3g} %"
+    rows = [
+        ("Cp", number_text(one.cp), f"{number_text(one.cp_low)} to {number_text(one.cp_high)}"),
+        ("Cpk", number_text(one.cpk), f"{number_text(one.cpk_low)} to {number_text(one.cpk_high)}"),
+        ("Cp by quantiles", number_text(one.cp_quantiles), NONE),
+        ("Cpk by quantiles", number_text(one.cpk_quantiles), NONE),
+        ("too small, of normal sizes", percent(one.share_below), NONE),
+        ("too large, of normal sizes", percent(one.share_above), NONE),
+        (
+            "out of tolerance, counted",
+            percent(one.share_outside),
+            f"{percent(one.share_outside_low)} to {percent(one.share_outside_high)}",
+        ),
+    ]
+    note = (
+        "Intervals: chi-square for Cp, Bissell for Cpk, Clopper and Pearson for the count; they say what a sample of "
+        "so many parts leaves open. By quantiles: for sizes that are not normal (ISO 22514-2)."
+    )
+    return table(["", f">of {one.count} parts", f">{level} interval"], rows, note)
+
+
+def trade_off_table(summary: GaugingSummary) -> Table:
+    """Filter and thresholds as they are, and what others give."""
+    rows = [
+        (
+            SETTINGS[one.name] + (", at the end of what was looked at" if one.at_limit else ""),
+            number_text(1e3 * one.time_constant_s),
+            volts_text(one),
+            off_text(one).replace("-", "−"),
+            _um(one.sd_um),
+            _um(one.rms_um),
+        )
+        for one in summary.settings
+    ]
+    note = (
+        f"Each row: {_counts(summary)} parts ground with just this filter and these thresholds (Monte Carlo, "
+        "± one standard error), all with the same noise, feeds and starts. Off wanted: mean size minus the wanted one. "
+        "Calculated thresholds, eq. 23: the voltage of the wanted size, ahead by what is still ground off while "
+        "filter, relay and springs are late. A centred one is moved until the mean is as wanted. The best filters are "
+        f"looked for by formula from {ms_text(float(summary.trade_off.time_constant_s[0]))} to "
+        f"{ms_text(float(summary.trade_off.time_constant_s[-1]))}, because the last stage has to be long against its "
+        "filter."
+    )
+    if len(summary.settings) < len(SETTINGS):
+        note += " What no model file may say, or with which more parts miss a threshold, is left out."
+    heads = ["", ">T_Φ [ms]", ">thresholds [V]", ">off wanted [µm]", ">sd [µm]", ">rms error [µm]"]
+    return table(heads, rows, note)
+
+
+def _counts(summary: GaugingSummary) -> str:
+    low, high = (end(one.parts for one in summary.settings) for end in (min, max))
+    return str(high) if low == high else f"{low} to {high}"
+
+
+def gauge_tables(summary: GaugingSummary) -> list[tuple[str, Table]]:
+    """The line of the gauge, and its stages with their thresholds."""
+    gauge = summary.gauge
+    low, high = summary.linear_range_um
+    rows = [
+        ("gain K", number_text(1e3 * gauge.gain_v_per_um, 4), "mV/µm"),
+        ("bias, voltage of the line at 0 µm", number_text(gauge.bias_v, 5), "V"),
+        ("filter T_Φ", number_text(1e3 * gauge.time_constant_s, 4), "ms"),
+        ("line touches the characteristic at", number_text(gauge.allowance_um), "µm"),
+        (f"line holds within {_um(summary.linear_within_um)} µm of size from", number_text(low), "µm"),
+        (f"line holds within {_um(summary.linear_within_um)} µm of size to", number_text(high), "µm"),
+    ]
+    curve = summary.characteristic
+    if curve is None:
+        rows = [row for row in rows if not row[0].startswith("line")]
+    stages = [
+        (
+            str(number),
+            number_text(stage.feed_um_per_s),
+            number_text(stage.rate_um_per_s),
+            number_text(stage.until_um),
+            number_text(stage.threshold_v, 5),
+        )
+        for number, stage in enumerate(summary.stages, start=1)
+    ]
+    return [
+        ("Line of the gauge", table(["", ">value", "unit"], rows)),
+        (
+            "Stages",
+            table(
+                [">stage", ">feed [µm/s]", ">allowance falls at [µm/s]", ">until [µm]", ">threshold [V]"],
+                stages,
+                "A threshold is ahead of the allowance at which the stage is to end by what the filter, the relay "
+                "and, at the last one, the springs of the machine are late.",
+            ),
+        ),
+    ]
+
+
+def spread_text(value: float, spread: float) -> str:
+    """A value ± its spread or error, both with as many decimals as two digits of that need."""
+    if not spread > 0:
+        return number_text(value)
+    decimals = min(max(0, 1 - math.floor(math.log10(spread))), 9)
+    rounded = f"{value:.{decimals}f}"
+    # no minus sign before zeros
+    text = rounded.removeprefix("-") if float(rounded) == 0 else rounded.replace("-", "−")
+    return f"{text} ± {spread:.{decimals}f}"
+
+
+def _um(value: float, digits: int = 3) -> str:
+    """A length; what is below a tenth of a nanometre is 0."""
+    return number_text(value if abs(value) >= _ROUNDING_UM else 0.0, digits)
+
+
+def percent(share: float) -> str:
+    """A share as a percentage with two digits; very small ones in parts per million."""
+    if 0 < share < 1e-4:
+        return "below 0.1 ppm" if share < 1e-7 else f"{number_text(1e6 * share, 2)} ppm"
+    return f"{number_text(100 * share, 2)} %"
+
+
+def _out_of_tolerance(one: Capability) -> str:
+    if one.share_outside == 0:
+        return f"none of {one.count} is"
+    return f"{percent(one.share_outside)} of them are"
+
+
+def _capability_sentence(one: Capability, tolerance: Tolerance) -> str:
+    width = tolerance.upper_um - tolerance.lower_um
+    text = (
+        f"The tolerance, {number_text(tolerance.lower_um)} to {number_text(tolerance.upper_um)} µm, is "
+        f"{number_text(width / one.sd_um)} standard deviations wide: Cp {number_text(one.cp)}"
+    )
+    lost = one.cp - one.cpk
+    return text + (
+        f"; of it the mean, which is not in the middle, takes {number_text(lost, 2)}."
+        if lost > 0.05
+        else ", and the mean is about in the middle."
+    )
+
+
+def _advice(summary: GaugingSummary) -> list[str]:
+    """What would make the error smaller: the last threshold, the filter, or nothing of it; then whole sentences."""
+    by_name = {one.name: one for one in summary.settings}
+    present, centred, both = by_name[PRESENT], by_name.get(CENTRED), by_name.get(BEST_CENTRED)
+    narrower = both if both is not None and both.sd_um < _MATTERS * present.sd_um else None
+    found = []
+    if centred is not None and centred.rms_um < _MATTERS * present.rms_um:
+        found.append(
+            f"{_thresholds(centred)} in place of {volts_text(present, like=centred)} V would centre them (simulated: "
+            f"off by {off_text(centred).replace('-', '−')} µm; rms error {number_text(present.rms_um, 2)} → "
+            f"{number_text(centred.rms_um, 2)} µm)"
+        )
+    if narrower is not None and not narrower.at_limit:
+        found.append(
+            f"a filter of {ms_text(narrower.time_constant_s)} in place of {ms_text(present.time_constant_s)}, with "
+            f"{_thresholds(narrower)}, would narrow the spread to {number_text(narrower.sd_um, 2)} µm (simulated)"
+        )
+    first, *more = found or [
+        "the last threshold is right as it is"
+        if narrower is not None
+        else "neither another filter nor another last threshold would make them much better"
+    ]
+    sentences = [f"{one[0].upper()}{one[1:]}." for one in more]
+    if narrower is not None and narrower.at_limit:
+        longer = narrower.time_constant_s > present.time_constant_s
+        sentences.append(
+            f"Longer filters narrow the spread as far as was looked, to "
+            f"{number_text(narrower.sd_um, 2)} µm at {ms_text(narrower.time_constant_s)} with {_thresholds(narrower)}: "
+            "the optimum lies at that limit, which is there because the last stage has to be long against its filter, "
+            "and not because more would be worse."
+            if longer
+            else f"Shorter filters narrow the spread as far as was looked, to {number_text(narrower.sd_um, 2)} µm at "
+            f"{ms_text(narrower.time_constant_s)} with {_thresholds(narrower)}: the optimum lies at that limit."
+        )
+    return [first, *sentences]
+
+
+def volts_text(one: Setting, like: Setting | None = None) -> str:
+    """All thresholds of a setting as a model file has them, with at most as many decimals as those of `like`."""
+    decimals = max(len(f"{volts:.10g}".partition(".")[2]) for volts in (like or one).thresholds_v)
+    decimals = min(decimals, _MOST_DECIMALS)
+    told = [f"{round(volts, decimals):.{decimals}f}" for volts in one.thresholds_v]
+    return listed([text.rstrip("0").rstrip(".").replace("-", "−") if "." in text else text for text in told])
+
+
+def _thresholds(one: Setting) -> str:
+    return f"{'thresholds' if len(one.thresholds_v) > 1 else 'a threshold'} of {volts_text(one)} V"
+
+
+def _data(model: GaugingModel, simulation: GaugingSimulation, summary: GaugingSummary) -> dict[str, Any]:
+    """`gauging` of `selector.simulation/1`."""
+    gauge, curve, one = summary.gauge, summary.characteristic, summary.trade_off
+    return {
+        "gauge": {
+            "gain_v_per_um": gauge.gain_v_per_um,
+            "bias_v": gauge.bias_v,
+            "time_constant_s": gauge.time_constant_s,
+            "allowance_um": gauge.allowance_um,
+            "linear_range_um": list(summary.linear_range_um),
+            "linear_within_um": summary.linear_within_um,
+        },
+        "characteristic": None
+        if curve is None
+        else {
+            "allowance_um": curve.allowance_um,
+            "voltage_v": curve.voltage_v,
+            "monotone_um": list(curve.monotone_um),
+            "free_amplitude_um": curve.free_amplitude_um,
+        },
+        "stages": [
+            {
+                "until_um": stage.until_um,
+                "feed_um_per_s": stage.feed_um_per_s,
+                "rate_um_per_s": stage.rate_um_per_s,
+                "threshold_v": stage.threshold_v,
+            }
+            for stage in summary.stages
+        ],
+        "wanted_um": model.setup.wanted_um,
+        "parts": None if simulation.sizes is None else _parts_data(simulation.sizes),
+        "monte_carlo": _monte_carlo(summary.sizes),
+        "formula": _formula(summary.formula),
+        "capability": None if summary.capability is None else _capability_data(summary.capability),
+        "trade_off": {
+            "time_constant_s": one.time_constant_s,
+            "bias_um": one.bias_um,
+            "sd_um": one.sd_um,
+            "threshold_v": one.threshold_v,
+            "centred_threshold_v": one.centred_threshold_v,
+            "at_edge": one.at_edge,
+            "settings": [
+                {
+                    "setting": setting.name,
+                    "by": "Monte Carlo",
+                    "parts": setting.parts,
+                    "time_constant_s": setting.time_constant_s,
+                    "threshold_v": setting.threshold_v,
+                    "thresholds_v": list(setting.thresholds_v),
+                    "at_limit": setting.at_limit,
+                    "bias_um": setting.bias_um,
+                    "bias_standard_error_um": setting.bias_error_um,
+                    "sd_um": setting.sd_um,
+                    "rms_um": setting.rms_um,
+                }
+                for setting in summary.settings
+            ],
+        },
+    }
+
+
+def _parts_data(sizes: FinishedSizes) -> list[dict[str, Any]]:
+    return [
+        {"part": number, "size_um": size, "duration_s": duration, "tripped": tripped, "at_once": at_once}
+        for number, (size, duration, tripped, at_once) in enumerate(
+            zip(
+                sizes.size_um.tolist(),
+                sizes.duration_s.tolist(),
+                sizes.tripped.tolist(),
+                sizes.at_once.tolist(),
+                strict=True,
+            ),
+            start=1,
+        )
+    ]
+
+
+def _monte_carlo(sizes: FinishedSizes) -> dict[str, Any]:
+    return {
+        "parts": len(sizes.size_um),
+        "never_tripped": int((~sizes.tripped).sum()),
+        "at_once": int(sizes.at_once.sum()),
+        "mean_um": sizes.mean_um,
+        "mean_standard_error_um": sizes.mean_error_um,
+        "sd_um": sizes.sd_um,
+        "sd_standard_error_um": sizes.sd_error_um,
+    }
+
+
+def _formula(one: SizeDistribution) -> dict[str, Any]:
+    return {
+        "method": one.method,
+        "mean_um": one.mean_um,
+        "sd_um": one.sd_um,
+        "within_um": one.within_um,
+        "between_um": one.between_um,
+        "restlessness": one.restlessness,
+        "ripple_rate": one.ripple_rate,
+        "curvature_um": one.curvature_um,
+        "linear_holds": one.linear_holds,
+        "passage_holds": one.passage_holds,
+    }
+
+
+def _capability_data(one: Capability) -> dict[str, Any]:
+    return {
+        "parts": one.count,
+        "confidence": one.confidence,
+        "cp": one.cp,
+        "cp_interval": [one.cp_low, one.cp_high],
+        "cpk": one.cpk,
+        "cpk_interval": [one.cpk_low, one.cpk_high],
+        "cp_quantiles": one.cp_quantiles,
+        "cpk_quantiles": one.cpk_quantiles,
+        "share_below": one.share_below,
+        "share_above": one.share_above,
+        "share_outside": one.share_outside,
+        "share_outside_interval": [one.share_outside_low, one.share_outside_high],
+    }

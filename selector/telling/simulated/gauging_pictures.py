@@ -1,0 +1,252 @@
+"""The drawings of simulated gauging: sizes, filters, parts in time, the gauge and its last strokes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import plotly.graph_objects as go
+
+from selector.figures.simulated.gauging import (
+    chain_waveform,
+    filter_trade_off,
+    gauge_characteristic,
+    part_in_time,
+    size_histogram,
+    sizes_over_parts,
+)
+from selector.number_text import number_text
+from selector.physics.gauging.gauge.transducer import Transducer
+from selector.physics.gauging.gauge.vibrating_contact import GaugeMotion
+from selector.physics.gauging.gauging_channels import ALLOWANCE, GAUGE, MEASURED
+from selector.physics.gauging.gauging_summary import GaugingSummary
+from selector.physics.gauging.grinding.finished_sizes import FinishedSizes
+from selector.physics.gauging.sizes.size_distribution import SizeDistribution, size_distribution
+from selector.telling.account import Block, Drawing, Note
+from selector.telling.numbers import ms_text
+from selector.telling.simulated.gauging import spread_text
+from selector.telling.simulated.result import SimulationResult
+from selector.types import Vector
+
+_MATTERS = 0.9
+"""An error that falls to less than this share of itself is worth a change."""
+
+MOST_PARTS, MOST_RUNS = 1, 3
+"""Parts that are drawn in time, as a whole and near the stop; recorded runs that are."""
+
+_BEFORE_S = 12.0
+"""So many times T_Φ and delay before the stop, the end of a part is drawn once more, enlarged."""
+
+_SHARE_OF_PART = 0.5
+_STROKES_SHOWN = 6.0
+_SMOOTHED, _SMOOTHED_TURNS, _DENSITY_POINTS = 0.15, 0.4, 161
+"""Shares of the standard deviation by which densities by formula are smoothed: of whole surfaces; of grooves and
+run-out, of which some dozens of turns and feeds are pooled."""
+
+
+@dataclass(frozen=True, eq=False)
+class PartInTime:
+    """A part, or a recorded run, over time."""
+
+    name: str
+    time_s: Vector  #: (n_samples,): [s]
+    #: allowance_um, measured_um and voltage_v: (n_samples,): True and measured allowance [µm], voltage behind the
+    #: filter [V]
+    allowance_um: Vector
+    measured_um: Vector
+    voltage_v: Vector
+    feed_um_per_s: Vector | None = None  #: (n_samples,): Infeed [µm/s]
+    ends_s: tuple[float, ...] = ()  #: When the stages ended [s]
+    is_finished: bool = True  #: Whether the gauge stopped it, so that its last allowance is a size
+
+
+def drawings(result: SimulationResult) -> dict[str, list[Block]]:
+    """Section of the account → its drawings."""
+    return {
+        "sizes": _sizes(result),
+        "filter": [_filter(result.summary)],
+        "parts": _parts(result),
+        "gauge": _gauge(result),
+    }
+
+
+def _sizes(result: SimulationResult) -> list[Block]:
+    model, summary, ground = result.simulated.model, result.summary, result.simulated.details.sizes
+    linear = size_distribution(model.setup, method="linear", parts=model.file.run.parts)
+    tolerance, wanted_um = model.values.tolerance, model.setup.wanted_um
+    limits = None if tolerance is None else (tolerance.lower_um, tolerance.upper_um)
+    curves = {
+        name: size_density(one)
+        for name, one in (("formula, early trips", summary.formula), ("eq. 25", linear))
+        if one.sd_um > 0
+    }
+    histogram = size_histogram(summary.sizes.finished_um, curves, limits, wanted_um, sizes_title(summary))
+    drawn: list[Block] = [Drawing(histogram, _HISTOGRAM)]
+    if ground is not None and len(ground.size_um) > 1:
+        grinding = model.values.grinding
+        every = grinding.dress_every if grinding.wheel_wear > 0 else 0
+        dressed = range(every + 1, len(ground.size_um) + 1, every) if every > 0 else ()
+        chart = sizes_over_parts(ground.size_um, limits, wanted_um, dressed, parts_title(ground))
+        drawn.append(Drawing(chart, _CHART_DRESSED if dressed else _CHART))
+    return drawn
+
+
+def _filter(summary: GaugingSummary) -> Drawing:
+    one = summary.trade_off
+    picture = filter_trade_off(
+        one.time_constant_s,
+        one.bias_um,
+        one.sd_um,
+        (one.best_s, one.best_rms_um**2),
+        (one.present_s, one.present_rms_um**2),
+        filter_title(summary),
+    )
+    return Drawing(picture, _FILTER)
+
+
+def _parts(result: SimulationResult) -> list[Block]:
+    """The first part, whole and near its stop; of recorded runs the first ones."""
+    done, summary, parts = result.simulated.details, result.summary, parts_in_time(result)
+    thresholds = [(stage.until_um, stage.threshold_v) for stage in summary.stages]
+    shown = parts[: MOST_PARTS if done.sizes is not None else MOST_RUNS]
+    drawn: list[Block] = []
+    for part in shown:
+        courses = (part.time_s, part.allowance_um, part.measured_um, part.voltage_v, part.feed_um_per_s)
+        name = part.name if len(parts) > 1 else ""
+        whole = part_in_time(*courses, thresholds, part.ends_s, is_finished=part.is_finished, name=name)
+        drawn.append(Drawing(whole, _PART))
+        if part.is_finished and part.ends_s:
+            end = part.ends_s[-1]
+            from_s = end - _BEFORE_S * summary.gauge.time_constant_s
+            if from_s > _SHARE_OF_PART * end:
+                near = part_in_time(*courses, thresholds, part.ends_s, from_s=from_s, name=name)
+                drawn.append(Drawing(near, _NEAR))
+    more = len(done.recording.runs) - (done.waveform is not None) - len(shown)
+    return [*drawn, Note(f"{more} more parts were recorded; they are in their files.")] if drawn and more else drawn
+
+
+def _gauge(result: SimulationResult) -> list[Block]:
+    summary, motion = result.summary, result.simulated.details.waveform
+    thresholds = [(stage.until_um, stage.threshold_v) for stage in summary.stages]
+    curve = summary.characteristic
+    drawn: list[Block] = []
+    if curve is not None:
+        picture = gauge_characteristic(
+            curve.allowance_um, curve.voltage_v, summary.gauge, summary.linear_range_um, thresholds
+        )
+        drawn.append(Drawing(picture, _CURVE))
+    if motion is not None:
+        drawn.append(Drawing(_waveform(motion, result.simulated.model.values.transducer), _WAVEFORM))
+    return drawn
+
+
+def _waveform(motion: GaugeMotion, transducer: Transducer) -> go.Figure:
+    """The last strokes of the whole chain before a stop."""
+    stroke_s = 0.5 / transducer.electromagnet.frequency_hz
+    kept = motion.time_s >= motion.time_s[-1] - _STROKES_SHOWN * stroke_s
+    surface_um = 1e6 * transducer.rest_gap_m - motion.allowance_um
+    return chain_waveform(
+        motion.time_s[kept],
+        1e6 * motion.probe_m[kept],
+        surface_um[kept],
+        motion.contact_n[kept],
+        motion.generator_v[kept],
+        motion.smoothed_v[kept],
+    )
+
+
+def parts_in_time(result: SimulationResult) -> tuple[PartInTime, ...]:
+    """Parts that were ground, or recorded runs as the gauge would have seen them."""
+    model, done = result.simulated.model, result.simulated.details
+    if done.courses:
+        return tuple(
+            PartInTime(
+                name=name,
+                time_s=course.time_s,
+                allowance_um=course.allowance_um,
+                measured_um=model.measured_um(course.voltage_v),
+                voltage_v=course.voltage_v,
+                feed_um_per_s=course.feed_um_per_s,
+                ends_s=course.stage_end_s,
+                is_finished=course.tripped,
+            )
+            for name, course in done.courses.items()
+        )
+    recording = done.recording
+    # channels stand in the order of `gauging_driving`
+    sizes, voltages = recording.with_role(ALLOWANCE.role), recording.with_role(GAUGE.role)
+    assert MEASURED.role == ALLOWANCE.role
+    found = []
+    for run in recording.runs[:MOST_RUNS]:
+        allowance, measured = (recording.values(run, [name])[:, 0] for name in sizes[:2])
+        voltage = recording.values(run, voltages[:1])[:, 0]
+        time_s = recording.time_s(run)
+        found.append(PartInTime(run, time_s - time_s[0], allowance, measured, np.asarray(voltage), is_finished=False))
+    return tuple(found)
+
+
+def size_density(one: SizeDistribution) -> tuple[Vector, Vector]:
+    """Sizes and density there [µm], [1/µm]: the quantiles, smoothed by a share of their spread that is not added to it.
+
+    Quantiles of parts that are pooled stand in heaps, of which a difference quotient would show each one.
+    """
+    share_of_sd = _SMOOTHED_TURNS if one.ripple_rate > 0 else _SMOOTHED
+    width = share_of_sd * one.sd_um
+    shrunk = one.mean_um + (one.size_um - one.mean_um) / math.sqrt(1.0 + share_of_sd**2)
+    middle, share = (shrunk[1:] + shrunk[:-1]) / 2.0, np.diff(one.probability)
+    at = np.linspace(shrunk[0] - 3.0 * width, shrunk[-1] + 3.0 * width, _DENSITY_POINTS)
+    kernels = np.exp(-0.5 * ((at[:, None] - middle) / width) ** 2) / (math.sqrt(2.0 * math.pi) * width)
+    # no matrix product: its last digits depend on where the memory lies
+    return at, (kernels * share).sum(axis=1)
+
+
+def sizes_title(summary: GaugingSummary) -> str:
+    """What the histogram shows, as plain text for a figure."""
+    sizes, formula = summary.sizes, summary.formula
+    return (
+        f"Simulated: mean size {spread_text(sizes.mean_um, sizes.sd_um)} µm (standard deviation); by formula "
+        f"{spread_text(formula.mean_um, formula.sd_um)} µm"
+    )
+
+
+def parts_title(ground: FinishedSizes) -> str:
+    """What the chart over the parts shows, as plain text for a figure."""
+    low, high = float(ground.size_um.min()), float(ground.size_um.max())
+    return f"Simulated: {len(ground.size_um)} parts of {number_text(low)} to {number_text(high)} µm"
+
+
+def filter_title(summary: GaugingSummary) -> str:
+    """What the trade-off shows, as plain text for a figure."""
+    one = summary.trade_off
+    text = f"Computed: {number_text(one.present_rms_um)} µm (rms) with the filter of {ms_text(one.present_s)}"
+    if one.best_rms_um > _MATTERS * one.present_rms_um:
+        return f"{text}; the best one would make little difference"
+    ends = (one.time_constant_s[0], one.time_constant_s[-1])
+    edge = ", the end of what was looked at" if one.best_s in ends else ""
+    return f"{text}, {number_text(one.best_rms_um)} µm with {ms_text(one.best_s)}{edge}"
+
+
+_HISTOGRAM = (
+    "Bars: parts of the Monte Carlo calculation that the gauge has stopped. Lines: formulas. Eq. 25 lets the reading "
+    "pass its threshold once; the other counts that noise reaches it early."
+)
+_CHART = "In the order of grinding."
+_CHART_DRESSED = "In the order of grinding. Dotted: the wheel is dressed."
+_FILTER = (
+    "By formula: error of the size against the wanted one, with thresholds calculated for each filter (eq. 23); the "
+    "present one with the threshold that it has. A longer filter quiets the noise, but makes the gauge late, and how "
+    "much that is in size depends on the feed of the part."
+)
+_PART = (
+    "Allowance counts from the nominal size; where the feed stands it is the size of the part. Dotted: thresholds of "
+    "the relay, and when the stages ended. Long courses are drawn with the lowest and highest sample of each of 300 "
+    "stretches."
+)
+_NEAR = "The gauge reads more than is there: it is late by the filter. The threshold is set ahead by that much."
+_CURVE = (
+    "Grinding goes from right to left. Shaded: where the line holds. Points: where the voltage of a stage's threshold "
+    "lies, ahead of the allowance that is wanted by what the filter is late. Below: what the line reads less what is "
+    "there."
+)
+_WAVEFORM = "The last strokes before the feed stops. The tip is pressed back where it meets the workpiece."

@@ -1,0 +1,222 @@
+"""A simulation whose result is told, and what every account of one has: what acted, its parameters, its origin."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from selector.findings import Finding
+from selector.physics.model_text import plain_values
+from selector.physics.simulation_kind import Simulated
+from selector.recording import Recording
+from selector.telling import origin
+from selector.telling.account import (
+    Account,
+    Block,
+    Captioned,
+    Remarks,
+    Section,
+    Table,
+    Verdict,
+    remarks_of,
+    section,
+    sections,
+    table,
+)
+from selector.telling.numbers import NONE, beside_text, given_text
+from selector.telling.simulated.comparison import comparison_data, comparison_section, comparison_sentences
+
+MOST_PARAMETERS = 200
+SAID = "model file"
+LEFT_OUT = "left out: default"
+_UNITS = {"degC": "°C", "um": "µm", "rpm": "r/min", "1": NONE}
+_SIMULATED = "SIMULATED: all of this comes from a computer model, nothing was measured."
+_COMPARED = (
+    "SIMULATED, but for the courses that are called recorded: those were measured, all else comes from a computer "
+    "model."
+)
+
+Drawings = Mapping[str, Sequence[Block]]
+"""Section of an account → its drawings; empty unless a page is made."""
+
+Origins = tuple[tuple[str, float, str, str], ...]
+"""(name, value, unit, where it is from) of every number of a model."""
+
+
+@dataclass(frozen=True, eq=False)
+class SimulationResult:
+    """A simulation with its numbers and what is to be said of it."""
+
+    kind: str  #: The word behind `selector simulate`
+    simulated: Simulated
+    summary: Any  #: What the `summary` of its kind gives
+    findings: tuple[Finding, ...]
+    path: Path  #: The model file
+    asked: Mapping[str, Any] = field(default_factory=dict)  #: Options of its kind
+
+    @property
+    def recording(self) -> Recording:
+        """What was simulated."""
+        return self.simulated.recording
+
+
+def simulation_account(
+    result: SimulationResult,
+    sentences: Sequence[str],
+    own: Sequence[Section | None],
+    *,
+    drawings: Drawings,
+    facts: Mapping[str, Any],
+    data: Mapping[str, Any],
+    verdict: Verdict = "good",
+    parameters: Origins | None = None,
+) -> Account:
+    """The account of a simulation: what its kind says, between what all of them say.
+
+    Parameters
+    ----------
+    result : SimulationResult
+        What is told.
+    sentences, own : sequence
+        Of its kind, the most important first.
+    drawings : mapping
+        Of its sections; those of the comparison are made here if there are any.
+    facts : mapping
+        What stands in its origin beside the model file and the seed.
+    data : mapping
+        What the JSON says under the name of its kind, beside the comparison; nothing is said if it is empty.
+    parameters : tuple, optional
+        Default: those of the model, each from the file or left out there.
+    """
+    done = result.simulated
+    differences = done.differences or ()
+    told_data = {result.kind: {**data, "comparison": comparison_data(done.differences)}} if data else {}
+    rows = parameters_with_origin(done.model) if parameters is None else parameters
+    return Account(
+        title=f"Simulation: {done.model.name}",
+        sentences=(*comparison_sentences(differences), *sentences),
+        sections=sections(
+            comparison_section(differences, drawn=bool(drawings)),
+            *own,
+            section("findings", "Findings", Remarks(remarks_of(result.findings))),
+            section("channels", "Channels", Captioned("", channels_table(done.recording, done.inputs))),
+            section("parameters", "Parameters", _parameters(rows)),
+            section("origin", "Origin", _origin(result, facts)),
+        ),
+        label=_COMPARED if differences else _SIMULATED,
+        verdict=verdict,
+        data=told_data,
+        footer="The same model and options give the same bytes.",
+    )
+
+
+def parameters_with_origin(model: Any) -> Origins:
+    """Every number of a model; names are the keys of its file."""
+    values = plain_values(model.file)
+    return tuple(
+        (name, one.value, one.unit, SAID if is_said(values, name.split(".")) else LEFT_OUT)
+        for name, one in model.parameters.items()
+    )
+
+
+def is_said(values: Any, path: list[str]) -> bool:
+    """Whether plain values of a model file have this key; entries of lists count from 1 in its parts."""
+    for part in path:
+        if isinstance(values, Mapping) and part in values:
+            values = values[part]
+        elif isinstance(values, list | tuple) and part.isdigit() and 0 < int(part) <= len(values):
+            values = values[int(part) - 1]
+        else:
+            return False
+    return True
+
+
+def channels_table(recording: Recording, inputs: Sequence[str]) -> Table:
+    """The channels of a simulated recording with their ranges; `inputs` names those that act."""
+    rows = []
+    for channel in recording.channels:
+        values = recording.frame[channel.name]
+        low, high = float(values.min()), float(values.max())
+        rows.append(
+            (
+                channel.name,
+                "input" if channel.name in inputs else "output",
+                channel.role.replace("_", " "),
+                channel.place or channel.axis or NONE,
+                beside_text(low, high - low),
+                beside_text(high, high - low),
+                _UNITS.get(channel.unit, channel.unit),
+            )
+        )
+    return table(["channel", "", "role", "place or axis", ">lowest", ">highest", "unit"], rows)
+
+
+def _parameters(rows: Origins) -> Captioned | None:
+    if not rows:
+        return None
+    cells = [(name, given_text(value), NONE if unit in ("", "1") else unit, said) for name, value, unit, said in rows]
+    more = f"{len(cells) - MOST_PARAMETERS} more are in the model file." if len(cells) > MOST_PARAMETERS else ""
+    shown = table(["parameter", ">value", "unit", "from"], cells[:MOST_PARAMETERS], more)
+    return Captioned("", shown, on_screen=False)
+
+
+def _origin(result: SimulationResult, facts: Mapping[str, Any]) -> Captioned | None:
+    path, simulated = result.path, result.recording.provenance["simulated"]
+    told = origin.remaining_table(
+        {
+            "model file": path.name,
+            "SHA-256 of the model file": hashlib.sha256(path.read_bytes()).hexdigest(),
+            "note": result.simulated.model.file.model.note,
+            **facts,
+            "seed": simulated["seed"],
+        }
+    )
+    return None if told is None else Captioned("", told, on_screen=False)
+
+
+def simulation_document(
+    result: SimulationResult, targets: Mapping[str, Path], machine_path: Path, report: Path | None
+) -> dict[str, Any]:
+    """The contract `selector.simulation/1` but for what its kind adds; `targets` are the files of the runs."""
+    done, recording = result.simulated, result.recording
+    runs = []
+    for run in recording.runs:
+        time_s = recording.time_s(run)
+        runs.append(
+            {
+                "run": run,
+                "file": targets[run],
+                "rows": len(time_s),
+                "duration_s": time_s[-1] - time_s[0],
+                **done.per_run.get(run, {}),
+            }
+        )
+    channels = []
+    for channel in recording.channels:
+        values = recording.frame[channel.name]
+        channels.append(
+            {
+                "name": channel.name,
+                "role": channel.role,
+                "unit": channel.unit,
+                "place": channel.place,
+                "axis": channel.axis,
+                "min": float(values.min()),
+                "max": float(values.max()),
+            }
+        )
+    return {
+        "schema": "selector.simulation/1",
+        "kind": result.kind,
+        "model": {"file": result.path, "kind": done.model.file.model.kind, "name": done.model.file.model.name},
+        "seed": done.seed,
+        "files": [*targets.values(), machine_path],
+        "machine_file": machine_path,
+        "report": report,
+        "runs": runs,
+        "channels": channels,
+        "findings": list(result.findings),
+    }

@@ -1,0 +1,141 @@
+"""What is told of a simulated machine that warms: what moved and warmed most, where the heat went, time constants."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.errors import OptionError
+from selector.number_text import number_text
+from selector.physics.model_text import plain_values
+from selector.physics.thermal.drift_quantities import largest_displacement
+from selector.physics.thermal.file.model_file import FieldFile
+from selector.physics.thermal.file.systems import slowest_time_constants
+from selector.recording import Recording
+from selector.telling.account import Account, Block, Captioned, Heading, Note, Table, section, table
+from selector.telling.numbers import NONE, span_text
+from selector.telling.simulated.result import SAID, Drawings, Origins, SimulationResult, is_said, simulation_account
+
+MOST_RUNS = 6
+
+
+def thermal_account(result: SimulationResult, drawings: Drawings) -> Account:
+    """What is told of a machine that warms: what moved and warmed most, where the heat went, time constants."""
+    done, runs = result.simulated, result.recording.runs
+    shown = runs[:MOST_RUNS]
+    courses: list[Block] = []
+    for one in shown:
+        name = f"Run {one}" if len(runs) > 1 else "How it warms and moves"
+        courses += [Heading(name), *drawings.get(f"run {one}", ())]
+        balance = done.recording.provenance.get("runs", {}).get(one)
+        if balance:
+            courses.append(Captioned("Heat of the run", balance_table(balance), on_screen=len(runs) == 1))
+    if len(runs) > len(shown):
+        courses.append(Note(f"{len(runs) - len(shown)} more runs were simulated; they are in their files."))
+    constants = slowest_time_constants(done.model.machine, done.details(pictured_at(result)[0]))
+    return simulation_account(
+        result,
+        [_first(result)],
+        (
+            section("picture", "The machine at one moment", *drawings.get("picture", ()), link="Picture"),
+            section("runs", "", *courses, link="Courses"),
+            section("constants", "Time constants", Captioned("", constants_table(constants))) if constants else None,
+        ),
+        drawings=drawings,
+        facts={
+            "kind of the model": done.model.file.model.kind,
+            "noise of the instruments": done.recording.provenance["simulated"]["instruments"],
+        },
+        data={},
+        parameters=_parameters(done.model),
+    )
+
+
+def _parameters(model: Any) -> Origins:
+    """The numbers of the file, which of a field machine are those of the shipped one where it leaves them out."""
+    values = plain_values(model.file) if isinstance(model.file, FieldFile) else None
+    return tuple(
+        (name, one.value, one.unit, SAID if values is None or is_said(values, name.split(".")) else "shipped machine")
+        for name, one in model.parameters.items()
+    )
+
+
+def largest_of(recording: Recording) -> tuple[str, float]:
+    """(run, time [s]) of the largest displacement."""
+    run = max(recording.runs, key=lambda one: abs(largest_displacement(recording, one)[2]))
+    return run, largest_displacement(recording, run)[1]
+
+
+def pictured_at(result: SimulationResult) -> tuple[str, float]:
+    """(run, time [s]) of which the picture of a field machine is taken: as asked, or at the largest displacement.
+
+    Raises
+    ------
+    OptionError
+        The run is over before the minute that was asked for.
+    """
+    run, at_s = largest_of(result.recording)
+    at_min = result.asked.get("picture_at_min")
+    return (run, at_s) if at_min is None else (_run_with(result.recording, run, 60.0 * at_min), 60.0 * at_min)
+
+
+def _run_with(simulated: Recording, first: str, at_s: float) -> str:
+    """The first of the runs that lasts until then, `first` before the others."""
+    ends = {run: float(simulated.time_s(run)[-1]) for run in (first, *simulated.runs)}
+    for run, end in ends.items():
+        if at_s <= end * (1.0 + 1e-9):
+            return run
+    raise OptionError(
+        f"{at_s / 60:g} min", expected=f"at most {max(ends.values()) / 60:g} min, when the run ends",
+        where="--picture-at-min", advice="choose an earlier time, or leave it out",
+    )  # fmt: skip
+
+
+def _first(result: SimulationResult) -> str:
+    """What moved and warmed most, in one sentence."""
+    recording, inputs = result.recording, result.simulated.inputs
+    run, _ = largest_of(recording)
+    name, at_s, um = largest_displacement(recording, run)
+    several = f" of run {run}" if len(recording.runs) > 1 else ""
+    moves = f"{name} moves most, by {number_text(um)} µm after {span_text(at_s)}{several}" if name else "Nothing moves"
+    rise = {
+        (thermometer, one): recording.values(one, [thermometer])[:, 0] - recording.values(one, [thermometer])[0, 0]
+        for thermometer in recording.with_role("temperature")
+        if thermometer not in inputs
+        for one in recording.runs
+    }
+    if not rise:
+        return f"{moves}."
+    (warmest, _), course = max(rise.items(), key=lambda item: float(np.nanmax(np.abs(item[1]))))
+    kelvin = float(course[int(np.nanargmax(np.abs(course)))])
+    place = recording.channel(warmest).place
+    where = f" ({place})" if place and place != warmest else ""
+    return f"{moves}; {warmest}{where} {'warms' if kelvin >= 0 else 'cools'} most, by {number_text(abs(kelvin))} K."
+
+
+def constants_table(constants: Mapping[str, NDArray[np.float64]]) -> Table:
+    """The slowest time constants of every state in which the machine is held [min]."""
+    count = max(len(values) for values in constants.values())
+    rows = [
+        (str(k + 1), *(_minutes(values[k]) if k < len(values) else NONE for values in constants.values()))
+        for k in range(count)
+    ]
+    note = "Slowest first. After one time constant 63 % of the way to the steady state is done, after three 95 %."
+    return table([">mode", *(f">{name} [min]" for name in constants)], rows, note)
+
+
+def _minutes(seconds: float) -> str:
+    return number_text(float(seconds) / 60) if np.isfinite(seconds) else "never"
+
+
+def balance_table(balance: Mapping[str, Any]) -> Table:
+    """Heat by source and surface, and what stays [kJ]."""
+    rows = [(name, "source", number_text(j / 1e3, 4)) for name, j in balance["sources_j"].items()]
+    rows += [(name, "surface", number_text(-j / 1e3, 4)) for name, j in balance["films_j"].items()]
+    rows.append(("stored in the machine", NONE, number_text(-balance["stored_j"] / 1e3, 4)))
+    missing = f"{balance['missing_share']:.1e}"
+    note = f"Heat into the machine, negative: out of it. The sum misses {missing} of the turnover (rounding)."
+    return table(["", "", ">heat [kJ]"], rows, note)

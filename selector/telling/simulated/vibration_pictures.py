@@ -1,0 +1,260 @@
+"""The drawings of a simulated vibration: errors, lines, structure, answers over frequency, courses, chains."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from selector.errors import InputError
+from selector.figures import style
+from selector.figures.simulated.structure import View, can_be_drawn, chain_view, mode_view, structure_diagram
+from selector.figures.simulated.vibration import (
+    MOST_SOURCES,
+    Answer,
+    accuracy_strips,
+    chain_text,
+    error_of_chains,
+    errors_over_wavelength,
+    line_amplitudes,
+    line_text,
+    motion_course,
+    response_over_frequency,
+    source_colours,
+)
+from selector.number_text import number_text
+from selector.physics.vibration.motion.final_motion import Method, final_receptance
+from selector.physics.vibration.structure.modes import StructureModes, receptance_by_modes
+from selector.physics.vibration.structure.source import Source
+from selector.physics.vibration.vibration_model import FINALS, RELATIVE, VibrationModel
+from selector.physics.vibration.vibration_summary import VibrationSummary
+from selector.telling.account import Block, Drawing, Note
+from selector.telling.numbers import share_text
+from selector.telling.simulated.result import SimulationResult
+from selector.telling.simulated.vibration import Course, carrying, highest, motion_courses, source_shares
+from selector.types import Vector
+
+MOST_VIEWS = 40
+_FREQUENCIES = 600
+_LOWEST_HZ = 1.0
+_BEYOND, _FAR = 2.0, 10.0
+"""Answers are drawn up to so many times the highest line or mode, but of modes only up to the other times the line."""
+
+_AROUND = np.linspace(-3.0, 3.0, 13)
+"""Frequencies about a mode, in widths of its resonance, that a sharp one needs."""
+
+_NOTHING = 1e-9
+"""Share of the largest answer below which there is none, but for rounding."""
+
+_MICRO = 1e6
+
+
+def drawings(result: SimulationResult) -> dict[str, list[Block]]:
+    """Section of the account → its drawings."""
+    model, summary = result.simulated.model, result.summary
+    colours = source_colours(_names_of_sources(model, summary))
+    several = len(result.recording.runs) > 1
+    return {
+        "errors": _errors(model, summary, colours),
+        "lines": _lines(model, summary, colours),
+        "structure": [_structure(model, summary)],
+        "response": _response(model, summary, colours),
+        "course": [_course(one, colours, several) for one in motion_courses(result)],
+        "chains": _chains(summary),
+    }
+
+
+def _names_of_sources(model: VibrationModel, summary: VibrationSummary) -> list[str]:
+    """As in the file, or of more than can be told apart those first that move the tool most against the workpiece."""
+    names = [source.name for source in model.sources]
+    if len(names) <= MOST_SOURCES:
+        return names
+    shares = source_shares(summary.lines)
+    return sorted(names, key=lambda name: -shares.get(name, 0.0))
+
+
+def _errors(model: VibrationModel, summary: VibrationSummary, colours: Mapping[str, str]) -> list[Block]:
+    cutting = model.cutting(summary.shaft_rpm)
+    if not summary.errors or cutting is None:
+        return []
+    worst = highest(summary.errors)
+    title = (
+        f"Computed: the highest error of copied motion, {number_text(worst.kinematic_um)} µm, is {worst.kind} with "
+        f"{number_text(worst.wavelength_mm)} mm from one crest to the next"
+    )
+    drawn = errors_over_wavelength(summary.errors, cutting, model.surface, colours, title)
+    return [Drawing(drawn, _ERRORS)]
+
+
+def _lines(model: VibrationModel, summary: VibrationSummary, colours: Mapping[str, str]) -> list[Block]:
+    lines, method = summary.lines, model.file.run.method
+    if not lines:
+        return []
+    first = max(lines, key=lambda one: one.motion_um[RELATIVE])
+    size = number_text(first.motion_um[RELATIVE])
+    title = f"Computed: the largest line is {line_text(first)}, which moves the tool by {size} µm against the workpiece"
+    other: Method = "coupled" if method == "chains" else "chains"
+    drawn = line_amplitudes(lines, ("tool", "workpiece", RELATIVE), colours, other, title)
+    text = f"Bars: by {'the chains' if method == 'chains' else 'the coupled structure'}."
+    if any(value is not None for one in lines for value in one.chains_um.values()):
+        text += f" Crosses: by {'the coupled structure' if method == 'chains' else 'the chains'}."
+    return [Drawing(drawn, text)]
+
+
+def _structure(model: VibrationModel, summary: VibrationSummary) -> Block:
+    structure, modes, carried = model.structure, summary.modes, carrying(model, summary)
+    if not can_be_drawn(structure):
+        return Note("A structure with so many members is not drawn.")
+    count = len(modes.frequency_hz)
+    order = list(range(count))
+    if carried is not None:
+        order = [carried.mode, *(k for k in order if k != carried.mode)]
+    views: list[View] = [
+        mode_view(structure, f"mode {k + 1}, {modes.frequency_hz[k]:.4g} Hz", modes.shapes[:, k])
+        for k in order[:MOST_VIEWS]
+    ]
+    views += [
+        chain_view(structure, chain, f"chain {chain.name}, {', '.join(chain.sources)} to {chain.final}")
+        for chain in model.chains[:MOST_VIEWS]
+    ]
+    first = order[0]
+    which = "the mode that carries most" if carried is not None else "the lowest mode"
+    title = (
+        f"Computed: {len(structure.members)} members on {len(structure.joints)} joints; first in the menu is {which}, "
+        f"at {float(modes.frequency_hz[first]):.4g} Hz"
+    )
+    drawn = structure_diagram(structure, model.sources, views, title)
+    return Drawing(drawn, _STRUCTURE + (_OF_CHAINS if model.chains else ""))
+
+
+def _response(model: VibrationModel, summary: VibrationSummary, colours: Mapping[str, str]) -> list[Block]:
+    frequency_hz, of_finals = _answers(model, summary)
+    shown = list(colours)[:MOST_SOURCES]
+    answers = {final: [one for one in ones if one.source in shown] for final, ones in of_finals.items()}
+    answers = {final: ones for final, ones in answers.items() if ones}
+    if not answers:
+        return []
+    final, one, k = max(
+        ((final, one, int(np.argmax(one.coupled_um_per_n))) for final, ones in answers.items() for one in ones),
+        key=lambda case: float(case[1].coupled_um_per_n[case[2]]),
+    )
+    title = (
+        f"Computed: the {style.label(final)} answers most to {style.label(one.source)} at "
+        f"{float(frequency_hz[k]):.4g} Hz, "
+        f"{number_text(float(one.coupled_um_per_n[k]))} µm per newton"
+    )
+    drawn = response_over_frequency(frequency_hz, answers, colours, title, summary.split_hz)
+    has_chains = any(one.chains_um_per_n is not None for ones in answers.values() for one in ones)
+    text = _RESPONSE + (_RESPONSE_OF_CHAINS if has_chains else "")
+    if len(colours) > len(shown):
+        text += f" Drawn are the {len(shown)} of {len(colours)} sources that move the tool most against the workpiece."
+    return [Drawing(drawn, text)]
+
+
+def _course(one: Course, colours: Mapping[str, str], several: bool) -> Drawing:
+    motion = one.motions_um[RELATIVE]
+    k = int(np.argmax(np.abs(motion)))
+    unit, seconds = style.time_unit(one.from_s + float(one.time_s[-1]))
+    of = f" of run {style.label(one.run)}" if several else ""
+    what = (
+        f"the whole run{of}"
+        if one.is_whole
+        else f"{1e3 * float(one.time_s[-1]):.3g} ms{of} from {one.from_s / seconds:.4g} {unit} on"
+    )
+    title = f"Simulated: {what}; the tool is up to {number_text(float(abs(motion[k])))} µm off the workpiece's motion"
+    drawn = motion_course(one.time_s, one.motions_um, one.forces_n, one.speeds_rpm, colours, title)
+    return Drawing(drawn, _COURSE if one.is_whole else _STRETCH)
+
+
+def _chains(summary: VibrationSummary) -> list[Block]:
+    accuracy = summary.accuracy
+    if not accuracy:
+        return []
+    within = share_text(float(np.mean([one.published.share_within for one in accuracy])))
+    strips = accuracy_strips(
+        accuracy, f"Computed: the chain method is within 10 % of the coupled structure over {within} of the frequencies"
+    )
+    ranked = sorted(accuracy, key=lambda one: (one.published.share_within, -one.published.rms_db))
+    worst = ranked[0]
+    course = error_of_chains(
+        ranked,
+        f"Computed: {chain_text(worst)} is off most, by {number_text(worst.published.rms_db)} dB (rms); within 10 % "
+        f"over {share_text(worst.published.share_within)} of its frequencies",
+    )
+    return [Drawing(strips, _STRIPS), Drawing(course, _ONE_CHAIN + (_OTHER_CHAINS if len(accuracy) > 1 else ""))]
+
+
+def _answers(model: VibrationModel, summary: VibrationSummary) -> tuple[Vector, Mapping[str, tuple[Answer, ...]]]:
+    """Motion per newton of every source over frequency; nothing where a frequency meets an undamped resonance."""
+    modes = summary.modes
+    slowest, fastest = float(modes.frequency_hz[0]), float(modes.frequency_hz[-1])
+    last = max((one.frequency_hz for one in summary.lines), default=slowest)
+    highest = max(_BEYOND * last, min(_BEYOND * fastest, _FAR * last))
+    lowest = min([_LOWEST_HZ, highest / 100.0, *(0.7 * one.frequency_hz for one in summary.lines)])
+    near = modes.frequency_hz[:, None] * (1.0 + modes.loss_factor[:, None] / 2.0 * _AROUND)
+    frequency_hz = np.unique(np.concatenate([np.geomspace(lowest, highest, _FREQUENCIES), near.ravel()]))
+    frequency_hz = frequency_hz[(frequency_hz >= lowest) & (frequency_hz <= highest)]
+    coupled = {
+        (source.name, final): answer
+        for source in model.sources
+        for final in FINALS
+        if (answer := _coupled_um(model, modes, source, final, frequency_hz)) is not None
+    }
+    largest = max((float(answer.max()) for answer in coupled.values()), default=0.0)
+    found: dict[str, list[Answer]] = {final: [] for final in FINALS}
+    for source in model.sources:
+        chains = _chains_um(model, source, frequency_hz, summary.split_hz) if model.chains else None
+        lines_hz = np.array([one.frequency_hz for one in summary.lines if one.source == source.name])
+        for row, final in enumerate(FINALS):
+            answer = coupled.get((source.name, final))
+            if answer is None or answer.max() <= _NOTHING * largest:
+                continue
+            by_chains = None if chains is None or np.isnan(chains[row]).all() else chains[row]
+            found[final].append(Answer(source.name, np.maximum(answer, _NOTHING * largest), by_chains, lines_hz))
+    return frequency_hz, {final: tuple(answers) for final, answers in found.items()}
+
+
+def _coupled_um(
+    model: VibrationModel, modes: StructureModes, source: Source, final: str, frequency_hz: Vector
+) -> Vector | None:
+    """|X/F| of a final [µm/N], from the modes: there are many frequencies."""
+    try:
+        found = receptance_by_modes(
+            model.structure, frequency_hz, of=model.finals[final], at=source.member, against=source.against, modes=modes
+        )
+    except InputError:
+        return None
+    return _MICRO * np.abs(found)
+
+
+def _chains_um(model: VibrationModel, source: Source, frequency_hz: Vector, split_hz: float | None) -> Vector | None:
+    """|X/F| of the finals [µm/N] by the chains; NaN where none leads there from the source."""
+    try:
+        found = final_receptance(
+            model.structure, source, frequency_hz, model.finals, method="chains", chains=model.chains, split_hz=split_hz
+        )
+    except InputError:
+        return None
+    return np.where(found.carried, _MICRO * np.abs(found.motion_m_per_n), np.nan)
+
+
+_ERRORS = (
+    "Filled: what a tip leaves that copies the motion of the tool against the workpiece. Hollow: W, the law of the "
+    "cutting force, which takes inertia forces of tool and workpiece for changes of it. First revolution, without "
+    "regeneration and chatter; grey: several sources."
+)
+_STRUCTURE = (
+    "From the ground up; a joint is thicker where it is stiffer. Size: how far a member moves in the mode; blue: with "
+    "the member that moves most, orange: against it. Bold: sources, with − where the opposite force acts."
+)
+_OF_CHAINS = " Of a chain: blue its path, green its branch, black what it takes as standing still."
+_RESPONSE = "Amplitude per newton of each source; circles: lines of its spectrum."
+_RESPONSE_OF_CHAINS = " Dashed: by the chains. Dotted: up to here those of the low range, then those of the high one."
+_COURSE = "Long courses are drawn with the lowest and highest sample of each of 300 stretches; the file has them all."
+_STRETCH = "Around the largest motion of the tool against the workpiece. Phases of the sources are drawn by the seed."
+_STRIPS = "Error of amplitude and phase against the coupled solution of the whole structure, over the chain's range."
+_ONE_CHAIN = (
+    "Green: within 10 %. One way: what the back reaction makes, the chain alone solved both ways. Cut out: what "
+    "merging, holding and leaving out members makes."
+)
+_OTHER_CHAINS = " The menu has all chains, the worst first."

@@ -1,0 +1,1 @@
+"""What the program tells today, kept: two checkouts run the same commands and their outputs are compared."""

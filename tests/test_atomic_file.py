@@ -1,0 +1,120 @@
+"""Folders are written whole or not at all."""
+
+from __future__ import annotations
+
+import pytest
+
+from selector.atomic_file import (
+    folder_written_whole,
+    refuse_to_overwrite,
+    refuse_to_replace_input,
+    require_writable_folder,
+)
+from selector.errors import OptionError
+
+
+def test_new_folder(tmp_path):
+    out = tmp_path / "a" / "study"
+    with folder_written_whole(out) as part:
+        (part / "model.json").write_text("{}", encoding="utf-8")
+        assert not out.exists()
+    assert [path.name for path in out.iterdir()] == ["model.json"]
+    assert [path.name for path in out.parent.iterdir()] == ["study"]
+
+
+def test_existing_folder_keeps_what_is_not_replaced(tmp_path):
+    out = tmp_path / "study"
+    (out / "notes").mkdir(parents=True)
+    (out / "notes" / "mine.txt").write_text("mine", encoding="utf-8")
+    (out / "model.json").write_text("old", encoding="utf-8")
+    with folder_written_whole(out) as part:
+        (part / "notes").mkdir()
+        (part / "notes" / "new.txt").write_text("new", encoding="utf-8")
+        (part / "model.json").write_text("new", encoding="utf-8")
+    assert (out / "model.json").read_text(encoding="utf-8") == "new"
+    assert sorted(path.name for path in (out / "notes").iterdir()) == ["mine.txt", "new.txt"]
+
+
+@pytest.mark.parametrize("stop", [KeyboardInterrupt, ValueError])
+@pytest.mark.parametrize("there_before", [False, True])
+def test_stopped_work_leaves_nothing(tmp_path, stop, there_before):
+    out = tmp_path / "study"
+    if there_before:
+        out.mkdir()
+        (out / "model.json").write_text("old", encoding="utf-8")
+
+    def work():
+        with folder_written_whole(out) as part:
+            (part / "model.json").write_text("half", encoding="utf-8")
+            raise stop
+
+    with pytest.raises(stop):
+        work()
+    assert [path.name for path in tmp_path.iterdir()] == (["study"] if there_before else [])
+    if there_before:
+        assert (out / "model.json").read_text(encoding="utf-8") == "old"
+
+
+def test_a_file_in_the_place_of_the_folder(tmp_path):
+    (tmp_path / "study").write_text("mine", encoding="utf-8")
+    with pytest.raises(NotADirectoryError), folder_written_whole(tmp_path / "study"):
+        pass
+    assert (tmp_path / "study").read_text(encoding="utf-8") == "mine"
+
+
+def test_nothing_is_overwritten_by_accident(tmp_path):
+    path = tmp_path / "machine.toml"
+    refuse_to_overwrite(path, force=False, option="--write")
+    path.write_text("", encoding="utf-8")
+    refuse_to_overwrite(path, force=True, option="--write")
+    with pytest.raises(OptionError, match="--force"):
+        refuse_to_overwrite(path, force=False, option="--write")
+
+
+def test_an_input_is_never_replaced(tmp_path):
+    recording = tmp_path / "r1.csv"
+    recording.write_text("mine", encoding="utf-8")
+    (tmp_path / "sub").mkdir()
+    # the same file under another name
+    with pytest.raises(OptionError, match="one of the inputs"):
+        refuse_to_replace_input(tmp_path / "sub" / ".." / "r1.csv", [recording], "--out")
+    refuse_to_replace_input(tmp_path / "new.csv", [recording], "--out")
+
+
+def test_a_folder_that_cannot_be_written_is_known_before_the_work(tmp_path):
+    require_writable_folder(tmp_path / "new" / "deep", "--out")
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "file").write_text("mine", encoding="utf-8")
+    with pytest.raises(OptionError, match="a file of this name"):
+        require_writable_folder(tmp_path / "file", "--out")
+
+
+def test_results_that_do_not_fit_into_the_folder_leave_the_old_ones(tmp_path):
+    folder = tmp_path / "study"
+    (folder / "report.html").mkdir(parents=True)
+    (folder / "model.json").write_text("old", encoding="utf-8")
+    with pytest.raises(IsADirectoryError), folder_written_whole(folder) as part:  # noqa: PT012 (fails at its end)
+        (part / "model.json").write_text("new", encoding="utf-8")
+        (part / "report.html").write_text("new", encoding="utf-8")
+    assert (folder / "model.json").read_text(encoding="utf-8") == "old"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["study"]
+
+
+def test_an_earlier_answer_goes_with_the_new_one(tmp_path):
+    out = tmp_path / "study"
+    out.mkdir()
+    for name in ("old.json", "mine.txt", "kept.json"):
+        (out / name).write_text("old", encoding="utf-8")
+    with folder_written_whole(out, ["old.json", "kept.json", "never.json"]) as part:
+        (part / "kept.json").write_text("new", encoding="utf-8")
+    assert sorted(path.name for path in out.iterdir()) == ["kept.json", "mine.txt"]
+    assert (out / "kept.json").read_text(encoding="utf-8") == "new"
+
+
+def test_an_earlier_answer_stays_if_the_new_one_fails(tmp_path):
+    out = tmp_path / "study"
+    (out / "a.json").mkdir(parents=True)
+    (out / "old.json").write_text("old", encoding="utf-8")
+    with pytest.raises(IsADirectoryError), folder_written_whole(out, ["old.json"]) as part:
+        (part / "a.json").write_text("new", encoding="utf-8")
+    assert (out / "old.json").read_text(encoding="utf-8") == "old"
