@@ -158,12 +158,11 @@ def _register(app: dash.Dash, bench: Bench) -> None:
     @app.callback(
         Output(parts.NOTICE, "children"),
         Input(parts.REVISION, "data"),
-        Input("address", "hash"),
         State(_NOTICED, "data"),
         prevent_initial_call=True,
     )
-    def _clear(revision: int, _: str | None, noticed: int) -> None:
-        if dash.ctx.triggered_id == parts.REVISION and revision <= noticed:
+    def _clear(revision: int, noticed: int) -> None:
+        if revision <= noticed:
             raise dash.exceptions.PreventUpdate
 
 

@@ -25,8 +25,15 @@ POINT = """([name, trace, number, axis]) => {
   const points = graph._fullData[trace];
   return [box.left + x._offset + x.d2p(points.x[number]), box.top + y._offset + y.d2p(points.y[number])];
 }"""
+ANSWERED = """async (asked) => {
+  const headers = { "Content-Type": "application/json" };
+  const answer = await fetch("/sensors/move", { method: "POST", headers, body: JSON.stringify(asked) });
+  window.dash_clientside.sensors.show(await answer.json());
+}"""
 HAS_PLACE = "(text) => [...document.querySelectorAll('#sensors-wishes .place input')].some((one) => one.value === text)"
 VALUES = "([name, trace]) => Array.from(document.querySelector(`#sensors-${name} .js-plotly-plot`).data[trace].x)"
+N_COEFFICIENTS = """document.querySelector("#sensors-coefficients .js-plotly-plot").data.slice(0, 2)
+  .reduce((n, trace) => n + trace.x.length, 0)"""
 
 
 @pytest.fixture
@@ -87,11 +94,12 @@ def test_the_keyboard_moves_groups_coefficients_and_command_together(page, bench
     page.keyboard.press("Home")
     page.locator("#sensors-groups tbody tr").first.wait_for()
     page.get_by_text("1 group", exact=True).wait_for()
-    page.wait_for_timeout(500)
+    page.wait_for_function(N_COEFFICIENTS + " === 1")
     coarse = shown()
     page.keyboard.press("End")
     page.get_by_text("7 groups", exact=True).wait_for()
-    page.wait_for_timeout(1000)
+    page.wait_for_function(N_COEFFICIENTS + " > 1")
+    page.locator("#command").get_by_text("--lambda 1.0").wait_for()
     fine = shown()
     assert (coarse["groups"], fine["groups"]) == (1, 7)
     assert len(coarse["coefficients"]) == 1 < len(fine["coefficients"])
@@ -125,6 +133,16 @@ def test_the_keyboard_moves_groups_coefficients_and_command_together(page, bench
     page.get_by_text("of linear models without memory").wait_for()
 
 
+def test_an_answer_that_comes_while_somebody_types_leaves_the_typing_alone(page):
+    page.locator("#sensors-level").fill("7")
+    page.evaluate(ANSWERED, {"step": 1})
+    assert page.locator("#sensors-level").input_value() == "7"
+    page.locator("#sensors-level").press("Enter")
+    page.locator("#notice").get_by_text("“7” was typed").wait_for()
+    page.locator("#to-recordings").click()
+    page.locator("#notice").get_by_text("“7” was typed").wait_for(state="detached")
+
+
 def test_a_click_on_a_point_takes_its_set(page, bench):
     x, y = point(page, "sets", 1, 1)
     # a hand comes from somewhere: Plotly looks for points under it while it moves
@@ -148,7 +166,7 @@ def test_a_pin_is_dragged_into_the_machine_file(page, bench):
     page.wait_for_timeout(200)
     page.mouse.up()
     path = bench.folder / "machine.toml"
-    for _ in range(100):
+    for _ in range(PATIENCE_MS // 50):
         if path.exists():
             break
         page.wait_for_timeout(50)

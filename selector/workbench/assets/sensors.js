@@ -46,6 +46,7 @@
   // ---- the bar: slider, number, displacement, facts
   let bar = null;
   let typed = null;
+  let isTyping = false;
 
   // a λ that was typed and is not looked at, or not yet; the button that starts asks for it
   function keep(text) {
@@ -74,8 +75,11 @@
     row.append(slide, level, bar.response, bar.back);
     root.replaceChildren(row, bar.facts);
     bar.slider.addEventListener("input", () => ask({ step: Number(bar.slider.value) }));
+    bar.level.addEventListener("input", () => { isTyping = true; });
+    bar.level.addEventListener("blur", () => { isTyping = false; });
     // as it was typed: 0,98 is a number, too
     bar.level.addEventListener("change", () => {
+      isTyping = false;
       // before the click that may have ended the typing
       keep(bar.level.value);
       ask({ level: bar.level.value });
@@ -92,7 +96,7 @@
     if (!asked || !("step" in asked)) slider.value = told.step;
     slider.setAttribute("aria-valuetext", `λ = ${told.level}`);
     // a λ that was typed stays until it, or what was done after it, is answered
-    if (typed === null || (asked && !(waits && "level" in waits))) {
+    if (!isTyping && (typed === null || (asked && !(waits && "level" in waits)))) {
       level.value = told.level;
       keep(null);
     }

@@ -19,6 +19,10 @@ window.dash_clientside = Object.assign({}, window.dash_clientside, {
   // the server looks at the bench at once, instead of at its next beat
   const look = () => window.dash_clientside.set_props("look", { n_intervals: Date.now() });
 
+  // what could not be done on one page is no notice of the next; here, since the server's answer may come after a
+  // refusal on the new page
+  window.addEventListener("hashchange", () => window.dash_clientside.set_props("notice", { children: null }));
+
   // one file after the other, so that the order is the user's and the memory of the browser holds none of them
   async function send(zone, files) {
     const said = zone.querySelector(".uploads");
