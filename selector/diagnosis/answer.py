@@ -141,6 +141,8 @@ class Diagnosis:
     headline: str = ""
     where: tuple[Place, ...] = ()
     effects: tuple[NamedEffect, ...] = ()
+    #: Shapes that the record has beside what nobody explains, but too small or not borne out: part of no verdict
+    also_seen: tuple[NamedEffect, ...] = ()
     fit: Mapping[str, Fit] = field(default_factory=dict)
     evidence: tuple[Evidence, ...] = ()
     detectable: tuple[Detectable, ...] = ()
@@ -157,6 +159,7 @@ class Diagnosis:
             "headline": self.headline,
             "where": [_place(place) for place in self.where],
             "effects": [_effect(effect) for effect in self.effects],
+            "also_seen": [_effect(effect) for effect in self.also_seen],
             "fit": {name: _fit(fit) for name, fit in self.fit.items()},
             "recalibration": {
                 name: {key: _quantity(one) for key, one in recalibration_of(quantities).items()}

@@ -78,6 +78,11 @@ FINDINGS = Kinds(
             "what is left wanders slowly: it may be noise or a slow effect",
             "Repeat one run with the machine idle: if the reading wanders as much, it is the gauge.",
         ),
+        "small-misfit": Kind(
+            "info",
+            "what is left is no noise, but too little of the movement to be called missing physics",
+            "Use the simulation as it is, unless a few hundredths of the movement matter to you.",
+        ),
         "mode": Kind("info", "how the runnable model was used, and how often it was simulated"),
         "not-in-model": Kind(
             "warning",

@@ -18,6 +18,7 @@ from selector.diagnosis.evidence.detectability import detectability
 from selector.diagnosis.evidence.frozen import frozen_and_unnamed, with_frozen, without_frozen
 from selector.diagnosis.evidence.gain import fit_of
 from selector.diagnosis.evidence.naming import input_fault_effect, named_effect, unit_of, whole_record_effect
+from selector.diagnosis.evidence.practical_size import is_small, of_practical_size, told_of_small
 from selector.diagnosis.evidence.recalibration import Recalibrated, recalibrated, whole_record_names
 from selector.diagnosis.evidence.response import Bench, bench_of
 from selector.diagnosis.evidence.search import Search, Standing, numbers, search
@@ -42,7 +43,7 @@ _LEAST = 0.005
 """Of the mismatch: what is smaller is not named unless held-out rows bear it out."""
 _MOST = 0.5
 _HARM = 1.05
-_SUSPECTED = 0.8
+_SUSPECTED = 0.5
 """What is left of a confidence that another programme does not bear out."""
 _DOUBTFUL = 0.45
 """Weight below which an effect is no name where structure is left that nothing explains."""
@@ -133,6 +134,7 @@ class _State:
     white: Mapping[str, Vector] = field(default_factory=dict)  #: The same behind the noise filter
     structures: Sequence[Structure] = ()  #: What nothing explains
     effects: tuple[NamedEffect, ...] = ()
+    also: tuple[NamedEffect, ...] = ()  #: Too small, or not borne out, beside structure that is nobody's
     verdict: Verdict = "nothing-missing"
     fit: Mapping[str, Fit] = field(default_factory=dict)
     answer: Diagnosis | None = None  #: To what is left, where no later stage has to look at it
@@ -197,7 +199,8 @@ def _tested(state: _State) -> _State:
     state.say(-3, "testing effects")
     found = search(benches, false_alarm=asked.false_alarm, seed=asked.seed)
     found = not_ruinous(comparison, _worth_naming(comparison, found))
-    return replace(state, untested=untested, search=found)
+    found, also = of_practical_size(comparison, found)
+    return replace(state, untested=untested, search=found, also=also)
 
 
 def _recalibrated(state: _State) -> _State:
@@ -224,7 +227,11 @@ def _looked_at_what_is_left(state: _State) -> _State:
     late = held_out_faults(comparison, found, asked.effects, false_alarm=asked.false_alarm, seed=asked.seed)
     only_fitted = bool(found.named) or bool(late) or any(bench.is_off_cycle for bench in found.benches.values())
     residuals, white = _left(comparison, found, only_fitted=only_fitted)
-    structures = unexplained(comparison, residuals, white, seed=asked.seed, false_alarm=asked.false_alarm)
+    structures = [
+        one
+        for one in unexplained(comparison, residuals, white, seed=asked.seed, false_alarm=asked.false_alarm)
+        if not is_small(comparison, found, one.channel)
+    ]
     return replace(state, late=late, residuals=residuals, white=white, structures=structures)
 
 
@@ -260,17 +267,29 @@ def _named_by_whole_record(state: _State) -> _State:
     if state.effects or state.structures:
         return state
     comparison, benches = state.comparison, dict(state.search.benches)
-    whole = whole_record_names(comparison, state.again)
+    again = {name: one for name, one in state.again.items() if _recalibration_holds(benches[name])}
+    whole = whole_record_names(comparison, again)
     effects = [whole_record_effect(comparison, benches, state.again, id_, shown) for id_, shown in whole.items()]
     effects += [input_fault_effect(comparison, fault) for fault in input_faults(comparison) if fault.sure]
     return replace(state, effects=tuple(effects))
+
+
+def _recalibration_holds(bench: Bench) -> bool:
+    """Whether recalibration makes no unseen row worse on average."""
+    left = bench.residual([])
+    held = np.isfinite(left) & ~bench.fitted
+    return not held.any() or bool(np.sum(left[held] ** 2) <= np.sum(bench.target[held] ** 2))
 
 
 def _judged(state: _State) -> _State:
     """The largest effect first, nothing else in the fit, and the verdict."""
     effects = tuple(sorted(state.effects, key=lambda effect: -effect.share))
     found = _only(state.search, {effect.id for effect in effects})
-    verdict = _verdict(effects, state.structures, any(one.matters for one in state.again.values()))
+    verdict = _verdict(
+        effects,
+        state.structures,
+        any(one.matters and _recalibration_holds(found.benches[name]) for name, one in state.again.items()),
+    )
     return replace(state, effects=effects, search=found, verdict=verdict)
 
 
@@ -285,6 +304,7 @@ def _fitted(state: _State) -> _State:
             unit_of(state.comparison, name),
             recalibrate=is_improved or state.again[name].matters,
             seed=state.asked.seed,
+            is_noise=found.misfit[name] == 1.0,
         )
         for name, bench in found.benches.items()
     }
@@ -304,6 +324,7 @@ def _answered(state: _State) -> Diagnosis:
         headline="",
         where=_where(comparison, effects, state.structures, state.residuals),
         effects=effects,
+        also_seen=state.also,
         fit=state.fit,
         evidence=tuple(_evidence(found, state.untested)),
         detectable=detectability(comparison, found, false_alarm=state.asked.false_alarm),
@@ -313,6 +334,7 @@ def _answered(state: _State) -> Diagnosis:
             *comparison.findings,
             *told_of_inputs(comparison, _channels_at_fault(effects)),
             *told_of_wandering(comparison, state.residuals, state.structures),
+            *(() if effects else told_of_small(comparison, found)),
         ),
         seed=state.asked.seed,
     )
@@ -373,7 +395,8 @@ def _left(comparison: Comparison, found: Search, *, only_fitted: bool) -> tuple[
     for name, bench in found.benches.items():
         of = numbers(found.named, name)
         residuals[name] = np.where(looked, bench.residual(of), np.nan)
-        white[name] = np.where(looked, bench.white_residual(of), np.nan)
+        of_noise = bench.white_residual(of) * np.sqrt(found.misfit.get(name, 1.0))
+        white[name] = np.where(looked, of_noise, np.nan)
     return residuals, white
 
 
@@ -408,8 +431,8 @@ def _doubted(effect: NamedEffect) -> NamedEffect:
 
 
 def _harms(fit: Fit) -> bool:
-    """Whether the held-out error is clearly larger with what was found than with recalibration alone."""
-    return fit.heldout.rmse_after > _HARM * fit.recalibrated_heldout > 0.0
+    """Whether the held-out error is clearly larger with what was found than without, recalibrated or as given."""
+    return fit.heldout.rmse_after > _HARM * min(fit.recalibrated_heldout, fit.heldout.rmse_before) > 0.0
 
 
 def _verdict(named: Sequence[NamedEffect], structures: Sequence[Structure], is_recalibrated: bool) -> Verdict:

@@ -13,7 +13,7 @@ from selector.diagnosis.effects.effect import Effect
 from selector.diagnosis.evidence.naming import named_effect
 from selector.diagnosis.evidence.noise import whitened
 from selector.diagnosis.evidence.response import Bench, bench_of
-from selector.diagnosis.evidence.search import Search, numbers, search
+from selector.diagnosis.evidence.search import Search, numbers, search, without
 from selector.types import Vector
 
 _SEEN = 10.0
@@ -54,29 +54,34 @@ def confirmation(comparison: Comparison, found: Search, id: str) -> Confirmation
 
 
 def not_ruinous(comparison: Comparison, found: Search) -> Search:
-    """The search without names that make the error of unseen rows far larger; the least clear one goes first."""
+    """The search without names in responses whose error on unseen rows they make far larger; the least clear first.
+
+    What ruins one response may be well borne out in the others, and stays there.
+    """
     while True:
-        ruinous = [id_ for id_ in found.named if _growth(comparison, found, id_) > _RUINED]
-        if not ruinous:
+        ruined = [
+            (found.standing[id_].tested[response].gain, id_, response)
+            for id_, of in found.named.items()
+            for response in of
+            if _growth(comparison, found, id_, response) > _RUINED
+        ]
+        if not ruined:
             return found
-        least = min(ruinous, key=lambda id_: found.standing[id_].score)
-        found = replace(found, named={id_: of for id_, of in found.named.items() if id_ != least})
+        _, id_, response = min(ruined)
+        rest = {name: v for name, v in found.named[id_].items() if name != response}
+        found = replace(found, named=without(found.named, id_) if not rest else {**found.named, id_: rest})
 
 
-def _growth(comparison: Comparison, found: Search, id: str) -> float:  # noqa: A002 - the contract's word
-    """By how much the held-out error grows with an effect, in the response in which it does so most.
+def _growth(comparison: Comparison, found: Search, id: str, response: str) -> float:  # noqa: A002 - as in the contract
+    """Times by which the held-out error of a response grows with an effect.
 
     Compared with the simulation without it, recalibrated or as it was given, whichever is nearer.
     """
-    growth = 0.0
-    for response, v in found.named[id].items():
-        bench, named = found.benches[response], numbers(found.named, response)
-        without = bench.residual([other for other in named if other != v])
-        rows = comparison.held_out & np.isfinite(without)
-        squares = [float(np.sum(left[rows] ** 2)) for left in (bench.residual(named), without, bench.target)]
-        if min(squares[1:]) > 0.0:
-            growth = max(growth, float(np.sqrt(squares[0] / min(squares[1:]))))
-    return growth
+    bench, named = found.benches[response], numbers(found.named, response)
+    without_it = bench.residual([other for other in named if other != found.named[id][response]])
+    rows = comparison.held_out & np.isfinite(without_it)
+    after, *before = (float(np.sum(left[rows] ** 2)) for left in (bench.residual(named), without_it, bench.target))
+    return float(np.sqrt(after / min(before))) if min(before) > 0.0 else 0.0
 
 
 def _white(bench: Bench, left: Vector) -> Vector:

@@ -11,6 +11,7 @@ from selector.diagnosis.answer import Errors, Fit
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.evidence.moments import all_moderated, inverse_of
+from selector.diagnosis.evidence.practical_size import noise_floor
 from selector.diagnosis.evidence.response import Bench
 from selector.diagnosis.shapes.residual import least_squares
 from selector.types import Matrix, Vector
@@ -19,19 +20,28 @@ _DRAWS = 400
 
 
 def fit_of(
-    comparison: Comparison, bench: Bench, named: Sequence[int], unit: str, *, recalibrate: bool, seed: int
+    comparison: Comparison,
+    bench: Bench,
+    named: Sequence[int],
+    unit: str,
+    *,
+    recalibrate: bool,
+    seed: int,
+    is_noise: bool = True,
 ) -> Fit:
     """Errors of the simulation as given, recalibrated, and with the named candidates, in one response.
 
-    With `recalibrate` off and nothing named the improved model is the simulation as it was.
+    `is_noise`: whether what is left in the fitted rows is no more than noise. With `recalibrate` off and nothing named
+    the improved model is the simulation as it was.
     """
     simulated, target = comparison.simulated[bench.response], bench.target
     recalibrated = _recalibration(bench)
     explained = bench.explained(named) if named or recalibrate else np.zeros(len(target))
     seen = np.isfinite(target)
     held = seen & comparison.held_out
-    floor = _noise_floor(bench, named)
     before, middle, after = target, target - recalibrated, target - explained
+    # an unseen error below it would be a sign of a wrong floor
+    floor = float(np.nanmin([noise_floor(comparison, bench, named, is_noise=is_noise), _rms(after[held])]))
     return Fit(
         unit=unit,
         train=Errors(_rms(before[bench.fitted]), _rms(after[bench.fitted])),
@@ -49,13 +59,6 @@ def _recalibration(bench: Bench) -> Vector:
     """What offset, gain and delay alone explain, by plain least squares [unit], all rows."""
     plain = bench.nuisance[:, : bench.n_plain]
     return np.asarray(plain @ least_squares(plain[bench.fitted], bench.target[bench.fitted]))
-
-
-def _noise_floor(bench: Bench, named: Sequence[int]) -> float:
-    """Root mean square of what is left in the fitted rows, less what the fit took."""
-    left = bench.residual(named)[bench.fitted]
-    n, p = len(left), bench.raw_base(named).shape[1]
-    return _rms(left) * float(np.sqrt(n / max(n - p, 1)))
 
 
 def _gap(

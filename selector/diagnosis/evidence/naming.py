@@ -118,6 +118,8 @@ def _next(grid: Sequence[float], value: float, step: int) -> float:
 
 _UNCHECKED = 0.9
 """What is left of a confidence that nothing held out could bear out."""
+_MOST_OF_IT, _HALF = 0.75, 0.5
+"""Share of the mismatch from which a name is as sure as it is large, where structure is left; how sure it is below."""
 _INPUT_FAULT = 0.9
 """Confidence of a fault that a channel's own course shows and nothing else explains."""
 
@@ -142,6 +144,9 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
     effect = found.benches[main].candidates[by_response[main]].effect
     reading = effect.reading(fitted, comparison)
     confidence = sum(found.weights[id_].values()) * (1.0 - standing.p_value)
+    share = float(np.clip(max(shares), 0.0, 1.0))
+    if found.misfit.get(main, 1.0) > 1.0:
+        confidence = min(confidence, share if share >= _MOST_OF_IT else _HALF)
     is_checked = fitted.variant.run is not None or any(_is_held_out(comparison, name) for name in by_response)
     return NamedEffect(
         id=id_,
@@ -151,7 +156,7 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
         parameters=reading.parameters,
         confidence=float(np.clip(confidence, 0.01, 0.99)) * (1.0 if is_checked else _UNCHECKED),
         p_value=float(min(1.0, standing.p_value)),
-        share=float(np.clip(max(shares), 0.0, 1.0)),
+        share=share,
         cannot_be_told_from=found.rivals[id_],
         experiment=effect.experiment,
         channels=tuple(sorted(gains, key=lambda name: -gains[name])),

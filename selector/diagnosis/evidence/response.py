@@ -15,6 +15,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Variant
 from selector.diagnosis.evidence.moments import Moments, all_moderated, beside, inverse_of, moments
 from selector.diagnosis.evidence.noise import NoiseModel, noise_model, stretches, whitened
+from selector.diagnosis.matching.repeats import repeats
 from selector.diagnosis.matching.usable import rounding_of
 from selector.diagnosis.shapes.machine_cycle import MachineCycle, machine_cycle
 from selector.diagnosis.shapes.residual import least_squares
@@ -64,6 +65,7 @@ class Bench:
     resolution: float  #: Step of the readings [unit]; 0 = none was seen
     rounding: float  #: Standard deviation [unit] that noise has at least
     own: Mapping[str, slice]  #: Effect → its columns in `nuisance`: parameters that every such simulation has
+    repeats: tuple[tuple[slice, slice], ...] = ()  #: Rows of pairs of runs of one programme
     cycle: MachineCycle | None = None  #: What the machine repeats
     is_off_cycle: bool = False  #: Whether what comes back with every cycle is taken for noise, and taken off
     #: (len(rows),): Takes the place of the whitened target, where its noise has heavy tails
@@ -321,6 +323,7 @@ def bench_of(
         resolution=comparison.resolution.get(response, 0.0),
         rounding=rounding_of(comparison, response),
         own=own,
+        repeats=repeats(comparison, response),
         cycle=machine_cycle(comparison),
     )
     return bench.refitted_noise([]), untested

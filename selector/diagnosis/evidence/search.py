@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from selector.diagnosis.evidence.misfit import misfit, tempered
 from selector.diagnosis.evidence.moments import solved
 from selector.diagnosis.evidence.noise import NoiseModel
 from selector.diagnosis.evidence.response import Bench
@@ -60,6 +61,12 @@ _RIVAL = 0.2
 """An effect of less than this share of the weight of the named one is told from it."""
 _TRIFLE = 0.1
 """What gains less than this share of the clearest named effect may be what its shape does not fit exactly."""
+_TENTH = 0.1
+_AS_GOOD = 0.7
+"""Of the fall of the unseen error by the named effect: what another one makes of it is about as good."""
+_CLEARLY_BETTER = 0.9
+_MOST_ALIKE = 3
+_MOST_REFUSED = 8
 _MOST_LIBERAL = 8
 _SLOW = 0.3
 """Sum of the noise filter's coefficients from which it may have taken an effect for noise."""
@@ -109,6 +116,9 @@ class Search:
     rivals: Mapping[str, tuple[str, ...]]  #: Named effect → effects that explain what it explains about as well
     #: Named effect → weights of it and of its rivals against all others in its place, 0 to 1
     weights: Mapping[str, Mapping[str, float]]
+    #: Response → times that the noise of `benches` is larger than that of the fit: what is left is no noise only
+    misfit: Mapping[str, float] = field(default_factory=dict)
+    small: Named = field(default_factory=dict)  #: What is significant beside structure, but too small or not borne out
 
 
 def numbers(named: Named, response: str) -> list[int]:
@@ -157,12 +167,27 @@ def search(benches: Benches, *, false_alarm: float, seed: int) -> Search:
     benches = {name: bench for name, (bench, _) in fitted.items()}
     noise = {name: _left(bench, chosen) for name, (bench, chosen) in fitted.items()}
     named = _selected(benches, noise, false_alarm=false_alarm, seed=seed)
-    benches, named = _with_own(benches, named, noise, false_alarm=false_alarm, seed=seed)
-    return _told(benches, named, noise, seed=seed)
+    times = {name: misfit(bench, numbers(named, name), seed=seed) for name, bench in benches.items()}
+    small: Named = {}
+    if max(times.values()) > 1.0:
+        benches = {name: tempered(bench, times[name]) for name, bench in benches.items()}
+        named, small = _selected_by_size(benches, noise, times, false_alarm=false_alarm, seed=seed)
+    benches, named = _with_own(benches, named, noise, times, false_alarm=false_alarm, seed=seed)
+    named, small = _without_small(benches, named, small, times)
+    named, alike = _by_transfer(benches, named, noise, times, level=false_alarm, seed=seed)
+    told = _told(benches, named, noise, seed=seed)
+    rivals = {id_: tuple(dict.fromkeys((*of, *alike.get(id_, ())))) for id_, of in told.rivals.items()}
+    return replace(told, rivals=rivals, misfit=times, small=small)
 
 
 def _with_own(
-    benches: Benches, named: Named, noise: Mapping[str, Vector], *, false_alarm: float, seed: int
+    benches: Benches,
+    named: Named,
+    noise: Mapping[str, Vector],
+    times: Mapping[str, float],
+    *,
+    false_alarm: float,
+    seed: int,
 ) -> tuple[Benches, Named]:
     """Own parameters of the simulation that are missing themselves, and do not only make room for what is named.
 
@@ -172,7 +197,12 @@ def _with_own(
         freed = {name: bench.without_own(id_) for name, bench in benches.items()}
         if not named:
             # beside a parameter that is free to vary what resembles it may have gone unseen
-            alone = _selected(freed, noise, false_alarm=0.5 * false_alarm, seed=seed)
+            level = 0.5 * false_alarm
+            alone = (
+                _selected(freed, noise, false_alarm=level, seed=seed)
+                if max(times.values()) == 1.0
+                else _selected_by_size(freed, noise, times, false_alarm=level, seed=seed)[0]
+            )
             if alone:
                 benches, named = freed, alone
             continue
@@ -282,6 +312,51 @@ def _selected(benches: Benches, noise: Mapping[str, Vector], *, false_alarm: flo
     return named
 
 
+def _selected_by_size(
+    benches: Benches, noise: Mapping[str, Vector], times: Mapping[str, float], *, false_alarm: float, seed: int
+) -> tuple[Named, Named]:
+    """The same where more is left than noise, `times` as much: what adds a part that matters, and what is refused.
+
+    Shapes that are nearly alike share a mismatch among them until none has a part of its own. So one is taken after the
+    other, and only if it adds a tenth of the mismatch and makes unseen rows better.
+    """
+    named: Named = {}
+    refused: Named = {}
+    while len(named) < _MOST and len(refused) < _MOST_REFUSED:
+        standing = standings(benches, named, noise, seed=seed)
+        supported = [one for id_, one in standing.items() if id_ not in refused and is_supported(one, false_alarm)]
+        if not supported:
+            break
+        best = max(supported, key=lambda one: one.score)
+        chosen = {name: best.tested[name].best for name in best.responses}
+        main = max(best.responses, key=lambda name: best.tested[name].gain)
+        if times[main] == 1.0 or adds(benches[main], numbers(named, main), chosen[main]):
+            named[best.id] = chosen
+        else:
+            refused[best.id] = chosen
+    return named, refused
+
+
+def _without_small(benches: Benches, named: Named, small: Named, times: Mapping[str, float]) -> tuple[Named, Named]:
+    """Without names that those found after them have taken the mismatch from."""
+    for id_, of in list(named.items()):
+        others = without(named, id_)
+        main = max(of, key=lambda name: times[name])
+        if times[main] > 1.0 and not adds(benches[main], numbers(others, main), of[main]):
+            named, small = others, {**small, id_: of}
+    return named, small
+
+
+def adds(bench: Bench, named: Sequence[int], v: int) -> bool:
+    """Whether a candidate explains a tenth of what recalibration leaves beside the `named`, and unseen rows better."""
+    without_it, with_it = bench.residual(named), bench.residual([*named, v])
+    alone = float(np.mean(bench.residual([])[bench.fitted] ** 2))
+    if np.mean(without_it[bench.fitted] ** 2) - np.mean(with_it[bench.fitted] ** 2) < _TENTH * alone:
+        return False
+    held = np.isfinite(without_it) & ~bench.fitted
+    return not held.any() or bool(np.sum(with_it[held] ** 2) <= np.sum(without_it[held] ** 2))
+
+
 def is_supported(one: Standing, level: float) -> bool:
     """Beyond what noise does and the gauge reads, and alike in all runs."""
     seen = max(one.tested[name].largest for name in one.responses)
@@ -316,6 +391,49 @@ def _told(benches: Benches, named: Named, noise: Mapping[str, Vector], *, seed: 
         rivals[name] = _rivals(benches, beside, named, name, weighed)
         weights[name] = {one: weighed[one] for one in (name, *rivals[name])}
     return Search(benches, named, standing, rivals, weights)
+
+
+def _by_transfer(
+    benches: Benches, named: Named, noise: Mapping[str, Vector], times: Mapping[str, float], *, level: float, seed: int
+) -> tuple[Named, dict[str, tuple[str, ...]]]:
+    """Names that do best on unseen rows where more is left than noise, and for each what does about as well there.
+
+    The likelihood of the fitted rows decides between laws that are all somewhat wrong; their transfer does not.
+    """
+    alike: dict[str, tuple[str, ...]] = {}
+    for id_, of in list(named.items()):
+        others = without(named, id_)
+        beside = standings(benches, others, noise, seed=seed)
+        main = max(of, key=lambda name: beside[id_].tested[name].gain)
+        if times[main] == 1.0:
+            continue
+        bench, base = benches[main], numbers(others, main)
+        without_it, own = _unseen(bench, base), _unseen(bench, [*base, of[main]])
+        enough = without_it - _AS_GOOD * (without_it - own)
+        good = {
+            other: _unseen(bench, [*base, one.tested[main].best])
+            for other, one in beside.items()
+            if other != id_
+            and main in one.responses
+            and one.p_value <= level
+            and adds(bench, base, one.tested[main].best)
+        }
+        good = {other: good[other] for other in sorted(good, key=lambda one: good[one]) if good[other] < enough}
+        best = next(iter(good), id_)
+        if best != id_ and good[best] < _CLEARLY_BETTER * own and beside[best].is_the_same_in_all_runs:
+            chosen = {name: beside[best].tested[name].best for name in beside[best].responses}
+            named = {best if name == id_ else name: chosen if name == id_ else one for name, one in named.items()}
+            alike[best] = (id_, *(other for other in good if other != best))[:_MOST_ALIKE]
+        else:
+            alike[id_] = tuple(good)[:_MOST_ALIKE]
+    return named, alike
+
+
+def _unseen(bench: Bench, named: Sequence[int]) -> float:
+    """Root mean square of the unseen rows beside candidates; of the fitted ones, where nothing is kept for that."""
+    left = bench.residual(named)
+    held = np.isfinite(left) & ~bench.fitted
+    return float(np.sqrt(np.mean(left[held if held.any() else bench.fitted] ** 2)))
 
 
 def _rivals(

@@ -167,6 +167,10 @@ _HOLE = 4.0
 """Steps of the simulation beyond which missing values are a hole, not a channel that is written more rarely."""
 _ON_GRID = 0.95
 """Share of the readings that stand on a common grid, when they have a resolution."""
+_FEWEST, _NEXT = 4, 3.5
+"""Neighbouring levels that are compared, and how many steps they are apart at most."""
+_ROUNDED_OFF = 0.2
+"""Of a step: by how much rounding of what is written may move a level."""
 _OTHER_ZERO = 0.05
 """Part of a run by which clocks that cover the same span may differ before they are taken to have other zeros."""
 
@@ -259,7 +263,21 @@ def resolution(values: Vector) -> float:
         if np.mean(np.abs(counts - np.rint(counts)) < 0.05) >= _ON_GRID:
             # many steps give the grid more sharply than one
             return float((seen[-1] - seen[0]) / np.rint(counts[-1]))
-    return 0.0
+    return _rounded_step(steps)
+
+
+def _rounded_step(steps: Vector) -> float:
+    """Step of a grid whose levels were rounded when they were written, from the spacing of neighbouring ones; 0: none.
+
+    Steps of 0.3226 K written to two decimals are 0.32 and 0.33 K: no level stands on a common grid of either.
+    """
+    usual = float(np.median(steps))
+    near = steps[steps < _NEXT * usual]
+    counts = np.rint(near / usual)
+    on_grid = (counts > 0.0) & (np.abs(near - counts * usual) < _ROUNDED_OFF * usual)
+    if len(near) < max(_FEWEST, 0.5 * len(steps)) or np.mean(on_grid) < _ON_GRID:
+        return 0.0
+    return float(near.sum() / counts.sum())
 
 
 def _common_runs(recording: Recording, simulation: Recording) -> tuple[list[str], list[Finding]]:

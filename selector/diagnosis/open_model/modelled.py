@@ -249,9 +249,13 @@ def _answer(runnable: Runnable, turns: Sequence[_Turn], found: Sequence[_Found],
     effects = tuple(sorted([*_with_fitted(put, found, last), *beside], key=lambda effect: -effect.share))
     verdict: Verdict = "missing-physics" if any(not e.id.startswith("data.") for e in effects) else "data-fault"
     if not effects:
-        verdict = last.answer.verdict if last.answer.verdict == "unexplained" else "nothing-missing"
-        if _is_recalibrated(first.refit) or last.answer.verdict == "miscalibrated":
+        # structure that nothing explains stands, however much the parameters took away
+        if last.answer.verdict == "unexplained":
+            verdict = "unexplained"
+        elif _is_recalibrated(first.refit) or last.answer.verdict == "miscalibrated":
             verdict = "miscalibrated"
+        else:
+            verdict = "nothing-missing"
     lacking = [effect.id for effect in beside if not effect.id.startswith("data.")]
     improved = None
     if found and isinstance(last.model, OwnModel):

@@ -47,6 +47,10 @@ _LEFT_OUT = (
     "this record would not have shown: diagnosis.json does not hold them. With the study.toml of the diagnosis beside "
     "it, and its recordings unchanged, they are made again."
 )
+_ALSO = (
+    "More is left than noise, so that many shapes fit a part of it. These are too small beside it, or do not hold on "
+    "rows that were not fitted: no part of the answer, and nothing to put into the simulation."
+)
 _LABELS = {
     "simulated": "Simulated data: the recordings come from a computer model, not from a machine.",
     "reconstructed": "Reconstructed data: the recordings were made to agree with printed results; they are not "
@@ -98,6 +102,7 @@ def diagnosis_account(
             _warnings(found),
             section("where", "Where", *drawings.get("where", ()), _captioned("Windows", _places(found))),
             _effects(found),
+            _also_seen(found),
             _better(found, drawings),
             _evidence(found, drawings),
             section(
@@ -137,6 +142,15 @@ def _warnings(found: Diagnosis) -> Section | None:
 def _effects(found: Diagnosis) -> Section | None:
     blocks = [block for effect in found.effects for block in _effect(found, effect)]
     return section("effects", "What is at fault" if found.verdict == "data-fault" else "What was left out", *blocks)
+
+
+def _also_seen(found: Diagnosis) -> Section | None:
+    rows = [
+        [one.id, one.channel, share_text(one.share), sure_words(one.confidence), unit_words(one.statement)]
+        for one in found.also_seen
+    ]
+    told = table(["effect", "response", ">share of the mismatch", "how sure", "what it would be"], rows, _ALSO)
+    return section("also-seen", "Also seen", Captioned("", told, True) if rows else None)
 
 
 def _better(found: Diagnosis, drawings: Drawings) -> Section | None:

@@ -68,6 +68,9 @@ class _Effect(_Part):
     cannot_be_told_from: tuple[str, ...] = ()
     experiment: str = ""
 
+    def effect(self) -> NamedEffect:
+        return NamedEffect(**{**dict(self), "parameters": {name: q.quantity() for name, q in self.parameters.items()}})
+
 
 class _Errors(_Part):
     rmse_before: Perhaps
@@ -104,6 +107,7 @@ class _Document(_Part):
     headline: str = ""
     where: tuple[_Place, ...] = ()
     effects: tuple[_Effect, ...] = ()
+    also_seen: tuple[_Effect, ...] = ()
     fit: dict[str, _Fit] = {}
     recalibration: dict[str, dict[str, _Quantity]] = {}
     next_runs: tuple[_NextRun, ...] = ()
@@ -129,10 +133,8 @@ def diagnosis_of(document: Mapping[str, Any]) -> Diagnosis:
         verdict=told.verdict,
         headline=told.headline or told.verdict,
         where=tuple(Place(**dict(one)) for one in told.where),
-        effects=tuple(
-            NamedEffect(**{**dict(one), "parameters": {k: q.quantity() for k, q in one.parameters.items()}})
-            for one in told.effects
-        ),
+        effects=tuple(one.effect() for one in told.effects),
+        also_seen=tuple(one.effect() for one in told.also_seen),
         fit={name: one.fit() for name, one in told.fit.items()},
         next_runs=tuple(NextRun(**dict(one)) for one in told.next_runs),
         recalibration={

@@ -27,6 +27,9 @@ _FEW_SIZES = (0.15, 0.5)
 _FINE_SIZES = (0.1, 0.15, 0.22, 0.33, 0.5, 0.75, 1.1, 1.6)
 _JUMPS, _ALL_JUMPS = 10, 30
 _MANY_RUNS = 4
+_OF_RUN = 0.3
+"""Of the longest run: shifts by more leave too little to compare."""
+_ZONES = 14
 _AROUND_ONE = ((0.6, 1.6),)
 _LATE, _RATE = "derivative, late positive", "time × derivative"
 
@@ -49,7 +52,17 @@ def _shifted(comparison: Comparison, response: str, course: Vector, slope: Vecto
     yield from equally_likely(
         (_variant(part, -slope, _LATE) for part in (everywhere, *parts)),
         _by_sizes(comparison, course, slope, parts, sizes),
+        _by_hours(comparison, course, everywhere),
     )
+
+
+def _by_hours(comparison: Comparison, course: Vector, everywhere: Part) -> Iterator[Variant]:
+    """Another time zone, or summer time, in one of the two clocks; a delay by hours is no recalibration."""
+    for hours in range(1, _ZONES + 1):
+        for shift_s in (3600.0 * hours, -3600.0 * hours):
+            if abs(shift_s) < _OF_RUN * comparison.longest_s:
+                change = _late(comparison, course, shift_s) - course
+                yield _variant(everywhere, change, f"late by {duration(shift_s)}", shift_s)
 
 
 def _jumped(comparison: Comparison, course: Vector, slope: Vector) -> Iterator[Variant]:
@@ -95,7 +108,7 @@ def _tried(comparison: Comparison, course: Vector, slope: Vector, sizes: tuple[f
     """Shifts to be tried [s], both ways; none within what the derivative says, or beyond three tenths of a run."""
     moving_s = float(np.std(course) / max(float(np.sqrt(np.mean(slope**2))), 1e-300))
     amounts = [size * moving_s for size in sizes]
-    kept = [shift_s for shift_s in amounts if 2.0 * comparison.period_s < shift_s < 0.3 * comparison.longest_s]
+    kept = [shift_s for shift_s in amounts if 2.0 * comparison.period_s < shift_s < _OF_RUN * comparison.longest_s]
     return [sign * shift_s for shift_s in kept for sign in (1.0, -1.0)]
 
 
