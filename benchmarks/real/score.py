@@ -22,7 +22,7 @@ def judged(case: RealCase, told: Mapping[str, Any]) -> Row:
         failed = {"credit": "failed", "verdict": "", "names": told["error"], "named": [], "fit": {}}
         return row | failed | {"seconds": None, "rows": None}
     answer = told["answer"]
-    named = [_name(case, effect) for effect in answer["effects"]]
+    named = _once([_name(case, effect) for effect in answer["effects"]])
     return row | {
         "credit": _credit(case, answer["verdict"], named),
         "verdict": answer["verdict"],
@@ -52,6 +52,17 @@ def _name(case: RealCase, effect: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
+def _once(named: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """An id that is named several times, once: with its largest confidence and share, and how often."""
+    found: dict[str, dict[str, Any]] = {}
+    for one in named:
+        known = found.setdefault(one["id"], one | {"times": 0})
+        known["times"] += 1
+        for key in ("confidence", "share"):
+            known[key] = max(known[key], one[key])
+    return list(found.values())
+
+
 def _credit(case: RealCase, verdict: str, named: Sequence[Mapping[str, Any]]) -> str:
     said = {one["credit"] for one in named}
     if "wrong" in said:
@@ -66,8 +77,9 @@ def _credit(case: RealCase, verdict: str, named: Sequence[Mapping[str, Any]]) ->
 def _shown(one: Mapping[str, Any]) -> str:
     mark = {"right": "+", "set": "+", "tolerated": "~", "wrong": "-"}[one["credit"]]
     doubt = "?" if one["suspected"] else ""
+    times = f" x{one['times']}" if one["times"] > 1 else ""
     rivals = "/" + "/".join(one["or"]) if one["or"] else ""
-    return f"{mark}{one['id']}{rivals}{doubt} {one['confidence']:.2f} ({one['share']:.2f})"
+    return f"{mark}{one['id']}{rivals}{times}{doubt} {one['confidence']:.2f} ({one['share']:.2f})"
 
 
 def _errors(fit: Mapping[str, Any]) -> dict[str, Any]:

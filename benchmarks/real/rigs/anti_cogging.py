@@ -13,7 +13,7 @@ from selector.recording import Channel
 _DATA = "codes/Testing/speed_data"
 _SMOOTH_S = {"speed_test": 8.2, "speed_test_old": 8.2, "speed_test1": 15.2}
 """From here on the motor turns steadily; before it sticks and jumps, whatever the flag is."""
-_MEAN_OF = 4
+_MEAN_OF = 8
 _CHANNELS = (
     Channel("angle", "position", "m", place="shaft, angle as travel at a lever of 1 m", axis="C"),
     Channel("speed", "velocity", "m/s", place="shaft, at the same lever", axis="C"),
@@ -46,6 +46,6 @@ CASES = (
         "the current (read off)",
         right=("drive.ripple",),
         tolerated=("drive.stribeck",),
-        reading="the part of each record in which the motor turns steadily; means of four rows (1 ms)",
+        reading="the part of each record in which the motor turns steadily; means of eight rows (1 ms)",
     ),
 )

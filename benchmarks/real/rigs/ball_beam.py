@@ -17,7 +17,7 @@ _FILES = {
     "steps 2": "03_random_steps_02",
     "steps 4": "03_random_steps_04",
 }
-_MEAN_OF = 30
+_MEAN_OF = 60
 _CHANNELS = (
     Channel("wanted", "voltage", "V", place="wanted place of the ball"),
     Channel("place", "voltage", "V", place="place of the ball, filtered"),
@@ -51,6 +51,6 @@ CASES = (
         truth="the output stands at exactly 10 V for 7, 3 and 5.8 % of steps 2, steps 4 and swept sine (read off)",
         right=("drive.saturation",),
         tolerated=("drive.delay",),
-        reading="means of 30 rows (1 ms)",
+        reading="means of 60 rows (1 ms)",
     ),
 )

@@ -11,7 +11,7 @@ from benchmarks.real.case import SIMULATED, Pair, RealCase, pair, thinned
 from selector.recording import Channel
 
 _STEP_S = 0.01
-_MEAN_OF = 50
+_MEAN_OF = 100
 _SETTLED = {
     "reference": "UniBw_2022-04-11_ref_support_load_01",
     "lowered 1": "UniBw_2022-04-11_support_load_01",
@@ -55,6 +55,6 @@ CASES = (
         "The sensor is sound: a boundary moved",
         right=("drive.offset_force",),
         verdicts=("unexplained",),
-        reading="means of 50 rows (100 Hz); the stamps have day and month exchanged, samples are counted instead",
+        reading="means of 100 rows (100 Hz); the stamps have day and month exchanged, samples are counted instead",
     ),
 )

@@ -7,17 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from numba import njit
 from scipy.ndimage import gaussian_filter1d
-from scipy.optimize import least_squares as fitted_to
 
 from benchmarks.real.case import SIMULATED, Pair, RealCase, Vector, least_squares, pair, table
+from benchmarks.real.swinging import with_swing
 from selector.recording import Channel
 
 _DATA = "parameterEstimation/data"
 _STEP_S, _WIDTH, _LATE_S, _BORDER = 0.01, 4, 0.005, 40
 _SHARE = "0.4"
-_SUBSTEPS = 4
 _PLACES = ("0m20", "0m30", "0m40", "0m50", "0m60")
 _CHANNELS = (
     Channel("x", "position", "m", place="cart on its rail", axis="X"),
@@ -32,7 +30,7 @@ def _read(path: Path) -> pd.DataFrame:
     seen_s, time_s = raw[0].to_numpy(), np.arange(raw[0].iloc[1], raw[0].iloc[-1], _STEP_S)
     held = raw[1].to_numpy()[np.searchsorted(seen_s, time_s - _LATE_S, side="right") - 1]
     x = np.interp(time_s, seen_s, raw[2])
-    inner = slice(_BORDER, -_BORDER)
+    inner = slice(_BORDER, -_BORDER, 2)
     frame = table(time_s[inner], x=_smooth(x, 0)[inner], I=_smooth(held, 0)[inner])
     laws = {"a": _smooth(x, 2), "v": _smooth(x, 1), "dry": _smooth(np.sign(_smooth(x, 1)), 0)}
     return frame.assign(**{name: values[inner] for name, values in laws.items()}, constant=1.0)
@@ -69,59 +67,15 @@ def _pendulum(folder: Path) -> Pair:
     for begin_s, end_s in _PIECES_S:
         rows = raw[(raw[0] >= begin_s) & (raw[0] < end_s)]
         pieces[f"from {begin_s:g} s"] = table(rows[0].to_numpy(), angle=rows[1].to_numpy() - np.pi)
-    fitted = list(pieces.values())[:-1]
-
-    def left(x: Vector) -> Vector:
-        parts = [_swing(x[:2], x[2 * k + 2 : 2 * k + 4], frame) - frame["angle"] for k, frame in enumerate(fitted)]
-        return np.concatenate([part.to_numpy() for part in parts])
-
-    starts = [value for frame in fitted for value in _start(frame)]
-    x = fitted_to(left, np.array([np.log(30.0), np.log(0.05), *starts]), x_scale="jac").x
-    for k, frame in enumerate(pieces.values()):
-        start = x[2 * k + 2 : 2 * k + 4] if k < len(fitted) else _start_of(x[:2], frame)
-        frame["angle" + SIMULATED] = _swing(x[:2], start, frame)
+    with_swing(pieces, list(pieces)[:-1], "angle", linear=False)
     return pair(pieces, _ANGLE)
-
-
-def _start(frame: pd.DataFrame) -> tuple[float, float]:
-    first = frame.iloc[:30]
-    slope, level = np.polyfit(first.index, first["angle"], 2)[1:]
-    return float(level), float(slope)
-
-
-def _start_of(law: Vector, frame: pd.DataFrame) -> Vector:
-    first = frame.iloc[:200]
-    found = fitted_to(lambda start: (_swing(law, start, first) - first["angle"]).to_numpy(), np.array(_start(frame)))
-    return np.asarray(found.x)
-
-
-def _swing(law: Vector, start: Vector, frame: pd.DataFrame) -> Vector:
-    square, damping = np.exp(law)
-    return np.asarray(_free_run(square, damping, start[0], start[1], frame.index.to_numpy()))
-
-
-@njit(cache=True)
-def _free_run(square, damping, angle, speed, times):
-    """Half kick, drift, half kick, four steps a row: a hundredth of a period or less each."""
-    course = np.empty(len(times))
-    for k in range(len(times)):
-        course[k] = angle
-        if k + 1 == len(times):
-            break
-        step = (times[k + 1] - times[k]) / _SUBSTEPS
-        for _ in range(_SUBSTEPS):
-            half = np.exp(-0.5 * damping * step)
-            speed = half * speed - 0.5 * step * square * np.sin(angle)
-            angle = angle + step * speed
-            speed = half * (speed - 0.5 * step * square * np.sin(angle))
-    return course
 
 
 _TRUTH = (
     "parameterEstimation/run_estimate.m fits b_c_c_p and b_c_c_m, dry friction by direction and place, first guesses "
     "1.5 to 2.1 and 5.2 to 5.6 N"
 )
-_READING = "resampled to 10 ms; place and command smoothed alike (Gaussian, 40 ms), the command 5 ms late"
+_READING = "resampled to 20 ms; place and command smoothed alike (Gaussian, 40 ms), the command 5 ms late"
 
 CASES = (
     RealCase(

@@ -15,7 +15,6 @@ from selector.proof.real.tables import cascaded_tanks, silverbox
 from selector.recording import Channel, Recording
 
 _FRICTION = ("drive.viscous", "drive.stribeck")
-_KEPT = 8
 _SPINDLE_KEPT = 6
 
 
@@ -30,11 +29,11 @@ def _every(given: Recording, n: int) -> Recording:
 
 
 def _emps(_: Path, *, law: Law, runs: tuple[str, ...] = ("nominal", "pulses")) -> Pair:
-    return Pair(*(_every(one, 2 if len(runs) > 1 else 1) for one in emps(law, runs)))
+    return Pair(*(_every(one, 2 * len(runs)) for one in emps(law, runs)))
 
 
 def _silverbox(folder: Path, *, cubic: bool) -> Pair:
-    return Pair(*(_every(one, _KEPT // 2) for one in silverbox(folder, cubic=cubic)))
+    return Pair(*(_every(one, 4) for one in silverbox(folder, cubic=cubic)))
 
 
 def _tanks(folder: Path) -> Pair:
@@ -83,7 +82,7 @@ CASES = (
         truth=_TRUTH,
         right=("drive.coulomb",),
         tolerated=("drive.asymmetric_friction", *_FRICTION),
-        reading="one row of eight (1 ms)",
+        reading="one row of 16 (1 ms)",
     ),
     RealCase(
         name="emps/symmetric",
@@ -93,7 +92,7 @@ CASES = (
         truth=_TRUTH,
         right=("drive.asymmetric_friction",),
         tolerated=("drive.elasticity", "drive.delay", "drive.coulomb", *_FRICTION),
-        reading="one row of eight (1 ms)",
+        reading="one row of 16 (1 ms)",
     ),
     RealCase(
         name="emps/pulses",
@@ -103,7 +102,7 @@ CASES = (
         truth=_TRUTH,
         right=("drive.elasticity", "drive.delay", "drive.mass"),
         tolerated=("drive.coulomb", *_FRICTION),
-        reading="one row of four (1 ms)",
+        reading="one row of eight (1 ms)",
     ),
     RealCase(
         name="silverbox/linear",

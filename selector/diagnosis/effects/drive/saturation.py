@@ -112,7 +112,7 @@ def _limited(comparison: Comparison, response: str) -> Iterator[tuple[str, Vecto
 
 def _plateau(comparison: Comparison, name: str) -> list[float]:
     """The level that a recorded channel stays at where it is largest, if the simulation goes beyond it."""
-    if name not in comparison.recorded:
+    if name not in comparison.recorded or name not in comparison.simulated:
         return []
     seen = np.abs(comparison.recorded[name][~comparison.held_out])
     told = np.abs(comparison.simulated[name][~comparison.held_out])
