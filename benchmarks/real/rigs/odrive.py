@@ -16,6 +16,8 @@ _DATA = "analysis/cogging_torque"
 _COUNTS = 8192
 _MEAN_OF = 3
 _POINTS = 16
+_BACK_S = 0.5
+"""In this time the motor goes back to where it starts from."""
 _CHANNELS = (
     Channel("angle", "position", "m", place="shaft, a turn as a metre", axis="C"),
     Channel("Iq", "current", "A", place="motor", axis="C"),
@@ -25,7 +27,7 @@ _CHANNELS = (
 def _read(path: Path, mean_of: int) -> pd.DataFrame:
     """Angle and current; the simulated angle is that of a constant speed."""
     time_s, counts, current = np.load(path)
-    kept = np.r_[True, np.diff(time_s) > 0]
+    kept = np.r_[True, np.diff(time_s) > 0] & (time_s > _BACK_S)
     angle = counts[kept] / _COUNTS
     line = least_squares([time_s[kept], 1.0], angle)
     steady = line[0] * time_s[kept] + line[1]
@@ -63,7 +65,7 @@ _TRUTH = (
     "compensation'"
 )
 _SPEED = "angle = speed x time, of each run its own"
-_READING = "a turn is a metre; means of rows of 2.3 ms (uneven)"
+_READING = "a turn is a metre; means of rows of 2.3 ms (uneven); the first 0.5 s are left out"
 _SILENT = ("nothing-missing", "miscalibrated")
 
 CASES = (
