@@ -8,32 +8,35 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from benchmarks.real.case import Pair, RealCase
+from benchmarks.real.case import Pair, RealCase, thinned
 from selector.proof.real.emps import Law, emps
 from selector.proof.real.regressed import ace_thermal
 from selector.proof.real.tables import cascaded_tanks, silverbox
 from selector.recording import Channel, Recording
 
 _FRICTION = ("drive.viscous", "drive.stribeck")
+_ROWS = {"multisine 1": 2500, "multisine 2": 2500, "multisine 3": 2500, "arrow": 2500}
 _SPINDLE_KEPT = 6
 
 
-def _every(given: Recording, n: int) -> Recording:
-    tables = {
-        run: pd.DataFrame(given.values(run, given.names), columns=list(given.names)).set_axis(
-            pd.Index(given.time_s(run), name="time_s")
-        )
-        for run in given.runs
-    }
-    return Recording.from_runs({run: table.iloc[::n] for run, table in tables.items()}, given.channels)
+def _tables(given: Recording) -> dict[str, pd.DataFrame]:
+    return {run: given.frame.loc[run] for run in given.runs}
 
 
 def _emps(_: Path, *, law: Law, runs: tuple[str, ...] = ("nominal", "pulses")) -> Pair:
-    return Pair(*(_every(one, 2 * len(runs)) for one in emps(law, runs)))
+    parts = emps(law, runs)
+    return Pair(*(
+        Recording.from_runs({run: thinned(table, 2 * len(runs)) for run, table in _tables(one).items()}, one.channels)
+        for one in parts
+    ))  # fmt: skip
 
 
 def _silverbox(folder: Path, *, cubic: bool) -> Pair:
-    return Pair(*(_every(one, 4) for one in silverbox(folder, cubic=cubic)))
+    """The last rows of some runs, at the full rate: the oscillator answers up to a third of it."""
+    parts = silverbox(folder, cubic=cubic)
+    kept = [{run: _tables(one)[run].iloc[-rows:] for run, rows in _ROWS.items()} for one in parts]
+    begun = [{run: part.set_axis(part.index - part.index[0]) for run, part in of.items()} for of in kept]
+    return Pair(*(Recording.from_runs(of, one.channels) for of, one in zip(begun, parts, strict=True)))
 
 
 def _tanks(folder: Path) -> Pair:
@@ -82,7 +85,7 @@ CASES = (
         truth=_TRUTH,
         right=("drive.coulomb",),
         tolerated=("drive.asymmetric_friction", *_FRICTION),
-        reading="one row of 16 (1 ms)",
+        reading="means of four rows of 4 ms",
     ),
     RealCase(
         name="emps/symmetric",
@@ -92,7 +95,7 @@ CASES = (
         truth=_TRUTH,
         right=("drive.asymmetric_friction",),
         tolerated=("drive.elasticity", "drive.delay", "drive.coulomb", *_FRICTION),
-        reading="one row of 16 (1 ms)",
+        reading="means of four rows of 4 ms",
     ),
     RealCase(
         name="emps/pulses",
@@ -102,16 +105,16 @@ CASES = (
         truth=_TRUTH,
         right=("drive.elasticity", "drive.delay", "drive.mass"),
         tolerated=("drive.coulomb", *_FRICTION),
-        reading="one row of eight (1 ms)",
+        reading="means of two rows of 4 ms",
     ),
     RealCase(
         name="silverbox/linear",
         kind="positive",
         build=partial(_silverbox, cubic=False),
-        model="the best linear oscillator of second order on four multisines; the arrow is held out",
+        model="the best linear oscillator of second order on four multisines; the end of the arrow is held out",
         truth=_TRUTH,
         right=("vibration.hardening",),
-        reading="one row of four (610 Hz)",
+        reading="610 Hz; the last 2500 rows of three multisines and of the arrow",
     ),
     RealCase(
         name="silverbox/cubic",
@@ -120,7 +123,7 @@ CASES = (
         model="the best one with a cubic spring; 0.6 % of the swing is left",
         truth=_TRUTH,
         verdicts=("nothing-missing", "miscalibrated"),
-        reading="one row of four (610 Hz)",
+        reading="610 Hz; the last 2500 rows of three multisines and of the arrow",
     ),
     RealCase(
         name="cascaded_tanks/brims",
