@@ -93,6 +93,7 @@ def _control(name: str, first: str, others: tuple[str, ...], held_out: str, tole
         model=f"force by place and direction in {first}, scaled with the pressure; {held_out} held out",
         truth="the same actuator and seal again; forces agree to 0.1 to 3 N (read off)",
         tolerated=tolerated,
+        verdicts=("nothing-missing", "miscalibrated"),
         reading="as the positives; rows slower than 2 mm/s have no simulation",
     )
 
