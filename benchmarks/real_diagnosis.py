@@ -70,8 +70,10 @@ def answered(case: RealCase, recordings: Path) -> dict[str, Any]:
     recording, simulation, holdout = case.build(recordings / case.rig)
     started = time.perf_counter()
     comparison = comparison_of(recording, simulation, holdout=holdout)
-    answer = diagnosis(comparison, seed=SEED).as_dict()
-    return {"rows": len(comparison.time_s), "seconds": round(time.perf_counter() - started, 1), "answer": answer}
+    found = diagnosis(comparison, seed=SEED)
+    seconds = round(time.perf_counter() - started, 1)
+    looked = [vars(one) for one in found.evidence if one.id in case.right]
+    return {"rows": len(comparison.time_s), "seconds": seconds, "answer": found.as_dict(), "evidence": looked}
 
 
 def read_in(case: RealCase, recordings: Path) -> str:

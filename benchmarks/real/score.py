@@ -19,7 +19,7 @@ def judged(case: RealCase, told: Mapping[str, Any]) -> Row:
     """The row of a case: what the tool said beside what is right."""
     row: Row = {"case": case.name, "kind": case.kind, "right": list(case.right), "verdicts": list(case.verdicts)}
     if "error" in told:
-        failed = {"credit": "failed", "verdict": "", "names": told["error"], "named": [], "fit": {}}
+        failed = {"credit": "failed", "verdict": "", "names": told["error"], "named": [], "fit": {}, "evidence": []}
         return row | failed | {"seconds": None, "rows": None}
     answer = told["answer"]
     named = _once([_name(case, effect) for effect in answer["effects"]])
@@ -29,6 +29,7 @@ def judged(case: RealCase, told: Mapping[str, Any]) -> Row:
         "names": ", ".join(_shown(one) for one in named),
         "named": named,
         "fit": {name: _errors(fit) for name, fit in answer["fit"].items()},
+        "evidence": [_evidence(one) for one in told.get("evidence", ()) if not one["named"]],
         "rows": told["rows"],
         "seconds": told["seconds"],
     }
@@ -61,6 +62,11 @@ def _once(named: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
         for key in ("confidence", "share"):
             known[key] = max(known[key], one[key])
     return list(found.values())
+
+
+def _evidence(one: Mapping[str, Any]) -> str:
+    """How an id that is right stood, where it was not named."""
+    return f"{one['id']} in {one['channel']}: " + (one["note"] or f"score {one['gain']:.3g}, p {one['p_value']:.2g}")
 
 
 def _credit(case: RealCase, verdict: str, named: Sequence[Mapping[str, Any]]) -> str:
@@ -144,6 +150,7 @@ def text_of(rows: Sequence[Row], summed: Mapping[str, Any]) -> str:
             f"{row['case']:26s} {row['kind']:9s} {row['credit']:17s} {row['verdict']:17s} {size}  {row['names']}"
         )
         lines += [f"{'':28s}{name}: {_course(fit)}" for name, fit in row["fit"].items()]
+        lines += [f"{'':28s}not named: {one}" for one in row["evidence"]]
     lines.append("")
     lines += [f"{name:40s} {_number(value)}" for name, value in summed.items()]
     return "\n".join(lines) + "\n"

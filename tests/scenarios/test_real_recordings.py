@@ -78,7 +78,7 @@ def test_a_guide_log_gives_the_error_that_the_pulses_took_away(tmp_path):
             pulse_ms = round(abs(seen) / 0.4 * 1e3)
             rows.append(f'{k + 1},{at_s:.3f},"Mount",0,0,{seen:.5f},0,{seen:.5f},0,{pulse_ms},W,0,,,,1000,30,0')
             moved += np.sign(seen) * 0.4e-3 * pulse_ms
-        head = f"Guiding Begins at {begin}\nMount = X, xAngle = 1, xRate = 0.400, yAngle = 2\nDec = 0.0 deg, Hour = 1"
+        head = f"Guiding Begins at {begin}\nMount = X, xRate = 0.400, yAngle = 2\nDec = 0.0 deg, Pier side = West"
         sessions.append("\n".join([head, "INFO: SETTLING STATE CHANGE", *rows, "Guiding Ends"]))
     text = "PHD2 version\n\n" + "\n\n".join(sessions) + "\n"
     written(tmp_path, "web/agp/public/data/PHD2_GuideLog_2022-03-18_210258.txt", text)

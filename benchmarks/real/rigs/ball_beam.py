@@ -19,9 +19,9 @@ _FILES = {
 }
 _MEAN_OF = 60
 _CHANNELS = (
-    Channel("wanted", "voltage", "V", place="wanted place of the ball"),
-    Channel("place", "voltage", "V", place="place of the ball, filtered"),
-    Channel("u", "voltage", "V", place="output of the control"),
+    Channel("wanted", "position_command", "m", place="wanted place of the ball, volts as metres", axis="B"),
+    Channel("place", "position", "m", place="place of the ball, filtered, volts as metres", axis="B"),
+    Channel("u", "voltage", "V", place="output of the control", axis="B"),
 )
 
 
