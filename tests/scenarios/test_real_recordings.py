@@ -6,6 +6,7 @@ The recordings themselves are not part of the package; files of the same form ar
 from __future__ import annotations
 
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,8 @@ import pandas as pd
 import pytest
 
 from benchmarks.real.case import RealCase
+from benchmarks.real.cut import CUTS
+from benchmarks.real.cut import written as cut_files
 from benchmarks.real.rigs import CASES
 from benchmarks.real.score import judged, sums, text_of
 from benchmarks.real.sources import KNOWN, SOURCES, halves
@@ -123,22 +126,46 @@ def test_a_station_two_hours_behind_is_seen_as_such_and_put_right(tmp_path):
     assert left["station/siblings"] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_strains_and_forces_are_counted_not_stamped(tmp_path):
+def bridge(folder: Path) -> Path:
     levels = {"ref_support_load_01": 0.0, "support_load_01": 34.0, "support_load_02": 86.0, "support_load_03": 130.0}
     stamps = ["2022-11-04 08:36:24.897"] * 5000
     for name, level in levels.items():
         strain = pd.DataFrame({"Time (-)": stamps, "DMS_CN (um/m)": level + 0.1 * DRAW.standard_normal(5000)})
         force = pd.DataFrame({"Time (-)": stamps, "FRC-01 [kN]": np.full(5000, 234.0), "FRC-02 [kN]": 230.0})
         for ending, table in (("DMS_CNAt100Hz", strain), ("ForceAt100Hz", force)):
-            path = tmp_path / "Settlements" / f"UniBw_2022-04-11_{name}{ending}.csv.zip"
+            path = folder / "Settlements" / f"UniBw_2022-04-11_{name}{ending}.csv.zip"
             path.parent.mkdir(exist_ok=True)
             with zipfile.ZipFile(path, "w") as archive:
                 archive.writestr(f"Settlements/{name}.csv", table.to_csv(index=False))
-    recording, simulation, _ = case("bridge/lowered").build(tmp_path)
+    written(folder, "LICENSE", "MIT License\n\nCopyright (c) 2022 imcs-compsim\n")
+    return folder
+
+
+def test_strains_and_forces_are_counted_not_stamped(tmp_path):
+    recording, simulation, _ = case("bridge/lowered").build(bridge(tmp_path))
     assert recording.time_s("reference")[-1] == pytest.approx(49.0)
     assert recording.values("lowered 3", ("F1",)) == pytest.approx(234e3)
     difference = recording.values("lowered 3", ("strain",)) - simulation.values("lowered 3", ("strain",))
     assert difference.mean() == pytest.approx(130.0, abs=0.1)
+
+
+def test_a_cut_is_read_like_the_whole_and_says_where_it_comes_from(tmp_path):
+    whole, out = tmp_path / "whole", tmp_path / "cut"
+    whole.mkdir()
+    cut = replace(next(cut for cut in CUTS if cut.rig == "bridge"), one_of=10)
+    assert max(cut_files(cut, bridge(whole), out)) < 50_000
+    recording, _, _ = case("bridge/lowered").build(out)
+    assert len(recording.frame) == 4 * 5
+    source = (out / "SOURCE.md").read_text(encoding="utf-8")
+    for said in (
+        "imcs-compsim/munich-bridge-data",
+        "f1057c1",
+        "MIT",
+        "Copyright (c) 2022 imcs-compsim",
+        "one row of 10",
+    ):
+        assert said in source
+    assert {halves()[cut.rig] for cut in CUTS} == {"development"}
 
 
 def effect(id_: str, confidence: float = 0.9, rivals: tuple[str, ...] = ()) -> dict:

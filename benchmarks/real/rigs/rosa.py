@@ -11,7 +11,7 @@ import pandas as pd
 from benchmarks.real.case import SIMULATED, Pair, RealCase, Vector, least_squares, pair, thinned
 from selector.recording import Channel
 
-_HEALTHY = tuple(f"Healthy Mode/merged_data{k}.csv" for k in (104, 108, 112, 116, 120, 124, 128))
+HEALTHY = tuple(f"Healthy Mode/merged_data{k}.csv" for k in (104, 108, 112, 116, 120, 124, 128))
 """At 300, 250, 100, 180, 200, 150 and 300: what the simulation of the effort is fitted to."""
 _LEFT_OUT = 3
 _LEVEL_S = 2.0
@@ -39,7 +39,7 @@ def _read(path: Path) -> pd.DataFrame:
 
 
 def _beside_healthy(folder: Path, *, files: tuple[str, ...]) -> Pair:
-    healthy = pd.concat([_read(folder / name) for name in _HEALTHY])
+    healthy = pd.concat([_read(folder / name) for name in HEALTHY])
     factors = least_squares([healthy["command"].to_numpy(), 1.0], healthy["effort"].to_numpy())
     runs = {Path(name).stem: thinned(_read(folder / name), 2) for name in files}
     for frame in runs.values():
@@ -49,7 +49,7 @@ def _beside_healthy(folder: Path, *, files: tuple[str, ...]) -> Pair:
 
 def _shaken(folder: Path, *, files: tuple[str, ...]) -> Pair:
     runs = {Path(name).stem: _read(folder / name) for name in files}
-    fitted = pd.concat([_read(folder / name) for name in _HEALTHY])
+    fitted = pd.concat([_read(folder / name) for name in HEALTHY])
     level = float(np.mean(fitted["az"]))
     for frame in runs.values():
         frame["az" + SIMULATED] = np.full(len(frame), level)
