@@ -5,7 +5,8 @@ python -m benchmarks.real_diagnosis --recordings FOLDER --out RESULTS [--half de
 FOLDER has a folder for every rig, as `python -m benchmarks.real.collect FOLDER CLONES` writes them; where a rig's files
 are published is said for those that are missing. RESULTS receives a file a case, and the table as table.txt and
 table.json; what is there already is not asked again (`--again` does). `--check` builds the cases and shows what was
-read, without asking anything. The half that is set apart by lot (`--lot` shows it) is asked once, at the end.
+read, without asking anything, `--list` shows what is declared of them. The half that is set apart by lot (`--lot` shows
+it) is asked once, when the method stands: with `--final`.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ import numpy as np
 from benchmarks.real.case import RealCase
 from benchmarks.real.rigs import CASES
 from benchmarks.real.score import judged, sums, text_of
-from benchmarks.real.sources import SENTENCE, SOURCES, halves
+from benchmarks.real.sources import SENTENCE, SHIPPED, SOURCES, halves
 
 SEED = 0
 
@@ -42,8 +43,13 @@ def main() -> None:
     if options.one:
         print(json.dumps(answered(_named(options.one), options.recordings)))
         return
+    if options.half == "apart" and not (options.final or options.check or options.list):
+        sys.exit("the half set apart is asked once, when the method stands: --final")
     chosen = [case for case in CASES if half_of[case.rig] == options.half and _asked(case, options.case)]
-    there = [case for case in chosen if (options.recordings / case.rig).is_dir()]
+    if options.list:
+        print("\n\n".join(declared(case) for case in chosen))
+        return
+    there = [case for case in chosen if case.rig in SHIPPED or (options.recordings / case.rig).is_dir()]
     _tell_missing({case.rig for case in chosen} - {case.rig for case in there})
     if options.check:
         for case in there:
@@ -60,6 +66,21 @@ def main() -> None:
     whole = {"half": options.half, "commit": _commit(), "sums": summed, "cases": rows}
     (options.out / "table.json").write_text(json.dumps(whole, indent=1) + "\n", encoding="utf-8")
     print(table)
+
+
+def declared(case: RealCase) -> str:
+    """What is said of a case before it is asked."""
+    source = next((source for source in SOURCES if source.rig == case.rig), None)
+    origin = "see docs/reference/sources.md" if source is None else f"{source.published}; licence: {source.licence}"
+    told = {
+        "from": origin,
+        "read": case.reading or "as it is",
+        "simulation": case.model,
+        "truth": case.truth,
+        "right": ", ".join((*case.right, *(f"verdict {verdict}" for verdict in case.verdicts))),
+        "tolerated": ", ".join(case.tolerated) or "nothing",
+    }
+    return "\n".join([f"{case.name} ({case.kind})", *(f"  {name:11s} {words}" for name, words in told.items())])
 
 
 def answered(case: RealCase, recordings: Path) -> dict[str, Any]:
@@ -126,7 +147,9 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--limit", type=float, default=600.0, help="seconds a case")
     parser.add_argument("--again", action="store_true")
     parser.add_argument("--check", action="store_true")
+    parser.add_argument("--list", action="store_true")
     parser.add_argument("--lot", action="store_true")
+    parser.add_argument("--final", action="store_true")
     parser.add_argument("--one", help=argparse.SUPPRESS)
     return parser.parse_args()
 

@@ -91,6 +91,8 @@ SOURCES: tuple[Source, ...] = (
 
 KNOWN: tuple[str, ...] = ("emps", "silverbox", "cascaded_tanks", "ace_thermal", "spindle46")
 """Rigs that were looked at while the program was made: never apart."""
+SHIPPED = ("emps",)
+"""Recordings that come with the package."""
 
 
 def halves() -> dict[str, Half]:

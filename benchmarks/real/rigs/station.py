@@ -124,4 +124,13 @@ CASES = (
         verdicts=("nothing-missing", "miscalibrated"),
         reading="steps of 0.0625 K",
     ),
+    RealCase(
+        name="station/BME680",
+        kind="control",
+        build=partial(_beside_sibling, name="2_BME680_Ta", sibling="1_BME680_Ta"),
+        model="slope and zero of one thermometer on another of its kind, fitted to two days; the third is held out",
+        truth="the same air, sensors of one kind",
+        tolerated=("gauging.lag",),
+        verdicts=("nothing-missing", "miscalibrated"),
+    ),
 )
