@@ -19,8 +19,8 @@ _FILES = {
     "multisine": "sinal4_multiseno_malha_fechada.csv",
     "slow": "sinal1_semi_estatica_malha_fechada.csv",
 }
-_MEAN_OF = 10
-_SKIPPED_S = 5.0
+_MEAN_OF = 4
+_SKIPPED_S = 10.0
 _PER_VOLT = 0.1
 _CHANNELS = (
     Channel("u", "voltage", "V", place="control output, percent as volts"),
@@ -38,7 +38,7 @@ def _linear(folder: Path) -> Pair:
     fitted = [runs[name] for name in ("steps", "swept sine", "multisine")]
 
     def left(x: Vector) -> Vector:
-        return np.concatenate([(_swing(x, frame, step_s) - frame["angle"].to_numpy())[25:] for frame in fitted])
+        return np.concatenate([(_swing(x, frame, step_s) - frame["angle"].to_numpy())[60:] for frame in fitted])
 
     x = fitted_to(left, np.array([np.log(10.0), np.log(2.0), np.log(0.4), 0.0]), x_scale="jac").x
     skipped = round(_SKIPPED_S / step_s)
@@ -67,6 +67,6 @@ CASES = (
         "friction; angles go from 0 to 94 degrees (read off)",
         right=("vibration.hardening", "drive.varying_stiffness"),
         tolerated=("drive.delay", "drive.varying_damping"),
-        reading="means of ten rows (10 ms); the first 5 s, before the simulation has settled, are left out",
+        reading="means of four rows (10 ms); the first 10 s, before the simulation has settled, are left out",
     ),
 )

@@ -22,7 +22,7 @@ _CHANNELS = (
     Channel("effort", "voltage", "V", place="drive of the shaft, PWM in percent as volts", axis="C"),
 )
 _SHAKEN = (
-    Channel("speed", "velocity", "m/s", place="encoder of the shaft, unit not stated"),
+    Channel("speed", "spindle_speed", "rpm", place="encoder of the shaft"),
     Channel("az", "acceleration", "m/s^2", place="on the shaft"),
 )
 _READING = "effort and speed as volts and m/s (their units are not stated); means of two rows of "
@@ -111,7 +111,8 @@ CASES = (
         right=("vibration.line", "vibration.imbalance"),
         tolerated=("vibration.mode",),
         verdicts=("unexplained",),
-        reading="acceleration along z of the shaft's sensor, which turns with it: imbalance and weight show, too",
+        reading="acceleration along z of the shaft's sensor, which turns with it: imbalance and weight show, too; speed in "
+        "r/min, as the sensor's own speed of turning says",
     ),
     RealCase(
         name="rosa/healthy250",
