@@ -111,8 +111,8 @@ CASES = (
         right=("vibration.line", "vibration.imbalance"),
         tolerated=("vibration.mode",),
         verdicts=("unexplained",),
-        reading="acceleration along z of the shaft's sensor, which turns with it: imbalance and weight show, too; speed in "
-        "r/min, as the sensor's own speed of turning says",
+        reading="acceleration along z of the shaft's sensor, which turns with it: imbalance and weight show, too; "
+        "speed in r/min, as the sensor's own speed of turning says",
     ),
     RealCase(
         name="rosa/healthy250",
