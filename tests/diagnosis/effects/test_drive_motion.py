@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import held_back
 from selector.diagnosis.effects.drive.pitch_error import EFFECT as PITCH_ERROR
+from selector.diagnosis.effects.drive.saturation import EFFECT as SATURATION
 from selector.diagnosis.shapes.axis import motion
 from selector.diagnosis.shapes.force_response import ClosedLoop, closed_loop, passed, responds, yields_s2
 from selector.recording import Channel
@@ -164,6 +165,17 @@ def test_a_limit_beyond_the_force_does_nothing_and_one_below_is_made_good(winds_
     assert behind.min() < 0.0
     # forgotten with the slowest pole, near 30 1/s, after one second
     assert np.abs(behind[comparison.time_s > 2.0]).max() < 1e-6 * np.abs(behind).max()
+
+
+@pytest.mark.parametrize("name", ["speed", "acceleration"])
+def test_a_limit_is_looked_for_also_where_a_channel_of_that_name_is_recorded_and_not_simulated(name):
+    role, unit = {"speed": ("velocity", "m/s"), "acceleration": ("acceleration", "m/s^2")}[name]
+    moved = {"speed": SPEED, "acceleration": np.gradient(SPEED, PERIOD_S)}[name]
+    channels = (Channel("q", "position", "m"), Channel(name, role, unit), Channel("F", "force", "N"))
+    recorded = {"q": COMMAND, name: moved, "F": np.clip(SPEED, -0.1, 0.1)}
+    comparison = comparison_with(channels, recorded, F=SPEED)
+    limits = {variant.shape["limit"].unit for variant in SATURATION.variants(comparison, "F")}
+    assert "N" in limits
 
 
 def test_a_pitch_error_may_be_counted_from_where_each_run_began():

@@ -1,0 +1,58 @@
+"""All cases, rig by rig."""
+
+from __future__ import annotations
+
+from benchmarks.real.case import RealCase
+from benchmarks.real.rigs import (
+    anti_cogging,
+    ball_beam,
+    bath,
+    bottle_tank,
+    bridge,
+    cart_pendulum,
+    cart_rail,
+    f16,
+    friction_damper,
+    heated_bar,
+    heated_rod,
+    incubator,
+    known,
+    odrive,
+    pneumatic,
+    probe_drift,
+    quarter_drone,
+    rosa,
+    servo_play,
+    station,
+    telescope,
+    two_pendulums,
+    water_loop,
+)
+
+_RIGS = (
+    rosa,
+    pneumatic,
+    anti_cogging,
+    quarter_drone,
+    bridge,
+    station,
+    bath,
+    telescope,
+    cart_rail,
+    ball_beam,
+    servo_play,
+    heated_bar,
+    odrive,
+    probe_drift,
+    cart_pendulum,
+    f16,
+    incubator,
+    two_pendulums,
+    water_loop,
+    friction_damper,
+    bottle_tank,
+    heated_rod,
+    known,
+)
+
+CASES: tuple[RealCase, ...] = tuple(case for rig in _RIGS for case in rig.CASES)
