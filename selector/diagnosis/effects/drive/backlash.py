@@ -27,6 +27,9 @@ from selector.types import Vector
 
 _CROSSED_UM = (1.0, 10.0, 100.0)
 """Way on which the lost motion is crossed; the finest stands for all that the sampling shows as a step."""
+_WIDER = 10.0**0.5
+_OF_WAY = 0.25
+"""Of the way that was gone: what a machine says nothing of may have play that wide."""
 _INERTIA_SHARES = (1.0, 0.6)
 """Of the moving mass, behind the play: where inertia exceeds friction, flanks change while the axis slows down."""
 _STARTS = (1.0, 0.0, -1.0)
@@ -41,7 +44,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     moving = motion_of(comparison, response)
     starts = np.asarray(moving.starts)
     seen: list[Vector] = []
-    for crossed_um in _CROSSED_UM:
+    for crossed_um in _widths(moving):
         for start in _STARTS:
             side = _begun(_side, moving.position_m, starts, 1e-6 * crossed_um, start)
             # within one sample a short way is a step, and one step is like another
@@ -58,6 +61,14 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
             side = _begun(_loaded_side, load, starts, _LOADED * float(np.abs(load).max()), start)
             shape = {"inertia_share": Quantity(share, "1"), "start": Quantity(start, "1")}
             yield _of_side(comparison, response, side, shape)
+
+
+def _widths(moving: Motion) -> Iterator[float]:
+    yield from _CROSSED_UM
+    wider_um = _CROSSED_UM[-1] * _WIDER
+    while 1e-6 * wider_um < _OF_WAY * float(np.ptp(moving.position_m)):
+        yield wider_um
+        wider_um *= _WIDER
 
 
 def _begun(sides: Callable[..., Vector], course: Vector, starts: Vector, least: float, start: float) -> Vector:
@@ -147,7 +158,7 @@ EFFECT = Effect(
     acts_at="nut, gear, coupling or bearing of an axis",
     parameters=(
         ShapeParameter("lost_motion", "unit of the response", 0.0, 1e3, "whole play"),
-        ShapeParameter("crossed_um", "um", 1.0, 100.0, "way on which it is crossed"),
+        ShapeParameter("crossed_um", "um", 1.0, 1e6, "way on which it is crossed"),
         ShapeParameter(
             "start", "1", -1.0, 1.0, "flank before the first motion: 1 that which touches first, -1 the other"
         ),
