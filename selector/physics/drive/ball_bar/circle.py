@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +16,7 @@ from selector.physics.drive.motion import Motion, ParameterCourse, Reference
 from selector.physics.drive.parts.axis import Axis
 from selector.physics.drive.parts.mechanics import RigidMechanics
 from selector.physics.drive.simulation import circle_step_s
+from selector.physics.model_fields import Limits, Unit
 from selector.types import Vector
 
 RAMP_S = 1.0
@@ -165,6 +166,9 @@ def _wrong(found: str, expected: str, advice: str) -> InputError:
 
 
 Pair = tuple[float, float]
+_PerMetre = Annotated[float, Unit("µm/m"), Limits(0.0, 1e4)]
+_Micrometres = Annotated[float, Unit("µm")]
+_MicrometresOfBoth = Annotated[Pair, Unit("µm")]
 CourseOf = Callable[[Reference], ParameterCourse | None]
 """Stiffness and damping that change along a reference; None: they do not."""
 
@@ -181,15 +185,18 @@ class PairGeometry:
     """Errors of two linear axes and of the set-up that do not depend on the motion; all zero: ideal."""
 
     #: How far the second axis leans towards the first: the angle between them is 90° less this [µm/m]
-    squareness_um_per_m: float = 0.0
-    scale_um_per_m: Pair = (0.0, 0.0)  #: How much further than commanded each axis goes [µm/m]
+    squareness_um_per_m: _PerMetre = 0.0
+    scale_um_per_m: tuple[_PerMetre, _PerMetre] = (0.0, 0.0)  #: How much further than commanded each axis goes [µm/m]
     #: Straightness: how far an axis at ± radius has moved across, in the direction of the other one, against the
     #: middle; with the square of the distance [µm]
-    bow_um: Pair = (0.0, 0.0)
-    centre_offset_um: Pair = (0.0, 0.0)  #: Where the ball of the workpiece sits against the commanded centre [µm]
-    length_error_um: float = 0.0  #: How much longer than nominal the bar is where it reads 0 [µm]
+    bow_um: _MicrometresOfBoth = (0.0, 0.0)
+    centre_offset_um: _MicrometresOfBoth = (
+        0.0,
+        0.0,
+    )  #: Where the ball of the workpiece sits against the commanded centre [µm]
+    length_error_um: _Micrometres = 0.0  #: How much longer than nominal the bar is where it reads 0 [µm]
     #: Where the centre of the rotary table is against its commanded place [µm]
-    rotary_centre_offset_um: Pair = (0.0, 0.0)
+    rotary_centre_offset_um: _MicrometresOfBoth = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         for name, values in vars(self).items():

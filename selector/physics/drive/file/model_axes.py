@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from typing import Any, get_args, get_type_hints
 
 from selector.errors import InputError
-from selector.physics.drive.file.model_schema import MOST_WAITING, AxisSection, PartsSection
+from selector.physics.drive.file.model_schema import AxisSection, PartsSection
 from selector.physics.drive.motion import ParameterCourse, Reference
-from selector.physics.drive.parts.axis import Axis, Sensing, Servo
+from selector.physics.drive.parts.axis import MOST_WAITING, Axis, Sensing, Servo
 from selector.physics.drive.parts.catalogue import Bearings, Coupling, Guide, Nut, Parts, Screw, thc6350_x_axis
 from selector.physics.drive.parts.damping import dry_friction, parameter_course
 from selector.physics.drive.parts.mechanics import (
