@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, get_args, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
@@ -120,16 +120,16 @@ def unlikely_values(file: Entry, channel_of: Callable[[Key], str | None] = lambd
         units[name] = unit_in(said)
         range_ = next((one for one in said if isinstance(one, Usual)), None)
         if range_ is not None:
-            usual[f"{section}.{name}"] = UsualRange(range_.low, range_.high, range_.units)
+            usual[f"{section}.{name}" if section else name] = UsualRange(range_.low, range_.high, range_.units)
     yield from unlikely_numbers(plain_values(file), usual, lambda key: units.get(key, "1"), channel_of)
 
 
 def _fields(schema: type[BaseModel], section: str = "") -> Iterator[tuple[str, str, Any]]:
-    """(key of the section, key, field) of everything in a schema."""
+    """(key of the section, empty if the file names it, key, field) of everything in a schema."""
     for name, told in schema.model_fields.items():
         yield section, name, told
         for inner in _schemas_in(told.annotation):
-            yield from _fields(inner, name)
+            yield from _fields(inner, "" if get_origin(told.annotation) is dict else name)
 
 
 def _schemas_in(annotation: Any) -> Iterator[type[BaseModel]]:

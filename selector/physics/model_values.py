@@ -6,7 +6,7 @@ import dataclasses
 import json
 import re
 import types
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -75,6 +75,14 @@ def refused(error: InputError, key: Key, section: Entry | None) -> Contradiction
     for name in names:
         inside = getattr(inside, name, None) if isinstance(inside, Entry) and name in type(inside).model_fields else ...
     return (key if inside is ... else (*key, *names)), error.found, error.expected, error.advice
+
+
+def refusals(make: Callable[[], object], key: Key, section: Entry | None = None) -> Iterator[Contradiction]:
+    """What making a value refuses, if anything, at the key of the section that describes it."""
+    try:
+        make()
+    except InputError as error:
+        yield refused(error, key, section)
 
 
 def _inner_value(kind: type[Value], section: Entry, name: str) -> Value:

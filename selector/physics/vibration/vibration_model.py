@@ -19,6 +19,7 @@ from selector.physics.vibration.file.model_file import (
     file_shafts,
     file_sources,
     file_structure,
+    file_surface,
     mean_rpm,
 )
 from selector.physics.vibration.file.parameters import parameters, with_parameters
@@ -112,7 +113,7 @@ class VibrationModel:
     @property
     def surface(self) -> Surface:
         """Where one kind of periodic error ends and the next begins."""
-        return Surface(self.file.surface.roughness_below_mm, self.file.surface.lobing_up_to_upr)
+        return file_surface(self.file)
 
     def cutting(self, shaft_rpm: Mapping[str, float]) -> Cutting | None:
         """The cut at these speeds of the shafts [r/min]; None where the file has none."""

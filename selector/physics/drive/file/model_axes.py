@@ -6,9 +6,9 @@ import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, get_args, get_type_hints
 
-from selector.errors import InputError
 from selector.physics.drive.file.model_schema import AxisSection, PartsSection
 from selector.physics.drive.motion import ParameterCourse, Reference
 from selector.physics.drive.parts.axis import MOST_WAITING, Axis, Sensing, Servo
@@ -23,8 +23,8 @@ from selector.physics.drive.parts.mechanics import (
     Transmission,
 )
 from selector.physics.drive.parts.stiffness import axial_compliance, three_mass_mechanics
-from selector.physics.model_text import Contradiction, Key
-from selector.physics.model_values import given, refused, value_of
+from selector.physics.model_text import Contradiction, Entry, Key
+from selector.physics.model_values import given, refusals, value_of
 
 LIKE = {"thc6350-x": thc6350_x_axis}
 """`like` of the file → parts that are known by a name."""
@@ -74,10 +74,7 @@ def parts_contradictions(at: Key, section: PartsSection) -> Iterator[Contradicti
             key = (*at, name, lacking[0]) if one else (*at, name)
             yield key, found, "this key" if one else "these keys", _advice(kind, lacking)
             return
-        try:
-            _part(section, name)
-        except InputError as error:
-            yield refused(error, (*at, name), inside)
+        yield from refusals(partial(_part, section, name), (*at, name), inside)
 
 
 def _lacking(kind: Any, said: Set[str]) -> list[str]:
@@ -234,20 +231,12 @@ def _refused(at: Key, section: AxisSection) -> Iterator[Contradiction]:
     if section.parts is not None:
         yield from parts_contradictions((*at, "parts"), section.parts)
     elif section.mechanics is not None:
-        try:
-            _mechanics(section, None)
-        except InputError as error:
-            yield refused(error, (*at, "mechanics"), section.mechanics)
+        yield from refusals(partial(_mechanics, section, None), (*at, "mechanics"), section.mechanics)
     for name, kind in _VALUES.items():
-        try:
-            value_of(kind, getattr(section, name))
-        except InputError as error:
-            yield refused(error, (*at, name), getattr(section, name))
+        said: Entry = getattr(section, name)
+        yield from refusals(partial(value_of, kind, said), (*at, name), said)
     for number, ripple in enumerate(section.ripple):
-        try:
-            value_of(Ripple, ripple)
-        except InputError as error:
-            yield refused(error, (*at, "ripple", number), ripple)
+        yield from refusals(partial(value_of, Ripple, ripple), (*at, "ripple", number), ripple)
 
 
 def _misfits(at: Key, section: AxisSection) -> Iterator[Contradiction]:
@@ -277,7 +266,4 @@ def _misfits(at: Key, section: AxisSection) -> Iterator[Contradiction]:
         if sensing != Sensing():
             found = f"{', '.join(sorted(section.sensing.model_fields_set))} in a continuous control"
             yield (*at, "sensing"), found, "a sampled control", advice
-    try:
-        file_axis(section)
-    except InputError as error:
-        yield refused(error, at, section)
+    yield from refusals(partial(file_axis, section), at, section)
