@@ -33,13 +33,7 @@ class Places:
 def layered_places(names: Sequence[str], links: Sequence[tuple[str, str]], root: str) -> Places:
     """Layers by the number of links to `root`; within a layer in the order that lets the fewest links cross.
 
-    Parameters
-    ----------
-    names : sequence of str
-        All parts but the root; each has a way to it.
-    links : sequence of (str, str)
-        What is joined with what.
-    root : str
+    `names` are all parts but the root, each with a way to it by the `links`.
     """
     beside: dict[str, list[str]] = {name: [] for name in (*names, root)}
     for one, other in links:
@@ -187,15 +181,8 @@ def chain_view(structure: Structure, chain: Chain, name: str) -> View:
 def structure_diagram(structure: Structure, sources: Sequence[Source], views: Sequence[View], title: str) -> go.Figure:
     """Members in layers from the ground up, joints as lines that are thicker where they are stiffer.
 
-    Parameters
-    ----------
-    structure : Structure
-    sources : sequence of Source
-        Named at the member that they push, with a minus sign at the one they push against.
-    views : sequence of View
-        What can be brought out; the first is shown, the others are in a menu.
-    title : str
-        Plain text, as `style.label` makes it.
+    Sources are named at the member that they push, with a minus sign at the one they push against. The first view is
+    shown, the others are in a menu. `title` is plain text, as `style.label` makes it.
     """
     places = _places(structure)
     at = {name: (places.across[name], float(places.height[name])) for name in places.across}

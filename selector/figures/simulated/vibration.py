@@ -57,18 +57,8 @@ def response_over_frequency(
 ) -> go.Figure:
     """Amplitude per unit force over frequency, a panel each final member; lines of the sources as circles.
 
-    Parameters
-    ----------
-    frequency_hz : ndarray of shape (n_frequencies,)
-        [Hz].
-    answers : mapping of str to sequence of Answer
-        Final member → its answer to every source.
-    colours : mapping of str to str
-        As of `source_colours`.
-    title : str
-        Plain text, as `style.label` makes it.
-    split_hz : float, optional
-        Where the chains of the low range end and those of the high one begin [Hz].
+    `answers` is final member → its answer to every source, `colours` that of `source_colours`, `title` plain text, as
+    `style.label` makes it. At `split_hz` the chains of the low range end and those of the high one begin [Hz].
     """
     count = len(answers)
     inside = count * _PANEL_PX + (count - 1) * _GAP_PX
@@ -135,17 +125,8 @@ def line_amplitudes(
 ) -> go.Figure:
     """The largest lines as bars in the colour of their source, side by side for every final; crosses: by `other`.
 
-    Parameters
-    ----------
-    lines : sequence of LineSummary
-    finals : sequence of str
-        Keys of their motions: what stands side by side; lines are ranked by the last of them.
-    colours : mapping of str to str
-        As of `source_colours`.
-    other : {"chains", "coupled"}
-        The method by which the motions were not made.
-    title : str
-        Plain text, as `style.label` makes it.
+    `finals` are keys of the lines' motions, of which the last one ranks the lines; `other` is the method by which the
+    motions were not made. `title` is plain text, as `style.label` makes it.
     """
     ranked = sorted(lines, key=lambda one: -one.motion_um[finals[-1]])[:MOST_BARS]
     rows = list(range(len(ranked)))
@@ -201,16 +182,8 @@ def motion_course(
 ) -> go.Figure:
     """Motions over time, above them speeds of shafts that change, below the forces of sources that have a colour.
 
-    Parameters
-    ----------
-    time_s : ndarray of shape (n_samples,)
-        From the start of what is shown [s].
-    motions_um, forces_n, speeds_rpm : mapping of str to ndarray of shape (n_samples,)
-        By what they are called [µm, N, r/min].
-    colours : mapping of str to str
-        As of `source_colours`.
-    title : str
-        Plain text, as `style.label` makes it.
+    Motions, forces and speeds stand by what they are called [µm, N, r/min], from the start of what is shown [s].
+    `title` is plain text, as `style.label` makes it.
     """
     panels = []
     turning = {name: rpm for name, rpm in speeds_rpm.items() if np.ptp(rpm) > 0}
@@ -362,17 +335,7 @@ def errors_over_wavelength(
 
     Filled: what a tip leaves that copies the motion; hollow: W by the law of the cutting force (V eq. 2).
 
-    Parameters
-    ----------
-    errors : sequence of PeriodicError
-        At least one.
-    cutting : Cutting
-    surface : Surface
-        Where one kind ends and the next begins.
-    colours : mapping of str to str
-        Source → colour; errors of several sources are grey.
-    title : str
-        Plain text, as `style.label` makes it.
+    At least one error; those of several sources are grey. `title` is plain text, as `style.label` makes it.
     """
     highest = max(max(one.published_um, one.kinematic_um) for one in errors)
     panels = [(key, [one for one in errors if one.direction == key]) for key in _ALONG]

@@ -108,16 +108,9 @@ def require_few_steps(
 ) -> None:
     """Refuses a run of an axis with too many steps, as they are laid: control and samples make them shorter.
 
-    Parameters
-    ----------
-    name, axis
-        The axis and what it is called in the model file.
-    duration_s, step_s
-        Length of its motion, and the largest step [s].
-    period_s
-        Distance of the samples [s]; None: not known yet, but no shorter than the steps.
-    because
-        Why the motion takes long, see `model_motion.slow_feed_words`.
+    `duration_s` and `step_s` are the length of its motion and the largest step [s]; `period_s` is the distance of the
+    samples [s], None where it is not known yet but no shorter than the steps; `because` says why the motion takes long,
+    see `model_motion.slow_feed_words`.
 
     Raises
     ------
@@ -248,14 +241,8 @@ class DriveModel:
     ) -> DriveSimulation:
         """What the axes do in the motion of the file.
 
-        Parameters
-        ----------
-        run : str
-            Name of the run; those of circles are called after feed and direction, such as ``"F1000 ccw"``.
-        seed : int, optional
-            Of the noise; default: that of the file.
-        progress : callable, optional
-            Told how many circles of how many are done, and the run.
+        Runs of circles are called after feed and direction, such as ``"F1000 ccw"``. Without a `seed` of the noise,
+        that of the file counts; `progress` is told how many circles of how many are done.
 
         Raises
         ------
@@ -281,18 +268,8 @@ class DriveModel:
     ) -> AxisRun:
         """What one axis does along a reference, or, with `commands`, when its control is replaced by them.
 
-        Parameters
-        ----------
-        name : str
-            Of the axis.
-        reference : Reference
-            What it is asked to do.
-        commands : ndarray of shape (n_samples,), optional
-            What the control would put out [actuator unit], each held until the next.
-        start : AxisState, optional
-            Where it begins; default: at rest at the first position of the reference.
-        seed : int
-            Of the noise.
+        `commands`, shape (n_samples,), is what the control would put out [actuator unit], each held until the next.
+        Without a `start` it begins at rest at the first position of the reference.
 
         Raises
         ------
@@ -403,12 +380,7 @@ class DriveModel:
 def drive_model(file: DriveFile, columns: Columns | None = None) -> DriveModel:
     """The feed drive that a model file describes, ready to run.
 
-    Parameters
-    ----------
-    file : DriveFile
-        The file's content.
-    columns : mapping, optional
-        Values of the columns that it refers to, see `model_file.columns_needed`.
+    `columns` are the values that it refers to, see `model_file.columns_needed`.
 
     Raises
     ------

@@ -227,18 +227,9 @@ def driven_runs(
 
     An axis begins where, and as fast as, its position was recorded; else at rest at its first command.
 
-    Parameters
-    ----------
-    model : DriveModel
-        What is driven. Of its motion nothing counts.
-    recording : Recording
-        Runs with the commanded position of at least one axis; how channels are found: `recorded_channels`.
-    opened : bool
-        Let the recorded output of the control act instead of the model's own control.
-    seed : int, optional
-        Of the noise; default: that of the file.
-    progress : callable, optional
-        Told how many runs of how many are done.
+    Of the motion of the model's file nothing counts; how channels are found: `recorded_channels`. With `opened` the
+    recorded output of the control acts instead of the model's own control. Without a `seed` of the noise, that of the
+    file counts; `progress` is told how many runs of how many are done.
 
     Raises
     ------

@@ -209,12 +209,7 @@ def identified_axis_of_servo(
 ) -> IdentifiedAxis:
     """As `identified_rigid_axis`, from the control's output; the bandwidth is that of the servo with the mass found.
 
-    Parameters
-    ----------
-    command : array-like of shape (n_samples,)
-        Output of the control [actuator unit]; `servo.actuator_gain` makes it a force.
-    servo
-        Gains of the control.
+    `command`, shape (n_samples,), is the output of the control [actuator unit]; `servo.actuator_gain` makes it a force.
 
     Raises
     ------

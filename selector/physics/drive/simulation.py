@@ -217,16 +217,7 @@ def runaway(
 ) -> InputError:
     """The error that says so.
 
-    Parameters
-    ----------
-    axis, reference
-        What moved, and what it was asked to do.
-    commanded
-        Whether given commands drove it in the place of its servo.
-    time_s, state
-        When [s], and what left the bounds, in words.
-    step_s
-        Step of the calculation [s].
+    `state` left the bounds at `time_s` [s]; `commanded` says that given commands drove it in the place of its servo.
     """
     found, advice = f"the {state} left all bounds before {time_s:.6g} s", ""
     stable_step_s = largest_stable_step_s(axis)

@@ -173,16 +173,8 @@ def driven_runs(
     The shifts of the other sources are drawn by the seed: a recording of speeds does not tell them. Without a `seed`
     they are those of the file's, and there is no noise.
 
-    Parameters
-    ----------
-    model : VibrationModel
-        What is driven; its own run does not count.
-    recording : Recording
-        Runs with the speed of a shaft or the force of a source; how channels are found: `recorded_channels`.
-    seed : int, optional
-        Of shifts and noise; default: shifts by that of the file, and no noise.
-    progress : callable, optional
-        Told how many runs of how many are done.
+    The model's own run does not count; how channels are found: `recorded_channels`. `progress` is told how many runs of
+    how many are done.
 
     Raises
     ------

@@ -161,14 +161,8 @@ class VibrationModel:
     ) -> VibrationSimulation:
         """What tool and workpiece do in the run of the file.
 
-        Parameters
-        ----------
-        run : str
-            Name of the run.
-        seed : int, optional
-            Of the shifts of the sources and of the noise; default: that of the file.
-        progress : callable, optional
-            Told how many runs of how many are done, and the run.
+        Without a `seed` of the shifts of the sources and of the noise, that of the file counts; `progress` is told how
+        many runs of how many are done.
 
         Raises
         ------
@@ -210,17 +204,8 @@ class VibrationModel:
     ) -> MotionSignal:
         """Motion and forces at these times, see `motion_signal`.
 
-        Parameters
-        ----------
-        time_s : ndarray of shape (n_times,)
-            [s].
-        courses : mapping of str to ShaftCourse
-        phases_rad : mapping of str to float
-            Source → shift of all its lines [rad].
-        sources : tuple of Source, optional
-            Those that shake; default: all.
-        leave_out : bool
-            Leave lines out that the times cannot carry, with a finding, instead of refusing them.
+        By default all sources shake. With `leave_out` lines that the times cannot carry are left out, with a finding,
+        instead of refused.
         """
         speeds = {name: mean_rpm(course, float(time_s[0]), float(time_s[-1])) for name, course in courses.items()}
         return motion_signal(

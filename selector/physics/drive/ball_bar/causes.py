@@ -93,12 +93,8 @@ def circle_causes(traces: Sequence[BallBarTrace], *, lead_m: Mapping[str, float]
     Each feed by itself: least squares on the columns of `circle_basis`, then laws through the feeds: lag and length of
     the bar part by feed², squareness and gain mismatch by the direction.
 
-    Parameters
-    ----------
-    traces : sequence of BallBarTrace
-        Both directions at one or more feeds, of two linear axes; with a rotary one where its `table_ball` is known.
-    lead_m : mapping of str to float or None
-        Axis → lead of its screw [m]: wavelength of the cyclic error; where it is missing it is searched.
+    The traces are both directions at one or more feeds, of two linear axes; with a rotary one where its `table_ball` is
+    known. `lead_m` is axis → lead of its screw [m]: wavelength of the cyclic error; where it is missing it is searched.
 
     Raises
     ------

@@ -326,16 +326,9 @@ def ball_bar_run(
 ) -> BallBarRun:
     """One circle of a test, simulated.
 
-    Parameters
-    ----------
-    axes : mapping of str to Axis
-        First, second and, if the plan has a `table_ball`, the rotary axis, in this order.
-    courses : mapping of str to callable, optional
-        Axis → stiffness and damping along its reference, where they change.
-    step_s : float or None
-        Longest step of the simulation [s]; None: `circle_step_s` of each axis.
-    seed, number : int
-        Of the noise of currents and bar; the number parts the runs of a test.
+    `axes` are first, second and, if the plan has a `table_ball`, the rotary one, in this order; `courses` their
+    stiffness and damping along the reference, where they change. `step_s` is the longest step [s], by default
+    `circle_step_s` of each axis; `number` parts the noise of the runs of a test.
 
     Raises
     ------

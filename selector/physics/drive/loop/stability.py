@@ -58,14 +58,7 @@ class Crossing:
 def gain_crossings(axis: Axis, gain: str, poles: NDArray[np.complex128]) -> tuple[Crossing, ...]:
     """Where poles reach the edge of stability as one of `GAINS` changes, the others as they are; by factor.
 
-    Parameters
-    ----------
-    axis
-        With a servo.
-    gain
-        Name of the gain, which is above 0.
-    poles : ndarray of complex
-        Poles of the closed loop [1/s], which tell where to look.
+    `poles` of the closed loop [1/s] tell where to look; the gain must be above 0.
 
     Raises
     ------
@@ -99,12 +92,7 @@ def gain_crossings(axis: Axis, gain: str, poles: NDArray[np.complex128]) -> tupl
 def stable_factors(crossings: tuple[Crossing, ...], growing: int) -> tuple[float | None, float | None]:
     """Ends of the range of factors nearest to 1 with which nothing grows; (None, 0) if there is none.
 
-    Parameters
-    ----------
-    crossings
-        As `gain_crossings` gives them.
-    growing
-        How many poles grow with factor 1.
+    `crossings` are those of `gain_crossings`, and `growing` poles grow with factor 1.
     """
     factors = [one.factor for one in crossings]
     first = int(np.searchsorted(factors, 1.0, side="right"))

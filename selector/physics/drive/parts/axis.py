@@ -203,12 +203,8 @@ class AxisState:
 def unloaded_state(axis: Axis, position_m: float, speed_m_per_s: float = 0.0) -> AxisState:
     """All masses in step at a position that the control sees, no spring under load, backlash in its middle.
 
-    Parameters
-    ----------
-    axis
-        Its `servo.feedback` says what `position_m` is: the table's (also without a servo), or the motor's × R.
-    position_m, speed_m_per_s
-        Position [m] and speed of the table [m/s].
+    `position_m` [m] is the table's, or, as its `servo.feedback` says, the motor's × R; `speed_m_per_s` the table's
+    [m/s].
     """
     travel = axis.mechanics.travel_per_motion
     motor = position_m / travel

@@ -77,12 +77,8 @@ def final_motions(
     above `split_hz` those of the high range, at and below it those of the low one, summed over all that name the source
     and end at the final.
 
-    Parameters
-    ----------
-    finals : mapping of str to str
-        Name of a final → its member.
-    split_hz : float or None
-        None only where all chains are of one range, which then counts at all frequencies [Hz].
+    `finals` is name → member. `split_hz` may be None only where all chains are of one range, which then counts at all
+    frequencies [Hz].
 
     Raises
     ------

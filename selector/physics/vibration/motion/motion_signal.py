@@ -69,19 +69,10 @@ def motion_signal(
     A shaft that turns at constant speed has the angle 0 at time 0. One that stands still all the time shakes nothing;
     one that comes to a stop keeps the force of its last angle.
 
-    Parameters
-    ----------
-    shaft_rpm : mapping of str to float or ShaftCourse
-        Shaft → constant speed, or its course [r/min].
-    finals : mapping of str to str
-        Name of a final → its member.
-    time_s : array-like of shape (n_times,)
-        Increasing [s].
-    phase_rad : mapping of str to float
-        Source → shift of all its lines [rad]; 0 where a source is not named.
-    beyond : {"refuse", "leave-out"}
-        What to do with lines at or above half the sampling rate: an error, or leave them out, for as long as they are
-        there, with a finding. They are never sampled as what they are not.
+    Speeds are constant or courses [r/min]; `finals` is name → member; times increase [s]; `phase_rad` shifts all lines
+    of a source [rad], by 0 where it is not named. Lines at or above half the sampling rate are an error, or, with
+    `beyond` ``"leave-out"``, left out for as long as they are there, with a finding. They are never sampled as what
+    they are not.
 
     Raises
     ------

@@ -128,11 +128,6 @@ def periodic_errors(
     Lines of one source at one frequency are added with their phases; several sources there by the expectation of the
     amplitude over P phase shifts of each, or over all phases where the combinations are too many to go through.
 
-    Parameters
-    ----------
-    tool, workpiece : str
-        Names of the two finals.
-
     Raises
     ------
     InputError

@@ -60,10 +60,7 @@ def late_motion(
     Steady at the first time. Where the course has many corners, as a recorded one, what is different only because the
     speed jitters, quicker than the mode could tell, does not count. None where nothing changes.
 
-    Parameters
-    ----------
-    time_s : ndarray of shape (n_times,)
-        Increasing; first and last and the median step count [s].
+    Of the times, which increase, first and last and the median step count [s].
     """
     lines = [(number, line) for number, line in enumerate(source.lines) if line.order is not None]
     modes = _complete_modes(structure)
@@ -241,10 +238,7 @@ def run_up(
 ) -> RunUp:
     """Force and motion by the lines of `source` that follow its shaft; see `motion_signal`.
 
-    Parameters
-    ----------
-    half_rate_hz : float
-        Half the sampling rate, from which on a line is refused or left out [Hz].
+    `half_rate_hz` is half the sampling rate, from which on a line is refused or left out [Hz].
 
     Raises
     ------
@@ -323,12 +317,8 @@ def too_quick(
 ) -> Finding | None:
     """The finding that the true motion differs much from the simulated one, of the final where it does so most.
 
-    Parameters
-    ----------
-    whole_m : mapping of str to float
-        Final → the largest motion of the whole run, by all sources [m].
-    begin_s : float
-        Time of the first sample [s].
+    `whole_m` is final → the largest motion of the whole run, by all sources [m]; `begin_s` the time of the first sample
+    [s].
     """
     told = [one for one in hurries if one.off_m > HURRY * whole_m[one.final] > 0.0]
     if not told:

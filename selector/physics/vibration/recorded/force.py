@@ -65,12 +65,7 @@ def force_answer(
 ) -> ForceAnswer:
     """Motion by a force [N] of shape (n_samples,), one every `step_s` [s], that acts where the source does.
 
-    Parameters
-    ----------
-    finals : mapping of str to str
-        Name of a final → its member.
-    method, chains, split_hz
-        See `final_motions`.
+    `finals` is name → member; for method, chains and `split_hz` see `final_motions`.
 
     Raises
     ------
@@ -178,14 +173,7 @@ def stamped_answer(
 ) -> StampedAnswer:
     """Motion by a force [N] of shape (n_rows,), NaN where it lacks; each stretch for itself, see `force_answer`.
 
-    Parameters
-    ----------
-    parts : sequence of Stretch
-        `stretches` of the stamps.
-    finals : mapping of str to str
-        Name of a final → its member.
-    method, chains, split_hz
-        See `final_motions`.
+    `parts` are the `stretches` of the stamps; `finals` is name → member; for the rest see `final_motions`.
 
     Raises
     ------

@@ -162,18 +162,7 @@ class CarryingMode:
 def carrying_mode(
     structure: Structure, modes: StructureModes, source: Source, frequency_hz: float, *, tool: str, workpiece: str
 ) -> CarryingMode | None:
-    """The mode whose part in X_tool − X_workpiece is the largest; None where modes do not span all motions.
-
-    Parameters
-    ----------
-    structure, modes
-    source : Source
-        Where the force acts.
-    frequency_hz : float
-        Of the line [Hz].
-    tool, workpiece : str
-        Members.
-    """
+    """The mode whose part in X_tool − X_workpiece is the largest; None where modes do not span all motions."""
     if not modes.complete:
         return None
     parts = np.abs(relative_parts(structure, modes, source, frequency_hz, tool=tool, workpiece=workpiece))

@@ -62,14 +62,9 @@ def response_curve(
 ) -> ResponseCurve:
     """The curve of a response between two frequencies, within `TOLERANCE` of it at every midpoint.
 
-    Parameters
-    ----------
-    solved : callable
-        Frequencies of shape (n_freq,) [Hz] → responses of shape (n_outputs, n_freq).
-    loss_factor : float
-        Smallest η of a resonance: no peak is narrower than its share η of its frequency, so none is stepped over.
-    jump_hz : float or None
-        Frequency above which another response holds.
+    `solved` is frequencies of shape (n_freq,) [Hz] → responses of shape (n_outputs, n_freq). `loss_factor` is the
+    smallest η of a resonance: no peak is narrower than its share η of its frequency, so none is stepped over. Above
+    `jump_hz` another response holds.
 
     Raises
     ------

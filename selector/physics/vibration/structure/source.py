@@ -116,11 +116,7 @@ def excitation(sources: Sequence[Source], shaft_rpm: Mapping[str, float]) -> Exc
 
     A line that follows a shaft that stands still is a force that does not change: it has no row.
 
-    Parameters
-    ----------
-    sources : sequence of Source
-    shaft_rpm : mapping of str to float
-        Shaft → speed [r/min], 0 or more.
+    `shaft_rpm` is shaft → speed [r/min], 0 or more.
 
     Raises
     ------

@@ -180,13 +180,8 @@ def scaled_stiffness_matrix(structure: Structure) -> Complex:
 def response(structure: Structure, frequency_hz: ArrayLike, force_n: ArrayLike) -> Complex:
     """Motion of every member [m], complex, shape (n_freq, n_members), by solving at every frequency.
 
-    Parameters
-    ----------
-    structure
-    frequency_hz : array-like of shape (n_freq,)
-        [Hz]; 0 is the static limit.
-    force_n : array-like of shape (n_freq, n_members), or (n_members,) for all frequencies
-        Complex amplitudes of the forces on the members [N].
+    `frequency_hz` has the shape (n_freq,) [Hz], 0 is the static limit; `force_n`, complex amplitudes of the forces on
+    the members [N], (n_freq, n_members), or (n_members,) for all frequencies.
 
     Raises
     ------
