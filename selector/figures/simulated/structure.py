@@ -95,21 +95,8 @@ def _across(layers: list[list[str]], beside: Mapping[str, list[str]]) -> dict[st
                 sum(near) / len(near) if (near := [place[o] for o in beside[name] if o in place]) else place[name]
                 for name in layer
             ]
-            place |= dict(zip(layer, _apart(wanted, gap), strict=True))
+            place |= dict(zip(layer, style.spaced(wanted, gap, 1.0), strict=True))
     return place
-
-
-def _apart(wanted: Sequence[float], gap: float) -> list[float]:
-    """Places near the wanted ones, in this order, `gap` apart at least, between half a gap from both edges."""
-    placed: list[float] = []
-    for k, want in enumerate(wanted):
-        least = gap / 2 if k == 0 else placed[-1] + gap
-        placed.append(max(want, least))
-    most = 1.0 - gap / 2
-    for k in reversed(range(len(placed))):
-        placed[k] = min(placed[k], most)
-        most = placed[k] - gap
-    return placed
 
 
 MOST_MEMBERS = 40
@@ -252,14 +239,7 @@ def _add_menu(
             "marker.size": [None, markers["size"]],
         }
         buttons.append({"label": style.label(view.name, 48), "method": "restyle", "args": [change, [band, nodes]]})
-    drawn.update_layout(
-        updatemenus=[
-            {
-                "buttons": buttons, "direction": "down", "x": 0, "xanchor": "left", "y": 1.0, "yanchor": "bottom",
-                "bgcolor": "#ffffff", "font": {"size": 12}, "pad": {"b": 4},
-            }
-        ]
-    )  # fmt: skip
+    style.add_menu(drawn, buttons)
 
 
 Line = list[float | None]

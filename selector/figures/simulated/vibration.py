@@ -61,15 +61,12 @@ def response_over_frequency(
     `style.label` makes it. At `split_hz` the chains of the low range end and those of the high one begin [Hz].
     """
     count = len(answers)
-    inside = count * _PANEL_PX + (count - 1) * _GAP_PX
-    drawn = style.figure(title, inside)
-    drawn.update_layout(height=int(drawn.layout.margin.t) + inside + _BELOW_PX)
+    drawn, domains = _stack(title, count, _PANEL_PX, _GAP_PX)
     ends = np.log10(frequency_hz[[0, -1]])
     has_chains = any(one.chains_um_per_n is not None for ones in answers.values() for one in ones)
     named: set[str] = set()
     for number, (final, ones) in enumerate(answers.items()):
         key = "" if number == 0 else str(number + 1)
-        top = 1.0 - number * (_PANEL_PX + _GAP_PX) / inside
         strongest = np.log10(max(float(one.coupled_um_per_n.max()) for one in ones))
         weakest = np.log10(min(float(one.coupled_um_per_n.min()) for one in ones))
         for one in ones:
@@ -82,7 +79,7 @@ def response_over_frequency(
             **({"matches": "x"} if number else {}),
         }  # fmt: skip
         drawn.layout[f"yaxis{key}"] = {
-            "type": "log", "anchor": f"x{key}", "domain": [max(top - _PANEL_PX / inside, 0.0), top], "dtick": 1,
+            "type": "log", "anchor": f"x{key}", "domain": domains[number], "dtick": 1,
             "title": {"text": f"{style.label(final, 12)} [µm/N]"}, "exponentformat": "power",
             "range": [max(weakest - 0.15, strongest - _DECADES), strongest + 0.25],
         }  # fmt: skip
@@ -95,6 +92,15 @@ def response_over_frequency(
         for name, dash in (("coupled", "solid"), ("chains", "dash")):
             drawn.add_scatter(x=[None], y=[None], mode="lines", name=name, line={"color": style.INK, "dash": dash})
     return drawn
+
+
+def _stack(title: str, count: int, panel_px: int, gap_px: int) -> tuple[go.Figure, list[list[float]]]:
+    """A figure for panels one below the other, and the part of its height that each of them has."""
+    inside = count * panel_px + (count - 1) * gap_px
+    drawn = style.figure(title, inside)
+    drawn.update_layout(height=int(drawn.layout.margin.t) + inside + _BELOW_PX)
+    tops = [1.0 - number * (panel_px + gap_px) / inside for number in range(count)]
+    return drawn, [[max(top - panel_px / inside, 0.0), top] for top in tops]
 
 
 def _add_answer(drawn: go.Figure, frequency_hz: Vector, one: Answer, colour: str, key: str, *, is_first: bool) -> None:
@@ -280,14 +286,7 @@ def error_of_chains(accuracy: Sequence[ChainAccuracy], title: str) -> go.Figure:
             }
             for one, course in zip(accuracy, courses, strict=False)
         ]
-        drawn.update_layout(
-            updatemenus=[
-                {
-                    "buttons": buttons, "direction": "down", "x": 0, "xanchor": "left", "y": 1.0, "yanchor": "bottom",
-                    "bgcolor": "#ffffff", "font": {"size": 12}, "pad": {"b": 4},
-                }
-            ]
-        )  # fmt: skip
+        style.add_menu(drawn, buttons)
     return drawn
 
 
@@ -316,7 +315,7 @@ def _courses(one: ChainAccuracy) -> list[tuple[list[float], list[float]]]:
     return found
 
 
-_HEIGHT_PANEL_PX, _HEIGHT_GAP_PX, _HEIGHT_BELOW_PX = 320, 66, 50
+_HEIGHT_PANEL_PX, _HEIGHT_GAP_PX = 320, 66
 _HEIGHT_DECADES = 5.0
 """Errors lower than this many powers of ten below the highest are off the picture."""
 
@@ -340,13 +339,10 @@ def errors_over_wavelength(
     highest = max(max(one.published_um, one.kinematic_um) for one in errors)
     panels = [(key, [one for one in errors if one.direction == key]) for key in _ALONG]
     panels = [(direction, ones) for direction, ones in panels if ones]
-    inside = len(panels) * _HEIGHT_PANEL_PX + (len(panels) - 1) * _HEIGHT_GAP_PX
-    drawn = style.figure(title, inside)
-    drawn.update_layout(height=int(drawn.layout.margin.t) + inside + _HEIGHT_BELOW_PX)
+    drawn, domains = _stack(title, len(panels), _HEIGHT_PANEL_PX, _HEIGHT_GAP_PX)
     top = math.log10(highest) if highest > 0 else 0.0
     for number, (direction, ones) in enumerate(panels):
         key = "" if number == 0 else str(number + 1)
-        edge = 1.0 - number * (_HEIGHT_PANEL_PX + _HEIGHT_GAP_PX) / inside
         waves = np.log10([one.wavelength_mm for one in ones])
         low, high = float(waves.min()) - 0.3, float(waves.max()) + 0.3
         if direction == "cut":
@@ -362,7 +358,7 @@ def errors_over_wavelength(
             "showgrid": False, **log_ticks(low, high),
         }  # fmt: skip
         drawn.layout[f"yaxis{key}"] = {
-            "type": "log", "anchor": f"x{key}", "domain": [max(edge - _HEIGHT_PANEL_PX / inside, 0.0), edge],
+            "type": "log", "anchor": f"x{key}", "domain": domains[number],
             "dtick": 1, "range": [top - _HEIGHT_DECADES, top + 0.45], "title": {"text": "height [µm]"},
             "exponentformat": "none",
         }  # fmt: skip

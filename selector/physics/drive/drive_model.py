@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
@@ -112,10 +112,7 @@ def require_few_steps(
     samples [s], None where it is not known yet but no shorter than the steps; `because` says why the motion takes long,
     see `model_motion.slow_feed_words`.
 
-    Raises
-    ------
-    InputError
-        There are more than `MOST_STEPS`; or the periods of samples and control do not fit together.
+    InputError: there are more than `MOST_STEPS`; or the periods of samples and control do not fit together.
     """
     sample_s = axis.servo.sample_s if axis.servo is not None else 0.0
     count = duration_s / (min(step_s, sample_s) if sample_s > 0 else step_s)
@@ -132,8 +129,6 @@ def require_few_steps(
         + ("run.step_s" if by_step else "sample_s, and a run.period_s that is a multiple of it"),
     )
 
-
-Progress = Callable[[int, int, str], None]
 
 DEVIATION = Channel("deviation", "displacement", "um", "ball-bar")
 ANGLE = Channel("angle", "state", "1", "ball-bar [rad]")
@@ -236,22 +231,17 @@ class DriveModel:
         """The same model with other values of some parameters; errors as in `parameters.with_parameters`."""
         return DriveModel(with_parameters(self.file, values), self.columns)
 
-    def simulation(
-        self, *, run: str = "simulation", seed: int | None = None, progress: Progress | None = None
-    ) -> DriveSimulation:
+    def simulation(self, *, run: str = "simulation", seed: int | None = None) -> DriveSimulation:
         """What the axes do in the motion of the file.
 
         Runs of circles are called after feed and direction, such as ``"F1000 ccw"``. Without a `seed` of the noise,
-        that of the file counts; `progress` is told how many circles of how many are done.
+        that of the file counts.
 
-        Raises
-        ------
-        InputError
-            An axis runs away, or the steps of the calculation are too many.
+        InputError: an axis runs away, or the steps of the calculation are too many.
         """
         noise = self.file.run.seed if seed is None else seed
         if isinstance(self.file.motion, CircleMotion):
-            return self._circles(noise, progress)
+            return self._circles(noise)
         reference = file_reference(self.file, self.columns)
         name = next(iter(self.axes))
         done = self.axis_run(name, reference, seed=noise)
@@ -271,10 +261,7 @@ class DriveModel:
         `commands`, shape (n_samples,), is what the control would put out [actuator unit], each held until the next.
         Without a `start` it begins at rest at the first position of the reference.
 
-        Raises
-        ------
-        InputError
-            It runs away, or the steps are too many.
+        InputError: it runs away, or the steps are too many.
         """
         axis, file = self.file_axes[name].axis, self.file
         step_s = file.run.step_s or advised_step_s(axis, reference.period_s)
@@ -313,7 +300,7 @@ class DriveModel:
             Recording.from_runs(tables, self._axis_outputs(names, loaded, added), self._provenance(seed, told)), axes
         )
 
-    def _circles(self, seed: int, progress: Progress | None) -> DriveSimulation:
+    def _circles(self, seed: int) -> DriveSimulation:
         plan, geometry = circle_plan(self.file), PairGeometry()
         if self.file.ball_bar is not None:
             geometry = value_of(PairGeometry, self.file.ball_bar)
@@ -327,8 +314,6 @@ class DriveModel:
         for number, (run, circle) in enumerate(self.runs.items()):
             if circle is None:
                 continue
-            if progress is not None:
-                progress(number, len(self.runs), run)
             for name, step_s in steps_s.items():
                 require_few_steps(
                     name,

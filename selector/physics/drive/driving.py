@@ -18,7 +18,6 @@ from selector.physics.drive.drive_model import (
     AxisRun,
     DriveModel,
     DriveSimulation,
-    Progress,
     axis_channels,
 )
 from selector.physics.drive.file.model_axes import FileAxis
@@ -29,6 +28,7 @@ from selector.physics.drive.parts.axis import Axis, AxisState, unloaded_state
 from selector.physics.drive.parts.mechanics import RigidMechanics
 from selector.physics.drive.trajectory import clock_findings, recorded
 from selector.physics.model_text import MOST_SAMPLES
+from selector.physics.simulation_kind import Progress
 from selector.recording import Channel, Recording
 from selector.types import Vector
 
@@ -231,10 +231,7 @@ def driven_runs(
     recorded output of the control acts instead of the model's own control. Without a `seed` of the noise, that of the
     file counts; `progress` is told how many runs of how many are done.
 
-    Raises
-    ------
-    InputError
-        The recording cannot drive this model: no command, missing values, gaps, an axis that runs away.
+    InputError: the recording cannot drive this model: no command, missing values, gaps, an axis that runs away.
     """
     noise = model.file.run.seed if seed is None else seed
     channels = {name: recorded_channels(name, axis, model, recording) for name, axis in model.file_axes.items()}

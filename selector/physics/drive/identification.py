@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from scipy import signal
 
 from selector.errors import InputError
+from selector.physics.checks import keep_arrays
 from selector.physics.drive.parts.axis import Servo
 from selector.physics.drive.parts.mechanics import Friction, RigidMechanics
 from selector.types import Vector
@@ -47,10 +48,7 @@ class IdentifiedAxis:
     stribeck_speed_m_per_s: float | None = None  #: The speed that was given for `stribeck_n`
 
     def __post_init__(self) -> None:
-        for name in ("values", "standard_errors", "time_s", "force_n", "modelled_force_n"):
-            values = np.array(getattr(self, name), dtype=np.float64)
-            values.setflags(write=False)
-            object.__setattr__(self, name, values)
+        keep_arrays(self, "values", "standard_errors", "time_s", "force_n", "modelled_force_n")
 
     def __getitem__(self, name: str) -> float:
         """The estimate of a parameter."""
@@ -89,10 +87,7 @@ def filtered_motion(period_s: float, position_m: ArrayLike, cut_off_hz: float) -
 
     The central difference of a period h passes sin(ωh)/(ωh), 0.94 at a tenth of the sampling rate.
 
-    Raises
-    ------
-    InputError
-        A cut-off that is not below half the sampling rate, or a record too short for the filter.
+    InputError: a cut-off that is not below half the sampling rate, or a record too short for the filter.
     """
     position = np.array(position_m, dtype=np.float64)
     share = cut_off_hz * 2.0 * period_s
@@ -211,10 +206,7 @@ def identified_axis_of_servo(
 
     `command`, shape (n_samples,), is the output of the control [actuator unit]; `servo.actuator_gain` makes it a force.
 
-    Raises
-    ------
-    InputError
-        As `identified_rigid_axis`, or a mass that is not above 0.
+    InputError as `identified_rigid_axis`, or a mass that is not above 0.
     """
     force_n = servo.actuator_gain * np.array(command, dtype=np.float64)
     bandwidth_hz = servo.position_gain_per_s / 2.0 / math.pi

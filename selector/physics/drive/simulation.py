@@ -95,10 +95,7 @@ def simulate_axis(
 def steps_per_period(axis: Axis, period_s: float, step_s: float) -> int:
     """How many steps of at most `step_s` fill a period of a reference, when they also fill those of the servo.
 
-    Raises
-    ------
-    InputError
-        If the periods do not fit together.
+    InputError if the periods do not fit together.
     """
     p, o = at.packed_axis(axis)
     _lay_grid(axis, period_s, step_s, p, o)

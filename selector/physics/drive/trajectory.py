@@ -37,10 +37,7 @@ def sine(
 
     Without a phase it starts in the middle, at full speed: an axis at rest needs a moment to catch up.
 
-    Raises
-    ------
-    InputError
-        A frequency, duration or period that is not above 0.
+    InputError: a frequency, duration or period that is not above 0.
     """
     _require(frequency_hz=frequency_hz, duration_s=duration_s, period_s=period_s)
     time_s = np.arange(math.floor(duration_s / period_s * (1.0 + 1e-12)) + 1) * period_s
@@ -74,10 +71,7 @@ def move_phases(
     Lambrechts, Boerlage, Steinbuch (2005), Control Engineering Practice 13, 145–157: the shortest jerk phase that
     jerk, acceleration, speed or distance ask for, then the longest phase of acceleration, then the rest.
 
-    Raises
-    ------
-    InputError
-        A limit that is not above 0.
+    InputError: a limit that is not above 0.
     """
     _require(speed_m_per_s=speed_m_per_s, acceleration_m_per_s2=acceleration_m_per_s2)
     if not jerk_m_per_s3 > 0:
@@ -172,10 +166,7 @@ def recorded(time_s: ArrayLike, position_m: ArrayLike, period_s: float | None = 
     (Savitzky–Golay; edges: of the first and last 11), which keeps the rounding of the positions out of them.
     `clock_findings` says how uneven the clock is.
 
-    Raises
-    ------
-    InputError
-        Fewer than 11 samples, missing values, times that do not increase, or a gap: a step above 1.5 periods.
+    InputError: fewer than 11 samples, missing values, times that do not increase, or a gap: a step above 1.5 periods.
     """
     time, position = _checked(time_s, position_m)
     # the mean, not the median: times that were rounded have few different steps, none of them the period

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,6 +11,7 @@ import pandas as pd
 
 from selector.findings import Finding
 from selector.physics.model_parameters import Parameter
+from selector.physics.simulation_kind import Progress
 from selector.physics.vibration.chain.chain import Chain
 from selector.physics.vibration.file.model_file import (
     VibrationFile,
@@ -23,15 +24,13 @@ from selector.physics.vibration.file.model_file import (
     mean_rpm,
 )
 from selector.physics.vibration.file.parameters import parameters, with_parameters
-from selector.physics.vibration.motion.final_motion import FinalMotions, Method, final_motions
+from selector.physics.vibration.motion.final_motion import ChainMethod, FinalMotions, final_motions
 from selector.physics.vibration.motion.motion_signal import MotionSignal, motion_signal, source_phases_rad
 from selector.physics.vibration.motion.periodic_error import Cutting, Surface, split_frequency_hz
 from selector.physics.vibration.structure.source import ShaftCourse, Source, excitation
 from selector.physics.vibration.structure.structure import Structure
 from selector.recording import Channel, Recording
 from selector.types import Vector
-
-Progress = Callable[[int, int, str], None]
 
 FINALS = ("tool", "workpiece")
 """Names of the finals, whatever members they are."""
@@ -124,6 +123,14 @@ class VibrationModel:
         cut = self.cutting(shaft_rpm)
         return None if cut is None else split_frequency_hz(cut, self.surface)
 
+    def chain_method(self, shaft_rpm: Mapping[str, float]) -> ChainMethod | None:
+        """Its chains at these speeds of the shafts [r/min]; None where it has none."""
+        return ChainMethod(self.chains, self.split_hz(shaft_rpm)) if self.chains else None
+
+    def method(self, shaft_rpm: Mapping[str, float]) -> ChainMethod | None:
+        """The chains at these speeds of the shafts [r/min], if its run is made by them; None: the coupled structure."""
+        return self.chain_method(shaft_rpm) if self.file.run.method == "chains" else None
+
     @property
     def line_ranges_hz(self) -> tuple[tuple[str, float, float], ...]:
         """Source, lowest and highest frequency of every line during the run [Hz]."""
@@ -142,14 +149,11 @@ class VibrationModel:
 
     def motions(self, shaft_rpm: Mapping[str, float]) -> dict[str, FinalMotions]:
         """Method → motion of the finals by every line at these speeds [r/min]; the chains where there are any."""
-        lines, split_hz = excitation(self.sources, shaft_rpm), self.split_hz(shaft_rpm)
-        methods: tuple[Method, ...] = ("coupled", "chains") if self.chains else ("coupled",)
-        return {
-            method: final_motions(
-                self.structure, self.sources, lines, self.finals, method=method, chains=self.chains, split_hz=split_hz
-            )
-            for method in methods
-        }
+        lines, chains = excitation(self.sources, shaft_rpm), self.chain_method(shaft_rpm)
+        found = {"coupled": final_motions(self.structure, self.sources, lines, self.finals)}
+        if chains is not None:
+            found["chains"] = final_motions(self.structure, self.sources, lines, self.finals, chains)
+        return found
 
     def simulate(self, *, run: str = "simulation", seed: int | None = None) -> Recording:
         """The recording of `simulation`."""
@@ -164,10 +168,7 @@ class VibrationModel:
         Without a `seed` of the shifts of the sources and of the noise, that of the file counts; `progress` is told how
         many runs of how many are done.
 
-        Raises
-        ------
-        InputError
-            A line meets a resonance that nothing damps.
+        InputError: a line meets a resonance that nothing damps.
         """
         if progress is not None:
             progress(0, 1, run)
@@ -215,9 +216,7 @@ class VibrationModel:
             self.finals,
             time_s,
             phase_rad=phases_rad,
-            method=self.file.run.method,
-            chains=self.chains,
-            split_hz=self.split_hz(speeds),
+            chains=self.method(speeds),
             beyond="leave-out" if leave_out else "refuse",
         )
 
@@ -261,10 +260,7 @@ class VibrationModel:
 def vibration_model(file: VibrationFile) -> VibrationModel:
     """The vibrating structure that a model file describes, ready to run.
 
-    Raises
-    ------
-    ModelFileError
-        ``[bounds]`` names what is no parameter, or excludes the value of one.
+    ModelFileError: ``[bounds]`` names what is no parameter, or excludes the value of one.
     """
     model = VibrationModel(file)
     _ = model.parameters  # the bounds are checked here, not when a fit asks for them

@@ -89,10 +89,7 @@ class VibrationSummary:
 def vibration_summary(model: VibrationModel, simulation: VibrationSimulation) -> VibrationSummary:
     """The summary of a simulation of this model: of the lines at its mean speeds, by both methods.
 
-    Raises
-    ------
-    InputError
-        A mode or a frequency that is beyond what numbers hold.
+    InputError: a mode or a frequency that is beyond what numbers hold.
     """
     modes = structure_modes(model.structure)
     coupled, chains = simulation.motions["coupled"], simulation.motions.get("chains")

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from selector.errors import InputError
-from selector.physics.checks import require_finite, require_not_negative, require_positive, told_of
+from selector.physics.checks import keep_arrays, require_finite, require_not_negative, require_positive, told_of
 from selector.physics.drive.motion import Motion, ParameterCourse, Reference
 from selector.physics.drive.parts.axis import Axis
 from selector.physics.drive.parts.mechanics import RigidMechanics
@@ -99,10 +99,7 @@ class Circle:
 def circle_references(circle: Circle, axes: Sequence[str] = ("X", "Y"), *, period_s: float) -> dict[str, Reference]:
     """Axis → what it is asked to do, from rest to rest, sampled every `period_s` [s].
 
-    Raises
-    ------
-    InputError
-        If the names are not two (three with a rotary axis), or the run has too many samples.
+    InputError if the names are not two (three with a rotary axis), or the run has too many samples.
     """
     names = tuple(axes)
     if len(set(names)) != len(names) or len(names) != (2 if circle.table_ball is None else 3):
@@ -260,10 +257,7 @@ class BallBarPlan:
 class BallBarTrace:
     """One full circle as the bar shows it, simulated or measured.
 
-    Raises
-    ------
-    InputError
-        Less than 350° or more than 361°, gaps over 5°, angles that run against the direction, missing values.
+    InputError: less than 350° or more than 361°, gaps over 5°, angles that run against the direction, missing values.
     """
 
     #: (n_samples,): Direction of the bar, from the ball of the workpiece to that of the spindle [rad], in the order of
@@ -281,7 +275,8 @@ class BallBarTrace:
 
     def __post_init__(self) -> None:
         require_positive(self, "feed_mm_per_min", "radius_m")
-        angle, deviation = np.array(self.angle_rad, dtype=np.float64), np.array(self.deviation_um, dtype=np.float64)
+        keep_arrays(self, "angle_rad", "deviation_um")
+        angle, deviation = self.angle_rad, self.deviation_um
         if angle.ndim != 1 or angle.shape != deviation.shape or len(angle) < 100:
             raise _unusable(f"{angle.shape} angles and {deviation.shape} deviations", "as many of both, 100 or more")
         if not (np.isfinite(angle).all() and np.isfinite(deviation).all()):
@@ -296,9 +291,6 @@ class BallBarTrace:
                 f"longest gap {math.degrees(steps.max()):.1f}°",
                 "a full circle in its direction without gaps over 5°",
             )
-        for name, values in (("angle_rad", angle), ("deviation_um", deviation)):
-            values.setflags(write=False)
-            object.__setattr__(self, name, values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -330,10 +322,7 @@ def ball_bar_run(
     stiffness and damping along the reference, where they change. `step_s` is the longest step [s], by default
     `circle_step_s` of each axis; `number` parts the noise of the runs of a test.
 
-    Raises
-    ------
-    InputError
-        If axes, courses and plan do not fit together, or an axis cannot be simulated.
+    InputError if axes, courses and plan do not fit together, or an axis cannot be simulated.
     """
     from selector.physics.drive.simulation import simulate_axis
 

@@ -55,10 +55,7 @@ def parts_of(section: PartsSection) -> Parts:
     Keys that are left out without `like` are off: 0, or none. Those that another key takes the place of have the
     default of the part, which counts for nothing.
 
-    Raises
-    ------
-    InputError
-        A value cannot be; `where` is its field.
+    InputError: a value cannot be; `where` is its field.
     """
     return Parts(**{name: _part(section, name) for name in _KINDS})
 
@@ -131,10 +128,7 @@ class FileAxis:
     def course(self, reference: Reference) -> ParameterCourse | None:
         """Stiffness and damping along a reference, with ``varying = "command"``; else None.
 
-        Raises
-        ------
-        InputError
-            The reference moves the nut off the screw.
+        InputError: the reference moves the nut off the screw.
         """
         if self.parts is None or self.section.varying != "command":
             return None
@@ -159,10 +153,7 @@ def file_axis(section: AxisSection) -> FileAxis:
     With parts, mechanics, friction and what the motor can give come from them; keys of `friction` and `servo` that are
     said count more.
 
-    Raises
-    ------
-    InputError
-        A value cannot be, or two do not fit together.
+    InputError: a value cannot be, or two do not fit together.
     """
     parts = None if section.parts is None else parts_of(section.parts)
     axis = Axis(

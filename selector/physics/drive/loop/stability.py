@@ -60,10 +60,7 @@ def gain_crossings(axis: Axis, gain: str, poles: NDArray[np.complex128]) -> tupl
 
     `poles` of the closed loop [1/s] tell where to look; the gain must be above 0.
 
-    Raises
-    ------
-    InputError
-        If the axis has no servo, or numbers too far apart to be calculated with.
+    InputError if the axis has no servo, or numbers too far apart to be calculated with.
     """
     rad = _frequencies(axis, poles)
     sine = _sine(*_loop_of_gain(axis, gain, rad))
@@ -180,16 +177,14 @@ def frequency_response(axis: Axis, frequency_hz: ArrayLike) -> NDArray[np.comple
     With a sampled servo of the table at the samples, which means something up to half the sample rate. With
     feed-forward, the reference's derivatives are part of it.
     """
-    return _reference_to_table(axis, np.asarray(frequency_hz, dtype=np.float64))
+    rad_per_s = 2.0 * math.pi * np.asarray(frequency_hz, dtype=np.float64)
+    return loop_response(axis, rad_per_s).reference_to_table(axis)
 
 
 def loop_figures(axis: Axis) -> LoopFigures:
     """Bandwidth, resonance and margins of the position loop; the phase margin by python-control.
 
-    Raises
-    ------
-    InputError
-        If the axis has no servo.
+    InputError if the axis has no servo.
     """
     import control
 
@@ -217,10 +212,7 @@ def loop_figures(axis: Axis) -> LoopFigures:
 def frozen(axis: Axis, course: ParameterCourse, time_s: float) -> Axis:
     """The axis with the stiffness and damping that a course has at one instant [s], held.
 
-    Raises
-    ------
-    InputError
-        If the instant is outside the course, or the course has a stiffness and the axis no spring.
+    InputError if the instant is outside the course, or the course has a stiffness and the axis no spring.
     """
     mechanics: Mechanics = axis.mechanics
     values: dict[str, float] = {}
@@ -259,13 +251,9 @@ def _gain_margin(axis: Axis, poles: NDArray[np.complex128]) -> tuple[float, floa
     return 20.0 * math.log10(nearest.factor), nearest.rad_per_s / (2.0 * math.pi)
 
 
-def _reference_to_table(axis: Axis, frequency_hz: NDArray[np.float64]) -> NDArray[np.complex128]:
-    return loop_response(axis, 2.0 * math.pi * frequency_hz).reference_to_table(axis)
-
-
 def _resonance(axis: Axis, frequency_hz: NDArray[np.float64]) -> tuple[float, float, float]:
     """Largest amplitude, where, and the first frequency 3 dB below the amplitude at rest."""
-    amplitude = np.abs(_reference_to_table(axis, frequency_hz))
+    amplitude = np.abs(frequency_response(axis, frequency_hz))
     highest = int(np.argmax(amplitude))
     below = np.flatnonzero(amplitude < 1.0 / math.sqrt(2.0))
     bandwidth_hz = math.inf
@@ -317,10 +305,7 @@ class Stability:
 def stability(axis: Axis) -> Stability:
     """Poles, margin and limits of the gains; of a sampled servo from the exact discrete-time loop.
 
-    Raises
-    ------
-    InputError
-        If the axis has no servo.
+    InputError if the axis has no servo.
     """
     poles = loop_poles(axis)
     growing = len(growing_poles(poles))

@@ -106,10 +106,7 @@ class Sensing:
 class Axis:
     """A feed axis: `servo` None leaves it to itself (free motion, or driven by given commands).
 
-    Raises
-    ------
-    InputError
-        If a part needs a structure or a servo that the axis has not.
+    InputError if a part needs a structure or a servo that the axis has not.
     """
 
     mechanics: Mechanics

@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 
 from selector.errors import InputError
-from selector.physics.checks import require_finite, require_not_negative, require_positive
+from selector.physics.checks import keep_arrays, require_finite, require_not_negative, require_positive
 from selector.physics.model_fields import Fit, Limits, Unit, Usual
 from selector.types import Vector
 
@@ -225,10 +225,7 @@ class AxialCompliance:
 
     def __post_init__(self) -> None:
         require_positive(self, "shaft_n", "length_m", "origin_m")
-        for name in ("force_n", "joint_deflection_m"):
-            values = np.array(getattr(self, name), dtype=np.float64)
-            values.setflags(write=False)
-            object.__setattr__(self, name, values)
+        keep_arrays(self, "force_n", "joint_deflection_m")
         force, deflection = self.force_n, self.joint_deflection_m
         rising = len(force) >= 2 and force.shape == deflection.shape
         if not rising or (np.diff(force) <= 0).any() or (np.diff(deflection) <= 0).any():

@@ -98,10 +98,7 @@ def two_member_ratio(
     The ratios are m1/m2, p1/p2 and ω/p1; `dissipation` is ψ of the joint 1 – 2 and of that of 2 with the ground. Of the
     first kind the force acts on member 1, of the second on member 2, of which member 1 is the branch.
 
-    Raises
-    ------
-    InputError
-        At an undamped resonance, and for ratios that are not above 0.
+    InputError at an undamped resonance, and for ratios that are not above 0.
     """
     mass, frequency, forcing = (
         np.asarray(ratio, dtype=np.float64) for ratio in (mass_ratio, frequency_ratio, forcing_ratio)
@@ -192,10 +189,8 @@ def chain_accuracy(
     low ones up to it, all everywhere without it; a chain without a frequency in its range is left out of the result.
     `within` is the limit of the error, as a share; `dampers_carry` is of `chain_receptance`.
 
-    Raises
-    ------
-    InputError
-        At an undamped resonance; for chains that are no way through the structure, or on which a source does not act.
+    InputError at an undamped resonance; for chains that are no way through the structure, or on which a source does not
+    act.
     """
     frequency = checked_frequencies(frequency_hz)
     if not chains:

@@ -307,8 +307,8 @@ def contradictions(file: VibrationFile) -> Iterator[Contradiction]:
 def _of_structure(file: VibrationFile) -> Iterator[Contradiction]:
     known = [*file.members, GROUND]
     for name, member in file.members.items():
-        for _, *refusal in refusals(partial(Member, name, member.mass_kg), ("members",)):
-            yield ("members", name), *refusal
+        for _, found, expected, advice in refusals(partial(Member, name, member.mass_kg), ("members",)):
+            yield ("members", name), found, expected, advice
     for number, joint in enumerate(file.joints):
         key: Key = ("joints", number)
         for side, name in enumerate(joint.between):

@@ -56,10 +56,8 @@ def realisation_amounts(
     `motion_m` is X of every line [m], at `frequency_hz` [Hz] and of `source`, the position of one of all `n_sources`:
     each of shape (n_lines,). `time_s` are the times of the sections [s], see `section_times`; `phases` is P ≥ 1.
 
-    Raises
-    ------
-    InputError
-        No section, or too many realisations (`are_countable`); `mean_square` and `any_phase_amplitude` have no limit.
+    InputError: no section, or too many realisations (`are_countable`); `mean_square` and `any_phase_amplitude` have no
+    limit.
     """
     motion = np.asarray(motion_m, dtype=np.complex128)
     frequency, owner = np.asarray(frequency_hz, dtype=np.float64), np.asarray(source, dtype=np.int64)
@@ -87,7 +85,7 @@ def realisation_amounts(
         section[0, block] = size.mean(axis=1)
         section[1, block] = _mean_ordinate(total, step)
         section[2, block] = size.max(axis=1)
-        square += float(np.sum(_mean_square(z, phases)))
+        square += float(np.sum(mean_square(z, phases=phases)))
     expected, mean_abs = float(section[0].mean()), float(section[1].mean())
     return Realisations(
         expected_m=expected,
@@ -106,7 +104,12 @@ def mean_square(z_m: ArrayLike, *, phases: int = 4) -> Vector:
 
     `z_m` is z_s at every section [m], shape (n_sources, n_sections).
     """
-    return _mean_square(np.atleast_2d(np.asarray(z_m, dtype=np.complex128)), phases)
+    z = np.atleast_2d(np.asarray(z_m, dtype=np.complex128))
+    if phases == 1:
+        return np.asarray(z.sum(axis=0).imag ** 2)
+    if phases == 2:
+        return np.asarray((z.imag**2).sum(axis=0))
+    return np.asarray(0.5 * (z.real**2 + z.imag**2).sum(axis=0))
 
 
 def any_phase_amplitude(amplitude_m: ArrayLike) -> float:
@@ -212,11 +215,3 @@ def _mean_ordinate(total: ComplexMatrix, step: NDArray[np.complex128]) -> Vector
         else:
             sums += np.abs(total.imag * shift.real + total.real * shift.imag).sum(axis=1)
     return np.asarray(sums / (len(used) * total.shape[1]))
-
-
-def _mean_square(z: ComplexMatrix, phases: int) -> Vector:
-    if phases == 1:
-        return np.asarray(z.sum(axis=0).imag ** 2)
-    if phases == 2:
-        return np.asarray((z.imag**2).sum(axis=0))
-    return np.asarray(0.5 * (z.real**2 + z.imag**2).sum(axis=0))

@@ -49,10 +49,7 @@ class StructureModes:
 def structure_modes(structure: Structure) -> StructureModes:
     """All modes of a structure.
 
-    Raises
-    ------
-    InputError
-        If stiffnesses over masses lie so far apart that rounding decides the lowest modes.
+    InputError if stiffnesses over masses lie so far apart that rounding decides the lowest modes.
     """
     refuse_unresolved(structure, np.zeros(1))
     eigenvalues, vectors = _eigenpairs(structure)
@@ -86,10 +83,7 @@ def receptance_by_modes(
     The opposite force acts on `against`, by default on the ground. `modes` are those of the structure, where they are
     known already. Where modes are not complete, by the triangular form of Schur instead.
 
-    Raises
-    ------
-    InputError
-        At a resonance that nothing damps, and for unknown members.
+    InputError at a resonance that nothing damps, and for unknown members.
     """
     frequency = checked_frequencies(frequency_hz)
     modes = structure_modes(structure) if modes is None else modes

@@ -66,10 +66,7 @@ def response_curve(
     smallest η of a resonance: no peak is narrower than its share η of its frequency, so none is stepped over. Above
     `jump_hz` another response holds.
 
-    Raises
-    ------
-    InputError
-        The response has a peak without end in the range, or that of `solved`.
+    InputError: the response has a peak without end in the range, or that of `solved`.
     """
     ranges = [(lowest_hz, highest_hz)]
     if jump_hz is not None and not above(lowest_hz, jump_hz) and above(highest_hz, jump_hz):
