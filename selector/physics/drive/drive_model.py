@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -18,7 +18,6 @@ from selector.physics.drive.ball_bar.circle import (
     Circle,
     PairGeometry,
     ball_bar_run,
-    measured_samples,
 )
 from selector.physics.drive.file.model_axes import FileAxis, file_axis
 from selector.physics.drive.file.model_file import columns_needed
@@ -32,11 +31,11 @@ from selector.physics.drive.file.model_motion import (
 )
 from selector.physics.drive.file.model_schema import MOST_STEPS, CircleMotion, DriveFile
 from selector.physics.drive.file.parameters import parameters, with_parameters
-from selector.physics.drive.motion import Motion, ParameterCourse, Reference
+from selector.physics.drive.motion import Motion, Reference
 from selector.physics.drive.parts.axis import Axis, AxisState
 from selector.physics.drive.parts.catalogue import Parts
 from selector.physics.drive.parts.mechanics import RigidMechanics
-from selector.physics.drive.simulation import advised_step_s, circle_step_s, simulate_axis, steps_per_period
+from selector.physics.drive.simulation import AxisRun, advised_step_s, circle_step_s, simulate_axis, steps_per_period
 from selector.physics.model_parameters import Parameter
 from selector.physics.model_values import value_of
 from selector.recording import Channel, Recording
@@ -132,37 +131,6 @@ def require_few_steps(
 
 DEVIATION = Channel("deviation", "displacement", "um", "ball-bar")
 ANGLE = Channel("angle", "state", "1", "ball-bar [rad]")
-
-
-@dataclass(frozen=True)
-class AxisRun:
-    """What one axis was asked, and what it did."""
-
-    axis: Axis  #: The axis that was simulated
-    reference: Reference  #: What it was asked to do
-    motion: Motion  #: What it did
-    course: ParameterCourse | None  #: Stiffness and damping that it had, with ``varying = "command"``
-    step_s: float  #: Largest step of the calculation [s]
-    #: First sample that is recorded, and the first that is not any more; None: all are. Of a circle the 360° between
-    #: run-in and run-out.
-    arc: tuple[int, int] | None = None
-    added: Vector | None = None  #: (n_samples,): What was added to the output of the control, behind it [actuator unit]
-
-    @property
-    def recorded(self) -> AxisRun:
-        """Of it what is recorded, with its own time 0; itself where all is."""
-        if self.arc is None:
-            return self
-        part = slice(*self.arc)
-        names: tuple[str, ...] = ("position_m", "speed_m_per_s", "acceleration_m_per_s2", "force_n")
-        reference = Reference(self.reference.period_s, **_cut(self.reference, names, part))
-        motion = _cut(self.motion, [one.name for one in fields(Motion)], part)
-        motion["time_s"] = motion["time_s"] - motion["time_s"][0]
-        course = self.course
-        if course is not None:
-            names = ("axial_stiffness_n_per_m", "guide_damping_ns_per_m")
-            course = ParameterCourse(course.period_s, **_cut(course, names, part))
-        return replace(self, reference=reference, motion=Motion(**motion), course=course, arc=None)
 
 
 @dataclass(frozen=True)
@@ -324,14 +292,10 @@ class DriveModel:
                     because=slow_feed_words(self.file),
                 )
             with told_of(f"run {run}"):
-                done = ball_bar_run(axes, circle, geometry, plan, courses=along, step_s=said, seed=seed, number=number)
-            inside = np.flatnonzero(measured_samples(circle, next(iter(done.motions.values())).time_s))
-            arc = (int(inside[0]), int(inside[-1]) + 1)
-            runs[run] = {
-                name: AxisRun(axes[name], done.references[name], motion, done.courses[name], done.steps_s[name], arc)
-                for name, motion in done.motions.items()
-            }
-            trace = traces[run] = done.trace
+                trace, runs[run] = ball_bar_run(
+                    axes, circle, geometry, plan, courses=along, step_s=said, seed=seed, number=number
+                )
+            traces[run] = trace
             columns: dict[str, Vector] = {}
             for name, axis in self.axes.items():
                 shown = runs[run][name].recorded
@@ -341,7 +305,7 @@ class DriveModel:
                 }
             columns |= {ANGLE.name: trace.angle_rad, DEVIATION.name: trace.deviation_um}
             tables[run] = pd.DataFrame(columns, index=pd.Index(time_s, name="time_s"))
-            told[run] = {"step_s": dict(done.steps_s)}
+            told[run] = {"step_s": {name: one.step_s for name, one in runs[run].items()}}
         return DriveSimulation(Recording.from_runs(tables, self.outputs, self._provenance(seed, told)), runs, traces)
 
     def _axis_outputs(
@@ -385,12 +349,6 @@ def drive_model(file: DriveFile, columns: Columns | None = None) -> DriveModel:
     model = DriveModel(file, columns or {})
     _ = model.parameters  # the bounds are checked here, not when a fit asks for them
     return model
-
-
-def _cut(value: Reference | Motion | ParameterCourse, names: Iterable[str], part: slice) -> dict[str, Any]:
-    """A stretch of the courses of these names; None where there is none."""
-    courses = {name: getattr(value, name) for name in names}
-    return {name: None if course is None else course[part] for name, course in courses.items()}
 
 
 def _at(time_s: Vector, grid_s: Vector, values: Vector) -> Vector:

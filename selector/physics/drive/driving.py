@@ -15,7 +15,6 @@ from selector.physics.checks import require_within, told_of
 from selector.physics.drive.drive_model import (
     INPUTS,
     KINDS,
-    AxisRun,
     DriveModel,
     DriveSimulation,
     axis_channels,
@@ -26,6 +25,7 @@ from selector.physics.drive.finding_table import FINDINGS
 from selector.physics.drive.motion import Reference
 from selector.physics.drive.parts.axis import Axis, AxisState, unloaded_state
 from selector.physics.drive.parts.mechanics import RigidMechanics
+from selector.physics.drive.simulation import AxisRun
 from selector.physics.drive.trajectory import clock_findings, recorded
 from selector.physics.model_text import MOST_SAMPLES
 from selector.physics.simulation_kind import Progress

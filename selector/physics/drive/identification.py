@@ -129,25 +129,16 @@ def identified_rigid_axis(
     to frequencies below 2·`bandwidth_hz` (`scipy.signal.decimate`, no delay), so that the same filter stands on both
     sides of the equation.
 
-    Parameters
-    ----------
-    period_s
-        Distance of the samples [s].
-    position_m, force_n : array-likes of shape (n_samples,)
-        Measured position [m]; force of the actuator, and known forces from outside, on the axis [N].
-    bandwidth_hz
-        Highest frequency that the motion contains in earnest: that of the loop, see `servo_bandwidth_hz` [Hz].
-    asymmetric
-        Coulomb friction by direction; it then stands for the offset too: sliding cannot tell them apart.
-    stribeck_speed_m_per_s
-        v_s of a friction that falls from breakaway to sliding, as `Friction` has it; None: constant sliding friction.
-    delay_s
-        How much later than recorded the force acts [s]: half a sample for a command that is held.
+    `position_m` and `force_n`, shape (n_samples,), are the measured position [m], and the force of the actuator, and
+    known forces from outside, on the axis [N], every `period_s` [s]. `bandwidth_hz` is the highest frequency that the
+    motion contains in earnest: that of the loop, see `servo_bandwidth_hz` [Hz].
 
-    Raises
-    ------
-    InputError
-        Different lengths, missing values, a record too short, or a motion that does not excite every parameter.
+    `asymmetric` is Coulomb friction by direction; it then stands for the offset too: sliding cannot tell them apart.
+    `stribeck_speed_m_per_s` is v_s of a friction that falls from breakaway to sliding, as `Friction` has it; None:
+    constant sliding friction. `delay_s` is how much later than recorded the force acts [s]: half a sample for a command
+    that is held.
+
+    InputError: different lengths, missing values, a record too short, or a motion that does not excite every parameter.
     """
     position, force = _checked(position_m, force_n)
     cut_off_hz = CUT_OFF * bandwidth_hz

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.findings import Finding, Where
-from selector.physics.drive.drive_model import AxisRun, DriveModel, DriveSimulation
+from selector.physics.drive.drive_model import DriveModel, DriveSimulation
 from selector.physics.drive.drive_summary import limited_samples
 from selector.physics.drive.energy import passive_bristle_damping_ns_per_m, passive_fading_speed_m_per_s
 from selector.physics.drive.file.model_axes import FileAxis
@@ -20,7 +20,7 @@ from selector.physics.drive.loop.stability import stability_findings
 from selector.physics.drive.parts.axis import Axis
 from selector.physics.drive.parts.catalogue import Parts
 from selector.physics.drive.parts.mechanics import ThreeMassMechanics
-from selector.physics.drive.simulation import fastest_rate_per_s
+from selector.physics.drive.simulation import AxisRun, fastest_rate_per_s
 from selector.physics.drive.tracking import stick_slip
 from selector.physics.model_fields import unlikely_values
 from selector.physics.model_text import Key

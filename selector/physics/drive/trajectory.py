@@ -107,25 +107,11 @@ def moves(
 ) -> Reference:
     """Moves from rest to rest, one after the other, each as fast as its limits allow; exact at every sample.
 
-    Parameters
-    ----------
-    targets_m
-        Positions to go to, in turn [m].
-    period_s
-        Distance of the samples [s]; moves may begin and end between samples.
-    speed_m_per_s, dwell_s
-        Largest speed, and rest after the move [s]: one number, or one a target.
-    acceleration_m_per_s2, jerk_m_per_s3
-        Further limits; an infinite jerk lets the acceleration jump.
-    start_m
-        Position before the first move [m].
-    repeat
-        How often the targets are gone through.
+    The `targets_m` [m] are gone to in turn, `repeat` times, from `start_m` [m] on; moves may begin and end between the
+    samples, every `period_s` [s]. Largest speed and rest after the move, `dwell_s` [s], are one number, or one a
+    target; an infinite jerk lets the acceleration jump.
 
-    Raises
-    ------
-    InputError
-        No target, a limit or period that is not above 0, a dwell below 0, or lists of different lengths.
+    InputError: no target, a limit or period that is not above 0, a dwell below 0, or lists of different lengths.
     """
     _require(period_s=period_s)
     count = len(targets_m)

@@ -225,26 +225,13 @@ def _accuracy(
         return (), (said,)
 
 
-def _of_speeds(model: VibrationModel, simulation: VibrationSimulation) -> tuple[Finding, ...]:
+def _of_speeds(model: VibrationModel, simulation: VibrationSimulation) -> Iterator[Finding]:
     changing = [name for name, course in model.courses.items() if not course.is_level]
     used = [name for name in changing if any(source.shaft == name for source in model.sources)]
-    if not used:
-        return ()
-    speeds = ", ".join(f"{name} {simulation.shaft_rpm[name]:.6g} r/min" for name in used)
-    return (
-        FINDINGS.finding(
+    if used:
+        speeds = ", ".join(f"{name} {simulation.shaft_rpm[name]:.6g} r/min" for name in used)
+        yield FINDINGS.finding(
             "lines-at-mean-speed",
             f"Lines, amplitudes and errors are those of the mean speed ({speeds}); the recording follows the course.",
             evidence={"shaft_rpm": {name: simulation.shaft_rpm[name] for name in used}},
-        ),
-    )
-
-
-__all__ = [
-    "RELATIVE",
-    "AmplitudeSummary",
-    "LineSummary",
-    "VibrationSummary",
-    "judged_frequencies_hz",
-    "vibration_summary",
-]
+        )

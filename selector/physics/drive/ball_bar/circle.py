@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from selector.errors import InputError
 from selector.physics.checks import keep_arrays, require_finite, require_not_negative, require_positive, told_of
-from selector.physics.drive.motion import Motion, ParameterCourse, Reference
+from selector.physics.drive.motion import ParameterCourse, Reference
 from selector.physics.drive.parts.axis import Axis
 from selector.physics.drive.parts.mechanics import RigidMechanics
-from selector.physics.drive.simulation import circle_step_s
+from selector.physics.drive.simulation import AxisRun, circle_step_s, simulate_axis
 from selector.physics.model_fields import Limits, Unit
 from selector.types import Vector
 
@@ -293,18 +293,6 @@ class BallBarTrace:
             )
 
 
-@dataclass(frozen=True, eq=False)
-class BallBarRun:
-    """One simulated circle, from rest to rest."""
-
-    trace: BallBarTrace  #: What the bar shows of it
-    #: references and motions: Axis → what it was asked, and what it did
-    references: Mapping[str, Reference]
-    motions: Mapping[str, Motion]
-    courses: Mapping[str, ParameterCourse | None]  #: Axis → stiffness and damping that it had; None: constant ones
-    steps_s: Mapping[str, float]  #: Axis → longest step of its simulation [s]
-
-
 def ball_bar_run(
     axes: Mapping[str, Axis],
     circle: Circle,
@@ -315,8 +303,8 @@ def ball_bar_run(
     step_s: float | None = None,
     seed: int = 0,
     number: int = 0,
-) -> BallBarRun:
-    """One circle of a test, simulated.
+) -> tuple[BallBarTrace, dict[str, AxisRun]]:
+    """What the bar shows of one circle of a test, and what every axis did from rest to rest, simulated.
 
     `axes` are first, second and, if the plan has a `table_ball`, the rotary one, in this order; `courses` their
     stiffness and damping along the reference, where they change. `step_s` is the longest step [s], by default
@@ -324,8 +312,6 @@ def ball_bar_run(
 
     InputError if axes, courses and plan do not fit together, or an axis cannot be simulated.
     """
-    from selector.physics.drive.simulation import simulate_axis
-
     names = tuple(axes)
     if len(names) == 3 and not isinstance(axes[names[2]].mechanics, RigidMechanics):
         raise _misfit(
@@ -340,17 +326,17 @@ def ball_bar_run(
     period = plan.period_s or _period_s(circle, [axis.servo.sample_s if axis.servo else 0.0 for axis in axes.values()])
     references = circle_references(circle, names, period_s=period)
     seeds = np.random.SeedSequence([seed, number]).generate_state(len(names) + 1)
-    steps = {name: step_s or circle_step_s(axis, period) for name, axis in axes.items()}
+    inside = np.flatnonzero(measured_samples(circle, references[names[0]].time_s))
+    arc = (int(inside[0]), int(inside[-1]) + 1)
     varying = {name: of(references[name]) for name, of in (courses or {}).items()}
-    along = {name: varying.get(name) for name in names}
-    motions = {}
+    runs = {}
     for name, own in zip(names, seeds, strict=False):
+        axis, reference, course = axes[name], references[name], varying.get(name)
+        longest_s = step_s or circle_step_s(axis, period)
         with told_of(f"axis {name}"):
-            motions[name] = simulate_axis(
-                axes[name], references[name], step_s=steps[name], course=along[name], seed=int(own)
-            )
-    inside = measured_samples(circle, references[names[0]].time_s)
-    angle, deviation = _bar(circle, geometry, [motions[name].table_m[inside] for name in names])
+            motion = simulate_axis(axis, reference, step_s=longest_s, course=course, seed=int(own))
+        runs[name] = AxisRun(axis, reference, motion, course, longest_s, arc)
+    angle, deviation = _bar(circle, geometry, [run.motion.table_m[inside] for run in runs.values()])
     if plan.noise_um > 0:
         deviation = deviation + np.random.default_rng(seeds[-1]).normal(0.0, plan.noise_um, len(deviation))
     trace = BallBarTrace(
@@ -363,7 +349,7 @@ def ball_bar_run(
         circle.table_ball,
         circle.start_angle_rad,
     )
-    return BallBarRun(trace, references, motions, along, steps)
+    return trace, runs
 
 
 def positions_trace(

@@ -135,5 +135,11 @@ def _of_length(file: DriveFile) -> Iterator[Contradiction]:
 FAMILY: ModelFamily[DriveFile] = ModelFamily(
     "drive", KINDS, contradictions, page="docs/reference/drive-model.md", examples="fixtures/drive"
 )
-read_model_file, parsed_model_file, checked_model_file = FAMILY.read, FAMILY.parsed, FAMILY.checked
-"""The model file at a path, with this content, with these sections as plain values: see `ModelFamily`."""
+read_model_file = FAMILY.read
+"""The model file at a path, see `ModelFamily.read`."""
+
+parsed_model_file = FAMILY.parsed
+"""The model file with this content, see `ModelFamily.parsed`."""
+
+checked_model_file = FAMILY.checked
+"""The model file with these sections as plain values, see `ModelFamily.checked`."""

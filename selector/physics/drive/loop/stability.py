@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -325,15 +326,15 @@ def stability(axis: Axis) -> Stability:
     )
 
 
-def stability_findings(axis: Axis, where: str) -> tuple[Finding, ...]:
+def stability_findings(axis: Axis, where: str) -> Iterator[Finding]:
     """What a person must know about the loop of the axis called `where`: unstable, or less than 6 dB or 20° from it.
 
     An axis without a servo has no loop and no findings.
     """
     if axis.servo is None:
-        return ()
+        return
     found = stability(axis)
-    evidence = {
+    evidence: dict[str, Any] = {
         "margin_per_s": found.margin_per_s,
         "gain_limits": dict(found.gain_limits),
         "gain_floors": dict(found.gain_floors),
@@ -343,19 +344,18 @@ def stability_findings(axis: Axis, where: str) -> tuple[Finding, ...]:
         told = [_pole_in_words(pole, axis.servo.sample_s) for pole in growing[:_MOST_POLES]]
         if len(growing) > _MOST_POLES:
             told.append(f"{len(growing) - _MOST_POLES} more")
-        return (
-            FINDINGS.finding(
-                "unstable-loop",
-                f"The control loop of {where} is unstable: it has {_joined(told)}.",
-                Where(channel=where),
-                evidence={
-                    **evidence,
-                    "poles_per_s": [[pole.real, pole.imag] for pole in growing],
-                    "frequency_hz": [abs(pole.imag) / (2.0 * math.pi) for pole in growing],
-                },
-                suggestion=_remedy(axis, found),
-            ),
+        yield FINDINGS.finding(
+            "unstable-loop",
+            f"The control loop of {where} is unstable: it has {_joined(told)}.",
+            Where(channel=where),
+            evidence={
+                **evidence,
+                "poles_per_s": [[pole.real, pole.imag] for pole in growing],
+                "frequency_hz": [abs(pole.imag) / (2.0 * math.pi) for pole in growing],
+            },
+            suggestion=_remedy(axis, found),
         )
+        return
     figures = loop_figures(axis)
     little = [
         f"{value:.1f} {unit} of {name} margin, less than {least:g} {unit}"
@@ -365,23 +365,17 @@ def stability_findings(axis: Axis, where: str) -> tuple[Finding, ...]:
         )
         if abs(value) < least
     ]
-    if not little:
-        return ()
-    return (
-        FINDINGS.finding(
+    if little:
+        for name in ("gain_margin_db", "phase_margin_deg"):
+            value = getattr(figures, name)
+            evidence[name] = value if math.isfinite(value) else None
+        yield FINDINGS.finding(
             "little-stability-margin",
             f"The position loop of {where} is stable with {_joined(little)}.",
             Where(channel=where),
-            evidence={
-                **evidence,
-                **{
-                    name: value if math.isfinite(value := getattr(figures, name)) else None
-                    for name in ("gain_margin_db", "phase_margin_deg")
-                },
-            },
+            evidence,
             suggestion=f"It swings after every change. {_limits_in_words(axis, found)}",
-        ),
-    )
+        )
 
 
 def _remedy(axis: Axis, found: Stability) -> str:

@@ -476,5 +476,11 @@ def _of_run(file: VibrationFile) -> Iterator[Contradiction]:
 FAMILY: ModelFamily[VibrationFile] = ModelFamily(
     "vibration", KINDS, contradictions, page="docs/reference/vibration-model.md", examples="fixtures/vibration"
 )
-read_model_file, parsed_model_file, checked_model_file = FAMILY.read, FAMILY.parsed, FAMILY.checked
-"""The model file at a path, with this content, with these sections as plain values: see `ModelFamily`."""
+read_model_file = FAMILY.read
+"""The model file at a path, see `ModelFamily.read`."""
+
+parsed_model_file = FAMILY.parsed
+"""The model file with this content, see `ModelFamily.parsed`."""
+
+checked_model_file = FAMILY.checked
+"""The model file with these sections as plain values, see `ModelFamily.checked`."""
