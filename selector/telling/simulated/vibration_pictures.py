@@ -202,9 +202,9 @@ def _answers(model: VibrationModel, summary: VibrationSummary) -> tuple[Vector, 
     }
     largest = max((float(answer.max()) for answer in coupled.values()), default=0.0)
     found: dict[str, list[Answer]] = {final: [] for final in FINALS}
-    by_chains = model.chain_method(summary.shaft_rpm)
+    method = model.chain_method(summary.shaft_rpm)
     for source in model.sources:
-        chains = None if by_chains is None else _chains_um(model, source, frequency_hz, by_chains)
+        chains = None if method is None else _chains_um(model, source, frequency_hz, method)
         lines_hz = np.array([one.frequency_hz for one in summary.lines if one.source == source.name])
         for row, final in enumerate(FINALS):
             answer = coupled.get((source.name, final))
