@@ -34,8 +34,8 @@ def lines(drawn, name):
 
 def test_both_directions_are_drawn_with_their_spikes():
     traces = pair()
-    drawn = ball_bar_figure(traces, centred=False)
-    for trace, name in zip(traces, ("counter-clockwise", "clockwise"), strict=True):
+    drawn = ball_bar_figure(traces)
+    for trace, name in zip(centred_traces(traces), ("counter-clockwise", "clockwise"), strict=True):
         (line,) = lines(drawn, name)
         r, theta = drawn_values(line.r), drawn_values(line.theta)
         assert len(r) <= POINTS + 2
@@ -48,7 +48,7 @@ def test_both_directions_are_drawn_with_their_spikes():
 
 
 def test_the_scale_is_the_one_that_the_title_states():
-    drawn = ball_bar_figure(pair(), centred=False)
+    drawn = ball_bar_figure(pair())
     low, high = drawn.layout.polar.radialaxis.range
     # the nominal circle, 100 mm, is drawn where the axis has gone from `low` to 0
     stated = float(re.search(r"drawn (\d+) times", style.title_text(drawn))[1])
@@ -62,31 +62,12 @@ def test_the_scale_is_the_one_that_the_title_states():
             assert float(text.replace("−", "-").split()[0]) == pytest.approx(value)
 
 
-def test_feeds_beside_each_other_have_their_own_scales():
-    drawn = ball_bar_figure([*pair(1000.0, size=3.0), *pair(3000.0, size=40.0), *pair(5000.0, size=0.5)])
-    scales = [drawn.layout[key].radialaxis.range[1] for key in ("polar", "polar2", "polar3")]
-    assert all(scale >= 1.2 * size for scale, size in zip(scales, (3.0, 40.0, 0.5), strict=True))
-    texts = [annotation.text for annotation in drawn.layout.annotations]
-    assert [re.search(r"<b>(\d+) mm/min", text)[1] for text in texts] == ["1000", "3000", "5000"]
-    shown = [trace.name for trace in drawn.data if trace.showlegend]
-    assert len(shown) == len(set(shown)) == 4
-
-
 def test_the_set_up_is_taken_out():
     traces = pair(centre=30.0)
     centred = drawn_values(lines(ball_bar_figure(traces), "counter")[0].r)
-    raw = drawn_values(lines(ball_bar_figure(traces, centred=False), "counter")[0].r)
-    assert raw.max() > 35
+    assert traces[0].deviation_um.max() > 35
     assert centred.max() == pytest.approx(centred_traces(traces)[0].deviation_um.max(), rel=FLOAT32)
     assert centred.max() < 10
-
-
-def test_the_tolerance_is_a_band_of_two_rings_inside_the_picture():
-    drawn = ball_bar_figure(pair(), tolerance_um=25.0)
-    rings = lines(drawn, "tolerance ± 25")
-    assert sorted(float(np.unique(ring.r)[0]) for ring in rings) == [-25.0, 25.0]
-    assert drawn.layout.polar.radialaxis.range[1] > 25.0
-    assert not lines(ball_bar_figure(pair()), "tolerance")
 
 
 def test_reversals_are_marked_where_axes_reverse():

@@ -84,6 +84,30 @@ def figure(title: str, height: int) -> go.Figure:
     return made
 
 
+def add_menu(drawn: go.Figure, buttons: Sequence[Mapping[str, object]]) -> None:
+    """A menu above the picture, on the left; each button changes what is drawn."""
+    drawn.update_layout(
+        updatemenus=[
+            {
+                "buttons": buttons, "direction": "down", "x": 0, "xanchor": "left", "y": 1.0, "yanchor": "bottom",
+                "bgcolor": "#ffffff", "font": {"size": 12}, "pad": {"b": 4},
+            }
+        ]
+    )  # fmt: skip
+
+
+def spaced(places: Sequence[float], distance: float, end: float) -> list[float]:
+    """Places near these, in this order, the `distance` apart at least, from half of it to that before the `end`."""
+    placed: list[float] = []
+    for place in places:
+        placed.append(max(place, placed[-1] + distance if placed else distance / 2))
+    ceiling = end - distance / 2
+    for k in reversed(range(len(placed))):
+        placed[k] = min(placed[k], ceiling)
+        ceiling = placed[k] - distance
+    return placed
+
+
 def title_text(drawn: go.Figure) -> str:
     """The title of a figure as plain text, for captions."""
     return html.unescape((drawn.layout.title.text or "").replace("<br>", " "))

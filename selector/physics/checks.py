@@ -37,6 +37,15 @@ def require_finite(values: object, *names: str) -> None:
             )
 
 
+def keep_arrays(values: object, *names: str) -> None:
+    """Makes these fields of a frozen dataclass arrays of float64 that nobody can change; None stays."""
+    for name in names:
+        if getattr(values, name) is not None:
+            array = np.array(getattr(values, name), dtype=np.float64)
+            array.setflags(write=False)
+            object.__setattr__(values, name, array)
+
+
 @contextmanager
 def told_of(what: str, *, of_keys: bool = False) -> Iterator[None]:
     """Errors inside say `what` they are about, an axis or a run; with `of_keys` also those of keys of the file."""

@@ -7,9 +7,9 @@ parameters, their bounds, warnings about slips and the reference page come from 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, get_args, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
@@ -67,7 +67,9 @@ class Usual:
 
     low: float
     high: float
-    units: Mapping[str, float] = field(default_factory=dict)  #: Another unit → how many of the unit of the key it is
+    units: Mapping[str, float] = field(
+        default_factory=dict, hash=False
+    )  #: Another unit → how many of the unit of the key it is
 
 
 def numbers_of(section: Any, path: Key = ()) -> Iterator[Number]:
@@ -106,10 +108,10 @@ def _members(section: Any) -> Iterator[tuple[str, Any, tuple[Any, ...]]]:
             yield name, getattr(section, name), said_of(told)
         return
     for name, hint in get_type_hints(type(section), include_extras=True).items():
-        yield name, getattr(section, name), getattr(hint, "__metadata__", ())
+        yield name, getattr(section, name), _said_in(hint)
 
 
-def unlikely_values(file: Entry) -> Iterator[Finding]:
+def unlikely_values(file: Entry, channel_of: Callable[[Key], str | None] = lambda path: None) -> Iterator[Finding]:
     """Warnings on numbers of a model file that no machine has; each with the unit that was perhaps meant."""
     usual: dict[str, UsualRange] = {}
     units: dict[str, str] = {}
@@ -118,16 +120,16 @@ def unlikely_values(file: Entry) -> Iterator[Finding]:
         units[name] = unit_in(said)
         range_ = next((one for one in said if isinstance(one, Usual)), None)
         if range_ is not None:
-            usual[f"{section}.{name}"] = UsualRange(range_.low, range_.high, range_.units)
-    yield from unlikely_numbers(plain_values(file), usual, lambda key: units.get(key, "1"))
+            usual[f"{section}.{name}" if section else name] = UsualRange(range_.low, range_.high, range_.units)
+    yield from unlikely_numbers(plain_values(file), usual, lambda key: units.get(key, "1"), channel_of)
 
 
 def _fields(schema: type[BaseModel], section: str = "") -> Iterator[tuple[str, str, Any]]:
-    """(key of the section, key, field) of everything in a schema."""
+    """(key of the section, empty if the file names it, key, field) of everything in a schema."""
     for name, told in schema.model_fields.items():
         yield section, name, told
         for inner in _schemas_in(told.annotation):
-            yield from _fields(inner, name)
+            yield from _fields(inner, "" if get_origin(told.annotation) is dict else name)
 
 
 def _schemas_in(annotation: Any) -> Iterator[type[BaseModel]]:
@@ -139,5 +141,9 @@ def _schemas_in(annotation: Any) -> Iterator[type[BaseModel]]:
 
 def said_of(told: FieldInfo) -> tuple[Any, ...]:
     """All that is said at a field of a schema, also where it may be left out."""
-    inside = (one for inner in get_args(told.annotation) for one in getattr(inner, "__metadata__", ()))
-    return (*told.metadata, *inside)
+    return (*told.metadata, *_said_in(told.annotation))
+
+
+def _said_in(hint: Any) -> tuple[Any, ...]:
+    inside = (one for inner in get_args(hint) for one in getattr(inner, "__metadata__", ()))
+    return (*getattr(hint, "__metadata__", ()), *inside)

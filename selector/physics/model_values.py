@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 from pydantic import AfterValidator, Field, StrictBool, create_model
 
 from selector.errors import InputError
-from selector.physics.model_fields import Limits as SaidLimits
+from selector.physics.model_fields import Limits
 from selector.physics.model_text import Contradiction, Entry, Key, limited
 
 LARGEST = 1e15
@@ -23,21 +23,15 @@ _MOST_VALUES = 10_000
 
 Value = TypeVar("Value")
 
-
-Limits = Callable[[str], tuple[float, float]]
-"""Key → least size of what is not 0, and most."""
+_NO_LIMITS = Limits(0.0, LARGEST)
 
 
-def _no_limits(key: str) -> tuple[float, float]:
-    return 0.0, LARGEST
-
-
-def entry_of(kind: type, *, called: str | None = None, limits: Limits = _no_limits, **more: Any) -> type[Entry]:
+def entry_of(kind: type, *, called: str | None = None, **more: Any) -> type[Entry]:
     """The section whose keys are the fields of a dataclass, with their defaults; dataclasses inside are tables.
 
     Fields may be numbers, whole numbers, truth values, choices of words, tuples of numbers, dataclasses, or None.
-    With `called` it has ``kind = "called"`` as its first key; `limits` says how small and how large numbers may be;
-    `more` are further keys as pydantic has them: (type, default).
+    With `called` it has ``kind = "called"`` as its first key; `more` are further keys as pydantic has them: (type,
+    default).
     """
     hints = get_type_hints(kind, include_extras=True)
     keys: dict[str, Any] = {} if called is None else {"kind": (Literal[called], ...)}
@@ -46,8 +40,8 @@ def entry_of(kind: type, *, called: str | None = None, limits: Limits = _no_limi
         if field.default is not dataclasses.MISSING:
             default = field.default
         elif field.default_factory is not dataclasses.MISSING:
-            default = _default(hints[field.name], field.default_factory(), limits)
-        keys[field.name] = (_key_type(hints[field.name], field.name, limits), default)
+            default = _default(hints[field.name], field.default_factory())
+        keys[field.name] = (_key_type(hints[field.name]), default)
     return create_model(f"{kind.__name__}Section", __base__=Entry, __doc__=kind.__doc__, **keys, **more)
 
 
@@ -83,6 +77,14 @@ def refused(error: InputError, key: Key, section: Entry | None) -> Contradiction
     return (key if inside is ... else (*key, *names)), error.found, error.expected, error.advice
 
 
+def refusals(make: Callable[[], object], key: Key, section: Entry | None = None) -> Iterator[Contradiction]:
+    """What making a value refuses, if anything, at the key of the section that describes it."""
+    try:
+        make()
+    except InputError as error:
+        yield refused(error, key, section)
+
+
 def _inner_value(kind: type[Value], section: Entry, name: str) -> Value:
     """As `value_of`, of a table inside a section: what is refused has the name of the table before it."""
     try:
@@ -92,10 +94,10 @@ def _inner_value(kind: type[Value], section: Entry, name: str) -> Value:
         raise type(error)(error.found, expected=error.expected, where=where, advice=error.advice) from error
 
 
-def _default(hint: Any, value: Any, limits: Limits) -> Any:
+def _default(hint: Any, value: Any) -> Any:
     hint = get_args(hint)[0] if get_origin(hint) is Annotated else hint
     if dataclasses.is_dataclass(value):
-        return entry_of(hint, limits=limits).model_construct()
+        return entry_of(hint).model_construct()
     return dict(value) if isinstance(value, Mapping) else value
 
 
@@ -104,29 +106,29 @@ def _dataclass_in(hint: Any) -> Any:
     return next((kind for kind in (hint, *get_args(hint)) if dataclasses.is_dataclass(kind)), None)
 
 
-def _key_type(hint: Any, name: str, limits: Limits) -> Any:
+def _key_type(hint: Any, limits: Limits = _NO_LIMITS) -> Any:
     origin, inner = get_origin(hint), get_args(hint)
     if origin is Annotated:
-        bounds = next((one for one in hint.__metadata__ if isinstance(one, SaidLimits)), None)
-        own = limits if bounds is None else lambda _: (bounds.least, bounds.most)
-        return Annotated[(_key_type(inner[0], name, own), *hint.__metadata__)]
+        own = next((one for one in hint.__metadata__ if isinstance(one, Limits)), limits)
+        return Annotated[(_key_type(inner[0], own), *hint.__metadata__)]
     if origin in (Union, types.UnionType):
-        return Union[tuple(kind if kind is type(None) else _key_type(kind, name, limits) for kind in inner)]  # noqa: UP007
+        return Union[tuple(kind if kind is type(None) else _key_type(kind, limits) for kind in inner)]  # noqa: UP007
     if origin is tuple:
         if len(inner) == 2 and inner[1] is ...:
-            many = tuple[_key_type(inner[0], name, limits), ...]  # type: ignore[misc, valid-type]
+            many = tuple[_key_type(inner[0], limits), ...]  # type: ignore[misc, valid-type]
             return Annotated[many, Field(max_length=_MOST_VALUES)]
-        return tuple[tuple(_key_type(one, name, limits) for one in inner)]  # type: ignore[misc]
+        return tuple[tuple(_key_type(one, limits) for one in inner)]  # type: ignore[misc]
     if origin is Literal:
         return hint
     if dataclasses.is_dataclass(hint):
-        return entry_of(hint, limits=limits)  # type: ignore[arg-type]
-    least, most = limits(name)
-    whole = int(min(most, 10**9))
+        return entry_of(hint)  # type: ignore[arg-type]
+    whole = int(min(limits.most, 10**9))
     simple = {
         bool: StrictBool,
         int: Annotated[int, Field(strict=True, ge=-whole, le=whole)],
-        float: Annotated[float, limited(-most, most), AfterValidator(partial(_large_enough, least=least))],
+        float: Annotated[
+            float, limited(-limits.most, limits.most), AfterValidator(partial(_large_enough, least=limits.least))
+        ],
     }
     if hint not in simple:
         raise TypeError(f"a model file has no keys of the type {hint}")

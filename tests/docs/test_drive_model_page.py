@@ -10,8 +10,8 @@ import pytest
 
 from selector.physics.drive.file import model_schema as schema
 from selector.physics.drive.file.model_axes import INSTEAD, OFF
-from selector.physics.drive.file.parameters import unit_of_key
 from selector.physics.drive.parts.catalogue import thc6350_x_axis
+from selector.physics.model_fields import said_of, unit_in
 from selector.physics.model_text import Column, Entry
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "drive-model.md"
@@ -123,4 +123,5 @@ def test_every_key_is_explained_and_no_other(heading):
     for key, (unit, default, meaning) in rows.items():
         assert default == default_text(fields[key]), key
         assert meaning.strip(), key
-        assert unit == {"1": "–"}.get(unit_of_key(key), unit_of_key(key)), key
+        said = unit_in(said_of(fields[key]))
+        assert unit == {"1": "–"}.get(said, said), key

@@ -5,23 +5,40 @@ from __future__ import annotations
 import re
 import subprocess
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from selector.number_text import number_text
 from selector.physics.channel_differences import ChannelDifference
+from selector.physics.vibration.file.model_file import read_model_file
 from selector.physics.vibration.structure.modes import CarryingMode, carrying_mode, relative_parts
-from selector.physics.vibration.vibration_model import RELATIVE
+from selector.physics.vibration.vibration_model import RELATIVE, vibration_model
+from selector.physics.vibration.vibration_summary import vibration_summary
 from selector.telling.page import write_account
-from selector.telling.simulated import account_of
+from selector.telling.simulated import account_of, vibration_pictures
 from selector.telling.simulated.vibration import carried_text, motion_courses, published_sentences, source_shares
 from tests.report import vibrations
 from tests.report.simulated import html
 from tests.report.test_selection_report import MEGABYTE, Page
 from tests.report.test_thermal_in_browser import BROWSER
 
+ROOT = Path(__file__).resolve().parents[2]
 FIGURES = {"cut": 7, "run-up": 5, "alone": 4}
+
+
+def test_every_final_is_drawn_by_the_chains_of_every_source_that_have_a_way_to_it():
+    model = vibration_model(read_model_file(ROOT / "fixtures" / "vibration" / "lathe.toml"))
+    _, answers = vibration_pictures._answers(model, vibration_summary(model, model.simulation()))
+    led = {(source, chain.final) for chain in model.chains for source in chain.sources}
+    drawn = {
+        (one.source, model.finals[final]): one.chains_um_per_n is not None
+        for final, ones in answers.items()
+        for one in ones
+    }
+    assert drawn == {case: case in led for case in drawn}
+    assert len({source for source, _ in led}) > 1
 
 
 @pytest.fixture(scope="module", params=FIGURES)

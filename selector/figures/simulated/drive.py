@@ -45,16 +45,8 @@ def axis_course(
 ) -> go.Figure:
     """Position and speed of an axis, below them its tracking error and the output of its control.
 
-    Parameters
-    ----------
-    motion : Motion
-    name : str
-        Of the axis, empty if there is one only.
-    output_unit : str
-        Of the control's output, e.g. "A".
-    limited : ndarray of shape (n_samples,), optional
-        Where a limit of current or speed was reached: shaded.
-    measures : Measures
+    `name` is empty if there is one axis only; `output_unit` is that of the control's output, e.g. "A". Where `limited`,
+    shape (n_samples,), a limit of current or speed was reached: shaded.
     """
     time_s, error = motion.time_s, motion.tracking_error_m * measures.error[1]
     dry = float(np.ptp(motion.friction_n)) > 0
@@ -141,13 +133,8 @@ def frequency_response(
 ) -> go.Figure:
     """Amplitude and phase from commanded to actual position, one line an instant (F fig. 8).
 
-    Parameters
-    ----------
-    frequency_hz : ndarray of shape (n_frequencies,)
-    amplitudes, phases_deg : mapping of str to ndarray of shape (n_frequencies,)
-        By what the line is called, in the same order.
-    title : str
-        Plain text, as `style.label` makes it.
+    Amplitudes and phases stand by what the line is called, in the same order; `title` is plain text, as `style.label`
+    makes it.
     """
     drawn = style.figure(title, 480)
     for number, (name, amplitude) in enumerate(amplitudes.items()):
@@ -309,14 +296,7 @@ _UNITS = {"um": ("mm", 1e-3, "µm"), "urad": ("rad", 1e-6, "µrad")}
 def recorded_and_simulated(time_s: Vector, recorded: Vector, simulated: Vector, name: str, unit: str) -> go.Figure:
     """Both courses, and simulated minus recorded; each stretch keeps its lowest and highest sample.
 
-    Parameters
-    ----------
-    time_s, recorded, simulated : ndarray of shape (n_samples,)
-        From the start of the run [s]; the courses [unit].
-    name : str
-        Of the channel.
-    unit : str
-        As of `physics.channel_differences.ChannelDifference`; courses in µm are drawn in mm.
+    Times are from the start of the run [s]; `unit` is that of a `ChannelDifference`; courses in µm are drawn in mm.
     """
     whole, times, text = _UNITS.get(unit, (unit, 1.0, unit))
     text, whole = ("", "") if unit == "1" else (text, whole)

@@ -38,18 +38,9 @@ def machine_field(
 
     The picture can be turned with the mouse.
 
-    Parameters
-    ----------
-    nodes_m : ndarray of shape (n_nodes, 3)
-        Places of the nodes [m], Z upwards.
-    triangles : ndarray of shape (n_triangles, 3)
-        Nodes of the triangles of the surface.
-    temperature_degc : ndarray of shape (n_nodes,)
-    deformation_um : ndarray of shape (n_nodes, 3)
-    title : str
-        When this is, and under which load.
-    places_m : mapping of str to (x, y, z), optional
-        Sensors [m], drawn on the surface that is nearest.
+    `nodes_m` has the shape (n_nodes, 3) [m], Z upwards; `triangles`, (n_triangles, 3), are nodes of the surface.
+    `title` says when this is, and under which load; `places_m` are those of sensors [m], drawn on the surface that is
+    nearest.
     """
     nodes, corners = np.unique(triangles, return_inverse=True)
     corners = corners.reshape(triangles.shape)

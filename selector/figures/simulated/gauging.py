@@ -32,16 +32,8 @@ def gauge_characteristic(
 ) -> go.Figure:
     """Mean smoothed voltage over the allowance, the line beside it, and by how much of size the line is wrong.
 
-    Parameters
-    ----------
-    allowance_um, voltage_v : ndarray of shape (n_points,)
-        The characteristic, allowances increasing [µm], [V].
-    gauge : LinearGauge
-        The line.
-    line_um : tuple of float
-        Allowances between which the line holds [µm].
-    thresholds : sequence of (until_um, threshold_v)
-        One a stage: allowance at which it is to end [µm], and voltage of the relay [V].
+    Allowances increase [µm]; the line holds between the two of `line_um` [µm]. `thresholds` has one a stage: allowance
+    at which it is to end [µm], and voltage of the relay [V].
     """
     line_v = gauge.bias_v + gauge.gain_v_per_um * allowance_um
     error_um = (voltage_v - line_v) / gauge.gain_v_per_um
@@ -98,22 +90,10 @@ def part_in_time(
 ) -> go.Figure:
     """Allowance of one part, what the gauge reads, its voltage against the thresholds, and the feed.
 
-    Parameters
-    ----------
-    time_s : ndarray of shape (n_samples,)
-        From the start of the part [s].
-    allowance_um, measured_um, voltage_v, feed_um_per_s : ndarray of shape (n_samples,)
-        True and measured allowance [µm], voltage behind the filter [V], infeed [µm/s]; None: it is not known.
-    thresholds : sequence of (until_um, threshold_v)
-        One a stage.
-    ends_s : sequence of float
-        When the stages end: dotted lines [s].
-    is_finished : bool
-        Whether the last allowance is the size of a finished part.
-    from_s : float
-        Where the picture begins; thresholds of stages that are over by then are left out [s].
-    name : str
-        Of the part.
+    Times are from the start of the part [s]; the feed is None where it is not known. `thresholds` has one a stage:
+    allowance at which it is to end [µm], and voltage of the relay [V]; at `ends_s` the stages end: dotted lines [s].
+    `is_finished` says whether the last allowance is the size of a finished part. The picture begins at `from_s` [s];
+    thresholds of stages that are over by then are left out.
     """
     kept = time_s >= from_s
     time, end = time_s[kept], float(time_s[-1])
@@ -166,15 +146,8 @@ def chain_waveform(
 ) -> go.Figure:
     """A few strokes of the whole chain: probe against the workpiece, contact force, rectified and smoothed voltage.
 
-    Parameters
-    ----------
-    time_s : ndarray of shape (n_samples,)
-    probe_um : ndarray of shape (n_samples,)
-        Position of the tip, towards the workpiece [µm].
-    surface_um : ndarray of shape (n_samples,)
-        Where the workpiece stands on the same count [µm].
-    contact_n, generator_v, smoothed_v : ndarray of shape (n_samples,)
-        [N], [V], [V].
+    `probe_um` is the position of the tip, towards the workpiece, and `surface_um` where that stands on the same count
+    [µm].
     """
     start = float(time_s[0])
     time, end = time_s - start, float(time_s[-1]) - start
@@ -237,13 +210,7 @@ def _thresholds(
     low, high = shown_v
     order = sorted(range(len(thresholds)), key=lambda k: thresholds[k][1])
     wanted = [_CURVE_PX * (thresholds[k][1] - low) / (high - low) for k in order]
-    placed: list[float] = []
-    for want in wanted:
-        placed.append(max(want, placed[-1] + _LABEL_PX if placed else _LABEL_PX / 2))
-    ceiling = _CURVE_PX - _LABEL_PX / 2
-    for k in reversed(range(len(placed))):
-        placed[k] = min(placed[k], ceiling)
-        ceiling = placed[k] - _LABEL_PX
+    placed = style.spaced(wanted, _LABEL_PX, _CURVE_PX)
     falls = voltage_v[-1] < voltage_v[0]
     rising_v, at_um = (voltage_v[::-1], allowance_um[::-1]) if falls else (voltage_v, allowance_um)
     for k, place in zip(order, placed, strict=True):
@@ -288,18 +255,8 @@ def size_histogram(
 ) -> go.Figure:
     """Sizes of the simulated parts as a histogram, the densities by formula as lines, and the tolerance.
 
-    Parameters
-    ----------
-    size_um : ndarray of shape (n_parts,)
-        Finished sizes, counted from the nominal size [µm].
-    curves : mapping of str to (size_um, density_per_um)
-        By what the line is called.
-    tolerance_um : (lower, upper) or None
-        [µm].
-    wanted_um : float
-        x_k, for which the threshold is meant [µm].
-    title : str
-        Plain text, as `style.label` makes it.
+    Sizes are counted from the nominal size [µm]; `curves` is what a line is called → sizes [µm] and densities [1/µm];
+    `wanted_um` is x_k, for which the threshold is meant. `title` is plain text, as `style.label` makes it.
     """
     counts, edges = np.histogram(size_um, bins=_edges(size_um))
     density = counts / (len(size_um) * np.diff(edges))
@@ -343,18 +300,8 @@ def sizes_over_parts(
 ) -> go.Figure:
     """Finished sizes in the order of grinding, with the tolerance, and dotted lines where the wheel was dressed.
 
-    Parameters
-    ----------
-    size_um : ndarray of shape (n_parts,)
-        [µm].
-    tolerance_um : (lower, upper) or None
-        [µm].
-    wanted_um : float
-        [µm].
-    dressed : sequence of int
-        Numbers of the parts, from 1, before which the wheel was dressed.
-    title : str
-        Plain text, as `style.label` makes it.
+    Before the parts numbered `dressed`, from 1, the wheel was dressed. `title` is plain text, as `style.label` makes
+    it.
     """
     number = np.arange(1, len(size_um) + 1, dtype=np.float64)
     few = len(size_um) <= MOST_MARKERS
@@ -402,20 +349,12 @@ def filter_trade_off(
     best: tuple[float, float],
     present: tuple[float, float],
     title: str,
-    checked: tuple[Vector, Vector] | None = None,
 ) -> go.Figure:
     """Bias², variance and their sum over the time constant of the filter, both on logarithmic axes.
 
-    Parameters
-    ----------
-    time_constant_s, bias_um, sd_um : ndarray of shape (n_filters,)
-        T_Φ [s]; mean error and standard deviation of the finished size with it [µm].
-    best, present : (time_constant_s, mean_square_um2)
-        The best filter, and the one of the gauge with its own threshold [s], [µm²].
-    title : str
-        Plain text, as `style.label` makes it.
-    checked : (time_constant_s, mean_square_um2) or None
-        Mean square errors by Monte Carlo at some of them [s], [µm²].
+    `bias_um` and `sd_um` are mean error and standard deviation of the finished size with each T_Φ [µm]; `best` and
+    `present`, the best filter and the one of the gauge with its own threshold, are (time constant [s], mean square
+    error [µm²]). `title` is plain text, as `style.label` makes it.
     """
     bias2, variance = bias_um**2, sd_um**2
     total = bias2 + variance
@@ -432,12 +371,6 @@ def filter_trade_off(
             x=(1e3 * time_constant_s[seen]).astype(np.float32), y=values[seen].astype(np.float32), mode="lines",
             name=name, line={"color": colour, "width": width, "dash": dash},
             hovertemplate=f"%{{x:.4g}} ms: %{{y:.4g}} µm²<extra>{name}</extra>",
-        )  # fmt: skip
-    if checked is not None:
-        drawn.add_scatter(
-            x=(1e3 * checked[0]).astype(np.float32), y=checked[1].astype(np.float32), mode="markers",
-            name="Monte Carlo", marker={"color": "#ffffff", "size": 9, "line": {"color": style.INK, "width": 1.6}},
-            hovertemplate="%{x:.4g} ms: %{y:.4g} µm²<extra>Monte Carlo</extra>",
         )  # fmt: skip
     for (at_s, value), name, colour, symbol in (
         (best, "best", style.CHOSEN, "star"),

@@ -33,13 +33,7 @@ class Places:
 def layered_places(names: Sequence[str], links: Sequence[tuple[str, str]], root: str) -> Places:
     """Layers by the number of links to `root`; within a layer in the order that lets the fewest links cross.
 
-    Parameters
-    ----------
-    names : sequence of str
-        All parts but the root; each has a way to it.
-    links : sequence of (str, str)
-        What is joined with what.
-    root : str
+    `names` are all parts but the root, each with a way to it by the `links`.
     """
     beside: dict[str, list[str]] = {name: [] for name in (*names, root)}
     for one, other in links:
@@ -101,21 +95,8 @@ def _across(layers: list[list[str]], beside: Mapping[str, list[str]]) -> dict[st
                 sum(near) / len(near) if (near := [place[o] for o in beside[name] if o in place]) else place[name]
                 for name in layer
             ]
-            place |= dict(zip(layer, _apart(wanted, gap), strict=True))
+            place |= dict(zip(layer, style.spaced(wanted, gap, 1.0), strict=True))
     return place
-
-
-def _apart(wanted: Sequence[float], gap: float) -> list[float]:
-    """Places near the wanted ones, in this order, `gap` apart at least, between half a gap from both edges."""
-    placed: list[float] = []
-    for k, want in enumerate(wanted):
-        least = gap / 2 if k == 0 else placed[-1] + gap
-        placed.append(max(want, least))
-    most = 1.0 - gap / 2
-    for k in reversed(range(len(placed))):
-        placed[k] = min(placed[k], most)
-        most = placed[k] - gap
-    return placed
 
 
 MOST_MEMBERS = 40
@@ -187,15 +168,8 @@ def chain_view(structure: Structure, chain: Chain, name: str) -> View:
 def structure_diagram(structure: Structure, sources: Sequence[Source], views: Sequence[View], title: str) -> go.Figure:
     """Members in layers from the ground up, joints as lines that are thicker where they are stiffer.
 
-    Parameters
-    ----------
-    structure : Structure
-    sources : sequence of Source
-        Named at the member that they push, with a minus sign at the one they push against.
-    views : sequence of View
-        What can be brought out; the first is shown, the others are in a menu.
-    title : str
-        Plain text, as `style.label` makes it.
+    Sources are named at the member that they push, with a minus sign at the one they push against. The first view is
+    shown, the others are in a menu. `title` is plain text, as `style.label` makes it.
     """
     places = _places(structure)
     at = {name: (places.across[name], float(places.height[name])) for name in places.across}
@@ -265,14 +239,7 @@ def _add_menu(
             "marker.size": [None, markers["size"]],
         }
         buttons.append({"label": style.label(view.name, 48), "method": "restyle", "args": [change, [band, nodes]]})
-    drawn.update_layout(
-        updatemenus=[
-            {
-                "buttons": buttons, "direction": "down", "x": 0, "xanchor": "left", "y": 1.0, "yanchor": "bottom",
-                "bgcolor": "#ffffff", "font": {"size": 12}, "pad": {"b": 4},
-            }
-        ]
-    )  # fmt: skip
+    style.add_menu(drawn, buttons)
 
 
 Line = list[float | None]

@@ -57,29 +57,16 @@ def response_over_frequency(
 ) -> go.Figure:
     """Amplitude per unit force over frequency, a panel each final member; lines of the sources as circles.
 
-    Parameters
-    ----------
-    frequency_hz : ndarray of shape (n_frequencies,)
-        [Hz].
-    answers : mapping of str to sequence of Answer
-        Final member → its answer to every source.
-    colours : mapping of str to str
-        As of `source_colours`.
-    title : str
-        Plain text, as `style.label` makes it.
-    split_hz : float, optional
-        Where the chains of the low range end and those of the high one begin [Hz].
+    `answers` is final member → its answer to every source, `colours` that of `source_colours`, `title` plain text, as
+    `style.label` makes it. At `split_hz` the chains of the low range end and those of the high one begin [Hz].
     """
     count = len(answers)
-    inside = count * _PANEL_PX + (count - 1) * _GAP_PX
-    drawn = style.figure(title, inside)
-    drawn.update_layout(height=int(drawn.layout.margin.t) + inside + _BELOW_PX)
+    drawn, domains = _stack(title, count, _PANEL_PX, _GAP_PX)
     ends = np.log10(frequency_hz[[0, -1]])
     has_chains = any(one.chains_um_per_n is not None for ones in answers.values() for one in ones)
     named: set[str] = set()
     for number, (final, ones) in enumerate(answers.items()):
         key = "" if number == 0 else str(number + 1)
-        top = 1.0 - number * (_PANEL_PX + _GAP_PX) / inside
         strongest = np.log10(max(float(one.coupled_um_per_n.max()) for one in ones))
         weakest = np.log10(min(float(one.coupled_um_per_n.min()) for one in ones))
         for one in ones:
@@ -92,7 +79,7 @@ def response_over_frequency(
             **({"matches": "x"} if number else {}),
         }  # fmt: skip
         drawn.layout[f"yaxis{key}"] = {
-            "type": "log", "anchor": f"x{key}", "domain": [max(top - _PANEL_PX / inside, 0.0), top], "dtick": 1,
+            "type": "log", "anchor": f"x{key}", "domain": domains[number], "dtick": 1,
             "title": {"text": f"{style.label(final, 12)} [µm/N]"}, "exponentformat": "power",
             "range": [max(weakest - 0.15, strongest - _DECADES), strongest + 0.25],
         }  # fmt: skip
@@ -105,6 +92,15 @@ def response_over_frequency(
         for name, dash in (("coupled", "solid"), ("chains", "dash")):
             drawn.add_scatter(x=[None], y=[None], mode="lines", name=name, line={"color": style.INK, "dash": dash})
     return drawn
+
+
+def _stack(title: str, count: int, panel_px: int, gap_px: int) -> tuple[go.Figure, list[list[float]]]:
+    """A figure for panels one below the other, and the part of its height that each of them has."""
+    inside = count * panel_px + (count - 1) * gap_px
+    drawn = style.figure(title, inside)
+    drawn.update_layout(height=int(drawn.layout.margin.t) + inside + _BELOW_PX)
+    tops = [1.0 - number * (panel_px + gap_px) / inside for number in range(count)]
+    return drawn, [[max(top - panel_px / inside, 0.0), top] for top in tops]
 
 
 def _add_answer(drawn: go.Figure, frequency_hz: Vector, one: Answer, colour: str, key: str, *, is_first: bool) -> None:
@@ -135,17 +131,8 @@ def line_amplitudes(
 ) -> go.Figure:
     """The largest lines as bars in the colour of their source, side by side for every final; crosses: by `other`.
 
-    Parameters
-    ----------
-    lines : sequence of LineSummary
-    finals : sequence of str
-        Keys of their motions: what stands side by side; lines are ranked by the last of them.
-    colours : mapping of str to str
-        As of `source_colours`.
-    other : {"chains", "coupled"}
-        The method by which the motions were not made.
-    title : str
-        Plain text, as `style.label` makes it.
+    `finals` are keys of the lines' motions, of which the last one ranks the lines; `other` is the method by which the
+    motions were not made. `title` is plain text, as `style.label` makes it.
     """
     ranked = sorted(lines, key=lambda one: -one.motion_um[finals[-1]])[:MOST_BARS]
     rows = list(range(len(ranked)))
@@ -201,16 +188,8 @@ def motion_course(
 ) -> go.Figure:
     """Motions over time, above them speeds of shafts that change, below the forces of sources that have a colour.
 
-    Parameters
-    ----------
-    time_s : ndarray of shape (n_samples,)
-        From the start of what is shown [s].
-    motions_um, forces_n, speeds_rpm : mapping of str to ndarray of shape (n_samples,)
-        By what they are called [µm, N, r/min].
-    colours : mapping of str to str
-        As of `source_colours`.
-    title : str
-        Plain text, as `style.label` makes it.
+    Motions, forces and speeds stand by what they are called [µm, N, r/min], from the start of what is shown [s].
+    `title` is plain text, as `style.label` makes it.
     """
     panels = []
     turning = {name: rpm for name, rpm in speeds_rpm.items() if np.ptp(rpm) > 0}
@@ -307,14 +286,7 @@ def error_of_chains(accuracy: Sequence[ChainAccuracy], title: str) -> go.Figure:
             }
             for one, course in zip(accuracy, courses, strict=False)
         ]
-        drawn.update_layout(
-            updatemenus=[
-                {
-                    "buttons": buttons, "direction": "down", "x": 0, "xanchor": "left", "y": 1.0, "yanchor": "bottom",
-                    "bgcolor": "#ffffff", "font": {"size": 12}, "pad": {"b": 4},
-                }
-            ]
-        )  # fmt: skip
+        style.add_menu(drawn, buttons)
     return drawn
 
 
@@ -343,7 +315,7 @@ def _courses(one: ChainAccuracy) -> list[tuple[list[float], list[float]]]:
     return found
 
 
-_HEIGHT_PANEL_PX, _HEIGHT_GAP_PX, _HEIGHT_BELOW_PX = 320, 66, 50
+_HEIGHT_PANEL_PX, _HEIGHT_GAP_PX = 320, 66
 _HEIGHT_DECADES = 5.0
 """Errors lower than this many powers of ten below the highest are off the picture."""
 
@@ -362,28 +334,15 @@ def errors_over_wavelength(
 
     Filled: what a tip leaves that copies the motion; hollow: W by the law of the cutting force (V eq. 2).
 
-    Parameters
-    ----------
-    errors : sequence of PeriodicError
-        At least one.
-    cutting : Cutting
-    surface : Surface
-        Where one kind ends and the next begins.
-    colours : mapping of str to str
-        Source → colour; errors of several sources are grey.
-    title : str
-        Plain text, as `style.label` makes it.
+    At least one error; those of several sources are grey. `title` is plain text, as `style.label` makes it.
     """
     highest = max(max(one.published_um, one.kinematic_um) for one in errors)
     panels = [(key, [one for one in errors if one.direction == key]) for key in _ALONG]
     panels = [(direction, ones) for direction, ones in panels if ones]
-    inside = len(panels) * _HEIGHT_PANEL_PX + (len(panels) - 1) * _HEIGHT_GAP_PX
-    drawn = style.figure(title, inside)
-    drawn.update_layout(height=int(drawn.layout.margin.t) + inside + _HEIGHT_BELOW_PX)
+    drawn, domains = _stack(title, len(panels), _HEIGHT_PANEL_PX, _HEIGHT_GAP_PX)
     top = math.log10(highest) if highest > 0 else 0.0
     for number, (direction, ones) in enumerate(panels):
         key = "" if number == 0 else str(number + 1)
-        edge = 1.0 - number * (_HEIGHT_PANEL_PX + _HEIGHT_GAP_PX) / inside
         waves = np.log10([one.wavelength_mm for one in ones])
         low, high = float(waves.min()) - 0.3, float(waves.max()) + 0.3
         if direction == "cut":
@@ -399,7 +358,7 @@ def errors_over_wavelength(
             "showgrid": False, **log_ticks(low, high),
         }  # fmt: skip
         drawn.layout[f"yaxis{key}"] = {
-            "type": "log", "anchor": f"x{key}", "domain": [max(edge - _HEIGHT_PANEL_PX / inside, 0.0), edge],
+            "type": "log", "anchor": f"x{key}", "domain": domains[number],
             "dtick": 1, "range": [top - _HEIGHT_DECADES, top + 0.45], "title": {"text": "height [µm]"},
             "exponentformat": "none",
         }  # fmt: skip

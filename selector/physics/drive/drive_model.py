@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -18,7 +18,6 @@ from selector.physics.drive.ball_bar.circle import (
     Circle,
     PairGeometry,
     ball_bar_run,
-    measured_samples,
 )
 from selector.physics.drive.file.model_axes import FileAxis, file_axis
 from selector.physics.drive.file.model_file import columns_needed
@@ -32,11 +31,11 @@ from selector.physics.drive.file.model_motion import (
 )
 from selector.physics.drive.file.model_schema import MOST_STEPS, CircleMotion, DriveFile
 from selector.physics.drive.file.parameters import parameters, with_parameters
-from selector.physics.drive.motion import Motion, ParameterCourse, Reference
+from selector.physics.drive.motion import Motion, Reference
 from selector.physics.drive.parts.axis import Axis, AxisState
 from selector.physics.drive.parts.catalogue import Parts
 from selector.physics.drive.parts.mechanics import RigidMechanics
-from selector.physics.drive.simulation import advised_step_s, circle_step_s, simulate_axis, steps_per_period
+from selector.physics.drive.simulation import AxisRun, advised_step_s, circle_step_s, simulate_axis, steps_per_period
 from selector.physics.model_parameters import Parameter
 from selector.physics.model_values import value_of
 from selector.recording import Channel, Recording
@@ -108,21 +107,11 @@ def require_few_steps(
 ) -> None:
     """Refuses a run of an axis with too many steps, as they are laid: control and samples make them shorter.
 
-    Parameters
-    ----------
-    name, axis
-        The axis and what it is called in the model file.
-    duration_s, step_s
-        Length of its motion, and the largest step [s].
-    period_s
-        Distance of the samples [s]; None: not known yet, but no shorter than the steps.
-    because
-        Why the motion takes long, see `model_motion.slow_feed_words`.
+    `duration_s` and `step_s` are the length of its motion and the largest step [s]; `period_s` is the distance of the
+    samples [s], None where it is not known yet but no shorter than the steps; `because` says why the motion takes long,
+    see `model_motion.slow_feed_words`.
 
-    Raises
-    ------
-    InputError
-        There are more than `MOST_STEPS`; or the periods of samples and control do not fit together.
+    InputError: there are more than `MOST_STEPS`; or the periods of samples and control do not fit together.
     """
     sample_s = axis.servo.sample_s if axis.servo is not None else 0.0
     count = duration_s / (min(step_s, sample_s) if sample_s > 0 else step_s)
@@ -140,41 +129,8 @@ def require_few_steps(
     )
 
 
-Progress = Callable[[int, int, str], None]
-
 DEVIATION = Channel("deviation", "displacement", "um", "ball-bar")
 ANGLE = Channel("angle", "state", "1", "ball-bar [rad]")
-
-
-@dataclass(frozen=True)
-class AxisRun:
-    """What one axis was asked, and what it did."""
-
-    axis: Axis  #: The axis that was simulated
-    reference: Reference  #: What it was asked to do
-    motion: Motion  #: What it did
-    course: ParameterCourse | None  #: Stiffness and damping that it had, with ``varying = "command"``
-    step_s: float  #: Largest step of the calculation [s]
-    #: First sample that is recorded, and the first that is not any more; None: all are. Of a circle the 360° between
-    #: run-in and run-out.
-    arc: tuple[int, int] | None = None
-    added: Vector | None = None  #: (n_samples,): What was added to the output of the control, behind it [actuator unit]
-
-    @property
-    def recorded(self) -> AxisRun:
-        """Of it what is recorded, with its own time 0; itself where all is."""
-        if self.arc is None:
-            return self
-        part = slice(*self.arc)
-        names: tuple[str, ...] = ("position_m", "speed_m_per_s", "acceleration_m_per_s2", "force_n")
-        reference = Reference(self.reference.period_s, **_cut(self.reference, names, part))
-        motion = _cut(self.motion, [one.name for one in fields(Motion)], part)
-        motion["time_s"] = motion["time_s"] - motion["time_s"][0]
-        course = self.course
-        if course is not None:
-            names = ("axial_stiffness_n_per_m", "guide_damping_ns_per_m")
-            course = ParameterCourse(course.period_s, **_cut(course, names, part))
-        return replace(self, reference=reference, motion=Motion(**motion), course=course, arc=None)
 
 
 @dataclass(frozen=True)
@@ -243,28 +199,17 @@ class DriveModel:
         """The same model with other values of some parameters; errors as in `parameters.with_parameters`."""
         return DriveModel(with_parameters(self.file, values), self.columns)
 
-    def simulation(
-        self, *, run: str = "simulation", seed: int | None = None, progress: Progress | None = None
-    ) -> DriveSimulation:
+    def simulation(self, *, run: str = "simulation", seed: int | None = None) -> DriveSimulation:
         """What the axes do in the motion of the file.
 
-        Parameters
-        ----------
-        run : str
-            Name of the run; those of circles are called after feed and direction, such as ``"F1000 ccw"``.
-        seed : int, optional
-            Of the noise; default: that of the file.
-        progress : callable, optional
-            Told how many circles of how many are done, and the run.
+        Runs of circles are called after feed and direction, such as ``"F1000 ccw"``. Without a `seed` of the noise,
+        that of the file counts.
 
-        Raises
-        ------
-        InputError
-            An axis runs away, or the steps of the calculation are too many.
+        InputError: an axis runs away, or the steps of the calculation are too many.
         """
         noise = self.file.run.seed if seed is None else seed
         if isinstance(self.file.motion, CircleMotion):
-            return self._circles(noise, progress)
+            return self._circles(noise)
         reference = file_reference(self.file, self.columns)
         name = next(iter(self.axes))
         done = self.axis_run(name, reference, seed=noise)
@@ -281,23 +226,10 @@ class DriveModel:
     ) -> AxisRun:
         """What one axis does along a reference, or, with `commands`, when its control is replaced by them.
 
-        Parameters
-        ----------
-        name : str
-            Of the axis.
-        reference : Reference
-            What it is asked to do.
-        commands : ndarray of shape (n_samples,), optional
-            What the control would put out [actuator unit], each held until the next.
-        start : AxisState, optional
-            Where it begins; default: at rest at the first position of the reference.
-        seed : int
-            Of the noise.
+        `commands`, shape (n_samples,), is what the control would put out [actuator unit], each held until the next.
+        Without a `start` it begins at rest at the first position of the reference.
 
-        Raises
-        ------
-        InputError
-            It runs away, or the steps are too many.
+        InputError: it runs away, or the steps are too many.
         """
         axis, file = self.file_axes[name].axis, self.file
         step_s = file.run.step_s or advised_step_s(axis, reference.period_s)
@@ -336,7 +268,7 @@ class DriveModel:
             Recording.from_runs(tables, self._axis_outputs(names, loaded, added), self._provenance(seed, told)), axes
         )
 
-    def _circles(self, seed: int, progress: Progress | None) -> DriveSimulation:
+    def _circles(self, seed: int) -> DriveSimulation:
         plan, geometry = circle_plan(self.file), PairGeometry()
         if self.file.ball_bar is not None:
             geometry = value_of(PairGeometry, self.file.ball_bar)
@@ -350,8 +282,6 @@ class DriveModel:
         for number, (run, circle) in enumerate(self.runs.items()):
             if circle is None:
                 continue
-            if progress is not None:
-                progress(number, len(self.runs), run)
             for name, step_s in steps_s.items():
                 require_few_steps(
                     name,
@@ -362,14 +292,10 @@ class DriveModel:
                     because=slow_feed_words(self.file),
                 )
             with told_of(f"run {run}"):
-                done = ball_bar_run(axes, circle, geometry, plan, courses=along, step_s=said, seed=seed, number=number)
-            inside = np.flatnonzero(measured_samples(circle, next(iter(done.motions.values())).time_s))
-            arc = (int(inside[0]), int(inside[-1]) + 1)
-            runs[run] = {
-                name: AxisRun(axes[name], done.references[name], motion, done.courses[name], done.steps_s[name], arc)
-                for name, motion in done.motions.items()
-            }
-            trace = traces[run] = done.trace
+                trace, runs[run] = ball_bar_run(
+                    axes, circle, geometry, plan, courses=along, step_s=said, seed=seed, number=number
+                )
+            traces[run] = trace
             columns: dict[str, Vector] = {}
             for name, axis in self.axes.items():
                 shown = runs[run][name].recorded
@@ -379,7 +305,7 @@ class DriveModel:
                 }
             columns |= {ANGLE.name: trace.angle_rad, DEVIATION.name: trace.deviation_um}
             tables[run] = pd.DataFrame(columns, index=pd.Index(time_s, name="time_s"))
-            told[run] = {"step_s": dict(done.steps_s)}
+            told[run] = {"step_s": {name: one.step_s for name, one in runs[run].items()}}
         return DriveSimulation(Recording.from_runs(tables, self.outputs, self._provenance(seed, told)), runs, traces)
 
     def _axis_outputs(
@@ -403,12 +329,7 @@ class DriveModel:
 def drive_model(file: DriveFile, columns: Columns | None = None) -> DriveModel:
     """The feed drive that a model file describes, ready to run.
 
-    Parameters
-    ----------
-    file : DriveFile
-        The file's content.
-    columns : mapping, optional
-        Values of the columns that it refers to, see `model_file.columns_needed`.
+    `columns` are the values that it refers to, see `model_file.columns_needed`.
 
     Raises
     ------
@@ -428,12 +349,6 @@ def drive_model(file: DriveFile, columns: Columns | None = None) -> DriveModel:
     model = DriveModel(file, columns or {})
     _ = model.parameters  # the bounds are checked here, not when a fit asks for them
     return model
-
-
-def _cut(value: Reference | Motion | ParameterCourse, names: Iterable[str], part: slice) -> dict[str, Any]:
-    """A stretch of the courses of these names; None where there is none."""
-    courses = {name: getattr(value, name) for name in names}
-    return {name: None if course is None else course[part] for name, course in courses.items()}
 
 
 def _at(time_s: Vector, grid_s: Vector, values: Vector) -> Vector:

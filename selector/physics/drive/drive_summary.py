@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from selector.errors import InputError
 from selector.physics.drive.ball_bar.causes import CircleCauses, circle_causes
 from selector.physics.drive.ball_bar.quantities import CircleQuantities, circle_quantities
-from selector.physics.drive.drive_model import AxisRun, DriveModel, DriveSimulation
+from selector.physics.drive.drive_model import DriveModel, DriveSimulation
 from selector.physics.drive.energy import wind_up_m
 from selector.physics.drive.loop.stability import LoopFigures, Stability, loop_figures, stability
 from selector.physics.drive.motion import Motion, ParameterCourse, Reference
@@ -20,6 +20,7 @@ from selector.physics.drive.parts.axis import Axis
 from selector.physics.drive.parts.catalogue import Parts
 from selector.physics.drive.parts.mechanics import ThreeMassMechanics
 from selector.physics.drive.parts.stiffness import axial_stiffness_n_per_m
+from selector.physics.drive.simulation import AxisRun
 from selector.physics.drive.tracking import ErrorParts, StickSlip, error_parts, stick_slip
 
 _AT_LIMIT = 1.0 - 1e-9

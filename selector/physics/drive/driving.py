@@ -15,10 +15,8 @@ from selector.physics.checks import require_within, told_of
 from selector.physics.drive.drive_model import (
     INPUTS,
     KINDS,
-    AxisRun,
     DriveModel,
     DriveSimulation,
-    Progress,
     axis_channels,
 )
 from selector.physics.drive.file.model_axes import FileAxis
@@ -27,8 +25,10 @@ from selector.physics.drive.finding_table import FINDINGS
 from selector.physics.drive.motion import Reference
 from selector.physics.drive.parts.axis import Axis, AxisState, unloaded_state
 from selector.physics.drive.parts.mechanics import RigidMechanics
+from selector.physics.drive.simulation import AxisRun
 from selector.physics.drive.trajectory import clock_findings, recorded
 from selector.physics.model_text import MOST_SAMPLES
+from selector.physics.simulation_kind import Progress
 from selector.recording import Channel, Recording
 from selector.types import Vector
 
@@ -227,23 +227,11 @@ def driven_runs(
 
     An axis begins where, and as fast as, its position was recorded; else at rest at its first command.
 
-    Parameters
-    ----------
-    model : DriveModel
-        What is driven. Of its motion nothing counts.
-    recording : Recording
-        Runs with the commanded position of at least one axis; how channels are found: `recorded_channels`.
-    opened : bool
-        Let the recorded output of the control act instead of the model's own control.
-    seed : int, optional
-        Of the noise; default: that of the file.
-    progress : callable, optional
-        Told how many runs of how many are done.
+    Of the motion of the model's file nothing counts; how channels are found: `recorded_channels`. With `opened` the
+    recorded output of the control acts instead of the model's own control. Without a `seed` of the noise, that of the
+    file counts; `progress` is told how many runs of how many are done.
 
-    Raises
-    ------
-    InputError
-        The recording cannot drive this model: no command, missing values, gaps, an axis that runs away.
+    InputError: the recording cannot drive this model: no command, missing values, gaps, an axis that runs away.
     """
     noise = model.file.run.seed if seed is None else seed
     channels = {name: recorded_channels(name, axis, model, recording) for name, axis in model.file_axes.items()}

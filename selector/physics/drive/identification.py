@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from scipy import signal
 
 from selector.errors import InputError
+from selector.physics.checks import keep_arrays
 from selector.physics.drive.parts.axis import Servo
 from selector.physics.drive.parts.mechanics import Friction, RigidMechanics
 from selector.types import Vector
@@ -47,10 +48,7 @@ class IdentifiedAxis:
     stribeck_speed_m_per_s: float | None = None  #: The speed that was given for `stribeck_n`
 
     def __post_init__(self) -> None:
-        for name in ("values", "standard_errors", "time_s", "force_n", "modelled_force_n"):
-            values = np.array(getattr(self, name), dtype=np.float64)
-            values.setflags(write=False)
-            object.__setattr__(self, name, values)
+        keep_arrays(self, "values", "standard_errors", "time_s", "force_n", "modelled_force_n")
 
     def __getitem__(self, name: str) -> float:
         """The estimate of a parameter."""
@@ -89,10 +87,7 @@ def filtered_motion(period_s: float, position_m: ArrayLike, cut_off_hz: float) -
 
     The central difference of a period h passes sin(ωh)/(ωh), 0.94 at a tenth of the sampling rate.
 
-    Raises
-    ------
-    InputError
-        A cut-off that is not below half the sampling rate, or a record too short for the filter.
+    InputError: a cut-off that is not below half the sampling rate, or a record too short for the filter.
     """
     position = np.array(position_m, dtype=np.float64)
     share = cut_off_hz * 2.0 * period_s
@@ -134,25 +129,16 @@ def identified_rigid_axis(
     to frequencies below 2·`bandwidth_hz` (`scipy.signal.decimate`, no delay), so that the same filter stands on both
     sides of the equation.
 
-    Parameters
-    ----------
-    period_s
-        Distance of the samples [s].
-    position_m, force_n : array-likes of shape (n_samples,)
-        Measured position [m]; force of the actuator, and known forces from outside, on the axis [N].
-    bandwidth_hz
-        Highest frequency that the motion contains in earnest: that of the loop, see `servo_bandwidth_hz` [Hz].
-    asymmetric
-        Coulomb friction by direction; it then stands for the offset too: sliding cannot tell them apart.
-    stribeck_speed_m_per_s
-        v_s of a friction that falls from breakaway to sliding, as `Friction` has it; None: constant sliding friction.
-    delay_s
-        How much later than recorded the force acts [s]: half a sample for a command that is held.
+    `position_m` and `force_n`, shape (n_samples,), are the measured position [m], and the force of the actuator, and
+    known forces from outside, on the axis [N], every `period_s` [s]. `bandwidth_hz` is the highest frequency that the
+    motion contains in earnest: that of the loop, see `servo_bandwidth_hz` [Hz].
 
-    Raises
-    ------
-    InputError
-        Different lengths, missing values, a record too short, or a motion that does not excite every parameter.
+    `asymmetric` is Coulomb friction by direction; it then stands for the offset too: sliding cannot tell them apart.
+    `stribeck_speed_m_per_s` is v_s of a friction that falls from breakaway to sliding, as `Friction` has it; None:
+    constant sliding friction. `delay_s` is how much later than recorded the force acts [s]: half a sample for a command
+    that is held.
+
+    InputError: different lengths, missing values, a record too short, or a motion that does not excite every parameter.
     """
     position, force = _checked(position_m, force_n)
     cut_off_hz = CUT_OFF * bandwidth_hz
@@ -209,17 +195,9 @@ def identified_axis_of_servo(
 ) -> IdentifiedAxis:
     """As `identified_rigid_axis`, from the control's output; the bandwidth is that of the servo with the mass found.
 
-    Parameters
-    ----------
-    command : array-like of shape (n_samples,)
-        Output of the control [actuator unit]; `servo.actuator_gain` makes it a force.
-    servo
-        Gains of the control.
+    `command`, shape (n_samples,), is the output of the control [actuator unit]; `servo.actuator_gain` makes it a force.
 
-    Raises
-    ------
-    InputError
-        As `identified_rigid_axis`, or a mass that is not above 0.
+    InputError as `identified_rigid_axis`, or a mass that is not above 0.
     """
     force_n = servo.actuator_gain * np.array(command, dtype=np.float64)
     bandwidth_hz = servo.position_gain_per_s / 2.0 / math.pi

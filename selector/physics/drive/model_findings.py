@@ -3,89 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from selector.findings import Finding, Where
-from selector.physics.drive.drive_model import AxisRun, DriveModel, DriveSimulation
+from selector.physics.drive.drive_model import DriveModel, DriveSimulation
 from selector.physics.drive.drive_summary import limited_samples
 from selector.physics.drive.energy import passive_bristle_damping_ns_per_m, passive_fading_speed_m_per_s
 from selector.physics.drive.file.model_axes import FileAxis
-from selector.physics.drive.file.parameters import OUTPUT_UNITS, unit_of_key
+from selector.physics.drive.file.parameters import OUTPUT_UNITS
 from selector.physics.drive.finding_table import FINDINGS
 from selector.physics.drive.loop.loop_response import growing_poles, loop_poles
 from selector.physics.drive.loop.stability import stability_findings
 from selector.physics.drive.parts.axis import Axis
 from selector.physics.drive.parts.catalogue import Parts
 from selector.physics.drive.parts.mechanics import ThreeMassMechanics
-from selector.physics.drive.simulation import fastest_rate_per_s
+from selector.physics.drive.simulation import AxisRun, fastest_rate_per_s
 from selector.physics.drive.tracking import stick_slip
-from selector.physics.model_parameters import UsualRange, unlikely_numbers
-from selector.physics.model_text import Key, plain_values
-
-KV = 1000.0 / 60.0
-"""1 m/(min·mm), the workshop's unit of the Kv factor, in 1/s."""
-
-
-_INERTIA = UsualRange(1e-7, 0.5, {"kg·cm²": 1e-4, "kg·mm²": 1e-6, "g·cm²": 1e-7})
-_DIAMETER = UsualRange(3.0, 500.0, {"m": 1e3, "cm": 10.0})
-_BALL = UsualRange(0.5, 50.0, {"m": 1e3, "cm": 10.0})
-_ERROR = UsualRange(0.0, 2e-3, {"µm": 1e-6, "mm": 1e-3})
-_TIME = UsualRange(1e-6, 0.05, {"ms": 1e-3, "µs": 1e-6})
-_MASS = UsualRange(5.0, 1e5, {"t": 1e3, "g": 1e-3})
-
-USUAL: Mapping[str, UsualRange] = {
-    "servo.position_gain_per_s": UsualRange(6.0, 600.0, {"m/(min·mm)": KV, "1/min": 1.0 / 60.0}),
-    "servo.sample_s": _TIME,
-    "servo.delay_s": _TIME,
-    "sensing.scale_resolution_m": UsualRange(0.0, 1e-3, {"µm": 1e-6, "mm": 1e-3, "nm": 1e-9}),
-    "mechanics.table_mass_kg": _MASS,
-    "mechanics.motor_inertia_kg_m2": _INERTIA,
-    "mechanics.screw_inertia_kg_m2": _INERTIA,
-    "mechanics.lead_m": UsualRange(5e-4, 0.2, {"mm": 1e-3}),
-    "mechanics.torsional_stiffness_nm_per_rad": UsualRange(50.0, 1e7, {"kN·m/rad": 1e3, "N·mm/rad": 1e-3}),
-    "mechanics.axial_stiffness_n_per_m": UsualRange(1e6, 1e10, {"N/µm": 1e6, "N/mm": 1e3}),
-    "transmission.backlash_m": _ERROR,
-    "transmission.pitch_amplitude_m": _ERROR,
-    "table.mass_kg": _MASS,
-    "motor.inertia_kg_m2": _INERTIA,
-    "motor.torque_constant_nm_per_a": UsualRange(0.01, 50.0, {"mN·m/A": 1e-3}),
-    "motor.top_speed_rpm": UsualRange(50.0, 6e4, {"1/s": 60.0}),
-    "coupling.inertia_kg_m2": _INERTIA,
-    "coupling.stiffness_nm_per_rad": UsualRange(50.0, 1e7, {"kN·m/rad": 1e3, "N·mm/rad": 1e-3}),
-    "coupling.diameter_mm": _DIAMETER,
-    "coupling.shear_modulus_gpa": UsualRange(10.0, 300.0, {"Pa": 1e-9, "N/mm²": 1e-3, "TPa": 1e3}),
-    "screw.inertia_kg_m2": _INERTIA,
-    "screw.diameter_mm": _DIAMETER,
-    "screw.root_diameter_mm": _DIAMETER,
-    "screw.lead_mm": UsualRange(0.5, 200.0, {"m": 1e3, "µm": 1e-3}),
-    "screw.length_mm": UsualRange(20.0, 5e4, {"m": 1e3, "µm": 1e-3}),
-    "screw.modulus_gpa": UsualRange(20.0, 700.0, {"Pa": 1e-9, "N/mm²": 1e-3, "TPa": 1e3}),
-    "screw.shear_modulus_gpa": UsualRange(10.0, 300.0, {"Pa": 1e-9, "N/mm²": 1e-3, "TPa": 1e3}),
-    "screw.density_kg_per_m3": UsualRange(1000.0, 2e4, {"g/cm³": 1e3}),
-    "nut.preload_n": UsualRange(10.0, 1e6, {"kN": 1e3}),
-    "nut.rigidity_n_per_um": UsualRange(5.0, 2e4, {"N/m": 1e-6, "N/mm": 1e-3, "kN/µm": 1e3}),
-    "nut.ball_diameter_mm": _BALL,
-    "nut.pitch_circle_mm": _DIAMETER,
-    "bearings.preload_n": UsualRange(10.0, 1e6, {"kN": 1e3}),
-    "bearings.rigidity_n_per_um": UsualRange(5.0, 2e4, {"N/m": 1e-6, "N/mm": 1e-3, "kN/µm": 1e3}),
-    "bearings.ball_diameter_mm": _BALL,
-    "bearings.pitch_circle_mm": _DIAMETER,
-    "guide.friction_coefficient": UsualRange(0.0, 0.5, {"%": 0.01}),
-    "motion.acceleration_m_per_s2": UsualRange(1e-3, 200.0, {"mm/s²": 1e-3}),
-    "motion.jerk_m_per_s3": UsualRange(1e-3, 1e5, {"mm/s³": 1e-3}),
-}
-"""Section and key of the file → what is usual."""
-
-
-def unlikely_values(model: DriveModel) -> tuple[Finding, ...]:
-    """Warnings on numbers that the file says and that no machine has; each with the unit that was perhaps meant."""
-    found = list(unlikely_numbers(plain_values(model.file), USUAL, unit_of_key, _axis_of))
-    for name, axis in model.file_axes.items():
-        found += _odd_effects(name, axis.axis.friction.directions, [one.share for one in axis.axis.ripple])
-    return tuple(found)
+from selector.physics.model_fields import unlikely_values
+from selector.physics.model_text import Key
 
 
 def _axis_of(path: Key) -> str | None:
@@ -127,7 +65,9 @@ _START_SHARE = 0.02
 
 def model_findings(model: DriveModel) -> tuple[Finding, ...]:
     """What is odd before it runs: unlikely numbers, unstable loops, steps that are too coarse, friction that drives."""
-    found = list(unlikely_values(model))
+    found = list(unlikely_values(model.file, _axis_of))
+    for name, axis in model.file_axes.items():
+        found += _odd_effects(name, axis.axis.friction.directions, [one.share for one in axis.axis.ripple])
     for name, axis in model.axes.items():
         found += stability_findings(axis.axis, name)
         step_s, rate = model.file.run.step_s, fastest_rate_per_s(axis.axis)

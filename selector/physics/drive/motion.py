@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from selector.errors import InputError
+from selector.physics.checks import keep_arrays
 from selector.types import Vector
 
 
@@ -36,12 +37,7 @@ class Motion:
     bristle_m: Vector | None = None  #: Deflection of the bristles of the guide [m]. None: not known.
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            if getattr(self, field.name) is None:
-                continue
-            values = np.array(getattr(self, field.name), dtype=np.float64)
-            values.setflags(write=False)
-            object.__setattr__(self, field.name, values)
+        keep_arrays(self, *(field.name for field in fields(self)))
 
     @property
     def tracking_error_m(self) -> Vector:
@@ -53,10 +49,7 @@ class Motion:
 class Reference:
     """A course that an axis is to follow, on an even grid.
 
-    Raises
-    ------
-    InputError
-        Fewer than two samples, different lengths, or a value that is not finite.
+    InputError: fewer than two samples, different lengths, or a value that is not finite.
     """
 
     period_s: float  #: Distance of the samples [s]
@@ -68,21 +61,18 @@ class Reference:
     force_n: Vector | None = None  #: (n_samples,): Force on the table from outside, held over a period [N]; None: none
 
     def __post_init__(self) -> None:
+        names = ("position_m", "speed_m_per_s", "acceleration_m_per_s2", "force_n")
+        keep_arrays(self, *names)
         count = len(np.atleast_1d(self.position_m))
-        for name in ("position_m", "speed_m_per_s", "acceleration_m_per_s2", "force_n"):
-            given = getattr(self, name)
-            if given is None:
-                continue
-            values = np.array(given, dtype=np.float64)
-            if values.shape != (count,) or count < 2 or not np.isfinite(values).all():
+        for name in names:
+            values = getattr(self, name)
+            if values is not None and (values.shape != (count,) or count < 2 or not np.isfinite(values).all()):
                 raise InputError(
                     f"{name} of shape {values.shape}" + ("" if np.isfinite(values).all() else " with missing values"),
                     expected=f"{max(count, 2)} finite numbers",
                     where="reference of the axis",
                     advice="give position, speed and acceleration at the same times",
                 )
-            values.setflags(write=False)
-            object.__setattr__(self, name, values)
         if not (np.isfinite(self.period_s) and self.period_s > 0):
             raise InputError(
                 f"a period of {self.period_s:g} s",
@@ -101,10 +91,7 @@ class Reference:
 class ParameterCourse:
     """Parameters on the grid of the reference, straight between; they replace the constants of the mechanics.
 
-    Raises
-    ------
-    InputError
-        If a stiffness is not above 0, a damping is negative, or a value is missing.
+    InputError if a stiffness is not above 0, a damping is negative, or a value is missing.
     """
 
     period_s: float  #: Distance of the samples [s], that of the reference
@@ -113,11 +100,11 @@ class ParameterCourse:
     guide_damping_ns_per_m: Vector | None = None  #: (n_samples,): Ct [N·s/m]; None: the constant of the mechanics
 
     def __post_init__(self) -> None:
+        keep_arrays(self, "axial_stiffness_n_per_m", "guide_damping_ns_per_m")
         for name, least in (("axial_stiffness_n_per_m", "above 0"), ("guide_damping_ns_per_m", "0 or more")):
-            given = getattr(self, name)
-            if given is None:
+            values = getattr(self, name)
+            if values is None:
                 continue
-            values = np.array(given, dtype=np.float64)
             fits = values.ndim == 1 and np.isfinite(values).all()
             if not fits or (values < 0).any() or (least == "above 0" and (values == 0).any()):
                 raise InputError(
@@ -126,5 +113,3 @@ class ParameterCourse:
                     where="course of parameters",
                     advice="check the parts and the load that the course was made from",
                 )
-            values.setflags(write=False)
-            object.__setattr__(self, name, values)

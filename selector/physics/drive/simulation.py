@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from dataclasses import dataclass, fields, replace
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +20,44 @@ from selector.physics.drive.motion import Motion, ParameterCourse, Reference
 from selector.physics.drive.parts.axis import Axis, AxisState, unloaded_state
 from selector.physics.drive.parts.mechanics import RigidMechanics
 from selector.types import Vector
+
+
+@dataclass(frozen=True)
+class AxisRun:
+    """What one axis was asked, and what it did."""
+
+    axis: Axis  #: The axis that was simulated
+    reference: Reference  #: What it was asked to do
+    motion: Motion  #: What it did
+    course: ParameterCourse | None  #: Stiffness and damping that it had, with ``varying = "command"``
+    step_s: float  #: Largest step of the calculation [s]
+    #: First sample that is recorded, and the first that is not any more; None: all are. Of a circle the 360° between
+    #: run-in and run-out.
+    arc: tuple[int, int] | None = None
+    added: Vector | None = None  #: (n_samples,): What was added to the output of the control, behind it [actuator unit]
+
+    @property
+    def recorded(self) -> AxisRun:
+        """Of it what is recorded, with its own time 0; itself where all is."""
+        if self.arc is None:
+            return self
+        part = slice(*self.arc)
+        names: tuple[str, ...] = ("position_m", "speed_m_per_s", "acceleration_m_per_s2", "force_n")
+        reference = Reference(self.reference.period_s, **_cut(self.reference, names, part))
+        motion = _cut(self.motion, [one.name for one in fields(Motion)], part)
+        motion["time_s"] = motion["time_s"] - motion["time_s"][0]
+        course = self.course
+        if course is not None:
+            names = ("axial_stiffness_n_per_m", "guide_damping_ns_per_m")
+            course = ParameterCourse(course.period_s, **_cut(course, names, part))
+        return replace(self, reference=reference, motion=Motion(**motion), course=course, arc=None)
+
+
+def _cut(value: Reference | Motion | ParameterCourse, names: Iterable[str], part: slice) -> dict[str, Any]:
+    """A stretch of the courses of these names; None where there is none."""
+    courses = {name: getattr(value, name) for name in names}
+    return {name: None if course is None else course[part] for name, course in courses.items()}
+
 
 # events within one step before the rest of it is taken without looking for more
 MOST_EVENTS = 32
@@ -47,26 +88,15 @@ def simulate_axis(
 
     Runge–Kutta of order 4 with a fixed step; sticking, slipping and touching are located in time.
 
-    Parameters
-    ----------
-    axis, reference
-        What moves, and what it is asked to do; an axis without a servo ignores all of the reference but its force.
-    step_s
-        Largest step [s]: a whole number of equal steps fills every period of reference and servo.
-    course
-        Stiffness and damping that change in time, on the grid of the reference.
-    start
-        Where everything is at first; None: at rest at the first position of the reference.
-    commands : array-like of shape (n_samples,)
-        What drives the actuator instead of the servo, each held for a period [actuator unit]; before the first one
-        has passed the delay it counts too. Gain and delay are those of the servo, 1 and 0 without one.
-    seed
-        Of the current noise.
+    An axis without a servo ignores all of the reference but its force. The largest step is `step_s` [s]: a whole number
+    of equal steps fills every period of reference and servo. `course` is stiffness and damping that change in time, on
+    the grid of the reference; without a `start` everything is at rest at the first position of the reference; `seed` is
+    of the current noise.
 
-    Raises
-    ------
-    InputError
-        If periods do not fit together, shapes do not fit, or the motion leaves all bounds.
+    `commands`, shape (n_samples,), drive the actuator instead of the servo, each held for a period [actuator unit];
+    before the first one has passed the delay it counts too. Gain and delay are those of the servo, 1 and 0 without one.
+
+    InputError if periods do not fit together, shapes do not fit, or the motion leaves all bounds.
     """
     from selector.physics.drive.kernel import _kernel
 
@@ -95,10 +125,7 @@ def simulate_axis(
 def steps_per_period(axis: Axis, period_s: float, step_s: float) -> int:
     """How many steps of at most `step_s` fill a period of a reference, when they also fill those of the servo.
 
-    Raises
-    ------
-    InputError
-        If the periods do not fit together.
+    InputError if the periods do not fit together.
     """
     p, o = at.packed_axis(axis)
     _lay_grid(axis, period_s, step_s, p, o)
@@ -217,16 +244,7 @@ def runaway(
 ) -> InputError:
     """The error that says so.
 
-    Parameters
-    ----------
-    axis, reference
-        What moved, and what it was asked to do.
-    commanded
-        Whether given commands drove it in the place of its servo.
-    time_s, state
-        When [s], and what left the bounds, in words.
-    step_s
-        Step of the calculation [s].
+    `state` left the bounds at `time_s` [s]; `commanded` says that given commands drove it in the place of its servo.
     """
     found, advice = f"the {state} left all bounds before {time_s:.6g} s", ""
     stable_step_s = largest_stable_step_s(axis)

@@ -79,10 +79,7 @@ def time_variation(
     identifies it standing; ``"mean"``, the means of the course; ``"friction"``, unloaded, with the dry friction of the
     guide as such instead of as damping. The friction of the screw is in neither.
 
-    Raises
-    ------
-    InputError
-        If `from_s` or an instant is outside the reference, or the nut leaves the screw.
+    InputError if `from_s` or an instant is outside the reference, or the nut leaves the screw.
     """
     times_s = reference.time_s
     if not 0.0 <= from_s < times_s[-1]:

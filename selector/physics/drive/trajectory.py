@@ -37,10 +37,7 @@ def sine(
 
     Without a phase it starts in the middle, at full speed: an axis at rest needs a moment to catch up.
 
-    Raises
-    ------
-    InputError
-        A frequency, duration or period that is not above 0.
+    InputError: a frequency, duration or period that is not above 0.
     """
     _require(frequency_hz=frequency_hz, duration_s=duration_s, period_s=period_s)
     time_s = np.arange(math.floor(duration_s / period_s * (1.0 + 1e-12)) + 1) * period_s
@@ -74,10 +71,7 @@ def move_phases(
     Lambrechts, Boerlage, Steinbuch (2005), Control Engineering Practice 13, 145–157: the shortest jerk phase that
     jerk, acceleration, speed or distance ask for, then the longest phase of acceleration, then the rest.
 
-    Raises
-    ------
-    InputError
-        A limit that is not above 0.
+    InputError: a limit that is not above 0.
     """
     _require(speed_m_per_s=speed_m_per_s, acceleration_m_per_s2=acceleration_m_per_s2)
     if not jerk_m_per_s3 > 0:
@@ -113,25 +107,11 @@ def moves(
 ) -> Reference:
     """Moves from rest to rest, one after the other, each as fast as its limits allow; exact at every sample.
 
-    Parameters
-    ----------
-    targets_m
-        Positions to go to, in turn [m].
-    period_s
-        Distance of the samples [s]; moves may begin and end between samples.
-    speed_m_per_s, dwell_s
-        Largest speed, and rest after the move [s]: one number, or one a target.
-    acceleration_m_per_s2, jerk_m_per_s3
-        Further limits; an infinite jerk lets the acceleration jump.
-    start_m
-        Position before the first move [m].
-    repeat
-        How often the targets are gone through.
+    The `targets_m` [m] are gone to in turn, `repeat` times, from `start_m` [m] on; moves may begin and end between the
+    samples, every `period_s` [s]. Largest speed and rest after the move, `dwell_s` [s], are one number, or one a
+    target; an infinite jerk lets the acceleration jump.
 
-    Raises
-    ------
-    InputError
-        No target, a limit or period that is not above 0, a dwell below 0, or lists of different lengths.
+    InputError: no target, a limit or period that is not above 0, a dwell below 0, or lists of different lengths.
     """
     _require(period_s=period_s)
     count = len(targets_m)
@@ -172,10 +152,7 @@ def recorded(time_s: ArrayLike, position_m: ArrayLike, period_s: float | None = 
     (Savitzky–Golay; edges: of the first and last 11), which keeps the rounding of the positions out of them.
     `clock_findings` says how uneven the clock is.
 
-    Raises
-    ------
-    InputError
-        Fewer than 11 samples, missing values, times that do not increase, or a gap: a step above 1.5 periods.
+    InputError: fewer than 11 samples, missing values, times that do not increase, or a gap: a step above 1.5 periods.
     """
     time, position = _checked(time_s, position_m)
     # the mean, not the median: times that were rounded have few different steps, none of them the period

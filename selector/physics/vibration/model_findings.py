@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.findings import Finding, Level
-from selector.physics.model_parameters import UsualRange, unlikely_numbers
-from selector.physics.model_text import key_text, plain_values
-from selector.physics.vibration.file.parameters import UNITS
+from selector.physics.model_fields import unlikely_values
+from selector.physics.model_text import key_text
+from selector.physics.vibration.file.model_file import HEAVIEST_KG
 from selector.physics.vibration.finding_table import FINDINGS
 from selector.physics.vibration.motion.final_motion import FinalMotions
 from selector.physics.vibration.motion.periodic_error import KindHeight
@@ -88,28 +88,13 @@ MORE_THAN_MOVED = 10.0
 LOWEST_HZ, HIGHEST_HZ = 1.0, 20e3
 """Between them lie the eigenfrequencies of machines that are described by masses and joints."""
 
-USUAL = {
-    "mass_kg": UsualRange(0.02, 2e5, {"t": 1e3, "g": 1e-3}),
-    "joints.stiffness_n_per_m": UsualRange(1e5, 1e11, {"N/µm": 1e6, "N/mm": 1e3, "kN/mm": 1e6}),
-    "joints.dissipation": UsualRange(0.0, 3.0, {"%": 0.01}),
-    "lines.force_n": UsualRange(1e-4, 1e5, {"kN": 1e3, "mN": 1e-3}),
-    "lines.unbalance_kg_m": UsualRange(0.0, 1.0, {"g·mm": 1e-6, "kg·mm": 1e-3}),
-    "run.period_s": UsualRange(1e-6, 0.05, {"ms": 1e-3, "µs": 1e-6}),
-    "cutting.diameter_mm": UsualRange(0.5, 2e4, {"m": 1e3}),
-    "cutting.feed_mm_per_rev": UsualRange(1e-3, 20.0, {"µm": 1e-3}),
-    "cutting.force_coefficient": UsualRange(5.0, 2000.0, {"N": 0.1}),
-    "sensing.noise_um": UsualRange(0.0, 100.0, {"nm": 1e-3}),
-}
-"""Section and key of the file → what is usual."""
-
 _WORDS = {RELATIVE: "the tool against the workpiece"}
-_KEY_UNITS = {**UNITS, "period_s": "s", "diameter_mm": "mm", "feed_mm_per_rev": "mm/rev", "noise_um": "µm"}
 
 
 def model_findings(model: VibrationModel, modes: StructureModes) -> tuple[Finding, ...]:
     """What is odd before it runs: numbers and eigenfrequencies that no machine has, lines in sharp resonances."""
-    found = list(unlikely_numbers(plain_values(model.file), USUAL, lambda key: _KEY_UNITS.get(key, "1")))
-    found += mass_slips(model.structure, modes, USUAL["mass_kg"].high)
+    found = list(unlikely_values(model.file))
+    found += mass_slips(model.structure, modes, HEAVIEST_KG)
     found += _odd_frequencies(model.structure, modes)
     found += _sharp(model, modes)
     return tuple(found)

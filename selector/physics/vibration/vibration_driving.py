@@ -1,8 +1,8 @@
-"""What would the model have done in recorded runs, and what is to be told of a run that drives a model."""
+"""What would the model have done in recorded runs: which channels are its shafts and sources, and what is told."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,16 +11,119 @@ from numpy.typing import NDArray
 from selector.errors import OptionError
 from selector.findings import Finding, Where
 from selector.physics.checks import require_within, told_of
+from selector.physics.model_text import key_text
+from selector.physics.simulation_kind import Progress
 from selector.physics.vibration.file.model_file import file_shafts, mean_rpm
 from selector.physics.vibration.finding_table import FINDINGS
 from selector.physics.vibration.motion.motion_signal import MotionSignal
 from selector.physics.vibration.recorded.clock import GAP, Stretch, gaps, stretches
 from selector.physics.vibration.recorded.force import FADED, StampedAnswer, ring_time_s, stamped_answer
 from selector.physics.vibration.structure.source import ShaftCourse
-from selector.physics.vibration.vibration_channels import RecordedChannels, recorded_channels
-from selector.physics.vibration.vibration_model import Progress, VibrationModel, VibrationSimulation
+from selector.physics.vibration.vibration_model import (
+    FINALS,
+    RELATIVE,
+    VibrationModel,
+    VibrationSimulation,
+    force_name,
+    speed_name,
+)
 from selector.recording import Channel, Recording
 from selector.types import Vector
+
+
+@dataclass(frozen=True)
+class RecordedChannels:
+    """What was recorded of a model."""
+
+    #: speeds, forces and motions: Shaft, source, and output of the model → name of the recorded channel
+    speeds: Mapping[str, str]
+    forces: Mapping[str, str]
+    motions: Mapping[str, str]
+    findings: tuple[Finding, ...]  #: Channels that belong to nothing, or could be of several
+
+
+def recorded_channels(model: VibrationModel, recording: Recording) -> RecordedChannels:
+    """The channels of a recording that belong to this model: by name, else by place or axis, else by being alone."""
+    file = model.file
+    speeds = _matched({name: (name, speed_name(name)) for name in file.shafts}, _of_role(recording, "spindle_speed"))
+    forces = _matched({name: (name, force_name(name)) for name in file.sources}, _of_role(recording, "force"))
+    finals = {name: (name, member) for name, member in model.finals.items()} | {RELATIVE: (RELATIVE,)}
+    motions = _matched(finals, _of_role(recording, "displacement"))
+    alone = {role: _of_role(recording, role) for role in ("spindle_speed", "force", "displacement")}
+    leading = [name for name, shaft in file.shafts.items() if shaft.of is None]
+    if file.cutting is not None and file.cutting.shaft in leading:
+        leading = [file.cutting.shaft]
+    if not speeds and len(alone["spindle_speed"]) == len(leading) == 1:
+        speeds = {leading[0]: alone["spindle_speed"][0].name}
+    if not forces and len(alone["force"]) == len(file.sources) == 1:
+        forces = {next(iter(file.sources)): alone["force"][0].name}
+    if not motions and len(alone["displacement"]) == 1:
+        motions = {RELATIVE: alone["displacement"][0].name}
+    unused = (
+        *_unused(alone["spindle_speed"], speeds.values(), "shaft", file.shafts),
+        *_unused(alone["force"], forces.values(), "source", file.sources),
+        *_not_compared(alone["displacement"], motions),
+    )
+    return RecordedChannels(speeds, forces, motions, unused)
+
+
+def _of_role(recording: Recording, role: str) -> list[Channel]:
+    return [channel for channel in recording.channels if channel.role == role]
+
+
+def _matched(wanted: Mapping[str, tuple[str, ...]], channels: Iterable[Channel]) -> dict[str, str]:
+    """Key → channel that is called as one of its names, or else the only one whose place or axis is."""
+    found: dict[str, str] = {}
+    there = list(channels)
+    for key, names in wanted.items():
+        called = {name.casefold() for name in names}
+        by_name = [one.name for one in there if one.name.casefold() in called]
+        by_place = [one.name for one in there if called & {(one.place or "").casefold(), (one.axis or "").casefold()}]
+        if by_name or len(by_place) == 1:
+            found[key] = (by_name or by_place)[0]
+    # a channel whose place fits two keys is that of neither, unless one of them has its name
+    several = {name for name in found.values() if list(found.values()).count(name) > 1}
+    return {
+        key: name
+        for key, name in found.items()
+        if name not in several or name.casefold() in {one.casefold() for one in wanted[key]}
+    }
+
+
+def _not_compared(channels: Iterable[Channel], motions: Mapping[str, str]) -> Iterator[Finding]:
+    """One finding of all displacements that are neither of the tool nor of the workpiece."""
+    names = [one.name for one in channels if one.name not in motions.values()]
+    free = [key for key in (*FINALS, RELATIVE) if key not in motions]
+    if not names or not free:
+        return
+    listed = ", ".join(map(repr, names[:6])) + (" …" if len(names) > 6 else "")
+    are = "(displacements) are" if len(names) > 1 else "(displacement) is"
+    places = " or ".join(f'"{key}"' for key in free)
+    yield FINDINGS.finding(
+        "motion-not-compared",
+        f"{listed} {are} not known to be of tool or workpiece, and not compared.",
+        Where(channel=names[0]),
+        {"channels": names, "places": free},
+        f"say in the machine file what it moved, e.g. [channels.{key_text((names[0],))}] place = {places}",
+        level="info" if motions else "warning",
+    )
+
+
+def _unused(
+    channels: Iterable[Channel], used: Collection[str], what: str, known: Collection[str]
+) -> tuple[Finding, ...]:
+    return tuple(
+        FINDINGS.finding(
+            "channel-of-nothing",
+            f"{one.name!r} ({one.role}) belongs to no {what} of the model, or could be of several, and does not act.",
+            Where(channel=one.name),
+            {"known": list(known)[:20]},
+            f'give it the place of its {what} in the machine file: place = "{next(iter(known), "…")}"',
+        )
+        for one in channels
+        if one.name not in used
+    )
+
 
 _EVEN = 1e-3
 """Share of a step by which the stamps of an even clock may stray untold."""
@@ -31,76 +134,63 @@ _LONG = 0.5
 _UM = 1e6
 
 
-def gap_findings(time_s: Vector, ring_s: float | None) -> tuple[Finding, ...]:
+def gap_findings(time_s: Vector, ring_s: float | None) -> Iterator[Finding]:
     """Gaps between stamps; `ring_s` is None where no force was recorded [s]."""
     found = gaps(time_s)
-    told = []
     for number, (begin_s, end_s) in enumerate(found[:_MOST_GAPS]):
         until_s = float(end_s) if ring_s is None else min(float(end_s) + ring_s, float(time_s[-1]))
         more = len(found) - _MOST_GAPS if number == _MOST_GAPS - 1 else 0
-        told.append(
-            FINDINGS.finding(
-                "recorded-gap",
-                f"Nothing was recorded from {begin_s:.6g} to {end_s:.6g} s. "
-                + (
-                    "Speeds run straight across."
-                    if ring_s is None
-                    else "What the force did there is not known: the motion is not to be believed before "
-                    f"{until_s:.6g} s, when what it left has faded; the rest is not touched. Speeds run straight "
-                    "across."
-                )
-                + (f" There are {more} more gaps." if more > 0 else ""),
-                Where(from_s=float(begin_s), to_s=until_s),
-                {"gap_s": float(end_s - begin_s), "gaps": len(found)},
-                "leave this stretch out when you compare, or cut the run at its gaps",
+        yield FINDINGS.finding(
+            "recorded-gap",
+            f"Nothing was recorded from {begin_s:.6g} to {end_s:.6g} s. "
+            + (
+                "Speeds run straight across."
+                if ring_s is None
+                else f"What the force did there is not known: the motion is not to be believed before {until_s:.6g} s, "
+                "when what it left has faded; the rest is not touched. Speeds run straight across."
             )
+            + (f" There are {more} more gaps." if more > 0 else ""),
+            Where(from_s=float(begin_s), to_s=until_s),
+            {"gap_s": float(end_s - begin_s), "gaps": len(found)},
+            "leave this stretch out when you compare, or cut the run at its gaps",
         )
-    return tuple(told)
 
 
-def clock_findings(time_s: Vector, parts: Sequence[Stretch]) -> tuple[Finding, ...]:
+def clock_findings(time_s: Vector, parts: Sequence[Stretch]) -> Iterator[Finding]:
     """Stamps that stray from an even grid, those that have none, and rows that were lost; for recorded forces."""
-    told = []
     steps = np.diff(time_s)
     uneven = [part for part in parts if not part.even]
     strayed = [part for part in parts if part.even and part.stray > _EVEN]
     if uneven:
         good_hz = min(part.good_to_hz for part in uneven)
-        told.append(
-            FINDINGS.finding(
-                "recorded-clock-uneven",
-                f"The clock is uneven: steps from {steps.min():.4g} to {max(part.widest_s for part in uneven):.4g} s. "
-                f"Recorded forces are brought to even times by cubic splines, good to 1 % up to {good_hz:.4g} Hz; what "
-                "is quicker is answered too weakly, or as another frequency.",
-                evidence={"good_to_hz": good_hz},
-                level="info" if all(part.widest_s < _NEARLY * np.median(steps) for part in uneven) else "warning",
-            )
+        yield FINDINGS.finding(
+            "recorded-clock-uneven",
+            f"The clock is uneven: steps from {steps.min():.4g} to {max(part.widest_s for part in uneven):.4g} s. "
+            f"Recorded forces are brought to even times by cubic splines, good to 1 % up to {good_hz:.4g} Hz; what is "
+            "quicker is answered too weakly, or as another frequency.",
+            evidence={"good_to_hz": good_hz},
+            level="info" if all(part.widest_s < _NEARLY * np.median(steps) for part in uneven) else "warning",
         )
     if strayed:
         stray, good_hz = max(part.stray for part in strayed), min(part.good_to_hz for part in strayed)
-        told.append(
-            FINDINGS.finding(
-                "recorded-clock-jitter",
-                f"Stamps stray by up to {100 * stray:.3g} % of a sample from an even clock, whose ticks count as the "
-                "times of the forces. Had those been recorded when the stamps say, they would be good to 1 % up to "
-                f"{good_hz:.4g} Hz.",
-                evidence={"stray": stray, "good_to_hz": good_hz},
-                suggestion="if the clock was even, give its times",
-                level="info" if stray < 0.1 else "warning",
-            )
+        yield FINDINGS.finding(
+            "recorded-clock-jitter",
+            f"Stamps stray by up to {100 * stray:.3g} % of a sample from an even clock, whose ticks count as the times "
+            "of the forces. Had those been recorded when the stamps say, they would be good to 1 % up to "
+            f"{good_hz:.4g} Hz.",
+            evidence={"stray": stray, "good_to_hz": good_hz},
+            suggestion="if the clock was even, give its times",
+            level="info" if stray < 0.1 else "warning",
         )
     missing = np.concatenate([np.diff(part.at) - 1.0 for part in parts if part.even] or [np.zeros(0)])
     lost = int(missing[missing <= GAP - 1.0].sum())
     if lost:
-        told.append(
-            FINDINGS.finding(
-                "recorded-rows-lost",
-                f"{lost} row{'s' if lost > 1 else ''} of the clock lack{'' if lost > 1 else 's'}: put in as the force "
-                "went before and after.",
-                evidence={"lost": lost},
-            )
+        yield FINDINGS.finding(
+            "recorded-rows-lost",
+            f"{lost} row{'s' if lost > 1 else ''} of the clock lack{'' if lost > 1 else 's'}: put in as the force went "
+            "before and after.",
+            evidence={"lost": lost},
         )
-    return tuple(told)
 
 
 def end_findings(
@@ -109,18 +199,15 @@ def end_findings(
     motion_m: NDArray[np.float64],
     ring_s: float,
     duration_s: float,
-) -> tuple[Finding, ...]:
+) -> Iterator[Finding]:
     """By how much the motion may differ where the recorded forces begin and end; `motion_m` is that by them all."""
     left = max(one.left for one in motions)
-    told: list[Finding] = []
     if left > FADED:
-        told.append(
-            FINDINGS.finding(
-                "ring-longer-than-run",
-                f"A free vibration takes {ring_s:.3g} s to fade: {100 * left:.2g} % of one at the end of the recorded "
-                "forces laps over to their beginning.",
-                evidence={"ring_s": ring_s, "left": left},
-            )
+        yield FINDINGS.finding(
+            "ring-longer-than-run",
+            f"A free vibration takes {ring_s:.3g} s to fade: {100 * left:.2g} % of one at the end of the recorded "
+            "forces laps over to their beginning.",
+            evidence={"ring_s": ring_s, "left": left},
         )
     begin = sum(one.begin_m[0] for one in motions)
     end = sum(one.end_m[-1] for one in motions)
@@ -128,23 +215,20 @@ def end_findings(
     share = np.divide(begin, moves, out=np.zeros_like(moves), where=moves > 0.0)
     worst = int(np.argmax(begin))
     until_s = min(ring_s, duration_s)
-    told.append(
-        FINDINGS.finding(
-            "steady-before-recording",
-            "Recorded forces are taken to have gone on before and after the run as they went at its ends. What really "
-            f"acted is not known: at the beginning the motion of {finals[worst]} may differ by about "
-            f"{_UM * begin[worst]:.3g} µm ({100 * share[worst]:.2g} % of its swing), {100 * FADED:.2g} % of that after "
-            f"{ring_s:.3g} s, and at the last sample by {_UM * end.max():.2g} µm.",
-            Where(from_s=0.0, to_s=until_s),
-            {
-                "ring_s": ring_s,
-                "begin_um": {name: _UM * float(one) for name, one in zip(finals, begin, strict=True)},
-                "end_um": {name: _UM * float(one) for name, one in zip(finals, end, strict=True)},
-            },
-            level="warning" if until_s > _LONG * duration_s and share[worst] > FADED else "info",
-        )
+    yield FINDINGS.finding(
+        "steady-before-recording",
+        "Recorded forces are taken to have gone on before and after the run as they went at its ends. What really "
+        f"acted is not known: at the beginning the motion of {finals[worst]} may differ by about "
+        f"{_UM * begin[worst]:.3g} µm ({100 * share[worst]:.2g} % of its swing), {100 * FADED:.2g} % of that after "
+        f"{ring_s:.3g} s, and at the last sample by {_UM * end.max():.2g} µm.",
+        Where(from_s=0.0, to_s=until_s),
+        {
+            "ring_s": ring_s,
+            "begin_um": {name: _UM * float(one) for name, one in zip(finals, begin, strict=True)},
+            "end_um": {name: _UM * float(one) for name, one in zip(finals, end, strict=True)},
+        },
+        level="warning" if until_s > _LONG * duration_s and share[worst] > FADED else "info",
     )
-    return tuple(told)
 
 
 _MOST_RPM, _MOST_FORCE_N = 1e6, 1e9
@@ -173,21 +257,10 @@ def driven_runs(
     The shifts of the other sources are drawn by the seed: a recording of speeds does not tell them. Without a `seed`
     they are those of the file's, and there is no noise.
 
-    Parameters
-    ----------
-    model : VibrationModel
-        What is driven; its own run does not count.
-    recording : Recording
-        Runs with the speed of a shaft or the force of a source; how channels are found: `recorded_channels`.
-    seed : int, optional
-        Of shifts and noise; default: shifts by that of the file, and no noise.
-    progress : callable, optional
-        Told how many runs of how many are done.
+    The model's own run does not count; how channels are found: `recorded_channels`. `progress` is told how many runs of
+    how many are done.
 
-    Raises
-    ------
-    InputError
-        The recording cannot drive this model: neither speed nor force, or too few samples.
+    InputError: the recording cannot drive this model: neither speed nor force, or too few samples.
     """
     channels = recorded_channels(model, recording)
     if not channels.speeds and not channels.forces:
@@ -277,9 +350,7 @@ class _DrivenRun:
                 forces[source.name],
                 parts,
                 self.model.finals,
-                method=self.model.file.run.method,
-                chains=self.model.chains,
-                split_hz=self.model.split_hz(self.mean_rpm),
+                self.model.method(self.mean_rpm),
             )
             for source in self.model.sources
             if source.name in forces
@@ -350,22 +421,20 @@ class _DrivenRun:
         )
 
 
-def _without_sign(channel: str, rpm: Vector) -> tuple[Finding, ...]:
+def _without_sign(channel: str, rpm: Vector) -> Iterator[Finding]:
     """That the amount of a speed below 0 counts; the noise of a standing shaft is not told."""
     back = rpm < -_TURNED_BACK * np.abs(rpm).max()
     if not back.any():
-        return ()
+        return
     both = bool((rpm > _TURNED_BACK * np.abs(rpm).max()).any())
     said = f"in {back.sum()} of {len(rpm)} samples, and above it in others" if both else "where the shaft turns"
-    return (
-        FINDINGS.finding(
-            "speed-without-sign",
-            f"{channel} is below 0 {said}: the shaft is taken to turn as fast the one way as the other, by the amount.",
-            Where(channel=channel),
-            {"below_0": int(back.sum()), "lowest_rpm": float(rpm.min()), "highest_rpm": float(rpm.max())},
-            "cut the run where the shaft turns round if this matters" if both else "",
-            level="warning" if both else "info",
-        ),
+    yield FINDINGS.finding(
+        "speed-without-sign",
+        f"{channel} is below 0 {said}: the shaft is taken to turn as fast the one way as the other, by the amount.",
+        Where(channel=channel),
+        {"below_0": int(back.sum()), "lowest_rpm": float(rpm.min()), "highest_rpm": float(rpm.max())},
+        "cut the run where the shaft turns round if this matters" if both else "",
+        level="warning" if both else "info",
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,6 +11,7 @@ import pandas as pd
 
 from selector.findings import Finding
 from selector.physics.model_parameters import Parameter
+from selector.physics.simulation_kind import Progress
 from selector.physics.vibration.chain.chain import Chain
 from selector.physics.vibration.file.model_file import (
     VibrationFile,
@@ -19,18 +20,17 @@ from selector.physics.vibration.file.model_file import (
     file_shafts,
     file_sources,
     file_structure,
+    file_surface,
     mean_rpm,
 )
 from selector.physics.vibration.file.parameters import parameters, with_parameters
-from selector.physics.vibration.motion.final_motion import FinalMotions, Method, final_motions
+from selector.physics.vibration.motion.final_motion import ChainMethod, FinalMotions, final_motions
 from selector.physics.vibration.motion.motion_signal import MotionSignal, motion_signal, source_phases_rad
 from selector.physics.vibration.motion.periodic_error import Cutting, Surface, split_frequency_hz
 from selector.physics.vibration.structure.source import ShaftCourse, Source, excitation
 from selector.physics.vibration.structure.structure import Structure
 from selector.recording import Channel, Recording
 from selector.types import Vector
-
-Progress = Callable[[int, int, str], None]
 
 FINALS = ("tool", "workpiece")
 """Names of the finals, whatever members they are."""
@@ -112,7 +112,7 @@ class VibrationModel:
     @property
     def surface(self) -> Surface:
         """Where one kind of periodic error ends and the next begins."""
-        return Surface(self.file.surface.roughness_below_mm, self.file.surface.lobing_up_to_upr)
+        return file_surface(self.file)
 
     def cutting(self, shaft_rpm: Mapping[str, float]) -> Cutting | None:
         """The cut at these speeds of the shafts [r/min]; None where the file has none."""
@@ -122,6 +122,14 @@ class VibrationModel:
         """Frequency up to which the low chains hold, and above it the high ones [Hz]; None without a cut."""
         cut = self.cutting(shaft_rpm)
         return None if cut is None else split_frequency_hz(cut, self.surface)
+
+    def chain_method(self, shaft_rpm: Mapping[str, float]) -> ChainMethod | None:
+        """Its chains at these speeds of the shafts [r/min]; None where it has none."""
+        return ChainMethod(self.chains, self.split_hz(shaft_rpm)) if self.chains else None
+
+    def method(self, shaft_rpm: Mapping[str, float]) -> ChainMethod | None:
+        """The chains at these speeds of the shafts [r/min], if its run is made by them; None: the coupled structure."""
+        return self.chain_method(shaft_rpm) if self.file.run.method == "chains" else None
 
     @property
     def line_ranges_hz(self) -> tuple[tuple[str, float, float], ...]:
@@ -141,14 +149,11 @@ class VibrationModel:
 
     def motions(self, shaft_rpm: Mapping[str, float]) -> dict[str, FinalMotions]:
         """Method → motion of the finals by every line at these speeds [r/min]; the chains where there are any."""
-        lines, split_hz = excitation(self.sources, shaft_rpm), self.split_hz(shaft_rpm)
-        methods: tuple[Method, ...] = ("coupled", "chains") if self.chains else ("coupled",)
-        return {
-            method: final_motions(
-                self.structure, self.sources, lines, self.finals, method=method, chains=self.chains, split_hz=split_hz
-            )
-            for method in methods
-        }
+        lines, chains = excitation(self.sources, shaft_rpm), self.chain_method(shaft_rpm)
+        found = {"coupled": final_motions(self.structure, self.sources, lines, self.finals)}
+        if chains is not None:
+            found["chains"] = final_motions(self.structure, self.sources, lines, self.finals, chains)
+        return found
 
     def simulate(self, *, run: str = "simulation", seed: int | None = None) -> Recording:
         """The recording of `simulation`."""
@@ -160,19 +165,10 @@ class VibrationModel:
     ) -> VibrationSimulation:
         """What tool and workpiece do in the run of the file.
 
-        Parameters
-        ----------
-        run : str
-            Name of the run.
-        seed : int, optional
-            Of the shifts of the sources and of the noise; default: that of the file.
-        progress : callable, optional
-            Told how many runs of how many are done, and the run.
+        Without a `seed` of the shifts of the sources and of the noise, that of the file counts; `progress` is told how
+        many runs of how many are done.
 
-        Raises
-        ------
-        InputError
-            A line meets a resonance that nothing damps.
+        InputError: a line meets a resonance that nothing damps.
         """
         if progress is not None:
             progress(0, 1, run)
@@ -209,17 +205,8 @@ class VibrationModel:
     ) -> MotionSignal:
         """Motion and forces at these times, see `motion_signal`.
 
-        Parameters
-        ----------
-        time_s : ndarray of shape (n_times,)
-            [s].
-        courses : mapping of str to ShaftCourse
-        phases_rad : mapping of str to float
-            Source → shift of all its lines [rad].
-        sources : tuple of Source, optional
-            Those that shake; default: all.
-        leave_out : bool
-            Leave lines out that the times cannot carry, with a finding, instead of refusing them.
+        By default all sources shake. With `leave_out` lines that the times cannot carry are left out, with a finding,
+        instead of refused.
         """
         speeds = {name: mean_rpm(course, float(time_s[0]), float(time_s[-1])) for name, course in courses.items()}
         return motion_signal(
@@ -229,9 +216,7 @@ class VibrationModel:
             self.finals,
             time_s,
             phase_rad=phases_rad,
-            method=self.file.run.method,
-            chains=self.chains,
-            split_hz=self.split_hz(speeds),
+            chains=self.method(speeds),
             beyond="leave-out" if leave_out else "refuse",
         )
 
@@ -275,10 +260,7 @@ class VibrationModel:
 def vibration_model(file: VibrationFile) -> VibrationModel:
     """The vibrating structure that a model file describes, ready to run.
 
-    Raises
-    ------
-    ModelFileError
-        ``[bounds]`` names what is no parameter, or excludes the value of one.
+    ModelFileError: ``[bounds]`` names what is no parameter, or excludes the value of one.
     """
     model = VibrationModel(file)
     _ = model.parameters  # the bounds are checked here, not when a fit asks for them

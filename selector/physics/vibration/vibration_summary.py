@@ -89,10 +89,7 @@ class VibrationSummary:
 def vibration_summary(model: VibrationModel, simulation: VibrationSimulation) -> VibrationSummary:
     """The summary of a simulation of this model: of the lines at its mean speeds, by both methods.
 
-    Raises
-    ------
-    InputError
-        A mode or a frequency that is beyond what numbers hold.
+    InputError: a mode or a frequency that is beyond what numbers hold.
     """
     modes = structure_modes(model.structure)
     coupled, chains = simulation.motions["coupled"], simulation.motions.get("chains")
@@ -228,26 +225,13 @@ def _accuracy(
         return (), (said,)
 
 
-def _of_speeds(model: VibrationModel, simulation: VibrationSimulation) -> tuple[Finding, ...]:
+def _of_speeds(model: VibrationModel, simulation: VibrationSimulation) -> Iterator[Finding]:
     changing = [name for name, course in model.courses.items() if not course.is_level]
     used = [name for name in changing if any(source.shaft == name for source in model.sources)]
-    if not used:
-        return ()
-    speeds = ", ".join(f"{name} {simulation.shaft_rpm[name]:.6g} r/min" for name in used)
-    return (
-        FINDINGS.finding(
+    if used:
+        speeds = ", ".join(f"{name} {simulation.shaft_rpm[name]:.6g} r/min" for name in used)
+        yield FINDINGS.finding(
             "lines-at-mean-speed",
             f"Lines, amplitudes and errors are those of the mean speed ({speeds}); the recording follows the course.",
             evidence={"shaft_rpm": {name: simulation.shaft_rpm[name] for name in used}},
-        ),
-    )
-
-
-__all__ = [
-    "RELATIVE",
-    "AmplitudeSummary",
-    "LineSummary",
-    "VibrationSummary",
-    "judged_frequencies_hz",
-    "vibration_summary",
-]
+        )

@@ -202,7 +202,7 @@ def _causes_data(causes: CircleCauses, wind_up_m: Mapping[str, float]) -> dict[s
                         "found": cause.found,
                         "range_um": cause.range_um,
                         "share": cause.share,
-                        "amounts": {name: _amount_data(one) for name, one in cause.amounts.items()},
+                        "amounts": {name: dict(vars(one)) for name, one in cause.amounts.items()},
                     }
                     for cause in feed.causes
                 ],
@@ -210,8 +210,7 @@ def _causes_data(causes: CircleCauses, wind_up_m: Mapping[str, float]) -> dict[s
             for feed in causes.feeds
         ],
         "through_feeds": {
-            name: {**_amount_data(one), "found": one.found, "below": None if one.found else one.below}
-            for name, one in causes.through_feeds.items()
+            name: {**vars(one), "below": None if one.found else one.below} for name, one in causes.through_feeds.items()
         },
     }
 
@@ -221,7 +220,3 @@ def _lost_motion_data(cause: Cause, wind_up_m: Mapping[str, float]) -> dict[str,
     if cause.kind != _BACKLASH:
         return {}
     return {"meaning": _MEANING, "wind_up_um": _MICRO * wind_up_m.get(cause.axis or "", 0.0)}
-
-
-def _amount_data(one: Amount) -> dict[str, Any]:
-    return {"value": one.value, "standard_error": one.standard_error, "unit": one.unit}

@@ -386,9 +386,7 @@ def _axis_data(one: AxisSummary) -> dict[str, Any]:
         "parts_rms": {name: rms * _MICRO for name, rms in one.parts.rms_m.items()},
         "lag_ms": None if one.parts.lag_s is None else one.parts.lag_s * 1e3,
         "limited_share": one.limited_share,
-        "stick_slip": None
-        if one.stick_slip is None
-        else {"creeping_share": one.stick_slip.creeping_share, "jumps": one.stick_slip.jumps},
+        "stick_slip": None if one.stick_slip is None else dict(vars(one.stick_slip)),
         "stiffness_n_per_um": None if one.stiffness_n_per_m is None else [s * 1e-6 for s in one.stiffness_n_per_m],
         "damping_ns_per_m": list(one.damping_ns_per_m),
     }

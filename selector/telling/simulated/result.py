@@ -76,20 +76,10 @@ def simulation_account(
 ) -> Account:
     """The account of a simulation: what its kind says, between what all of them say.
 
-    Parameters
-    ----------
-    result : SimulationResult
-        What is told.
-    sentences, own : sequence
-        Of its kind, the most important first.
-    drawings : mapping
-        Of its sections; those of the comparison are made here if there are any.
-    facts : mapping
-        What stands in its origin beside the model file and the seed.
-    data : mapping
-        What the JSON says under the name of its kind, beside the comparison; nothing is said if it is empty.
-    parameters : tuple, optional
-        Default: those of the model, each from the file or left out there.
+    `sentences` and `own` are of its kind, the most important first; `facts` stand in its origin beside the model file
+    and the seed; `data` is what the JSON says under the name of its kind, beside the comparison, nothing if it is
+    empty. Drawings of the comparison are made here if there are any of its sections. `parameters` are by default those
+    of the model, each from the file or left out there.
     """
     done = result.simulated
     differences = done.differences or ()

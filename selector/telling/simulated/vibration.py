@@ -16,7 +16,7 @@ from selector.physics.vibration.motion.periodic_error import KindHeight, Periodi
 from selector.physics.vibration.structure.modes import CarryingMode, StructureModes, carrying_mode
 from selector.physics.vibration.vibration_model import FINALS as FINAL_MEMBERS
 from selector.physics.vibration.vibration_model import RELATIVE, VibrationModel
-from selector.physics.vibration.vibration_summary import LineSummary, VibrationSummary
+from selector.physics.vibration.vibration_summary import AmplitudeSummary, LineSummary, VibrationSummary
 from selector.telling.account import Account, Captioned, Table, section, table
 from selector.telling.numbers import NONE, listed, share_text, span_text
 from selector.telling.simulated.result import Drawings, SimulationResult, simulation_account
@@ -452,31 +452,9 @@ def _data(model: VibrationModel, summary: VibrationSummary) -> dict[str, Any]:
         "shaft_rpm": dict(summary.shaft_rpm),
         "split_hz": summary.split_hz,
         "modes": _modes_data(summary.modes),
-        "lines": [
-            {
-                "frequency_hz": one.frequency_hz,
-                "source": one.source,
-                "shaft": one.shaft,
-                "order": one.order,
-                "force_n": one.force_n,
-                "motion_um": dict(one.motion_um),
-                "coupled_um": dict(one.coupled_um),
-                "chains_um": dict(one.chains_um),
-            }
-            for one in summary.lines
-        ],
-        "amplitudes": {
-            final: {
-                "expected_um": one.expected_um if one.realisations else None,
-                "mean_abs_um": one.mean_abs_um if one.realisations else None,
-                "rms_um": one.rms_um,
-                "largest_um": one.largest_um if one.realisations else None,
-                "realisations": one.realisations,
-                "sections": one.sections,
-            }
-            for final, one in summary.amplitudes.items()
-        },
-        "periodic_errors": [_error_data(one) for one in summary.errors],
+        "lines": [dict(vars(one)) for one in summary.lines],
+        "amplitudes": {final: _amplitude_data(one) for final, one in summary.amplitudes.items()},
+        "periodic_errors": [dict(vars(one)) for one in summary.errors],
         "heights": {
             kind: {
                 "kinematic_um": one.kinematic_um,
@@ -508,23 +486,9 @@ def _modes_data(modes: StructureModes) -> list[dict[str, Any]]:
     return found
 
 
-def _error_data(one: PeriodicError) -> dict[str, Any]:
-    return {
-        "frequency_hz": one.frequency_hz,
-        "sources": list(one.sources),
-        "kind": one.kind,
-        "direction": one.direction,
-        "wavelength_mm": one.wavelength_mm,
-        "waves_per_revolution": one.waves_per_revolution,
-        "advance": one.advance,
-        "axial_wavelength_mm": one.axial_wavelength_mm,
-        "amplitude_um": dict(one.amplitude_um),
-        "force_n": dict(one.force_n),
-        "height_um": dict(one.height_um),
-        "published_um": one.published_um,
-        "kinematic_um": one.kinematic_um,
-        "realisations": one.realisations,
-    }
+def _amplitude_data(one: AmplitudeSummary) -> dict[str, Any]:
+    unknown = () if one.realisations else ("expected_um", "mean_abs_um", "largest_um")
+    return {name: None if name in unknown else value for name, value in vars(one).items()}
 
 
 def _accuracy_data(one: ChainAccuracy) -> dict[str, Any]:
@@ -541,10 +505,4 @@ def _accuracy_data(one: ChainAccuracy) -> dict[str, Any]:
 
 
 def _agreement_data(one: Agreement) -> dict[str, Any]:
-    return {
-        "share_within": one.share_within,
-        "rms_db": one.rms_db,
-        "largest_error": one.largest_error,
-        "largest_at_hz": one.largest_at_hz,
-        "bands_hz": [list(band) for band in one.bands_hz],
-    }
+    return {name: value for name, value in vars(one).items() if name != "ratio"}

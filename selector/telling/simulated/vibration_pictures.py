@@ -23,7 +23,7 @@ from selector.figures.simulated.vibration import (
     source_colours,
 )
 from selector.number_text import number_text
-from selector.physics.vibration.motion.final_motion import Method, final_receptance
+from selector.physics.vibration.motion.final_motion import ChainMethod, Method, final_receptance
 from selector.physics.vibration.structure.modes import StructureModes, receptance_by_modes
 from selector.physics.vibration.structure.source import Source
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, VibrationModel
@@ -202,8 +202,9 @@ def _answers(model: VibrationModel, summary: VibrationSummary) -> tuple[Vector, 
     }
     largest = max((float(answer.max()) for answer in coupled.values()), default=0.0)
     found: dict[str, list[Answer]] = {final: [] for final in FINALS}
+    method = model.chain_method(summary.shaft_rpm)
     for source in model.sources:
-        chains = _chains_um(model, source, frequency_hz, summary.split_hz) if model.chains else None
+        chains = None if method is None else _chains_um(model, source, frequency_hz, method)
         lines_hz = np.array([one.frequency_hz for one in summary.lines if one.source == source.name])
         for row, final in enumerate(FINALS):
             answer = coupled.get((source.name, final))
@@ -227,12 +228,10 @@ def _coupled_um(
     return _MICRO * np.abs(found)
 
 
-def _chains_um(model: VibrationModel, source: Source, frequency_hz: Vector, split_hz: float | None) -> Vector | None:
+def _chains_um(model: VibrationModel, source: Source, frequency_hz: Vector, chains: ChainMethod) -> Vector | None:
     """|X/F| of the finals [µm/N] by the chains; NaN where none leads there from the source."""
     try:
-        found = final_receptance(
-            model.structure, source, frequency_hz, model.finals, method="chains", chains=model.chains, split_hz=split_hz
-        )
+        found = final_receptance(model.structure, source, frequency_hz, model.finals, chains)
     except InputError:
         return None
     return np.where(found.carried, _MICRO * np.abs(found.motion_m_per_n), np.nan)

@@ -14,6 +14,6 @@ def ball_bar_test(
     """The traces of all circles of the plan; options as `ball_bar_run` has them."""
     ideal, asked = geometry or PairGeometry(), plan or BallBarPlan()
     return tuple(
-        ball_bar_run(axes, circle, ideal, asked, number=number, **options).trace
+        ball_bar_run(axes, circle, ideal, asked, number=number, **options)[0]
         for number, circle in enumerate(asked.circles)
     )

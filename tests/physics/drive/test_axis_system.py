@@ -13,7 +13,7 @@ from scipy import integrate
 
 from selector.errors import InputError
 from selector.physics.drive import simulation
-from selector.physics.drive.kernel import _equations, _kernel, _modes, _packed
+from selector.physics.drive.kernel import _equations, _kernel, _packed, _stepping
 from selector.physics.drive.kernel.axis_system import AxisSystem, largest_stable_step_s, mechanical_poles
 from selector.physics.drive.motion import ParameterCourse
 from selector.physics.drive.parts.axis import Axis, unloaded_state
@@ -68,7 +68,7 @@ def compiled_rates(system: AxisSystem, t_s: float, x: np.ndarray) -> np.ndarray:
         upper, lower = w[_packed.ALSO, _packed.UPPER], w[_packed.ALSO, _packed.LOWER]
         o[_packed.CONTACT] = 1 if upper > 0 else (-1 if lower > 0 else 0)
         if o[_packed.LIMITS]:
-            _modes.changed_limits(w, p, o)
+            _stepping.changed_limits(w, p, o)
     return w[5, at]
 
 

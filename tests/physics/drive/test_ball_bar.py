@@ -108,16 +108,14 @@ def test_lag_of_a_rotary_axis_shows_where_the_ball_is_across_the_bar(direction):
     for angle, expected in ((-math.pi / 2, direction * distance * behind * 1e6), (0.0, 0.0)):
         plan = BallBarPlan(feeds_mm_per_min=(feed,), table_ball=TableBall(distance, angle))
         circle = next(one for one in plan.circles if one.direction == direction)
-        done = ball_bar_run({"X": linear, "Y": linear, "B": table}, circle, PairGeometry(), plan)
-        trace, motions = done.trace, done.motions
+        trace, runs = ball_bar_run({"X": linear, "Y": linear, "B": table}, circle, PairGeometry(), plan)
         assert trace.axes == ("X", "Y", "B")
         # second order: radius/2·(pace/100)² = 0.6 µm, distance·pace²·(1/50² − 1/100²)/2 = 1.3 µm
         assert trace.deviation_um.mean() == pytest.approx(expected, abs=2.0)
         # the angle of the table against a steady bar: all constant
         assert np.ptp(trace.deviation_um) < 0.05
-    assert abs(motions["B"].table_m[-1] - motions["B"].table_m[0]) == pytest.approx(
-        2 * math.pi + 2 * plan.overshoot_rad, rel=1e-3
-    )
+    turned = runs["B"].motion.table_m
+    assert abs(turned[-1] - turned[0]) == pytest.approx(2 * math.pi + 2 * plan.overshoot_rad, rel=1e-3)
 
 
 def test_offsets_of_a_rotary_table():
@@ -152,20 +150,21 @@ def test_parameters_along_the_command_act_on_the_trace():
 
     axes = dict.fromkeys("XY", Axis(THREE, replace(CONTINUOUS, feedback="motor")))
     plan = BallBarPlan(feeds_mm_per_min=(4000.0,), radius_m=0.02, noise_um=0.1)
-    constant = ball_bar_run(axes, plan.circles[0], PairGeometry(), plan)
-    run = ball_bar_run(axes, plan.circles[0], PairGeometry(), plan, courses={"X": course})
-    assert (run.courses["Y"], constant.courses["X"]) == (None, None)
-    alone = simulate_axis(axes["X"], run.references["X"], step_s=run.steps_s["X"], course=course(run.references["X"]))
-    np.testing.assert_array_equal(run.motions["X"].table_m, alone.table_m)
-    np.testing.assert_array_equal(run.motions["Y"].table_m, constant.motions["Y"].table_m)
+    level, constant = ball_bar_run(axes, plan.circles[0], PairGeometry(), plan)
+    shown, run = ball_bar_run(axes, plan.circles[0], PairGeometry(), plan, courses={"X": course})
+    assert (run["Y"].course, constant["X"].course) == (None, None)
+    asked = run["X"].reference
+    alone = simulate_axis(axes["X"], asked, step_s=run["X"].step_s, course=course(asked))
+    np.testing.assert_array_equal(run["X"].motion.table_m, alone.table_m)
+    np.testing.assert_array_equal(run["Y"].motion.table_m, constant["Y"].motion.table_m)
     inside = measured_samples(plan.circles[0], alone.time_s)
-    more = (alone.table_m - constant.motions["X"].table_m)[inside] * 1e6 * np.cos(constant.trace.angle_rad)
+    more = (alone.table_m - constant["X"].motion.table_m)[inside] * 1e6 * np.cos(level.angle_rad)
     # 533 N·max(cos²θ·sin θ) on a spring of 1e8 N/m are 2 µm, and the integral of the velocity loop is late besides
     assert np.abs(more).max() > 1.0
     # second order: 5 µm/(2·20 mm)·5 µm and lag of the angle, 5 µm·5 µm/20 mm
-    np.testing.assert_allclose(run.trace.deviation_um - constant.trace.deviation_um, more, atol=2e-3)
+    np.testing.assert_allclose(shown.deviation_um - level.deviation_um, more, atol=2e-3)
     test = ball_bar_test(axes, plan=plan, courses={"X": course})
-    np.testing.assert_array_equal(test[0].deviation_um, run.trace.deviation_um)
+    np.testing.assert_array_equal(test[0].deviation_um, shown.deviation_um)
 
 
 def test_samples_are_whole_periods_of_the_control():

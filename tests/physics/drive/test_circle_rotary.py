@@ -169,10 +169,10 @@ def test_a_ball_at_the_centre_of_the_table_is_a_plain_circle():
             np.testing.assert_allclose(smooth_columns(pair)[name], column, atol=1e-12)
     for pair in (plain, turned):
         for axis, ends in enumerate(((0.0, math.pi), (math.pi / 2, 1.5 * math.pi))):
-            for arc, end in zip(pair.since_reversal_rad[axis], ends, strict=True):
+            for arc, end in zip(pair.courses[axis].since_reversal_rad, ends, strict=True):
                 away = (arc - d * (pair.angle_rad - end) + 1e-6) % TURN - 1e-6
                 np.testing.assert_allclose(away, 0, atol=1e-9)
-        np.testing.assert_allclose(pair.gone[0], _gone(d * sin, cos), atol=1e-9)
+        np.testing.assert_allclose(pair.courses[0].gone, _gone(d * sin, cos), atol=1e-9)
 
 
 def _gone(rising, place):

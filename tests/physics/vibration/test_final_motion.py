@@ -9,7 +9,7 @@ import pytest
 
 from selector.errors import InputError
 from selector.physics.vibration.chain.chain import chain_receptance
-from selector.physics.vibration.motion.final_motion import final_motions, final_receptance
+from selector.physics.vibration.motion.final_motion import ChainMethod, final_motions, final_receptance
 from selector.physics.vibration.structure.source import excitation
 from selector.physics.vibration.structure.structure import Structure
 from tests.physics.vibration.small_lathe import BRANCH, FINALS, HIGH, LOW, MOTOR, SOURCES, SPINDLE, STRUCTURE
@@ -40,8 +40,7 @@ def test_coupled_motion_is_that_of_the_matrices_with_the_force_both_ways():
 
 
 def test_chains_of_the_range_are_added_up_with_their_signs_and_masses():
-    chains = (LOW, HIGH, BRANCH)
-    found = final_motions(STRUCTURE, SOURCES, LINES, FINALS, method="chains", chains=chains, split_hz=100.0)
+    found = final_motions(STRUCTURE, SOURCES, LINES, FINALS, ChainMethod((LOW, HIGH, BRANCH), 100.0))
     low = chain_receptance(STRUCTURE, LOW, np.array([20.0])).final[0]
     high = chain_receptance(STRUCTURE, HIGH, np.array([186.0])).final[0]
     branch = chain_receptance(STRUCTURE, BRANCH, np.array([50.0, 20.0])).final
@@ -55,14 +54,14 @@ def test_chains_of_the_range_are_added_up_with_their_signs_and_masses():
 
 def test_the_mass_of_a_chain_is_that_of_its_final_group():
     merged = replace(LOW, path=(("workpiece", "tool"), ("bed",)))
-    found = final_receptance(STRUCTURE, SPINDLE, [20.0], FINALS, method="chains", chains=[merged])
+    found = final_receptance(STRUCTURE, SPINDLE, [20.0], FINALS, ChainMethod((merged,)))
     assert found.moment_kg_m_per_n[1] == pytest.approx(25.0 * found.motion_m_per_n[1], rel=1e-14)
 
 
 def test_a_source_that_pushes_against_the_chain_moves_it_the_other_way():
     turned = replace(SPINDLE, member="bed", against="workpiece")
     one, other = (
-        final_receptance(STRUCTURE, source, [20.0], FINALS, method="chains", chains=[LOW]).motion_m_per_n[1]
+        final_receptance(STRUCTURE, source, [20.0], FINALS, ChainMethod((LOW,))).motion_m_per_n[1]
         for source in (SPINDLE, turned)
     )
     assert one[0] == -other[0] != 0
@@ -71,12 +70,12 @@ def test_a_source_that_pushes_against_the_chain_moves_it_the_other_way():
 def test_the_split_itself_belongs_to_the_low_chains_and_one_range_alone_needs_none():
     low, high = (replace(LOW, name="a"), replace(LOW, name="b", range="high"))
     at_split = final_receptance(
-        STRUCTURE, SPINDLE, [100.0, 100.1], FINALS, method="chains", chains=[low, replace(HIGH)], split_hz=100.0
+        STRUCTURE, SPINDLE, [100.0, 100.1], FINALS, ChainMethod((low, replace(HIGH)), 100.0)
     ).motion_m_per_n[1]
     assert at_split[0] == chain_receptance(STRUCTURE, low, np.array([100.0])).final[0]
     assert at_split[1] == chain_receptance(STRUCTURE, HIGH, np.array([100.1])).final[0]
     for chain in (low, high):
-        alone = final_receptance(STRUCTURE, SPINDLE, [20.0, 5e3], FINALS, method="chains", chains=[chain])
+        alone = final_receptance(STRUCTURE, SPINDLE, [20.0, 5e3], FINALS, ChainMethod((chain,)))
         assert alone.carried[1].all()
 
 
@@ -91,14 +90,19 @@ def test_no_lines_make_no_motion():
         ({"member": "table"}, {}, "sources.spindle.member"),
         ({"against": "table"}, {}, "sources.spindle.against"),
         ({}, {"finals": {"tool": "table"}}, "finals"),
-        ({}, {"method": "chains"}, "chains"),
-        ({}, {"method": "chains", "chains": [LOW, HIGH]}, "split_hz"),
     ],
 )
 def test_what_does_not_fit_is_refused(change, options, where):
     source = replace(SPINDLE, **change)
     with pytest.raises(InputError) as caught:
         final_receptance(STRUCTURE, source, [20.0], options.pop("finals", FINALS), **options)
+    assert caught.value.where == where
+
+
+@pytest.mark.parametrize(("chains", "where"), [((), "chains"), ((LOW, HIGH), "split_hz")])
+def test_chains_that_lack_or_are_not_parted_are_refused(chains, where):
+    with pytest.raises(InputError) as caught:
+        ChainMethod(chains)
     assert caught.value.where == where
 
 

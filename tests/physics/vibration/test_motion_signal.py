@@ -10,7 +10,7 @@ import pytest
 from scipy import signal
 
 from selector.errors import InputError
-from selector.physics.vibration.motion.final_motion import final_motions, final_receptance
+from selector.physics.vibration.motion.final_motion import ChainMethod, final_motions, final_receptance
 from selector.physics.vibration.motion.motion_signal import motion_signal, source_phases_rad
 from selector.physics.vibration.motion.run_up import HURRY
 from selector.physics.vibration.structure.source import Line, ShaftCourse, Source, excitation
@@ -97,33 +97,20 @@ def test_phases_are_drawn_from_equal_shifts_with_a_seed():
 
 
 def test_chains_in_time():
-    found = motion_signal(
-        STRUCTURE,
-        SOURCES,
-        {"spindle": 1200.0},
-        FINALS,
-        TIME,
-        method="chains",
-        chains=(LOW, HIGH, BRANCH),
-        split_hz=100.0,
-    )
+    chains = ChainMethod((LOW, HIGH, BRANCH), 100.0)
+    found = motion_signal(STRUCTURE, SOURCES, {"spindle": 1200.0}, FINALS, TIME, chains=chains)
     lines = excitation(SOURCES, {"spindle": 1200.0})
-    by_line = final_motions(
-        STRUCTURE, SOURCES, lines, FINALS, method="chains", chains=(LOW, HIGH, BRANCH), split_hz=100.0
-    )
+    by_line = final_motions(STRUCTURE, SOURCES, lines, FINALS, chains)
     expected = (by_line.motion_m @ np.exp(2j * np.pi * np.outer(lines.frequency_hz, TIME))).imag
     assert np.abs(found.motion_m - expected).max() < ROUNDING * np.abs(expected).max()
 
 
 def test_a_line_that_changes_its_chains_is_told():
-    course = ShaftCourse([0.0, 1.0], [500.0, 700.0])
-    options = {"method": "chains", "chains": (LOW, HIGH), "split_hz": 93.0}
-    found = motion_signal(STRUCTURE, (SPINDLE,), {"spindle": course}, FINALS, np.arange(2000) * 5e-4, **options)
-    assert "line-changes-chains" in [finding.id for finding in found.findings]
-    below = motion_signal(
-        STRUCTURE, (SPINDLE,), {"spindle": course}, FINALS, np.arange(2000) * 5e-4, **{**options, "split_hz": 200.0}
-    )
-    assert "line-changes-chains" not in [finding.id for finding in below.findings]
+    course, time = ShaftCourse([0.0, 1.0], [500.0, 700.0]), np.arange(2000) * 5e-4
+    for split_hz, told in ((93.0, True), (200.0, False)):
+        chains = ChainMethod((LOW, HIGH), split_hz)
+        found = motion_signal(STRUCTURE, (SPINDLE,), {"spindle": course}, FINALS, time, chains=chains)
+        assert ("line-changes-chains" in [finding.id for finding in found.findings]) is told
 
 
 @pytest.mark.parametrize("speed", [1200.0, ShaftCourse([0.0, 1.0], [600.0, 1200.0])])

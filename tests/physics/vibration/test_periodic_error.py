@@ -272,5 +272,3 @@ def test_other_numbers_that_cannot_be_are_refused():
         waves_per_revolution(1e300, replace(CUTTING, workpiece_rpm=1e-300))
     with pytest.raises(InputError, match="diameter_mm"):
         split_frequency_hz(replace(CUTTING, diameter_mm=1e300, workpiece_rpm=1e20), Surface())
-    with pytest.raises(InputError, match="finals"):
-        periodic_errors(motions([100.0], [1e-6], [0.0]), CUTTING, tool="turret")

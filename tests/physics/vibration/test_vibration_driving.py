@@ -12,8 +12,7 @@ from selector.physics.vibration.file.model_file import checked_model_file
 from selector.physics.vibration.recorded.force import force_answer, ring_time_s
 from selector.physics.vibration.structure.source import Line, Source
 from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure
-from selector.physics.vibration.vibration_channels import recorded_channels
-from selector.physics.vibration.vibration_driving import driven_runs
+from selector.physics.vibration.vibration_driving import driven_runs, recorded_channels
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, vibration_model
 from selector.physics.vibration.vibration_summary import vibration_summary
 from selector.recording import Channel, Recording

@@ -22,6 +22,16 @@ _ALIKE = 0.03
 
 
 @dataclass(frozen=True, eq=False)
+class AxisCourse:
+    """One axis along the circle."""
+
+    #: (n_samples,): Arc since its last reversal at its positive end, and at its negative end; infinite before the first
+    since_reversal_rad: tuple[Vector, Vector]
+    gone: Vector  #: (n_samples,): Travel since its last reversal, over R
+    ends: tuple[float, float]  #: Its farthest places, lowest first, over R
+
+
+@dataclass(frozen=True, eq=False)
 class CirclePair:
     """The two directions of a circle, one after the other."""
 
@@ -77,21 +87,9 @@ class CirclePair:
         return 1.0 + float(np.mean(self.arm[0]))
 
     @cached_property
-    def since_reversal_rad(self) -> tuple[tuple[Vector, Vector], tuple[Vector, Vector]]:
-        """Axis → arc since its last reversal at a positive end, at a negative end; infinite before the first."""
-        first, second = (self._courses[axis] for axis in (0, 1))
-        return (first[0], first[1]), (second[0], second[1])
-
-    @cached_property
-    def gone(self) -> tuple[Vector, Vector]:
-        """Axis → travel since its last reversal, over R."""
-        return self._courses[0][2], self._courses[1][2]
-
-    @cached_property
-    def ends(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Axis → its farthest places, lowest first, over R."""
-        first, second = (self._courses[axis][3] for axis in (0, 1))
-        return (float(first[0]), float(first[1])), (float(second[0]), float(second[1]))
+    def courses(self) -> tuple[AxisCourse, AxisCourse]:
+        """How each axis goes along the circle."""
+        return self._course(0), self._course(1)
 
     @cached_property
     def smooth(self) -> dict[str, Vector]:
@@ -121,12 +119,7 @@ class CirclePair:
             second = second + self.ball_over_radius * ratio**order * np.sin(table)
         return first, second
 
-    @cached_property
-    def _courses(self) -> tuple[tuple[Vector, ...], tuple[Vector, ...]]:
-        """Axis → arcs since reversals at its positive and negative end, travel since the last one, farthest places."""
-        return self._course(0), self._course(1)
-
-    def _course(self, axis: int) -> tuple[Vector, ...]:
+    def _course(self, axis: int) -> AxisCourse:
         high, low, gone = (np.full(len(self.angle_rad), np.inf) for _ in range(3))
         extremes: list[float] = []
         for part in self.parts:
@@ -149,7 +142,7 @@ class CirclePair:
             last = travelled - np.where(np.isfinite(since), since, travelled - travelled.min() + 2.0 * np.pi)
             gone[part] = np.abs(self.places[axis][part] - self.places_at(d * last)[axis])
             extremes += [*self.places_at(d * turns)[axis], *self.places_at(d * grid[:1])[axis]]
-        return high, low, gone, np.array([min(extremes), max(extremes)])
+        return AxisCourse((high, low), gone, (float(min(extremes)), float(max(extremes))))
 
 
 def pair_of(traces: Sequence[BallBarTrace]) -> CirclePair:
@@ -230,15 +223,16 @@ def backlash_columns(pair: CirclePair, axis: int, gap_um: tuple[float, float]) -
     The table lags by half the gap on the side it comes from; between the ends the gap changes along the travel. After a
     reversal the table waits until the drive has gone through the gap.
     """
-    behind_high, behind_low = pair.since_reversal_rad[axis]
+    course = pair.courses[axis]
+    behind_high, behind_low = course.since_reversal_rad
     after_high = behind_high < behind_low
-    gone = pair.radius_um * pair.gone[axis]
+    gone = pair.radius_um * course.gone
     gap = np.where(after_high, gap_um[0], gap_um[1])
     # where the drive stands in its gap: from 1 to −1 after the positive end
     state = 1.0 - np.divide(2.0 * gone, gap, out=np.full(len(gone), np.inf), where=gap > 0)
     lag = np.where(after_high, 1.0, -1.0) * np.maximum(state, -1.0)
     part = -pair.along[axis] * lag / 2.0
-    low, high = pair.ends[axis]
+    low, high = course.ends
     share = (pair.places[axis] - low) / (high - low)
     return np.column_stack([part * share, part * (1.0 - share)])
 
@@ -250,7 +244,7 @@ def spike_columns(pair: CirclePair, axis: int, spike: tuple[float, float]) -> Ma
     towards the end: the axis stays where it turned, and follows when it breaks away.
     """
     columns = []
-    for arc, sign in zip(pair.since_reversal_rad[axis], (1.0, -1.0), strict=True):
+    for arc, sign in zip(pair.courses[axis].since_reversal_rad, (1.0, -1.0), strict=True):
         reached = np.clip(arc * pair.radius_um / pair.speed_um_per_s / spike[0], 1e-300, 1e6)
         power = spike[1] * (np.log(reached) + 1.0 - reached)
         # no more than 1e-43 of the spike, and its square would be too small for a normal number: a hundred times slower

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -93,17 +93,10 @@ def circle_causes(traces: Sequence[BallBarTrace], *, lead_m: Mapping[str, float]
     Each feed by itself: least squares on the columns of `circle_basis`, then laws through the feeds: lag and length of
     the bar part by feed², squareness and gain mismatch by the direction.
 
-    Parameters
-    ----------
-    traces : sequence of BallBarTrace
-        Both directions at one or more feeds, of two linear axes; with a rotary one where its `table_ball` is known.
-    lead_m : mapping of str to float or None
-        Axis → lead of its screw [m]: wavelength of the cyclic error; where it is missing it is searched.
+    The traces are both directions at one or more feeds, of two linear axes; with a rotary one where its `table_ball` is
+    known. `lead_m` is axis → lead of its screw [m]: wavelength of the cyclic error; where it is missing it is searched.
 
-    Raises
-    ------
-    InputError
-        If a direction is missing, or the place of the ball on a rotary axis.
+    InputError if a direction is missing, or the place of the ball on a rotary axis.
     """
     leads = dict(lead_m or {})
     pairs = paired(traces)
@@ -249,62 +242,48 @@ def _cyclic(fit: CircleFit, axis: int, waves: Sequence[str]) -> dict[str, Amount
     }
 
 
-def _findings(feeds: Sequence[FeedCauses], fits: Sequence[tuple[CirclePair, CircleFit]]) -> tuple[Finding, ...]:
-    told = []
+def _findings(feeds: Sequence[FeedCauses], fits: Sequence[tuple[CirclePair, CircleFit]]) -> Iterator[Finding]:
     if len(feeds) == 1:
-        told.append(
-            FINDINGS.finding(
-                "ball-bar-single-feed",
-                f"At one feed ({feeds[0].feed_mm_per_min:.4g} mm/min) lag of the drives, an error of the bar's length "
-                "and a scale error of both axes all change the radius alike, and different scales look like different "
-                "amplitudes.",
-            )
+        yield FINDINGS.finding(
+            "ball-bar-single-feed",
+            f"At one feed ({feeds[0].feed_mm_per_min:.4g} mm/min) lag of the drives, an error of the bar's length and "
+            "a scale error of both axes all change the radius alike, and different scales look like different "
+            "amplitudes.",
         )
     for feed, (_, fit) in zip(feeds, fits, strict=True):
         if feed.remaining_share > _PLAIN and fit.resemblance > _STRUCTURED:
-            told.append(
-                FINDINGS.finding(
-                    "ball-bar-unexplained",
-                    f"At {feed.feed_mm_per_min:.4g} mm/min {feed.remaining_rms_um:.2g} µm (RMS) of "
-                    f"{feed.deviation_rms_um:.2g} µm follow none of the causes and are not noise.",
-                    Where(),
-                    {"feed_mm_per_min": feed.feed_mm_per_min, "remaining_share": feed.remaining_share},
-                )
+            yield FINDINGS.finding(
+                "ball-bar-unexplained",
+                f"At {feed.feed_mm_per_min:.4g} mm/min {feed.remaining_rms_um:.2g} µm (RMS) of "
+                f"{feed.deviation_rms_um:.2g} µm follow none of the causes and are not noise.",
+                Where(),
+                {"feed_mm_per_min": feed.feed_mm_per_min, "remaining_share": feed.remaining_share},
             )
-    return tuple(told)
 
 
-def _not_apart(pair: CirclePair, names: tuple[str, ...]) -> tuple[Finding, ...]:
+def _not_apart(pair: CirclePair, names: tuple[str, ...]) -> Iterator[Finding]:
     """What the place of the ball on the rotary axis hides."""
-    told = []
     hidden = pair.not_apart
     if "rotary-lag" in hidden:
-        told.append(
-            FINDINGS.finding(
-                "ball-bar-rotary-lag-hidden",
-                f"The ball of the workpiece stands in line with the bar, or at the centre of {names[2]}: lag of it "
-                "against the linear axes moves it across the bar and does not show.",
-            )
+        yield FINDINGS.finding(
+            "ball-bar-rotary-lag-hidden",
+            f"The ball of the workpiece stands in line with the bar, or at the centre of {names[2]}: lag of it against "
+            "the linear axes moves it across the bar and does not show.",
         )
     if "set-up 0" in hidden or "set-up 1" in hidden:
-        told.append(
-            FINDINGS.finding(
-                "ball-bar-set-up-turns",
-                f"The ball's place on {names[2]} turns with it: what the set-up is off looks like another length of "
-                f"the bar or another centre of {names[2]} and is not told apart from them.",
-            )
+        yield FINDINGS.finding(
+            "ball-bar-set-up-turns",
+            f"The ball's place on {names[2]} turns with it: what the set-up is off looks like another length of the "
+            f"bar or another centre of {names[2]} and is not told apart from them.",
         )
     others = [name for name in hidden if name != "rotary-lag" and not name.startswith("set-up")]
     if others:
-        told.append(
-            FINDINGS.finding(
-                "ball-bar-alike",
-                f"On this circle {', '.join(others)} cannot be told apart from other causes and are left out.",
-                Where(),
-                {"left_out": others},
-            )
+        yield FINDINGS.finding(
+            "ball-bar-alike",
+            f"On this circle {', '.join(others)} cannot be told apart from other causes and are left out.",
+            Where(),
+            {"left_out": others},
         )
-    return tuple(told)
 
 
 def _unfit(found: str, expected: str, advice: str) -> InputError:

@@ -5,17 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from selector.errors import InputError
-from selector.physics.checks import require_finite, require_not_negative, require_positive, told_of
-from selector.physics.drive.motion import Motion, ParameterCourse, Reference
+from selector.physics.checks import keep_arrays, require_finite, require_not_negative, require_positive, told_of
+from selector.physics.drive.motion import ParameterCourse, Reference
 from selector.physics.drive.parts.axis import Axis
 from selector.physics.drive.parts.mechanics import RigidMechanics
-from selector.physics.drive.simulation import circle_step_s
+from selector.physics.drive.simulation import AxisRun, circle_step_s, simulate_axis
+from selector.physics.model_fields import Limits, Unit
 from selector.types import Vector
 
 RAMP_S = 1.0
@@ -98,10 +99,7 @@ class Circle:
 def circle_references(circle: Circle, axes: Sequence[str] = ("X", "Y"), *, period_s: float) -> dict[str, Reference]:
     """Axis → what it is asked to do, from rest to rest, sampled every `period_s` [s].
 
-    Raises
-    ------
-    InputError
-        If the names are not two (three with a rotary axis), or the run has too many samples.
+    InputError if the names are not two (three with a rotary axis), or the run has too many samples.
     """
     names = tuple(axes)
     if len(set(names)) != len(names) or len(names) != (2 if circle.table_ball is None else 3):
@@ -165,6 +163,9 @@ def _wrong(found: str, expected: str, advice: str) -> InputError:
 
 
 Pair = tuple[float, float]
+_PerMetre = Annotated[float, Unit("µm/m"), Limits(0.0, 1e4)]
+_Micrometres = Annotated[float, Unit("µm")]
+_MicrometresOfBoth = Annotated[Pair, Unit("µm")]
 CourseOf = Callable[[Reference], ParameterCourse | None]
 """Stiffness and damping that change along a reference; None: they do not."""
 
@@ -181,15 +182,18 @@ class PairGeometry:
     """Errors of two linear axes and of the set-up that do not depend on the motion; all zero: ideal."""
 
     #: How far the second axis leans towards the first: the angle between them is 90° less this [µm/m]
-    squareness_um_per_m: float = 0.0
-    scale_um_per_m: Pair = (0.0, 0.0)  #: How much further than commanded each axis goes [µm/m]
+    squareness_um_per_m: _PerMetre = 0.0
+    scale_um_per_m: tuple[_PerMetre, _PerMetre] = (0.0, 0.0)  #: How much further than commanded each axis goes [µm/m]
     #: Straightness: how far an axis at ± radius has moved across, in the direction of the other one, against the
     #: middle; with the square of the distance [µm]
-    bow_um: Pair = (0.0, 0.0)
-    centre_offset_um: Pair = (0.0, 0.0)  #: Where the ball of the workpiece sits against the commanded centre [µm]
-    length_error_um: float = 0.0  #: How much longer than nominal the bar is where it reads 0 [µm]
+    bow_um: _MicrometresOfBoth = (0.0, 0.0)
+    centre_offset_um: _MicrometresOfBoth = (
+        0.0,
+        0.0,
+    )  #: Where the ball of the workpiece sits against the commanded centre [µm]
+    length_error_um: _Micrometres = 0.0  #: How much longer than nominal the bar is where it reads 0 [µm]
     #: Where the centre of the rotary table is against its commanded place [µm]
-    rotary_centre_offset_um: Pair = (0.0, 0.0)
+    rotary_centre_offset_um: _MicrometresOfBoth = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         for name, values in vars(self).items():
@@ -253,10 +257,7 @@ class BallBarPlan:
 class BallBarTrace:
     """One full circle as the bar shows it, simulated or measured.
 
-    Raises
-    ------
-    InputError
-        Less than 350° or more than 361°, gaps over 5°, angles that run against the direction, missing values.
+    InputError: less than 350° or more than 361°, gaps over 5°, angles that run against the direction, missing values.
     """
 
     #: (n_samples,): Direction of the bar, from the ball of the workpiece to that of the spindle [rad], in the order of
@@ -274,7 +275,8 @@ class BallBarTrace:
 
     def __post_init__(self) -> None:
         require_positive(self, "feed_mm_per_min", "radius_m")
-        angle, deviation = np.array(self.angle_rad, dtype=np.float64), np.array(self.deviation_um, dtype=np.float64)
+        keep_arrays(self, "angle_rad", "deviation_um")
+        angle, deviation = self.angle_rad, self.deviation_um
         if angle.ndim != 1 or angle.shape != deviation.shape or len(angle) < 100:
             raise _unusable(f"{angle.shape} angles and {deviation.shape} deviations", "as many of both, 100 or more")
         if not (np.isfinite(angle).all() and np.isfinite(deviation).all()):
@@ -289,21 +291,6 @@ class BallBarTrace:
                 f"longest gap {math.degrees(steps.max()):.1f}°",
                 "a full circle in its direction without gaps over 5°",
             )
-        for name, values in (("angle_rad", angle), ("deviation_um", deviation)):
-            values.setflags(write=False)
-            object.__setattr__(self, name, values)
-
-
-@dataclass(frozen=True, eq=False)
-class BallBarRun:
-    """One simulated circle, from rest to rest."""
-
-    trace: BallBarTrace  #: What the bar shows of it
-    #: references and motions: Axis → what it was asked, and what it did
-    references: Mapping[str, Reference]
-    motions: Mapping[str, Motion]
-    courses: Mapping[str, ParameterCourse | None]  #: Axis → stiffness and damping that it had; None: constant ones
-    steps_s: Mapping[str, float]  #: Axis → longest step of its simulation [s]
 
 
 def ball_bar_run(
@@ -316,27 +303,15 @@ def ball_bar_run(
     step_s: float | None = None,
     seed: int = 0,
     number: int = 0,
-) -> BallBarRun:
-    """One circle of a test, simulated.
+) -> tuple[BallBarTrace, dict[str, AxisRun]]:
+    """What the bar shows of one circle of a test, and what every axis did from rest to rest, simulated.
 
-    Parameters
-    ----------
-    axes : mapping of str to Axis
-        First, second and, if the plan has a `table_ball`, the rotary axis, in this order.
-    courses : mapping of str to callable, optional
-        Axis → stiffness and damping along its reference, where they change.
-    step_s : float or None
-        Longest step of the simulation [s]; None: `circle_step_s` of each axis.
-    seed, number : int
-        Of the noise of currents and bar; the number parts the runs of a test.
+    `axes` are first, second and, if the plan has a `table_ball`, the rotary one, in this order; `courses` their
+    stiffness and damping along the reference, where they change. `step_s` is the longest step [s], by default
+    `circle_step_s` of each axis; `number` parts the noise of the runs of a test.
 
-    Raises
-    ------
-    InputError
-        If axes, courses and plan do not fit together, or an axis cannot be simulated.
+    InputError if axes, courses and plan do not fit together, or an axis cannot be simulated.
     """
-    from selector.physics.drive.simulation import simulate_axis
-
     names = tuple(axes)
     if len(names) == 3 and not isinstance(axes[names[2]].mechanics, RigidMechanics):
         raise _misfit(
@@ -351,17 +326,17 @@ def ball_bar_run(
     period = plan.period_s or _period_s(circle, [axis.servo.sample_s if axis.servo else 0.0 for axis in axes.values()])
     references = circle_references(circle, names, period_s=period)
     seeds = np.random.SeedSequence([seed, number]).generate_state(len(names) + 1)
-    steps = {name: step_s or circle_step_s(axis, period) for name, axis in axes.items()}
+    inside = np.flatnonzero(measured_samples(circle, references[names[0]].time_s))
+    arc = (int(inside[0]), int(inside[-1]) + 1)
     varying = {name: of(references[name]) for name, of in (courses or {}).items()}
-    along = {name: varying.get(name) for name in names}
-    motions = {}
+    runs = {}
     for name, own in zip(names, seeds, strict=False):
+        axis, reference, course = axes[name], references[name], varying.get(name)
+        longest_s = step_s or circle_step_s(axis, period)
         with told_of(f"axis {name}"):
-            motions[name] = simulate_axis(
-                axes[name], references[name], step_s=steps[name], course=along[name], seed=int(own)
-            )
-    inside = measured_samples(circle, references[names[0]].time_s)
-    angle, deviation = _bar(circle, geometry, [motions[name].table_m[inside] for name in names])
+            motion = simulate_axis(axis, reference, step_s=longest_s, course=course, seed=int(own))
+        runs[name] = AxisRun(axis, reference, motion, course, longest_s, arc)
+    angle, deviation = _bar(circle, geometry, [run.motion.table_m[inside] for run in runs.values()])
     if plan.noise_um > 0:
         deviation = deviation + np.random.default_rng(seeds[-1]).normal(0.0, plan.noise_um, len(deviation))
     trace = BallBarTrace(
@@ -374,7 +349,7 @@ def ball_bar_run(
         circle.table_ball,
         circle.start_angle_rad,
     )
-    return BallBarRun(trace, references, motions, along, steps)
+    return trace, runs
 
 
 def positions_trace(

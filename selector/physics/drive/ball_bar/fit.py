@@ -86,7 +86,7 @@ def nearer_wavelength(pair: CirclePair, rest: Matrix, axis: int, last_um: float)
     """A wavelength [µm] searched again near the last one, beside `rest`."""
     gain = _gain(pair, rest)
     last = 1.0 / last_um
-    low, high = pair.ends[axis]
+    low, high = pair.courses[axis].ends
     spacing = 1.0 / (4.0 * pair.radius_um * (high - low))
     found = optimize.minimize_scalar(
         lambda per_um: -gain(cyclic_columns(pair, axis, 1.0 / per_um)),
@@ -102,7 +102,7 @@ def likeliest_wavelength(pair: CirclePair, axis: int, residual: Vector) -> tuple
 
     From `SHORTEST_WAVE_UM`, or four samples, to half the radius: four periods along the travel at least.
     """
-    low, high = pair.ends[axis]
+    low, high = pair.courses[axis].ends
     half_um = pair.radius_um * (high - low) / 2.0
     longest = half_um / 2.0
     samples = 8.0 * np.pi * half_um / (len(pair.angle_rad) / len(pair.parts))
@@ -358,7 +358,7 @@ def _mistaken(
     at = np.flatnonzero([not name.startswith("spike") for name in _names(pair, kept)])
     plain = np.diag(inverse_gram(linear))
     for window in _WINDOWS_RAD if axes else ():
-        away = np.min([arc for axis in axes for arc in pair.since_reversal_rad[axis]], axis=0) > window
+        away = np.min([arc for axis in axes for arc in pair.courses[axis].since_reversal_rad], axis=0) > window
         inverse = inverse_gram(linear[away])
         change = inverse @ (linear[away].T @ residual[away])
         noise = 4.0 * variance * np.maximum(np.diag(inverse) - plain, 0.0)

@@ -23,7 +23,9 @@ SMALLEST_SHARE = 0.002
 SET_UP = ("centre 0", "centre 1", "set-up 0", "set-up 1")
 """Columns that are no errors of the machine."""
 
-_STEADY = ("squareness", "straightness 0", "straightness 1")
+_ENDS = tuple(f"backlash {axis}{end}" for axis in (0, 1) for end in "+-")
+_STEADY = ("squareness", "straightness 0", "straightness 1", "scale-mismatch", *_ENDS)
+_OF_LAG = ("gain-mismatch", "rotary-lag")
 _SURE = 3.0
 
 
@@ -86,8 +88,8 @@ def steady_fits(fits: Fits) -> tuple[CircleFit, ...]:
     if len(fits) == 1:
         return (fits[0][1],)
     feeds, one = _feeds(fits), np.ones((len(fits), 1))
-    laws = {name: _law(fits, name, one)[0][0] * one[:, 0] for name in _steady_names(fits)}
-    laws |= {name: _law(fits, name, feeds[:, None])[0][0] * feeds for name in _lag_names(fits)}
+    laws = {name: _law(fits, name, one)[0][0] * one[:, 0] for name in _shared_names(fits, _STEADY)}
+    laws |= {name: _law(fits, name, feeds[:, None])[0][0] * feeds for name in _shared_names(fits, _OF_LAG)}
     settled = []
     for number, (_, fit) in enumerate(fits):
         wider = np.ones(len(fit.names))
@@ -158,15 +160,6 @@ def _shared(value: float, error: float, least: float, unit: str) -> SharedAmount
 
 def _feeds(fits: Fits) -> Vector:
     return np.array([pair.speed_um_per_s for pair, _ in fits])
-
-
-def _steady_names(fits: Fits) -> tuple[str, ...]:
-    ends = tuple(f"backlash {axis}{end}" for axis in (0, 1) for end in "+-")
-    return _shared_names(fits, (*_STEADY, "scale-mismatch", *ends))
-
-
-def _lag_names(fits: Fits) -> tuple[str, ...]:
-    return _shared_names(fits, ("gain-mismatch", "rotary-lag"))
 
 
 def _shared_names(fits: Fits, names: tuple[str, ...]) -> tuple[str, ...]:

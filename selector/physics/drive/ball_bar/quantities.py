@@ -77,10 +77,7 @@ class CircleQuantities:
 def circle_quantities(traces: Sequence[BallBarTrace]) -> tuple[CircleQuantities, ...]:
     """The quantities of every feed, slowest first.
 
-    Raises
-    ------
-    InputError
-        If a feed has not exactly one trace of each direction with the same radius and axes.
+    InputError if a feed has not exactly one trace of each direction with the same radius and axes.
     """
     return tuple(
         CircleQuantities(
@@ -120,9 +117,7 @@ def paired(traces: Sequence[BallBarTrace]) -> tuple[tuple[BallBarTrace, BallBarT
 
 def roundness(*traces: BallBarTrace) -> Roundness:
     """Roundness of one path, or of several taken together [µm]."""
-    angle = np.concatenate([one.angle_rad for one in traces])
-    deviation = np.concatenate([one.deviation_um for one in traces])
-    radius_um = traces[0].radius_m * _UM
+    angle, deviation, radius_um = _together(traces)
     centre, mean = least_squares_circle(angle, deviation, radius_um)
     centred, direction = _about(centre, angle, deviation, radius_um)
     annulus = narrowest_annulus(angle, deviation, radius_um)
@@ -138,9 +133,7 @@ def roundness(*traces: BallBarTrace) -> Roundness:
 
 def hysteresis(forward: BallBarTrace, back: BallBarTrace) -> Extreme:
     """H: largest radial difference of two paths at the same angle, about the least-squares centre of both [µm]."""
-    angle = np.concatenate([forward.angle_rad, back.angle_rad])
-    deviation = np.concatenate([forward.deviation_um, back.deviation_um])
-    radius_um = forward.radius_m * _UM
+    angle, deviation, radius_um = _together((forward, back))
     centre, _ = least_squares_circle(angle, deviation, radius_um)
     courses = []
     for one in (forward, back):
@@ -154,9 +147,7 @@ def hysteresis(forward: BallBarTrace, back: BallBarTrace) -> Extreme:
 
 def centred_traces(traces: Sequence[BallBarTrace]) -> tuple[BallBarTrace, ...]:
     """Traces about the centre of the least-squares circle of all of them: the set-up taken out, for pictures."""
-    angle = np.concatenate([one.angle_rad for one in traces])
-    deviation = np.concatenate([one.deviation_um for one in traces])
-    radius_um = traces[0].radius_m * _UM
+    angle, deviation, radius_um = _together(traces)
     centre, _ = least_squares_circle(angle, deviation, radius_um)
     moved = [_about(centre, one.angle_rad, one.deviation_um, radius_um) for one in traces]
     return tuple(
@@ -227,6 +218,13 @@ def narrowest_annulus(angle_rad: ArrayLike, deviation_um: ArrayLike, radius_um: 
     reach = 1.01 * float(np.ptp(radial))
     gain = reach**2 / (2.0 * (radius_um + float(radial.min()) - reach))
     return Annulus(centre, float(radial.min()), float(radial.max()), float(outer[0] - inner[0]) - gain)
+
+
+def _together(traces: Sequence[BallBarTrace]) -> tuple[Vector, Vector, float]:
+    """Angles [rad], deviations [µm] and nominal radius [µm]."""
+    angle = np.concatenate([one.angle_rad for one in traces])
+    deviation = np.concatenate([one.deviation_um for one in traces])
+    return angle, deviation, traces[0].radius_m * _UM
 
 
 def _about(centre_um: tuple[float, float], angle: Vector, deviation: Vector, radius_um: float) -> tuple[Vector, Vector]:

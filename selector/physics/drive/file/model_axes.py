@@ -6,12 +6,12 @@ import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, get_args, get_type_hints
 
-from selector.errors import InputError
-from selector.physics.drive.file.model_schema import MOST_WAITING, AxisSection, PartsSection
+from selector.physics.drive.file.model_schema import AxisSection, PartsSection
 from selector.physics.drive.motion import ParameterCourse, Reference
-from selector.physics.drive.parts.axis import Axis, Sensing, Servo
+from selector.physics.drive.parts.axis import MOST_WAITING, Axis, Sensing, Servo
 from selector.physics.drive.parts.catalogue import Bearings, Coupling, Guide, Nut, Parts, Screw, thc6350_x_axis
 from selector.physics.drive.parts.damping import dry_friction, parameter_course
 from selector.physics.drive.parts.mechanics import (
@@ -23,8 +23,8 @@ from selector.physics.drive.parts.mechanics import (
     Transmission,
 )
 from selector.physics.drive.parts.stiffness import axial_compliance, three_mass_mechanics
-from selector.physics.model_text import Contradiction, Key
-from selector.physics.model_values import given, refused, value_of
+from selector.physics.model_text import Contradiction, Entry, Key
+from selector.physics.model_values import given, refusals, value_of
 
 LIKE = {"thc6350-x": thc6350_x_axis}
 """`like` of the file → parts that are known by a name."""
@@ -55,10 +55,7 @@ def parts_of(section: PartsSection) -> Parts:
     Keys that are left out without `like` are off: 0, or none. Those that another key takes the place of have the
     default of the part, which counts for nothing.
 
-    Raises
-    ------
-    InputError
-        A value cannot be; `where` is its field.
+    InputError: a value cannot be; `where` is its field.
     """
     return Parts(**{name: _part(section, name) for name in _KINDS})
 
@@ -74,10 +71,7 @@ def parts_contradictions(at: Key, section: PartsSection) -> Iterator[Contradicti
             key = (*at, name, lacking[0]) if one else (*at, name)
             yield key, found, "this key" if one else "these keys", _advice(kind, lacking)
             return
-        try:
-            _part(section, name)
-        except InputError as error:
-            yield refused(error, (*at, name), inside)
+        yield from refusals(partial(_part, section, name), (*at, name), inside)
 
 
 def _lacking(kind: Any, said: Set[str]) -> list[str]:
@@ -134,10 +128,7 @@ class FileAxis:
     def course(self, reference: Reference) -> ParameterCourse | None:
         """Stiffness and damping along a reference, with ``varying = "command"``; else None.
 
-        Raises
-        ------
-        InputError
-            The reference moves the nut off the screw.
+        InputError: the reference moves the nut off the screw.
         """
         if self.parts is None or self.section.varying != "command":
             return None
@@ -162,10 +153,7 @@ def file_axis(section: AxisSection) -> FileAxis:
     With parts, mechanics, friction and what the motor can give come from them; keys of `friction` and `servo` that are
     said count more.
 
-    Raises
-    ------
-    InputError
-        A value cannot be, or two do not fit together.
+    InputError: a value cannot be, or two do not fit together.
     """
     parts = None if section.parts is None else parts_of(section.parts)
     axis = Axis(
@@ -234,20 +222,12 @@ def _refused(at: Key, section: AxisSection) -> Iterator[Contradiction]:
     if section.parts is not None:
         yield from parts_contradictions((*at, "parts"), section.parts)
     elif section.mechanics is not None:
-        try:
-            _mechanics(section, None)
-        except InputError as error:
-            yield refused(error, (*at, "mechanics"), section.mechanics)
+        yield from refusals(partial(_mechanics, section, None), (*at, "mechanics"), section.mechanics)
     for name, kind in _VALUES.items():
-        try:
-            value_of(kind, getattr(section, name))
-        except InputError as error:
-            yield refused(error, (*at, name), getattr(section, name))
+        said: Entry = getattr(section, name)
+        yield from refusals(partial(value_of, kind, said), (*at, name), said)
     for number, ripple in enumerate(section.ripple):
-        try:
-            value_of(Ripple, ripple)
-        except InputError as error:
-            yield refused(error, (*at, "ripple", number), ripple)
+        yield from refusals(partial(value_of, Ripple, ripple), (*at, "ripple", number), ripple)
 
 
 def _misfits(at: Key, section: AxisSection) -> Iterator[Contradiction]:
@@ -277,7 +257,4 @@ def _misfits(at: Key, section: AxisSection) -> Iterator[Contradiction]:
         if sensing != Sensing():
             found = f"{', '.join(sorted(section.sensing.model_fields_set))} in a continuous control"
             yield (*at, "sensing"), found, "a sampled control", advice
-    try:
-        file_axis(section)
-    except InputError as error:
-        yield refused(error, at, section)
+    yield from refusals(partial(file_axis, section), at, section)

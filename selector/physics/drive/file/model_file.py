@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
+from functools import partial
 from itertools import pairwise
-from typing import Any
 
-from selector.errors import InputError
 from selector.physics.drive.ball_bar.circle import PairGeometry
 from selector.physics.drive.file.model_axes import axis_contradictions, is_rotary
 from selector.physics.drive.file.model_motion import (
@@ -21,7 +20,6 @@ from selector.physics.drive.file.model_motion import (
 )
 from selector.physics.drive.file.model_schema import (
     KINDS,
-    MOST_STEPS,
     CircleMotion,
     ColumnMotion,
     DriveFile,
@@ -29,15 +27,13 @@ from selector.physics.drive.file.model_schema import (
     SineMotion,
 )
 from selector.physics.model_text import (
-    MOST_SAMPLES,
     Column,
     Contradiction,
     ModelFamily,
     bound_contradictions,
-    plain_values,
     unknown_name,
 )
-from selector.physics.model_values import refused, value_of
+from selector.physics.model_values import refusals, value_of
 
 COLUMN_ROLES = {"motion": "position_command", "motion.force_n": "force"}
 """Key of a column of `columns_needed` → role of its values, which are in the unit of that role."""
@@ -110,10 +106,7 @@ def _of_circle(file: DriveFile, motion: CircleMotion) -> Iterator[Contradiction]
     if len(motion.axes) == 2 and motion.table_ball is not None:
         yield ("motion", "table_ball"), "a ball on no rotary axis", "three axes", "name the rotary axis in motion.axes"
     if file.ball_bar is not None:
-        try:
-            value_of(PairGeometry, file.ball_bar)
-        except InputError as error:
-            yield refused(error, ("ball_bar",), file.ball_bar)
+        yield from refusals(partial(value_of, PairGeometry, file.ball_bar), ("ball_bar",), file.ball_bar)
 
 
 def _of_few_samples(file: DriveFile) -> Iterator[Contradiction]:
@@ -134,13 +127,9 @@ def _of_length(file: DriveFile) -> Iterator[Contradiction]:
             long = "" if what == "moves" else f" in a motion of {longest_s(file):.6g} s{slow_feed_words(file)}"
             yield key, f"{count:.3g} {what}{long}", f"at most {most}", "correct it, or make the motion shorter"
             return
-    try:
-        if isinstance(file.motion, CircleMotion):
-            circle_plan(file)
-        elif not isinstance(file.motion, ColumnMotion):
-            planned_reference(file)
-    except InputError as error:
-        yield refused(error, ("motion",), file.motion)
+    if not isinstance(file.motion, ColumnMotion):
+        planned = circle_plan if isinstance(file.motion, CircleMotion) else planned_reference
+        yield from refusals(partial(planned, file), ("motion",), file.motion)
 
 
 FAMILY: ModelFamily[DriveFile] = ModelFamily(
@@ -149,26 +138,8 @@ FAMILY: ModelFamily[DriveFile] = ModelFamily(
 read_model_file = FAMILY.read
 """The model file at a path, see `ModelFamily.read`."""
 
+parsed_model_file = FAMILY.parsed
+"""The model file with this content, see `ModelFamily.parsed`."""
 
-def parsed_model_file(text: str, *, where: str = "model file") -> DriveFile:
-    """The model file with this content, see `ModelFamily.parsed`."""
-    return FAMILY.parsed(text, where=where)
-
-
-def checked_model_file(values: Mapping[str, Any], *, where: str = "model file") -> DriveFile:
-    """The model file with these sections as plain values, see `ModelFamily.checked`."""
-    return FAMILY.checked(values, where=where)
-
-
-__all__ = [
-    "COLUMN_ROLES",
-    "MOST_SAMPLES",
-    "MOST_STEPS",
-    "DriveFile",
-    "checked_model_file",
-    "columns_needed",
-    "contradictions",
-    "parsed_model_file",
-    "plain_values",
-    "read_model_file",
-]
+checked_model_file = FAMILY.checked
+"""The model file with these sections as plain values, see `ModelFamily.checked`."""

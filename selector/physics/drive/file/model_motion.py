@@ -82,10 +82,7 @@ def file_reference(file: DriveFile, columns: Columns) -> Reference:
 def planned_reference(file: DriveFile) -> Reference:
     """What a sine or moves ask for, without forces.
 
-    Raises
-    ------
-    InputError
-        The moves have no length.
+    InputError: the moves have no length.
     """
     motion, period_s = file.motion, file.run.period_s or PERIOD_S
     if isinstance(motion, SineMotion):
@@ -114,10 +111,7 @@ def planned_reference(file: DriveFile) -> Reference:
 def circle_plan(file: DriveFile) -> BallBarPlan:
     """The circles of a ball-bar test.
 
-    Raises
-    ------
-    InputError
-        A value cannot be; `where` is its field.
+    InputError: a value cannot be; `where` is its field.
     """
     motion = file.motion
     if not isinstance(motion, CircleMotion):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from pydantic import BeforeValidator, Discriminator, Field, StringConstraints, Tag
@@ -12,6 +11,7 @@ from selector.physics.drive.ball_bar.circle import PairGeometry
 from selector.physics.drive.parts.axis import Sensing, Servo
 from selector.physics.drive.parts.catalogue import Bearings, Coupling, Guide, Motor, Nut, Screw, Table
 from selector.physics.drive.parts.mechanics import Friction, RigidMechanics, Ripple, ThreeMassMechanics, Transmission
+from selector.physics.model_fields import Unit, Usual
 from selector.physics.model_text import (
     Bounds,
     Column,
@@ -24,56 +24,10 @@ from selector.physics.model_text import (
     choice_tag,
     limited,
 )
-from selector.physics.model_values import LARGEST, entry_of
-
-MOST_WAITING = 300
-"""Samples of the control that a command may wait, and that a measured speed may reach over."""
+from selector.physics.model_values import entry_of
 
 MOST_POSITION_M, MOST_ACTING = 1e4, 1e9
 """In recordings and columns: positions [m; rad], and what acts on an axis [N; unit of the control]."""
-
-_OF_KEY = {
-    "sample_s": (1e-6, 100.0),
-    "delay_s": (0.0, 100.0),
-    "position_gain_per_s": (1e-9, 1e9),
-    "velocity_gain": (1e-12, 1e12),
-    "actuator_gain": (1e-9, 1e9),
-    "command_limit": (1e-9, 1e9),
-    "speed_limit": (1e-9, 1e9),
-    "velocity_feedforward": (0.0, 10.0),
-    "acceleration_feedforward": (0.0, 10.0),
-    "current_noise": (0.0, 1e6),
-    "motor_resolution": (1e-15, 1e3),
-    "scale_resolution_m": (1e-15, 1e3),
-    "speed_samples": (1, MOST_WAITING),
-    "harmonic": (1e-6, 1e6),
-    "cogging": (0.0, 1e9),
-    "share": (0.0, 100.0),
-    "stribeck_speed_m_per_s": (1e-9, 1e3),
-    "stribeck_exponent": (1e-3, 100.0),
-    "pitch_slope": (0.0, 0.1),
-    "lead_m": (1e-6, 10.0),
-    "lead_mm": (1e-3, 1e4),
-    "preload_n": (0.0, 1e7),
-    "rigidity_preload_n": (1e-3, 1e7),
-    "balls": (1, 10_000),
-    "carriages": (0, 1000),
-    "per_direction": (1, 100),
-}
-_OF_UNIT = (
-    ("_kg_per_m3", 1e-3, 1e6), ("_kg_m2", 1e-12, 1e6), ("_kg", 1e-9, 1e9), ("_nm_per_rad", 1e-6, 1e12),
-    ("_nms_per_rad", 0.0, 1e6), ("_ns_per_m", 0.0, 1e9), ("_n_per_m", 1e-3, 1e13), ("_n_per_um", 1e-6, 1e7),
-    ("_nm_per_a", 1e-9, 1e6), ("_m_per_s", 0.0, 1e3), ("_nm", 0.0, 1e9), ("_n", 0.0, 1e9), ("_mm", 1e-6, 1e6),
-    ("_m", 0.0, 1e4), ("_gpa", 1e-3, 1e12), ("_rpm", 1e-6, 1e7), ("_deg", 0.0, 360.0), ("_rad", 0.0, 1e6),
-)  # fmt: skip
-
-
-def limits_of_key(key: str) -> tuple[float, float]:
-    """Least size of what is not 0, and most, of the number of a key; by its name, else by the unit in it."""
-    if key in _OF_KEY:
-        return _OF_KEY[key]
-    return next(((least, most) for end, least, most in _OF_UNIT if key.endswith(end)), (0.0, LARGEST))
-
 
 MOST_STEPS = 20_000_000
 """Steps of the calculation in one run of one axis; some ten seconds."""
@@ -98,24 +52,20 @@ if TYPE_CHECKING:
     TableSection: TypeAlias = Entry
     BallBarSection: TypeAlias = Entry
 else:
-    _section = partial(entry_of, limits=limits_of_key)
-    FrictionSection = _section(Friction)
-    RippleSection = _section(Ripple)
-    TransmissionSection = _section(Transmission)
-    ServoSection = _section(Servo)
-    SensingSection = _section(Sensing)
-    RigidSection = _section(RigidMechanics, called="rigid")
-    RotarySection = _section(RigidMechanics, called="rotary")
-    ThreeMassSection = _section(ThreeMassMechanics, called="three-mass")
-    MotorSection, CouplingSection, ScrewSection = _section(Motor), _section(Coupling), _section(Screw)
-    NutSection, BearingsSection = _section(Nut), _section(Bearings)
-    GuideSection, TableSection = _section(Guide), _section(Table)
-    BallBarSection = _section(PairGeometry, noise_um=(Annotated[float, limited(0, 1e4)], 0.0))
+    FrictionSection, RippleSection, TransmissionSection = entry_of(Friction), entry_of(Ripple), entry_of(Transmission)
+    ServoSection, SensingSection = entry_of(Servo), entry_of(Sensing)
+    RigidSection, RotarySection = entry_of(RigidMechanics, called="rigid"), entry_of(RigidMechanics, called="rotary")
+    ThreeMassSection = entry_of(ThreeMassMechanics, called="three-mass")
+    MotorSection, CouplingSection, ScrewSection = entry_of(Motor), entry_of(Coupling), entry_of(Screw)
+    NutSection, BearingsSection = entry_of(Nut), entry_of(Bearings)
+    GuideSection, TableSection = entry_of(Guide), entry_of(Table)
+    BallBarSection = entry_of(PairGeometry, noise_um=(Annotated[float, limited(0, 1e4), Unit("µm")], 0.0))
 
 AxisName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,15}$")]
-Length = Annotated[float, limited(-1e5, 1e5)]
+Length = Annotated[float, limited(-1e5, 1e5), Unit("mm")]
 Above = Annotated[float, limited(0, 1e6, above=True)]
-Duration = Annotated[float, limited(0, 1e6)]
+Feed = Annotated[Above, Unit("mm/min")]
+Degrees = Annotated[float, limited(-360, 360), Unit("°")]
 
 
 ForceStep = tuple[Annotated[float, limited(0, 1e9)], Signed]
@@ -134,6 +84,7 @@ Force = Annotated[
     | Annotated[tuple[ForceStep, ...], Field(min_length=1, max_length=10_000), Tag(_STEPS)]
     | Annotated[Column, Tag(_COLUMN)],
     Discriminator(_force_kind),
+    Unit("N"),
 ]
 """A number that holds for the whole run, steps [from second, value], or a column of a file."""
 
@@ -143,11 +94,11 @@ class SineMotion(Entry):
 
     kind: Literal["sine"]
     axis: AxisName | None = None
-    amplitude_mm: Annotated[float, limited(0, 1e5, above=True)]
-    frequency_hz: Annotated[float, limited(1e-6, 1e5)]
-    duration_s: Above
+    amplitude_mm: Annotated[float, limited(0, 1e5, above=True), Unit("mm")]
+    frequency_hz: Annotated[float, limited(1e-6, 1e5), Unit("Hz")]
+    duration_s: Annotated[Above, Unit("s")]
     centre_mm: Length = 0.0
-    phase_deg: Annotated[float, limited(-360, 360)] = 0.0
+    phase_deg: Degrees = 0.0
     force_n: Force = 0.0
 
 
@@ -157,10 +108,12 @@ class MovesMotion(Entry):
     kind: Literal["moves"]
     axis: AxisName | None = None
     targets_mm: Annotated[tuple[Length, ...], Field(min_length=1, max_length=10_000)]
-    feed_mm_per_min: Above
-    acceleration_m_per_s2: Above
-    jerk_m_per_s3: Annotated[float, limited(0, 1e9, above=True)] | None = None
-    dwell_s: Duration = 0.0
+    feed_mm_per_min: Feed
+    acceleration_m_per_s2: Annotated[Above, Unit("m/s²"), Usual(1e-3, 200.0, {"mm/s²": 1e-3})]
+    jerk_m_per_s3: (
+        Annotated[float, limited(0, 1e9, above=True), Unit("m/s³"), Usual(1e-3, 1e5, {"mm/s³": 1e-3})] | None
+    ) = None
+    dwell_s: Annotated[float, limited(0, 1e6), Unit("s")] = 0.0
     start_mm: Length = 0.0
     repeat: Annotated[int, Field(strict=True, ge=1, le=10_000)] = 1
     force_n: Force = 0.0
@@ -180,8 +133,8 @@ class ColumnMotion(Entry):
 class TableBallSection(Entry):
     """``[motion.table_ball]``: where the ball of the workpiece stands on a rotary table."""
 
-    distance_mm: Annotated[float, limited(0, 1e5)]
-    angle_deg: Annotated[float, limited(-360, 360)] = -90.0
+    distance_mm: Annotated[float, limited(0, 1e5), Unit("mm")]
+    angle_deg: Degrees = -90.0
     ratio: Annotated[float, limited(-100, 100)] = 1.0
 
 
@@ -190,11 +143,11 @@ class CircleMotion(Entry):
 
     kind: Literal["circle"]
     axes: Annotated[tuple[AxisName, ...], Field(min_length=2, max_length=3)] = ("X", "Y")
-    radius_mm: Above = 100.0
-    feeds_mm_per_min: Annotated[tuple[Above, ...], Field(min_length=1, max_length=20)] = (100.0, 1000.0, 3000.0, 5000.0)
+    radius_mm: Annotated[Above, Unit("mm")] = 100.0
+    feeds_mm_per_min: Annotated[tuple[Feed, ...], Field(min_length=1, max_length=20)] = (100.0, 1000.0, 3000.0, 5000.0)
     centre_mm: Annotated[tuple[Length, Length], Field()] = (0.0, 0.0)
-    start_angle_deg: Annotated[float, limited(-360, 360)] = 0.0
-    overshoot_deg: Annotated[float, limited(0, 360, above=True)] = 45.0
+    start_angle_deg: Degrees = 0.0
+    overshoot_deg: Annotated[float, limited(0, 360, above=True), Unit("°")] = 45.0
     table_ball: TableBallSection | None = None
 
 
@@ -224,8 +177,8 @@ class ModelSection(Entry):
 class RunSection(Entry):
     """``[run]``: how often, how finely, with which noise."""
 
-    period_s: Annotated[float, limited(1e-6, 1e3)] | None = None
-    step_s: Annotated[float, limited(1e-8, 1e3)] | None = None
+    period_s: Annotated[float, limited(1e-6, 1e3), Unit("s")] | None = None
+    step_s: Annotated[float, limited(1e-8, 1e3), Unit("s")] | None = None
     seed: Seed = 0
 
 
@@ -252,7 +205,7 @@ class CourseSection(Entry):
 
     stiffness: Literal["two-sided", "published"] = "two-sided"
     damping: Literal["instant", "cycle", "vibration"] = "instant"
-    reversal_speed_m_per_s: Annotated[float, limited(0, 100, above=True)] = 0.02
+    reversal_speed_m_per_s: Annotated[float, limited(0, 100, above=True), Unit("m/s")] = 0.02
 
 
 class AddedSection(Entry):

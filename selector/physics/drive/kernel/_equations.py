@@ -1,7 +1,7 @@
-"""The equations of an axis for one instant (compiled): what accelerates, deflects, slides and drives.
+"""The equations of an axis for one instant (compiled): what control asks, what drives, deflects, slides, accelerates.
 
-They are those of mechanics.py, friction.py and transmission.py. Modes (slip direction, contact of the backlash, segment
-of the pitch table) are given, so that everything here is smooth in the states; _modes.py decides about them.
+They are those of parts/axis.py and parts/mechanics.py. Modes (slip direction, contact of the backlash, segment of the
+pitch table, limits) are given, so that everything here is smooth in the states; _stepping.py decides about them.
 """
 
 # mypy: disable-error-code="no-untyped-def, untyped-decorator"
@@ -9,10 +9,14 @@ from __future__ import annotations
 
 import math
 
-from selector.physics.drive.kernel._control import asked_rate, compiled, continuous_command
+from numba import njit
+
 from selector.physics.drive.kernel._packed import (
+    ACCELERATION,
+    ACCELERATION_AHEAD,
     ACTUATOR_GAIN,
     ALSO,
+    ASKED,
     ASKED_RATE,
     AT_CORNER,
     AXIAL,
@@ -23,6 +27,8 @@ from selector.physics.drive.kernel._packed import (
     BRISTLE,
     BRISTLE_DAMPING,
     COMMAND,
+    COMMAND_LIMIT,
+    COMMAND_MODE,
     COMPLIANCE_AT,
     COMPLIANCE_POINTS,
     CONTACT,
@@ -35,6 +41,7 @@ from selector.physics.drive.kernel._packed import (
     COURSE_GUIDE,
     DRIVE,
     DRY,
+    ERROR,
     EXCESS_DOWN,
     EXCESS_UP,
     FADING,
@@ -45,6 +52,7 @@ from selector.physics.drive.kernel._packed import (
     GUIDE_DAMPING,
     HALF_GAP,
     INTEGRAL,
+    INTEGRAL_GAIN,
     LENGTH,
     LIMITS,
     LOWER,
@@ -53,6 +61,7 @@ from selector.physics.drive.kernel._packed import (
     MOTOR_INERTIA,
     OFFSET,
     ORIGIN,
+    PERIOD,
     PITCH,
     PITCH_AMPLITUDE,
     PITCH_AT,
@@ -60,6 +69,8 @@ from selector.physics.drive.kernel._packed import (
     PITCH_POINTS,
     PITCH_RATE,
     PITCH_SLOPE,
+    POSITION,
+    POSITION_GAIN,
     QL,
     QM,
     RIGID,
@@ -74,6 +85,10 @@ from selector.physics.drive.kernel._packed import (
     SCREW_INERTIA,
     SEGMENT,
     SHAFT,
+    SPEED,
+    SPEED_AHEAD,
+    SPEED_LIMIT,
+    SPEED_MODE,
     STRIBECK_EXPONENT,
     STRIBECK_SPEED,
     TABLE_FEEDBACK,
@@ -83,12 +98,105 @@ from selector.physics.drive.kernel._packed import (
     UPPER,
     VARYING_AXIAL,
     VARYING_GUIDE,
+    VELOCITY_GAIN,
+    WANTED,
     WL,
     WM,
     V,
     X,
     Z,
 )
+
+# modes of the command: its integral moves on; it stands, the command being beyond ±1; it follows the limit ±2
+FREE, BEYOND, ALONG = 0, 1, 2
+
+# not kept on disk one by one: what is kept would not know that a file it was compiled from has changed
+compiled = njit(nogil=True, error_model="numpy")
+
+
+@compiled
+def reference_at(s, i, p, ref):
+    """Position, speed, acceleration at the share s of period i: cubic Hermite, cubic Hermite, straight."""
+    if s == 0.0:
+        return ref[i, POSITION], ref[i, SPEED], ref[i, ACCELERATION]
+    h00, h10 = (1.0 + 2.0 * s) * (1.0 - s) ** 2, s * (1.0 - s) ** 2 * p[PERIOD]
+    h01, h11 = s * s * (3.0 - 2.0 * s), s * s * (s - 1.0) * p[PERIOD]
+    position = h00 * ref[i, POSITION] + h10 * ref[i, SPEED] + h01 * ref[i + 1, POSITION] + h11 * ref[i + 1, SPEED]
+    speed = h00 * ref[i, SPEED] + h10 * ref[i, ACCELERATION] + h01 * ref[i + 1, SPEED] + h11 * ref[i + 1, ACCELERATION]
+    return position, speed, ref[i, ACCELERATION] + s * (ref[i + 1, ACCELERATION] - ref[i, ACCELERATION])
+
+
+@compiled
+def _reference_rates(s, i, p, ref):
+    """How fast the three of `reference_at` change."""
+    d0, d1 = 6.0 * s * (s - 1.0) / p[PERIOD], (1.0 - s) * (1.0 - 3.0 * s)
+    d2 = s * (3.0 * s - 2.0)
+    position = d0 * (ref[i, POSITION] - ref[i + 1, POSITION]) + d1 * ref[i, SPEED] + d2 * ref[i + 1, SPEED]
+    speed = d0 * (ref[i, SPEED] - ref[i + 1, SPEED]) + d1 * ref[i, ACCELERATION] + d2 * ref[i + 1, ACCELERATION]
+    return position, speed, (ref[i + 1, ACCELERATION] - ref[i, ACCELERATION]) / p[PERIOD]
+
+
+@compiled
+def sampled_command(s, i, measured, speed, integral, noise, p, ref):
+    """Command after its limit, and the rate of the integral of the speed error."""
+    position, ahead, acceleration = reference_at(s, i, p, ref)
+    wanted = p[POSITION_GAIN] * (position - measured) / p[TRAVEL] + p[SPEED_AHEAD] * ahead / p[TRAVEL]
+    wanted = min(max(wanted, -p[SPEED_LIMIT]), p[SPEED_LIMIT])
+    error = wanted - speed
+    command = p[VELOCITY_GAIN] * error + p[INTEGRAL_GAIN] * integral + p[ACCELERATION_AHEAD] * acceleration + noise
+    if command > p[COMMAND_LIMIT]:
+        return p[COMMAND_LIMIT], 0.0
+    if command < -p[COMMAND_LIMIT]:
+        return -p[COMMAND_LIMIT], 0.0
+    return command, error
+
+
+@compiled
+def continuous_command(w, row, out, s, i, measured, speed, p, o, ref):
+    """Command at the state in `row`; the rate of the integral goes into row `out`, the rest into ALSO."""
+    position, ahead, acceleration = reference_at(s, i, p, ref)
+    wanted = p[POSITION_GAIN] * (position - measured) / p[TRAVEL] + p[SPEED_AHEAD] * ahead / p[TRAVEL]
+    feed = p[ACCELERATION_AHEAD] * acceleration
+    if o[LIMITS]:
+        return _limited_command(w, row, out, wanted, speed, feed, p, o)
+    error = wanted - speed
+    w[out, INTEGRAL] = error
+    return p[VELOCITY_GAIN] * error + p[INTEGRAL_GAIN] * w[row, INTEGRAL] + feed
+
+
+@compiled
+def _limited_command(w, row, out, wanted, speed, feed, p, o):
+    """The same within the modes of the limits, where everything is smooth: what is free goes on beyond its limit.
+
+    An integral that follows the limit is no state: it is what keeps the command there.
+    """
+    w[ALSO, WANTED] = wanted
+    if o[SPEED_MODE] != 0:
+        wanted = o[SPEED_MODE] * p[SPEED_LIMIT]
+    error = wanted - speed
+    mode = o[COMMAND_MODE]
+    if abs(mode) == ALONG:
+        w[row, INTEGRAL] = (limited(mode, p) - p[VELOCITY_GAIN] * error - feed) / p[INTEGRAL_GAIN]
+    asked = p[VELOCITY_GAIN] * error + p[INTEGRAL_GAIN] * w[row, INTEGRAL] + feed
+    w[ALSO, ASKED], w[ALSO, ERROR] = asked, error
+    w[out, INTEGRAL] = error if mode == FREE else 0.0
+    return asked if mode == FREE else limited(mode, p)
+
+
+@compiled
+def limited(mode, p):
+    """The limit of the command on the side of this mode."""
+    return p[COMMAND_LIMIT] if mode > 0 else -p[COMMAND_LIMIT]
+
+
+@compiled
+def asked_rate(s, i, measured_rate, acceleration, p, o, ref):
+    """How fast the command before its limit would change if its integral stood still."""
+    position, ahead, jerk = _reference_rates(s, i, p, ref)
+    wanted = 0.0
+    if o[SPEED_MODE] == 0:
+        wanted = p[POSITION_GAIN] * (position - measured_rate) / p[TRAVEL] + p[SPEED_AHEAD] * ahead / p[TRAVEL]
+    return p[VELOCITY_GAIN] * (wanted - acceleration) + p[ACCELERATION_AHEAD] * jerk
 
 
 @compiled

@@ -11,10 +11,8 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from selector.physics.drive.kernel import _control, _equations, _modes, _packed, _stepping
-from selector.physics.drive.kernel._control import compiled, sampled_command
-from selector.physics.drive.kernel._equations import pitch_error, segment
-from selector.physics.drive.kernel._modes import settle, sign
+from selector.physics.drive.kernel import _equations, _packed, _stepping
+from selector.physics.drive.kernel._equations import compiled, pitch_error, sampled_command, segment
 from selector.physics.drive.kernel._packed import (
     ALSO,
     AXIAL_FORCE,
@@ -53,7 +51,7 @@ from selector.physics.drive.kernel._packed import (
     Y,
     Z,
 )
-from selector.physics.drive.kernel._stepping import STATES, advance
+from selector.physics.drive.kernel._stepping import STATES, advance, settle, sign
 
 # columns of the record, in the order of the fields of Motion after time and reference
 COURSES = 12
@@ -178,7 +176,7 @@ def _kernel(sources: int) -> Any:
     return loop
 
 
-SOURCES = (_packed, _control, _equations, _modes, _stepping)
+SOURCES = (_packed, _equations, _stepping)
 loop = _kernel(zlib.crc32(b"".join(Path(str(one.__file__)).read_bytes() for one in SOURCES)))
 
 

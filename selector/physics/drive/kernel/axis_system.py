@@ -14,7 +14,7 @@ from selector.errors import InputError
 from selector.physics.drive.motion import ParameterCourse, Reference
 from selector.physics.drive.parts.axis import Axis, AxisState, Sensing, Servo, pitch_error_m
 from selector.physics.drive.parts.mechanics import AxialCompliance, RigidMechanics, ThreeMassMechanics
-from selector.physics.system import StateSpace, linearise
+from selector.physics.system import linearise
 from selector.types import Vector
 
 # |R(z)| ≤ 1 of Runge–Kutta 4 holds on the axes to −2.785 and ±2.828; the least of both is the least around
@@ -29,10 +29,7 @@ class AxisSystem:
     integral where there are any. Inputs: a force on the table [N] and a command [actuator unit], both added to what
     reference and servo say.
 
-    Raises
-    ------
-    InputError
-        If the servo is sampled.
+    InputError if the servo is sampled.
     """
 
     #: axis, reference and course: As in `simulate_axis`
@@ -232,20 +229,14 @@ def _compliant(compliance: AxialCompliance, deflection: float, table_m: float) -
     return force, 0.5 * force**2 * slope / compliance.shaft_n
 
 
-def mechanical_poles(axis: Axis, position_m: float = 0.0) -> NDArray[np.complex128]:
+def mechanical_poles(axis: Axis) -> NDArray[np.complex128]:
     """Poles of the axis with its servo, if that is continuous, else without one [1/s]; without dry friction and gap."""
     servo = axis.servo if axis.servo is not None and axis.servo.sample_s == 0 else None
     if servo is not None:
         servo = replace(servo, command_limit=None, speed_limit=None)
     without = replace(axis, servo=servo, sensing=Sensing(), transmission=replace(axis.transmission, backlash_m=0.0))
-    system = AxisSystem(without, Reference(1.0, np.full(2, position_m), np.zeros(2), np.zeros(2)))
-    return _linear(system, position_m).poles
-
-
-def _linear(system: AxisSystem, position_m: float) -> StateSpace:
-    turns = position_m / system.axis.mechanics.travel_per_motion
-    state = AxisState(motor=turns, screw=turns, table_m=position_m)
-    return linearise(system, system.start(state), np.zeros(2))
+    system = AxisSystem(without, Reference(1.0, np.zeros(2), np.zeros(2), np.zeros(2)))
+    return linearise(system, system.start(AxisState()), np.zeros(2)).poles
 
 
 def largest_stable_step_s(axis: Axis) -> float:

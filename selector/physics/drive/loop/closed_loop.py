@@ -69,10 +69,7 @@ def plant(mechanics: Mechanics) -> StateSpace:
 def closed_loop(axis: Axis) -> StateSpace:
     """Reference, its speed and acceleration, and a force on the table, to table position and command.
 
-    Raises
-    ------
-    InputError
-        If the axis has no servo.
+    InputError if the axis has no servo.
     """
     servo, mechanics = servo_of(axis), small_signal_mechanics(axis)
     system, radius = plant(mechanics), mechanics.travel_per_motion

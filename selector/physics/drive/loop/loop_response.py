@@ -59,10 +59,7 @@ class LoopResponse:
 def loop_response(axis: Axis, rad_per_s: ArrayLike) -> LoopResponse:
     """The answers at angular frequencies above 0 [rad/s]; of a sampled servo at its samples.
 
-    Raises
-    ------
-    InputError
-        If the axis has no servo, or numbers too far apart to be calculated with.
+    InputError if the axis has no servo, or numbers too far apart to be calculated with.
     """
     servo, system = servo_of(axis), plant(small_signal_mechanics(axis))
     s: Response = np.asarray(1j * np.asarray(rad_per_s, dtype=np.float64))
@@ -109,10 +106,7 @@ _ROUNDING = 1e-9
 def loop_poles(axis: Axis) -> NDArray[np.complex128]:
     """Poles of the closed loop [1/s], the slowest or growing ones first; of a sampled servo ln(z)/sample time.
 
-    Raises
-    ------
-    InputError
-        If the axis has no servo, or numbers too far apart to be calculated with.
+    InputError if the axis has no servo, or numbers too far apart to be calculated with.
     """
     servo = servo_of(axis)
     try:

@@ -48,10 +48,7 @@ class SampledLoop:
 def sampled_closed_loop(axis: Axis) -> SampledLoop:
     """Reference, its speed and acceleration at the samples to table position and command.
 
-    Raises
-    ------
-    InputError
-        If the axis has no servo, or one that is not sampled.
+    InputError if the axis has no servo, or one that is not sampled.
     """
     servo, mechanics = servo_of(axis), small_signal_mechanics(axis)
     if servo.sample_s <= 0:
@@ -127,10 +124,7 @@ def held_forces(mechanics: Mechanics, step_s: float, rest_s: float) -> tuple[Mat
 
     Kept, because a search along the frequencies asks for the same mechanics again and again.
 
-    Raises
-    ------
-    InputError
-        If the mechanics have numbers too far apart to be calculated with.
+    InputError if the mechanics have numbers too far apart to be calculated with.
     """
     system = plant(mechanics)
     with np.errstate(all="ignore"):

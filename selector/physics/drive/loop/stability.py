@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -58,19 +59,9 @@ class Crossing:
 def gain_crossings(axis: Axis, gain: str, poles: NDArray[np.complex128]) -> tuple[Crossing, ...]:
     """Where poles reach the edge of stability as one of `GAINS` changes, the others as they are; by factor.
 
-    Parameters
-    ----------
-    axis
-        With a servo.
-    gain
-        Name of the gain, which is above 0.
-    poles : ndarray of complex
-        Poles of the closed loop [1/s], which tell where to look.
+    `poles` of the closed loop [1/s] tell where to look; the gain must be above 0.
 
-    Raises
-    ------
-    InputError
-        If the axis has no servo, or numbers too far apart to be calculated with.
+    InputError if the axis has no servo, or numbers too far apart to be calculated with.
     """
     rad = _frequencies(axis, poles)
     sine = _sine(*_loop_of_gain(axis, gain, rad))
@@ -99,12 +90,7 @@ def gain_crossings(axis: Axis, gain: str, poles: NDArray[np.complex128]) -> tupl
 def stable_factors(crossings: tuple[Crossing, ...], growing: int) -> tuple[float | None, float | None]:
     """Ends of the range of factors nearest to 1 with which nothing grows; (None, 0) if there is none.
 
-    Parameters
-    ----------
-    crossings
-        As `gain_crossings` gives them.
-    growing
-        How many poles grow with factor 1.
+    `crossings` are those of `gain_crossings`, and `growing` poles grow with factor 1.
     """
     factors = [one.factor for one in crossings]
     first = int(np.searchsorted(factors, 1.0, side="right"))
@@ -192,16 +178,14 @@ def frequency_response(axis: Axis, frequency_hz: ArrayLike) -> NDArray[np.comple
     With a sampled servo of the table at the samples, which means something up to half the sample rate. With
     feed-forward, the reference's derivatives are part of it.
     """
-    return _reference_to_table(axis, np.asarray(frequency_hz, dtype=np.float64))
+    rad_per_s = 2.0 * math.pi * np.asarray(frequency_hz, dtype=np.float64)
+    return loop_response(axis, rad_per_s).reference_to_table(axis)
 
 
 def loop_figures(axis: Axis) -> LoopFigures:
     """Bandwidth, resonance and margins of the position loop; the phase margin by python-control.
 
-    Raises
-    ------
-    InputError
-        If the axis has no servo.
+    InputError if the axis has no servo.
     """
     import control
 
@@ -229,10 +213,7 @@ def loop_figures(axis: Axis) -> LoopFigures:
 def frozen(axis: Axis, course: ParameterCourse, time_s: float) -> Axis:
     """The axis with the stiffness and damping that a course has at one instant [s], held.
 
-    Raises
-    ------
-    InputError
-        If the instant is outside the course, or the course has a stiffness and the axis no spring.
+    InputError if the instant is outside the course, or the course has a stiffness and the axis no spring.
     """
     mechanics: Mechanics = axis.mechanics
     values: dict[str, float] = {}
@@ -271,13 +252,9 @@ def _gain_margin(axis: Axis, poles: NDArray[np.complex128]) -> tuple[float, floa
     return 20.0 * math.log10(nearest.factor), nearest.rad_per_s / (2.0 * math.pi)
 
 
-def _reference_to_table(axis: Axis, frequency_hz: NDArray[np.float64]) -> NDArray[np.complex128]:
-    return loop_response(axis, 2.0 * math.pi * frequency_hz).reference_to_table(axis)
-
-
 def _resonance(axis: Axis, frequency_hz: NDArray[np.float64]) -> tuple[float, float, float]:
     """Largest amplitude, where, and the first frequency 3 dB below the amplitude at rest."""
-    amplitude = np.abs(_reference_to_table(axis, frequency_hz))
+    amplitude = np.abs(frequency_response(axis, frequency_hz))
     highest = int(np.argmax(amplitude))
     below = np.flatnonzero(amplitude < 1.0 / math.sqrt(2.0))
     bandwidth_hz = math.inf
@@ -329,10 +306,7 @@ class Stability:
 def stability(axis: Axis) -> Stability:
     """Poles, margin and limits of the gains; of a sampled servo from the exact discrete-time loop.
 
-    Raises
-    ------
-    InputError
-        If the axis has no servo.
+    InputError if the axis has no servo.
     """
     poles = loop_poles(axis)
     growing = len(growing_poles(poles))
@@ -352,15 +326,15 @@ def stability(axis: Axis) -> Stability:
     )
 
 
-def stability_findings(axis: Axis, where: str) -> tuple[Finding, ...]:
+def stability_findings(axis: Axis, where: str) -> Iterator[Finding]:
     """What a person must know about the loop of the axis called `where`: unstable, or less than 6 dB or 20° from it.
 
     An axis without a servo has no loop and no findings.
     """
     if axis.servo is None:
-        return ()
+        return
     found = stability(axis)
-    evidence = {
+    evidence: dict[str, Any] = {
         "margin_per_s": found.margin_per_s,
         "gain_limits": dict(found.gain_limits),
         "gain_floors": dict(found.gain_floors),
@@ -370,19 +344,18 @@ def stability_findings(axis: Axis, where: str) -> tuple[Finding, ...]:
         told = [_pole_in_words(pole, axis.servo.sample_s) for pole in growing[:_MOST_POLES]]
         if len(growing) > _MOST_POLES:
             told.append(f"{len(growing) - _MOST_POLES} more")
-        return (
-            FINDINGS.finding(
-                "unstable-loop",
-                f"The control loop of {where} is unstable: it has {_joined(told)}.",
-                Where(channel=where),
-                evidence={
-                    **evidence,
-                    "poles_per_s": [[pole.real, pole.imag] for pole in growing],
-                    "frequency_hz": [abs(pole.imag) / (2.0 * math.pi) for pole in growing],
-                },
-                suggestion=_remedy(axis, found),
-            ),
+        yield FINDINGS.finding(
+            "unstable-loop",
+            f"The control loop of {where} is unstable: it has {_joined(told)}.",
+            Where(channel=where),
+            evidence={
+                **evidence,
+                "poles_per_s": [[pole.real, pole.imag] for pole in growing],
+                "frequency_hz": [abs(pole.imag) / (2.0 * math.pi) for pole in growing],
+            },
+            suggestion=_remedy(axis, found),
         )
+        return
     figures = loop_figures(axis)
     little = [
         f"{value:.1f} {unit} of {name} margin, less than {least:g} {unit}"
@@ -392,23 +365,17 @@ def stability_findings(axis: Axis, where: str) -> tuple[Finding, ...]:
         )
         if abs(value) < least
     ]
-    if not little:
-        return ()
-    return (
-        FINDINGS.finding(
+    if little:
+        for name in ("gain_margin_db", "phase_margin_deg"):
+            value = getattr(figures, name)
+            evidence[name] = value if math.isfinite(value) else None
+        yield FINDINGS.finding(
             "little-stability-margin",
             f"The position loop of {where} is stable with {_joined(little)}.",
             Where(channel=where),
-            evidence={
-                **evidence,
-                **{
-                    name: value if math.isfinite(value := getattr(figures, name)) else None
-                    for name in ("gain_margin_db", "phase_margin_deg")
-                },
-            },
+            evidence,
             suggestion=f"It swings after every change. {_limits_in_words(axis, found)}",
-        ),
-    )
+        )
 
 
 def _remedy(axis: Axis, found: Stability) -> str:

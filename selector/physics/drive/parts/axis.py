@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,7 +21,17 @@ from selector.physics.drive.parts.mechanics import (
     Ripple,
     Transmission,
 )
+from selector.physics.model_fields import Fit, Limits, Unit, Usual
 from selector.types import Vector
+
+MOST_WAITING = 300
+"""Samples of the control that a command may wait, and that a measured speed may reach over."""
+
+KV = 1000.0 / 60.0
+"""1 m/(min·mm), the workshop's unit of the Kv factor, in 1/s."""
+
+_Limit = Annotated[float, Limits(1e-9, 1e9), Fit()]
+_Waiting = Annotated[float, Unit("s"), Usual(1e-6, 0.05, {"ms": 1e-3, "µs": 1e-6})]
 
 
 @dataclass(frozen=True)
@@ -35,20 +45,25 @@ class Servo:
     limit, as a sampled one does by turns.
     """
 
-    position_gain_per_s: float  #: Kp, the "Kv factor" of the workshop [1/s]
+    #: Kp, the "Kv factor" of the workshop [1/s]
+    position_gain_per_s: Annotated[
+        float, Unit("1/s"), Limits(1e-9, 1e9), Fit(), Usual(6.0, 600.0, {"m/(min·mm)": KV, "1/min": 1.0 / 60.0})
+    ]
     #: velocity_gain and velocity_integral_gain: Kvp [actuator unit per motor speed], Kvi [the same per s]: A·s/rad,
     #: A/rad; or V·s/m, V/m
-    velocity_gain: float
-    velocity_integral_gain: float = 0.0
-    actuator_gain: float = 1.0  #: Kf [N·m or N per actuator unit]
+    velocity_gain: Annotated[float, Limits(1e-12, 1e12), Fit()]
+    velocity_integral_gain: Annotated[float, Fit()] = 0.0
+    actuator_gain: _Limit = 1.0  #: Kf [N·m or N per actuator unit]
     #: command_limit and speed_limit: Largest |u| [actuator unit] and largest |speed*| [motor speed]
-    command_limit: float | None = None
-    speed_limit: float | None = None
-    sample_s: float = 0.0  #: Period of both loops [s], u is held between; 0: continuous
-    delay_s: float = 0.0  #: From the computed command to the actuator [s]
+    command_limit: _Limit | None = None
+    speed_limit: _Limit | None = None
+    #: Period of both loops [s], u is held between; 0: continuous
+    sample_s: Annotated[_Waiting, Limits(1e-6, 100.0)] = 0.0
+    #: From the computed command to the actuator [s]
+    delay_s: Annotated[_Waiting, Limits(0.0, 100.0), Fit(up_to=0.02)] = 0.0
     #: velocity_feedforward and acceleration_feedforward: Shares ff_v, ff_a, 1 = complete
-    velocity_feedforward: float = 0.0
-    acceleration_feedforward: float = 0.0
+    velocity_feedforward: Annotated[float, Limits(0.0, 10.0), Fit(up_to=2.0)] = 0.0
+    acceleration_feedforward: Annotated[float, Limits(0.0, 10.0), Fit(up_to=2.0)] = 0.0
     #: {"table", "motor"}: Where the position is measured: scale on the table, or encoder of the motor × R
     feedback: Literal["table", "motor"] = "table"
 
@@ -63,13 +78,18 @@ class Servo:
 class Sensing:
     """What the control sees of position and current; zero: exactly."""
 
-    motor_resolution: float = 0.0  #: Step of the motor's encoder [rad], or [m] for a rigid axis
-    scale_resolution_m: float = 0.0  #: Step of the linear scale [m]
+    #: Step of the motor's encoder [rad], or [m] for a rigid axis
+    motor_resolution: Annotated[float, Limits(1e-15, 1e3)] = 0.0
+    #: Step of the linear scale [m]
+    scale_resolution_m: Annotated[
+        float, Unit("m"), Limits(1e-15, 1e3), Usual(0.0, 1e-3, {"µm": 1e-6, "mm": 1e-3, "nm": 1e-9})
+    ] = 0.0
     #: Speed as the difference of two encoder readings, as controls have it; else the true speed
     speed_from_encoder: bool = False
     #: Samples between these two readings; over more than one the speed is smoother and later, by half of them
-    speed_samples: int = 1
-    current_noise: float = 0.0  #: Standard deviation of noise on the command, drawn at every sample [actuator unit]
+    speed_samples: Annotated[int, Limits(1, MOST_WAITING)] = 1
+    #: Standard deviation of noise on the command, drawn at every sample [actuator unit]
+    current_noise: Annotated[float, Limits(0.0, 1e6)] = 0.0
 
     def __post_init__(self) -> None:
         require_not_negative(self, "motor_resolution", "scale_resolution_m", "current_noise")
@@ -86,10 +106,7 @@ class Sensing:
 class Axis:
     """A feed axis: `servo` None leaves it to itself (free motion, or driven by given commands).
 
-    Raises
-    ------
-    InputError
-        If a part needs a structure or a servo that the axis has not.
+    InputError if a part needs a structure or a servo that the axis has not.
     """
 
     mechanics: Mechanics
@@ -183,12 +200,8 @@ class AxisState:
 def unloaded_state(axis: Axis, position_m: float, speed_m_per_s: float = 0.0) -> AxisState:
     """All masses in step at a position that the control sees, no spring under load, backlash in its middle.
 
-    Parameters
-    ----------
-    axis
-        Its `servo.feedback` says what `position_m` is: the table's (also without a servo), or the motor's × R.
-    position_m, speed_m_per_s
-        Position [m] and speed of the table [m/s].
+    `position_m` [m] is the table's, or, as its `servo.feedback` says, the motor's × R; `speed_m_per_s` the table's
+    [m/s].
     """
     travel = axis.mechanics.travel_per_motion
     motor = position_m / travel

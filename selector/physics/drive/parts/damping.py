@@ -28,10 +28,7 @@ def equivalent_damping_ns_per_m(
     damping π·C·ω·A²: ``C = 4·F/(π·ωA)·√(1 − (mean/ωA)²)``, 0 where the mean is so fast that nothing reverses: friction
     is then a constant force. Without a mean it is F eq. 6, C ∝ μN/(πωA). Shapes broadcast.
 
-    Raises
-    ------
-    InputError
-        If an amplitude is not above 0.
+    InputError if an amplitude is not above 0.
     """
     amplitude = np.asarray(speed_amplitude_m_per_s, dtype=np.float64)
     if not (np.isfinite(amplitude).all() and (amplitude > 0).all()):
@@ -103,10 +100,7 @@ def parameter_course(
     Ke at the commanded position under `axial_load_n`, by `axial_stiffness_n_per_m` or, ``"published"``, by
     `published_axial_stiffness_n_per_m`; Ct by `guide_damping_course_ns_per_m`.
 
-    Raises
-    ------
-    InputError
-        If the reference moves the nut off the screw, or `reversal_speed_m_per_s` is not above 0.
+    InputError if the reference moves the nut off the screw, or `reversal_speed_m_per_s` is not above 0.
     """
     law = axial_stiffness_n_per_m if stiffness == "two-sided" else published_axial_stiffness_n_per_m
     return ParameterCourse(

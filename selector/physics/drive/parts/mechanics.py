@@ -4,20 +4,38 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from selector.errors import InputError
-from selector.physics.checks import require_finite, require_not_negative, require_positive
+from selector.physics.checks import keep_arrays, require_finite, require_not_negative, require_positive
+from selector.physics.model_fields import Fit, Limits, Unit, Usual
 from selector.types import Vector
+
+Mass = Annotated[float, Unit("kg"), Limits(1e-9, 1e9), Fit()]
+CarriedMass = Annotated[Mass, Usual(5.0, 1e5, {"t": 1e3, "g": 1e-3})]
+_INERTIA_UNITS = {"kg·cm²": 1e-4, "kg·mm²": 1e-6, "g·cm²": 1e-7}
+Inertia = Annotated[float, Unit("kg·m²"), Limits(1e-12, 1e6), Fit(), Usual(1e-7, 0.5, _INERTIA_UNITS)]
+Force = Annotated[float, Unit("N"), Limits(0.0, 1e9), Fit()]
+Torque = Annotated[float, Unit("N·m"), Limits(0.0, 1e9), Fit()]
+Stiffness = Annotated[float, Unit("N/m"), Limits(1e-3, 1e13), Fit()]
+TorsionalStiffness = Annotated[
+    float, Unit("N·m/rad"), Limits(1e-6, 1e12), Fit(), Usual(50.0, 1e7, {"kN·m/rad": 1e3, "N·mm/rad": 1e-3})
+]
+Damping = Annotated[float, Unit("N·s/m"), Limits(0.0, 1e9), Fit()]
+TorsionalDamping = Annotated[float, Unit("N·m·s/rad"), Limits(0.0, 1e6), Fit()]
+Angle = Annotated[float, Unit("rad"), Limits(0.0, 1e6), Fit(either_sign=math.pi)]
+Length = Annotated[float, Unit("m"), Limits(0.0, 1e4)]
+_ERROR = Usual(0.0, 2e-3, {"µm": 1e-6, "mm": 1e-3})
 
 
 @dataclass(frozen=True)
 class RigidMechanics:
     """One mass: M·v' = force − viscous·v − friction."""
 
-    mass_kg: float  #: Everything that moves, rotating parts included as J/R² [kg]
-    guide_damping_ns_per_m: float = 0.0  #: Viscous friction [N·s/m]
+    mass_kg: Mass  #: Everything that moves, rotating parts included as J/R² [kg]
+    guide_damping_ns_per_m: Damping = 0.0  #: Viscous friction [N·s/m]
 
     def __post_init__(self) -> None:
         require_positive(self, "mass_kg")
@@ -39,19 +57,20 @@ class ThreeMassMechanics:
     """
 
     #: motor_inertia_kg_m2 and screw_inertia_kg_m2: Jm (motor and coupling), Jl (screw) [kg·m²]
-    motor_inertia_kg_m2: float
-    screw_inertia_kg_m2: float
-    table_mass_kg: float  #: Mt, with what lies on it [kg]
-    lead_m: float  #: Travel per revolution [m]; negative for a left-handed screw is not meant
+    motor_inertia_kg_m2: Inertia
+    screw_inertia_kg_m2: Inertia
+    table_mass_kg: CarriedMass  #: Mt, with what lies on it [kg]
+    #: Travel per revolution [m]; negative for a left-handed screw is not meant
+    lead_m: Annotated[float, Unit("m"), Limits(1e-6, 10.0), Usual(5e-4, 0.2, {"mm": 1e-3})]
     #: torsional_stiffness_nm_per_rad and axial_stiffness_n_per_m: Kθ, Ke
-    torsional_stiffness_nm_per_rad: float
-    axial_stiffness_n_per_m: float
+    torsional_stiffness_nm_per_rad: TorsionalStiffness
+    axial_stiffness_n_per_m: Annotated[Stiffness, Usual(1e6, 1e10, {"N/µm": 1e6, "N/mm": 1e3})]
     #: screw_damping_nms_per_rad and guide_damping_ns_per_m: Cl, Ct
-    screw_damping_nms_per_rad: float = 0.0
-    guide_damping_ns_per_m: float = 0.0
+    screw_damping_nms_per_rad: TorsionalDamping = 0.0
+    guide_damping_ns_per_m: Damping = 0.0
     #: torsional_damping_nms_per_rad and axial_damping_ns_per_m: Dθ, De: damping inside the springs; 0 in the source
-    torsional_damping_nms_per_rad: float = 0.0
-    axial_damping_ns_per_m: float = 0.0
+    torsional_damping_nms_per_rad: TorsionalDamping = 0.0
+    axial_damping_ns_per_m: Damping = 0.0
 
     def __post_init__(self) -> None:
         require_positive(
@@ -88,10 +107,10 @@ class LuGre:
     Trans. Autom. Control 40(3), 419–425.
     """
 
-    stiffness_n_per_m: float  #: σ0 [N/m]
-    damping_ns_per_m: float = 0.0  #: σ1 [N·s/m]
+    stiffness_n_per_m: Stiffness  #: σ0 [N/m]
+    damping_ns_per_m: Damping = 0.0  #: σ1 [N·s/m]
     #: σ1 falls as exp(−(v/v_d)²), so that sliding is not damped twice and friction stays passive; 0: it does not fall
-    fading_speed_m_per_s: float = 0.0
+    fading_speed_m_per_s: Annotated[float, Unit("m/s"), Limits(0.0, 1e3), Fit(up_to=0.1)] = 0.0
 
     def __post_init__(self) -> None:
         require_positive(self, "stiffness_n_per_m")
@@ -106,18 +125,18 @@ class Friction:
     than S. All zero: no friction.
     """
 
-    coulomb_n: float = 0.0  #: C for v > 0 [N]
-    coulomb_negative_n: float | None = None  #: C for v < 0 [N], as a positive number; None: as for v > 0
+    coulomb_n: Force = 0.0  #: C for v > 0 [N]
+    coulomb_negative_n: Force | None = None  #: C for v < 0 [N], as a positive number; None: as for v > 0
     #: static_n and static_negative_n: Breakaway S of the two directions [N]; None: equal to C, no Stribeck effect. If
     #: nothing is given for v < 0, both C and S are those of v > 0.
-    static_n: float | None = None
-    static_negative_n: float | None = None
+    static_n: Force | None = None
+    static_negative_n: Force | None = None
     #: stribeck_speed_m_per_s and stribeck_exponent: v_s, δ; they matter only where S differs from C
-    stribeck_speed_m_per_s: float = 0.01
-    stribeck_exponent: float = 2.0
-    offset_n: float = 0.0  #: Constant force against the positive direction: weight, cable [N]
+    stribeck_speed_m_per_s: Annotated[float, Unit("m/s"), Limits(1e-9, 1e3), Fit(1e-4, 0.5)] = 0.01
+    stribeck_exponent: Annotated[float, Limits(1e-3, 100.0), Fit(0.5, 4.0)] = 2.0
+    offset_n: Force = 0.0  #: Constant force against the positive direction: weight, cable [N]
     #: Dry friction of screw and bearings on the screw's speed [N·m]; three-mass axis only
-    screw_coulomb_nm: float = 0.0
+    screw_coulomb_nm: Torque = 0.0
     lugre: LuGre | None = None  #: Friction with memory instead of the jump at v = 0
 
     def __post_init__(self) -> None:
@@ -144,10 +163,12 @@ class Ripple:
     φ is 2π per `period` of motor position (2π rad for a motor that turns, the pole pitch in metres for a rigid axis).
     """
 
-    harmonic: float  #: n, periods per `period`
-    cogging: float = 0.0  #: Amplitude that does not depend on the current [N·m], or [N] for a rigid axis
-    share: float = 0.0  #: Amplitude as a share of the actuator's force
-    phase_rad: float = 0.0  #: Phase [rad]
+    harmonic: Annotated[float, Limits(1e-6, 1e6)]  #: n, periods per `period`
+    #: Amplitude that does not depend on the current [N·m], or [N] for a rigid axis
+    cogging: Annotated[float, Limits(0.0, 1e9), Fit()] = 0.0
+    #: Amplitude as a share of the actuator's force
+    share: Annotated[float, Limits(0.0, 100.0), Fit(either_sign=0.5)] = 0.0
+    phase_rad: Angle = 0.0  #: Phase [rad]
 
     def __post_init__(self) -> None:
         require_positive(self, "harmonic")
@@ -158,16 +179,18 @@ class Ripple:
 class Transmission:
     """Where the travel differs from lead × turns."""
 
-    backlash_m: float = 0.0  #: Lost motion at reversal, the whole gap [m]; three-mass axis only
+    #: Lost motion at reversal, the whole gap [m]; three-mass axis only
+    backlash_m: Annotated[Length, Fit(up_to=1e-3), _ERROR] = 0.0
     #: pitch_amplitude_m and pitch_phase_rad: Error that repeats with the lead: amplitude·sin(θl + phase) [m]; of a
     #: rigid axis θl is 2π a `ripple_period`
-    pitch_amplitude_m: float = 0.0
-    pitch_phase_rad: float = 0.0
-    pitch_slope: float = 0.0  #: Cumulative pitch error, travel per travel (1e-6: 1 µm/m)
+    pitch_amplitude_m: Annotated[Length, Fit(up_to=1e-4), _ERROR] = 0.0
+    pitch_phase_rad: Angle = 0.0
+    #: Cumulative pitch error, travel per travel (1e-6: 1 µm/m)
+    pitch_slope: Annotated[float, Limits(0.0, 0.1), Fit(either_sign=1e-3)] = 0.0
     #: pitch_position_m and pitch_error_m: Table of cumulative pitch error over the nominal travel R·θl [m], straight
     #: between, constant beyond; may be empty
-    pitch_position_m: tuple[float, ...] = ()
-    pitch_error_m: tuple[float, ...] = ()
+    pitch_position_m: tuple[Length, ...] = ()
+    pitch_error_m: tuple[Length, ...] = ()
 
     def __post_init__(self) -> None:
         require_not_negative(self, "backlash_m", "pitch_amplitude_m")
@@ -202,10 +225,7 @@ class AxialCompliance:
 
     def __post_init__(self) -> None:
         require_positive(self, "shaft_n", "length_m", "origin_m")
-        for name in ("force_n", "joint_deflection_m"):
-            values = np.array(getattr(self, name), dtype=np.float64)
-            values.setflags(write=False)
-            object.__setattr__(self, name, values)
+        keep_arrays(self, "force_n", "joint_deflection_m")
         force, deflection = self.force_n, self.joint_deflection_m
         rising = len(force) >= 2 and force.shape == deflection.shape
         if not rising or (np.diff(force) <= 0).any() or (np.diff(deflection) <= 0).any():

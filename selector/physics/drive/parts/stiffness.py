@@ -155,10 +155,7 @@ def axial_stiffness_n_per_m(parts: Parts, *, position_m: ArrayLike = 0.0, load_n
 
     Each contact is two-sided: preload stiffens it, and a load within 2^1.5 of the preload softens it.
 
-    Raises
-    ------
-    InputError
-        If the nut would be outside the screw.
+    InputError if the nut would be outside the screw.
     """
     _, screw = _screw_under(parts, position_m, load_n)
     return np.asarray(1.0 / (1.0 / nut_contact(parts).stiffness_n_per_m(load_n) + 1.0 / screw))

@@ -148,10 +148,8 @@ def chain_receptance(
 def chain_links(structure: Structure, chain: Chain) -> tuple[tuple[Link, ...], tuple[Link, ...]]:
     """Links of the path, from the source on, and of the branch, outwards from the group that carries it.
 
-    Raises
-    ------
-    InputError
-        If a member is unknown, neighbours have no joint, or not exactly one group of the path carries the branch.
+    InputError if a member is unknown, neighbours have no joint, or not exactly one group of the path carries the
+    branch.
     """
     for key, names in (
         ("path", sum(chain.path, ())),
@@ -213,10 +211,7 @@ def merged_name(group: Group) -> str:
 def force_sign(chain: Chain, source: Source) -> int:
     """+1 if the source pushes the chain's first group, −1 if it pushes against it.
 
-    Raises
-    ------
-    InputError
-        If it does neither or both.
+    InputError if it does neither or both.
     """
     pushes, pushed_against = source.member in chain.path[0], source.against in chain.path[0]
     if pushes == pushed_against:

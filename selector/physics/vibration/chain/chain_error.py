@@ -95,21 +95,10 @@ def two_member_ratio(
 
     With dampers that carry it is 1 − ε, ε = (1 + iη1)·m1/m2·(ω/p2)²·H1·H2 with H = μ·e^{−iφ}: of both kinds alike.
 
-    Parameters
-    ----------
-    mass_ratio, frequency_ratio, forcing_ratio : array-like
-        m1/m2, p1/p2 and ω/p1.
-    dissipation : tuple of two float
-        ψ of the joint 1 – 2 and of that of 2 with the ground.
-    kind : {"first", "second"}
-        First: the force acts on member 1. Second: on member 2, of which member 1 is the branch.
-    dampers_carry : bool
-        See `chain_receptance`.
+    The ratios are m1/m2, p1/p2 and ω/p1; `dissipation` is ψ of the joint 1 – 2 and of that of 2 with the ground. Of the
+    first kind the force acts on member 1, of the second on member 2, of which member 1 is the branch.
 
-    Raises
-    ------
-    InputError
-        At an undamped resonance, and for ratios that are not above 0.
+    InputError at an undamped resonance, and for ratios that are not above 0.
     """
     mass, frequency, forcing = (
         np.asarray(ratio, dtype=np.float64) for ratio in (mass_ratio, frequency_ratio, forcing_ratio)
@@ -196,23 +185,12 @@ def chain_accuracy(
     The same unit force acts in the chain and in the whole structure: on the member of the chain's first group that
     the source pushes, or pushes against; what it does to its other side is the affair of other chains.
 
-    Parameters
-    ----------
-    structure, chains, sources
-    frequency_hz : array-like of shape (n_freq,)
-        Frequencies to judge at, increasing [Hz], in the spacing in which they shall count.
-    split_hz : float or None
-        High chains are judged above it, low ones up to it; None: all everywhere. A chain without a frequency in its
-        range is left out of the result.
-    within : float
-        Limit of the error, as a share.
-    dampers_carry : bool
-        See `chain_receptance`.
+    Judged at `frequency_hz`, increasing [Hz], in the spacing in which they shall count: high chains above `split_hz`,
+    low ones up to it, all everywhere without it; a chain without a frequency in its range is left out of the result.
+    `within` is the limit of the error, as a share; `dampers_carry` is of `chain_receptance`.
 
-    Raises
-    ------
-    InputError
-        At an undamped resonance; for chains that are no way through the structure, or on which a source does not act.
+    InputError at an undamped resonance; for chains that are no way through the structure, or on which a source does not
+    act.
     """
     frequency = checked_frequencies(frequency_hz)
     if not chains:

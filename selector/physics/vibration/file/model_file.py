@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 from selector.errors import InputError
+from selector.physics.model_fields import Fit, Unit, Usual
 from selector.physics.model_text import (
     MOST_SAMPLES,
     Contradiction,
@@ -27,9 +28,9 @@ from selector.physics.model_text import (
     limited,
     unknown_name,
 )
-from selector.physics.model_values import refused
+from selector.physics.model_values import refusals
 from selector.physics.vibration.chain.chain import Chain, chain_links, force_sign
-from selector.physics.vibration.motion.periodic_error import Cutting
+from selector.physics.vibration.motion.periodic_error import Cutting, Surface
 from selector.physics.vibration.structure.source import Line, ShaftCourse, Source
 from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure
 
@@ -39,8 +40,9 @@ LEAST_PERIOD_S = 1e-7
 MOST_SINES = 500_000_000
 """Lines × samples of one run: some ten seconds."""
 
-Stiffness = Annotated[float, limited(1e-3, 1e15)]
-Dissipation = Annotated[float, limited(0, 100)]
+HEAVIEST_KG = 2e5
+"""No member of a machine is heavier."""
+
 Rpm = Annotated[float, limited(0, 1e6)]
 Corner = tuple[Annotated[float, limited(0, 1e6)], Rpm]
 _NUMBER, _CORNERS = choice_tag("number"), choice_tag("corners")
@@ -72,8 +74,8 @@ class ModelSection(Entry):
 class RunSection(Entry):
     """``[run]``: how often, how long, from which phases, by which method."""
 
-    period_s: Annotated[float, limited(LEAST_PERIOD_S, 10)]
-    duration_s: Annotated[float, limited(0, 1e6, above=True)]
+    period_s: Annotated[float, limited(LEAST_PERIOD_S, 10), Unit("s"), Usual(1e-6, 0.05, {"ms": 1e-3, "µs": 1e-6})]
+    duration_s: Annotated[float, limited(0, 1e6, above=True), Unit("s")]
     seed: Seed = 0
     method: Literal["coupled", "chains"] = "coupled"
 
@@ -81,15 +83,22 @@ class RunSection(Entry):
 class MemberSection(Entry):
     """``[members.NAME]``."""
 
-    mass_kg: Annotated[float, limited(1e-9, 1e9)]
+    mass_kg: Annotated[float, limited(1e-9, 1e9), Unit("kg"), Fit(), Usual(0.02, HEAVIEST_KG, {"t": 1e3, "g": 1e-3})]
 
 
 class JointSection(Entry):
     """``[[joints]]``."""
 
     between: tuple[Name, Name]
-    stiffness_n_per_m: Stiffness
-    dissipation: Dissipation = 0.0
+    stiffness_n_per_m: Annotated[
+        float,
+        limited(1e-3, 1e15),
+        Unit("N/m"),
+        Fit(),
+        Usual(1e5, 1e11, {"N/µm": 1e6, "N/mm": 1e3, "kN/mm": 1e6}),
+    ]
+    #: No joint of a machine takes more of the energy in a cycle than 2; rubber takes as much
+    dissipation: Annotated[float, limited(0, 100), Fit(up_to=2.0), Usual(0.0, 3.0, {"%": 0.01})] = 0.0
 
 
 def _grouped(path: Any) -> Any:
@@ -119,11 +128,13 @@ class ChainSection(Entry):
 class LineSection(Entry):
     """One of ``lines`` of a source."""
 
-    frequency_hz: Annotated[float, limited(1e-6, 1e6)] | None = None
+    frequency_hz: Annotated[float, limited(1e-6, 1e6), Unit("Hz")] | None = None
     order: Annotated[float, limited(1e-6, 1e5)] | None = None
-    force_n: Annotated[float, limited(0, 1e9)] = 0.0
-    unbalance_kg_m: Annotated[float, limited(0, 1e4)] = 0.0
-    phase_rad: Annotated[float, limited(-1e3, 1e3)] = 0.0
+    force_n: Annotated[float, limited(0, 1e9), Unit("N"), Fit(), Usual(1e-4, 1e5, {"kN": 1e3, "mN": 1e-3})] = 0.0
+    unbalance_kg_m: Annotated[
+        float, limited(0, 1e4), Unit("kg·m"), Fit(), Usual(0.0, 1.0, {"g·mm": 1e-6, "kg·mm": 1e-3})
+    ] = 0.0
+    phase_rad: Annotated[float, limited(-1e3, 1e3), Unit("rad"), Fit(-math.pi, math.pi)] = 0.0
 
 
 class SourceSection(Entry):
@@ -138,7 +149,7 @@ class SourceSection(Entry):
 class ShaftSection(Entry):
     """``[shafts.NAME]``: its own speed, or that of another one times a ratio."""
 
-    rpm: Speed | None = None
+    rpm: Annotated[Speed | None, Unit("r/min")] = None
     of: Name | None = None
     ratio: Annotated[float, limited(0, 1e4, above=True)] | None = None
 
@@ -147,9 +158,9 @@ class CuttingSection(Entry):
     """``[cutting]``."""
 
     shaft: Name
-    diameter_mm: Annotated[float, limited(0, 1e5, above=True)]
-    feed_mm_per_rev: Annotated[float, limited(0, 1e3, above=True)]
-    force_coefficient: Annotated[float, limited(0, 1e6, above=True)]
+    diameter_mm: Annotated[float, limited(0, 1e5, above=True), Unit("mm"), Usual(0.5, 2e4, {"m": 1e3})]
+    feed_mm_per_rev: Annotated[float, limited(0, 1e3, above=True), Unit("mm/rev"), Usual(1e-3, 20.0, {"µm": 1e-3})]
+    force_coefficient: Annotated[float, limited(0, 1e6, above=True), Usual(5.0, 2000.0, {"N": 0.1})]
     depth_exponent: Annotated[float, limited(0, 10, above=True)]
     feed_exponent: Exponent
     speed_exponent: Exponent
@@ -159,7 +170,7 @@ class CuttingSection(Entry):
 class SurfaceSection(Entry):
     """``[surface]``: where one kind of periodic error ends and the next begins."""
 
-    roughness_below_mm: Annotated[float, limited(0, 1e3, above=True)] = 0.8
+    roughness_below_mm: Annotated[float, limited(0, 1e3, above=True), Unit("mm")] = 0.8
     lobing_up_to_upr: Annotated[float, limited(2, 1e4)] = 15.0
 
 
@@ -180,7 +191,7 @@ class FinalsSection(Entry):
 class SensingSection(Entry):
     """``[sensing]``."""
 
-    noise_um: Annotated[float, limited(0, 1e4)] = 0.0
+    noise_um: Annotated[float, limited(0, 1e4), Unit("µm"), Usual(0.0, 100.0, {"nm": 1e-3})] = 0.0
 
 
 class VibrationFile(Entry):
@@ -207,15 +218,12 @@ KINDS: Mapping[str, type[VibrationFile]] = {"vibration": VibrationFile}
 def file_structure(file: VibrationFile) -> Structure:
     """The members and joints of a file."""
     members = tuple(Member(name, section.mass_kg) for name, section in file.members.items())
-    joints = tuple(Joint(one.between, one.stiffness_n_per_m, one.dissipation) for one in file.joints)
-    return Structure(members, joints)
+    return Structure(members, tuple(Joint(**dict(one)) for one in file.joints))
 
 
 def source_of(name: str, section: SourceSection) -> Source:
     """The source that a section describes."""
-    lines = tuple(
-        Line(one.frequency_hz, one.order, one.force_n, one.unbalance_kg_m, one.phase_rad) for one in section.lines
-    )
+    lines = tuple(Line(**dict(one)) for one in section.lines)
     return Source(name, section.member, lines, section.against, section.shaft)
 
 
@@ -226,9 +234,7 @@ def file_sources(file: VibrationFile) -> tuple[Source, ...]:
 
 def chain_of(section: ChainSection) -> Chain:
     """The chain that a section describes."""
-    return Chain(
-        section.name, section.range, section.sources, section.path, section.final, section.branch, section.held
-    )
+    return Chain(**dict(section))
 
 
 def file_chains(file: VibrationFile) -> tuple[Chain, ...]:
@@ -273,19 +279,14 @@ def mean_rpm(course: ShaftCourse, from_s: float, to_s: float) -> float:
 
 def file_cutting(file: VibrationFile, workpiece_rpm: float) -> Cutting | None:
     """The cut at this speed of its shaft [r/min]; None without ``[cutting]``."""
-    cut = file.cutting
-    if cut is None:
+    if file.cutting is None:
         return None
-    return Cutting(
-        diameter_mm=cut.diameter_mm,
-        workpiece_rpm=workpiece_rpm,
-        feed_mm_per_rev=cut.feed_mm_per_rev,
-        force_coefficient=cut.force_coefficient,
-        depth_exponent=cut.depth_exponent,
-        feed_exponent=cut.feed_exponent,
-        speed_exponent=cut.speed_exponent,
-        force_correction=cut.force_correction,
-    )
+    return Cutting(workpiece_rpm=workpiece_rpm, **file.cutting.model_dump(exclude={"shaft"}))
+
+
+def file_surface(file: VibrationFile) -> Surface:
+    """Where one kind of periodic error ends and the next begins."""
+    return Surface(**dict(file.surface))
 
 
 FEWEST_SAMPLES = 4
@@ -303,26 +304,18 @@ def contradictions(file: VibrationFile) -> Iterator[Contradiction]:
     yield from bound_contradictions(file.bounds)
 
 
-def _tried(make: Callable[[], object], key: Key, section: Entry | None) -> Iterator[Contradiction]:
-    """What making a value refuses, if anything."""
-    try:
-        make()
-    except InputError as error:
-        yield refused(error, key, section)
-
-
 def _of_structure(file: VibrationFile) -> Iterator[Contradiction]:
     known = [*file.members, GROUND]
     for name, member in file.members.items():
-        for _, found, expected, advice in _tried(partial(Member, name, member.mass_kg), ("members",), None):
+        for _, found, expected, advice in refusals(partial(Member, name, member.mass_kg), ("members",)):
             yield ("members", name), found, expected, advice
     for number, joint in enumerate(file.joints):
         key: Key = ("joints", number)
         for side, name in enumerate(joint.between):
             if name not in known:
                 yield (*key, "between", side), *unknown_name("member", name, known)
-        yield from _tried(partial(Joint, joint.between, joint.stiffness_n_per_m), key, joint)
-    yield from _tried(partial(file_structure, file), ("joints",), None)
+        yield from refusals(partial(Joint, **dict(joint)), key, joint)
+    yield from refusals(partial(file_structure, file), ("joints",))
 
 
 def _of_shafts(file: VibrationFile) -> Iterator[Contradiction]:
@@ -378,9 +371,8 @@ def _of_sources(file: VibrationFile) -> Iterator[Contradiction]:
         if source.shaft is not None and source.shaft not in file.shafts:
             yield (*key, "shaft"), *_unknown_shaft(file, source.shaft)
         for number, line in enumerate(source.lines):
-            made = partial(Line, line.frequency_hz, line.order, line.force_n, line.unbalance_kg_m)
-            yield from _tried(made, (*key, "lines", number), line)
-        yield from _tried(partial(source_of, name, source), key, source)
+            yield from refusals(partial(Line, **dict(line)), (*key, "lines", number), line)
+        yield from refusals(partial(source_of, name, source), key, source)
         fastest = courses[source.shaft].range_rpm(0.0, file.run.duration_s)[1] if source.shaft else 0.0
         for number, line in enumerate(source.lines):
             yield from _too_fast(file, (*key, "lines", number), line.frequency_hz, line.order, fastest)
@@ -413,7 +405,7 @@ def _of_chains(file: VibrationFile) -> Iterator[Contradiction]:
         if section.name in names[:number]:
             yield (*key, "name"), f"a second chain {section.name!r}", "every name once", "give it another name"
         yield from _unknown_in_chain(file, section, key)
-        yield from _tried(partial(chain_of, section), key, section)
+        yield from refusals(partial(chain_of, section), key, section)
         chain = chain_of(section)
         yield from _in_chain(partial(chain_links, structure, chain), key)
         for name in section.sources:
@@ -487,12 +479,8 @@ FAMILY: ModelFamily[VibrationFile] = ModelFamily(
 read_model_file = FAMILY.read
 """The model file at a path, see `ModelFamily.read`."""
 
+parsed_model_file = FAMILY.parsed
+"""The model file with this content, see `ModelFamily.parsed`."""
 
-def parsed_model_file(text: str, *, where: str = "model file") -> VibrationFile:
-    """The model file with this content, see `ModelFamily.parsed`."""
-    return FAMILY.parsed(text, where=where)
-
-
-def checked_model_file(values: Mapping[str, Any], *, where: str = "model file") -> VibrationFile:
-    """The model file with these sections as plain values, see `ModelFamily.checked`."""
-    return FAMILY.checked(values, where=where)
+checked_model_file = FAMILY.checked
+"""The model file with these sections as plain values, see `ModelFamily.checked`."""

@@ -4,35 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
+from selector.physics.model_fields import numbers_of
 from selector.physics.model_parameters import Number, Parameter, file_with, parameters_of
 from selector.physics.model_text import Entry, Key
-from selector.physics.vibration.file.model_file import (
-    JointSection,
-    LineSection,
-    MemberSection,
-    VibrationFile,
-    checked_model_file,
-    file_shafts,
-)
+from selector.physics.vibration.file.model_file import LineSection, VibrationFile, checked_model_file, file_shafts
 from selector.physics.vibration.structure.source import ShaftCourse
 
 _TIMES = 10.0
 _SMALLEST = 1e-3
 """Of a force that is there: a line without any is refused."""
-
-_MOST_DISSIPATION = 2.0
-"""No joint of a machine takes more of the energy in a cycle; rubber takes as much."""
-
-UNITS = {
-    "mass_kg": "kg",
-    "stiffness_n_per_m": "N/m",
-    "dissipation": "1",
-    "force_n": "N",
-    "unbalance_kg_m": "kg·m",
-    "phase_rad": "rad",
-}
-"""Key of a parameter → its unit."""
 
 
 def parameters(file: VibrationFile) -> dict[str, Parameter]:
@@ -54,11 +36,9 @@ def with_parameters(file: VibrationFile, values: Mapping[str, float]) -> Vibrati
 
 def _numbers(file: VibrationFile) -> Iterator[Number]:
     for name, member in file.members.items():
-        yield _around(("members", name, "mass_kg"), member.mass_kg)
+        yield from _of_section(member, ("members", name))
     for number, joint in enumerate(file.joints):
-        yield _around(("joints", number, "stiffness_n_per_m"), joint.stiffness_n_per_m)
-        most = max(_MOST_DISSIPATION, _TIMES * joint.dissipation)
-        yield _number(("joints", number, "dissipation"), joint.dissipation, 0.0, most)
+        yield from _of_section(joint, ("joints", number))
     courses = file_shafts(file)
     for name, source in file.sources.items():
         course = courses[source.shaft] if source.shaft is not None else None
@@ -66,27 +46,14 @@ def _numbers(file: VibrationFile) -> Iterator[Number]:
             yield from _of_line(("sources", name, "lines", number), line, course, file.run.duration_s)
 
 
-def _limits(section: type[Entry], key: str) -> tuple[float, float]:
-    """Smallest and largest value that a key may have."""
-    metadata = section.model_fields[key].metadata
-    least, most = (next(getattr(one, end) for one in metadata if hasattr(one, end)) for end in ("ge", "le"))
-    return float(least), float(most)
-
-
-_LIMITS = {
-    "mass_kg": _limits(MemberSection, "mass_kg"),
-    **{key: _limits(JointSection, key) for key in ("stiffness_n_per_m", "dissipation")},
-    **{key: _limits(LineSection, key) for key in ("force_n", "unbalance_kg_m", "phase_rad")},
-}
-
-
-def _around(path: Key, value: float) -> Number:
-    return _number(path, value, value / _TIMES, value * _TIMES)
-
-
-def _number(path: Key, value: float, low: float, high: float) -> Number:
-    key = str(path[-1])
-    return Number(path, value, low, high, UNITS[key], limits=_LIMITS[key])
+def _of_section(section: Entry, path: Key) -> Iterator[Number]:
+    """Its numbers, whose bounds may not pass what their keys may have."""
+    for one in numbers_of(section, path):
+        said = type(section).model_fields[str(one.path[-1])].metadata
+        least, most = (
+            float(next(getattr(limit, end) for limit in said if hasattr(limit, end))) for end in ("ge", "le")
+        )
+        yield replace(one, limits=(least, most))
 
 
 def _of_line(path: Key, line: LineSection, course: ShaftCourse | None, duration_s: float) -> Iterator[Number]:
@@ -94,13 +61,16 @@ def _of_line(path: Key, line: LineSection, course: ShaftCourse | None, duration_
     if frequency is None and course is not None:
         frequency = (line.order or 0.0) * course.range_rpm(0.0, duration_s)[1] / 60.0
     square = (2.0 * math.pi * (frequency or 0.0)) ** 2
-    for key, value, instead in (
-        ("force_n", line.force_n, line.unbalance_kg_m * square),
-        ("unbalance_kg_m", line.unbalance_kg_m, line.force_n / square if square > 0 else 0.0),
-    ):
-        if value > 0:
-            yield _number((*path, key), value, _SMALLEST * value, _TIMES * value)
+    instead = {
+        "force_n": line.unbalance_kg_m * square,
+        "unbalance_kg_m": line.force_n / square if square > 0 else 0.0,
+    }
+    for one in _of_section(line, path):
+        key = str(one.path[-1])
+        if key not in instead:
+            yield one
+        elif one.value > 0:
+            yield replace(one, low=_SMALLEST * one.value, high=_TIMES * one.value)
         elif line.order is not None or key == "force_n":
             # what keeps its frequency is no unbalance: that follows a shaft
-            yield _number((*path, key), value, 0.0, _TIMES * instead)
-    yield _number((*path, "phase_rad"), line.phase_rad, -math.pi, math.pi)
+            yield replace(one, low=0.0, high=_TIMES * instead[key])

@@ -11,11 +11,33 @@ from numpy.typing import NDArray
 
 from selector.errors import InputError
 from selector.physics.vibration.chain.chain import Chain, chain_receptance, force_sign, in_range
+from selector.physics.vibration.structure.response_curve import ResponseCurve, response_curve
 from selector.physics.vibration.structure.source import Excitation, Source
-from selector.physics.vibration.structure.structure import GROUND, Structure, response
+from selector.physics.vibration.structure.structure import GROUND, Structure, receptances, unit_force
 from selector.types import ComplexMatrix, Vector
 
 Method = Literal["coupled", "chains"]
+
+
+@dataclass(frozen=True)
+class ChainMethod:
+    """The published method (V), in the place of the coupled structure: its chains, and what parts their ranges."""
+
+    chains: tuple[Chain, ...]
+    #: Above it those of the high range hold, at and below it those of the low one [Hz]; None: all are of one range,
+    #: which holds everywhere
+    split_hz: float | None = None
+
+    def __post_init__(self) -> None:
+        if not self.chains or (self.split_hz is None and len({chain.range for chain in self.chains}) > 1):
+            raise InputError(
+                "chains of both ranges, and no frequency between them" if self.chains else "no chains",
+                expected="chains, and where they are of both ranges the frequency that parts these",
+                where="split_hz" if self.chains else "chains",
+                advice="give the cut, which says where roughness begins, or chains of one range alone"
+                if self.chains
+                else "describe the chains, or use the coupled structure",
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,28 +88,14 @@ def final_motions(
     sources: Sequence[Source],
     excitation: Excitation,
     finals: Mapping[str, str],
-    *,
-    method: Method = "coupled",
-    chains: Sequence[Chain] = (),
-    split_hz: float | None = None,
+    chains: ChainMethod | None = None,
 ) -> FinalMotions:
     """Motion of the finals by every line; `excitation` must be that of these `sources`.
 
-    Coupled: every member moves, the source pushes its member and, the other way, what it pushes against. Chains (V):
-    above `split_hz` those of the high range, at and below it those of the low one, summed over all that name the source
-    and end at the final.
+    Coupled: every member moves, the source pushes its member and, the other way, what it pushes against. By `chains`:
+    those of the range summed over all that name the source and end at the final. `finals` is name → member.
 
-    Parameters
-    ----------
-    finals : mapping of str to str
-        Name of a final → its member.
-    split_hz : float or None
-        None only where all chains are of one range, which then counts at all frequencies [Hz].
-
-    Raises
-    ------
-    InputError
-        An unknown member, both ranges of chains without `split_hz`, chains missing, or a motion that is not finite.
+    InputError: an unknown member, or a motion that is not finite.
     """
     shape = len(finals), len(excitation.frequency_hz)
     motion, moment = np.zeros(shape, dtype=np.complex128), np.zeros(shape, dtype=np.complex128)
@@ -96,9 +104,7 @@ def final_motions(
         rows = np.flatnonzero(excitation.source == position)
         if not len(rows):
             continue
-        found = final_receptance(
-            structure, source, excitation.frequency_hz[rows], finals, method=method, chains=chains, split_hz=split_hz
-        )
+        found = final_receptance(structure, source, excitation.frequency_hz[rows], finals, chains)
         force = excitation.force_n[rows]
         with np.errstate(over="ignore", invalid="ignore"):
             motion[:, rows] = found.motion_m_per_n * force
@@ -124,10 +130,7 @@ def final_receptance(
     source: Source,
     frequency_hz: Vector,
     finals: Mapping[str, str],
-    *,
-    method: Method = "coupled",
-    chains: Sequence[Chain] = (),
-    split_hz: float | None = None,
+    chains: ChainMethod | None = None,
 ) -> FinalReceptance:
     """Motion of the finals per unit force of one source at frequencies of shape (n_freq,); see `final_motions`."""
     for where, names in (
@@ -144,18 +147,33 @@ def final_receptance(
                     advice="correct the name, or add the member",
                 )
     frequency = np.asarray(frequency_hz, dtype=np.float64)
-    if method == "coupled":
+    if chains is None:
         return _coupled(structure, source, frequency, finals)
-    return _by_chains(structure, source, frequency, finals, chains, split_hz)
+    return _by_chains(structure, source, frequency, finals, chains)
+
+
+def source_curve(
+    structure: Structure,
+    source: Source,
+    lowest_hz: float,
+    highest_hz: float,
+    finals: Mapping[str, str],
+    chains: ChainMethod | None = None,
+) -> ResponseCurve:
+    """Motion of the finals per unit force of one source as a curve between two frequencies; see `final_motions`."""
+
+    def solved(frequency_hz: Vector) -> ComplexMatrix:
+        return final_receptance(structure, source, frequency_hz, finals, chains).motion_m_per_n
+
+    least = min((joint.loss_factor for joint in structure.joints), default=0.0)
+    jump_hz = None if chains is None else chains.split_hz
+    return response_curve(solved, lowest_hz, highest_hz, loss_factor=least, jump_hz=jump_hz)
 
 
 def _coupled(structure: Structure, source: Source, frequency: Vector, finals: Mapping[str, str]) -> FinalReceptance:
-    force = np.zeros((len(frequency), len(structure.members)), dtype=np.complex128)
-    force[:, structure.position(source.member)] = 1.0
-    if source.against is not None and source.against != GROUND:
-        force[:, structure.position(source.against)] -= 1.0
+    force = unit_force(structure, source.member, source.against)
     places = [structure.position(member) for member in finals.values()]
-    motion = response(structure, frequency, force)[:, places].T
+    motion = receptances(structure, frequency, force[None])[0][:, places].T
     mass = np.array([structure.members[place].mass_kg for place in places])
     return FinalReceptance(motion, motion * mass[:, None], np.ones(motion.shape, dtype=np.bool_))
 
@@ -165,27 +183,17 @@ def _by_chains(
     source: Source,
     frequency: Vector,
     finals: Mapping[str, str],
-    chains: Sequence[Chain],
-    split_hz: float | None,
+    chains: ChainMethod,
 ) -> FinalReceptance:
-    if not chains or (split_hz is None and len({chain.range for chain in chains}) > 1):
-        raise InputError(
-            "chains of both ranges, and no frequency between them" if chains else "no chains",
-            expected="chains, and where they are of both ranges the frequency that parts these",
-            where="split_hz" if chains else "chains",
-            advice="give the cut, which says where roughness begins, or chains of one range alone"
-            if chains
-            else "describe the chains, or use the coupled structure",
-        )
     mass = {member.name: member.mass_kg for member in structure.members}
     shape = len(finals), len(frequency)
     motion, moment = np.zeros(shape, dtype=np.complex128), np.zeros(shape, dtype=np.complex128)
     carried = np.zeros(shape, dtype=np.bool_)
     for row, member in enumerate(finals.values()):
-        for chain in chains:
+        for chain in chains.chains:
             if chain.final != member or source.name not in chain.sources:
                 continue
-            held = in_range(chain.range, frequency, split_hz)
+            held = in_range(chain.range, frequency, chains.split_hz)
             if not held.any():
                 continue
             final = force_sign(chain, source) * chain_receptance(structure, chain, frequency[held]).final

@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike
 
 from selector.errors import InputError
 from selector.findings import Finding
-from selector.physics.vibration.chain.chain import Chain
-from selector.physics.vibration.motion.final_motion import Method, final_motions
+from selector.physics.vibration.motion.final_motion import ChainMethod, final_motions
 from selector.physics.vibration.motion.run_up import Beyond, Hurry, beyond_sampling, run_up, too_quick
 from selector.physics.vibration.rounding import below
 from selector.physics.vibration.structure.source import ShaftCourse, Source, excitation
@@ -59,9 +58,7 @@ def motion_signal(
     time_s: ArrayLike,
     *,
     phase_rad: Mapping[str, float] | None = None,
-    method: Method = "coupled",
-    chains: Sequence[Chain] = (),
-    split_hz: float | None = None,
+    chains: ChainMethod | None = None,
     beyond: Beyond = "refuse",
 ) -> MotionSignal:
     """Motion of the finals [m] and forces of the sources [N] at these times.
@@ -69,24 +66,12 @@ def motion_signal(
     A shaft that turns at constant speed has the angle 0 at time 0. One that stands still all the time shakes nothing;
     one that comes to a stop keeps the force of its last angle.
 
-    Parameters
-    ----------
-    shaft_rpm : mapping of str to float or ShaftCourse
-        Shaft → constant speed, or its course [r/min].
-    finals : mapping of str to str
-        Name of a final → its member.
-    time_s : array-like of shape (n_times,)
-        Increasing [s].
-    phase_rad : mapping of str to float
-        Source → shift of all its lines [rad]; 0 where a source is not named.
-    beyond : {"refuse", "leave-out"}
-        What to do with lines at or above half the sampling rate: an error, or leave them out, for as long as they are
-        there, with a finding. They are never sampled as what they are not.
+    Speeds are constant or courses [r/min]; `finals` is name → member; times increase [s]; `phase_rad` shifts all lines
+    of a source [rad], by 0 where it is not named. Lines at or above half the sampling rate are an error, or, with
+    `beyond` ``"leave-out"``, left out for as long as they are there, with a finding. They are never sampled as what
+    they are not.
 
-    Raises
-    ------
-    InputError
-        Times that do not increase, lines that the sampling cannot carry, or the errors of `final_motions`.
+    InputError: times that do not increase, lines that the sampling cannot carry, or the errors of `final_motions`.
     """
     time = _checked_times(time_s)
     half_hz = 0.5 / float(np.median(np.diff(time)))
@@ -101,7 +86,7 @@ def motion_signal(
         for row in np.flatnonzero(~below(lines.frequency_hz, half_hz))
     ]
     lines = lines.only(np.flatnonzero(below(lines.frequency_hz, half_hz)))
-    still = final_motions(structure, sources, lines, finals, method=method, chains=chains, split_hz=split_hz)
+    still = final_motions(structure, sources, lines, finals, chains)
     changing: list[tuple[Source, tuple[Hurry, ...]]] = []
     for position, source in enumerate(sources):
         rows = np.flatnonzero(lines.source == position)
@@ -118,9 +103,7 @@ def motion_signal(
                 finals,
                 time,
                 half_rate_hz=half_hz,
-                method=method,
                 chains=chains,
-                split_hz=split_hz,
                 beyond=beyond,
             )
             motion += (moved.motion_m * shift[position]).imag
@@ -139,7 +122,7 @@ def motion_signal(
             advice="correct the forces, the unbalances or the speeds",
         )
     whole_m = dict(zip(finals, np.abs(motion).max(axis=1).tolist(), strict=True))
-    hurried = (too_quick(one, hurries, whole_m, float(time[0]), method) for one, hurries in changing)
+    hurried = (too_quick(one, hurries, whole_m, float(time[0]), chains is not None) for one, hurries in changing)
     findings += [one for one in hurried if one is not None]
     for values in (time, motion, force, *speeds.values()):
         values.setflags(write=False)

@@ -55,6 +55,7 @@ class Cutting:
 Kind = Literal["roughness", "waviness", "lobing", "runout"]
 KINDS: tuple[Kind, ...] = ("roughness", "waviness", "lobing", "runout")
 Direction = Literal["cut", "feed"]
+_FINALS = ("tool", "workpiece")
 
 _LEAST_LOBES = 1.5
 _LEAST_TURNING = 0.5
@@ -119,8 +120,6 @@ def periodic_errors(
     cutting: Cutting,
     *,
     surface: Surface | None = None,
-    tool: str = "tool",
-    workpiece: str = "workpiece",
     phases: int = 4,
 ) -> tuple[PeriodicError, ...]:
     """Periodic errors of the first revolution, one a frequency, by frequency; lines without motion leave none.
@@ -128,24 +127,16 @@ def periodic_errors(
     Lines of one source at one frequency are added with their phases; several sources there by the expectation of the
     amplitude over P phase shifts of each, or over all phases where the combinations are too many to go through.
 
-    Parameters
-    ----------
-    tool, workpiece : str
-        Names of the two finals.
-
-    Raises
-    ------
-    InputError
-        An unknown final, or an exponent that makes a number too large.
+    InputError: an exponent that makes a number too large.
     """
     limits, found = surface or Surface(), []
-    relative = motions.of(tool, workpiece)
+    relative = motions.of(*_FINALS)
     for rows in _same_frequency(motions.frequency_hz):
         frequency, owner = float(motions.frequency_hz[rows[0]]), motions.source[rows]
         if not np.any(motions.motion_m[:, rows]):
             continue
         force, amplitude = {}, {}
-        for name in (tool, workpiece):
+        for name in _FINALS:
             place = motions.finals.index(name)
             amplitude[name] = 1e6 * _expected(motions.motion_m[place, rows], owner, phases)
             moment = _expected(motions.moment_kg_m[place, rows], owner, phases)

@@ -53,21 +53,11 @@ def realisation_amounts(
     A shift that all sources share leaves |Z| as it is: N/P realisations are added up, and the P common shifts of each
     are taken for |x| only. Sources without motion here change nothing and are left out of the sum, but counted in N.
 
-    Parameters
-    ----------
-    motion_m : complex array-like of shape (n_lines,)
-        X of every line [m].
-    frequency_hz, source : array-likes of shape (n_lines,)
-        [Hz], and the position of the line's source.
-    time_s : array-like of shape (n_sections,)
-        Times of the sections [s], see `section_times`.
-    n_sources, phases : int
-        Number of all sources, and P ≥ 1.
+    `motion_m` is X of every line [m], at `frequency_hz` [Hz] and of `source`, the position of one of all `n_sources`:
+    each of shape (n_lines,). `time_s` are the times of the sections [s], see `section_times`; `phases` is P ≥ 1.
 
-    Raises
-    ------
-    InputError
-        No section, or too many realisations (`are_countable`); `mean_square` and `any_phase_amplitude` have no limit.
+    InputError: no section, or too many realisations (`are_countable`); `mean_square` and `any_phase_amplitude` have no
+    limit.
     """
     motion = np.asarray(motion_m, dtype=np.complex128)
     frequency, owner = np.asarray(frequency_hz, dtype=np.float64), np.asarray(source, dtype=np.int64)
@@ -95,7 +85,7 @@ def realisation_amounts(
         section[0, block] = size.mean(axis=1)
         section[1, block] = _mean_ordinate(total, step)
         section[2, block] = size.max(axis=1)
-        square += float(np.sum(_mean_square(z, phases)))
+        square += float(np.sum(mean_square(z, phases=phases)))
     expected, mean_abs = float(section[0].mean()), float(section[1].mean())
     return Realisations(
         expected_m=expected,
@@ -112,12 +102,14 @@ def mean_square(z_m: ArrayLike, *, phases: int = 4) -> Vector:
     For P ≥ 3 it is ½·Σ_s |z_s|², for P = 2 Σ_s (Im z_s)²: products of different sources cancel. For P = 1 there is one
     realisation, and nothing cancels: (Im Σ_s z_s)². E|Z|² is Σ_s |z_s|² for P ≥ 2.
 
-    Parameters
-    ----------
-    z_m : complex array-like of shape (n_sources, n_sections)
-        z_s at every section [m].
+    `z_m` is z_s at every section [m], shape (n_sources, n_sections).
     """
-    return _mean_square(np.atleast_2d(np.asarray(z_m, dtype=np.complex128)), phases)
+    z = np.atleast_2d(np.asarray(z_m, dtype=np.complex128))
+    if phases == 1:
+        return np.asarray(z.sum(axis=0).imag ** 2)
+    if phases == 2:
+        return np.asarray((z.imag**2).sum(axis=0))
+    return np.asarray(0.5 * (z.real**2 + z.imag**2).sum(axis=0))
 
 
 def any_phase_amplitude(amplitude_m: ArrayLike) -> float:
@@ -126,10 +118,7 @@ def any_phase_amplitude(amplitude_m: ArrayLike) -> float:
     With x the ordinate, E|Z| = π/2·E|x|, and |x| as a Fourier series over −A … A, A = Σ a_s, leaves of every wave its
     mean, a product of Bessel functions: E|Z| = A·(π/4 − (2/π)·Σ_{odd k} Π_s J0(π·k·a_s/A)/k²).
 
-    Parameters
-    ----------
-    amplitude_m : array-like of shape (n_sources,)
-        a_s, not below 0 [m].
+    `amplitude_m` is a_s, not below 0 [m], shape (n_sources,).
     """
     from scipy.special import j0
 
@@ -226,11 +215,3 @@ def _mean_ordinate(total: ComplexMatrix, step: NDArray[np.complex128]) -> Vector
         else:
             sums += np.abs(total.imag * shift.real + total.real * shift.imag).sum(axis=1)
     return np.asarray(sums / (len(used) * total.shape[1]))
-
-
-def _mean_square(z: ComplexMatrix, phases: int) -> Vector:
-    if phases == 1:
-        return np.asarray(z.sum(axis=0).imag ** 2)
-    if phases == 2:
-        return np.asarray((z.imag**2).sum(axis=0))
-    return np.asarray(0.5 * (z.real**2 + z.imag**2).sum(axis=0))

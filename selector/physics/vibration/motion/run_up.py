@@ -10,12 +10,10 @@ import numpy as np
 
 from selector.errors import InputError
 from selector.findings import Finding, Where
-from selector.physics.vibration.chain.chain import Chain
 from selector.physics.vibration.finding_table import FINDINGS
-from selector.physics.vibration.motion.final_motion import Method, final_receptance
+from selector.physics.vibration.motion.final_motion import ChainMethod, source_curve
 from selector.physics.vibration.rounding import above, below
 from selector.physics.vibration.structure.modes import StructureModes, structure_modes
-from selector.physics.vibration.structure.response_curve import response_curve
 from selector.physics.vibration.structure.source import Line, ShaftCourse, Source, line_force_n
 from selector.physics.vibration.structure.structure import Structure, unit_force
 from selector.types import Complex, Vector
@@ -60,10 +58,7 @@ def late_motion(
     Steady at the first time. Where the course has many corners, as a recorded one, what is different only because the
     speed jitters, quicker than the mode could tell, does not count. None where nothing changes.
 
-    Parameters
-    ----------
-    time_s : ndarray of shape (n_times,)
-        Increasing; first and last and the median step count [s].
+    Of the times, which increase, first and last and the median step count [s].
     """
     lines = [(number, line) for number, line in enumerate(source.lines) if line.order is not None]
     modes = _complete_modes(structure)
@@ -234,22 +229,15 @@ def run_up(
     time_s: Vector,
     *,
     half_rate_hz: float,
-    method: Method = "coupled",
-    chains: Sequence[Chain] = (),
-    split_hz: float | None = None,
+    chains: ChainMethod | None = None,
     beyond: Beyond = "refuse",
 ) -> RunUp:
     """Force and motion by the lines of `source` that follow its shaft; see `motion_signal`.
 
-    Parameters
-    ----------
-    half_rate_hz : float
-        Half the sampling rate, from which on a line is refused or left out [Hz].
+    `half_rate_hz` is half the sampling rate, from which on a line is refused or left out [Hz].
 
-    Raises
-    ------
-    InputError
-        A line that the sampling cannot carry, a resonance without dissipation, or the errors of `final_receptance`.
+    InputError: a line that the sampling cannot carry, a resonance without dissipation, or the errors of
+    `final_receptance`.
     """
     lines = [(number, line, line.order) for number, line in enumerate(source.lines) if line.order is not None]
     force = np.zeros(len(time_s), dtype=np.complex128)
@@ -263,18 +251,10 @@ def run_up(
             findings.append(
                 beyond_sampling(source, number, highest, half_rate_hz, beyond, from_s=float(time_s[rows[0]]))
             )
-
-    def solved(frequency: Vector) -> Complex:
-        return final_receptance(
-            structure, source, frequency, finals, method=method, chains=chains, split_hz=split_hz
-        ).motion_m_per_n
-
-    jump_hz = split_hz if method == "chains" else None
-    least = min((joint.loss_factor for joint in structure.joints), default=0.0)
     low, high = course.range_rpm(float(time_s[0]), float(time_s[-1]))
     # a hair wider, so that rounding does not lead out of a curve
     ranges = [(order * low / 60.0 * (1.0 - 1e-12), order * high / 60.0 * (1.0 + 1e-12)) for _, _, order in lines]
-    curves = [response_curve(solved, *one, loss_factor=least, jump_hz=jump_hz) for one in _joined(ranges)]
+    curves = [source_curve(structure, source, *one, finals, chains) for one in _joined(ranges)]
     for (_, line, order), (_, highest) in zip(lines, ranges, strict=True):
         curve = next(one for one in curves if highest <= one.highest_hz)
         frequency = order * rpm / 60.0
@@ -282,6 +262,7 @@ def run_up(
         turning[~below(frequency, half_rate_hz)] = 0.0
         force += turning
         motion += curve.at(frequency) * turning
+    jump_hz = None if chains is None else chains.split_hz
     if jump_hz is not None and any(
         not above(one.lowest_hz, jump_hz) and above(one.highest_hz, jump_hz) for one in curves
     ):
@@ -319,16 +300,12 @@ def beyond_sampling(
 
 
 def too_quick(
-    source: Source, hurries: Sequence[Hurry], whole_m: Mapping[str, float], begin_s: float, method: Method
+    source: Source, hurries: Sequence[Hurry], whole_m: Mapping[str, float], begin_s: float, by_chains: bool
 ) -> Finding | None:
     """The finding that the true motion differs much from the simulated one, of the final where it does so most.
 
-    Parameters
-    ----------
-    whole_m : mapping of str to float
-        Final → the largest motion of the whole run, by all sources [m].
-    begin_s : float
-        Time of the first sample [s].
+    `whole_m` is final → the largest motion of the whole run, by all sources [m]; `begin_s` the time of the first sample
+    [s]; `by_chains` says how the motion was simulated.
     """
     told = [one for one in hurries if one.off_m > HURRY * whole_m[one.final] > 0.0]
     if not told:
@@ -363,7 +340,7 @@ def too_quick(
         )
     )
     advice = f"Let the frequency change by less than {slower:.3g} Hz/s there"
-    if method == "chains":
+    if by_chains:
         said, advice = f"{said} So says the coupled structure.", f"{advice}."
     else:
         evidence |= {"true_um": true, "simulated_um": simulated}

@@ -10,14 +10,12 @@ import numpy as np
 from scipy import fft
 from scipy.signal import windows
 
-from selector.physics.vibration.chain.chain import Chain
-from selector.physics.vibration.motion.final_motion import Method, final_receptance
+from selector.physics.vibration.motion.final_motion import ChainMethod, source_curve
 from selector.physics.vibration.recorded.clock import Stretch, bridged, continued
 from selector.physics.vibration.structure.modes import structure_modes
-from selector.physics.vibration.structure.response_curve import ResponseCurve, response_curve
 from selector.physics.vibration.structure.source import Source
 from selector.physics.vibration.structure.structure import Structure
-from selector.types import Complex, Matrix, Vector
+from selector.types import Matrix, Vector
 
 MOST_SILENT = 1 << 21
 """Samples of the silence behind the force."""
@@ -58,24 +56,13 @@ def force_answer(
     force_n: Vector,
     step_s: float,
     finals: Mapping[str, str],
-    *,
-    method: Method = "coupled",
-    chains: Sequence[Chain] = (),
-    split_hz: float | None = None,
+    chains: ChainMethod | None = None,
 ) -> ForceAnswer:
     """Motion by a force [N] of shape (n_samples,), one every `step_s` [s], that acts where the source does.
 
-    Parameters
-    ----------
-    finals : mapping of str to str
-        Name of a final → its member.
-    method, chains, split_hz
-        See `final_motions`.
+    For `finals` and `chains` see `final_motions`.
 
-    Raises
-    ------
-    InputError
-        A resonance that nothing damps, or the errors of `final_motions`.
+    InputError: a resonance that nothing damps, or the errors of `final_motions`.
     """
     ring_s = ring_time_s(structure)
     ring = math.ceil(min(ring_s / step_s, MOST_SILENT / 5))
@@ -88,7 +75,7 @@ def force_answer(
     before = rising * continued(moving[::-1], outside, proved)[::-1]
     behind = rising[::-1] * continued(moving, outside, proved)
     padded = fft.next_fast_len(len(moving) + 2 * outside + ring, real=True)
-    curve = _curve(structure, source, 0.5 / step_s, finals, method, chains, split_hz)
+    curve = source_curve(structure, source, 0.0, 0.5 / step_s, finals, chains)
     spectrum = curve.at(fft.rfftfreq(padded, step_s))
     # of what lasts, the part in step with the force counts: irfft takes the real part there
     static = np.outer(spectrum[:, 0].real, line)
@@ -104,25 +91,6 @@ def force_answer(
     silent = padded - len(moving) - 2 * outside
     left = math.exp(-_decay_per_s(structure) * silent * step_s)
     return ForceAnswer(static + (own + others)[:, here], begin, end, ring_s, left)
-
-
-def _curve(
-    structure: Structure,
-    source: Source,
-    highest_hz: float,
-    finals: Mapping[str, str],
-    method: Method,
-    chains: Sequence[Chain],
-    split_hz: float | None,
-) -> ResponseCurve:
-    def solved(frequency_hz: Vector) -> Complex:
-        return final_receptance(
-            structure, source, frequency_hz, finals, method=method, chains=chains, split_hz=split_hz
-        ).motion_m_per_n
-
-    least = min(joint.loss_factor for joint in structure.joints)
-    jump_hz = split_hz if method == "chains" else None
-    return response_curve(solved, 0.0, highest_hz, loss_factor=least, jump_hz=jump_hz)
 
 
 def _static_n(force_n: Vector) -> Vector:
@@ -171,26 +139,13 @@ def stamped_answer(
     force_n: Vector,
     parts: Sequence[Stretch],
     finals: Mapping[str, str],
-    *,
-    method: Method = "coupled",
-    chains: Sequence[Chain] = (),
-    split_hz: float | None = None,
+    chains: ChainMethod | None = None,
 ) -> StampedAnswer:
     """Motion by a force [N] of shape (n_rows,), NaN where it lacks; each stretch for itself, see `force_answer`.
 
-    Parameters
-    ----------
-    parts : sequence of Stretch
-        `stretches` of the stamps.
-    finals : mapping of str to str
-        Name of a final → its member.
-    method, chains, split_hz
-        See `final_motions`.
+    `parts` are the `stretches` of the stamps; for `finals` and `chains` see `final_motions`.
 
-    Raises
-    ------
-    InputError
-        Those of `force_answer`.
+    InputError: those of `force_answer`.
     """
     motion, acted = np.zeros((len(finals), len(force_n))), np.zeros(len(force_n))
     begin, end, left = [], [], 0.0
@@ -199,9 +154,7 @@ def stamped_answer(
         grid, known = part.on_grid(force_n[rows])
         # a stretch of which nothing is known has the mean of the others
         even = bridged(grid, known) if known.any() else np.full(part.count, np.nanmean(force_n))
-        found = force_answer(
-            structure, source, even, part.step_s, finals, method=method, chains=chains, split_hz=split_hz
-        )
+        found = force_answer(structure, source, even, part.step_s, finals, chains)
         motion[:, rows] = part.at_rows(found.motion_m)
         acted[rows] = np.where(np.isfinite(force_n[rows]), force_n[rows], part.at_rows(even))
         begin.append(found.begin_m)

@@ -49,10 +49,7 @@ class StructureModes:
 def structure_modes(structure: Structure) -> StructureModes:
     """All modes of a structure.
 
-    Raises
-    ------
-    InputError
-        If stiffnesses over masses lie so far apart that rounding decides the lowest modes.
+    InputError if stiffnesses over masses lie so far apart that rounding decides the lowest modes.
     """
     refuse_unresolved(structure, np.zeros(1))
     eigenvalues, vectors = _eigenpairs(structure)
@@ -86,10 +83,7 @@ def receptance_by_modes(
     The opposite force acts on `against`, by default on the ground. `modes` are those of the structure, where they are
     known already. Where modes are not complete, by the triangular form of Schur instead.
 
-    Raises
-    ------
-    InputError
-        At a resonance that nothing damps, and for unknown members.
+    InputError at a resonance that nothing damps, and for unknown members.
     """
     frequency = checked_frequencies(frequency_hz)
     modes = structure_modes(structure) if modes is None else modes
@@ -162,18 +156,7 @@ class CarryingMode:
 def carrying_mode(
     structure: Structure, modes: StructureModes, source: Source, frequency_hz: float, *, tool: str, workpiece: str
 ) -> CarryingMode | None:
-    """The mode whose part in X_tool − X_workpiece is the largest; None where modes do not span all motions.
-
-    Parameters
-    ----------
-    structure, modes
-    source : Source
-        Where the force acts.
-    frequency_hz : float
-        Of the line [Hz].
-    tool, workpiece : str
-        Members.
-    """
+    """The mode whose part in X_tool − X_workpiece is the largest; None where modes do not span all motions."""
     if not modes.complete:
         return None
     parts = np.abs(relative_parts(structure, modes, source, frequency_hz, tool=tool, workpiece=workpiece))

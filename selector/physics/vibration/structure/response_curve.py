@@ -62,19 +62,11 @@ def response_curve(
 ) -> ResponseCurve:
     """The curve of a response between two frequencies, within `TOLERANCE` of it at every midpoint.
 
-    Parameters
-    ----------
-    solved : callable
-        Frequencies of shape (n_freq,) [Hz] → responses of shape (n_outputs, n_freq).
-    loss_factor : float
-        Smallest η of a resonance: no peak is narrower than its share η of its frequency, so none is stepped over.
-    jump_hz : float or None
-        Frequency above which another response holds.
+    `solved` is frequencies of shape (n_freq,) [Hz] → responses of shape (n_outputs, n_freq). `loss_factor` is the
+    smallest η of a resonance: no peak is narrower than its share η of its frequency, so none is stepped over. Above
+    `jump_hz` another response holds.
 
-    Raises
-    ------
-    InputError
-        The response has a peak without end in the range, or that of `solved`.
+    InputError: the response has a peak without end in the range, or that of `solved`.
     """
     ranges = [(lowest_hz, highest_hz)]
     if jump_hz is not None and not above(lowest_hz, jump_hz) and above(highest_hz, jump_hz):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from selector.errors import InputError
-from selector.physics.checks import require_finite, require_not_negative, require_positive
+from selector.physics.checks import keep_arrays, require_finite, require_not_negative, require_positive
 from selector.types import Indices, Vector
 
 
@@ -116,16 +116,9 @@ def excitation(sources: Sequence[Source], shaft_rpm: Mapping[str, float]) -> Exc
 
     A line that follows a shaft that stands still is a force that does not change: it has no row.
 
-    Parameters
-    ----------
-    sources : sequence of Source
-    shaft_rpm : mapping of str to float
-        Shaft → speed [r/min], 0 or more.
+    `shaft_rpm` is shaft → speed [r/min], 0 or more.
 
-    Raises
-    ------
-    InputError
-        A name stands twice, a shaft is missing or turns with an impossible speed, or a number overflows.
+    InputError: a name stands twice, a shaft is missing or turns with an impossible speed, or a number overflows.
     """
     require_names(sources)
     rows: list[tuple[int, int, Line, str | None, float]] = []
@@ -199,10 +192,7 @@ def require_names(sources: Sequence[Source]) -> None:
 class ShaftCourse:
     """Speed of a shaft over time: straight between corners, level before the first and after the last.
 
-    Raises
-    ------
-    InputError
-        No corner, times that do not increase, or a speed that is missing or below 0.
+    InputError: no corner, times that do not increase, or a speed that is missing or below 0.
     """
 
     #: time_s and rpm: (n_corners,): Corners: increasing times [s], and speeds of 0 or more [r/min]
@@ -210,7 +200,8 @@ class ShaftCourse:
     rpm: Vector
 
     def __post_init__(self) -> None:
-        time, rpm = (np.array(values, dtype=np.float64) for values in (self.time_s, self.rpm))
+        keep_arrays(self, "time_s", "rpm")
+        time, rpm = self.time_s, self.rpm
         shaped = time.ndim == 1 and time.shape == rpm.shape and len(time) > 0
         if not shaped or not np.isfinite(time).all() or (np.diff(time) <= 0).any():
             raise InputError(
@@ -229,9 +220,6 @@ class ShaftCourse:
                 where="shaft_rpm",
                 advice="fill what is missing; split a run where the shaft turns back",
             )
-        for name, values in (("time_s", time), ("rpm", rpm)):
-            values.setflags(write=False)
-            object.__setattr__(self, name, values)
 
     @property
     def is_level(self) -> bool:

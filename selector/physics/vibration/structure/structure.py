@@ -68,10 +68,7 @@ class Joint:
 class Structure:
     """Members and the joints between them.
 
-    Raises
-    ------
-    InputError
-        A name stands twice, a joint names an unknown member, or a member has no way to the ground.
+    InputError: a name stands twice, a joint names an unknown member, or a member has no way to the ground.
     """
 
     members: tuple[Member, ...]
@@ -159,10 +156,7 @@ def stiffness_matrix(structure: Structure) -> Complex:
 def scaled_stiffness_matrix(structure: Structure) -> Complex:
     """M^−½·K·M^−½ [1/s²]: its eigenvalues are those of the pencil (K, M).
 
-    Raises
-    ------
-    InputError
-        If a stiffness over a mass is beyond what numbers hold.
+    InputError if a stiffness over a mass is beyond what numbers hold.
     """
     root = np.sqrt(_masses_kg(structure))
     with np.errstate(over="ignore", invalid="ignore"):
@@ -180,18 +174,10 @@ def scaled_stiffness_matrix(structure: Structure) -> Complex:
 def response(structure: Structure, frequency_hz: ArrayLike, force_n: ArrayLike) -> Complex:
     """Motion of every member [m], complex, shape (n_freq, n_members), by solving at every frequency.
 
-    Parameters
-    ----------
-    structure
-    frequency_hz : array-like of shape (n_freq,)
-        [Hz]; 0 is the static limit.
-    force_n : array-like of shape (n_freq, n_members), or (n_members,) for all frequencies
-        Complex amplitudes of the forces on the members [N].
+    `frequency_hz` has the shape (n_freq,) [Hz], 0 is the static limit; `force_n`, complex amplitudes of the forces on
+    the members [N], (n_freq, n_members), or (n_members,) for all frequencies.
 
-    Raises
-    ------
-    InputError
-        At a resonance that nothing damps, or if numbers are missing or beyond what numbers hold.
+    InputError at a resonance that nothing damps, or if numbers are missing or beyond what numbers hold.
     """
     frequency = checked_frequencies(frequency_hz)
     force = np.asarray(force_n, dtype=np.complex128)
