@@ -19,18 +19,20 @@ from selector.types import Matrix, Vector
 
 _SHAPES = 240
 _SHIFTS = 12
-_NORMAL = 24
-_CLEAR = 1.6
-"""Below this it may be chance."""
+_DRAWS = 60
+_FEWEST_ROWS = 24
+_CLEAR = 1.2
+"""Times the largest of the draws of noise, which are of white noise, while what is left is so only about."""
 
 
 def misfit(bench: Bench, named: Sequence[int], *, seed: int) -> float:
     """Times what noise gains that shapes at a wrong time gain in what is left beside `named`; 1 where it is noise.
 
-    Compared are the medians, over shifts and over draws, of the largest gain of any shape; a shift is by a quarter to
-    three quarters of each run.
+    Counted is the largest gain of any shape, in the median over shifts by a quarter to three quarters of each run. Some
+    courses are much the same wherever they are moved, so that the median is chance itself: it has to be beyond that of
+    all draws of noise.
     """
-    if not bench.candidates or len(bench.rows) < _NORMAL:
+    if not bench.candidates or len(bench.rows) < _FEWEST_ROWS:
         return 1.0
     base = np.linalg.qr(bench.base(named))[0]
     left = bench.white_target - base @ (base.T @ bench.white_target)
@@ -38,20 +40,12 @@ def misfit(bench: Bench, named: Sequence[int], *, seed: int) -> float:
     some = np.unique(np.linspace(0, len(bench.candidates) - 1, _SHAPES).astype(int))
     columns = bench.white_columns[:, [bench.candidates[v].columns.start for v in some]]
     draw = np.random.default_rng(seed)
-    noise = draw.standard_normal((len(left), _NORMAL))
-    wrong, by_chance = [], []
+    beside_noise = np.column_stack([left, draw.standard_normal((len(left), _DRAWS))])
+    gains = []
     for _ in range(_SHIFTS):
         shifted = _elsewhere(bench, columns, draw)
-        shifted -= base @ (base.T @ shifted)
-        size = np.linalg.norm(shifted, axis=0)
-        shifted = shifted[:, size > 1e-6 * size.max(initial=0.0)]
-        shifted /= np.linalg.norm(shifted, axis=0)
-        if shifted.shape[1] == 0:
-            return 1.0
-        wrong.append(float(np.max((shifted.T @ left) ** 2)))
-        by_chance.append(float(np.median(np.max((shifted.T @ noise) ** 2, axis=0))))
-    times = max(float(np.median(wrong) / np.median(by_chance)), _of_repeats(bench, columns, left, draw))
-    return times if times > _CLEAR else 1.0
+        gains.append(_largest_gains(shifted - base @ (base.T @ shifted), beside_noise))
+    return max(_times(np.median(gains, axis=0)), _of_repeats(bench, columns, left, draw))
 
 
 def _of_repeats(bench: Bench, columns: Matrix, left: Vector, draw: np.random.Generator) -> float:
@@ -61,20 +55,32 @@ def _of_repeats(bench: Bench, columns: Matrix, left: Vector, draw: np.random.Gen
     """
     place = np.full(len(bench.target), -1)
     place[bench.rows] = np.arange(len(bench.rows))
-    gained = []
+    gains = []
     for pair in bench.repeats:
         first, second = (place[rows] for rows in pair)
         both = (first >= 0) & (second >= 0)
-        shapes = columns[first[both]]
-        norms = np.linalg.norm(shapes, axis=0)
-        shapes = shapes[:, norms > 1e-6 * norms.max(initial=0.0)]
-        if both.sum() < _NORMAL or shapes.shape[1] == 0:
+        if both.sum() < _FEWEST_ROWS:
             continue
-        shapes = shapes / np.linalg.norm(shapes, axis=0)
         apart = (left[first[both]] - left[second[both]]) / np.sqrt(2.0)
-        by_chance = np.median(np.max((shapes.T @ draw.standard_normal((len(apart), _NORMAL))) ** 2, axis=0))
-        gained.append(float(np.max((shapes.T @ apart) ** 2) / by_chance))
-    return float(np.median(gained)) if gained else 1.0
+        noise = draw.standard_normal((len(apart), _DRAWS))
+        gains.append(_largest_gains(columns[first[both]], np.column_stack([apart, noise])))
+    return _times(np.median(gains, axis=0)) if gains else 1.0
+
+
+def _largest_gains(columns: Matrix, targets: Matrix) -> Vector:
+    """The largest gain of any column alone, in each of the targets; 0 where no column is left."""
+    size = np.linalg.norm(columns, axis=0)
+    columns = columns[:, size > 1e-6 * size.max(initial=0.0)]
+    if columns.shape[1] == 0:
+        return np.zeros(targets.shape[1])
+    columns = columns / np.linalg.norm(columns, axis=0)
+    return np.asarray(np.max((columns.T @ targets) ** 2, axis=0))
+
+
+def _times(gains: Vector) -> float:
+    """Times by which the first gain is above the median of the others, which are of noise; 1 if not beyond them all."""
+    own, by_chance = float(gains[0]), gains[1:]
+    return own / float(np.median(by_chance)) if own > _CLEAR * float(np.max(by_chance)) else 1.0
 
 
 def _elsewhere(bench: Bench, columns: Matrix, draw: np.random.Generator) -> Matrix:

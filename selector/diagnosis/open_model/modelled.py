@@ -84,6 +84,7 @@ _FLOOR = 0.02
 """Share of the mean square that something has to take away to be worth a word."""
 _MOST = 4
 _DRAWS = 400
+_NEAR = 1.1
 _SUSPECTED = 0.5
 """Confidence in a name whose correction makes no error smaller."""
 _SIZES = (1.0, 2.0, 4.0, 8.0)
@@ -250,12 +251,12 @@ def _answer(runnable: Runnable, turns: Sequence[_Turn], found: Sequence[_Found],
     verdict: Verdict = "missing-physics" if any(not e.id.startswith("data.") for e in effects) else "data-fault"
     if not effects:
         # structure that nothing explains stands, however much the parameters took away
-        if last.answer.verdict == "unexplained":
+        if last.answer.verdict == "unexplained" and not _is_near_noise(last.answer):
             verdict = "unexplained"
         elif _is_recalibrated(first.refit) or last.answer.verdict == "miscalibrated":
             verdict = "miscalibrated"
         else:
-            verdict = "nothing-missing"
+            verdict = "unexplained" if last.answer.verdict == "unexplained" else "nothing-missing"
     lacking = [effect.id for effect in beside if not effect.id.startswith("data.")]
     improved = None
     if found and isinstance(last.model, OwnModel):
@@ -383,6 +384,12 @@ def _is_recalibrated(refit: Refitted) -> bool:
         for name in refit.nominal.responses
         if name not in copies
     )
+
+
+def _is_near_noise(answer: Diagnosis) -> bool:
+    """Whether no response is further off in unseen rows than its noise makes it."""
+    held = [fit.heldout for fit in answer.fit.values()]
+    return all(of.noise_floor is not None and of.rmse_after <= _NEAR * of.noise_floor for of in held)
 
 
 def _mode(runnable: Runnable, turns: Sequence[_Turn]) -> Finding:
