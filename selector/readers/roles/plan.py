@@ -48,12 +48,7 @@ def believed(
     correction of the files. Where it holds for some runs, the others were recorded in another unit and say so: their
     headers count. An option is said for this very reading and counts always.
 
-    Parameters
-    ----------
-    declared : str
-        Unit of the machine file or the option.
-    printed : mapping of run to unit or None
-        Known unit in the header of each run; None or "1" where there is none.
+    `printed` has the known unit in the header of each run, None or "1" where there is none.
     """
     other = {run: unit for run, unit in printed.items() if unit not in (None, "1", declared) and unit is not None}
     units = dict.fromkeys(printed, declared)
@@ -271,9 +266,8 @@ def _declared(runs: Sequence[TimedRun], machine: Machine, overrides: Overrides) 
             findings.append(
                 FINDINGS.finding(
                     "channel-missing-in-run",
-                    f"Channel {name!r} (column {wanted!r}) is missing in run(s) {', '.join(absent[:8])}; its "
-                    f"samples there "
-                    "are missing values.",
+                    f"Channel {name!r} (column {wanted!r}) is missing in run(s) {', '.join(absent[:8])}; its samples "
+                    "there are missing values.",
                     Where(channel=name),
                     {"runs": absent, "column": wanted},
                     action="leave-out-stretch",
@@ -321,8 +315,9 @@ def _inferred(runs: Sequence[TimedRun], overrides: Overrides) -> Plan:
     channels: list[Planned] = []
     undeclared: dict[str, str] = {}
     for name, headers in names.items():
-        planned = _planned_or_none(name, headers, runs, overrides, findings)
-        if planned is None:
+        try:
+            planned = _planned(name, ChannelSection(), headers, runs, overrides, findings, strict=False)
+        except _NoRoleError:
             undeclared[name] = "its role could not be inferred"
             continue
         channels.append(planned)
@@ -332,7 +327,7 @@ def _inferred(runs: Sequence[TimedRun], overrides: Overrides) -> Plan:
                 FINDINGS.finding(
                     "channel-missing-in-run",
                     f"Channel {name!r} is missing in run(s) {', '.join(absent[:8])}; its samples there are missing "
-                    f"values.",
+                    "values.",
                     Where(channel=name),
                     {"runs": absent},
                     action="leave-out-stretch",
@@ -356,7 +351,7 @@ def _inferred(runs: Sequence[TimedRun], overrides: Overrides) -> Plan:
             FINDINGS.finding(
                 "auxiliary-columns",
                 f"Column(s) {', '.join(list(auxiliary)[:8])} number the samples or are further clocks; they are no "
-                f"channels.",
+                "channels.",
                 evidence={"columns": list(auxiliary)},
             )
         )
@@ -390,7 +385,7 @@ def _by_numbers(
 ) -> list[Finding]:
     """Where no column at all can be told by its name: a role by the numbers, so that there is something to correct."""
     first = next(run for run in runs if run.name in headers)
-    role = role_of_numbers(_column(first, headers[first.name]).values)
+    role = role_of_numbers(first.by_header[headers[first.name]].values)
     told: list[Finding] = []
     section = ChannelSection(role=role)
     planned = _planned(name, section, headers, runs, overrides, told, strict=False)
@@ -403,15 +398,6 @@ def _by_numbers(
         "say what it is in a machine file: column, role and unit of this channel",
     )
     return [*told, finding]
-
-
-def _planned_or_none(
-    name: str, headers: dict[str, str], runs: Sequence[TimedRun], overrides: Overrides, findings: list[Finding]
-) -> Planned | None:
-    try:
-        return _planned(name, ChannelSection(), headers, runs, overrides, findings, strict=False)
-    except _NoRoleError:
-        return None
 
 
 class _NoRoleError(InputError):
@@ -429,10 +415,10 @@ def _planned(
     strict: bool,
 ) -> Planned:
     with_channel = [run for run in runs if run.name in headers]
-    columns = {run.name: _column(run, headers[run.name]) for run in with_channel}
+    columns = {run.name: run.by_header[headers[run.name]] for run in with_channel}
     first = columns[with_channel[0].name]
-    asked_role = _asked(overrides.roles, name, first.header) or section.role
-    option = _asked(overrides.units, name, first.header)
+    asked_role = overrides.roles.get(name, overrides.roles.get(first.header)) or section.role
+    option = overrides.units.get(name, overrides.units.get(first.header))
     asked_unit = option or section.unit
     in_file = {run: _unit_in_file(column, findings, run) for run, column in columns.items()}
     sample = np.concatenate([column.values[:5000] for column in columns.values()][:5])
@@ -498,14 +484,6 @@ def _unit_in_file(column: Column, findings: list[Finding], run: str) -> str | No
             )
         )
     return known
-
-
-def _column(run: TimedRun, header: str) -> Column:
-    return run.by_header[header]
-
-
-def _asked(values: Mapping[str, str], name: str, header: str) -> str | None:
-    return values.get(name, values.get(header))
 
 
 def _is_auxiliary(column: Column) -> bool:
