@@ -119,24 +119,8 @@ class Options:
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
-        return {
-            "responses": list(self.responses),
-            "lambda": "auto" if self.level is None else list(self.levels or ()),
-            "rounds": self.rounds,
-            "max_sensors": self.max_sensors,
-            "degree": self.degree,
-            "interactions": self.interactions,
-            "memory": self.memory,
-            "reference": self.reference,
-            "absolute_similarity": self.absolute_similarity,
-            "must": list(self.must),
-            "never": list(self.never),
-            "cost": dict(self.cost),
-            "tolerance": self.tolerance,
-            "ridge": self.ridge,
-            "conditions": dict(self.conditions),
-            "seed": self.seed,
-        }
+        level = "auto" if self.level is None else list(self.levels or ())
+        return {"lambda" if name == "level" else name: value for name, value in {**vars(self), "level": level}.items()}
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, WrapValidator
 
 from selector.findings import Finding, Where
 from selector.models.design import Datum, Design, Lag
@@ -25,7 +25,9 @@ from selector.sensors.screening import ScreeningRound
 from selector.sensors.similarity import Similarity
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Perhaps = Number | None
+NumberOrNaN = Annotated[Number, WrapValidator(lambda value, number: float("nan") if value is None else number(value))]
+"""A number; NaN where JSON, which has none, says null."""
+
 Count = Annotated[int, Field(strict=True, ge=0)]
 Names = tuple[str, ...]
 ByName = dict[str, Number]
@@ -68,8 +70,8 @@ class ScreeningPart(_Part):
     level: Annotated[Number, Field(alias="lambda")]
     lambda_of_rounds: Annotated[tuple[Number, ...], Field(min_length=1)]
     representatives: Names
-    f_statistic: Perhaps
-    heldout_relative: Perhaps
+    f_statistic: Number | None
+    heldout_relative: NumberOrNaN
     chosen: bool
 
 
@@ -78,9 +80,9 @@ class CombinationPart(_Part):
 
     sensors: Names
     response: str
-    r2: Perhaps
-    adjusted_r2: Perhaps
-    heldout_rmse_um: Perhaps
+    r2: NumberOrNaN
+    adjusted_r2: NumberOrNaN
+    heldout_rmse_um: NumberOrNaN
     origin: str
 
 
@@ -104,8 +106,8 @@ class ScaledPart(_Part):
     scale: tuple[Number, ...]
     terms: tuple[dict[str, Annotated[int, Field(ge=1, le=9)]], ...]
     coefficients: tuple[Number, ...]
-    covariance: tuple[tuple[Perhaps, ...], ...]
-    vif: tuple[Perhaps, ...]
+    covariance: tuple[tuple[NumberOrNaN, ...], ...]
+    vif: tuple[NumberOrNaN, ...]
 
 
 class LagPart(_Part):
@@ -118,14 +120,14 @@ class LagPart(_Part):
 class RunPart(_Part):
     """Errors on one run, or on one part that was left out."""
 
-    rmse_um: Perhaps = None
-    max_um: Perhaps = None
-    heldout_rmse_um: Perhaps = None
-    heldout_max_um: Perhaps = None
-    heldout_mean_um: Perhaps = None
+    rmse_um: Number | None = None
+    max_um: NumberOrNaN = float("nan")
+    heldout_rmse_um: NumberOrNaN = float("nan")
+    heldout_max_um: NumberOrNaN = float("nan")
+    heldout_mean_um: NumberOrNaN = float("nan")
     heldout_samples: Count | None = None
-    before_rmse_um: Perhaps = None
-    before_max_um: Perhaps = None
+    before_rmse_um: NumberOrNaN = float("nan")
+    before_max_um: NumberOrNaN = float("nan")
     heldout_sensors: Names = ()
 
 
@@ -133,26 +135,26 @@ class ModelPart(_Part):
     """The model of one response."""
 
     lags: tuple[LagPart, ...]
-    r2: Perhaps
-    adjusted_r2: Perhaps
-    rmse_um: Perhaps
+    r2: NumberOrNaN
+    adjusted_r2: NumberOrNaN
+    rmse_um: NumberOrNaN
     per_run: dict[str, RunPart]
     scaled: ScaledPart
     n_samples: Count
     ridge: Number
-    condition_number: Perhaps
-    durbin_watson: Perhaps
-    ljung_box_p: Perhaps
-    max_cooks_distance: Perhaps
+    condition_number: NumberOrNaN
+    durbin_watson: NumberOrNaN
+    ljung_box_p: NumberOrNaN
+    max_cooks_distance: NumberOrNaN
 
 
 class PointPart(_Part):
     """Held-out error at one number of sensors."""
 
     n_sensors: Count
-    heldout_rmse_um: dict[str, Perhaps]
-    standard_error_um: dict[str, Perhaps]
-    per_part_um: tuple[dict[str, Perhaps], ...]
+    heldout_rmse_um: dict[str, NumberOrNaN]
+    standard_error_um: dict[str, NumberOrNaN]
+    per_part_um: tuple[dict[str, NumberOrNaN], ...]
 
 
 class TracePart(_Part):
@@ -160,8 +162,8 @@ class TracePart(_Part):
 
     run: str
     time_s: Annotated[tuple[Number, ...], Field(min_length=1)]
-    measured_um: dict[str, tuple[Perhaps, ...]]
-    predicted_um: dict[str, tuple[Perhaps, ...]]
+    measured_um: dict[str, tuple[NumberOrNaN, ...]]
+    predicted_um: dict[str, tuple[NumberOrNaN, ...]]
 
 
 class HullPart(_Part):
@@ -179,7 +181,7 @@ class ReadingsPart(_Part):
     time_s: Annotated[tuple[Number, ...], Field(min_length=1)]
     variables: dict[str, tuple[Number, ...]]
     displacement_um: dict[str, tuple[Number, ...]]
-    beyond_others: tuple[Perhaps, ...]
+    beyond_others: tuple[NumberOrNaN, ...]
 
 
 class ProofPart(_Part):
@@ -187,7 +189,7 @@ class ProofPart(_Part):
 
     left_out: Literal["run", "condition", "block"]
     curve: tuple[PointPart, ...]
-    baselines_um: dict[str, dict[str, Perhaps]]
+    baselines_um: dict[str, dict[str, NumberOrNaN]]
     traces: tuple[TracePart, ...]
 
 
@@ -196,9 +198,9 @@ class FaultPart(_Part):
 
     sensor: str
     response: str
-    per_kelvin_um: Perhaps
-    stuck_um: Perhaps
-    open_um: Perhaps
+    per_kelvin_um: NumberOrNaN
+    stuck_um: NumberOrNaN
+    open_um: NumberOrNaN
 
 
 class OptionsPart(_Part):
@@ -216,7 +218,7 @@ class OptionsPart(_Part):
     must: Names
     never: Names
     cost: ByName
-    tolerance: Perhaps
+    tolerance: Number | None
     ridge: bool
     conditions: dict[str, str]
     seed: int
@@ -239,7 +241,7 @@ class SelectionDocument(_Part):
     models: Annotated[dict[str, ModelPart], Field(min_length=1)]
     proof: ProofPart
     faults: tuple[FaultPart, ...]
-    stability: dict[str, Perhaps]
+    stability: dict[str, NumberOrNaN]
     options: OptionsPart
     provenance: dict[str, Any]
     findings: tuple[FindingPart, ...]
@@ -267,21 +269,14 @@ def selection_of(document: Mapping[str, Any]) -> Selection:
         options=_options(told.options),
         sensors=told.sensors,
         grouping=_grouping(told),
-        combinations=tuple(
-            Combination(c.sensors, c.response, _nan(c.r2), _nan(c.adjusted_r2), _nan(c.heldout_rmse_um), c.origin)
-            for c in told.combinations
-        ),
+        combinations=tuple(Combination(**dict(one)) for one in told.combinations),
         chosen=told.chosen.sensors,
         because=told.chosen.because,
         reasons=told.chosen.reasons,
         recipe=recipe,
         models=models,
         fit_per_run={
-            name: {
-                run: (_nan(part.rmse_um), _nan(part.max_um))
-                for run, part in one.per_run.items()
-                if part.rmse_um is not None
-            }
+            name: {run: (part.rmse_um, part.max_um) for run, part in one.per_run.items() if part.rmse_um is not None}
             for name, one in told.models.items()
         },
         proof=Proof(
@@ -289,14 +284,11 @@ def selection_of(document: Mapping[str, Any]) -> Selection:
             {name: _run_proofs(one.per_run) for name, one in told.models.items()},
             tuple(_trace(trace, names) for trace in told.proof.traces),
             tuple(_point(point, names) for point in told.proof.curve),
-            {name: {way: _nan(v) for way, v in told.proof.baselines_um[name].items()} for name in names},
+            {name: told.proof.baselines_um[name] for name in names},
         ),
-        faults=tuple(
-            FaultGain(f.sensor, f.response, _nan(f.per_kelvin_um), _nan(f.stuck_um), _nan(f.open_um))
-            for f in told.faults
-        ),
+        faults=tuple(FaultGain(**dict(one)) for one in told.faults),
         hull=_hull(told, low, high),
-        stability={name: _nan(share) for name, share in told.stability.items()},
+        stability=told.stability,
         findings=tuple(part.finding() for part in told.findings),
         provenance=told.provenance,
         readings=tuple(_readings(part, recipe.design.variables, names) for part in told.readings),
@@ -304,8 +296,7 @@ def selection_of(document: Mapping[str, Any]) -> Selection:
 
 
 def _options(told: OptionsPart) -> Options:
-    values = {name: getattr(told, name) for name in OptionsPart.model_fields if name != "level"}
-    return Options(level=None if told.level == "auto" else tuple(told.level), **values)
+    return Options(**{**dict(told), "level": None if told.level == "auto" else told.level})
 
 
 def _recipe(told: SelectionDocument) -> Recipe:
@@ -331,7 +322,7 @@ def _grouping(told: SelectionDocument) -> Grouping:
             else tuple(_known_of_round(axis, level) for level in one.lambda_of_rounds)
         )
         f = None if one.f_statistic is None else FStatistic(one.f_statistic, 0, 0, 0)
-        made = Screening(one.level, rounds, one.representatives, f, _nan(one.heldout_relative))
+        made = Screening(one.level, rounds, one.representatives, f, one.heldout_relative)
         screenings.append(made)
         chosen = made if one.chosen else chosen
     if chosen is None:
@@ -368,16 +359,12 @@ def _model(name: str, told: ModelPart) -> FittedModel:
         vif=_array(scaled.vif),
         valid_range=(),
         n_samples=told.n_samples,
-        r2=_nan(told.r2),
-        adjusted_r2=_nan(told.adjusted_r2),
-        rmse_um=_nan(told.rmse_um),
+        r2=told.r2,
+        adjusted_r2=told.adjusted_r2,
+        rmse_um=told.rmse_um,
         residual_sd_um=float("nan"),
         diagnostics=Diagnostics(
-            _nan(told.durbin_watson),
-            _nan(told.ljung_box_p),
-            _nan(told.condition_number),
-            _nan(told.max_cooks_distance),
-            0,
+            told.durbin_watson, told.ljung_box_p, told.condition_number, told.max_cooks_distance, 0
         ),
         ridge=told.ridge,
     )
@@ -388,11 +375,11 @@ def _run_proofs(per_run: Mapping[str, RunPart]) -> tuple[RunProof, ...]:
         RunProof(
             run,
             part.heldout_sensors,
-            _nan(part.heldout_rmse_um),
-            _nan(part.heldout_max_um),
-            _nan(part.heldout_mean_um),
-            _nan(part.before_rmse_um),
-            _nan(part.before_max_um),
+            part.heldout_rmse_um,
+            part.heldout_max_um,
+            part.heldout_mean_um,
+            part.before_rmse_um,
+            part.before_max_um,
             part.heldout_samples,
         )
         for run, part in per_run.items()
@@ -401,8 +388,8 @@ def _run_proofs(per_run: Mapping[str, RunPart]) -> tuple[RunProof, ...]:
 
 
 def _point(told: PointPart, names: Sequence[str]) -> ErrorCurvePoint:
-    def row(values: Mapping[str, float | None]) -> tuple[float, ...]:
-        return tuple(_nan(values[name]) for name in names)
+    def row(values: Mapping[str, float]) -> tuple[float, ...]:
+        return tuple(values[name] for name in names)
 
     return ErrorCurvePoint(
         told.n_sensors,
@@ -440,9 +427,4 @@ def _readings(told: ReadingsPart, variables: Sequence[str], names: Sequence[str]
 
 
 def _array(values: Any) -> NDArray[np.float64]:
-    # None becomes NaN
     return np.array(values, dtype=np.float64)
-
-
-def _nan(value: float | None) -> float:
-    return float("nan") if value is None else value
