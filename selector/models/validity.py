@@ -98,16 +98,10 @@ def fault_gains(
     *,
     rise: bool,
 ) -> tuple[FaultGain, ...]:
-    """The gain of a fault of each sensor, over recorded samples.
+    """The gain of a fault of each sensor, over recorded samples of shape (n_samples, n_variables).
 
-    Parameters
-    ----------
-    variables : ndarray of shape (n_samples, n_variables)
-        In the order of the model's scaling.
-    lag_source : dict
-        Channel behind each lag variable: a fault that lasts reaches the lag too.
-    rise : bool
-        Whether the start-of-run reading is zero (rises) or the mean (absolute readings have no natural start).
+    `lag_source` is the channel behind each lag variable: a fault that lasts reaches the lag too. The start-of-run
+    reading is zero of a `rise`, else the mean: absolute readings have no natural start.
     """
     healthy = model.predicted(variables)
     names = model.scaling.variables

@@ -32,12 +32,8 @@ def other_cause(
 ) -> str | None:
     """What could explain that channel `i` leaves its siblings in run `r` although its sensor is sound; None if nothing.
 
-    Parameters
-    ----------
-    departure : ndarray of shape (n_blocks,)
-        What the channel is off by [K].
-    off_elsewhere : float
-        Largest departure of any other channel in this run over what is usual for that channel.
+    `departure` is what the channel is off by [K], shape (n_blocks,); `off_elsewhere` the largest departure of any other
+    channel in this run over what is usual for that channel.
     """
     others = [o for o in range(len(relations.runs)) if o != r and relations.present[i, o]]
     size = float(np.quantile(np.abs(departure), 0.95))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from selector.findings import Finding, Where
 from selector.readers.cells import ColumnNotes
 from selector.readers.finding_table import FINDINGS
+from selector.readers.tables import listed
 from selector.readers.text.lines import shown_lines
 
 
@@ -66,8 +67,6 @@ def no_header_finding(where: str, headers: list[str]) -> Finding:
     """The file names no channels."""
     return FINDINGS.finding(
         "no-header",
-        f"{where} has no row of channel names; the columns are called {', '.join(headers[:3])}"
-        + (" …" if len(headers) > 3 else "")
-        + ".",
+        f"{where} has no row of channel names; the columns are called {listed(headers, 3)}.",
         evidence={"columns": len(headers)},
     )

@@ -15,7 +15,7 @@ from selector.readers.binary.parquet import read_parquet
 from selector.readers.binary.tdms import read_mdf, read_tdms
 from selector.readers.finding_table import FINDINGS
 from selector.readers.roles.names import closest
-from selector.readers.tables import Overrides, Table
+from selector.readers.tables import Overrides, Table, listed
 from selector.readers.text.delimited import read_delimited
 from selector.readers.workbook import read_excel
 
@@ -136,18 +136,16 @@ def _inside(folder: Path) -> tuple[list[Path], list[Finding]]:
             where=str(folder),
             advice="name the folder that holds the recordings, or the files themselves",
         )
-    findings = []
-    if skipped:
-        findings.append(
-            FINDINGS.finding(
-                "files-skipped",
-                f"In {folder.name}/ {len(skipped)} file(s) are no recordings by their ending and were skipped: "
-                f"{', '.join(skipped[:6])}" + (" …" if len(skipped) > 6 else "") + ".",
-                Where(file=str(folder)),
-                {"files": skipped[:50]},
-            )
-        )
-    return files, findings
+    if not skipped:
+        return files, []
+    finding = FINDINGS.finding(
+        "files-skipped",
+        f"In {folder.name}/ {len(skipped)} file(s) are no recordings by their ending and were skipped: "
+        f"{listed(skipped, 6)}.",
+        Where(file=str(folder)),
+        {"files": skipped[:50]},
+    )
+    return files, [finding]
 
 
 def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:

@@ -21,12 +21,7 @@ def heating_tests(
 ) -> tuple[Recording, tuple[str, ...], tuple[Finding, ...]]:
     """The recording without the faults of speed and displacements, which these are, and what was found.
 
-    Parameters
-    ----------
-    reading : Reading
-        Heating and cooling tests.
-    response : sequence of str
-        Displacements to be predicted; default: all there are.
+    `response` are the displacements to be predicted; default: all there are.
 
     Raises
     ------

@@ -18,7 +18,7 @@ from selector.readers.clock.clock import Clock, TimeOptions, clock
 from selector.readers.clock.ticking import ticks
 from selector.readers.finding_table import FINDINGS, UNREADABLE_CELLS
 from selector.readers.roles.names import folded_name, printable_name
-from selector.readers.tables import BreakWord, Column, Table
+from selector.readers.tables import BreakWord, Column, Table, listed
 
 _RUN_COLUMNS = frozenset({"run", "runid", "runno", "runname", "lauf"})
 
@@ -186,9 +186,7 @@ def split_runs(table: Table, declared: Sequence[str]) -> list[Table]:
         *table.findings,
         FINDINGS.finding(
             "run-column",
-            f"Column {column.header!r} of {table.file.name} tells {len(names)} runs apart: {', '.join(names[:8])}"
-            + (" …" if len(names) > 8 else "")
-            + ".",
+            f"Column {column.header!r} of {table.file.name} tells {len(names)} runs apart: {listed(names, 8)}.",
             evidence={"runs": names[:100]},
         ),
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -146,6 +146,12 @@ def unique_headers(headers: list[str], where: str) -> tuple[list[str], list[Find
         for text, names in repeated.items()
     ]
     return unique, findings
+
+
+def listed(names: Iterable[str], most: int) -> str:
+    """The names in one line; of more than so many the first, and dots."""
+    told = list(names)
+    return ", ".join(told[:most]) + (" …" if len(told) > most else "")
 
 
 def clean_name(text: str) -> str:

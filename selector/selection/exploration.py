@@ -107,14 +107,9 @@ class LeftOut:
 def fixed_set(
     sensors: Sequence[str], responses: Sequence[str], sums: Batches, left_out: LeftOut, *, rise: bool
 ) -> FixedSet:
-    """The linear models of a set of sensors.
+    """The linear models of a set of sensors; the variables of `sums` are all sensors that there are.
 
-    Parameters
-    ----------
-    sums : Batches
-        Its variables are all sensors that there are.
-    rise : bool
-        Whether a stuck sensor reads zero (rises) or its mean (absolute readings have no natural start).
+    A stuck sensor reads zero of a `rise`, else its mean: absolute readings have no natural start.
 
     Raises
     ------

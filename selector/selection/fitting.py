@@ -138,12 +138,7 @@ def predictions(recipe: Recipe, training: Rows, unseen: Rows, *, ridge: float = 
 
 
 def ridge_penalty(recipe: Recipe, rows: Rows, parts: Sequence[Part]) -> tuple[float, float, float]:
-    """The ridge penalty that predicts left-out groups best, and what it costs.
-
-    Returns
-    -------
-    penalty, held-out rmse with it, held-out rmse of ordinary least squares [µm, over all responses]
-    """
+    """The ridge penalty that predicts left-out groups best, held-out rmse with it and without [µm, all responses]."""
     best = (0.0, np.inf)
     plain = np.inf
     for penalty in (0.0, *np.geomspace(1e-6, 1.0, 13)):
@@ -256,15 +251,7 @@ class Readings:
 
 
 def kept_readings(rows: Rows, parts: Sequence[Part]) -> tuple[Readings, ...]:
-    """At most `MOST_RUNS` runs: those with an extreme of any column, and others evenly between them.
-
-    Parameters
-    ----------
-    rows : Rows
-        The samples of the fit.
-    parts : sequence of Part
-        What is left out in turn.
-    """
+    """At most `MOST_RUNS` runs of the fit: those with an extreme of any column, and others evenly between them."""
     columns = np.column_stack([rows.variables, rows.responses])
     present = np.unique(rows.run)
     extreme = np.unique(rows.run[_extremes(columns)])

@@ -43,12 +43,8 @@ def usable_sensors(
     Sensors are compared on samples at which all of them are there. One that is missing often costs the others their
     samples: it is left out if the others can stand in for it, or if fewer than half of the samples would remain.
 
-    Parameters
-    ----------
-    missing, low, high : ndarray of shape (≥ n_sensors,)
-        Share of samples without a reading, smallest and largest reading of each sensor, sensors first.
-    found : iterable of Finding, optional
-        What was left out of the recording before: the cause of readings that are not there.
+    `missing`, `low` and `high` have shape (≥ n_sensors,): share of samples without a reading, smallest and largest
+    reading of each sensor, sensors first. What was `found` before may be the cause of readings that are not there.
 
     Raises
     ------

@@ -58,15 +58,12 @@ def max_min_composition(r: ArrayLike, s: ArrayLike) -> Matrix:
 def closure_chain(r: ArrayLike) -> ClosureChain:
     """Maximum spanning tree of a similarity relation as a chain, in O(n²); see `ClosureChain` for its meaning.
 
-    Parameters
-    ----------
-    r : array of shape (n_sensors, n_sensors)
-        Exactly symmetric, unit diagonal, entries within [-1, 1].
+    It has shape (n_sensors, n_sensors), is exactly symmetric with unit diagonal, its entries within [-1, 1].
 
     Raises
     ------
     InputError
-        Anything else. NaN is refused: an unknown similarity is neither 0 nor 1.
+        It is not. NaN is refused: an unknown similarity is neither 0 nor 1.
     """
     parts = _chain(_relation(r))
     for part in parts:

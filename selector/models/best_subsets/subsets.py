@@ -17,35 +17,9 @@ from selector.models.best_subsets import _nodes as nodes
 from selector.models.best_subsets._algebra import DROPPED, KEPT
 from selector.models.best_subsets._start import starting_sets
 from selector.models.best_subsets._tree import FULL, PAUSED, search
-from selector.models.best_subsets.cross_products import cross_products, factor_from_rows, rss_from_factor
+from selector.models.best_subsets.cross_products import rss_from_factor
 from selector.models.best_subsets.problem import CHUNK_WORK, Problem, valid_diagonal
-from selector.models.best_subsets.results import (
-    SensorSet,
-    SensorSetSearch,
-    Subset,
-    SubsetSearch,
-    adjusted_r2,
-    aicc,
-    bic,
-    mallows_cp,
-)
-from selector.models.best_subsets.sensor_sets import best_sensor_sets
-
-__all__ = [
-    "SensorSet",
-    "SensorSetSearch",
-    "Subset",
-    "SubsetSearch",
-    "adjusted_r2",
-    "aicc",
-    "best_sensor_sets",
-    "best_subsets",
-    "bic",
-    "cross_products",
-    "factor_from_rows",
-    "is_compiled",
-    "mallows_cp",
-]
+from selector.models.best_subsets.results import Subset, SubsetSearch
 
 MAX_OPEN_NODES = 200_000
 """Open nodes of one size held in memory; beyond it the search goes depth first."""

@@ -17,7 +17,7 @@ from selector.readers.finding_table import AMBIGUOUS_TIME, FINDINGS, TIME_UNIT_G
 from selector.readers.layout import is_counter_name, is_time_name
 from selector.readers.roles.inferred import known_unit, role_guess
 from selector.readers.roles.names import closest, found_column, name_and_unit
-from selector.readers.tables import Column, Table
+from selector.readers.tables import Column, Table, listed
 
 _MILLISECOND_NAME = re.compile(r"^(ms|msec|millis(ec(ond)?s?)?|millisekunden?|毫秒|ミリ秒|мс)$", re.IGNORECASE)
 
@@ -116,7 +116,7 @@ def _named(table: Table, name: str) -> Column:
         headers = [c.header for c in table.columns]
         near = closest(name, headers)
         raise ReadError(
-            f"no time column {name!r}; the columns are {', '.join(headers[:20])}{' …' if len(headers) > 20 else ''}",
+            f"no time column {name!r}; the columns are {listed(headers, 20)}",
             expected=f"a column called {name!r}" + (f" (nearest: {near!r})" if near else ""),
             where=table.file.name,
             advice="correct [time] column in the machine file, or leave it out to have it found",

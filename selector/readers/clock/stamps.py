@@ -54,12 +54,7 @@ class Stamps:
 def stamps(cells: NDArray[np.object_], column: str, where: str, order: str | None, comma_file: bool) -> Stamps | None:
     """The times in a column of text, or None when fewer than half of its cells are times.
 
-    Parameters
-    ----------
-    order : {"dmy", "mdy", "ymd"} or None
-        Order of day, month and year that the user named.
-    comma_file : bool
-        Whether the file has a decimal comma, which speaks for day before month.
+    `order` of day, month and year is what the user named; a decimal comma in the file speaks for day before month.
     """
     text = pa.array([None if c is None else str(c) for c in cells], pa.string())
     text = pc.utf8_trim(text, "\"'\u00a0\u202f \t")

@@ -35,22 +35,12 @@ def ticks(
     time_of_day: bool,
     local_base_s: float | None,
 ) -> Ticks:
-    """Rows in order of time.
+    """Rows in order of time, from their stamps, shape (n_rows,), NaN = none.
 
-    Parameters
-    ----------
-    seconds : ndarray of shape (n_rows,)
-        Stamps; NaN = none.
-    values : ndarray of shape (n_rows, n_columns)
-        The numbers of each row, to see whether rows with the same stamp say the same.
-    time_of_day : bool
-        Whether the clock starts anew at midnight.
-    local_base_s : float or None
-        Absolute time of `seconds` = 0 in local time, if known: summer time is recognised by it.
+    Rows with the same stamp are compared by `values`, shape (n_rows, n_columns). A clock of `time_of_day` starts anew
+    at midnight; summer time is recognised by `local_base_s`, the absolute time of `seconds` = 0 in local time.
 
-    Notes
-    -----
-    Rules: rows without a stamp are left out. Stamps out of order are sorted, unless sorting would put samples of two
+    Rows without a stamp are left out. Stamps out of order are sorted, unless sorting would put samples of two
     different times on top of each other; then the clock jumped back and the time after it is moved on so that one
     usual period passes. Rows with the same stamp that say the same are one row; when most stamps repeat, the stamps are
     too coarse and the rows are spread evenly between them; otherwise the rows of a stamp are averaged.

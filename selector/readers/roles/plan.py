@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -17,7 +17,7 @@ from selector.readers.machine_file import ChannelSection, Machine
 from selector.readers.roles.inferred import RoleGuess, known_unit, role_guess, role_of_numbers
 from selector.readers.roles.names import closest, found_header, name_and_unit
 from selector.readers.runs import TimedRun
-from selector.readers.tables import Column, Overrides
+from selector.readers.tables import Column, Overrides, listed
 from selector.units import ROLES, same_dimension, unit_for_role
 
 Ruling = Literal["header", "declared", "option", "each"]
@@ -75,7 +75,7 @@ def _finding(members: Sequence[Dispute]) -> Finding:
     by_unit: dict[str, list[str]] = {}
     for run, unit in first.printed:
         by_unit.setdefault(unit, []).append(run)
-    said = "; ".join(f"{unit} in {_listed(runs)}" for unit, runs in by_unit.items())
+    said = "; ".join(f"{unit} in {listed(runs, 6)}" for unit, runs in by_unit.items())
     where = Where(
         channel=names[0] if len(names) == 1 else None, run=first.printed[0][0] if len(first.printed) == 1 else None
     )
@@ -122,11 +122,7 @@ def _named(names: Sequence[str], roles: set[str]) -> str:
     if len(names) == 1:
         return f"channel {names[0]!r}"
     kind = f"{next(iter(roles)).replace('_', ' ')} " if len(roles) == 1 else ""
-    return f"{len(names)} {kind}channels ({_listed(names)})"
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names[:6]) + (" …" if len(names) > 6 else "")
+    return f"{len(names)} {kind}channels ({listed(names, 6)})"
 
 
 def doubtful_role(name: str, guess: RoleGuess) -> Finding:
@@ -261,18 +257,7 @@ def _declared(runs: Sequence[TimedRun], machine: Machine, overrides: Overrides) 
             continue
         if not headers:
             raise missing_everywhere(runs, name, wanted)
-        absent = [run.name for run in runs if run.name not in headers]
-        if absent:
-            findings.append(
-                FINDINGS.finding(
-                    "channel-missing-in-run",
-                    f"Channel {name!r} (column {wanted!r}) is missing in run(s) {', '.join(absent[:8])}; its samples "
-                    "there are missing values.",
-                    Where(channel=name),
-                    {"runs": absent, "column": wanted},
-                    action="leave-out-stretch",
-                )
-            )
+        findings += _missing_in_runs(name, headers, runs, column=wanted)
         channels.append(_planned(name, section, headers, runs, overrides, findings, strict=True))
     if lacking:
         findings.append(
@@ -292,11 +277,26 @@ def _declared(runs: Sequence[TimedRun], machine: Machine, overrides: Overrides) 
             FINDINGS.finding(
                 "columns-ignored",
                 f"{len(ignored)} column(s) of the files are not in the machine file and were not read: "
-                f"{', '.join(list(ignored)[:10])}" + (" …" if len(ignored) > 10 else "") + ".",
+                f"{listed(ignored, 10)}.",
                 evidence={"columns": list(ignored)[:200]},
             )
         )
     return Plan(tuple(channels), ignored, tuple(findings))
+
+
+def _missing_in_runs(
+    name: str, headers: Mapping[str, str], runs: Sequence[TimedRun], column: str | None = None
+) -> Iterator[Finding]:
+    absent = [run.name for run in runs if run.name not in headers]
+    if absent:
+        yield FINDINGS.finding(
+            "channel-missing-in-run",
+            f"Channel {name!r}{'' if column is None else f' (column {column!r})'} is missing in run(s) "
+            f"{', '.join(absent[:8])}; its samples there are missing values.",
+            Where(channel=name),
+            {"runs": absent} | ({} if column is None else {"column": column}),
+            action="leave-out-stretch",
+        )
 
 
 def _inferred(runs: Sequence[TimedRun], overrides: Overrides) -> Plan:
@@ -321,18 +321,7 @@ def _inferred(runs: Sequence[TimedRun], overrides: Overrides) -> Plan:
             undeclared[name] = "its role could not be inferred"
             continue
         channels.append(planned)
-        absent = [run.name for run in runs if run.name not in headers]
-        if absent:
-            findings.append(
-                FINDINGS.finding(
-                    "channel-missing-in-run",
-                    f"Channel {name!r} is missing in run(s) {', '.join(absent[:8])}; its samples there are missing "
-                    "values.",
-                    Where(channel=name),
-                    {"runs": absent},
-                    action="leave-out-stretch",
-                )
-            )
+        findings += _missing_in_runs(name, headers, runs)
     if not channels:
         for name, headers in names.items():
             findings += _by_numbers(name, headers, runs, overrides, channels)
@@ -357,13 +346,12 @@ def _inferred(runs: Sequence[TimedRun], overrides: Overrides) -> Plan:
         )
     guessed = [c for c in channels if c.guessed]
     if guessed:
-        shown = ", ".join(f"{c.name}: {c.role} [{next(iter(c.units.values()))}]" for c in guessed[:12])
+        shown = listed((f"{c.name}: {c.role} [{next(iter(c.units.values()))}]" for c in guessed), 12)
         findings.append(
             FINDINGS.finding(
                 "roles-guessed",
-                f"No machine file says what the channels are; they were guessed from names, units and numbers: {shown}"
-                + (" …" if len(guessed) > 12 else "")
-                + ".",
+                "No machine file says what the channels are; they were guessed from names, units and numbers: "
+                f"{shown}.",
                 evidence={c.name: {"role": c.role, "guessed": list(c.guessed)} for c in guessed},
             )
         )
@@ -372,7 +360,7 @@ def _inferred(runs: Sequence[TimedRun], overrides: Overrides) -> Plan:
             FINDINGS.finding(
                 "columns-without-role",
                 f"Nothing tells what {len(undeclared)} column(s) measure; they were not read: "
-                f"{', '.join(list(undeclared)[:10])}" + (" …" if len(undeclared) > 10 else "") + ".",
+                f"{listed(undeclared, 10)}.",
                 evidence={"columns": list(undeclared)[:200]},
                 action="leave-out-channel",
             )
