@@ -22,7 +22,7 @@ from selector.selection.candidates import LINEAR, Candidates, Grouping, Screenin
 from selector.selection.choice import Choice, tested
 from selector.selection.fitting import MAX_ROWS
 from selector.selection.library import Bench
-from selector.selection.options import Options, Progress, Question, question_of
+from selector.selection.options import Options, Progress, Question, allowed_sensors, question_of
 from selector.selection.proving import Folds, blocks_per_run
 from selector.selection.survey import RunsOf, survey
 from selector.sensors.groups import LambdaAxis, LambdaStep
@@ -345,14 +345,7 @@ class Exploration:
                 where="--must",
                 advice="take it out of --must",
             )
-        sensors = tuple(name for name in self.available if name not in options.never)
-        if not sensors:
-            raise OptionError(
-                "every sensor is excluded",
-                expected="at least one sensor left",
-                where="--never",
-                advice="take a sensor out of --never",
-            )
+        sensors = allowed_sensors(self.available, options)
         return replace(self, question=replace(self.question, options=options, sensors=sensors))
 
     @cached_property

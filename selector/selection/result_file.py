@@ -56,17 +56,13 @@ class FindingPart(_Part):
         return Finding(self.id, self.level, self.statement, Where(**where), self.evidence, self.suggestion, self.action)
 
 
-class RoundPart(_Part):
-    """One round of grouping and its representatives."""
-
+class _RoundPart(_Part):
     level: Annotated[Number, Field(alias="lambda")]
     groups: tuple[Names, ...]
     representatives: Names
 
 
-class ScreeningPart(_Part):
-    """One way of grouping that was tried."""
-
+class _ScreeningPart(_Part):
     level: Annotated[Number, Field(alias="lambda")]
     lambda_of_rounds: Annotated[tuple[Number, ...], Field(min_length=1)]
     representatives: Names
@@ -75,9 +71,7 @@ class ScreeningPart(_Part):
     chosen: bool
 
 
-class CombinationPart(_Part):
-    """One set of sensors for one response."""
-
+class _CombinationPart(_Part):
     sensors: Names
     response: str
     r2: NumberOrNaN
@@ -86,9 +80,7 @@ class CombinationPart(_Part):
     origin: str
 
 
-class ChosenPart(_Part):
-    """The chosen sensors and the shape of the model."""
-
+class _ChosenPart(_Part):
     sensors: Annotated[Names, Field(min_length=1)]
     because: str
     reasons: dict[str, str]
@@ -98,9 +90,7 @@ class ChosenPart(_Part):
     speed_taus_s: tuple[Number, ...]
 
 
-class ScaledPart(_Part):
-    """A model in the form in which it was fitted."""
-
+class _ScaledPart(_Part):
     variables: Names
     centre: tuple[Number, ...]
     scale: tuple[Number, ...]
@@ -110,16 +100,12 @@ class ScaledPart(_Part):
     vif: tuple[NumberOrNaN, ...]
 
 
-class LagPart(_Part):
-    """A memory term."""
-
+class _LagPart(_Part):
     source: str
     tau_s: Number
 
 
-class RunPart(_Part):
-    """Errors on one run, or on one part that was left out."""
-
+class _RunPart(_Part):
     rmse_um: Number | None = None
     max_um: NumberOrNaN = float("nan")
     heldout_rmse_um: NumberOrNaN = float("nan")
@@ -131,15 +117,13 @@ class RunPart(_Part):
     heldout_sensors: Names = ()
 
 
-class ModelPart(_Part):
-    """The model of one response."""
-
-    lags: tuple[LagPart, ...]
+class _ModelPart(_Part):
+    lags: tuple[_LagPart, ...]
     r2: NumberOrNaN
     adjusted_r2: NumberOrNaN
     rmse_um: NumberOrNaN
-    per_run: dict[str, RunPart]
-    scaled: ScaledPart
+    per_run: dict[str, _RunPart]
+    scaled: _ScaledPart
     n_samples: Count
     ridge: Number
     condition_number: NumberOrNaN
@@ -148,32 +132,28 @@ class ModelPart(_Part):
     max_cooks_distance: NumberOrNaN
 
 
-class PointPart(_Part):
-    """Held-out error at one number of sensors."""
-
+class _PointPart(_Part):
     n_sensors: Count
     heldout_rmse_um: dict[str, NumberOrNaN]
     standard_error_um: dict[str, NumberOrNaN]
     per_part_um: tuple[dict[str, NumberOrNaN], ...]
 
 
-class TracePart(_Part):
-    """Courses of one left-out part."""
-
+class _TracePart(_Part):
     run: str
     time_s: Annotated[tuple[Number, ...], Field(min_length=1)]
     measured_um: dict[str, tuple[NumberOrNaN, ...]]
     predicted_um: dict[str, tuple[NumberOrNaN, ...]]
 
 
-class HullPart(_Part):
+class _HullPart(_Part):
     """The hull of the model's inputs; results of earlier versions have none."""
 
     scale: tuple[Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)], ...]
     points: tuple[tuple[Number, ...], ...]
 
 
-class ReadingsPart(_Part):
+class _ReadingsPart(_Part):
     """Thinned samples of a run; results of earlier versions have none."""
 
     run: str
@@ -184,18 +164,14 @@ class ReadingsPart(_Part):
     beyond_others: tuple[NumberOrNaN, ...]
 
 
-class ProofPart(_Part):
-    """What unseen parts of the recording say."""
-
+class _ProofPart(_Part):
     left_out: Literal["run", "condition", "block"]
-    curve: tuple[PointPart, ...]
+    curve: tuple[_PointPart, ...]
     baselines_um: dict[str, dict[str, NumberOrNaN]]
-    traces: tuple[TracePart, ...]
+    traces: tuple[_TracePart, ...]
 
 
-class FaultPart(_Part):
-    """What faults of one sensor do."""
-
+class _FaultPart(_Part):
     sensor: str
     response: str
     per_kelvin_um: NumberOrNaN
@@ -203,9 +179,7 @@ class FaultPart(_Part):
     open_um: NumberOrNaN
 
 
-class OptionsPart(_Part):
-    """What was asked."""
-
+class _OptionsPart(_Part):
     responses: Names
     level: Annotated[Literal["auto"] | tuple[Number, ...], Field(alias="lambda")]
     rounds: int
@@ -224,25 +198,23 @@ class OptionsPart(_Part):
     seed: int
 
 
-class SelectionDocument(_Part):
-    """The fields of a selection's JSON that its report shows."""
-
+class _SelectionDocument(_Part):
     sensors: Annotated[Names, Field(min_length=1)]
     similarity: tuple[tuple[Number, ...], ...]
     level: Annotated[Number, Field(alias="lambda")]
     lambda_because: str
-    rounds: Annotated[tuple[RoundPart, ...], Field(min_length=1)]
-    screenings: tuple[ScreeningPart, ...]
-    combinations: tuple[CombinationPart, ...]
-    chosen: ChosenPart
+    rounds: Annotated[tuple[_RoundPart, ...], Field(min_length=1)]
+    screenings: tuple[_ScreeningPart, ...]
+    combinations: tuple[_CombinationPart, ...]
+    chosen: _ChosenPart
     valid_range: dict[str, tuple[Number, Number]]
-    hull: HullPart | None = None
-    readings: tuple[ReadingsPart, ...] = ()
-    models: Annotated[dict[str, ModelPart], Field(min_length=1)]
-    proof: ProofPart
-    faults: tuple[FaultPart, ...]
+    hull: _HullPart | None = None
+    readings: tuple[_ReadingsPart, ...] = ()
+    models: Annotated[dict[str, _ModelPart], Field(min_length=1)]
+    proof: _ProofPart
+    faults: tuple[_FaultPart, ...]
     stability: dict[str, NumberOrNaN]
-    options: OptionsPart
+    options: _OptionsPart
     provenance: dict[str, Any]
     findings: tuple[FindingPart, ...]
 
@@ -260,7 +232,7 @@ def selection_of(document: Mapping[str, Any]) -> Selection:
     ValueError, KeyError, IndexError
         Two fields contradict each other, e.g. a matrix without a row for each sensor.
     """
-    told = SelectionDocument.model_validate(document)
+    told = _SelectionDocument.model_validate(document)
     models = {name: _model(name, one) for name, one in told.models.items()}
     recipe = _recipe(told)
     low, high = (np.array([told.valid_range[name][end] for name in recipe.design.variables]) for end in (0, 1))
@@ -295,11 +267,11 @@ def selection_of(document: Mapping[str, Any]) -> Selection:
     )
 
 
-def _options(told: OptionsPart) -> Options:
+def _options(told: _OptionsPart) -> Options:
     return Options(**{**dict(told), "level": None if told.level == "auto" else told.level})
 
 
-def _recipe(told: SelectionDocument) -> Recipe:
+def _recipe(told: _SelectionDocument) -> Recipe:
     chosen = told.chosen
     shape = Shape(Form(chosen.degree, chosen.interactions), chosen.sensor_taus_s, chosen.speed_taus_s)
     first = next(iter(told.models.values()))
@@ -309,7 +281,7 @@ def _recipe(told: SelectionDocument) -> Recipe:
     return Recipe(chosen.sensors, shape, design, tuple(Term.of(powers) for powers in first.scaled.terms))
 
 
-def _grouping(told: SelectionDocument) -> Grouping:
+def _grouping(told: _SelectionDocument) -> Grouping:
     matrix = np.array(told.similarity, dtype=np.float64)
     similarity = Similarity(matrix, absolute=told.options.absolute_similarity)
     axis = lambda_axis(matrix, told.sensors)
@@ -330,7 +302,7 @@ def _grouping(told: SelectionDocument) -> Grouping:
     return Grouping(similarity, axis, (), tuple(screenings), chosen, told.lambda_because)
 
 
-def _round(part: RoundPart, position: Mapping[str, int]) -> ScreeningRound:
+def _round(part: _RoundPart, position: Mapping[str, int]) -> ScreeningRound:
     kept = tuple(sorted(position[name] for group in part.groups for name in group))
     label = {position[name]: i for i, group in enumerate(part.groups) for name in group}
     names = list(position)
@@ -344,7 +316,7 @@ def _known_of_round(axis: LambdaAxis, level: float) -> ScreeningRound:
     return ScreeningRound(level, tuple(range(len(partition.labels))), partition, (), ())
 
 
-def _model(name: str, told: ModelPart) -> FittedModel:
+def _model(name: str, told: _ModelPart) -> FittedModel:
     scaled = told.scaled
     scaling = Scaling(scaled.variables, scaled.centre, scaled.scale)
     covariance = _array(scaled.covariance)
@@ -370,7 +342,7 @@ def _model(name: str, told: ModelPart) -> FittedModel:
     )
 
 
-def _run_proofs(per_run: Mapping[str, RunPart]) -> tuple[RunProof, ...]:
+def _run_proofs(per_run: Mapping[str, _RunPart]) -> tuple[RunProof, ...]:
     return tuple(
         RunProof(
             run,
@@ -387,7 +359,7 @@ def _run_proofs(per_run: Mapping[str, RunPart]) -> tuple[RunProof, ...]:
     )
 
 
-def _point(told: PointPart, names: Sequence[str]) -> ErrorCurvePoint:
+def _point(told: _PointPart, names: Sequence[str]) -> ErrorCurvePoint:
     def row(values: Mapping[str, float]) -> tuple[float, ...]:
         return tuple(values[name] for name in names)
 
@@ -399,14 +371,14 @@ def _point(told: PointPart, names: Sequence[str]) -> ErrorCurvePoint:
     )
 
 
-def _trace(told: TracePart, names: Sequence[str]) -> Trace:
+def _trace(told: _TracePart, names: Sequence[str]) -> Trace:
     measured, predicted = (
         np.column_stack([_array(courses[name]) for name in names]) for courses in (told.measured_um, told.predicted_um)
     )
     return Trace(told.run, _array(told.time_s), measured, predicted)
 
 
-def _hull(told: SelectionDocument, low: NDArray[np.float64], high: NDArray[np.float64]) -> ValidityHull:
+def _hull(told: _SelectionDocument, low: NDArray[np.float64], high: NDArray[np.float64]) -> ValidityHull:
     points, scale = np.empty((0, len(low))), np.ones(len(low))
     if told.hull is not None:
         points, scale = _array(told.hull.points), _array(told.hull.scale)
@@ -415,7 +387,7 @@ def _hull(told: SelectionDocument, low: NDArray[np.float64], high: NDArray[np.fl
     return ValidityHull(points, scale, low, high)
 
 
-def _readings(told: ReadingsPart, variables: Sequence[str], names: Sequence[str]) -> Readings:
+def _readings(told: _ReadingsPart, variables: Sequence[str], names: Sequence[str]) -> Readings:
     read, moved = (
         _array([courses[name] for name in wanted]).T
         for courses, wanted in ((told.variables, variables), (told.displacement_um, names))

@@ -327,45 +327,40 @@ def _inferred(runs: Sequence[TimedRun], overrides: Overrides) -> Plan:
             findings += _by_numbers(name, headers, runs, overrides, channels)
         undeclared = {}
     texts = list(dict.fromkeys(text for run in runs for text in run.texts))
+    findings += _of_columns(texts, list(auxiliary), [c for c in channels if c.guessed], list(undeclared))
+    return Plan(tuple(channels), undeclared, tuple(findings))
+
+
+def _of_columns(
+    texts: list[str], auxiliary: list[str], guessed: list[Planned], undeclared: list[str]
+) -> Iterator[Finding]:
+    """What is to be said of columns that no machine file declares."""
     if texts:
-        findings.append(
-            FINDINGS.finding(
-                "text-columns",
-                f"Column(s) {', '.join(texts[:8])} hold text; they were not read.",
-                evidence={"columns": texts[:200]},
-            )
+        yield FINDINGS.finding(
+            "text-columns",
+            f"Column(s) {', '.join(texts[:8])} hold text; they were not read.",
+            evidence={"columns": texts[:200]},
         )
     if auxiliary:
-        findings.append(
-            FINDINGS.finding(
-                "auxiliary-columns",
-                f"Column(s) {', '.join(list(auxiliary)[:8])} number the samples or are further clocks; they are no "
-                "channels.",
-                evidence={"columns": list(auxiliary)},
-            )
+        yield FINDINGS.finding(
+            "auxiliary-columns",
+            f"Column(s) {', '.join(auxiliary[:8])} number the samples or are further clocks; they are no channels.",
+            evidence={"columns": auxiliary},
         )
-    guessed = [c for c in channels if c.guessed]
     if guessed:
         shown = listed((f"{c.name}: {c.role} [{next(iter(c.units.values()))}]" for c in guessed), 12)
-        findings.append(
-            FINDINGS.finding(
-                "roles-guessed",
-                "No machine file says what the channels are; they were guessed from names, units and numbers: "
-                f"{shown}.",
-                evidence={c.name: {"role": c.role, "guessed": list(c.guessed)} for c in guessed},
-            )
+        yield FINDINGS.finding(
+            "roles-guessed",
+            f"No machine file says what the channels are; they were guessed from names, units and numbers: {shown}.",
+            evidence={c.name: {"role": c.role, "guessed": list(c.guessed)} for c in guessed},
         )
     if undeclared:
-        findings.append(
-            FINDINGS.finding(
-                "columns-without-role",
-                f"Nothing tells what {len(undeclared)} column(s) measure; they were not read: "
-                f"{listed(undeclared, 10)}.",
-                evidence={"columns": list(undeclared)[:200]},
-                action="leave-out-channel",
-            )
+        yield FINDINGS.finding(
+            "columns-without-role",
+            f"Nothing tells what {len(undeclared)} column(s) measure; they were not read: {listed(undeclared, 10)}.",
+            evidence={"columns": undeclared[:200]},
+            action="leave-out-channel",
         )
-    return Plan(tuple(channels), undeclared, tuple(findings))
 
 
 def _by_numbers(
