@@ -51,10 +51,6 @@ class Moments:
         names = tuple(self.folds[i] for i in folds)
         return Moments(products, names, self.n_columns, self.n_responses, products.sum(axis=0))
 
-    def centred(self) -> tuple[NDArray[np.float64], float]:
-        """Centred cross-products of (columns, responses) over all rows, and the number of samples."""
-        return centred(self.whole)
-
 
 def centred(total: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     """Cross-products about the mean, from those of [1, ...]; and the number of samples.

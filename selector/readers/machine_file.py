@@ -238,10 +238,8 @@ def _invalid(error: ValidationError, text: str, where: str) -> ReadError:
 
 
 def _valid_keys(path: tuple[str, ...]) -> list[str]:
-    if not path:
-        return list(Machine.model_fields)
-    section: dict[str, type[BaseModel]] = {"machine": MachineSection, "time": TimeSection, "channels": ChannelSection}
-    return list(section[path[0]].model_fields) if path[0] in section else list(Machine.model_fields)
+    sections: dict[str, type[BaseModel]] = {"machine": MachineSection, "time": TimeSection, "channels": ChannelSection}
+    return list(sections.get(path[0] if path else "", Machine).model_fields)
 
 
 def _place(where: str, text: str, path: tuple[str, ...]) -> str:

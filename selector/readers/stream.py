@@ -56,13 +56,8 @@ def is_large(paths: Sequence[Path]) -> bool:
 class ParquetSource:
     """Runs on disk that can be read in pieces; stands in for a `Recording` where a method needs one pass only.
 
-    Attributes
-    ----------
-    runs, names : tuple of str
-        Runs in the order of the files, channels in the order of the machine file or the columns.
-    channels : tuple of Channel
-    findings : tuple of Finding
-        What is known so far; rows that were left out are told once the run has been read.
+    Runs are in the order of the files, channels in that of the machine file or the columns. Rows that were left out are
+    among the findings once the run has been read.
     """
 
     def __init__(self, runs: Sequence[TimedRun], planned: Sequence[Planned], findings: Sequence[Finding]) -> None:

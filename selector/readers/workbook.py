@@ -11,6 +11,7 @@ import zipfile
 import zlib
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -213,8 +214,15 @@ def _workbook(data: bytes, where: str) -> python_calamine.CalamineWorkbook:
                 check_extent(archive, where)
         except (zipfile.BadZipFile, zlib.error, EOFError, ValueError, OSError, RuntimeError) as error:
             raise _damaged(where, str(error)) from error
-    try:
+    with _parsing(where):
         return python_calamine.CalamineWorkbook.from_filelike(io.BytesIO(data))
+
+
+@contextmanager
+def _parsing(where: str) -> Iterator[None]:
+    """What the parser cannot do is an error of the file."""
+    try:
+        yield
     except python_calamine.PasswordError as error:
         raise _protected(where) from error
     except (python_calamine.CalamineError, OSError, ValueError) as error:
@@ -263,17 +271,11 @@ def _wanted_sheets(names: Sequence[str], wanted: str | None, where: str) -> list
 
 def _rows(workbook: python_calamine.CalamineWorkbook, name: str, where: str) -> list[list[Any]]:
     place = f"{where}, sheet {name!r}"
-    try:
+    with _parsing(place):
         sheet = workbook.get_sheet_by_name(name)
         checked_width(int(sheet.total_width), place)
         checked_size(int(sheet.total_width) * int(sheet.total_height), place)
         rows: list[list[Any]] = sheet.to_python(skip_empty_area=False)
-    except (python_calamine.CalamineError, OSError, ValueError) as error:
-        raise _damaged(place, str(error)) from error
-    except BaseException as error:
-        if type(error).__name__ != "PanicException":
-            raise
-        raise _damaged(place, "the parser gave up") from error
     return rows
 
 

@@ -155,15 +155,8 @@ def fixed_set(
         parts = _parts(left_out, at, y, beta_unseen[..., j], sse[:, j], float(sums.responses_at_um[j]))
         seen = sum(part.n_samples for part in parts)
         pooled = float(np.sqrt(sse[:, j].sum() / seen)) if seen else float("nan")
-        models[name] = FixedModel(
-            name,
-            found,
-            r2,
-            adjusted_r2(r2, n, len(sensors)),
-            float(np.sqrt(rss / n)),
-            parts,
-            pooled,
-        )
+        adjusted, rmse = adjusted_r2(r2, n, len(sensors)), float(np.sqrt(rss / n))
+        models[name] = FixedModel(name, found, r2, adjusted, rmse, parts, pooled)
         centre = np.asarray(scaling.centre) + np.asarray(scaling.scale) * mean
         rest = np.zeros(len(own)) if rise else centre
         faults += [
@@ -303,15 +296,8 @@ class Exploration:
         middle = whole[0, -len(responses) :] / max(float(whole[0, 0]), 1.0)
         sums = batches(runs, design, scaling_of(runs, design), middle, most_rows=MAX_ROWS)
         say("done", 1.0)
-        found = cls(
-            surveyed.question,
-            sensors,
-            folds.linear_bench(None),
-            sums,
-            _left_out(folds, sums),
-            folds.left_out,
-            surveyed.findings,
-        )
+        bench, left_out = folds.linear_bench(None), _left_out(folds, sums)
+        found = cls(surveyed.question, sensors, bench, sums, left_out, folds.left_out, surveyed.findings)
         return found.asking(never=given.never) if given.never else found
 
     def asking(

@@ -236,9 +236,9 @@ def selection_of(document: Mapping[str, Any]) -> Selection:
     models = {name: _model(name, one) for name, one in told.models.items()}
     recipe = _recipe(told)
     low, high = (np.array([told.valid_range[name][end] for name in recipe.design.variables]) for end in (0, 1))
-    names = tuple(models)
+    names, asked = tuple(models), told.options.level
     return Selection(
-        options=_options(told.options),
+        options=Options(**{**dict(told.options), "level": None if asked == "auto" else asked}),
         sensors=told.sensors,
         grouping=_grouping(told),
         combinations=tuple(Combination(**dict(one)) for one in told.combinations),
@@ -265,10 +265,6 @@ def selection_of(document: Mapping[str, Any]) -> Selection:
         provenance=told.provenance,
         readings=tuple(_readings(part, recipe.design.variables, names) for part in told.readings),
     )
-
-
-def _options(told: _OptionsPart) -> Options:
-    return Options(**{**dict(told), "level": None if told.level == "auto" else told.level})
 
 
 def _recipe(told: _SelectionDocument) -> Recipe:

@@ -48,16 +48,9 @@ def representatives(
 ) -> tuple[int, ...]:
     """The sensor of greatest relevance from each group, P step 4; ties go to the first.
 
-    Parameters
-    ----------
-    partition : Partition
-        Groups of n sensors.
-    relevance : array of shape (n_sensors,)
-        How much a sensor says about the displacement, e.g. |r| with it, or the mean r² over several responses.
-    must : iterable of int
-        Sensors that represent their group whatever their relevance; several in one group are all kept.
-    never : iterable of int
-        Sensors that represent no group; a group of such sensors alone ends without a representative.
+    Relevance, shape (n_sensors,), is how much a sensor says about the displacement, e.g. |r| with it, or the mean r²
+    over several responses. Sensors in `must` represent their group whatever their relevance, also several in one
+    group; those in `never` represent none, and a group of such sensors alone ends without a representative.
 
     Raises
     ------
@@ -94,17 +87,8 @@ def screen(
     bottleneck over all paths; dropped sensors take their paths with them, so that t among the kept can only be lower,
     and t < λ ≤ λ' still: no two groups merge. Such a round says so in the finding `round-without-effect`.
 
-    Parameters
-    ----------
-    similarity, relevance : arrays of shape (n_sensors, n_sensors) and (n_sensors,)
-    levels : sequence of float
-        λ of each round.
-    must : iterable of int
-        As for `representatives`.
-    constant : iterable of int
-        Sensors that do not move; they represent nothing and are dropped in the first round unless in `must`.
-    names : sequence of str
-        Names of the sensors.
+    `levels` are the λ of each round, `must` is as for `representatives`; sensors that do not move (`constant`)
+    represent nothing and are dropped in the first round unless in `must`.
 
     Raises
     ------

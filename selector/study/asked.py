@@ -52,7 +52,7 @@ def study_of(
             runs=tuple(reference_to(run, folder) for run in runs),
             machine=None if machine is None else reference_to(machine, folder),
         ),
-        reading=_reading_section(overrides or Overrides()),
+        reading=_made(ReadingSection, {name: getattr(overrides or Overrides(), name) for name in _READING}),
         select=select_section(select) if isinstance(select, Options) else select,
         diagnose=diagnose,
         export=export,
@@ -148,10 +148,6 @@ def overrides_of(study: Study) -> Overrides:
     """What the user decides instead of the reader."""
     values = {name: getattr(study.reading, name) for name in _READING}
     return Overrides(**{**values, "units": dict(values["units"]), "roles": dict(values["roles"])})
-
-
-def _reading_section(overrides: Overrides) -> ReadingSection:
-    return _made(ReadingSection, {name: getattr(overrides, name) for name in _READING})
 
 
 def _made(section: Callable[..., Section], values: Mapping[str, Any]) -> Section:

@@ -143,9 +143,8 @@ def read_delimited(path: Path, data: bytes, overrides: Overrides) -> list[Table]
             numbers += [c for c in cells[position][:200].to_pylist() if c]
     if unnamed:
         raise _unnamed_columns(sheet, n_columns, unnamed, where)
-    findings += (
-        decimal_doubts([n.strip(' "') for n in numbers], sheet.dialect, where) if overrides.decimal is None else []
-    )
+    if overrides.decimal is None:
+        findings += decimal_doubts([n.strip(' "') for n in numbers], sheet.dialect, where)
     first_line = sheet.layout.first + 1 + skipped
     reading = reading_of(
         "delimited",
@@ -190,7 +189,6 @@ def _quoted_line_ends(utf8: bytes) -> tuple[bytes, int]:
     i = 0
     while i < min(len(head) - 1, 100):
         if head[i].count(b'"') % 2:
-            piece = b" ".join(head[i : i + 6])
             for length in range(2, 7):
                 piece = b" ".join(head[i : i + length])
                 if piece.count(b'"') % 2 == 0 and i + length < len(head):
@@ -287,9 +285,8 @@ def _first_lines(utf8: bytes, where: str) -> list[str]:
 def _inner_lines(utf8: bytes, raw: list[str]) -> list[str]:
     """Lines from inside of the file, where samples are: from its middle and before its end."""
     if len(raw) < _HEAD_LINES:
-        usable = [line for line in raw if line.strip() and not is_comment(line)] or [
-            line for line in raw if line.strip()
-        ]
+        told = [line for line in raw if line.strip()]
+        usable = [line for line in told if not is_comment(line)] or told
         n = len(usable)
         if n <= 3:
             return usable[-1:] if n < 3 else usable[-2:]
@@ -345,13 +342,8 @@ def _headers(
     count = len(names)
     headers, repeated = unique_headers(names, where)
     findings += repeated
-    return (
-        headers,
-        _row(sheet, sheet.layout.units, count),
-        _row(sheet, sheet.layout.description, count),
-        count,
-        findings,
-    )
+    units, descriptions = (_row(sheet, index, count) for index in (sheet.layout.units, sheet.layout.description))
+    return headers, units, descriptions, count, findings
 
 
 def _row(sheet: _Sheet, index: int | None, count: int) -> list[str | None]:
