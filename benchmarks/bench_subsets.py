@@ -112,15 +112,29 @@ def compared(ours: SubsetSearch, theirs: dict[int, tuple[float, tuple]], x: np.n
 
 
 def run_columns(source: object, repeat: int, with_leaps: list[int]) -> None:
-    print(f"{'problem':>12} {'best s':>9} {'median s':>9} {'goal s':>7} {'nodes':>7}")
+    print(f"{'problem':>12} {'best s':>9} {'median s':>9} {'goal s':>7} {'nodes':>7}  proved")
     for name, p, goal in PROBLEMS:
         columns, response = getattr(source, name)(N_SAMPLES, p, 0)
         best, median, found = timed(repeat, lambda c=columns, y=response: best_subsets(cross_products(c, y), N_SAMPLES))
-        print(f"{name:>8} {p:3d} {best:9.4f} {median:9.4f} {goal:7.2f} {found.nodes:7d}", flush=True)
+        print(f"{name:>8} {p:3d} {best:9.4f} {median:9.4f} {goal:7.2f} {found.nodes:7d}  {found.proved}", flush=True)
         if name == "thermal" and p in with_leaps:
             seconds, theirs = leaps(columns, response, 1 if p > 37 else 3)
             verdict = compared(found, theirs, columns, response)
             print(f"{'':13}leaps {seconds:.2f} s = {seconds / best:.0f} times ours; {verdict}", flush=True)
+
+
+def run_trajectory(source: object) -> None:
+    columns, response = source.thermal(N_SAMPLES, 60, 0)
+    cross = cross_products(columns, response)
+    for limit in (0.05, 0.1, 0.2, 0.4, 0.8, None):
+        found = best_subsets(cross, N_SAMPLES, time_limit_s=limit)
+        gaps = list(found.gap.values())
+        open_sizes = sum(gap > 0 for gap in gaps)
+        print(
+            f" thermal  60 after {found.seconds:6.3f} s: {60 - open_sizes} of 60 sizes proved, largest gap "
+            f"{max(gaps):.2%} of the RSS, {found.nodes} nodes{'' if limit else ' (to the end)'}",
+            flush=True,
+        )
 
 
 def run_sensors(source: object, repeat: int) -> None:
@@ -136,9 +150,13 @@ def run_sensors(source: object, repeat: int) -> None:
                 cross_products(terms, response), N_SAMPLES, owners, n_sensors=37, max_sensors=most
             ),
         )
+        covered = found.coverage[most]
+        total = math.comb(37, most)
+        assert sum(vars(covered).values()) == total
+        assert covered.left == 0
         print(
             f"sensors <= {most} of 37, {terms.shape[1]} terms: best {best:.3f} s, median {median:.3f} s, "
-            f"goal {goal} s; {found.nodes} nodes for {math.comb(37, most)} sets of {most}",
+            f"goal {goal} s; {covered.evaluated} evaluated + {covered.bounded} excluded by a bound = {total}",
             flush=True,
         )
 
@@ -162,6 +180,7 @@ def main() -> None:
     best_subsets(cross_products(*easy(50, 8, 0)), 50)
     print(f"first call, compilation or its cache included: {time.perf_counter() - started:.1f} s")
     run_columns(source, repeat, [] if options.quick or shutil.which("Rscript") is None else options.leaps)
+    run_trajectory(source)
     run_sensors(source, min(repeat, 3))
 
 

@@ -138,6 +138,7 @@ class TestBestSubsetRegressor:
 
         every = (c for size in range(1, 7) for c in itertools.combinations(range(6), size))
         assert tuple(np.flatnonzero(found.support_)) == max(every, key=adjusted)
+        assert found.search_.proved
 
     def test_coefficients_are_least_squares(self):
         X, y = warming()

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import itertools
 import math
+import threading
 
 import numpy as np
 import pytest
 import statsmodels.api as sm
 
 from selector.errors import InputError
-from selector.models.best_subsets import _nodes as nodes
 from selector.models.best_subsets import subsets
 from selector.models.best_subsets.cross_products import cross_products, factor_from_rows, rss_from_factor
 from selector.models.best_subsets.problem import Problem, valid_diagonal
@@ -64,8 +64,10 @@ def test_same_optimum_as_all_65535_subsets(kind, seed):
         response = columns[:, :3].sum(axis=1) + 3 * rng.normal(size=80)
     cross = cross_products(columns, response)
     found = best_subsets(cross, 80)
+    assert found.proved
     for size, rss in best_rss_of_every_size(cross).items():
         assert found.by_size[size][0].rss == pytest.approx(rss, rel=1e-8)  # proof tolerance 1e-9, and rounding
+        assert found.gap[size] == 0.0
         one = found.by_size[size][0]
         centred = columns[:, one.columns] - columns[:, one.columns].mean(axis=0)
         assert one.rss == pytest.approx(rss_by_least_squares(centred, response - response.mean()), rel=1e-8)
@@ -88,6 +90,7 @@ def test_duplicates_constants_and_sums_are_explained_and_never_nan():
     columns = np.column_stack([x, x[:, 0], np.full(40, 20.1), x[:, 1] + x[:, 2]])
     response = x @ [1.0, 2.0, 3.0] + 0.1 * rng.normal(size=40)
     found = best_subsets(cross_products(columns, response), 40)
+    assert found.proved
     full = rss_by_least_squares(x - x.mean(axis=0), response - response.mean())
     for size, sets in found.by_size.items():
         for one in sets:
@@ -105,6 +108,7 @@ def test_duplicate_columns_still_end_with_proof():
     doubled = np.column_stack([columns, columns[:, :6]])
     plain = best_subsets(cross_products(columns, response), 150)
     found = best_subsets(cross_products(doubled, response), 150)
+    assert found.proved
     for size in range(1, 15):
         assert found.by_size[size][0].rss == pytest.approx(plain.by_size[size][0].rss, rel=1e-8)
 
@@ -113,6 +117,7 @@ def test_fewer_samples_than_columns_end_with_proof():
     rng = np.random.default_rng(4)
     columns, response = rng.normal(size=(9, 12)), rng.normal(size=9)
     found = best_subsets(cross_products(columns, response), 9)
+    assert found.proved
     assert max(found.by_size) == 7  # one degree of freedom is left
     centred, about = columns - columns.mean(axis=0), response - response.mean()
     for size in (2, 4, 6):
@@ -120,30 +125,50 @@ def test_fewer_samples_than_columns_end_with_proof():
         assert found.by_size[size][0].rss == pytest.approx(least, rel=1e-7, abs=CLOSE * (about @ about))
 
 
-def test_the_compiled_search_lets_python_run_between_its_chunks(monkeypatch):
+def test_stopped_search_brackets_the_optimum():
+    columns, response = warm_machine(200, 45, seed=2, noise_um=3.0)
+    cross = cross_products(columns, response)
+    proved = best_subsets(cross, 200)
+    stopped = best_subsets(cross, 200, time_limit_s=0.0)
+    assert proved.proved
+    assert not stopped.proved
+    assert max(stopped.gap.values()) > 0.0
+    for size, sets in proved.by_size.items():
+        optimum, best = sets[0].rss, stopped.by_size[size][0].rss
+        assert stopped.lower_bound[size] <= optimum * (1 + 1e-9)
+        assert optimum <= best * (1 + 1e-9)
+        assert best * (1 - stopped.gap[size]) <= optimum * (1 + 1e-9)
+
+
+def test_cancel_is_looked_at_often_and_progress_is_told():
     columns, response = warm_machine(200, 60, seed=2, noise_um=3.0)
-    chunks = []
+    cross = cross_products(columns, response)
+    best_subsets(cross_products(columns[:, :9], response), 200)  # compile first
+    asked, told = [], []
 
-    def search(*arguments):
-        chunks.append(arguments[4].counters[nodes.NODES])
-        return compiled(*arguments)
+    def cancel():
+        asked.append(told[-1].nodes if told else 0)
+        return len(asked) >= 90
 
-    compiled = subsets.search
-    monkeypatch.setattr(subsets, "search", search)
-    best_subsets(cross_products(columns, response), 200)
-    assert len(chunks) > 60
-    assert max(np.diff(chunks)) < 5_000  # nodes in a chunk, some 600 in 20 ms: what Ctrl-C has to wait for
+    found = best_subsets(cross, 200, cancel=cancel, progress=told.append)
+    assert len(asked) == 90
+    assert not found.proved
+    assert max(np.diff(asked)) < 5_000  # nodes between two looks, some 600 in 20 ms: what Ctrl-C has to wait for
+    assert told[-1].nodes >= told[0].nodes > 0
+    assert 0 <= told[-1].proved_sizes < told[-1].sizes
+    event = threading.Event()
+    event.set()
+    assert not best_subsets(cross, 200, cancel=event).proved
 
 
-def test_keyboard_interrupt_passes_through(monkeypatch):
+def test_keyboard_interrupt_passes_through():
     columns, response = warm_machine(100, 12, seed=2)
 
-    def interrupt(*arguments):
+    def interrupt(progress):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(subsets, "search", interrupt)
     with pytest.raises(KeyboardInterrupt):
-        best_subsets(cross_products(columns, response), 100)
+        best_subsets(cross_products(columns, response), 100, progress=interrupt)
 
 
 def test_depth_first_when_memory_is_short_finds_the_same(monkeypatch):
@@ -152,6 +177,7 @@ def test_depth_first_when_memory_is_short_finds_the_same(monkeypatch):
     plain = best_subsets(cross, 200, max_size=20)
     monkeypatch.setattr(subsets, "MAX_OPEN_NODES", 0)
     short = best_subsets(cross, 200, max_size=20)
+    assert short.proved
     assert short.nodes != plain.nodes  # otherwise the heap was never full and this test shows nothing
     for size in plain.by_size:
         assert short.by_size[size][0].rss == pytest.approx(plain.by_size[size][0].rss, rel=1e-9)
@@ -169,7 +195,7 @@ def test_diagonal_leaves_the_matrix_positive_semidefinite():
     for seed in range(3):
         columns, response = warm_machine(100, 20, seed)
         columns[:, 3] = columns[:, 4] + columns[:, 5] if seed == 2 else columns[:, 3]
-        problem = Problem.of(cross_products(columns, response), 100, (), True, 1, None)
+        problem = Problem.of(cross_products(columns, response), 100, (), (), None, None, True, 1, None)
         diagonal, _ = valid_diagonal(problem)
         assert np.linalg.eigvalsh(problem.gram - np.diag(diagonal))[0] > -1e-13  # rounding of the eigenvalues
         assert np.count_nonzero(diagonal) == (17 if seed == 2 else 20)
@@ -194,6 +220,12 @@ def test_factor_from_rows_keeps_the_digits_that_cross_products_lose():
     ("options", "message"),
     [
         ({"must": [9]}, "must has"),
+        ({"never": [-1]}, "never has"),
+        ({"must": [1], "never": [1]}, "in must and in never"),
+        ({"never": [0, 1, 2]}, "no column is allowed"),
+        ({"budget": 3.0}, "without costs"),
+        ({"costs": [1.0]}, "costs"),
+        ({"costs": [1.0, -1.0, 1.0], "budget": 1.0}, "negative"),
         ({"n_best": 0}, "n_best"),
         ({"max_size": 0}, "max_size"),
     ],
@@ -239,6 +271,7 @@ def test_sensor_sets_bring_their_squares_and_products():
     columns, response, owners = quadratic_case(6, seed=0)
     centred, about = columns - columns.mean(axis=0), response - response.mean()
     found = best_sensor_sets(cross_products(columns, response), 120, owners, n_sensors=6, max_sensors=6, n_best=4)
+    assert found.proved
     for size in range(1, 7):
         scores = []
         for sensors in itertools.combinations(range(6), size):
@@ -249,17 +282,37 @@ def test_sensor_sets_bring_their_squares_and_products():
         for one, (rss, sensors, brought) in zip(found.by_size[size], scores, strict=False):
             assert one.rss == pytest.approx(rss, rel=1e-9)
             assert (one.sensors, one.columns) == (sensors, brought)
+        assert sum(vars(found.coverage[size]).values()) == math.comb(6, size)
+        assert found.coverage[size].left == 0
     assert best_of([one for sets in found.by_size.values() for one in sets], "bic").sensors == (0, 1, 3)
 
 
-def test_supersets_bound_sensor_sets_and_find_the_same():
+def test_supersets_bound_and_every_sensor_set_is_accounted_for():
     columns, response = warm_machine(120, 24, seed=3)
     owners = [(j,) for j in range(24)]
     found = best_sensor_sets(cross_products(columns, response), 120, owners, n_sensors=24, max_sensors=9)
     plain = best_subsets(cross_products(columns, response), 120, max_size=9)
-    assert found.nodes < sum(math.comb(24, size) for size in range(1, 10))
-    for size, sets in plain.by_size.items():
-        assert found.by_size[size][0].columns == sets[0].columns
+    assert sum(c.bounded for c in found.coverage.values()) > 0
+    for size, coverage in found.coverage.items():
+        assert sum(vars(coverage).values()) == math.comb(24, size)
+        assert coverage.evaluated + coverage.bounded == math.comb(24, size)
+        assert found.by_size[size][0].columns == plain.by_size[size][0].columns
+
+
+def test_stopped_sensor_search_brackets_the_optimum():
+    columns, response, owners = quadratic_case(14, seed=1)
+    cross = cross_products(columns, response)
+    sizes = {"n_sensors": 14, "max_sensors": 4}
+    full = best_sensor_sets(cross, 120, owners, **sizes)
+    event = threading.Event()
+    event.set()
+    stopped = best_sensor_sets(cross, 120, owners, **sizes, cancel=event)
+    none = best_sensor_sets(cross, 120, owners, **sizes, time_limit_s=0.0)
+    for found in (stopped, none):
+        for size in full.by_size:
+            assert found.lower_bound[size] <= full.by_size[size][0].rss * (1 + 1e-9)
+            assert found.by_size[size][0].rss >= full.by_size[size][0].rss * (1 - 1e-9)
+            assert sum(vars(found.coverage[size]).values()) == math.comb(14, size)
 
 
 def test_unknown_owner_is_named():

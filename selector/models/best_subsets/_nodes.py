@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from selector.models.best_subsets._algebra import DROPPED, FREE, KEPT, insert, kernel, set_rss
 
 HEAP, STACK, NODES, HELD, WORK = 0, 1, 2, 3, 4
@@ -98,9 +100,40 @@ def pop(tree: Any) -> int:
 
 
 @kernel
+def open_bound(tree: Any) -> float:
+    """The smallest bound of the nodes that are still open; infinite when there are none."""
+    heap = tree.slots[0]
+    stack = tree.slots[1]
+    n = tree.counters
+    least = np.inf
+    if n[HEAP] > 0:
+        least = tree.bound[heap[0]]
+    for i in range(n[STACK]):
+        least = min(least, tree.bound[stack[i]])
+    return float(least)
+
+
+@kernel
+def offer(gram: Any, cross: Any, costs: Any, budget: float, best_rss: Any, best_state: Any, state: Any, w: Any) -> None:
+    """Record a complete set if the budget allows it and it is among the best."""
+    big = w.matrices[WHOLE]
+    order = w.integers[ORDER]
+    spent = 0.0
+    for j in range(state.size):
+        if state[j] == KEPT:
+            spent += costs[j]
+    if spent <= budget:
+        rss = set_rss(gram, cross, state, big, order)
+        if rss < best_rss[-1]:
+            insert(best_rss, best_state, state, rss)
+
+
+@kernel
 def enumerate_leaves(
     gram: Any,
     cross: Any,
+    costs: Any,
+    budget: float,
     best_rss: Any,
     best_state: Any,
     w: Any,
@@ -115,8 +148,6 @@ def enumerate_leaves(
 
     The change of the RSS by a choice A is v_A' (q_AA)⁻¹ v_A with v the last column: less when kept, more when dropped.
     """
-    big = w.matrices[WHOLE]
-    order = w.integers[ORDER]
     free = w.integers[FREE_COLUMNS]
     current = w.states[CURRENT]
     trial = w.states[TRIAL]
@@ -150,4 +181,4 @@ def enumerate_leaves(
                 trial[free[i]] = inside
             if n > 1:
                 trial[free[j]] = inside
-            insert(best_rss, best_state, trial, set_rss(gram, cross, trial, big, order))
+            offer(gram, cross, costs, budget, best_rss, best_state, trial, w)

@@ -50,6 +50,8 @@ def expand(
     gram: Any,
     cross: Any,
     size: int,
+    costs: Any,
+    budget: float,
     root_d: Any,
     tree: Any,
     w: Any,
@@ -87,17 +89,21 @@ def expand(
         current[j] = tree.state[slot, j]
     n[NODES] += 1
     kept = 0
+    spent = 0.0
     for j in range(p):
         if current[j] == KEPT:
             order[kept] = j
             kept += 1
+            spent += costs[j]
     total = kept
     for j in range(p):
         if current[j] == FREE:
             order[total] = j
             total += 1
     a = size - kept
-    if a < 0 or a > total - kept:
+    if a < 0 or a > total - kept or spent > budget:
+        return CLOSED
+    if budget < np.inf and not _affordable(costs, budget - spent, current, a, wx):
         return CLOSED
     stride = total + 1
     gather(gram, cross, order, total, big, stride)
@@ -122,7 +128,7 @@ def expand(
             if null < 0:
                 null = order[i]
     if nulls > 0 and a > 0:
-        if best_rss.size > 1:
+        if best_rss.size > 1 or budget < np.inf:
             return _carried(tree, w, slot, null, bound0, scale)
         spare = max(0, a - t)
         for i in range(kept, total):
@@ -153,7 +159,7 @@ def expand(
             few = 0
             keep = False
         n[WORK] -= t * t
-        enumerate_leaves(gram, cross, best_rss, best_state, w, w.matrices[which], sp, t, few, r, keep)
+        enumerate_leaves(gram, cross, costs, budget, best_rss, best_state, w, w.matrices[which], sp, t, few, r, keep)
         return CLOSED
     missing = False
     for j in range(t):
@@ -262,10 +268,30 @@ def _chosen(w: Any, t: int, a: int, bound: float, now: float, scale: float, fixe
 
 
 @kernel
+def _affordable(costs: Any, left: float, state: Any, a: int, x: Any) -> bool:
+    """Whether the `a` cheapest free columns fit into what is left of the budget."""
+    t = 0
+    for j in range(state.size):
+        if state[j] == FREE:
+            i = t
+            while i > 0 and x[i - 1] > costs[j]:
+                x[i] = x[i - 1]
+                i -= 1
+            x[i] = costs[j]
+            t += 1
+    cheapest = 0.0
+    for i in range(a):
+        cheapest += x[i]
+    return bool(cheapest <= left + 1e-12 * abs(left))
+
+
+@kernel
 def search(
     gram: Any,
     cross: Any,
     size: int,
+    costs: Any,
+    budget: float,
     root_d: Any,
     tree: Any,
     w: Any,
@@ -289,7 +315,7 @@ def search(
         if n[STACK] == 0 and tree.bound[heap[0]] >= best_rss[-1] * (1.0 - PROOF_TOLERANCE) - 1e-14:
             n[HEAP] = 0
             break
-        column = expand(gram, cross, size, root_d, tree, w, best_rss, best_state)
+        column = expand(gram, cross, size, costs, budget, root_d, tree, w, best_rss, best_state)
         depth_first = n[HEAP] >= capacity - 2 * gram.shape[0] - 8
         # the child that keeps the column comes last: a stack takes it first
         for child in range(0 if column == CLOSED else 1 if column == AGAIN else 2):

@@ -33,7 +33,7 @@ def factor_from_rows(X: ArrayLike, y: ArrayLike, *, intercept: bool = True) -> M
     factor = np.zeros((n, n))
     upper = np.asarray(np.linalg.qr(rows, mode="r"))
     factor[: upper.shape[0]] = upper
-    return factor * np.where(np.diag(factor) < 0.0, -1.0, 1.0)[:, None]
+    return _positive_diagonal(factor)
 
 
 def rss_from_factor(factor: Matrix, columns: tuple[int, ...]) -> float:
@@ -51,6 +51,11 @@ def rss_from_factor(factor: Matrix, columns: tuple[int, ...]) -> float:
     upper -= basis @ (basis.T @ upper)
     upper -= basis @ (basis.T @ upper)
     return float(upper @ upper) * float(scale[-1]) ** 2
+
+
+def _positive_diagonal(factor: Matrix) -> Matrix:
+    signs = np.where(np.diag(factor) < 0.0, -1.0, 1.0)
+    return factor * signs[:, None]
 
 
 def _rows(X: ArrayLike, y: ArrayLike, intercept: bool) -> Matrix:

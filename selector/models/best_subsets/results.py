@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, TypeVar
+from types import MappingProxyType
+from typing import Any, Literal, TypeVar
 
 from selector.errors import InputError
 from selector.findings import Finding
@@ -20,7 +21,17 @@ def adjusted_r2(r2: float, n_samples: float, n_terms: int, intercept: bool = Tru
     Without an intercept the formula changes to 1 - m/(m-p)·(1 - R²), **and so does R² itself**: it then measures
     against zero instead of the mean. Never rank models with and without an intercept together by it.
 
-    Terms do not count the intercept. NaN when there are not more samples than coefficients.
+    Parameters
+    ----------
+    r2 : float
+        Share of the sum of squares explained, about the mean with an intercept, about zero without.
+    n_samples, n_terms : number
+        Terms do not count the intercept.
+
+    Returns
+    -------
+    float
+        NaN when there are not more samples than coefficients.
     """
     free = n_samples - n_terms - intercept
     return 1.0 - (n_samples - intercept) / free * (1.0 - r2) if free > 0 else math.nan
@@ -74,16 +85,35 @@ class SensorSet(Subset):
 
 
 @dataclass(frozen=True)
+class SearchProgress:
+    """How far a search is: proved of all sizes; the size at work, its relative gap; nodes so far; time [s]."""
+
+    proved_sizes: int
+    sizes: int
+    size: int
+    gap: float
+    nodes: int
+    seconds: float
+
+
+@dataclass(frozen=True)
 class SubsetSearch:
-    """The best subsets of every size, best first.
+    """The best subsets of every size, best first, and what was proved about them."""
 
-    Every list is proved complete: no set that is not in it has an RSS below that of its last one, by more than 1e-9 of
-    it.
-    """
-
-    by_size: Mapping[int, tuple[Subset, ...]]  #: A size is missing when there is no set of that size
+    #: A size is missing when no set of that size is allowed (or, if stopped, none was found)
+    by_size: Mapping[int, tuple[Subset, ...]]
+    #: Every list is complete: no set that is not in it has an RSS below that of its last one, by more than 1e-9 of it
+    proved: bool
+    #: (RSS found - proved lower bound) / RSS found of the best set: 0.0 where proved, 1.0 where nothing is known
+    gap: Mapping[int, float]
+    #: Proved lower bound on the RSS of each size; infinite when it is proved that no set is allowed
+    lower_bound: Mapping[int, float]
     nodes: int  #: Nodes of the search tree visited
+    seconds: float  #: Time taken [s]
     findings: tuple[Finding, ...] = ()  #: Constant and linearly dependent columns
+
+    def __getstate__(self) -> dict[str, Any]:
+        return _picklable(vars(self))
 
     def best(self, criterion: Criterion = "adjusted_r2") -> Subset:
         """The best subset over all sizes: largest adjusted R², or smallest AICc, BIC or Cp; ties to the smaller set.
@@ -97,11 +127,35 @@ class SubsetSearch:
 
 
 @dataclass(frozen=True)
+class Coverage:
+    """All sets of one number of sensors: evaluated one by one, excluded by a bound, too expensive, still open."""
+
+    evaluated: int
+    bounded: int
+    unaffordable: int
+    left: int
+
+
+@dataclass(frozen=True)
 class SensorSetSearch:
-    """The best sensor sets of every number of sensors, best first, proved complete as in `SubsetSearch`."""
+    """The best sensor sets of every number of sensors, best first; fields as in `SubsetSearch`."""
 
     by_size: Mapping[int, tuple[SensorSet, ...]]
+    proved: bool
+    gap: Mapping[int, float]
+    lower_bound: Mapping[int, float]
+    coverage: Mapping[int, Coverage]  #: How every set of each number of sensors was dealt with
     nodes: int
+    seconds: float
+    findings: tuple[Finding, ...] = ()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return _picklable(vars(self))
+
+
+def _picklable(fields: Mapping[str, Any]) -> dict[str, Any]:
+    """Read-only views cannot be pickled; what comes back has plain dictionaries in their place."""
+    return {name: dict(value) if isinstance(value, MappingProxyType) else value for name, value in fields.items()}
 
 
 S = TypeVar("S", bound=Subset)

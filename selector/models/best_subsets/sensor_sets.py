@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import time
+from collections.abc import Callable, Iterable, Sequence
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from selector.models.best_subsets import _sensor_tree as tree
 from selector.models.best_subsets._algebra import DROPPED, KEPT, insert, set_rss
-from selector.models.best_subsets.problem import CHUNK_WORK, Problem, checked_columns, require
-from selector.models.best_subsets.results import SensorSet, SensorSetSearch, Statistics
+from selector.models.best_subsets.problem import (
+    CHUNK_WORK,
+    Cancel,
+    Problem,
+    checked_columns,
+    checked_costs,
+    is_set,
+    relative_gap,
+    require,
+)
+from selector.models.best_subsets.results import Coverage, SearchProgress, SensorSet, SensorSetSearch, Statistics
 
 States = NDArray[np.int8]
 
@@ -24,8 +35,14 @@ def best_sensor_sets(
     max_sensors: int,
     n_best: int = 1,
     must: Iterable[int] = (),
+    never: Iterable[int] = (),
+    costs: Sequence[float] | None = None,
+    budget: float | None = None,
     always: Iterable[int] = (),
     intercept: bool = True,
+    time_limit_s: float | None = None,
+    progress: Callable[[SearchProgress], None] | None = None,
+    cancel: Cancel | None = None,
 ) -> SensorSetSearch:
     """The exact `n_best` sensor sets of least residual sum of squares for every number of sensors.
 
@@ -41,50 +58,107 @@ def best_sensor_sets(
         Sensors of each column: (1,) for x1², (1, 2) for x1·x2; () is the same as naming the column in `always`.
     n_sensors, max_sensors : int
         Sensors there are, and the most that a set may have.
-    must : iterable of int
-        Sensors that are in every set.
+    must, never, costs, budget
+        As in `best_subsets`, of sensors.
     always : iterable of int
         Columns that are in every model.
+    time_limit_s, progress, cancel
+        As in `best_subsets`.
 
     Raises
     ------
     InputError
-        The matrix, an owner or a sensor number cannot be used.
+        The matrix, an owner, a sensor number or a price cannot be used.
     """
+    started = time.perf_counter()
     fixed = set(always)
-    problem = Problem.of(cross, n_samples, fixed, intercept, n_best, np.shape(cross)[0] - 1)
+    problem = Problem.of(cross, n_samples, fixed, (), None, None, intercept, n_best, np.shape(cross)[0] - 1)
     p = problem.n_columns
     require(len(owners) == p, f"owners of {len(owners)} columns", f"one entry for each of the {p} columns")
     needs = [() if j in fixed else tuple(sorted({int(s) for s in one})) for j, one in enumerate(owners)]
     checked_columns("owners", (s for one in needs for s in one), n_sensors)
-    kept = checked_columns("must", must, n_sensors)
-    candidates = [s for s in range(n_sensors) if s not in kept]
-    least, most = max(1, len(kept)), min(max_sensors, n_sensors)
+    kept, forbidden = checked_columns("must", must, n_sensors), checked_columns("never", never, n_sensors)
+    require(not kept & forbidden, f"sensors {sorted(kept & forbidden)} in must and in never", "either of them")
+    prices, limit = checked_costs(costs, budget, n_sensors)
+    candidates = [s for s in range(n_sensors) if s not in kept | forbidden]
+    least, most = max(1, len(kept)), min(max_sensors, len(kept) + len(candidates))
     require(least <= most, f"max_sensors = {max_sensors}", f"at least {least}, and a sensor that may be used")
     house = _House(problem, needs, n_sensors, kept)
+    spent = float(prices[sorted(kept)].sum())
     alone = {s: house.rss({*kept, s}) for s in candidates}
     ranked = np.array(sorted(candidates, key=lambda s: (alone[s], s)), dtype=np.int64)
-    statistics = problem.statistics()
-    by_size: dict[int, tuple[SensorSet, ...]] = {}
-    visited = 0
-    smaller = None
-    for size in range(least, most + 1):
-        best_rss, best_state = np.full(n_best, np.inf), np.full((n_best, n_sensors), DROPPED, np.int8)
+    usable = [j for j, one in enumerate(needs) if not forbidden & set(one)]
+    full_rss, rank = Problem.of(
+        cross, n_samples, (), set(range(p)) - set(usable), None, None, intercept, 1, None
+    ).full_rss_and_rank()
+    free = n_samples - rank - intercept
+    statistics = Statistics(problem.sst, float(n_samples), intercept, full_rss / free if free > 0 else float("nan"))
+
+    best_rss = {size: np.full(n_best, np.inf) for size in range(least, most + 1)}
+    best_state = {size: np.full((n_best, n_sensors), DROPPED, np.int8) for size in best_rss}
+    coverage: dict[int, Coverage] = {}
+    bound: dict[int, float] = {}
+    visited, stopped = 0, False
+    for size in best_rss:
         choose = size - len(kept)
-        if choose == 0:
-            house.offer(kept, best_rss, best_state)
-        elif smaller is not None:
-            house.extend(smaller, candidates, best_rss, best_state)
-        path = house.path(choose)
-        while not tree.search_sensors(
-            problem.gram, problem.cross, house.owners, ranked, choose, path, best_rss, best_state, CHUNK_WORK
-        ):
-            pass
-        visited += int(path.counters[tree.VISITED])
-        smaller = best_state[0]
-        found = [state for rss, state in zip(best_rss, best_state, strict=True) if np.isfinite(rss)]
-        by_size[size] = tuple(house.sensor_set(state, statistics) for state in found)
-    return SensorSetSearch(by_size, visited)
+        if choose > 0 and size - 1 in best_rss and np.isfinite(best_rss[size - 1][0]):
+            house.extend(best_state[size - 1][0], candidates, prices, limit, best_rss[size], best_state[size])
+        path = house.path(choose, spent)
+        total = tree.combinations(len(ranked), choose)
+        ended = spent > limit or stopped
+        if choose == 0 and not ended:
+            house.offer(kept, best_rss[size], best_state[size])
+            path.counters[tree.EVALUATED] = 1
+            ended = True
+        while not ended:
+            ended = tree.search_sensors(
+                problem.gram,
+                problem.cross,
+                house.owners,
+                ranked,
+                choose,
+                prices,
+                limit,
+                path,
+                best_rss[size],
+                best_state[size],
+                CHUNK_WORK,
+            )
+            seconds = time.perf_counter() - started
+            if progress is not None:
+                gap = 0.0 if ended else relative_gap(best_rss[size][0], full_rss / problem.sst)
+                nodes = visited + int(path.counters[tree.VISITED])
+                progress(SearchProgress(size - least + ended, len(best_rss), size, gap, nodes, seconds))
+            if not ended and (is_set(cancel) or (time_limit_s is not None and seconds >= time_limit_s)):
+                stopped = True
+                break
+        counters = path.counters
+        visited += int(counters[tree.VISITED])
+        dear = total if spent > limit else int(counters[tree.UNAFFORDABLE])
+        done = int(counters[tree.EVALUATED]), int(counters[tree.BOUNDED]), dear
+        coverage[size] = Coverage(*done, left=total - sum(done))
+        bound[size] = full_rss / problem.sst * (1.0 - 1e-9) if coverage[size].left else np.inf
+    return SensorSetSearch(
+        by_size=MappingProxyType(
+            {
+                size: tuple(
+                    house.sensor_set(state, statistics)
+                    for rss, state in zip(best_rss[size], best_state[size], strict=True)
+                    if np.isfinite(rss)
+                )
+                for size in best_rss
+                if np.isfinite(best_rss[size][0])
+            }
+        ),
+        proved=not stopped,
+        gap=MappingProxyType({size: relative_gap(best_rss[size][0], bound[size]) for size in best_rss}),
+        lower_bound=MappingProxyType(
+            {size: problem.sst * min(float(best_rss[size][0]), bound[size]) for size in best_rss}
+        ),
+        coverage=MappingProxyType(coverage),
+        nodes=visited,
+        seconds=time.perf_counter() - started,
+    )
 
 
 class _House:
@@ -130,23 +204,26 @@ class _House:
         self,
         smaller: States,
         candidates: list[int],
+        prices: NDArray[np.float64],
+        limit: float,
         best_rss: NDArray[np.float64],
         best_state: States,
     ) -> None:
-        """Record every set of one sensor more than a given one."""
+        """Record every affordable set of one sensor more than a given one."""
         inside = {int(s) for s in np.flatnonzero(smaller == KEPT)}
         for s in candidates:
-            if s not in inside:
+            if s not in inside and prices[[*inside, s]].sum() <= limit:
                 self.offer({*inside, s}, best_rss, best_state)
 
-    def path(self, choose: int) -> tree.Path:
+    def path(self, choose: int, spent: float) -> tree.Path:
         """Start of a search: the columns that are in every set are in the factor."""
         p = self.problem.n_columns
         path = tree.Path(
-            np.zeros(3, np.int64),
+            np.zeros(7, np.int64),
             np.zeros(choose + 2, np.int64),
             np.zeros(choose + 2, np.int64),
             np.ones(choose + 2),
+            np.zeros(choose + 2),
             np.zeros(self.n_sensors, np.int8),
             np.zeros(p + tree.LANES, np.int64),
             self._factor,
@@ -161,6 +238,7 @@ class _House:
         path.fresh[: len(first)] = first
         gram, cross = self.problem.gram, self.problem.cross
         path.count[0], path.rss[0] = tree.joined(gram, cross, path, 0, len(first), 1.0, True, -np.inf)
+        path.spent[0] = spent
         return path
 
     def sensor_set(self, state: States, statistics: Statistics) -> SensorSet:
