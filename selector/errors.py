@@ -27,18 +27,8 @@ class SelectorError(Exception):
 class InputError(SelectorError):
     """The input is unusable.
 
-    Built from its parts so that no message can forget one of them.
-
-    Parameters
-    ----------
-    found : str
-        What was found.
-    expected : str
-        What was expected instead.
-    where : str
-        File, line, column, channel, option or JSON path.
-    advice : str
-        What the user should do next.
+    Built from its parts so that no message can forget one of them: what was found, what was expected instead, where
+    (file, line, column, channel, option or JSON path), and what the user should do next.
     """
 
     def __init__(self, found: str, *, expected: str, where: str, advice: str) -> None:

@@ -87,22 +87,8 @@ def export_model(
     With `ExportOptions.replay`, the written program is executed on recordings and compared with the model, sample by
     sample. The folder is written whole or not at all; files of an earlier export to the same control are replaced.
 
-    Parameters
-    ----------
-    model : path
-        A model file, as `selector select` or `write_model` writes it.
-    target : str
-        A key of `selector.controllers.writers.targets.TARGETS`: ``"c"``, ``"st"``, ``"sinumerik"`` …
-    folder : path
-        Is made if it is not there; other files in it stay.
-    options : ExportOptions, optional
-    progress : callable, optional
-        Called with runs done, runs in all, and what is being done, before each replayed run.
-
-    Returns
-    -------
-    Export
-        Files, the model as exported, the replay, and what a person has to know.
+    `target` is a key of `selector.controllers.writers.targets.TARGETS`: ``"c"``, ``"st"``, ``"sinumerik"`` … `progress`
+    is called with runs done, runs in all, and what is being done, before each replayed run.
 
     Raises
     ------

@@ -9,15 +9,7 @@ from selector.errors import InputError
 
 
 def text_of(path: Path, most_bytes: int, refused: Callable[[str], InputError]) -> str:
-    """The text in a file: UTF-8, with or without a byte order mark, lines ended by LF.
-
-    Parameters
-    ----------
-    path : Path
-    most_bytes : int
-        Bytes beyond which nothing is read.
-    refused : callable
-        The error, from what was found.
+    """The text in a file: UTF-8, with or without a byte order mark, lines ended by LF; `refused` makes the error.
 
     Raises
     ------

@@ -20,10 +20,8 @@ __all__ = ["AuditLine", "audit_patent", "audit_table_text"]
 def audit_patent(recording: Path | None = None) -> tuple[AuditLine, ...]:
     """Every number that the patent prints, next to ours, with a verdict and the reason.
 
-    Parameters
-    ----------
-    recording : Path, optional
-        Table with the columns of the shipped reconstruction ``patent8/recording.csv``, which is the default.
+    `recording` is a table with the columns of the shipped reconstruction ``patent8/recording.csv``, which is the
+    default.
 
     Raises
     ------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -82,12 +83,7 @@ class PrintedModel:
     def columns(self, x1: NDArray[np.float64], x3: NDArray[np.float64], x5: NDArray[np.float64]) -> NDArray[np.float64]:
         """One column per term, shape (n_samples, n_terms), from the rises of sensors 1, 3, 5 [K]."""
         rise = {"T1": x1, "T3": x3, "T5": x5}
-        columns = []
-        for term in self.terms:
-            column = np.ones_like(x1)
-            for variable in term:
-                column = column * rise[variable]
-            columns.append(column)
+        columns = [math.prod((rise[name] for name in term), start=np.ones_like(x1)) for term in self.terms]
         return np.stack(columns, axis=1)
 
 

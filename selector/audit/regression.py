@@ -94,7 +94,7 @@ def model_lines(rises: Mapping[str, Vector], z: Vector, y: Vector, z_second: Vec
             lines.append(
                 judged(
                     _MODELS,
-                    f"{model.name}: {_term_text(term)}",
+                    f"{model.name}: {'·'.join(f'Δ{name}' for name in term) or 'constant'}",
                     text.replace("-", "−"),
                     f"{ours:.{decimals}f}".replace("-", "−"),
                     abs(float(text) - ours) <= 0.5 * 10.0**-decimals,
@@ -146,10 +146,6 @@ def r2_pair(regressors: list[Vector], response: Vector) -> tuple[float, float]:
 def _coefficients(columns: NDArray[np.float64], response: Vector) -> Vector:
     scale = np.linalg.norm(columns, axis=0)
     return np.asarray(np.linalg.lstsq(columns / scale, response, rcond=None)[0] / scale, dtype=np.float64)
-
-
-def _term_text(term: tuple[str, ...]) -> str:
-    return "·".join("Δ" + name for name in term) if term else "constant"
 
 
 def _m_is_observations(pair: PrintedPair) -> AuditLine:

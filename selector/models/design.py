@@ -41,22 +41,9 @@ def lagged(
     Backward Euler, s_k = s_{k−1} + Δt/(τ + Δt)·(x_k − s_{k−1}): stable for any step, and the control can compute it
     with + − × ÷ alone, so that the model on the machine is the model that was fitted.
 
-    Parameters
-    ----------
-    values : ndarray of shape (n_samples, n_lags)
-        Source of each lag; where it is missing the state waits, and then takes the whole gap in one step.
-    time_s : ndarray of shape (n_samples,)
-        Time stamps [s], increasing, not necessarily regular.
-    tau_s : ndarray of shape (n_lags,)
-        Time constants [s].
-    state : ndarray of shape (n_lags,)
-        State before the first sample; NaN = equilibrium with the first reading.
-    last_s : ndarray of shape (n_lags,)
-        Time stamp of each state; anything where the state is NaN.
-
-    Returns
-    -------
-    ndarray of shape (n_samples, n_lags), ndarray of shape (n_lags,), ndarray of shape (n_lags,)
+    `values`, shape (n_samples, n_lags), hold the source of each lag; where it is missing the state waits, then takes
+    the whole gap in one step. Time [s] increases, not necessarily regularly. Time constants [s], the states before the
+    first sample (NaN = equilibrium with the first reading) and their time stamps have shape (n_lags,).
     """
     state, last_s = np.array(state, dtype=np.float64), np.array(last_s, dtype=np.float64)
     result = np.empty(values.shape)
@@ -108,15 +95,8 @@ def start_reading(time_s: NDArray[np.float64], samples: NDArray[np.float64]) -> 
     noise from second differences), and by the next power, which must be small against its own standard error, since
     a bend that is barely seen already shifts the start. A level run is not assumed to be level for the same reason.
 
-    Parameters
-    ----------
-    time_s, samples : ndarray of shape (n_samples,)
-        The run's first samples (30 are enough); NaN = missing.
-
-    Returns
-    -------
-    float, float
-        Start level and its standard error, NaN if there is no reading. The error is NaN if it cannot be estimated.
+    The run's first samples (30 are enough) have shape (n_samples,), NaN = missing. Both numbers are NaN if there is no
+    reading; the error is NaN if it cannot be estimated.
     """
     known = np.isfinite(samples)
     found, time = samples[known][:NOISE_SAMPLES], time_s[known][:NOISE_SAMPLES]

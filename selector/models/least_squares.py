@@ -93,12 +93,8 @@ class FittedModel:
     ) -> RegressionResultsWrapper:
         """The same fit in statsmodels, in physical units: `summary()`, p values, tests of hypotheses, influence.
 
-        Parameters
-        ----------
-        variables, response, runs
-            The samples that this model was fitted to, as `fit` takes them.
-        robust : bool
-            Errors that allow for autocorrelation within runs (``hac-panel``), those of `physical`, or classical ones.
+        It takes the samples that this model was fitted to, as `fit` does. With `robust`, errors allow for
+        autocorrelation within runs (``hac-panel``), as those of `physical`; else they are classical.
 
         Raises
         ------
@@ -230,13 +226,8 @@ def variance_inflation(columns: NDArray[np.float64], *, intercept: bool = True) 
 def long_run_covariance(scores: NDArray[np.float64], runs: NDArray[np.int64], width: int) -> NDArray[np.float64]:
     """Newey–West sum of the lagged products of scores within each run, shape (k, k): the filling of the sandwich.
 
-    Parameters
-    ----------
-    scores : ndarray of shape (n_samples, k)
-    runs : ndarray of int of shape (n_samples,)
-        Run of each row, non-decreasing.
-    width : int
-        Of the Bartlett triangle, the largest lag + 1 [samples].
+    `scores` have shape (n_samples, k), `runs` is the run of each row, non-decreasing; `width` is that of the Bartlett
+    triangle, the largest lag + 1 [samples].
     """
     meat = np.zeros((scores.shape[1], scores.shape[1]))
     for rows in _run_slices(runs):

@@ -51,10 +51,6 @@ class Moments:
         names = tuple(self.folds[i] for i in folds)
         return Moments(products, names, self.n_columns, self.n_responses, products.sum(axis=0))
 
-    def centred(self) -> tuple[NDArray[np.float64], float]:
-        """Centred cross-products of (columns, responses) over all rows, and the number of samples."""
-        return centred(self.whole)
-
 
 def centred(total: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     """Cross-products about the mean, from those of [1, ...]; and the number of samples.
@@ -90,18 +86,10 @@ def scaling_of(source: RunSource, design: Design) -> Scaling:
     return Scaling(design.variables, tuple(map(float, mean)), tuple(map(float, scale)))
 
 
-def moments(
-    source: RunSource,
-    design: Design,
-    columns: Columns,
-    *,
-    n_blocks: int = 1,
-) -> Moments:
+def moments(source: RunSource, design: Design, columns: Columns, *, n_blocks: int = 1) -> Moments:
     """Cross-products of every run (`n_blocks` = 1), or of the blocks of every run.
 
-    Blocks are those of `rows.block_bounds`.
-
-    One pass; memory O(n_folds · n_columns²), whatever the number of samples.
+    Blocks are those of `block_bounds`. One pass; memory O(n_folds · n_columns²), whatever the number of samples.
     """
     size = 1 + len(columns.terms) + len(design.responses)
     folds: list[Fold] = []
@@ -163,21 +151,11 @@ def _add(
 
 
 def coefficients(total: NDArray[np.float64], columns: Sequence[int], responses: Sequence[int]) -> NDArray[np.float64]:
-    """(intercept, coefficients) of the least-squares fit on some columns, for several responses at once.
+    """(intercept, coefficients) of the least-squares fit on some columns, shape (..., 1 + len(columns), n_responses).
 
-    Parameters
-    ----------
-    total : ndarray of shape (..., k, k)
-        Cross-products of [1, columns, responses], one matrix or a stack of them.
-    columns : sequence of int
-        Positions of the columns in `total` (the constant, position 0, is always in).
-    responses : sequence of int
-        Positions of the responses in `total`.
-
-    Returns
-    -------
-    ndarray of shape (..., 1 + len(columns), n_responses)
-        Minimum-norm solution where columns are linearly dependent.
+    `total` has shape (..., k, k): cross-products of [1, columns, responses], in which `columns` and `responses` are
+    positions; the constant, position 0, is always in. The solution is that of minimum norm where columns are linearly
+    dependent.
     """
     index = np.array([0, *columns])
     normal = total[..., index[:, None], index]
@@ -250,14 +228,7 @@ class Batches:
         """Long-run covariance of the scores of a fit, summed over all samples; the filling of the sandwich.
 
         Newey–West as `selector.models.least_squares.fit` has it, but that lags are counted in batches, not in samples.
-
-        Parameters
-        ----------
-        columns : sequence of int
-            Positions of the columns of the fit in W, the constant included.
-        response : int
-            Position of the response in W.
-        beta : ndarray of shape (len(columns),)
+        `columns`, the constant included, and `response` are positions in W; `beta` has shape (len(columns),).
         """
         at = np.asarray(columns)
         scores = self.products[:, at, response] - self.products[:, at[:, None], at] @ beta
@@ -269,12 +240,7 @@ def batches(
 ) -> Batches:
     """Read every run once and add up.
 
-    Parameters
-    ----------
-    scaling : Scaling
-        Centre and scale of the variables of the design.
-    most_rows : int
-        A fit on more samples than these would be made on every second, third, …; its bandwidth is that many longer.
+    A fit on more than `most_rows` samples would be made on every second, third, …; its bandwidth is that many longer.
     """
     lengths = {run: sum(len(piece.time_s) for piece in design.pieces(source, run)) for run in source.runs}
     runs = tuple(run for run, n in lengths.items() if n)

@@ -116,14 +116,7 @@ class Scaling:
 def design_matrix(scaled: NDArray[np.float64], variables: Sequence[str], terms: Sequence[Term]) -> NDArray[np.float64]:
     """One column per term, shape (n_samples, n_terms), without the intercept.
 
-    Parameters
-    ----------
-    scaled : ndarray of shape (n_samples, n_variables)
-        Centred and scaled variables.
-    variables : sequence of str
-        Names of the columns of `scaled`.
-    terms : sequence of Term
-        Their variables must all be in `variables`.
+    `variables` names the columns of `scaled`, shape (n_samples, n_variables), which are centred and scaled.
     """
     position = {name: i for i, name in enumerate(variables)}
     columns = np.empty((len(scaled), len(terms)), order="F")

@@ -97,30 +97,15 @@ WORTH_OF_A_SENSOR = 0.05
 MOST_ABOVE_BEST = 0.10
 
 
-def within_one_standard_error(
-    errors: NDArray[np.float64],
-    weights: NDArray[np.float64],
-    *,
-    cap: float = MOST_ABOVE_BEST,
-    worth: float = WORTH_OF_A_SENSOR,
-) -> NDArray[np.bool_]:
+def within_one_standard_error(errors: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Which candidates predict unseen groups as well as the best one does, as far as the groups can tell.
 
     The differences to the best are taken group by group, which removes what makes a group hard for everyone; a
     candidate is as good if its mean difference is within one standard error of zero. With few groups that error is
-    itself uncertain, so a candidate must also stay within `cap` of the best in root mean square. The best of many is
-    lucky too: what is within `worth` of it is as good whatever the groups say, as no sensor is worth so little.
+    itself uncertain, so a candidate must also stay within `MOST_ABOVE_BEST` of the best in root mean square. The best
+    of many is lucky too: what is within `WORTH_OF_A_SENSOR` of it is as good whatever the groups say.
 
-    Parameters
-    ----------
-    errors : ndarray of shape (n_candidates, n_groups)
-        Mean squared error of each candidate on each group.
-    weights : ndarray of shape (n_groups,)
-        Samples in each group.
-
-    Returns
-    -------
-    ndarray of bool of shape (n_candidates,)
+    `errors` are the mean squared errors, shape (n_candidates, n_groups), `weights` the samples in each group.
     """
     share = weights / weights.sum()
     mean = errors @ share
@@ -128,8 +113,8 @@ def within_one_standard_error(
     difference = errors - errors[best]
     n = errors.shape[1]
     spread = np.sqrt(((difference - (difference @ share)[:, None]) ** 2) @ share * n / max(n - 1, 1) / n)
-    alike = (mean - mean[best] <= spread) & (mean <= mean[best] * (1.0 + cap) ** 2)
-    return np.asarray(alike | (mean <= mean[best] * (1.0 + worth) ** 2))
+    alike = (mean - mean[best] <= spread) & (mean <= mean[best] * (1.0 + MOST_ABOVE_BEST) ** 2)
+    return np.asarray(alike | (mean <= mean[best] * (1.0 + WORTH_OF_A_SENSOR) ** 2))
 
 
 @dataclass(frozen=True)

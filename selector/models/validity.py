@@ -98,43 +98,25 @@ def fault_gains(
     *,
     rise: bool,
 ) -> tuple[FaultGain, ...]:
-    """The gain of a fault of each sensor, over recorded samples.
+    """The gain of a fault of each sensor, over recorded samples of shape (n_samples, n_variables).
 
-    Parameters
-    ----------
-    variables : ndarray of shape (n_samples, n_variables)
-        In the order of the model's scaling.
-    lag_source : dict
-        Channel behind each lag variable: a fault that lasts reaches the lag too.
-    rise : bool
-        Whether the start-of-run reading is zero (rises) or the mean (absolute readings have no natural start).
+    `lag_source` is the channel behind each lag variable: a fault that lasts reaches the lag too. The start-of-run
+    reading is zero of a `rise`, else the mean: absolute readings have no natural start.
     """
     healthy = model.predicted(variables)
     names = model.scaling.variables
+
+    def change(columns: Sequence[int], reading: float | NDArray[np.float64]) -> float:
+        faulty = variables.copy()
+        faulty[:, columns] = reading
+        return float(np.abs(model.predicted(faulty) - healthy).max())
+
     gains = []
     for sensor in sensors:
         own = [j for j, name in enumerate(names) if lag_source.get(name, name) == sensor]
         low = min(model.valid_range[j][0] for j in own)
         high = max(model.valid_range[j][1] for j in own)
         rest = 0.0 if rise else float(np.mean(variables[:, own[0]]))
-
-        def change(faulty: NDArray[np.float64]) -> float:
-            return float(np.abs(model.predicted(faulty) - healthy).max())
-
-        def with_reading(value: float, columns: Sequence[int]) -> NDArray[np.float64]:
-            faulty = variables.copy()
-            faulty[:, columns] = value
-            return faulty
-
-        shifted = variables.copy()
-        shifted[:, own] += 1.0
-        gains.append(
-            FaultGain(
-                sensor,
-                model.response,
-                change(shifted),
-                change(with_reading(rest, own)),
-                max(change(with_reading(low, own)), change(with_reading(high, own))),
-            )
-        )
+        shifted, stuck = change(own, variables[:, own] + 1.0), change(own, rest)
+        gains.append(FaultGain(sensor, model.response, shifted, stuck, max(change(own, low), change(own, high))))
     return tuple(gains)

@@ -60,21 +60,11 @@ _CHECKS: tuple[Check, ...] = (
 def inspect(recording: Recording, channels: Iterable[str] | None = None) -> tuple[Finding, ...]:
     """What is wrong with a recording: where, since when, with which numbers, and what will be left out.
 
-    Parameters
-    ----------
-    recording : Recording
-    channels : iterable of str, optional
-        Report on these channels only (and on what concerns whole runs); the others still serve as siblings.
-
-    Returns
-    -------
-    tuple of Finding
-        Sorted by run, channel, time and id; the same for the same recording. Ids: ``gap``, ``clock-jump``,
-        ``period-change``, ``sensor-break``, ``out-of-range``, ``wrong-unit``, ``stuck``, ``saturated``, ``spike``,
-        ``step``, ``drifts-from-group``, ``swapped-channels``, ``duplicate-channel``, ``few-values``,
-        ``constant-channel``, ``empty-channel``, ``short-run``, ``run-starts-warm``.
-
-        Cost O(samples · log samples of a run), and O(channels²) for the comparison of channels.
+    Of some `channels` only these are reported (and what concerns whole runs); the others still serve as siblings. The
+    findings are sorted by run, channel, time and id. Ids: ``gap``, ``clock-jump``, ``period-change``, ``sensor-break``,
+    ``out-of-range``, ``wrong-unit``, ``stuck``, ``saturated``, ``spike``, ``step``, ``drifts-from-group``,
+    ``swapped-channels``, ``duplicate-channel``, ``few-values``, ``constant-channel``, ``empty-channel``, ``short-run``,
+    ``run-starts-warm``. O(samples · log samples of a run), and O(channels²) for the comparison of channels.
 
     Raises
     ------

@@ -104,9 +104,8 @@ def told(finding: Finding, windows: list[tuple[float, float]], few: int = _FEW) 
         if len(group) > 1:
             evidence[WINDOWS] = [[a, b] for a, b in group]
             when = f"in {len(group)} stretches between {moment(begin)} and {moment(end)}"
-        where = Where(finding.where.channel, finding.where.run, begin, end)
-        statement = finding.statement.replace("{when}", when)
-        yield Finding(finding.id, finding.level, statement, where, evidence, finding.suggestion, finding.action)
+        where = replace(finding.where, from_s=begin, to_s=end)
+        yield replace(finding, statement=finding.statement.replace("{when}", when), where=where, evidence=evidence)
 
 
 def joined(time_s: Floats, bad: NDArray[np.bool_], present: NDArray[np.bool_]) -> list[tuple[float, float]]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from selector.findings import Finding, Where
 from selector.quality.finding_table import FINDINGS
-from selector.quality.survey import MEASURED_ROLES, Survey, difference, reading
+from selector.quality.survey import MEASURED_ROLES, Survey, difference, present_median, reading
 
 _SHORT = 20
 _FEW_LEVELS = 8
@@ -93,7 +93,7 @@ def starts(survey: Survey) -> Iterator[Finding]:
     ambient = survey.columns("ambient")
     temperatures, displacements = survey.columns("temperature"), survey.columns("displacement")
     level = {run: np.array([_start(survey, run, c) for c in range(len(survey.channels))]) for run in survey.runs}
-    room = {run: _middle(level[run][ambient]) if ambient else 0.0 for run in survey.runs}
+    room = {run: present_median(level[run][ambient]) if ambient else 0.0 for run in survey.runs}
     for run in survey.runs:
         others = [other for other in survey.runs if other != run]
         warm: dict[str, float] = {}
@@ -101,7 +101,7 @@ def starts(survey: Survey) -> Iterator[Finding]:
             if thermal and not ambient:
                 continue  # without the room's temperature a warm day looks like a warm machine
             for c in columns:
-                usual = _middle(np.array([level[o][c] - (room[o] if thermal else 0.0) for o in others]))
+                usual = present_median(np.array([level[o][c] - (room[o] if thermal else 0.0) for o in others]))
                 off = level[run][c] - (room[run] if thermal else 0.0) - usual
                 if np.isfinite(off) and abs(off) > limit:
                     warm[survey.channels[c].name] = float(off)
@@ -129,11 +129,6 @@ def _values(survey: Survey, run: str, column: int) -> np.ndarray:
     x = survey.series(run, column).x
     # a few values show in any part of a long run
     return np.unique(x) if survey.scale(run, column).distinct <= 64 else x[:64]
-
-
-def _middle(values: np.ndarray) -> float:
-    values = values[np.isfinite(values)]
-    return float(np.median(values)) if values.size else float("nan")
 
 
 def file_copies(hashes: Mapping[str, str]) -> Iterator[Finding]:

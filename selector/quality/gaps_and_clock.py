@@ -16,6 +16,8 @@ _GAP_PERIODS = 3.5
 _LONG_PERIODS = 20
 """A gap of so many periods is a warning, a shorter one is only mentioned."""
 _CLOCK_PERIODS = 10
+_REACH = 8
+"""Samples on each side of a leap from which it is judged whether a channel goes on as before."""
 _PACE_BLOCKS = 24
 _PACE_CHANGE = 1.25
 """Ratio of two sampling periods that makes them two; jitter of the middle of a block is far below."""
@@ -29,7 +31,7 @@ def gaps(survey: Survey) -> Iterator[Finding]:
     """
     for run in survey.runs:
         time = survey.time[run]
-        yield from _gaps_of(time, None, run)
+        yield from _gaps_of(time, run)
         for column, channel in enumerate(survey.channels):
             series = survey.series(run, column)
             missing = time.size - series.rows.size
@@ -101,7 +103,7 @@ def pace_changes(survey: Survey) -> Iterator[Finding]:
         )
 
 
-def _gaps_of(time: Floats, channel: str | None, run: str) -> Iterator[Finding]:
+def _gaps_of(time: Floats, run: str) -> Iterator[Finding]:
     steps = np.diff(time)
     if steps.size < 4:
         return
@@ -112,7 +114,7 @@ def _gaps_of(time: Floats, channel: str | None, run: str) -> Iterator[Finding]:
     if long.size == 0:
         return
     windows = [(float(time[k]), float(time[k + 1])) for k in long]
-    yield _gap(windows, usual, run, channel, "No rows are recorded")
+    yield _gap(windows, usual, run, None, "No rows are recorded")
 
 
 def _missing_of(survey: Survey, series: Series, missing: int, name: str) -> Iterator[Finding]:
@@ -135,18 +137,18 @@ def _gap(
 ) -> Finding:
     lengths = [end - begin for begin, end in windows]
     longest = int(np.argmax(lengths))
-    total = float(np.sum(lengths))
-    evidence: dict[str, object] = {"longest_s": lengths[longest], "total_s": total, "stretches": len(windows)}
-    evidence["period_s"] = usual
+    evidence: dict[str, object] = {
+        "longest_s": lengths[longest],
+        "total_s": float(np.sum(lengths)),
+        "stretches": len(windows),
+        "period_s": usual,
+    }
     if samples:
         evidence["samples"] = samples
+    many = f" for {duration(lengths[0])} from"
     if len(windows) > 1:
         evidence[WINDOWS] = [[a, b] for a, b in windows[:100]]
-    many = (
-        f" in {len(windows)} stretches, the longest {duration(lengths[longest])} from"
-        if len(windows) > 1
-        else (f" for {duration(lengths[0])} from")
-    )
+        many = f" in {len(windows)} stretches, the longest {duration(lengths[longest])} from"
     return FINDINGS.finding(
         "gap",
         f"{said}{many} {moment(windows[longest][0])} of run {run} (usual period {duration(usual)}).",
@@ -156,10 +158,10 @@ def _gap(
     )
 
 
-def _continuity(survey: Survey, run: str, at: int, reach: int = 8) -> tuple[int, int]:
+def _continuity(survey: Survey, run: str, at: int) -> tuple[int, int]:
     """(channels that go on where they were, channels that were moving) at a leap between rows `at` and `at` + 1."""
     time = survey.time[run]
-    before, after = slice(max(0, at + 1 - reach), at + 1), slice(at + 1, at + 1 + reach)
+    before, after = slice(max(0, at + 1 - _REACH), at + 1), slice(at + 1, at + 1 + _REACH)
     if time[before].size < 4 or time[after].size < 4:
         return 0, 0
     leap = float(time[at + 1] - time[at])

@@ -38,7 +38,7 @@ def duplicates(survey: Survey, relations: Relations) -> Iterator[Finding]:
         a, b = (survey.channels[relations.columns[k]] for k in (i, j))
         copies = {r: _copy(survey, relations.runs[r], relations.columns[i], relations.columns[j]) for r in both}
         hits = [r for r in both if copies[r] is not None]
-        told = [r for r in both if copies[r] is not None or _moves(relations, i, int(r))]
+        told = [r for r in both if copies[r] is not None or np.ptp(relations.movement(int(r))[i]) > 0]
         if not hits:
             continue
         gain, offset = copies[hits[0]] or (1.0, 0.0)
@@ -268,10 +268,6 @@ def _copy(survey: Survey, run: str, i: int, j: int) -> tuple[float, float] | Non
 def _correlation(movement: Floats) -> Floats:
     size = np.sqrt(np.maximum((movement * movement).sum(axis=1), 1e-300))
     return np.asarray(np.abs(movement @ movement.T) / np.outer(size, size), dtype=np.float64)
-
-
-def _moves(relations: Relations, i: int, r: int) -> bool:
-    return bool(np.ptp(relations.movement(r)[i]) > 0)
 
 
 def _kind(relations: Relations, i: int) -> bool:

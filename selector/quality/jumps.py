@@ -20,6 +20,7 @@ from selector.quality.survey import (
     Survey,
     difference,
     moment,
+    present_median,
     reading,
 )
 
@@ -61,7 +62,7 @@ def commanded(survey: Survey, column: int, run: str, moment_s: tuple[float, floa
             changes += changed.size
             x = survey.values[each][column]
             for at in np.searchsorted(survey.time[each], changed).tolist():
-                moved = _level(x[at + 2 : at + 6]) - _level(x[max(0, at - 5) : max(0, at - 1)])
+                moved = present_median(x[at + 2 : at + 6]) - present_median(x[max(0, at - 5) : max(0, at - 1)])
                 followed += bool(abs(moved) > _MUCH * abs(height))
         if changes <= 2 or followed >= max(2.0, _FOLLOWED * changes):
             return f"{survey.channels[other].name} changes at that moment"
@@ -118,10 +119,8 @@ def kink_elsewhere(survey: Survey, column: int, run: str, moment_s: tuple[float,
 
 def _rows_near(survey: Survey, run: str, moment_s: tuple[float, float], periods: float) -> tuple[int, int]:
     time, near = survey.time[run], periods * _period(survey, run)
-    return (
-        int(np.searchsorted(time, moment_s[0] - near, "left")),
-        int(np.searchsorted(time, moment_s[1] + near, "right")),
-    )
+    first, last = np.searchsorted(time, moment_s[0] - near, "left"), np.searchsorted(time, moment_s[1] + near, "right")
+    return int(first), int(last)
 
 
 def _period(survey: Survey, run: str) -> float:
@@ -139,12 +138,6 @@ def _change_times(survey: Survey, run: str, column: int, size: float) -> Floats:
     at = np.flatnonzero(differences > least)
     at = at[np.diff(at, prepend=-10) > 2]
     return np.asarray(series.time_s[at + 1], dtype=np.float64)
-
-
-def _level(x: Floats) -> float:
-    """Median of what is there; NaN, which is never much, if nothing is."""
-    x = x[np.isfinite(x)]
-    return float(np.median(x)) if x.size else float("nan")
 
 
 def _changes(x: Floats, first: int, last: int) -> bool:
@@ -317,29 +310,20 @@ def steps(survey: Survey) -> Iterator[Finding]:
     """
     speed_known = bool(survey.columns("spindle_speed"))
     for column in survey.columns(*MEASURED_ROLES):
-        found: list[tuple[Series, Jump]] = []
+        found: list[tuple[Series, Jump, str]] = []
         for run in survey.runs:
             series = survey.series(run, column)
             sharp = sharp_differences(series, survey)
-            found += [(series, jump) for jump in _level_shifts(series, sharp, survey.scale(run, column).noise)]
-        causes = []
-        for series, jump in found:
-            moment_s = (float(series.time_s[jump.at]), jump.time_s)
-            cause = commanded(survey, column, series.run, moment_s, jump.height)
-            together = "" if cause else ", ".join(jumping_with(survey, column, series.run, moment_s)[:3])
-            causes.append(cause or (f"{together} jumps with it" if together else ""))
-        causes = [
-            cause or ("its course bends there too" if jump.bends else "")
-            for (_, jump), cause in zip(found, causes, strict=True)
-        ]
+            for jump in _level_shifts(series, sharp, survey.scale(run, column).noise):
+                found.append((series, jump, _cause(survey, series, jump)))
         role = survey.channels[column].role
         # a displacement may jump with every change of speed and slip once; a thin sensor jumps by its nature
-        own = [jump for (_, jump), cause in zip(found, causes, strict=True) if not (cause and role == "displacement")]
+        own = [jump for _, jump, cause in found if not (cause and role == "displacement")]
         ups, downs = sum(jump.height > 0 for jump in own), sum(jump.height < 0 for jump in own)
         switching = min(ups, downs) >= 1 and ups + downs >= 3 and max(ups, downs) <= 4 * min(ups, downs)
         lawful: dict[tuple[str, str], list[Jump]] = {}
         alone = []
-        for (series, jump), cause in zip(found, causes, strict=True):
+        for series, jump, cause in found:
             if cause or switching:
                 said = cause or "it jumps up and down repeatedly"
                 lawful.setdefault((series.run, said), []).append(jump)
@@ -352,6 +336,18 @@ def steps(survey: Survey) -> Iterator[Finding]:
         if min(ups, downs) == 1 and not doubt:
             doubt = "it goes up once and down once, as a thin sensor in the coolant does"
         yield from _faults(survey, column, alone, doubt)
+
+
+def _cause(survey: Survey, series: Series, jump: Jump) -> str:
+    """What else happens at a jump, in words; empty if nothing does."""
+    moment_s = (float(series.time_s[jump.at]), jump.time_s)
+    cause = commanded(survey, series.column, series.run, moment_s, jump.height)
+    if cause:
+        return cause
+    together = ", ".join(jumping_with(survey, series.column, series.run, moment_s)[:3])
+    if together:
+        return f"{together} jumps with it"
+    return "its course bends there too" if jump.bends else ""
 
 
 def _faults(survey: Survey, column: int, alone: list[tuple[Series, Jump]], doubt: str) -> Iterator[Finding]:

@@ -45,18 +45,10 @@ def left_out_rows(finding: Finding, time_s: NDArray[np.float64]) -> NDArray[np.b
 def without_faults(recording: Recording, findings: Iterable[Finding]) -> Recording:
     """The recording with exactly that left out which the findings name in their action.
 
-    Parameters
-    ----------
-    recording : Recording
-    findings : iterable of Finding
-        ``leave-out-stretch``: the samples of the channel (of every channel, if none is named) in the stretch become
-        missing. ``leave-out-run``: the run is removed. ``leave-out-channel``: the channel becomes missing in the run
-        named; it is removed if it is left out of every run, or if no run is named. Others change nothing.
-
-    Returns
-    -------
-    Recording
-        Cost O(samples) and O(findings · log samples).
+    ``leave-out-stretch``: the samples of the channel (of every channel, if none is named) in the stretch become
+    missing. ``leave-out-run``: the run is removed. ``leave-out-channel``: the channel becomes missing in the run named;
+    it is removed if it is left out of every run, or if no run is named. Others change nothing. O(samples) and
+    O(findings · log samples).
 
     Raises
     ------

@@ -103,15 +103,11 @@ class Relations:
 
     def weights(self, i: int, siblings: Sequence[int], training: Sequence[int]) -> Floats:
         """Least-squares weights of the siblings for channel `i`, learned on these runs."""
-        left = self.present[i].copy()
-        left[np.asarray(training, dtype=np.intp)] = False
-        return self._weights_without(i, siblings, np.flatnonzero(left).tolist())
+        return self.weights_without(i, siblings, np.setdiff1d(np.arange(len(self.runs)), training).tolist())
 
     def weights_without(self, i: int, siblings: Sequence[int], apart: Sequence[int]) -> Floats:
         """The same, learned on all runs but these; the cost does not depend on the number of runs."""
-        return self._weights_without(i, siblings, [r for r in apart if self.present[i, r]])
-
-    def _weights_without(self, i: int, siblings: Sequence[int], apart: list[int]) -> Floats:
+        apart = [r for r in apart if self.present[i, r]]
         # the sum over all runs less the few that are left out
         gram, count = self._sum_with(i)
         part = np.ix_([*siblings, i], [*siblings, i])
@@ -120,9 +116,8 @@ class Relations:
             inner = inner - self._grams[r][part]
         last = len(siblings)
         ridge = self._ridge[[*siblings, i]]
-        return _solved(
-            inner, ridge, last, list(range(last)), count - int(self._counts[np.asarray(apart, dtype=np.intp)].sum())
-        )
+        count -= int(self._counts[np.asarray(apart, dtype=np.intp)].sum())
+        return _solved(inner, ridge, last, list(range(last)), count)
 
     def weights_on(self, i: int, siblings: Sequence[int], r: int, blocks: NDArray[np.bool_]) -> Floats:
         """The same, learned on some blocks of one run."""

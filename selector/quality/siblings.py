@@ -11,7 +11,7 @@ from selector.findings import Finding, Where
 from selector.quality.finding_table import FINDINGS
 from selector.quality.frozen import still_stretches
 from selector.quality.relations import Relations
-from selector.quality.survey import Floats, Survey, difference, duration, moment, reading, stretch
+from selector.quality.survey import Floats, Survey, difference, duration, moment, present_median, reading, stretch
 
 _BEYOND = 0.25
 """The siblings may go beyond their range in the other runs by this share of it: further, the relation is a guess."""
@@ -32,12 +32,8 @@ def other_cause(
 ) -> str | None:
     """What could explain that channel `i` leaves its siblings in run `r` although its sensor is sound; None if nothing.
 
-    Parameters
-    ----------
-    departure : ndarray of shape (n_blocks,)
-        What the channel is off by [K].
-    off_elsewhere : float
-        Largest departure of any other channel in this run over what is usual for that channel.
+    `departure` is what the channel is off by [K], shape (n_blocks,); `off_elsewhere` the largest departure of any other
+    channel in this run over what is usual for that channel.
     """
     others = [o for o in range(len(relations.runs)) if o != r and relations.present[i, o]]
     size = float(np.quantile(np.abs(departure), 0.95))
@@ -71,8 +67,8 @@ def _starting_elsewhere(relations: Relations, r: int, others: Sequence[int]) -> 
     thermal = [i for i, role in enumerate(relations.roles) if role != "displacement"]
     room = [i for i in thermal if relations.roles[i] == "ambient"]
     level = np.array([[survey.scale(run, column).start for run in relations.runs] for column in relations.columns])
-    level = level - np.array([_middle(row) for row in level[room or thermal].T])
-    off = np.abs(level[:, r] - np.array([_middle(row) for row in level[:, list(others)]]))
+    level = level - np.array([present_median(row) for row in level[room or thermal].T])
+    off = np.abs(level[:, r] - np.array([present_median(row) for row in level[:, list(others)]]))
     off = np.where(np.isfinite(off) & np.isin(np.arange(off.size), thermal), off, 0.0)
     return int(np.argmax(off)) if off.max() > _WARM_K else None
 
@@ -89,11 +85,6 @@ def _switched_otherwise(survey: Survey, r: int, others: Sequence[int]) -> str | 
         if seen.size and not seen.min() - margin <= mean[r] <= seen.max() + margin:
             return survey.channels[column].name
     return None
-
-
-def _middle(values: Floats) -> float:
-    values = values[np.isfinite(values)]
-    return float(np.median(values)) if values.size else float("nan")
 
 
 def _name(relations: Relations, i: int) -> str:

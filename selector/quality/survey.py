@@ -175,6 +175,12 @@ def block_noise(x: Floats) -> Floats:
     return np.asarray(lower.mean(axis=1) / (0.657 * np.sqrt(6.0)), dtype=np.float64)
 
 
+def present_median(values: Floats) -> float:
+    """Median of the values that are there; NaN if none is."""
+    values = values[np.isfinite(values)]
+    return float(np.median(values)) if values.size else float("nan")
+
+
 _UNITS = {"degC": "°C", "um": "µm", "1": ""}
 
 

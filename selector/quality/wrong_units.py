@@ -57,7 +57,6 @@ _LENGTH = (
     Mistake("inch taken for µm", 1 / 25400.0, 0.0, 'declare unit = "inch"', "inch"),
     Mistake("mil taken for µm", 1 / 25.4, 0.0, 'declare unit = "mil"', "mil"),
     Mistake("m taken for µm", 1e-6, 0.0, 'declare unit = "m"', "m"),
-    Mistake("nm taken for µm", 1e3, 0.0, 'declare unit = "nm"', "nm"),
 )
 _OFF_K = 12.0
 """Days and warm starts move the level of a machine by less [K]; the smallest mistake (°C for °F) moves 20 °C by 27."""
@@ -190,7 +189,7 @@ def wrong_length_units(survey: Survey) -> Iterator[Finding]:
             span = float(np.median([scales[other].span for other in others]))
             floor = float(np.median([scales[other].floor for other in others]))
             here = scales[run]
-            for mistake in _LENGTH[:5]:
+            for mistake in _LENGTH:
                 # the noise of a gauge does not depend on what the machine did, the span does
                 decade = abs(np.log10(mistake.gain)) > 2
                 noise_off = here.floor / max(floor * mistake.gain, 1e-300)

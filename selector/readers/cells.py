@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import re
 import unicodedata
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -212,7 +211,10 @@ def _word_by_word(
     if text > 0 and numeric < text:
         words_only: NDArray[np.object_] = np.array(plain.to_pylist(), dtype=np.object_)
         return words_only, notes
-    rows_of = _rows_of(codes)
+
+    def rows_of(code: int) -> NDArray[np.int64]:
+        return np.flatnonzero(codes == code).astype(np.int64)
+
     breaks: list[BreakWord] = []
     for code, (word, (_, kind)) in enumerate(zip(words, judged, strict=True)):
         if kind == "break":
@@ -233,15 +235,8 @@ def _word_by_word(
     return _finite(np.where(codes >= 0, table[codes], values), notes), notes
 
 
-def _rows_of(codes: NDArray[np.int64]) -> Callable[[int], NDArray[np.int64]]:
-    return lambda code: np.flatnonzero(codes == code).astype(np.int64)
-
-
 def _two_valued(words: list[str], judged: list[tuple[float, str]]) -> bool:
-    values = {value for value, kind in judged if kind == "bool"}
-    return (
-        len({folded_word(w) for w, (_, k) in zip(words, judged, strict=True) if k == "bool"}) <= 2 and len(values) >= 1
-    )
+    return len({folded_word(word) for word, (_, kind) in zip(words, judged, strict=True) if kind == "bool"}) in (1, 2)
 
 
 def _judged(word: str, decimal: str) -> tuple[float, str]:

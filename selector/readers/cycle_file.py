@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from selector.readers.layout import is_time_name
 from selector.readers.roles.inferred import role_guess
 from selector.readers.roles.names import name_and_unit, printable_name
 from selector.readers.text.encodings import decoded
+from selector.readers.text.sniffing import cells_of
 from selector.types import Vector
 from selector.units import convert, parse_unit, unit_for_role
 
@@ -53,7 +53,7 @@ def read_cycle(path: Path) -> CycleFile:
     """
     name = printable_name(path.name)
     rows, mark = _rows(path, name)
-    time, speed, scale = _columns([cell.strip() for cell in rows[0][1]], name)
+    time, speed, scale = _columns(rows[0][1], name)
     comma = mark != "," and not any("." in cell for _, cells in rows[1:] for cell in cells)
     times, speeds = np.empty(len(rows) - 1), np.empty(len(rows) - 1)
     for i, (line, cells) in enumerate(rows[1:]):
@@ -108,13 +108,8 @@ def _rows(path: Path, name: str) -> tuple[list[tuple[int, list[str]]], str]:
             f"a header with one column ({lines[0][1].strip()[:60]!r})", _EXAMPLE, f"{name}, line {lines[0][0]}",
             "separate the columns by commas or semicolons",
         )  # fmt: skip
-    return [(number, _cells(line, mark)) for number, line in lines], mark
-
-
-def _cells(line: str, mark: str) -> list[str]:
-    if mark == " ":
-        return line.split()
-    return next(csv.reader([line.rstrip("\r")], delimiter=mark))
+    cut = "blank" if mark == " " else mark
+    return [(number, cells_of(line, cut, quoted=True)) for number, line in lines], mark
 
 
 def _columns(header: list[str], name: str) -> tuple[int, int, tuple[str, str]]:

@@ -15,11 +15,12 @@ from selector.readers.binary.parquet import read_parquet
 from selector.readers.binary.tdms import read_mdf, read_tdms
 from selector.readers.finding_table import FINDINGS
 from selector.readers.roles.names import closest
-from selector.readers.tables import Overrides, Table
-from selector.readers.text.delimited import MAX_TEXT_BYTES, read_delimited
+from selector.readers.tables import Overrides, Table, listed
+from selector.readers.text.delimited import read_delimited
 from selector.readers.workbook import read_excel
 
 MACHINE_FILE = "machine.toml"
+MAX_TEXT_BYTES = 2_000_000_000
 
 _READERS: dict[str, Callable[[Path, bytes, Overrides], list[Table]]] = {
     "delimited": read_delimited,
@@ -31,8 +32,7 @@ _READERS: dict[str, Callable[[Path, bytes, Overrides], list[Table]]] = {
 }
 _ENDINGS = (
     ".csv .tsv .txt .dat .asc .log .lvm .prn .tab .xlsx .xlsm .xlsb .xls .ods .parquet .pq .feather .arrow .mat "
-    ".h5 .hdf5 "
-    ".hdf .tdms .mdf .mf4 .mf3"
+    ".h5 .hdf5 .hdf .tdms .mdf .mf4 .mf3"
 )
 _EXTENSIONS = frozenset(_ENDINGS.split())
 _FOREIGN = (
@@ -90,14 +90,10 @@ def recording_files(paths: Sequence[Path]) -> Found:
                 f"a path that cannot be opened ({error})", expected="a readable file or folder", where=str(path)[:300],
                 advice="check the path and the rights to read it",
             ) from error  # fmt: skip
-    unique: list[Path] = []
-    seen: set[Path] = set()
+    unique: dict[Path, Path] = {}
     for path in files:
-        resolved = path.resolve()
-        if resolved not in seen:
-            unique.append(path)
-        seen.add(resolved)
-    return Found(tuple(unique), machine, tuple(findings))
+        unique.setdefault(path.resolve(), path)
+    return Found(tuple(unique.values()), machine, tuple(findings))
 
 
 def _nothing_there(path: Path) -> ReadError:
@@ -140,18 +136,16 @@ def _inside(folder: Path) -> tuple[list[Path], list[Finding]]:
             where=str(folder),
             advice="name the folder that holds the recordings, or the files themselves",
         )
-    findings = []
-    if skipped:
-        findings.append(
-            FINDINGS.finding(
-                "files-skipped",
-                f"In {folder.name}/ {len(skipped)} file(s) are no recordings by their ending and were skipped: "
-                f"{', '.join(skipped[:6])}" + (" …" if len(skipped) > 6 else "") + ".",
-                Where(file=str(folder)),
-                {"files": skipped[:50]},
-            )
-        )
-    return files, findings
+    if not skipped:
+        return files, []
+    finding = FINDINGS.finding(
+        "files-skipped",
+        f"In {folder.name}/ {len(skipped)} file(s) are no recordings by their ending and were skipped: "
+        f"{listed(skipped, 6)}.",
+        Where(file=str(folder)),
+        {"files": skipped[:50]},
+    )
+    return files, [finding]
 
 
 def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
@@ -174,7 +168,12 @@ def tables_of(path: Path, overrides: Overrides) -> tuple[list[Table], str]:
             form = file_format(path, head)
             size = path.stat().st_size
             if form == "delimited" and size > MAX_TEXT_BYTES:
-                _refuse_size(path, size)
+                raise ReadError(
+                    f"{size / 1e9:.1f} GB of text",
+                    expected=f"at most {MAX_TEXT_BYTES / 1e9:.0f} GB",
+                    where=path.name,
+                    advice="store the recording as Parquet (it is then read piece by piece), or split it into runs",
+                )
             stream.seek(0)
             digest = hashlib.file_digest(stream, "sha256").hexdigest()
             stream.seek(0)
@@ -193,16 +192,6 @@ def tables_of(path: Path, overrides: Overrides) -> tuple[list[Table], str]:
             advice="store it as Parquet, which is read piece by piece, or split it into runs",
         ) from error  # fmt: skip
     return tables, digest
-
-
-def _refuse_size(path: Path, size: int) -> None:
-    """Refuse text that is too large before it is read."""
-    raise ReadError(
-        f"{size / 1e9:.1f} GB of text",
-        expected=f"at most {MAX_TEXT_BYTES / 1e9:.0f} GB",
-        where=path.name,
-        advice="store the recording as Parquet (it is then read piece by piece), or split it into runs",
-    )
 
 
 def file_format(path: Path, head: bytes) -> str:

@@ -21,12 +21,7 @@ def heating_tests(
 ) -> tuple[Recording, tuple[str, ...], tuple[Finding, ...]]:
     """The recording without the faults of speed and displacements, which these are, and what was found.
 
-    Parameters
-    ----------
-    reading : Reading
-        Heating and cooling tests.
-    response : sequence of str
-        Displacements to be predicted; default: all there are.
+    `response` are the displacements to be predicted; default: all there are.
 
     Raises
     ------
@@ -64,19 +59,16 @@ def _require_units(reading: Reading, used: set[str]) -> None:
             expected="a unit that the file or the machine file says", where="the recordings",
             advice='write unit = "s" (or "min", ...) under [time] in the machine file, or give --time-unit',
         )  # fmt: skip
+    choices = {"spindle_speed": ("rpm", "1/s"), "displacement": ("um", "mm")}
     for channel in reading.channels:
-        if channel.name in used and channel.role == "spindle_speed" and "unit" in channel.guessed:
-            if any(_SPEED_UNIT.search(name) for name in (channel.name, str(channel.column))):
-                continue
+        if channel.name not in used or channel.role not in choices or "unit" not in channel.guessed:
+            continue
+        named = any(_SPEED_UNIT.search(name) for name in (channel.name, str(channel.column)))
+        if channel.role == "displacement" or not named:
+            unit, other = choices[channel.role]
             raise OptionError(
                 f"no unit of {channel.name} (taken for {channel.unit_in_file})",
                 expected="a unit that the file or the machine file says", where="the recordings",
-                advice=f'write unit = "rpm" (or "1/s") under [channels.{channel.name}], or give --unit '
-                f"{channel.name}=rpm",
-            )  # fmt: skip
-        if channel.name in used and channel.role == "displacement" and "unit" in channel.guessed:
-            raise OptionError(
-                f"no unit of {channel.name} (taken for {channel.unit_in_file})",
-                expected="a unit that the file or the machine file says", where="the recordings",
-                advice=f'write unit = "um" (or "mm") under [channels.{channel.name}], or give --unit {channel.name}=um',
+                advice=f'write unit = "{unit}" (or "{other}") under [channels.{channel.name}], or give --unit '
+                f"{channel.name}={unit}",
             )  # fmt: skip

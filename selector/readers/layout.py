@@ -75,16 +75,10 @@ def column_kinds(body: Sequence[Sequence[str]], n_columns: int, decimal: str) ->
 def layout(
     rows: Sequence[Sequence[str]], kinds: Sequence[str], decimal: str, header_row: int | None, where: str
 ) -> Layout:
-    """The rows of names, units and the first sample.
+    """The rows of names, units and the first sample, from the rows at the top of the file.
 
-    Parameters
-    ----------
-    rows : sequence of rows of cells
-        From the top of the file; an empty row is an empty sequence.
-    kinds : sequence of str
-        What the columns hold, from `column_kinds`.
-    header_row : int or None
-        Position of the names in `rows` if the user named it; -1 = there is no such row.
+    `kinds` of columns are those of `column_kinds`; `header_row` is the position of the names in `rows` if the user
+    named it, -1 = there is no such row.
 
     Raises
     ------

@@ -166,42 +166,40 @@ def machine_from_text(text: str, where: str) -> Machine:
 def machine_text(values: Machine, undeclared: Mapping[str, str] | None = None, guessed_clock: str | None = None) -> str:
     """The machine file as TOML text.
 
-    Parameters
-    ----------
-    undeclared : mapping of str to str, optional
-        Columns that are not channels and why; they are written as comments, to be completed by hand.
-    guessed_clock : str, optional
-        Line of ``[time]`` that nobody said; it is written as a comment.
+    Columns that are not channels, and why, are written as comments, to be completed by hand; so is the line of
+    ``[time]`` that nobody said.
     """
     lines: list[str] = []
     if values.machine.name is not None:
-        lines += ["[machine]", f"name = {_toml(values.machine.name)}", ""]
+        lines += ["[machine]", f"name = {toml_value(values.machine.name)}", ""]
     time = values.time.model_dump(exclude_none=True)
     if time or guessed_clock is not None:
         lines.append("[time]")
-        lines += [f"{key} = {_toml(value)}" for key, value in time.items()]
+        lines += [f"{key} = {toml_value(value)}" for key, value in time.items()]
         if guessed_clock is not None:
             lines.append(f"# {guessed_clock}  # a guess: correct it, and take the first # away")
         lines.append("")
     for name, channel in values.channels.items():
-        lines.append(f"[channels.{_key(name)}]")
+        lines.append(f"[channels.{toml_key(name)}]")
         content = channel.model_dump(exclude_none=True)
-        lines += [f"{key} = {_toml(value)}" for key, value in content.items()] + [""]
+        lines += [f"{key} = {toml_value(value)}" for key, value in content.items()] + [""]
     for name, reason in (undeclared or {}).items():
         shown = " ".join(reason.split())
-        lines += [f"# not a channel: {shown}", f"# [channels.{_key(name)}]", "# role = ", "# unit = ", ""]
+        lines += [f"# not a channel: {shown}", f"# [channels.{toml_key(name)}]", "# role = ", "# unit = ", ""]
     return "\n".join(lines)
 
 
-def _key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _toml(name)
+def toml_key(name: str) -> str:
+    """A key as TOML has it, quoted where it has to be."""
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else toml_value(name)
 
 
-def _toml(value: Any) -> str:
+def toml_value(value: Any) -> str:
+    """A text, a number, a truth value or an array of them as TOML has it."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(_toml(v) for v in value) + "]"
+        return "[" + ", ".join(toml_value(v) for v in value) + "]"
     if isinstance(value, (int, float)):
         return repr(value)
     escapes = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r", "\b": "\\b", "\f": "\\f"}
@@ -240,10 +238,8 @@ def _invalid(error: ValidationError, text: str, where: str) -> ReadError:
 
 
 def _valid_keys(path: tuple[str, ...]) -> list[str]:
-    if not path:
-        return list(Machine.model_fields)
-    section: dict[str, type[BaseModel]] = {"machine": MachineSection, "time": TimeSection, "channels": ChannelSection}
-    return list(section[path[0]].model_fields) if path[0] in section else list(Machine.model_fields)
+    sections: dict[str, type[BaseModel]] = {"machine": MachineSection, "time": TimeSection, "channels": ChannelSection}
+    return list(sections.get(path[0] if path else "", Machine).model_fields)
 
 
 def _place(where: str, text: str, path: tuple[str, ...]) -> str:

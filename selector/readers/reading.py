@@ -59,7 +59,15 @@ def assembled(runs: Sequence[TimedRun], planned: Plan) -> tuple[Recording, list[
                 advice="check the decimal mark and the columns, or leave this file out",
             )
         findings += [
-            _empty_channel(name, run.name)
+            FINDINGS.finding(
+                "empty-channel",
+                f"Channel {name!r} has no value in run {run.name!r}.",
+                Where(channel=name, run=run.name),
+                {},
+                "leave the channel or the run out",
+                "leave-out-stretch",
+                level="warning",
+            )
             for name, channel, nothing in zip(names, planned.channels, empty, strict=True)
             if nothing and run.name in channel.headers
         ]
@@ -97,18 +105,6 @@ def _provenance(run: TimedRun) -> dict[str, Any]:
         "time_guessed": list(run.clock.guessed),
         "reading": dict(run.table.reading),
     }
-
-
-def _empty_channel(name: str, run: str) -> Finding:
-    return FINDINGS.finding(
-        "empty-channel",
-        f"Channel {name!r} has no value in run {run!r}.",
-        Where(channel=name, run=run),
-        {},
-        "leave the channel or the run out",
-        "leave-out-stretch",
-        level="warning",
-    )
 
 
 def placed(runs: Sequence[TimedRun], planned: Plan) -> list[Finding]:
@@ -173,6 +169,10 @@ class RunInfo:
     period_s: float
     start: str | None
 
+    def as_dict(self) -> dict[str, Any]:
+        """JSON form."""
+        return {"run" if name == "name" else name: value for name, value in vars(self).items()}
+
 
 @dataclass(frozen=True)
 class ChannelInfo:
@@ -192,6 +192,26 @@ class ChannelInfo:
     xyz_m: tuple[float, float, float] | None = None
     units_of_runs: Mapping[str, str] = field(default_factory=dict)
 
+    def as_dict(self) -> dict[str, Any]:
+        """JSON form: what is not known is not there."""
+        told: dict[str, Any] = {
+            "name": self.name,
+            "column": self.column,
+            "role": self.role,
+            "unit": self.unit,
+            "unit_in_file": self.unit_in_file,
+            "guessed": list(self.guessed),
+        }
+        if self.units_of_runs:
+            told["unit_per_run"] = dict(self.units_of_runs)
+        if self.place is not None:
+            told["place"] = self.place
+        if self.axis is not None:
+            told["axis"] = self.axis
+        if self.xyz_m is not None:
+            told["xyz"] = list(self.xyz_m)
+        return told
+
 
 @dataclass(frozen=True)
 class Reading:
@@ -209,22 +229,25 @@ class Reading:
     machine_file: str | None = None  #: Where the machine file was read
 
     def description(self) -> dict[str, Any]:
-        """The `selector.description/1` contract as JSON values."""
-        return description(self)
+        """The `selector.description/1` contract as JSON values.
+
+        `place`, `axis` and `xyz` of a channel appear where they are known, `unit_per_run` where its runs have different
+        units.
+        """
+        return {
+            "schema": "selector.description/1",
+            "runs": [run.as_dict() for run in self.runs],
+            "channels": [channel.as_dict() for channel in self.channels],
+            "reading": dict(self.reading),
+            "findings": [finding.as_dict() for finding in self.findings],
+        }
 
 
 def read(paths: Sequence[Path], machine: Path | Machine | None = None, overrides: Overrides | None = None) -> Reading:
-    """The recording in some files and folders.
+    """The recording in some files, and in folders whose recordings are read in natural order.
 
-    Parameters
-    ----------
-    paths : sequence of Path
-        Files, or folders whose recordings are read in natural order. A run is called after its file.
-    machine : Path, Machine or None
-        The machine file. None: ``machine.toml`` of a folder in `paths`, if there is one; otherwise roles and units are
-        inferred.
-    overrides : Overrides, optional
-        What the user decides instead of the reader.
+    A run is called after its file. Without a machine file, ``machine.toml`` of a folder in `paths` is taken, if there
+    is one; otherwise roles and units are inferred.
 
     Raises
     ------
@@ -238,7 +261,13 @@ def read(paths: Sequence[Path], machine: Path | Machine | None = None, overrides
     machine_file = str(machine) if isinstance(machine, Path | str) else None
     if declared is None and found.machine is not None:
         declared, machine_file = machine_at(found.machine), str(found.machine)
-        findings.append(_machine_found(found.machine))
+        findings.append(
+            FINDINGS.finding(
+                "machine-file-found",
+                f"The machine file {found.machine.name} in the folder of the recordings was used.",
+                Where(file=str(found.machine)),
+            )
+        )
     options = time_options(declared, overrides)
     timed: list[TimedRun] = []
     columns = [c.column or n for n, c in declared.channels.items()] if declared is not None else []
@@ -260,14 +289,6 @@ def read(paths: Sequence[Path], machine: Path | Machine | None = None, overrides
         declared,
         planned.undeclared,
         machine_file,
-    )
-
-
-def _machine_found(path: Path) -> Finding:
-    return FINDINGS.finding(
-        "machine-file-found",
-        f"The machine file {path.name} in the folder of the recordings was used.",
-        Where(file=str(path)),
     )
 
 
@@ -381,49 +402,3 @@ def _is_clock_said(reading: Reading) -> bool:
 
 def _times(reading: Reading) -> list[Mapping[str, Any]]:
     return [reading.reading["time"], *(own["time"] for own in reading.reading.get("per_run", {}).values())]
-
-
-def description(reading: Reading) -> dict[str, Any]:
-    """JSON values only.
-
-    `place`, `axis` and `xyz` of a channel appear where they are known, `unit_per_run` where its runs have different
-    units.
-    """
-    return {
-        "schema": "selector.description/1",
-        "runs": [
-            {
-                "run": run.name,
-                "file": run.file,
-                "sha256": run.sha256,
-                "rows": run.rows,
-                "duration_s": run.duration_s,
-                "period_s": run.period_s,
-                "start": run.start,
-            }
-            for run in reading.runs
-        ],
-        "channels": [_channel(channel) for channel in reading.channels],
-        "reading": dict(reading.reading),
-        "findings": [finding.as_dict() for finding in reading.findings],
-    }
-
-
-def _channel(channel: ChannelInfo) -> dict[str, Any]:
-    out: dict[str, Any] = {
-        "name": channel.name,
-        "column": channel.column,
-        "role": channel.role,
-        "unit": channel.unit,
-        "unit_in_file": channel.unit_in_file,
-        "guessed": list(channel.guessed),
-    }
-    if channel.units_of_runs:
-        out["unit_per_run"] = dict(channel.units_of_runs)
-    if channel.place is not None:
-        out["place"] = channel.place
-    if channel.axis is not None:
-        out["axis"] = channel.axis
-    if channel.xyz_m is not None:
-        out["xyz"] = list(channel.xyz_m)
-    return out

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -18,7 +18,7 @@ from selector.readers.clock.clock import Clock, TimeOptions, clock
 from selector.readers.clock.ticking import ticks
 from selector.readers.finding_table import FINDINGS, UNREADABLE_CELLS
 from selector.readers.roles.names import folded_name, printable_name
-from selector.readers.tables import BreakWord, Column, Table
+from selector.readers.tables import BreakWord, Column, Table, listed
 
 _RUN_COLUMNS = frozenset({"run", "runid", "runno", "runname", "lauf"})
 
@@ -65,7 +65,8 @@ def timed_run(table: Table, sha256: str, options: TimeOptions) -> TimedRun:
     seconds = np.where(np.abs(told.seconds) < 1e13, told.seconds, np.nan)
     numeric = [c for c in table.columns if c.kind == "number" and c.header not in told.columns]
     matrix = np.column_stack([c.values for c in numeric]) if numeric else np.empty((len(table), 0))
-    local = told.base_s if told.base_s is not None and told.zone_s is None and _is_local(table, told) else None
+    in_words = any(c.header in told.columns and c.kind != "number" for c in table.columns)
+    local = told.base_s if told.zone_s is None and in_words else None
     result = ticks(seconds, table, matrix, told.time_of_day, local)
     if len(result.time_s) < 2:
         raise _too_short(table, len(result.time_s))
@@ -82,8 +83,7 @@ def timed_run(table: Table, sha256: str, options: TimeOptions) -> TimedRun:
     first_s = result.first_s
     start = None
     if told.base_s is not None:
-        start = _iso(told.base_s + first_s, told.zone_s)
-        first_s = 0.0
+        start, first_s = _iso(told.base_s + first_s, told.zone_s), 0.0
     texts = tuple(c.header for c in table.columns if c.kind != "number" and c.header not in told.columns)
     return TimedRun(
         table.name,
@@ -98,10 +98,6 @@ def timed_run(table: Table, sha256: str, options: TimeOptions) -> TimedRun:
         table,
         tuple(findings),
     )
-
-
-def _is_local(table: Table, told: Clock) -> bool:
-    return any(c.header in told.columns and c.kind != "number" for c in table.columns)
 
 
 def _averaged(values: NDArray[np.float64], groups: NDArray[np.int64], n_samples: int) -> NDArray[np.float64]:
@@ -121,30 +117,26 @@ def _averaged(values: NDArray[np.float64], groups: NDArray[np.int64], n_samples:
 
 def _breaks(
     column: Column, sample_of_row: NDArray[np.int64], time_s: NDArray[np.float64], table: Table
-) -> list[Finding]:
-    findings: list[Finding] = []
+) -> Iterator[Finding]:
     for broken in column.breaks:
         samples = sample_of_row[broken.rows]
         samples = samples[samples >= 0]
         if len(samples) == 0:
             continue
         first, last = int(samples.min()), int(samples.max())
-        to_end = last == len(time_s) - 1
-        findings.append(
-            FINDINGS.finding(
-                "sensor-break",
-                f"Column {column.header!r} of {table.file.name} says {broken.word!r} {len(samples)} time(s), first at "
-                f"{time_s[first]:g} s ({table.line(int(broken.rows[0]))})"
-                + (", up to the end of the run" if to_end and len(samples) > 1 else f", last at {time_s[last]:g} s")
-                + "; these samples are missing values.",
-                Where(channel=column.header, from_s=float(time_s[first]), to_s=float(time_s[last])),
-                {"word": broken.word, "count": len(samples), "share": len(samples) / len(time_s)},
-                "check the sensor and its cable; leave the channel out if it is broken for long",
-                "leave-out-stretch",
-                level="warning",
-            )
+        until = f", last at {time_s[last]:g} s"
+        if last == len(time_s) - 1 and len(samples) > 1:
+            until = ", up to the end of the run"
+        yield FINDINGS.finding(
+            "sensor-break",
+            f"Column {column.header!r} of {table.file.name} says {broken.word!r} {len(samples)} time(s), first at "
+            f"{time_s[first]:g} s ({table.line(int(broken.rows[0]))}){until}; these samples are missing values.",
+            Where(channel=column.header, from_s=float(time_s[first]), to_s=float(time_s[last])),
+            {"word": broken.word, "count": len(samples), "share": len(samples) / len(time_s)},
+            "check the sensor and its cable; leave the channel out if it is broken for long",
+            "leave-out-stretch",
+            level="warning",
         )
-    return findings
 
 
 def _too_short(table: Table, n_samples: int) -> ReadError:
@@ -186,9 +178,7 @@ def split_runs(table: Table, declared: Sequence[str]) -> list[Table]:
         *table.findings,
         FINDINGS.finding(
             "run-column",
-            f"Column {column.header!r} of {table.file.name} tells {len(names)} runs apart: {', '.join(names[:8])}"
-            + (" …" if len(names) > 8 else "")
-            + ".",
+            f"Column {column.header!r} of {table.file.name} tells {len(names)} runs apart: {listed(names, 8)}.",
             evidence={"runs": names[:100]},
         ),
     )
@@ -233,23 +223,21 @@ def uniquely_named(runs: Sequence[TimedRun]) -> tuple[list[TimedRun], list[Findi
             name = f"{base[: 99 - len(str(count))]}_{count}"
         taken.add(name)
         out.append(replace(run, name=name))
-    findings: list[Finding] = []
-    if any(name != own.name for name, own in zip(names, out, strict=True)):
-        findings.append(
-            FINDINGS.finding(
-                "runs-renamed",
-                "Several files have the same name; the runs are called " + ", ".join(run.name for run in out[:8]) + ".",
-                evidence={"runs": [run.name for run in out]},
-            )
+    return out, list(_renamed(runs, names, [run.name for run in out]))
+
+
+def _renamed(runs: Sequence[TimedRun], printable: list[str], called: list[str]) -> Iterator[Finding]:
+    if called != printable:
+        yield FINDINGS.finding(
+            "runs-renamed",
+            f"Several files have the same name; the runs are called {', '.join(called[:8])}.",
+            evidence={"runs": called},
         )
-    changed = [new.name for old, name, new in zip(runs, names, out, strict=True) if name != old.name]
+    changed = [name for run, shown, name in zip(runs, printable, called, strict=True) if shown != run.name]
     if changed:
-        findings.append(
-            FINDINGS.finding(
-                "run-name-changed",
-                f"{len(changed)} name(s) of runs are too long or have characters that cannot be shown; these runs are "
-                f"called {', '.join(repr(name) for name in changed[:8])}.",
-                evidence={"runs": changed},
-            )
+        yield FINDINGS.finding(
+            "run-name-changed",
+            f"{len(changed)} name(s) of runs are too long or have characters that cannot be shown; these runs are "
+            f"called {', '.join(repr(name) for name in changed[:8])}.",
+            evidence={"runs": changed},
         )
-    return out, findings

@@ -56,13 +56,8 @@ def is_large(paths: Sequence[Path]) -> bool:
 class ParquetSource:
     """Runs on disk that can be read in pieces; stands in for a `Recording` where a method needs one pass only.
 
-    Attributes
-    ----------
-    runs, names : tuple of str
-        Runs in the order of the files, channels in the order of the machine file or the columns.
-    channels : tuple of Channel
-    findings : tuple of Finding
-        What is known so far; rows that were left out are told once the run has been read.
+    Runs are in the order of the files, channels in that of the machine file or the columns. Rows that were left out are
+    among the findings once the run has been read.
     """
 
     def __init__(self, runs: Sequence[TimedRun], planned: Sequence[Planned], findings: Sequence[Finding]) -> None:
@@ -122,10 +117,6 @@ class ParquetSource:
             advice="correct the name, or list the channels with `selector describe`",
         )
 
-    def with_role(self, *roles: str) -> tuple[str, ...]:
-        """Names of the channels that have one of these roles."""
-        return tuple(channel.name for channel in self.channels if channel.role in roles)
-
     def rows(self, run: str) -> int:
         """Number of rows in the file of a run."""
         return int(pq.read_metadata(self._runs[run].file).num_rows)
@@ -143,7 +134,7 @@ class ParquetSource:
         timed = self._runs[run]
         wanted = [self.channel(name).name for name in names]
         headers = {name: self._planned[name].headers.get(run) for name in wanted}
-        positions = _positions(timed)
+        positions: dict[str, str] = timed.table.reading["positions"]
         asked = [*timed.clock.columns, *dict.fromkeys(h for h in headers.values() if h is not None)]
         schema_names = [positions[header] for header in asked]
         clock = _Ticker(timed)
@@ -207,7 +198,8 @@ class _Ticker:
         told = self._run.clock
         n_rows = batch.num_rows
         if not told.columns:
-            seconds = (self._rows + np.arange(n_rows, dtype=np.float64)) * _sample_period_s(self._run)
+            period_s = float(self._run.time_s[1] - self._run.time_s[0])
+            seconds = (self._rows + np.arange(n_rows, dtype=np.float64)) * period_s
         else:
             raw = column_of(batch.column(0))
             if raw is None or raw.dtype.kind == "O":
@@ -314,15 +306,6 @@ def _head(path: Path) -> Table:
     utc = [h for h, f in zip(headers, schema, strict=True) if pa.types.is_timestamp(f.type) and f.type.tz is not None]
     reading = {"format": "parquet", "utc_columns": utc, "positions": dict(zip(headers, schema.names, strict=True))}
     return Table(path.stem, path, tuple(columns), reading, tuple(findings))
-
-
-def _positions(run: TimedRun) -> dict[str, str]:
-    names: dict[str, str] = run.table.reading["positions"]
-    return names
-
-
-def _sample_period_s(run: TimedRun) -> float:
-    return float(run.time_s[1] - run.time_s[0])
 
 
 def _sha256(path: Path) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -91,6 +91,12 @@ class Table:
         return f"line {self.lines[row]}" if self.lines is not None else f"row {row + 1}"
 
 
+def reading_of(format: str, **told: Any) -> dict[str, Any]:  # noqa: A002 - the contract's word
+    """How a file was read, as `Table` holds it; what is not told does not exist in this format."""
+    nothing = {"encoding": None, "separator": None, "decimal": None, "skipped_rows": 0, "unit_row": False}
+    return {"format": format, **nothing, **told}
+
+
 def checked_width(n_columns: int, where: str) -> None:
     """Raise unless the table has a number of columns that can be channels."""
     if n_columns > MAX_COLUMNS:
@@ -118,7 +124,6 @@ def unique_headers(headers: list[str], where: str) -> tuple[list[str], list[Find
 
     The apostrophe that keeps a spreadsheet from running a name is no part of it.
     """
-    findings: list[Finding] = []
     taken: set[str] = set()
     unique: list[str] = []
     repeated: dict[str, list[str]] = {}
@@ -132,17 +137,21 @@ def unique_headers(headers: list[str], where: str) -> tuple[list[str], list[Find
             repeated.setdefault(text, []).append(name)
         taken.add(name)
         unique.append(name)
-    for text, names in repeated.items():
-        findings.append(
-            FINDINGS.finding(
-                "duplicate-header",
-                f"{len(names) + 1} columns of {where} are called {text!r}; the later ones are read as "
-                + ", ".join(names)
-                + ".",
-                evidence={"column": text, "read_as": names},
-            )
+    findings = [
+        FINDINGS.finding(
+            "duplicate-header",
+            f"{len(names) + 1} columns of {where} are called {text!r}; the later ones are read as {', '.join(names)}.",
+            evidence={"column": text, "read_as": names},
         )
+        for text, names in repeated.items()
+    ]
     return unique, findings
+
+
+def listed(names: Iterable[str], most: int) -> str:
+    """The names in one line; of more than so many the first, and dots."""
+    told = list(names)
+    return ", ".join(told[:most]) + (" …" if len(told) > most else "")
 
 
 def clean_name(text: str) -> str:

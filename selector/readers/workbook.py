@@ -11,6 +11,8 @@ import zipfile
 import zlib
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +27,7 @@ from selector.readers.cell_findings import column_findings, no_header_finding
 from selector.readers.cells import numbers_or_text
 from selector.readers.finding_table import FINDINGS
 from selector.readers.layout import column_kinds, layout
-from selector.readers.tables import Column, Overrides, Table, checked_size, checked_width, unique_headers
+from selector.readers.tables import Column, Overrides, Table, checked_size, checked_width, reading_of, unique_headers
 
 MAX_ROWS = 1_048_576
 MAX_COLUMNS = 16_384
@@ -185,17 +187,11 @@ def read_excel(path: Path, data: bytes, overrides: Overrides) -> list[Table]:
             advice="name the sheet (--sheet) and the row of the names (--header-row)",
         )
     chosen, findings = _runs(tables, list(refused), where)
-    if len(chosen) == 1:
-        only = chosen[0]
-        return [_renamed(only, path.stem, (*findings, *only.findings))]
-    return [
-        _renamed(table, f"{path.stem}_{table.reading['sheet']}", (*(findings if i == 0 else ()), *table.findings))
-        for i, table in enumerate(chosen)
-    ]
-
-
-def _renamed(table: Table, name: str, findings: tuple[Finding, ...]) -> Table:
-    return Table(name, table.file, table.columns, table.reading, findings, table.lines)
+    first, *others = (
+        replace(table, name=path.stem if len(chosen) == 1 else f"{path.stem}_{table.reading['sheet']}")
+        for table in chosen
+    )
+    return [replace(first, findings=(*findings, *first.findings)), *others]
 
 
 def _workbook(data: bytes, where: str) -> python_calamine.CalamineWorkbook:
@@ -218,8 +214,15 @@ def _workbook(data: bytes, where: str) -> python_calamine.CalamineWorkbook:
                 check_extent(archive, where)
         except (zipfile.BadZipFile, zlib.error, EOFError, ValueError, OSError, RuntimeError) as error:
             raise _damaged(where, str(error)) from error
-    try:
+    with _parsing(where):
         return python_calamine.CalamineWorkbook.from_filelike(io.BytesIO(data))
+
+
+@contextmanager
+def _parsing(where: str) -> Iterator[None]:
+    """What the parser cannot do is an error of the file."""
+    try:
+        yield
     except python_calamine.PasswordError as error:
         raise _protected(where) from error
     except (python_calamine.CalamineError, OSError, ValueError) as error:
@@ -268,17 +271,11 @@ def _wanted_sheets(names: Sequence[str], wanted: str | None, where: str) -> list
 
 def _rows(workbook: python_calamine.CalamineWorkbook, name: str, where: str) -> list[list[Any]]:
     place = f"{where}, sheet {name!r}"
-    try:
+    with _parsing(place):
         sheet = workbook.get_sheet_by_name(name)
         checked_width(int(sheet.total_width), place)
         checked_size(int(sheet.total_width) * int(sheet.total_height), place)
         rows: list[list[Any]] = sheet.to_python(skip_empty_area=False)
-    except (python_calamine.CalamineError, OSError, ValueError) as error:
-        raise _damaged(place, str(error)) from error
-    except BaseException as error:
-        if type(error).__name__ != "PanicException":
-            raise
-        raise _damaged(place, "the parser gave up") from error
     return rows
 
 
@@ -311,8 +308,7 @@ def _table(path: Path, sheet: str, rows: list[list[Any]], overrides: Overrides) 
             FINDINGS.finding(
                 "repeated-header",
                 f"The header of {where} is repeated in row(s) {', '.join(str(i + 1) for i in repeated[:6])}; these "
-                f"rows "
-                "were left out.",
+                "rows were left out.",
                 evidence={"lines": [i + 1 for i in repeated[:50]]},
                 suggestion="",
             )
@@ -330,17 +326,15 @@ def _table(path: Path, sheet: str, rows: list[list[Any]], overrides: Overrides) 
         findings += column_findings(header, notes, lines + 1, where) if notes is not None else []
         unit = units[k] if k < len(units) and units[k] else None
         columns.append(Column(header, values, unit or (notes.unit if notes else None), notes.breaks if notes else ()))
-    reading = {
-        "format": "excel",
-        "encoding": None,
-        "separator": None,
-        "decimal": decimal if any(isinstance(c, str) and c for i in half for c in rows[i]) and commas else None,
-        "skipped_rows": found.first if found.names is None else found.names,
-        "unit_row": found.units is not None,
-        "sheet": sheet,
-        "header_row": None if found.names is None else found.names + 1,
-        "first_data_row": found.first + 1,
-    }
+    reading = reading_of(
+        "excel",
+        decimal=decimal if any(isinstance(c, str) and c for i in half for c in rows[i]) and commas else None,
+        skipped_rows=found.first if found.names is None else found.names,
+        unit_row=found.units is not None,
+        sheet=sheet,
+        header_row=None if found.names is None else found.names + 1,
+        first_data_row=found.first + 1,
+    )
     return Table(path.stem, path, tuple(columns), reading, tuple(findings), lines + 1)
 
 
@@ -389,19 +383,15 @@ def _runs(tables: list[Table], refused: list[str], where: str) -> tuple[list[Tab
     left = [str(t.reading["sheet"]) for t in tables if not any(t is chosen for chosen in best)] + refused
     findings: list[Finding] = []
     if len(best) > 1:
-        findings.append(
-            FINDINGS.finding(
-                "sheets-are-runs",
-                f"{len(best)} sheets of {where} have the same columns; each was read as a run of its own.",
-                evidence={"sheets": [t.reading["sheet"] for t in best]},
-            )
-        )
+        several = f"{len(best)} sheets of {where} have the same columns; each was read as a run of its own."
+        sheets = [t.reading["sheet"] for t in best]
+        findings.append(FINDINGS.finding("sheets-are-runs", several, evidence={"sheets": sheets}))
     if left:
         findings.append(
             FINDINGS.finding(
                 "sheets-left-out",
                 f"Of {where} the sheet(s) {', '.join(left[:8])} were not read: they have other columns or no table "
-                f"of numbers.",
+                "of numbers.",
                 evidence={"sheets": left},
                 action="leave-out-run",
                 level="warning" if len(left) > len(refused) else "info",

@@ -43,12 +43,8 @@ def convert(reading: Reading, out_dir: Path, format: str = "csv") -> list[Path]:
 
     One file per run, called after it: UTF-8, comma, decimal point, one header row, first column ``time_s`` from the
     start of the run, canonical units, missing values empty. A header that a spreadsheet would take for a formula gets
-    an apostrophe in front (`selector.csv_text.defused`), which is dropped when it is read.
-
-    Returns
-    -------
-    list of Path
-        The recordings, then the machine file.
+    an apostrophe in front (`selector.csv_text.defused`), which is dropped when it is read. The recordings are named in
+    the result, then the machine file.
 
     Raises
     ------
@@ -86,17 +82,13 @@ def write_recording(
 ) -> list[Path]:
     """Write every run to its target and the machine file beside them, all or none; files of these names are replaced.
 
-    Returns
-    -------
-    list of Path
-        The recordings, then the machine file.
-
     Raises
     ------
     OptionError
         A place cannot be written.
     """
-    headers = _headers(recording)
+    # as they are read again: the names, unless these cannot stand in a header
+    headers = unique_headers(["time_s", *recording.names], "the output")[0][1:]
     writers: dict[Path, Callable[[Path], Any]] = {}
     for run, path in targets.items():
         writers[path] = _run_writer(recording, run, headers, format)
@@ -109,12 +101,6 @@ def write_recording(
 def run_files(runs: tuple[str, ...], folder: Path, ending: str) -> dict[str, Path]:
     """Run → file in `folder`: called after the run, as every file system takes it, different even without case."""
     return {run: folder / f"{stem}.{ending}" for run, stem in _stems(runs).items()}
-
-
-def _headers(recording: Recording) -> list[str]:
-    """Headers of the channels as they are read again: their names, unless these cannot stand in a header."""
-    headers, _ = unique_headers(["time_s", *recording.names], "the output")
-    return headers[1:]
 
 
 def _machine(recording: Recording, headers: list[str], name: str | None) -> Machine:

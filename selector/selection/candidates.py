@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -102,9 +102,7 @@ def candidates(question: Question, bench: Bench) -> Candidates:
     sets = {s: SensorSet(s, "representatives") for s in found[chosen.representatives]}
     for s in everything:
         sets.setdefault(s, SensorSet(s, "all sensors"))
-    screened = tuple(
-        Screening(s.level, s.rounds, s.representatives, s.f, float(np.sqrt(error))) for s, _, error in scored
-    )
+    screened = tuple(replace(s, error=float(np.sqrt(error))) for s, _, error in scored)
     number = screenings.index(chosen)
     grouping = Grouping(similarity, axis, tuple(relevance), screened, screened[number], because)
     return Candidates(grouping, tuple(sets.values()))

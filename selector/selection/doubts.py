@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,8 @@ from selector.models.design import Datum, Rows
 from selector.models.validity import validity_hull
 from selector.selection.choice import Offer
 from selector.selection.finding_table import FINDINGS
-from selector.selection.result import BEST_OF_SIZE, Proof, Selection
+from selector.selection.fitting import evenly
+from selector.selection.result import BEST_OF_SIZE, Selection
 from selector.selection.survey import Survey
 from selector.sensors.groups import chaining_findings
 from selector.sensors.similarity import similarity_findings
@@ -30,27 +31,32 @@ of Zhang and Siegmund, 2007). With 2, four in ten clear regimes were cut once mo
 single change of two deviations among 18 runs is found in 70 instead of 53 %."""
 
 
-def regime_findings(selection: Selection) -> list[Finding]:
+def regime_findings(selection: Selection) -> Iterator[Finding]:
     """Stretches of consecutive runs whose unseen errors share a sign and a size that neighbours do not have.
 
     The mean held-out error of each run is segmented in the order of recording; the gain in squared error is compared
     with that of shuffled runs, so that scatter from day to day is no regime.
     """
     proof = selection.proof
-    if proof.left_out != "run":
-        return []
-    findings = []
-    for name in selection.models:
+    for name in selection.models if proof.left_out == "run" else ():
         parts = proof.per_response[name]
         means = np.array([part.mean_um for part in parts])
         bounds, p_value, explained = regimes(means, selection.options.seed)
-        if len(bounds) < 2:
+        if len(bounds) < 2 or float(means.std()) < 0.5 * proof.rmse_um(name):
             continue
-        spread = float(means.std())
-        if spread < 0.5 * proof.rmse_um(name):
-            continue
-        findings.append(_finding(name, proof, means, bounds, p_value, explained))
-    return findings
+        names = [part.name for part in parts]
+        listed = "; ".join(f"{names[a]} to {names[b - 1]}: {means[a:b].mean():+.1f} µm" for a, b in bounds)
+        yield FINDINGS.finding(
+            "regimes",
+            f"The unseen error of {name} falls into {len(bounds)} regimes of consecutive runs ({listed}): {name} "
+            "depends on something that changed between them and is not in the recording.",
+            Where(channel=name),
+            {
+                "regimes": [{"runs": names[a:b], "mean_error_um": float(means[a:b].mean())} for a, b in bounds],
+                "p_value": p_value,
+                "explained": explained,
+            },
+        )
 
 
 def regimes(means: NDArray[np.float64], seed: int) -> tuple[list[tuple[int, int]], float, float]:
@@ -105,29 +111,6 @@ def _best_segmentation(values: NDArray[np.float64], total: float) -> tuple[float
     return best
 
 
-def _finding(
-    name: str,
-    proof: Proof,
-    means: NDArray[np.float64],
-    bounds: Sequence[tuple[int, int]],
-    p_value: float,
-    explained: float,
-) -> Finding:
-    names = [part.name for part in proof.per_response[name]]
-    listed = "; ".join(f"{names[a]} to {names[b - 1]}: {means[a:b].mean():+.1f} µm" for a, b in bounds)
-    return FINDINGS.finding(
-        "regimes",
-        f"The unseen error of {name} falls into {len(bounds)} regimes of consecutive runs ({listed}): {name} depends "
-        "on something that changed between them and is not in the recording.",
-        Where(channel=name),
-        {
-            "regimes": [{"runs": names[a:b], "mean_error_um": float(means[a:b].mean())} for a, b in bounds],
-            "p_value": p_value,
-            "explained": explained,
-        },
-    )
-
-
 COLLINEAR_VIF = 10.0
 ILL_CONDITIONED = 30.0
 OUTSIDE = 1.0
@@ -172,51 +155,41 @@ def _chaining(selection: Selection) -> list[Finding]:
     return [replace(finding, level="info", suggestion=advice) for finding in found]
 
 
-def _datum_findings(selection: Selection, datum: Datum, surveyed: Survey) -> list[Finding]:
+def _datum_findings(selection: Selection, datum: Datum, surveyed: Survey) -> Iterator[Finding]:
     if datum.reference == "absolute":
-        return []
+        return
     starts = {
         f"{name} in {run}": datum.level(run, name)
         for name in selection.models
         for run in surveyed.runs
         if datum.level(run, name)
     }
-    if not starts:
-        return []
-    largest = sorted(starts, key=lambda key: -abs(starts[key]))
-    listed = ", ".join(f"{key}: {starts[key]:.3g} µm" for key in largest[:4])
-    more = f" and {len(largest) - 4} smaller ones" if len(largest) > 4 else ""
-    return [
-        FINDINGS.finding(
+    if starts:
+        largest = sorted(starts, key=lambda key: -abs(starts[key]))
+        listed = ", ".join(f"{key}: {starts[key]:.3g} µm" for key in largest[:4])
+        more = f" and {len(largest) - 4} smaller ones" if len(largest) > 4 else ""
+        yield FINDINGS.finding(
             "gauge-not-zeroed",
             f"Some displacements do not start at zero ({listed}{more}); they count from the start of the run.",
-            Where(),
-            {"start_um": starts},
+            evidence={"start_um": starts},
         )
-    ]
 
 
-def _proof_findings(selection: Selection, surveyed: Survey, stride: int) -> list[Finding]:
+def _proof_findings(selection: Selection, surveyed: Survey, stride: int) -> Iterator[Finding]:
     proof = selection.proof
-    found = []
     if proof.left_out == "block":
-        found.append(
-            FINDINGS.finding(
-                "one-run-only",
-                "There is one run. The error is that of stretches of this run left out in turn; a day that is not in "
-                "the data is not proved.",
-                Where(run=surveyed.runs[0]),
-                {"runs": 1, "parts": len(next(iter(proof.per_response.values())))},
-            )
+        yield FINDINGS.finding(
+            "one-run-only",
+            "There is one run. The error is that of stretches of this run left out in turn; a day that is not in the "
+            "data is not proved.",
+            Where(run=surveyed.runs[0]),
+            {"runs": 1, "parts": len(next(iter(proof.per_response.values())))},
         )
     elif len(surveyed.runs) < 4:
-        found.append(
-            FINDINGS.finding(
-                "few-runs",
-                f"There are {len(surveyed.runs)} runs; an error over so few runs is itself uncertain.",
-                Where(),
-                {"runs": len(surveyed.runs)},
-            )
+        yield FINDINGS.finding(
+            "few-runs",
+            f"There are {len(surveyed.runs)} runs; an error over so few runs is itself uncertain.",
+            evidence={"runs": len(surveyed.runs)},
         )
     for name in selection.models:
         baseline = proof.baselines_um[name]
@@ -224,67 +197,56 @@ def _proof_findings(selection: Selection, surveyed: Survey, stride: int) -> list
         rival, best = min(((way, baseline[way]) for way in ("none", "mean")), key=lambda item: item[1])
         if error >= best:
             words = {"none": "leaving the machine as it is", "mean": "a constant"}[rival]
-            found.append(
-                FINDINGS.finding(
-                    "no-better-than-nothing",
-                    f"On unseen data the model of {name} errs by {error:.3g} µm, {words} by {best:.3g} µm: "
-                    "do not use it.",
-                    Where(channel=name),
-                    {"heldout_rmse_um": error, rival: best},
-                )
+            yield FINDINGS.finding(
+                "no-better-than-nothing",
+                f"On unseen data the model of {name} errs by {error:.3g} µm, {words} by {best:.3g} µm: do not use it.",
+                Where(channel=name),
+                {"heldout_rmse_um": error, rival: best},
             )
         worst = max(proof.per_response[name], key=lambda part: part.rmse_um)
         others = [part.rmse_um for part in proof.per_response[name] if part is not worst]
-        if others and worst.rmse_um > 3.0 * float(np.median(others)) and worst.rmse_um > 1.0:
-            found.append(
-                FINDINGS.finding(
-                    "one-part-unlike-the-others",
-                    f"{name} of {worst.name} is predicted to {worst.rmse_um:.3g} µm, the others typically to "
-                    f"{float(np.median(others)):.3g} µm.",
-                    Where(channel=name, run=worst.name),
-                    {"rmse_um": worst.rmse_um, "median_of_others_um": float(np.median(others))},
-                    "look at this run: its displacement looks reversed, as by a gauge with the other sign"
-                    if _reversed(selection, name, worst.name)
-                    else "look at this run: another setup, a moved gauge, coolant, an open door?",
-                )
+        usual = float(np.median(others)) if others else float("nan")
+        if worst.rmse_um > 3.0 * usual and worst.rmse_um > 1.0:
+            yield FINDINGS.finding(
+                "one-part-unlike-the-others",
+                f"{name} of {worst.name} is predicted to {worst.rmse_um:.3g} µm, the others typically to "
+                f"{usual:.3g} µm.",
+                Where(channel=name, run=worst.name),
+                {"rmse_um": worst.rmse_um, "median_of_others_um": usual},
+                "look at this run: its displacement looks reversed, as by a gauge with the other sign"
+                if _reversed(selection, name, worst.name)
+                else None,
             )
     if stride > 1:
-        found.append(
-            FINDINGS.finding(
-                "samples-thinned",
-                f"Sensors were chosen on all {surveyed.n_samples} samples; the final coefficients and errors come from "
-                f"every {stride}th sample.",
-                Where(),
-                {"samples": surveyed.n_samples, "stride": stride},
-            )
+        yield FINDINGS.finding(
+            "samples-thinned",
+            f"Sensors were chosen on all {surveyed.n_samples} samples; the final coefficients and errors come from "
+            f"every {stride}th sample.",
+            evidence={"samples": surveyed.n_samples, "stride": stride},
         )
-    return found
 
 
-def _limit_findings(selection: Selection) -> list[Finding]:
+def _limit_findings(selection: Selection) -> Iterator[Finding]:
     """Whether more sensors than allowed might do better: the choice is as large as it may be, and the curve falls."""
     most, there_are = selection.options.max_sensors, len(selection.sensors)
     chosen = set(selection.chosen)
     if len(chosen) != most or there_are <= most or chosen <= set(selection.options.must):
-        return []
+        return
     falls = []
     for j, name in enumerate(selection.models):
         of_size = {point.n_sensors: point.rmse_um[j] for point in selection.proof.curve}
         if most in of_size and most - 1 in of_size and of_size[most] < of_size[most - 1]:
             falls.append(f"{name} from {of_size[most - 1]:.3g} to {of_size[most]:.3g} µm")
     if most > 1 and not falls:
-        return []
+        return
     step = f" and from {most - 1} to {most} the error of the {BEST_OF_SIZE} still falls ({', '.join(falls)})"
-    return [
-        FINDINGS.finding(
-            "choice-at-limit",
-            f"{most} sensor{'s were' if most > 1 else ' was'} chosen, the most that --max-sensors allows"
-            f"{step if falls else ''}: more might predict better.",
-            Where(),
-            {"max_sensors": most, "sensors": there_are},
-            f"see whether more are worth their cost: --max-sensors {min(most + 3, there_are)}",
-        )
-    ]
+    yield FINDINGS.finding(
+        "choice-at-limit",
+        f"{most} sensor{'s were' if most > 1 else ' was'} chosen, the most that --max-sensors allows"
+        f"{step if falls else ''}: more might predict better.",
+        evidence={"max_sensors": most, "sensors": there_are},
+        suggestion=f"see whether more are worth their cost: --max-sensors {min(most + 3, there_are)}",
+    )
 
 
 def _reversed(selection: Selection, name: str, run: str) -> bool:
@@ -297,124 +259,103 @@ def _reversed(selection: Selection, name: str, run: str) -> bool:
     return False
 
 
-def _offer_findings(errors: Mapping[Offer, float], taken: Offer) -> list[Finding]:
+def _offer_findings(errors: Mapping[Offer, float], taken: Offer) -> Iterator[Finding]:
     """What the richer terms that the user offered are worth on unseen data."""
     if len(errors) == 1:
-        return []
+        return
     words = {"linear": "linear terms only", "polynomial": "powers and products", "memory": "lagged terms"}
     listed = ", ".join(f"{words[offer]} {error:.1%}" for offer, error in errors.items())
-    richest = list(errors)[-1]
-    helped = taken == richest
-    return [
-        FINDINGS.finding(
-            "terms-that-help" if helped else "terms-not-used",
-            f"Error on unseen data, in the spread of the displacement: {listed}. "
-            + (f"The model uses {words[taken]}." if helped else f"The model keeps to {words[taken]}."),
-            Where(),
-            {"relative_error": dict(errors), "taken": taken},
-            "" if helped else "more runs, longer and with heating and cooling, would let richer terms prove themselves",
-        )
-    ]
+    helped = taken == list(errors)[-1]
+    yield FINDINGS.finding(
+        "terms-that-help" if helped else "terms-not-used",
+        f"Error on unseen data, in the spread of the displacement: {listed}. The model "
+        f"{'uses' if helped else 'keeps to'} {words[taken]}.",
+        evidence={"relative_error": dict(errors), "taken": taken},
+        suggestion=""
+        if helped
+        else "more runs, longer and with heating and cooling, would let richer terms prove themselves",
+    )
 
 
 def _three_digits(value: float) -> str:
     return f"{value:.0f}" if 100 <= value < 1e7 else f"{value:.3g}"
 
 
-def _model_findings(selection: Selection, ridge: tuple[float, float, float]) -> list[Finding]:
-    found = []
+def _model_findings(selection: Selection, ridge: tuple[float, float, float]) -> Iterator[Finding]:
     # every response has the same terms, so their collinearity is one statement
     model = next(iter(selection.models.values()))
     single = [(t, v) for t, v in zip(model.terms, model.vif, strict=True) if t.degree == 1]
     worst, vif = max(single, key=lambda item: item[1])
     condition = model.diagnostics.condition_number
     if vif > COLLINEAR_VIF or condition > ILL_CONDITIONED:
-        found.append(
-            FINDINGS.finding(
-                "collinear-terms",
-                f"The terms of the model move together (VIF of {worst} {_three_digits(vif)}, condition number "
-                f"{_three_digits(condition)}): single coefficients are uncertain, and a sensor fault or another season "
-                "is amplified.",
-                Where(),
-                {"vif": float(vif), "term": str(worst), "condition_number": condition},
-                "the unseen error was found with sets like this one and stands for data like these; do not read single "
-                "coefficients"
-                + ("" if selection.options.ridge else ", and see with --ridge what shrinking them costs")
-                + ("" if len(selection.chosen) < 2 else "; a smaller --max-sensors gives terms that are less alike"),
-            )
+        yield FINDINGS.finding(
+            "collinear-terms",
+            f"The terms of the model move together (VIF of {worst} {_three_digits(vif)}, condition number "
+            f"{_three_digits(condition)}): single coefficients are uncertain, and a sensor fault or another season "
+            "is amplified.",
+            evidence={"vif": float(vif), "term": str(worst), "condition_number": condition},
+            suggestion="the unseen error was found with sets like this one and stands for data like these; do not read "
+            "single coefficients"
+            + ("" if selection.options.ridge else ", and see with --ridge what shrinking them costs")
+            + ("" if len(selection.chosen) < 2 else "; a smaller --max-sensors gives terms that are less alike"),
         )
     watson = {name: one.diagnostics.durbin_watson for name, one in selection.models.items()}
     low = {name: value for name, value in watson.items() if value < CORRELATED}
     if low:
         listed = ", ".join(f"{name} {value:.2f}" for name, value in low.items())
-        found.append(
-            FINDINGS.finding(
-                "correlated-residuals",
-                f"Residuals follow each other (Durbin–Watson: {listed}): the machine remembers something that the "
-                "model does not. Standard errors allow for it.",
-                Where(),
-                {
-                    "durbin_watson": watson,
-                    "ljung_box_p": {n: m.diagnostics.ljung_box_p for n, m in selection.models.items()},
-                },
-                "" if selection.options.memory else "try --memory: lagged temperatures follow slow parts",
-            )
+        ljung_box = {name: one.diagnostics.ljung_box_p for name, one in selection.models.items()}
+        yield FINDINGS.finding(
+            "correlated-residuals",
+            f"Residuals follow each other (Durbin–Watson: {listed}): the machine remembers something that the "
+            "model does not. Standard errors allow for it.",
+            evidence={"durbin_watson": watson, "ljung_box_p": ljung_box},
+            suggestion="" if selection.options.memory else "try --memory: lagged temperatures follow slow parts",
         )
     for name, one in selection.models.items():
         cooks = one.diagnostics.max_cooks_distance
         if cooks > 1.0:
-            found.append(
-                FINDINGS.finding(
-                    "influential-sample",
-                    f"One sample bends the model of {name} by itself (Cook's distance {cooks:.3g}).",
-                    Where(channel=name),
-                    {"cooks_distance": cooks, "row": one.diagnostics.most_influential},
-                )
+            yield FINDINGS.finding(
+                "influential-sample",
+                f"One sample bends the model of {name} by itself (Cook's distance {cooks:.3g}).",
+                Where(channel=name),
+                {"cooks_distance": cooks, "row": one.diagnostics.most_influential},
             )
     if selection.options.ridge:
         penalty, with_it, without = ridge
         in_sample = ", ".join(f"{name} {model.rmse_um:.3g} µm" for name, model in selection.models.items())
-        found.append(
-            FINDINGS.finding(
-                "ridge",
-                f"The ridge penalty {penalty:.3g} predicts unseen data best: {with_it:.4g} µm against {without:.4g} µm "
-                f"without; in sample {in_sample}.",
-                Where(),
-                {"penalty": penalty, "heldout_rmse_um": with_it, "heldout_rmse_um_without": without},
-            )
+        yield FINDINGS.finding(
+            "ridge",
+            f"The ridge penalty {penalty:.3g} predicts unseen data best: {with_it:.4g} µm against {without:.4g} µm "
+            f"without; in sample {in_sample}.",
+            evidence={"penalty": penalty, "heldout_rmse_um": with_it, "heldout_rmse_um_without": without},
         )
-    return found
 
 
-def _range_findings(selection: Selection, rows: Rows) -> list[Finding]:
+def _range_findings(selection: Selection, rows: Rows) -> Iterator[Finding]:
     """Runs whose inputs lie outside the hull of all the others: there the proof is an extrapolation."""
     beyond: dict[str, float] = {}
     words: list[str] = []
     for r, run in enumerate(rows.runs):
-        mine, others = rows.run == r, rows.run != r
-        if not mine.any() or not others.any():
+        mine, others = rows.variables[rows.run == r], rows.variables[rows.run != r]
+        if not len(mine) or not len(others):
             continue
-        hull = validity_hull(rows.variables[others])
-        distance = float(hull.distance(_thinned(rows.variables[mine], 40)).max())
+        hull = validity_hull(others)
+        distance = float(hull.distance(mine[evenly(len(mine), 40)]).max())
         if distance <= OUTSIDE:
             continue
-        outside = _box_excess(rows.variables[mine], hull.low, hull.high)
+        outside = np.maximum(np.maximum(hull.low - mine.min(axis=0), mine.max(axis=0) - hull.high), 0.0)
         j = int(np.argmax(outside / hull.scale))
         name, unit = _variable_and_unit(selection, j)
         beyond[run] = distance
         far = f", {name} by up to {outside[j]:.3g} {unit}" if outside[j] > 0.1 * hull.scale[j] else ""
         words.append(f"{run} by {distance:.2g}{far}")
-    if not beyond:
-        return []
-    return [
-        FINDINGS.finding(
+    if beyond:
+        yield FINDINGS.finding(
             "runs-outside-the-others",
             f"Beyond what the other runs cover, in standard deviations of the inputs: {'; '.join(words)}. The unseen "
             "error of these runs is that of an extrapolation.",
-            Where(),
-            {"distance": beyond},
+            evidence={"distance": beyond},
         )
-    ]
 
 
 def _variable_and_unit(selection: Selection, j: int) -> tuple[str, str]:
@@ -437,14 +378,3 @@ def _stability_findings(selection: Selection) -> list[Finding]:
         for name, share in selection.stability.items()
         if share < 0.6
     ]
-
-
-def _box_excess(
-    values: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    return np.maximum(np.maximum(low - values.min(axis=0), values.max(axis=0) - high), 0.0)
-
-
-def _thinned(values: NDArray[np.float64], n: int) -> NDArray[np.float64]:
-    keep: Sequence[int] = np.unique(np.linspace(0, len(values) - 1, min(n, len(values))).astype(int)).tolist()
-    return values[keep]

@@ -22,7 +22,7 @@ from selector.selection.candidates import LINEAR, Candidates, Grouping, Screenin
 from selector.selection.choice import Choice, tested
 from selector.selection.fitting import MAX_ROWS
 from selector.selection.library import Bench
-from selector.selection.options import Options, Progress, Question, question_of
+from selector.selection.options import Options, Progress, Question, allowed_sensors, question_of
 from selector.selection.proving import Folds, blocks_per_run
 from selector.selection.survey import RunsOf, survey
 from selector.sensors.groups import LambdaAxis, LambdaStep
@@ -107,14 +107,9 @@ class LeftOut:
 def fixed_set(
     sensors: Sequence[str], responses: Sequence[str], sums: Batches, left_out: LeftOut, *, rise: bool
 ) -> FixedSet:
-    """The linear models of a set of sensors.
+    """The linear models of a set of sensors; the variables of `sums` are all sensors that there are.
 
-    Parameters
-    ----------
-    sums : Batches
-        Its variables are all sensors that there are.
-    rise : bool
-        Whether a stuck sensor reads zero (rises) or its mean (absolute readings have no natural start).
+    A stuck sensor reads zero of a `rise`, else its mean: absolute readings have no natural start.
 
     Raises
     ------
@@ -160,15 +155,8 @@ def fixed_set(
         parts = _parts(left_out, at, y, beta_unseen[..., j], sse[:, j], float(sums.responses_at_um[j]))
         seen = sum(part.n_samples for part in parts)
         pooled = float(np.sqrt(sse[:, j].sum() / seen)) if seen else float("nan")
-        models[name] = FixedModel(
-            name,
-            found,
-            r2,
-            adjusted_r2(r2, n, len(sensors)),
-            float(np.sqrt(rss / n)),
-            parts,
-            pooled,
-        )
+        adjusted, rmse = adjusted_r2(r2, n, len(sensors)), float(np.sqrt(rss / n))
+        models[name] = FixedModel(name, found, r2, adjusted, rmse, parts, pooled)
         centre = np.asarray(scaling.centre) + np.asarray(scaling.scale) * mean
         rest = np.zeros(len(own)) if rise else centre
         faults += [
@@ -308,15 +296,8 @@ class Exploration:
         middle = whole[0, -len(responses) :] / max(float(whole[0, 0]), 1.0)
         sums = batches(runs, design, scaling_of(runs, design), middle, most_rows=MAX_ROWS)
         say("done", 1.0)
-        found = cls(
-            surveyed.question,
-            sensors,
-            folds.linear_bench(None),
-            sums,
-            _left_out(folds, sums),
-            folds.left_out,
-            surveyed.findings,
-        )
+        bench, left_out = folds.linear_bench(None), _left_out(folds, sums)
+        found = cls(surveyed.question, sensors, bench, sums, left_out, folds.left_out, surveyed.findings)
         return found.asking(never=given.never) if given.never else found
 
     def asking(
@@ -350,14 +331,7 @@ class Exploration:
                 where="--must",
                 advice="take it out of --must",
             )
-        sensors = tuple(name for name in self.available if name not in options.never)
-        if not sensors:
-            raise OptionError(
-                "every sensor is excluded",
-                expected="at least one sensor left",
-                where="--never",
-                advice="take a sensor out of --never",
-            )
+        sensors = allowed_sensors(self.available, options)
         return replace(self, question=replace(self.question, options=options, sensors=sensors))
 
     @cached_property

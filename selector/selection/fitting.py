@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -124,35 +124,30 @@ def final_models(recipe: Recipe, rows: Rows, *, ridge: float = 0.0) -> dict[str,
 def predictions(recipe: Recipe, training: Rows, unseen: Rows, *, ridge: float = 0.0) -> NDArray[np.float64]:
     """Displacements [µm] of unseen samples from a fit on others, shape (n_unseen, n_responses)."""
     scaling = recipe.scaling(training)
-    columns = _columns(recipe, training, scaling)
+    columns, responses = _columns(recipe, training, scaling), training.responses
     if ridge:
-        n = len(columns)
-        penalty = np.sqrt(ridge * n) * np.eye(columns.shape[1])
+        penalty = np.sqrt(ridge * len(columns)) * np.eye(columns.shape[1])
         penalty[0, 0] = 0.0
         columns = np.vstack([columns, penalty])
-        responses = np.vstack([training.responses, np.zeros((len(penalty), training.responses.shape[1]))])
-    else:
-        responses = training.responses
+        responses = np.vstack([responses, np.zeros((len(penalty), responses.shape[1]))])
     beta = np.linalg.lstsq(columns, responses, rcond=None)[0]
     return np.asarray(_columns(recipe, unseen, scaling) @ beta)
 
 
-def ridge_penalty(recipe: Recipe, rows: Rows, parts: Sequence[Part]) -> tuple[float, float, float]:
-    """The ridge penalty that predicts left-out groups best, and what it costs.
+def _unseen_errors(recipe: Recipe, rows: Rows, parts: Sequence[Part], ridge: float) -> Iterator[NDArray[np.float64]]:
+    """Measured minus predicted displacements [µm] of each part, from a fit on the others."""
+    for part in parts:
+        unseen, training = rows.only(part.unseen(rows)), rows.only(part.training(rows))
+        yield unseen.responses - predictions(recipe, training, unseen, ridge=ridge)
 
-    Returns
-    -------
-    penalty, held-out rmse with it, held-out rmse of ordinary least squares [µm, over all responses]
-    """
+
+def ridge_penalty(recipe: Recipe, rows: Rows, parts: Sequence[Part]) -> tuple[float, float, float]:
+    """The ridge penalty that predicts left-out groups best, held-out rmse with it and without [µm, all responses]."""
     best = (0.0, np.inf)
     plain = np.inf
     for penalty in (0.0, *np.geomspace(1e-6, 1.0, 13)):
-        sse = 0.0
-        n = 0
-        for part in parts:
-            unseen = rows.only(part.unseen(rows))
-            training = rows.only(part.training(rows))
-            error = unseen.responses - predictions(recipe, training, unseen, ridge=float(penalty))
+        sse, n = 0.0, 0
+        for error in _unseen_errors(recipe, rows, parts, float(penalty)):
             sse += float((error**2).sum())
             n += error.size
         rmse = float(np.sqrt(sse / max(n, 1)))
@@ -186,14 +181,12 @@ def fallbacks_of(
     """One fallback per input of a model, on the same time constants; none for an input without which none is left."""
     found = []
     for name in recipe.design.inputs:
-        rest = _without(question, recipe.design.datum, recipe, name)
+        rest = _without(question, recipe, name)
         if rest is None:
             continue
         rows = rows_of(source, rest.design, runs)
         squares, n = np.zeros(len(rest.design.responses)), 0
-        for part in parts:
-            unseen, training = rows.only(part.unseen(rows)), rows.only(part.training(rows))
-            error = unseen.responses - predictions(rest, training, unseen, ridge=ridge)
+        for error in _unseen_errors(rest, rows, parts, ridge):
             squares += (error**2).sum(axis=0)
             n += len(error)
         rmse = np.sqrt(squares / n) if n else np.full(len(squares), np.nan)
@@ -208,14 +201,12 @@ def fallbacks_of(
     return tuple(found)
 
 
-def _without(question: Question, datum: Datum, recipe: Recipe, name: str) -> Recipe | None:
+def _without(question: Question, recipe: Recipe, name: str) -> Recipe | None:
     sensors = tuple(sensor for sensor in recipe.sensors if sensor != name)
     shape, speeds = recipe.shape, tuple(speed for speed in question.speeds if speed != name)
     if name in question.speeds and not speeds:
         shape = replace(shape, speed_taus_s=())
-    if not sensors:
-        return None
-    return Recipe.of(replace(question, speeds=speeds), datum, sensors, shape)
+    return Recipe.of(replace(question, speeds=speeds), recipe.design.datum, sensors, shape) if sensors else None
 
 
 READING_POINTS = 300
@@ -256,15 +247,7 @@ class Readings:
 
 
 def kept_readings(rows: Rows, parts: Sequence[Part]) -> tuple[Readings, ...]:
-    """At most `MOST_RUNS` runs: those with an extreme of any column, and others evenly between them.
-
-    Parameters
-    ----------
-    rows : Rows
-        The samples of the fit.
-    parts : sequence of Part
-        What is left out in turn.
-    """
+    """At most `MOST_RUNS` runs of the fit: those with an extreme of any column, and others evenly between them."""
     columns = np.column_stack([rows.variables, rows.responses])
     present = np.unique(rows.run)
     extreme = np.unique(rows.run[_extremes(columns)])

@@ -102,12 +102,7 @@ class Bench:
     def of(cls, library: Library, folds: Sequence[int]) -> Bench:
         """The bench for these folds."""
         part = library.moments.only(folds)
-        return cls(
-            library,
-            part.whole,
-            LeaveOneOut.of(part, inner_grouping(part)),
-            response_power(part),
-        )
+        return cls(library, part.whole, LeaveOneOut.of(part, inner_grouping(part)), response_power(part))
 
     @property
     def samples(self) -> NDArray[np.float64]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -119,24 +119,8 @@ class Options:
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
-        return {
-            "responses": list(self.responses),
-            "lambda": "auto" if self.level is None else list(self.levels or ()),
-            "rounds": self.rounds,
-            "max_sensors": self.max_sensors,
-            "degree": self.degree,
-            "interactions": self.interactions,
-            "memory": self.memory,
-            "reference": self.reference,
-            "absolute_similarity": self.absolute_similarity,
-            "must": list(self.must),
-            "never": list(self.never),
-            "cost": dict(self.cost),
-            "tolerance": self.tolerance,
-            "ridge": self.ridge,
-            "conditions": dict(self.conditions),
-            "seed": self.seed,
-        }
+        level = "auto" if self.level is None else list(self.levels or ())
+        return {"lambda" if name == "level" else name: value for name, value in {**vars(self), "level": level}.items()}
 
 
 @dataclass(frozen=True)
@@ -185,16 +169,28 @@ def question_of(source: RunSource, options: Options) -> Question:
             _known(option, name, sensors, "a temperature sensor of the recording")
     for run in options.conditions:
         _known("--condition", run, source.runs, "a run of the recording")
-    usable = tuple(name for name in sensors if name not in options.never)
-    if not usable:
+    usable = allowed_sensors(sensors, options)
+    speeds = tuple(by_role.get("spindle_speed", [])) if options.memory else ()
+    return Question(options, usable, tuple(responses), speeds)
+
+
+def allowed_sensors(sensors: Iterable[str], options: Options) -> tuple[str, ...]:
+    """The sensors that ``--never`` leaves.
+
+    Raises
+    ------
+    OptionError
+        It leaves none.
+    """
+    allowed = tuple(name for name in sensors if name not in options.never)
+    if not allowed:
         raise OptionError(
             "every sensor is excluded",
             expected="at least one sensor left",
             where="--never",
             advice="take a sensor out of --never",
         )
-    speeds = tuple(by_role.get("spindle_speed", [])) if options.memory else ()
-    return Question(options, usable, tuple(responses), speeds)
+    return allowed
 
 
 def _known(option: str, name: str, known: Sequence[str], what: str) -> None:

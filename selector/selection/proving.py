@@ -140,13 +140,8 @@ FEWEST_SAMPLES = 4
 class Folds:
     """The parts that are left out in turn.
 
-    Attributes
-    ----------
-    linear : Library
-        Cross-products of the sensors themselves, on every fold.
-    outer : tuple of tuple of int
-        Folds that are left out together.
-    left_out : {"run", "condition", "block"}
+    `linear` has the cross-products of the sensors themselves on every fold; the folds in each of `outer` are left out
+    together: a ``"run"``, a ``"condition"`` or a ``"block"``, as `left_out` says.
 
     Raises
     ------

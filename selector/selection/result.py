@@ -125,13 +125,8 @@ class Selection:
     def statsmodels_results(self, response: str, source: RunSource, *, robust: bool = True) -> RegressionResultsWrapper:
         """The final model of a response in statsmodels, fitted again to the recording: `summary()`, p values, tests.
 
-        Parameters
-        ----------
-        response : str
-        source : RunSource
-            The recording that was selected from; a selection does not keep it.
-        robust : bool
-            Errors that allow for autocorrelation within runs, as in the report, or classical ones.
+        `source` is the recording that was selected from; a selection does not keep it. With `robust`, errors allow for
+        autocorrelation within runs, as in the report; else they are classical.
 
         Raises
         ------

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, WrapValidator
 
 from selector.findings import Finding, Where
 from selector.models.design import Datum, Design, Lag
@@ -25,7 +25,9 @@ from selector.sensors.screening import ScreeningRound
 from selector.sensors.similarity import Similarity
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Perhaps = Number | None
+NumberOrNaN = Annotated[Number, WrapValidator(lambda value, number: float("nan") if value is None else number(value))]
+"""A number; NaN where JSON, which has none, says null."""
+
 Count = Annotated[int, Field(strict=True, ge=0)]
 Names = tuple[str, ...]
 ByName = dict[str, Number]
@@ -54,39 +56,31 @@ class FindingPart(_Part):
         return Finding(self.id, self.level, self.statement, Where(**where), self.evidence, self.suggestion, self.action)
 
 
-class RoundPart(_Part):
-    """One round of grouping and its representatives."""
-
+class _RoundPart(_Part):
     level: Annotated[Number, Field(alias="lambda")]
     groups: tuple[Names, ...]
     representatives: Names
 
 
-class ScreeningPart(_Part):
-    """One way of grouping that was tried."""
-
+class _ScreeningPart(_Part):
     level: Annotated[Number, Field(alias="lambda")]
     lambda_of_rounds: Annotated[tuple[Number, ...], Field(min_length=1)]
     representatives: Names
-    f_statistic: Perhaps
-    heldout_relative: Perhaps
+    f_statistic: Number | None
+    heldout_relative: NumberOrNaN
     chosen: bool
 
 
-class CombinationPart(_Part):
-    """One set of sensors for one response."""
-
+class _CombinationPart(_Part):
     sensors: Names
     response: str
-    r2: Perhaps
-    adjusted_r2: Perhaps
-    heldout_rmse_um: Perhaps
+    r2: NumberOrNaN
+    adjusted_r2: NumberOrNaN
+    heldout_rmse_um: NumberOrNaN
     origin: str
 
 
-class ChosenPart(_Part):
-    """The chosen sensors and the shape of the model."""
-
+class _ChosenPart(_Part):
     sensors: Annotated[Names, Field(min_length=1)]
     because: str
     reasons: dict[str, str]
@@ -96,82 +90,70 @@ class ChosenPart(_Part):
     speed_taus_s: tuple[Number, ...]
 
 
-class ScaledPart(_Part):
-    """A model in the form in which it was fitted."""
-
+class _ScaledPart(_Part):
     variables: Names
     centre: tuple[Number, ...]
     scale: tuple[Number, ...]
     terms: tuple[dict[str, Annotated[int, Field(ge=1, le=9)]], ...]
     coefficients: tuple[Number, ...]
-    covariance: tuple[tuple[Perhaps, ...], ...]
-    vif: tuple[Perhaps, ...]
+    covariance: tuple[tuple[NumberOrNaN, ...], ...]
+    vif: tuple[NumberOrNaN, ...]
 
 
-class LagPart(_Part):
-    """A memory term."""
-
+class _LagPart(_Part):
     source: str
     tau_s: Number
 
 
-class RunPart(_Part):
-    """Errors on one run, or on one part that was left out."""
-
-    rmse_um: Perhaps = None
-    max_um: Perhaps = None
-    heldout_rmse_um: Perhaps = None
-    heldout_max_um: Perhaps = None
-    heldout_mean_um: Perhaps = None
+class _RunPart(_Part):
+    rmse_um: Number | None = None
+    max_um: NumberOrNaN = float("nan")
+    heldout_rmse_um: NumberOrNaN = float("nan")
+    heldout_max_um: NumberOrNaN = float("nan")
+    heldout_mean_um: NumberOrNaN = float("nan")
     heldout_samples: Count | None = None
-    before_rmse_um: Perhaps = None
-    before_max_um: Perhaps = None
+    before_rmse_um: NumberOrNaN = float("nan")
+    before_max_um: NumberOrNaN = float("nan")
     heldout_sensors: Names = ()
 
 
-class ModelPart(_Part):
-    """The model of one response."""
-
-    lags: tuple[LagPart, ...]
-    r2: Perhaps
-    adjusted_r2: Perhaps
-    rmse_um: Perhaps
-    per_run: dict[str, RunPart]
-    scaled: ScaledPart
+class _ModelPart(_Part):
+    lags: tuple[_LagPart, ...]
+    r2: NumberOrNaN
+    adjusted_r2: NumberOrNaN
+    rmse_um: NumberOrNaN
+    per_run: dict[str, _RunPart]
+    scaled: _ScaledPart
     n_samples: Count
     ridge: Number
-    condition_number: Perhaps
-    durbin_watson: Perhaps
-    ljung_box_p: Perhaps
-    max_cooks_distance: Perhaps
+    condition_number: NumberOrNaN
+    durbin_watson: NumberOrNaN
+    ljung_box_p: NumberOrNaN
+    max_cooks_distance: NumberOrNaN
 
 
-class PointPart(_Part):
-    """Held-out error at one number of sensors."""
-
+class _PointPart(_Part):
     n_sensors: Count
-    heldout_rmse_um: dict[str, Perhaps]
-    standard_error_um: dict[str, Perhaps]
-    per_part_um: tuple[dict[str, Perhaps], ...]
+    heldout_rmse_um: dict[str, NumberOrNaN]
+    standard_error_um: dict[str, NumberOrNaN]
+    per_part_um: tuple[dict[str, NumberOrNaN], ...]
 
 
-class TracePart(_Part):
-    """Courses of one left-out part."""
-
+class _TracePart(_Part):
     run: str
     time_s: Annotated[tuple[Number, ...], Field(min_length=1)]
-    measured_um: dict[str, tuple[Perhaps, ...]]
-    predicted_um: dict[str, tuple[Perhaps, ...]]
+    measured_um: dict[str, tuple[NumberOrNaN, ...]]
+    predicted_um: dict[str, tuple[NumberOrNaN, ...]]
 
 
-class HullPart(_Part):
+class _HullPart(_Part):
     """The hull of the model's inputs; results of earlier versions have none."""
 
     scale: tuple[Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)], ...]
     points: tuple[tuple[Number, ...], ...]
 
 
-class ReadingsPart(_Part):
+class _ReadingsPart(_Part):
     """Thinned samples of a run; results of earlier versions have none."""
 
     run: str
@@ -179,31 +161,25 @@ class ReadingsPart(_Part):
     time_s: Annotated[tuple[Number, ...], Field(min_length=1)]
     variables: dict[str, tuple[Number, ...]]
     displacement_um: dict[str, tuple[Number, ...]]
-    beyond_others: tuple[Perhaps, ...]
+    beyond_others: tuple[NumberOrNaN, ...]
 
 
-class ProofPart(_Part):
-    """What unseen parts of the recording say."""
-
+class _ProofPart(_Part):
     left_out: Literal["run", "condition", "block"]
-    curve: tuple[PointPart, ...]
-    baselines_um: dict[str, dict[str, Perhaps]]
-    traces: tuple[TracePart, ...]
+    curve: tuple[_PointPart, ...]
+    baselines_um: dict[str, dict[str, NumberOrNaN]]
+    traces: tuple[_TracePart, ...]
 
 
-class FaultPart(_Part):
-    """What faults of one sensor do."""
-
+class _FaultPart(_Part):
     sensor: str
     response: str
-    per_kelvin_um: Perhaps
-    stuck_um: Perhaps
-    open_um: Perhaps
+    per_kelvin_um: NumberOrNaN
+    stuck_um: NumberOrNaN
+    open_um: NumberOrNaN
 
 
-class OptionsPart(_Part):
-    """What was asked."""
-
+class _OptionsPart(_Part):
     responses: Names
     level: Annotated[Literal["auto"] | tuple[Number, ...], Field(alias="lambda")]
     rounds: int
@@ -216,31 +192,29 @@ class OptionsPart(_Part):
     must: Names
     never: Names
     cost: ByName
-    tolerance: Perhaps
+    tolerance: Number | None
     ridge: bool
     conditions: dict[str, str]
     seed: int
 
 
-class SelectionDocument(_Part):
-    """The fields of a selection's JSON that its report shows."""
-
+class _SelectionDocument(_Part):
     sensors: Annotated[Names, Field(min_length=1)]
     similarity: tuple[tuple[Number, ...], ...]
     level: Annotated[Number, Field(alias="lambda")]
     lambda_because: str
-    rounds: Annotated[tuple[RoundPart, ...], Field(min_length=1)]
-    screenings: tuple[ScreeningPart, ...]
-    combinations: tuple[CombinationPart, ...]
-    chosen: ChosenPart
+    rounds: Annotated[tuple[_RoundPart, ...], Field(min_length=1)]
+    screenings: tuple[_ScreeningPart, ...]
+    combinations: tuple[_CombinationPart, ...]
+    chosen: _ChosenPart
     valid_range: dict[str, tuple[Number, Number]]
-    hull: HullPart | None = None
-    readings: tuple[ReadingsPart, ...] = ()
-    models: Annotated[dict[str, ModelPart], Field(min_length=1)]
-    proof: ProofPart
-    faults: tuple[FaultPart, ...]
-    stability: dict[str, Perhaps]
-    options: OptionsPart
+    hull: _HullPart | None = None
+    readings: tuple[_ReadingsPart, ...] = ()
+    models: Annotated[dict[str, _ModelPart], Field(min_length=1)]
+    proof: _ProofPart
+    faults: tuple[_FaultPart, ...]
+    stability: dict[str, NumberOrNaN]
+    options: _OptionsPart
     provenance: dict[str, Any]
     findings: tuple[FindingPart, ...]
 
@@ -258,30 +232,23 @@ def selection_of(document: Mapping[str, Any]) -> Selection:
     ValueError, KeyError, IndexError
         Two fields contradict each other, e.g. a matrix without a row for each sensor.
     """
-    told = SelectionDocument.model_validate(document)
+    told = _SelectionDocument.model_validate(document)
     models = {name: _model(name, one) for name, one in told.models.items()}
     recipe = _recipe(told)
     low, high = (np.array([told.valid_range[name][end] for name in recipe.design.variables]) for end in (0, 1))
-    names = tuple(models)
+    names, asked = tuple(models), told.options.level
     return Selection(
-        options=_options(told.options),
+        options=Options(**{**dict(told.options), "level": None if asked == "auto" else asked}),
         sensors=told.sensors,
         grouping=_grouping(told),
-        combinations=tuple(
-            Combination(c.sensors, c.response, _nan(c.r2), _nan(c.adjusted_r2), _nan(c.heldout_rmse_um), c.origin)
-            for c in told.combinations
-        ),
+        combinations=tuple(Combination(**dict(one)) for one in told.combinations),
         chosen=told.chosen.sensors,
         because=told.chosen.because,
         reasons=told.chosen.reasons,
         recipe=recipe,
         models=models,
         fit_per_run={
-            name: {
-                run: (_nan(part.rmse_um), _nan(part.max_um))
-                for run, part in one.per_run.items()
-                if part.rmse_um is not None
-            }
+            name: {run: (part.rmse_um, part.max_um) for run, part in one.per_run.items() if part.rmse_um is not None}
             for name, one in told.models.items()
         },
         proof=Proof(
@@ -289,26 +256,18 @@ def selection_of(document: Mapping[str, Any]) -> Selection:
             {name: _run_proofs(one.per_run) for name, one in told.models.items()},
             tuple(_trace(trace, names) for trace in told.proof.traces),
             tuple(_point(point, names) for point in told.proof.curve),
-            {name: {way: _nan(v) for way, v in told.proof.baselines_um[name].items()} for name in names},
+            {name: told.proof.baselines_um[name] for name in names},
         ),
-        faults=tuple(
-            FaultGain(f.sensor, f.response, _nan(f.per_kelvin_um), _nan(f.stuck_um), _nan(f.open_um))
-            for f in told.faults
-        ),
+        faults=tuple(FaultGain(**dict(one)) for one in told.faults),
         hull=_hull(told, low, high),
-        stability={name: _nan(share) for name, share in told.stability.items()},
+        stability=told.stability,
         findings=tuple(part.finding() for part in told.findings),
         provenance=told.provenance,
         readings=tuple(_readings(part, recipe.design.variables, names) for part in told.readings),
     )
 
 
-def _options(told: OptionsPart) -> Options:
-    values = {name: getattr(told, name) for name in OptionsPart.model_fields if name != "level"}
-    return Options(level=None if told.level == "auto" else tuple(told.level), **values)
-
-
-def _recipe(told: SelectionDocument) -> Recipe:
+def _recipe(told: _SelectionDocument) -> Recipe:
     chosen = told.chosen
     shape = Shape(Form(chosen.degree, chosen.interactions), chosen.sensor_taus_s, chosen.speed_taus_s)
     first = next(iter(told.models.values()))
@@ -318,7 +277,7 @@ def _recipe(told: SelectionDocument) -> Recipe:
     return Recipe(chosen.sensors, shape, design, tuple(Term.of(powers) for powers in first.scaled.terms))
 
 
-def _grouping(told: SelectionDocument) -> Grouping:
+def _grouping(told: _SelectionDocument) -> Grouping:
     matrix = np.array(told.similarity, dtype=np.float64)
     similarity = Similarity(matrix, absolute=told.options.absolute_similarity)
     axis = lambda_axis(matrix, told.sensors)
@@ -331,7 +290,7 @@ def _grouping(told: SelectionDocument) -> Grouping:
             else tuple(_known_of_round(axis, level) for level in one.lambda_of_rounds)
         )
         f = None if one.f_statistic is None else FStatistic(one.f_statistic, 0, 0, 0)
-        made = Screening(one.level, rounds, one.representatives, f, _nan(one.heldout_relative))
+        made = Screening(one.level, rounds, one.representatives, f, one.heldout_relative)
         screenings.append(made)
         chosen = made if one.chosen else chosen
     if chosen is None:
@@ -339,7 +298,7 @@ def _grouping(told: SelectionDocument) -> Grouping:
     return Grouping(similarity, axis, (), tuple(screenings), chosen, told.lambda_because)
 
 
-def _round(part: RoundPart, position: Mapping[str, int]) -> ScreeningRound:
+def _round(part: _RoundPart, position: Mapping[str, int]) -> ScreeningRound:
     kept = tuple(sorted(position[name] for group in part.groups for name in group))
     label = {position[name]: i for i, group in enumerate(part.groups) for name in group}
     names = list(position)
@@ -353,7 +312,7 @@ def _known_of_round(axis: LambdaAxis, level: float) -> ScreeningRound:
     return ScreeningRound(level, tuple(range(len(partition.labels))), partition, (), ())
 
 
-def _model(name: str, told: ModelPart) -> FittedModel:
+def _model(name: str, told: _ModelPart) -> FittedModel:
     scaled = told.scaled
     scaling = Scaling(scaled.variables, scaled.centre, scaled.scale)
     covariance = _array(scaled.covariance)
@@ -368,31 +327,27 @@ def _model(name: str, told: ModelPart) -> FittedModel:
         vif=_array(scaled.vif),
         valid_range=(),
         n_samples=told.n_samples,
-        r2=_nan(told.r2),
-        adjusted_r2=_nan(told.adjusted_r2),
-        rmse_um=_nan(told.rmse_um),
+        r2=told.r2,
+        adjusted_r2=told.adjusted_r2,
+        rmse_um=told.rmse_um,
         residual_sd_um=float("nan"),
         diagnostics=Diagnostics(
-            _nan(told.durbin_watson),
-            _nan(told.ljung_box_p),
-            _nan(told.condition_number),
-            _nan(told.max_cooks_distance),
-            0,
+            told.durbin_watson, told.ljung_box_p, told.condition_number, told.max_cooks_distance, 0
         ),
         ridge=told.ridge,
     )
 
 
-def _run_proofs(per_run: Mapping[str, RunPart]) -> tuple[RunProof, ...]:
+def _run_proofs(per_run: Mapping[str, _RunPart]) -> tuple[RunProof, ...]:
     return tuple(
         RunProof(
             run,
             part.heldout_sensors,
-            _nan(part.heldout_rmse_um),
-            _nan(part.heldout_max_um),
-            _nan(part.heldout_mean_um),
-            _nan(part.before_rmse_um),
-            _nan(part.before_max_um),
+            part.heldout_rmse_um,
+            part.heldout_max_um,
+            part.heldout_mean_um,
+            part.before_rmse_um,
+            part.before_max_um,
             part.heldout_samples,
         )
         for run, part in per_run.items()
@@ -400,9 +355,9 @@ def _run_proofs(per_run: Mapping[str, RunPart]) -> tuple[RunProof, ...]:
     )
 
 
-def _point(told: PointPart, names: Sequence[str]) -> ErrorCurvePoint:
-    def row(values: Mapping[str, float | None]) -> tuple[float, ...]:
-        return tuple(_nan(values[name]) for name in names)
+def _point(told: _PointPart, names: Sequence[str]) -> ErrorCurvePoint:
+    def row(values: Mapping[str, float]) -> tuple[float, ...]:
+        return tuple(values[name] for name in names)
 
     return ErrorCurvePoint(
         told.n_sensors,
@@ -412,14 +367,14 @@ def _point(told: PointPart, names: Sequence[str]) -> ErrorCurvePoint:
     )
 
 
-def _trace(told: TracePart, names: Sequence[str]) -> Trace:
+def _trace(told: _TracePart, names: Sequence[str]) -> Trace:
     measured, predicted = (
         np.column_stack([_array(courses[name]) for name in names]) for courses in (told.measured_um, told.predicted_um)
     )
     return Trace(told.run, _array(told.time_s), measured, predicted)
 
 
-def _hull(told: SelectionDocument, low: NDArray[np.float64], high: NDArray[np.float64]) -> ValidityHull:
+def _hull(told: _SelectionDocument, low: NDArray[np.float64], high: NDArray[np.float64]) -> ValidityHull:
     points, scale = np.empty((0, len(low))), np.ones(len(low))
     if told.hull is not None:
         points, scale = _array(told.hull.points), _array(told.hull.scale)
@@ -428,7 +383,7 @@ def _hull(told: SelectionDocument, low: NDArray[np.float64], high: NDArray[np.fl
     return ValidityHull(points, scale, low, high)
 
 
-def _readings(told: ReadingsPart, variables: Sequence[str], names: Sequence[str]) -> Readings:
+def _readings(told: _ReadingsPart, variables: Sequence[str], names: Sequence[str]) -> Readings:
     read, moved = (
         _array([courses[name] for name in wanted]).T
         for courses, wanted in ((told.variables, variables), (told.displacement_um, names))
@@ -440,9 +395,4 @@ def _readings(told: ReadingsPart, variables: Sequence[str], names: Sequence[str]
 
 
 def _array(values: Any) -> NDArray[np.float64]:
-    # None becomes NaN
     return np.array(values, dtype=np.float64)
-
-
-def _nan(value: float | None) -> float:
-    return float("nan") if value is None else value

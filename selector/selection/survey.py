@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from selector.errors import OptionError
 from selector.findings import Finding, Where
 from selector.models.design import Columns, Datum, Design
-from selector.models.moments import moments, scaling_of
+from selector.models.moments import centred, moments, scaling_of
 from selector.models.terms import Term
 from selector.quality.finding_table import WRONG_UNIT
 from selector.recording import RunSource
@@ -43,12 +43,8 @@ def usable_sensors(
     Sensors are compared on samples at which all of them are there. One that is missing often costs the others their
     samples: it is left out if the others can stand in for it, or if fewer than half of the samples would remain.
 
-    Parameters
-    ----------
-    missing, low, high : ndarray of shape (≥ n_sensors,)
-        Share of samples without a reading, smallest and largest reading of each sensor, sensors first.
-    found : iterable of Finding, optional
-        What was left out of the recording before: the cause of readings that are not there.
+    `missing`, `low` and `high` have shape (≥ n_sensors,): share of samples without a reading, smallest and largest
+    reading of each sensor, sensors first. What was `found` before may be the cause of readings that are not there.
 
     Raises
     ------
@@ -80,7 +76,12 @@ def usable_sensors(
             where="recordings",
             advice="record a run in which the machine warms up, and check the sensors with `selector describe`",
         )
-    findings = [_not_a_candidate(name, *reason) for name, reason in reasons.items()]
+    findings = [
+        FINDINGS.finding(
+            kind, f"{name} {why}; it is not a candidate.", Where(channel=name), {}, advice, "leave-out-channel"
+        )
+        for name, (kind, why, advice) in reasons.items()
+    ]
     findings += [_samples_lost(name, gaps[name], likeness[name]) for name in likeness if name in kept]
     return kept, findings
 
@@ -138,7 +139,7 @@ def _explained(source: RunSource, name: str, others: Sequence[str]) -> float:
     found = moments(source, design, columns)
     if not len(found.folds):
         return 0.0
-    cross, n = found.centred()
+    cross, n = centred(found.whole)
     if n <= len(others) + 2 or cross[0, 0] <= 0:
         return 0.0
     within = cross[1:, 1:] + 1e-10 * np.trace(cross[1:, 1:]) / len(others) * np.eye(len(others))
@@ -153,12 +154,6 @@ def _complete_share(source: RunSource, names: Sequence[str]) -> float:
             complete += int(np.isfinite(values).all(axis=1).sum())
             total += len(values)
     return complete / max(total, 1)
-
-
-def _not_a_candidate(name: str, kind: str, why: str, advice: str) -> Finding:
-    return FINDINGS.finding(
-        kind, f"{name} {why}; it is not a candidate.", Where(channel=name), {}, advice, "leave-out-channel"
-    )
 
 
 def _samples_lost(name: str, share: float, likeness: float) -> Finding:
@@ -242,7 +237,14 @@ def survey(source: RunSource, question: Question, datum: Datum, found_before: It
                 low = np.fmin(low, np.nanmin(np.where(found, values, np.inf), axis=0))
                 high = np.fmax(high, np.nanmax(np.where(found, values, -np.inf), axis=0))
         if with_response < 2:
-            findings.append(_run_without_displacement(run, question.responses))
+            findings.append(
+                FINDINGS.finding(
+                    "run-without-displacement",
+                    f"Run {run} has no samples of {' and '.join(question.responses)}; it is left out.",
+                    Where(run=run),
+                    action="leave-out-run",
+                )
+            )
             continue
         runs.append(run)
         missing += absent
@@ -280,14 +282,4 @@ def survey(source: RunSource, question: Question, datum: Datum, found_before: It
         float(max(durations)),
         replace(question, sensors=tuple(kept)),
         (*findings, *about_sensors),
-    )
-
-
-def _run_without_displacement(run: str, responses: Sequence[str]) -> Finding:
-    return FINDINGS.finding(
-        "run-without-displacement",
-        f"Run {run} has no samples of {' and '.join(responses)}; it is left out.",
-        Where(run=run),
-        {},
-        action="leave-out-run",
     )

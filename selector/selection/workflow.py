@@ -45,21 +45,7 @@ def select(
     Everything that is chosen (groups, sensors, terms, time constants) is chosen again inside every fold, from the
     other folds only; the error that is reported is the error of that whole procedure.
 
-    Parameters
-    ----------
-    source : RunSource
-        A `Recording`, or a `readers` source that reads its runs piece by piece.
-    options : Options, optional
-    findings : sequence of Finding
-        What was found so far (reading, quality); they lead the findings of the result.
-    provenance : mapping, optional
-        Where the data came from.
-    progress : callable, optional
-        Called with what is being done and the share of the work that is done.
-
-    Returns
-    -------
-    Selection
+    What was found so far (reading, quality) leads the findings of the result.
 
     Raises
     ------

@@ -58,15 +58,12 @@ def max_min_composition(r: ArrayLike, s: ArrayLike) -> Matrix:
 def closure_chain(r: ArrayLike) -> ClosureChain:
     """Maximum spanning tree of a similarity relation as a chain, in O(n²); see `ClosureChain` for its meaning.
 
-    Parameters
-    ----------
-    r : array of shape (n_sensors, n_sensors)
-        Exactly symmetric, unit diagonal, entries within [-1, 1].
+    It has shape (n_sensors, n_sensors), is exactly symmetric with unit diagonal, its entries within [-1, 1].
 
     Raises
     ------
     InputError
-        Anything else. NaN is refused: an unknown similarity is neither 0 nor 1.
+        It is not. NaN is refused: an unknown similarity is neither 0 nor 1.
     """
     parts = _chain(_relation(r))
     for part in parts:
@@ -79,12 +76,7 @@ def transitive_closure(r: ArrayLike) -> Matrix:
 
     t_ij is the widest bottleneck over all paths from i to j. Nothing is computed but comparisons, so that every
     entry is bit-equal to an entry of r. O(n²) time, against O(n³ log n) of the squaring in the source; negative
-    entries are welcome.
-
-    Raises
-    ------
-    InputError
-        As for `closure_chain`.
+    entries are welcome. Errors as `closure_chain`.
     """
     order, levels, _ = _chain(_relation(r))
     closure: Matrix = _closure_of_chain(order, levels)
@@ -96,12 +88,7 @@ def transitive_closure_by_squaring(r: ArrayLike) -> tuple[Matrix, int]:
     """Transitive closure as the source has it, and the number of squarings made: R → R² → R⁴ … until R^2k = R^k.
 
     The slow and obvious twin of `transitive_closure`, for tests and for comparison; P step 2. The last squaring, which
-    changes nothing, is counted.
-
-    Raises
-    ------
-    InputError
-        As for `closure_chain`.
+    changes nothing, is counted. Errors as `closure_chain`.
     """
     power: Matrix = _relation(r)
     squarings = 0

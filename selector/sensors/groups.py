@@ -65,19 +65,16 @@ def f_of_scatter(total: float, within: float, n_sensors: int, n_groups: int) -> 
     return FStatistic(float(value), p_value, n_groups - 1, n_sensors - n_groups)
 
 
-def chaining_findings(
-    similarity: ArrayLike, partition: Partition, *, distance_ratio: float = 2.0
-) -> tuple[Finding, ...]:
+CHAIN_RATIO = 2.0
+"""How many times farther apart than λ allows to neighbours the ends of a chain are."""
+
+
+def chaining_findings(similarity: ArrayLike, partition: Partition) -> tuple[Finding, ...]:
     """A finding `chaining` for every group that hangs together only through links.
 
-    Said of a group whose least similar pair lies further apart than `distance_ratio` times what λ allows to
-    neighbours, where the distance of two sensors is √(2(1 − s)). At ratio 2 not even one common neighbour could
-    explain it (triangle inequality); three links at least were needed.
-
-    Raises
-    ------
-    InputError
-        As for `f_statistic`.
+    Said of a group whose least similar pair lies further apart than `CHAIN_RATIO` times what λ allows to neighbours,
+    where the distance of two sensors is √(2(1 − s)). At ratio 2 not even one common neighbour could
+    explain it (triangle inequality); three links at least were needed. Errors as `f_statistic`.
     """
     s = np.asarray(similarity, dtype=np.float64)
     chain = closure_chain(s)
@@ -89,7 +86,7 @@ def chaining_findings(
         p, q = np.unravel_index(int(np.argmin(block)), block.shape)
         i, j, smallest = group[p], group[q], float(block[p, q])
         # 1e-12: similarities that differ from 1 by rounding alone are no chain at λ = 1
-        if 1 - smallest <= distance_ratio**2 * (1 - partition.level) + 1e-12:
+        if 1 - smallest <= CHAIN_RATIO**2 * (1 - partition.level) + 1e-12:
             continue
         a, b = sorted((int(position[i]), int(position[j])))
         joined_at = float(chain.levels[a:b].min())
@@ -268,10 +265,7 @@ def lambda_cut(similarity: ArrayLike, level: float, names: Sequence[str] = ()) -
 def lambda_axis(similarity: ArrayLike, names: Sequence[str] = ()) -> LambdaAxis:
     """Every distinct λ-cut of a relation of shape (n_sensors, n_sensors), with its F-statistic; O(n²) for all.
 
-    Raises
-    ------
-    InputError
-        As for `selector.sensors.fuzzy.closure_chain`.
+    Errors as `selector.sensors.fuzzy.closure_chain`.
     """
     s = np.asarray(similarity, dtype=np.float64)
     chain = closure_chain(s)
@@ -308,10 +302,7 @@ def lambda_axis(similarity: ArrayLike, names: Sequence[str] = ()) -> LambdaAxis:
 def dendrogram(similarity: ArrayLike) -> Dendrogram:
     """Single-linkage tree of a relation of shape (n_sensors, n_sensors), for figures.
 
-    Raises
-    ------
-    InputError
-        As for `selector.sensors.fuzzy.closure_chain`.
+    Errors as `selector.sensors.fuzzy.closure_chain`.
     """
     chain = closure_chain(similarity)
     n = len(chain.order)

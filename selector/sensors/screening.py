@@ -48,16 +48,9 @@ def representatives(
 ) -> tuple[int, ...]:
     """The sensor of greatest relevance from each group, P step 4; ties go to the first.
 
-    Parameters
-    ----------
-    partition : Partition
-        Groups of n sensors.
-    relevance : array of shape (n_sensors,)
-        How much a sensor says about the displacement, e.g. |r| with it, or the mean r² over several responses.
-    must : iterable of int
-        Sensors that represent their group whatever their relevance; several in one group are all kept.
-    never : iterable of int
-        Sensors that represent no group; a group of such sensors alone ends without a representative.
+    Relevance, shape (n_sensors,), is how much a sensor says about the displacement, e.g. |r| with it, or the mean r²
+    over several responses. Sensors in `must` represent their group whatever their relevance, also several in one
+    group; those in `never` represent none, and a group of such sensors alone ends without a representative.
 
     Raises
     ------
@@ -83,7 +76,6 @@ def screen(
     relevance: ArrayLike,
     levels: Sequence[float],
     must: Iterable[int] = (),
-    never: Iterable[int] = (),
     *,
     constant: Iterable[int] = (),
     names: Sequence[str] = (),
@@ -95,17 +87,8 @@ def screen(
     bottleneck over all paths; dropped sensors take their paths with them, so that t among the kept can only be lower,
     and t < λ ≤ λ' still: no two groups merge. Such a round says so in the finding `round-without-effect`.
 
-    Parameters
-    ----------
-    similarity, relevance : arrays of shape (n_sensors, n_sensors) and (n_sensors,)
-    levels : sequence of float
-        λ of each round.
-    must, never : iterable of int
-        As for `representatives`; a never-sensor takes part in the grouping of the first round.
-    constant : iterable of int
-        Sensors that do not move; they represent nothing and are dropped in the first round unless in `must`.
-    names : sequence of str
-        Names of the sensors.
+    `levels` are the λ of each round, `must` is as for `representatives`; sensors that do not move (`constant`)
+    represent nothing and are dropped in the first round unless in `must`.
 
     Raises
     ------
@@ -115,8 +98,7 @@ def screen(
     s = np.asarray(similarity, dtype=np.float64)
     n = len(closure_chain(s).order)
     values = _checked_relevance(relevance, n)
-    wanted, barred = _checked_options(must, never, n)
-    idle = _checked_options(constant, (), n)[0]
+    wanted, idle = (_checked_options(sensors, (), n)[0] for sensors in (must, constant))
     label = sensor_names(names, n)
     if len(levels) == 0:
         raise OptionError(
@@ -127,7 +109,7 @@ def screen(
     for level in levels:
         if not kept:
             break
-        done = _round(s, values, level, kept, wanted, barred | (idle - wanted), idle - wanted, label)
+        done = _round(s, values, level, kept, wanted, idle - wanted, label)
         if not rounds:
             done = replace(done, findings=_constant_musts(wanted & idle, label) + done.findings)
         rounds.append(done)
@@ -141,7 +123,6 @@ def _round(
     level: float,
     kept: tuple[int, ...],
     must: frozenset[int],
-    never: frozenset[int],
     idle: frozenset[int],
     label: tuple[str, ...],
 ) -> ScreeningRound:
@@ -151,7 +132,7 @@ def _round(
         partition,
         values[list(kept)],
         [i for i, sensor in enumerate(kept) if sensor in must],
-        [i for i, sensor in enumerate(kept) if sensor in never],
+        [i for i, sensor in enumerate(kept) if sensor in idle],
     )
     closure = transitive_closure(among)
     dropped = []
@@ -160,18 +141,12 @@ def _round(
         reasons = []
         if kept[i] in idle:
             reasons.append("it does not move in these recordings, so it can stand for nothing")
-        elif kept[i] in never:
-            reasons.append("it is not to be used")
         by = max(candidates, key=lambda j: among[i, j], default=None)  # the first of equals
         if by is not None:
             direct, linked = float(among[i, by]), float(closure[i, by])
-            if direct >= level:
-                reasons.append(f"{label[kept[by]]} stands for it: r = {_compared(direct, level)}")
-            else:
-                reasons.append(
-                    f"{label[kept[by]]} stands for it through links: r = {_compared(direct, level)}, "
-                    f"but t = {_compared(linked, level)}"
-                )
+            links = "" if direct >= level else f", but t = {_compared(linked, level)}"
+            through = " through links" if links else ""
+            reasons.append(f"{label[kept[by]]} stands for it{through}: r = {_compared(direct, level)}{links}")
         dropped.append(Dropped(kept[i], None if by is None else kept[by], "; ".join(reasons)))
     findings = () if dropped else (_without_effect(level, closure),)
     return ScreeningRound(float(level), kept, partition, tuple(kept[i] for i in local), tuple(dropped), findings)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -52,12 +52,8 @@ def correlation_similarity(samples: ArrayLike, *, absolute: bool = False) -> Sim
     Rows in which any sensor is missing are left out for all sensors (listwise) and counted. Pairwise-complete
     correlations would compare different stretches of time, and their matrix need not be a correlation matrix at all.
 
-    Parameters
-    ----------
-    samples : array of shape (n_samples, n_sensors)
-        One row per sample, NaN = missing.
-    absolute : bool
-        Use |r|, so that sensors that move against each other count as alike.
+    `samples` have shape (n_samples, n_sensors), NaN = missing. With `absolute` |r| is used, so that sensors that move
+    against each other count as alike.
 
     Raises
     ------
@@ -96,15 +92,7 @@ def correlation_similarity(samples: ArrayLike, *, absolute: bool = False) -> Sim
     result = similarity_from_cross_products(
         centred.T @ centred, absolute=absolute, constant_at=len(complete) * CONSTANT_TOLERANCE**2
     )
-    return Similarity(
-        matrix=result.matrix,
-        constant=result.constant,
-        duplicates=result.duplicates,
-        anticorrelated=result.anticorrelated,
-        absolute=absolute,
-        rows_used=len(complete),
-        rows_left_out=len(values) - len(complete),
-    )
+    return replace(result, rows_used=len(complete), rows_left_out=len(values) - len(complete))
 
 
 def constant_limit(magnitude: ArrayLike, n_samples: int) -> NDArray[np.float64]:
@@ -120,15 +108,9 @@ def similarity_from_cross_products(
 ) -> Similarity:
     """Pearson correlation from centred sums of products, P eq. 1; the number of samples does not matter.
 
-    Parameters
-    ----------
-    cross : array of shape (n_sensors, n_sensors)
-        Σ (x_i − x̄_i)(x_j − x̄_j), or a covariance matrix.
-    absolute : bool
-        Use |r|.
-    constant_at : array of shape (n_sensors,), float or None
-        Diagonal at or below which a sensor is constant, see `constant_limit`. The raw readings are not known here;
-        without this, a sensor is constant when its spread is at most `CONSTANT_TOLERANCE` of the liveliest sensor's.
+    `cross` is Σ (x_i − x̄_i)(x_j − x̄_j) of shape (n_sensors, n_sensors), or a covariance matrix. `constant_at` is the
+    diagonal at or below which a sensor is constant, see `constant_limit`. The raw readings are not known here; without
+    it, a sensor is constant when its spread is at most `CONSTANT_TOLERANCE` of the liveliest sensor's.
 
     Raises
     ------

@@ -40,28 +40,10 @@ def study_of(
     date: str | None = None,
     results: Mapping[str, str] | None = None,
 ) -> Study:
-    """The study of some recordings, for a study file in `folder`.
+    """The study of some recordings, for a study file in `folder`; paths become relative to it.
 
-    Parameters
-    ----------
-    folder : path
-        Where the study file will lie; paths become relative to it.
-    runs : sequence of path
-        Files and folders, as the user named them.
-    machine : path, optional
-        The machine file, if one was named.
-    overrides : Overrides, optional
-    select : Options or SelectSection, optional
-    diagnose : DiagnoseSection, optional
-        As `diagnose_section` makes it.
-    export : ExportSection, optional
-        As `export_section` makes it.
-    files : sequence of InputFile
-        What was read, as `input_file` makes it.
-    date : str, optional
-        YYYY-MM-DD, as it stands in the results.
-    results : mapping of str to str, optional
-        Name of a result beside the study file → its SHA-256.
+    `runs` are files and folders, as the user named them, `files` what was read of them; `date` (YYYY-MM-DD) is that of
+    the results, which are given as name of a file beside the study file → its SHA-256.
     """
     return Study(
         version=__version__,
@@ -70,7 +52,7 @@ def study_of(
             runs=tuple(reference_to(run, folder) for run in runs),
             machine=None if machine is None else reference_to(machine, folder),
         ),
-        reading=_reading_section(overrides or Overrides()),
+        reading=_made(ReadingSection, {name: getattr(overrides or Overrides(), name) for name in _READING}),
         select=select_section(select) if isinstance(select, Options) else select,
         diagnose=diagnose,
         export=export,
@@ -166,10 +148,6 @@ def overrides_of(study: Study) -> Overrides:
     """What the user decides instead of the reader."""
     values = {name: getattr(study.reading, name) for name in _READING}
     return Overrides(**{**values, "units": dict(values["units"]), "roles": dict(values["roles"])})
-
-
-def _reading_section(overrides: Overrides) -> ReadingSection:
-    return _made(ReadingSection, {name: getattr(overrides, name) for name in _READING})
 
 
 def _made(section: Callable[..., Section], values: Mapping[str, Any]) -> Section:

@@ -14,8 +14,6 @@ from selector.errors import InputError, ReadError, StudyError
 from selector.readers.files import Found, recording_files
 from selector.study.study_file import InputFile, Kind, Study
 
-_PIECE_BYTES = 1 << 20
-
 
 def reference_to(path: str | Path, folder: str | Path) -> str:
     """How a study file in `folder` names `path`: relative, with ``/``; absolute only between two drives.
@@ -71,10 +69,8 @@ def sha256_of(path: Path) -> str:
                 where=str(path),
                 advice="correct the path",
             )
-        digest = hashlib.sha256()
         with path.open("rb") as file:
-            while piece := file.read(_PIECE_BYTES):
-                digest.update(piece)
+            return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
         raise ReadError(
             f"a file that cannot be opened ({error.strerror or error})",
@@ -82,7 +78,6 @@ def sha256_of(path: Path) -> str:
             where=str(path),
             advice="check the path and the rights to read it",
         ) from error
-    return digest.hexdigest()
 
 
 ACCEPT = "--accept-changes"

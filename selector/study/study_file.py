@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
@@ -12,6 +11,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from selector.atomic_file import write_whole
 from selector.errors import ModelFileError, StudyError
 from selector.physics.model_text import expected_text, key_text, sections_of_text, shown
+from selector.readers.machine_file import toml_key, toml_value
 from selector.readers.roles.names import closest
 from selector.selection.options import MAX_ROUNDS
 from selector.text_file import text_of
@@ -192,7 +192,6 @@ _HEAD = (
 )
 _ASKED = ("select", "diagnose", "export")
 _LEVEL = '"auto", a number from 0 to 1, or an array of one a round'
-_ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r", "\b": "\\b", "\f": "\\f"}
 
 
 def study_place(path: str | Path) -> Path:
@@ -248,7 +247,7 @@ def study_text(study: Study) -> str:
     # what came out stands last but for the files, which may be many
     lines = [_HEAD, *_lines_of((), values)]
     for file in files:
-        lines += ["", "[[files]]", *(f"{key} = {_toml(value)}" for key, value in file.items())]
+        lines += ["", "[[files]]", *(f"{key} = {toml_value(value)}" for key, value in file.items())]
     return "\n".join(lines) + "\n"
 
 
@@ -267,28 +266,13 @@ def _lines_of(key: tuple[str, ...], values: Mapping[str, Any]) -> Iterator[str]:
     """The lines of a table and of those inside; what is empty and inside of another is left out."""
     for name, value in values.items():
         if not isinstance(value, Mapping):
-            yield f"{_key(name)} = {_toml(value)}"
+            yield f"{toml_key(name)} = {toml_value(value)}"
     for name, value in values.items():
         if isinstance(value, Mapping) and (name in _ASKED or any(one != {} for one in value.values())):
-            inner = (*key, _key(name))
+            inner = (*key, toml_key(name))
             yield ""
             yield f"[{'.'.join(inner)}]"
             yield from _lines_of(inner, value)
-
-
-def _key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _toml(name)
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(_toml(one) for one in value) + "]"
-    if isinstance(value, int | float):
-        return repr(value)
-    signs = (_ESCAPES.get(c) or (c if c.isprintable() or ord(c) > 0x9F else f"\\u{ord(c):04x}") for c in str(value))
-    return f'"{"".join(signs)}"'
 
 
 def _unreadable(found: str, place: Path) -> StudyError:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from selector.models.design import Columns, Design, Lag, block_bounds, datum_of, rows_of
-from selector.models.moments import coefficients, moments, scaling_of, squared_error
+from selector.models.moments import centred, coefficients, moments, scaling_of, squared_error
 from selector.models.terms import Scaling, design_matrix, polynomial_terms
 from selector.recording import thinned
 from tests.models.runs import InPieces, recording
@@ -126,7 +126,7 @@ def test_centred_cross_products():
     rows = rows_of(recorded, design, recorded.runs)
     w = np.column_stack([columns.matrix(rows.variables), rows.responses])
     w = w - w.mean(axis=0)
-    cross, n = moments(recorded, design, columns).centred()
+    cross, n = centred(moments(recorded, design, columns).whole)
     assert n == len(rows.run)
     assert cross == pytest.approx(w.T @ w, rel=1e-9, abs=1e-7)  # the responses are not centred before summing
 

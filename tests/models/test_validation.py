@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from selector.models import validation
 from selector.models.design import Columns, Datum, Design, rows_of
 from selector.models.moments import moments, scaling_of
 from selector.models.terms import polynomial_terms
@@ -106,11 +107,12 @@ class TestOneStandardError:
     def test_the_best_is_always_as_good_as_itself(self):
         assert within_one_standard_error(np.array([[1.0, 2.0, 3.0]]), np.ones(3)).tolist() == [True]
 
-    def test_a_candidate_within_the_scatter_of_its_differences_is_as_good(self):
+    def test_a_candidate_within_the_scatter_of_its_differences_is_as_good(self, monkeypatch):
+        monkeypatch.setattr(validation, "WORTH_OF_A_SENSOR", 0.0)
         best = np.array([1.0, 1.0, 1.0, 1.0])
         noisy = best + np.array([0.06, -0.05, 0.05, -0.04])
         surely_worse = best + 0.05
-        found = within_one_standard_error(np.array([best, noisy, surely_worse]), np.ones(4), worth=0.0)
+        found = within_one_standard_error(np.array([best, noisy, surely_worse]), np.ones(4))
         assert found.tolist() == [True, True, False]
 
     def test_what_is_worth_less_than_a_sensor_is_as_good_however_sure_the_groups_are(self):
@@ -133,10 +135,11 @@ class TestOneStandardError:
         spread = np.sqrt((weights / 4) @ (difference - mean) ** 2 * 2 / 1 / 2)
         assert (mean <= spread) == within_one_standard_error(errors, weights)[1]
 
-    def test_two_groups_cannot_excuse_more_than_the_cap(self):
+    def test_two_groups_cannot_excuse_more_than_the_cap(self, monkeypatch):
         errors = np.array([[1.0, 1.0], [3.0, 0.5]])
         assert within_one_standard_error(errors, np.ones(2)).tolist() == [True, False]
-        assert within_one_standard_error(errors, np.ones(2), cap=1.0).tolist() == [True, True]
+        monkeypatch.setattr(validation, "MOST_ABOVE_BEST", 1.0)
+        assert within_one_standard_error(errors, np.ones(2)).tolist() == [True, True]
 
 
 def test_point_of_the_error_curve():

@@ -114,7 +114,6 @@ def test_the_limit_is_twice_the_distance_that_the_level_allows():
     four = arcs(4, step=step)
     (finding,) = chaining_findings(four, lambda_cut(four, 0.9))
     assert finding.evidence["path"] == ["x0", "x1", "x2", "x3"]
-    assert chaining_findings(four, lambda_cut(four, 0.9), distance_ratio=3.0) == ()
 
 
 def test_path_between_branches_of_the_tree():

@@ -43,8 +43,12 @@ def test_must_and_never():
 def test_impossible_wishes(must, never, message):
     with pytest.raises(OptionError, match=message):
         representatives(PARTITION, np.ones(5), must, never)
-    with pytest.raises(OptionError, match=message):
-        screen(S, np.ones(5), [0.95], must, never)
+
+
+@pytest.mark.parametrize("wishes", [{"must": [5]}, {"constant": [-1]}])
+def test_sensors_that_are_not_there(wishes):
+    with pytest.raises(OptionError, match=r"sensors \[(5|-1)\]"):
+        screen(S, np.ones(5), [0.95], **wishes)
 
 
 @pytest.mark.parametrize("relevance", [np.ones(4), [1, 1, np.nan, 1, 1], np.ones((5, 1)), [1, 1, np.inf, 1, 1]])
@@ -72,14 +76,6 @@ def test_the_most_similar_of_several_musts_stands_in():
     (done,) = screen(S, np.ones(5), [0.95], must=[0, 2], names=NAMES)
     assert done.representatives == (0, 2, 3)
     assert [(d.sensor, d.stands_in) for d in done.dropped] == [(1, 2), (4, 3)]
-
-
-def test_never_sensors_are_explained_and_leave():
-    (done,) = screen(S, np.ones(5), [0.95], never=[1, 3, 4], names=NAMES)
-    assert done.representatives == (0,)
-    reasons = {d.sensor: (d.stands_in, d.reason) for d in done.dropped}
-    assert reasons[1] == (0, "it is not to be used; T1 stands for it: r = 0.9700 ≥ λ = 0.95")
-    assert reasons[3] == reasons[4] == (None, "it is not to be used")
 
 
 def test_rounds_with_their_own_levels_regroup_the_kept():
@@ -124,8 +120,8 @@ def test_constant_sensors_represent_nothing():
     assert [finding.id for finding in wanted.findings] == ["constant-must", "round-without-effect"]
 
 
-def test_everything_may_be_excluded():
-    rounds = screen(S, np.ones(5), [0.95, 0.9], never=range(5))
+def test_everything_may_rest():
+    rounds = screen(S, np.ones(5), [0.95, 0.9], constant=range(5))
     assert len(rounds) == 1
     assert rounds[0].representatives == ()
 
@@ -160,13 +156,13 @@ def test_nothing_is_lost_and_a_second_round_at_no_lower_level_drops_nothing(n, s
     level = data.draw(st.floats(-1, 1))
     again = data.draw(st.floats(level, 1))
     wishes = rng.integers(0, 4, n)
-    must, never = np.flatnonzero(wishes == 0).tolist(), np.flatnonzero(wishes == 1).tolist()
+    must, resting = np.flatnonzero(wishes == 0).tolist(), np.flatnonzero(wishes == 1).tolist()
     relevance = rng.uniform(0, 1, n).round(1)
-    rounds = screen(s, relevance, [level, again], must, never)
+    rounds = screen(s, relevance, [level, again], must, constant=resting)
     first = rounds[0]
     assert sorted([*first.representatives, *(d.sensor for d in first.dropped)]) == list(range(n))
     assert set(must) <= set(first.representatives)
-    assert not set(never) & set(first.representatives)
+    assert not set(resting) & set(first.representatives)
     closure = transitive_closure(s)
     for drop in first.dropped:
         assert drop.reason
@@ -175,10 +171,10 @@ def test_nothing_is_lost_and_a_second_round_at_no_lower_level_drops_nothing(n, s
             assert drop.stands_in in first.representatives
     for group in first.groups:
         own = [i for i in group if i in first.representatives]
-        assert own or set(group) <= set(never)
+        assert own or set(group) <= set(resting)
         if own and not set(own) & set(must):
             assert len(own) == 1
-            assert relevance[own[0]] == max(relevance[i] for i in group if i not in never)
+            assert relevance[own[0]] == max(relevance[i] for i in group if i not in resting)
     if len(rounds) == 2:
         assert rounds[1].dropped == ()
         assert [finding.id for finding in rounds[1].findings] == ["round-without-effect"]

@@ -7,7 +7,7 @@ import math
 import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,16 @@ from selector.errors import InputError, ReadError
 from selector.readers.binary.optional import optional_module, quiet
 from selector.readers.binary.tdms import column_values
 from selector.readers.finding_table import FINDINGS
-from selector.readers.tables import MAX_CELLS, Column, Overrides, Table, checked_size, checked_width, unique_headers
+from selector.readers.tables import (
+    MAX_CELLS,
+    Column,
+    Overrides,
+    Table,
+    checked_size,
+    checked_width,
+    reading_of,
+    unique_headers,
+)
 
 _ITEM_BYTES = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 9: 8, 12: 8, 13: 8, 16: 1, 17: 2, 18: 4}
 _MATRIX, _COMPRESSED = 14, 15
@@ -192,17 +201,8 @@ def _check_parts(data: bytes, position: int, end: int, order: str, depth: int, k
 
 
 _MAX_DEPTH = 4
-_NAME_FIELDS = (
-    "names",
-    "channels",
-    "channel_names",
-    "labels",
-    "header",
-    "headers",
-    "colheaders",
-    "varnames",
-    "columns",
-)
+_NAMES = "names channels channel_names labels header headers colheaders varnames columns"
+_NAME_FIELDS = frozenset(_NAMES.split())
 _UNIT_FIELDS = ("units", "unit")
 
 
@@ -330,12 +330,8 @@ def _hdf_value(item: Any, file: Any, h5py: Any) -> Any:
         texts = []
         for reference in np.asarray(item[()]).ravel():
             target = file[reference]
-            shown = (
-                _hdf_value(target, file, h5py)
-                if isinstance(target, h5py.Dataset) and target.dtype != h5py.ref_dtype
-                else None
-            )
-            texts.append(shown)
+            plain = isinstance(target, h5py.Dataset) and target.dtype != h5py.ref_dtype
+            texts.append(_hdf_value(target, file, h5py) if plain else None)
         return texts if texts and all(isinstance(t, str) for t in texts) else None
     if item.dtype.names is not None:
         return {name: np.asarray(item[name]) for name in item.dtype.names}
@@ -355,7 +351,7 @@ def _tables(content: dict[str, Any], opaque: list[str], form: str, path: Path, o
         if opaque:
             raise ReadError(
                 f"MATLAB objects that only MATLAB can read ({', '.join(opaque[:6])}: timetable, table, datetime or "
-                f"string)",
+                "string)",
                 expected="vectors or a structure of vectors",
                 where=path.name,
                 advice="in MATLAB: s = table2struct(timetable2table(TT), 'ToScalar', true); save('run.mat', '-struct', "
@@ -367,23 +363,17 @@ def _tables(content: dict[str, Any], opaque: list[str], form: str, path: Path, o
             where=path.name,
             advice="store one vector per channel with the same number of samples, and the time as another vector",
         )
-    tables = _alike(tables)
-    findings = tables[0].findings
+    first, *others = _alike(tables)
+    if not others:
+        first = replace(first, name=path.stem)
     if opaque:
-        findings = (
-            *findings,
-            FINDINGS.finding(
-                "opaque-objects",
-                f"{', '.join(opaque[:6])} in {path.name} are MATLAB objects that only MATLAB can read; they were "
-                f"left out.",
-                evidence={"variables": opaque[:50]},
-            ),
+        told = FINDINGS.finding(
+            "opaque-objects",
+            f"{', '.join(opaque[:6])} in {path.name} are MATLAB objects that only MATLAB can read; they were left out.",
+            evidence={"variables": opaque[:50]},
         )
-    named = len(tables) > 1
-    return [
-        Table(t.name if named else path.stem, path, t.columns, t.reading, findings if i == 0 else t.findings)
-        for i, t in enumerate(tables)
-    ]
+        first = replace(first, findings=(*first.findings, told))
+    return [first, *others]
 
 
 def _alike(tables: list[Table]) -> list[Table]:
@@ -446,8 +436,4 @@ def _table(name: str, level: dict[str, Any], path: Path, form: str) -> Table | N
                 level="info",
             )
         )
-    reading = {
-        "format": form, "encoding": None, "separator": None, "decimal": None, "skipped_rows": 0, "unit_row": False,
-        "sheet": name,
-    }  # fmt: skip
-    return Table(name, path, tuple(columns), reading, tuple(findings)) if columns else None
+    return Table(name, path, tuple(columns), reading_of(form, sheet=name), tuple(findings)) if columns else None

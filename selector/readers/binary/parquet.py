@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from selector.errors import InputError, ReadError
 from selector.readers.cells import numbers_or_text
 from selector.readers.finding_table import FINDINGS
-from selector.readers.tables import Column, Overrides, Table, checked_size, checked_width, unique_headers
+from selector.readers.tables import Column, Overrides, Table, checked_size, checked_width, reading_of, unique_headers
 
 
 def read_parquet(path: Path, data: bytes, overrides: Overrides) -> list[Table]:
@@ -63,16 +63,12 @@ def _table(path: Path, data: bytes) -> Table:
         findings.append(
             FINDINGS.finding(
                 "nested-columns",
-                f"Columns {', '.join(left[:8])} of {path.name} hold no plain numbers, times or texts; they were "
-                f"left out.",
+                f"Columns {', '.join(left[:8])} of {path.name} hold no plain numbers, times or texts; they were left "
+                "out.",
                 evidence={"columns": left[:50]},
             )
         )
-    reading = {
-        "format": form, "encoding": None, "separator": None, "decimal": None, "skipped_rows": 0, "unit_row": False,
-        "utc_columns": utc,
-    }  # fmt: skip
-    return Table(path.stem, path, tuple(columns), reading, tuple(findings))
+    return Table(path.stem, path, tuple(columns), reading_of(form, utc_columns=utc), tuple(findings))
 
 
 def damaged(where: str, error: Exception) -> ReadError:

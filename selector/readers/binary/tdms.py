@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from selector.readers.binary.optional import collect_quietly, optional_module, q
 from selector.readers.cells import numbers_or_text
 from selector.readers.clock.rates import Rate, one_clock
 from selector.readers.finding_table import FINDINGS
-from selector.readers.tables import Column, Overrides, Table, checked_size, checked_width, unique_headers
+from selector.readers.tables import Column, Overrides, Table, checked_size, checked_width, reading_of, unique_headers
 
 
 def read_tdms(path: Path, data: bytes, overrides: Overrides) -> list[Table]:
@@ -62,26 +63,14 @@ def _tables(file: Any, path: Path, overrides: Overrides) -> list[Table]:
             advice="check the recording, or name the group (--sheet)",
         )
     if len(tables) == 1:
-        only = tables[0]
-        return [Table(path.stem, path, only.columns, only.reading, only.findings, None, only.time_s, only.start)]
+        return [replace(tables[0], name=path.stem)]
     told = FINDINGS.finding(
         "groups-are-runs",
         f"{path.name} has {len(tables)} groups of channels; each was read as a run of its own.",
         evidence={"groups": [t.reading["sheet"] for t in tables]},
     )
-    return [
-        Table(
-            f"{path.stem}_{t.reading['sheet']}",
-            path,
-            t.columns,
-            t.reading,
-            (told, *t.findings) if i == 0 else t.findings,
-            None,
-            t.time_s,
-            t.start,
-        )
-        for i, t in enumerate(tables)
-    ]
+    first, *others = (replace(t, name=f"{path.stem}_{t.reading['sheet']}") for t in tables)
+    return [replace(first, findings=(told, *first.findings)), *others]
 
 
 def _table(channels: list[Any], path: Path, group: str) -> Table | None:
@@ -106,10 +95,7 @@ def _table(channels: list[Any], path: Path, group: str) -> Table | None:
                 start = begun
         else:
             by_length.setdefault(len(values), []).append(column)
-    reading = {
-        "format": "tdms", "encoding": None, "separator": None, "decimal": None, "skipped_rows": 0, "unit_row": False,
-        "sheet": group,
-    }  # fmt: skip
+    reading = reading_of("tdms", sheet=group)
     if clocked:
         time_s, columns, told = one_clock(clocked, path)
         same = by_length.pop(len(time_s), [])
@@ -127,8 +113,8 @@ def _table(channels: list[Any], path: Path, group: str) -> Table | None:
 def _left_out(names: list[str], path: Path) -> Finding:
     return FINDINGS.finding(
         "other-length",
-        f"Channels {', '.join(names[:8])} of {path.name} have another number of samples and no clock; they were "
-        f"left out.",
+        f"Channels {', '.join(names[:8])} of {path.name} have another number of samples and no clock; they were left "
+        "out.",
         evidence={"channels": names},
         action="leave-out-channel",
         level="warning",
@@ -225,8 +211,5 @@ def _mdf_table(file: Any, path: Path) -> Table:
         if begun.tzinfo is not None:
             begun = begun.replace(tzinfo=None)
         start = np.datetime64(begun)
-    reading = {
-        "format": "mdf", "encoding": None, "separator": None, "decimal": None, "skipped_rows": 0, "unit_row": False,
-        "version": str(file.version),
-    }  # fmt: skip
+    reading = reading_of("mdf", version=str(file.version))
     return Table(path.stem, path, columns, reading, (*findings, *told), None, time_s, start)

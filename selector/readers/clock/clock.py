@@ -17,7 +17,7 @@ from selector.readers.finding_table import AMBIGUOUS_TIME, FINDINGS, TIME_UNIT_G
 from selector.readers.layout import is_counter_name, is_time_name
 from selector.readers.roles.inferred import known_unit, role_guess
 from selector.readers.roles.names import closest, found_column, name_and_unit
-from selector.readers.tables import Column, Table
+from selector.readers.tables import Column, Table, listed
 
 _MILLISECOND_NAME = re.compile(r"^(ms|msec|millis(ec(ond)?s?)?|millisekunden?|毫秒|ミリ秒|мс)$", re.IGNORECASE)
 
@@ -84,9 +84,8 @@ def clock(table: Table, options: TimeOptions) -> Clock:
         if found is not None:
             finding = FINDINGS.finding(
                 "time-column-guessed",
-                f"No column of {table.file.name} is called a time; column {rising.header!r} rises in equal steps "
-                f"and was "
-                f"taken for the time, in {found.unit}.",
+                f"No column of {table.file.name} is called a time; column {rising.header!r} rises in equal steps and "
+                f"was taken for the time, in {found.unit}.",
                 Where(channel=rising.header),
                 {"column": rising.header, "unit": found.unit},
             )
@@ -96,15 +95,14 @@ def clock(table: Table, options: TimeOptions) -> Clock:
 
 def _sample_clock(table: Table, period_s: float, *, named: bool) -> Clock:
     findings: tuple[Finding, ...] = ()
-    unread = [c.header for c in table.columns if c.kind == "text" and is_time_name(name_and_unit(c.header)[0])]
     if not named:
+        unread = [c.header for c in table.columns if c.kind == "text" and is_time_name(name_and_unit(c.header)[0])]
         findings = (
             FINDINGS.finding(
                 "no-clock",
                 f"{table.file.name} has no time column"
                 + (f" (the cells of {unread[0]!r} are no times)" if unread else "")
-                + "; one row per second is assumed, so times and time constants are "
-                "counted in samples.",
+                + "; one row per second is assumed, so times and time constants are counted in samples.",
                 evidence={"period_s": period_s},
             ),
         )
@@ -116,18 +114,14 @@ def _named(table: Table, name: str) -> Column:
     column = found_column(table.columns, name)
     if column is None:
         headers = [c.header for c in table.columns]
+        near = closest(name, headers)
         raise ReadError(
-            f"no time column {name!r}; the columns are {_listed(headers)}",
-            expected=f"a column called {name!r}"
-            + (f" (nearest: {closest(name, headers)!r})" if closest(name, headers) else ""),
+            f"no time column {name!r}; the columns are {listed(headers, 20)}",
+            expected=f"a column called {name!r}" + (f" (nearest: {near!r})" if near else ""),
             where=table.file.name,
             advice="correct [time] column in the machine file, or leave it out to have it found",
         )
     return column
-
-
-def _listed(headers: Sequence[str]) -> str:
-    return ", ".join(headers[:20]) + (" …" if len(headers) > 20 else "")
 
 
 def _candidates(table: Table, options: TimeOptions, known: _Known) -> list[list[Column]]:
@@ -149,13 +143,9 @@ def _candidates(table: Table, options: TimeOptions, known: _Known) -> list[list[
         for c in table.columns
         if c.kind == "number" and c not in numbers and time_unit(c.unit or name_and_unit(c.header)[1]) and _rises(c)
     ]
-    sets += (
-        [[c] for c in times if c in named]
-        + [[c] for c in numbers if _rises(c)]
-        + [[c] for c in times if c not in named]
-    )
-    sets += [[c] for c in united] + [[c] for c in numbers if not _rises(c)] + [[c] for c in dates]
-    return sets
+    alone = [c for c in times if c in named] + [c for c in numbers if _rises(c)]
+    alone += [c for c in times if c not in named] + united + [c for c in numbers if not _rises(c)] + dates
+    return sets + [[c] for c in alone]
 
 
 def _kind(column: Column, read: Stamps | None) -> str:
@@ -266,13 +256,11 @@ def _numeric(table: Table, column: Column, wanted: str | None) -> Clock | None:
             FINDINGS.finding(
                 "time-unit-guessed",
                 f"The unit of time column {column.header!r} of {table.file.name} is not written; it was read as "
-                f"{read.unit}"
-                + (" (fractions of a day, as spreadsheets hold times)" if read.unit == "day" else "")
-                + ".",
+                f"{read.unit}{' (fractions of a day, as spreadsheets hold times)' if read.unit == 'day' else ''}.",
                 Where(channel=column.header),
                 {"column": column.header, "unit": read.unit, "alternative": alternative},
                 f'name it: unit = "{"min" if read.unit == "s" else "s"}" under [time] in the machine file (or '
-                f"--time-unit)",
+                "--time-unit)",
             )
         )
     elif read.base_s is not None and named is None and in_file is None:
@@ -304,8 +292,8 @@ def _unit_conflict(table: Table, column: Column, wanted: str, found: str) -> Fin
     return FINDINGS.finding(
         "time-unit-conflict",
         f"The machine file (or the option) says that time column {column.header!r} is in {wanted}, but "
-        f"{table.file.name} "
-        f"says {found}. " + ("The dates and times were read." if "dates" in found else f"It was read in {wanted}."),
+        f"{table.file.name} says {found}. "
+        + ("The dates and times were read." if "dates" in found else f"It was read in {wanted}."),
         Where(channel=column.header),
         {"asked": wanted, "in_file": found},
     )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from selector.findings import Finding
 from selector.readers.finding_table import FINDINGS
-from selector.readers.tables import Column
+from selector.readers.tables import Column, listed
 
 
 @dataclass(frozen=True)
@@ -51,10 +51,8 @@ def one_clock(rates: Sequence[Rate], path: Path) -> tuple[NDArray[np.float64], t
             moved.append(column.header)
     finding = FINDINGS.finding(
         "several-clocks",
-        f"The channels of {path.name} are recorded on {len(merged)} clocks; {len(moved)} of them "
-        f"({', '.join(moved[:6])}"
-        + (" …" if len(moved) > 6 else "")
-        + ") were interpolated onto the clock of the others.",
+        f"The channels of {path.name} are recorded on {len(merged)} clocks; {len(moved)} of them ({listed(moved, 6)}) "
+        "were interpolated onto the clock of the others.",
         evidence={"clocks": len(merged), "channels": moved},
     )
     return leading.time_s, tuple(columns), [finding]

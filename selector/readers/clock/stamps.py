@@ -47,19 +47,13 @@ class Stamps:
     kind: str  #: {"datetime", "date", "time"}: What the text holds
     zone_s: float | None  #: Offset from UTC of the first stamp [s], None if the file names no zone
     two_parts: bool  #: Whether a time of day has no seconds: 00:30 may be half an hour or half a minute
-    order: str  #: "ymd", "dmy" or "mdy"
     findings: tuple[Finding, ...]  #: Ambiguous order of day and month
 
 
 def stamps(cells: NDArray[np.object_], column: str, where: str, order: str | None, comma_file: bool) -> Stamps | None:
     """The times in a column of text, or None when fewer than half of its cells are times.
 
-    Parameters
-    ----------
-    order : {"dmy", "mdy", "ymd"} or None
-        Order of day, month and year that the user named.
-    comma_file : bool
-        Whether the file has a decimal comma, which speaks for day before month.
+    `order` of day, month and year is what the user named; a decimal comma in the file speaks for day before month.
     """
     text = pa.array([None if c is None else str(c) for c in cells], pa.string())
     text = pc.utf8_trim(text, "\"'\u00a0\u202f \t")
@@ -72,9 +66,7 @@ def stamps(cells: NDArray[np.object_], column: str, where: str, order: str | Non
     time = _parts(text, _PATTERN_TIME) if _worth(text, _PATTERN_TIME) else None
     if time is not None and _count(time) >= 0.5 * filled:
         seconds = _time_of_day(time)
-        zone = _zone(time)
-        zone_s = _first(zone)
-        return Stamps(seconds, 0.0, "time", zone_s, not _has(time, "s"), "", ())
+        return Stamps(seconds, 0.0, "time", _first(_zone(time)), not _has(time, "s"), ())
     return None
 
 
@@ -178,7 +170,8 @@ def _with_date(parts: pa.StructArray, column: str, where: str, order: str | None
         time = np.where(spoiled, np.nan, time)
     compact = _number(parts, "compact")
     told = np.isfinite(a)
-    named_month = any(_month_text(v) for v in pc.unique(_field(parts, "b")).to_pylist()[:50])
+    months = pc.unique(_field(parts, "b")).to_pylist()[:50]
+    named_month = any(text is not None and not text.isdigit() for text in months)
     if not told.any() or np.nanmax(a) > 31:
         order = "ymd"
     elif named_month:
@@ -205,11 +198,7 @@ def _with_date(parts: pa.StructArray, column: str, where: str, order: str | None
     # whole days are taken off before the time of day is added: 1.7e9 s would leave only 0.2 µs
     seconds = (midnight - base_s) + time - np.nan_to_num(zone)
     kind = "datetime" if _has(parts, "h") or _has(parts, "ch") else "date"
-    return Stamps(seconds, base_s, kind, _first(zone), False, order, tuple(findings))
-
-
-def _month_text(text: str | None) -> bool:
-    return text is not None and not text.isdigit()
+    return Stamps(seconds, base_s, kind, _first(zone), False, tuple(findings))
 
 
 def epoch_s(year: NDArray[np.float64], month: NDArray[np.float64], day: NDArray[np.float64]) -> NDArray[np.float64]:

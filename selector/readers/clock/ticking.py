@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.findings import Finding, Where
+from selector.findings import Finding, Level, Where
 from selector.readers.finding_table import FINDINGS
 from selector.readers.tables import Table
 
@@ -35,22 +35,12 @@ def ticks(
     time_of_day: bool,
     local_base_s: float | None,
 ) -> Ticks:
-    """Rows in order of time.
+    """Rows in order of time, from their stamps, shape (n_rows,), NaN = none.
 
-    Parameters
-    ----------
-    seconds : ndarray of shape (n_rows,)
-        Stamps; NaN = none.
-    values : ndarray of shape (n_rows, n_columns)
-        The numbers of each row, to see whether rows with the same stamp say the same.
-    time_of_day : bool
-        Whether the clock starts anew at midnight.
-    local_base_s : float or None
-        Absolute time of `seconds` = 0 in local time, if known: summer time is recognised by it.
+    Rows with the same stamp are compared by `values`, shape (n_rows, n_columns). A clock of `time_of_day` starts anew
+    at midnight; summer time is recognised by `local_base_s`, the absolute time of `seconds` = 0 in local time.
 
-    Notes
-    -----
-    Rules: rows without a stamp are left out. Stamps out of order are sorted, unless sorting would put samples of two
+    Rows without a stamp are left out. Stamps out of order are sorted, unless sorting would put samples of two
     different times on top of each other; then the clock jumped back and the time after it is moved on so that one
     usual period passes. Rows with the same stamp that say the same are one row; when most stamps repeat, the stamps are
     too coarse and the rows are spread evenly between them; otherwise the rows of a stamp are averaged.
@@ -95,7 +85,7 @@ def _unwrapped(t: NDArray[np.float64], rows: NDArray[np.int64], table: Table) ->
     steps = np.diff(t)
     wraps = np.flatnonzero(steps < -0.5 * _DAY_S)
     period = _DAY_S
-    level = "info"
+    level: Level = "info"
     if len(wraps) == 0 and t.max() < 13 * 3600 + 3600 and np.any(steps < -11 * 3600):
         wraps, period, level = np.flatnonzero(steps < -11 * 3600), 0.5 * _DAY_S, "warning"
     if len(wraps) == 0:
@@ -107,11 +97,10 @@ def _unwrapped(t: NDArray[np.float64], rows: NDArray[np.int64], table: Table) ->
         FINDINGS.finding(
             "midnight-wrap",
             f"The time of day in {table.file.name} passes {name} {len(wraps)} time(s) "
-            f"({_places(rows[wraps + 1], table)}); "
-            "the run goes on behind it.",
+            f"({_places(rows[wraps + 1], table)}); the run goes on behind it.",
             Where(from_s=float(t[wraps[0] + 1] - t[0])),
             {"count": len(wraps), "period_s": period},
-            level="info" if level == "info" else "warning",
+            level=level,
         )
     ]
 
@@ -136,10 +125,7 @@ def _in_order(
     # a clock that jumps leaves long stretches in order, shuffled rows do not
     few = n_pieces <= max(4, 0.002 * len(t)) and len(t) >= 4 * n_pieces
     if not (few and crowded > 0 and _overlapping(t, back)):
-        if crowded > 0 and len(back) < 0.1 * len(t) and _overlapping(t, back):
-            level, extra = "warning", " Some of them then lie closer together than the usual period."
-        else:
-            level, extra = "info", ""
+        close = crowded > 0 and len(back) < 0.1 * len(t) and _overlapping(t, back)
         descending = len(back) == len(t) - 1 - repeats_now
         return order, [
             FINDINGS.finding(
@@ -150,9 +136,10 @@ def _in_order(
                     if descending
                     else f"are not in order of time at {_places(rows[back], table)}"
                 )
-                + f"; they were sorted by their stamps.{extra}",
+                + "; they were sorted by their stamps."
+                + (" Some of them then lie closer together than the usual period." if close else ""),
                 evidence={"steps_back": len(back)},
-                level="warning" if level == "warning" else "info",
+                level="warning" if close else "info",
             )
         ]
     findings = []
@@ -207,8 +194,7 @@ def _summer_time(
             FINDINGS.finding(
                 "clock-jump-forward",
                 f"The clock of {table.file.name} jumps forward by one hour at {table.line(int(rows[i + 1]))}, in "
-                f"the night "
-                "when summer time begins; the hour was taken out.",
+                "the night when summer time begins; the hour was taken out.",
                 Where(from_s=float(t[i + 1] - t[0])),
                 {"jump_s": 3600.0, "row": table.line(int(rows[i + 1]))},
             )
@@ -229,41 +215,33 @@ def _without_repeats(
     if repeated >= 0.5 * len(t) and len(kept) >= 3:
         spread = _spread(kept, sizes)
         usual_size = float(np.median(sizes[1:-1])) if len(sizes) > 2 else float(np.median(sizes))
-        return (
-            spread,
-            np.arange(len(t), dtype=np.int64),
-            [
-                FINDINGS.finding(
-                    "coarse-stamps",
-                    f"The stamps of {table.file.name} are coarser than its sampling: about {usual_size:g} rows "
-                    f"share each "
-                    "of them. The rows were spread evenly between the stamps.",
-                    evidence={"rows_per_stamp": usual_size},
-                )
-            ],
+        coarse = FINDINGS.finding(
+            "coarse-stamps",
+            f"The stamps of {table.file.name} are coarser than its sampling: about {usual_size:g} rows share each of "
+            "them. The rows were spread evenly between the stamps.",
+            evidence={"rows_per_stamp": usual_size},
         )
+        return spread, np.arange(len(t), dtype=np.int64), [coarse]
     first_of_group = np.flatnonzero(new)[groups]
     before, here = values[rows[first_of_group]], values[rows]
     same = np.all((before == here) | (np.isnan(before) & np.isnan(here)), axis=1) & ~new
     differing = int((~new & ~same).sum())
     places = _places(rows[~new], table)
     findings = []
-    if int(same.sum()):
+    if equal := int(same.sum()):
         findings.append(
             FINDINGS.finding(
                 "repeated-rows",
-                f"{int(same.sum())} row(s) of {table.file.name} stand there more than once ({places}); each was "
-                f"taken once.",
-                evidence={"count": int(same.sum())},
+                f"{equal} row(s) of {table.file.name} stand there more than once ({places}); each was taken once.",
+                evidence={"count": equal},
             )
         )
     if differing:
         findings.append(
             FINDINGS.finding(
                 "repeated-stamps",
-                f"{differing} row(s) of {table.file.name} have the stamp of another row but other values "
-                f"({places}); the "
-                "rows of one stamp were averaged.",
+                f"{differing} row(s) of {table.file.name} have the stamp of another row but other values ({places}); "
+                "the rows of one stamp were averaged.",
                 Where(from_s=float(t[np.flatnonzero(~new & ~same)[0]])),
                 {"count": differing},
             )

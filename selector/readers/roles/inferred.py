@@ -11,283 +11,62 @@ from numpy.typing import NDArray
 
 from selector.units import CANONICAL_UNITS, parse_unit, same_dimension
 
-ROLE_WORDS: tuple[tuple[str, tuple[str, ...]], ...] = (
+_WORDS: tuple[tuple[str, str], ...] = (
     (
         "state",
-        (
-            r"(coolant|k[üu]hlmittel|kss|mist|air|pump|pumpe)[ _-]?(on|off|state|status|open|ein|an|aktiv|active)\b",
-            r"(door|t[üu]r|valve|ventil|fan|l[üu]fter|chiller|heater)[ _-]?(on|off|state|status|open|ein|an|active)\b",
-        ),
+        r"(coolant|k[üu]hlmittel|kss|mist|air|pump|pumpe)[ _-]?(on|off|state|status|open|ein|an|aktiv|active)\b|"
+        r"(door|t[üu]r|valve|ventil|fan|l[üu]fter|chiller|heater)[ _-]?(on|off|state|status|open|ein|an|active)\b",
     ),
     (
         "state",
-        (
-            r"(^|[ _-])(on|off|state|status|flag|mode|enable[d]?|alarm|program|prog|m0?[789])$",
-            r"状态",
-            r"狀態",
-            r"状態",
-            r"開關",
-            r"开关",
-            r"冷却液开",
-            r"состояние",
-        ),
+        r"(^|[ _-])(on|off|state|status|flag|mode|enable[d]?|alarm|program|prog|m0?[789])$|状态|狀態|状態|開關|开关|"
+        r"冷却液开|состояние",
     ),
     (
         "ambient",
-        (
-            r"amb(ient)?(?![a-z])",
-            r"ambient",
-            r"hall",
-            r"umgeb",
-            r"raum",
-            r"room",
-            r"workshop",
-            r"environ",
-            r"surround",
-            r"shop",
-            r"outdoor",
-            r"luft",
-            r"^t_?(inf|env|air|room|u)\b",
-            r"\bair\b",
-            r"环境",
-            r"環境",
-            r"室温",
-            r"周囲",
-            r"外気",
-            r"车间",
-            r"车間",
-            r"气温",
-            r"окруж",
-            r"цех",
-            r"воздух",
-            r"помещен",
-            r"okol",
-            r"prost[řr]ed",
-            r"otoczen",
-            r"ambi(ante|ente)",
-            r"környezet",
-        ),
+        r"amb(ient)?(?![a-z])|ambient|hall|umgeb|raum|room|workshop|environ|surround|shop|outdoor|luft|"
+        r"^t_?(inf|env|air|room|u)\b|\bair\b|环境|環境|室温|周囲|外気|车间|车間|气温|окруж|цех|воздух|помещен|okol|"
+        r"prost[řr]ed|otoczen|ambi(ante|ente)|környezet",
     ),
     (
         "position_command",
-        (
-            r"(cmd|command|soll|setpoint|set_?pos|target|reference|demand|指令|目标|目標|задан).*",
-            r".*(?:^|[ _-])(cmd|soll|ref|set)$",
-        ),
+        r"(cmd|command|soll|setpoint|set_?pos|target|reference|demand|指令|目标|目標|задан).*|"
+        r".*(?:^|[ _-])(cmd|soll|ref|set)$",
     ),
     (
         "temperature",
-        (
-            r"temp",
-            r"^(t|pt|tc|rtd|th|tk|ntc|ni|pt100|pt1000|tmp|ts|theta|θ|ϑ)[ _.#-]?\d+[a-z]?$",
-            r"^(t|tc|pt|temp|tmp)[ _.-][a-z].*",
-            r"^t$",
-            r"^[Δδd]t[ _]?\d*$",
-            r"thermo",
-            r"温",
-            r"темп",
-            r"teplot",
-            r"hőm",
-            r"^°c$",
-            r"^ch(annel)?[ _]?\d+[ _]?°c",
-        ),
+        r"temp|^(t|pt|tc|rtd|th|tk|ntc|ni|pt100|pt1000|tmp|ts|theta|θ|ϑ)[ _.#-]?\d+[a-z]?$|"
+        r"^(t|tc|pt|temp|tmp)[ _.-][a-z].*|^t$|^[Δδd]t[ _]?\d*$|thermo|温|темп|teplot|hőm|^°c$|"
+        r"^ch(annel)?[ _]?\d+[ _]?°c",
     ),
     (
         "spindle_speed",
-        (
-            r"rpm",
-            r"spindle[ _-]*(speed|rev|n\b)",
-            r"speed",
-            r"drehzahl",
-            r"spindeldreh",
-            r"^n([ _-]?(ist|soll|act|sp|spindle|s))?$",
-            r"^s$",
-            r"^s[ _-]?(act|ist|cmd|actual|speed)$",
-            r"转速",
-            r"轉速",
-            r"回転",
-            r"оборот",
-            r"част.*вращ",
-            r"^об",
-            r"ot[áa][čc]k",
-            r"obrot",
-            r"vitesse.*(broche|rotation)",
-            r"velocidad.*husillo",
-            r"r/min",
-            r"^u/min$",
-        ),
+        r"rpm|spindle[ _-]*(speed|rev|n\b)|speed|drehzahl|spindeldreh|^n([ _-]?(ist|soll|act|sp|spindle|s))?$|"
+        r"^s$|^s[ _-]?(act|ist|cmd|actual|speed)$|转速|轉速|回転|оборот|част.*вращ|^об|ot[áa][čc]k|obrot|"
+        r"vitesse.*(broche|rotation)|velocidad.*husillo|r/min|^u/min$",
     ),
-    (
-        "feed_rate",
-        (
-            r"feed",
-            r"vorschub",
-            r"进给",
-            r"進給",
-            r"送り",
-            r"подач",
-            r"avance",
-            r"posuv",
-        ),
-    ),
-    (
-        "velocity",
-        (
-            r"^v$",
-            r"veloc",
-            r"geschw",
-            r"скорост",
-            r"速度",
-            r"^v[ _]?[xyz]$",
-            r"vel[ _.]?[xyz]?$",
-        ),
-    ),
+    ("feed_rate", r"feed|vorschub|进给|進給|送り|подач|avance|posuv"),
+    ("velocity", r"^v$|veloc|geschw|скорост|速度|^v[ _]?[xyz]$|vel[ _.]?[xyz]?$"),
     (
         "displacement",
-        (
-            r"disp",
-            r"drift",
-            r"err(or)?(?![a-z])",
-            r"error",
-            r"verlag",
-            r"verschieb",
-            r"abweich",
-            r"deform",
-            r"growth",
-            r"dehnung",
-            r"ausdehn",
-            r"expansion",
-            r"deviation",
-            r"gap",
-            r"probe",
-            r"gauge",
-            r"dial",
-            r"tool[ _-]?(point|centre|center|tip)",
-            r"tcp",
-            r"位移",
-            r"变形",
-            r"變形",
-            r"変位",
-            r"误差",
-            r"誤差",
-            r"热伸长",
-            r"смещ",
-            r"перемещ",
-            r"деформ",
-            r"погреш",
-            r"удлин",
-            r"d[ée]placement",
-            r"posun",
-            r"przemieszcz",
-            r"elmozd",
-            r"^(d|delta|Δ|δ|Δ ?l|e|eps|u)[ _]?[xyz]\d?$",
-            r"^[xyz]\d?$",
-            r"^l?vdt",
-            r"^eddy",
-            r"^cap(acitive)?[ _]?\d",
-            r"^laser",
-        ),
+        r"disp|drift|err(or)?(?![a-z])|error|verlag|verschieb|abweich|deform|growth|dehnung|ausdehn|expansion|"
+        r"deviation|gap|probe|gauge|dial|tool[ _-]?(point|centre|center|tip)|tcp|位移|变形|變形|変位|误差|誤差|热伸长|"
+        r"смещ|перемещ|деформ|погреш|удлин|d[ée]placement|posun|przemieszcz|elmozd|"
+        r"^(d|delta|Δ|δ|Δ ?l|e|eps|u)[ _]?[xyz]\d?$|^[xyz]\d?$|^l?vdt|^eddy|^cap(acitive)?[ _]?\d|^laser",
     ),
-    (
-        "acceleration",
-        (
-            r"^acc",
-            r"accel",
-            r"beschl",
-            r"ускор",
-            r"加速度",
-            r"vibration",
-            r"振动",
-        ),
-    ),
-    (
-        "force",
-        (
-            r"force",
-            r"kraft",
-            r"сила",
-            r"усили",
-            r"^f[ _]?[xyz]?$",
-            r"切削力",
-            r"力$",
-        ),
-    ),
-    (
-        "current",
-        (
-            r"current",
-            r"strom",
-            r"^i([ _]?[quvwdxyz0-9]?)$",
-            r"ток",
-            r"电流",
-            r"電流",
-            r"^amp(ere)?s?$",
-        ),
-    ),
-    (
-        "voltage",
-        (
-            r"volt",
-            r"spannung",
-            r"^u[ _]?\d*$",
-            r"^v[ _]?\d+$",
-            r"напряж",
-            r"电压",
-            r"電圧",
-        ),
-    ),
-    (
-        "flow",
-        (
-            r"flow",
-            r"durchfluss",
-            r"volumenstrom",
-            r"расход",
-            r"流量",
-        ),
-    ),
-    (
-        "frequency",
-        (
-            r"freq",
-            r"частота",
-            r"频率",
-            r"周波数",
-            r"^f[ _]?hz",
-        ),
-    ),
-    (
-        "position",
-        (
-            r"pos(ition)?(?![a-z])",
-            r"position",
-            r"actual",
-            r"^ist",
-            r"位置",
-            r"координ",
-            r"coord",
-            r"stroke",
-            r"travel",
-            r"行程",
-        ),
-    ),
-    (
-        "amplitude",
-        (
-            r"ampl",
-            r"振幅",
-            r"амплит",
-        ),
-    ),
-    (
-        "size",
-        (r"^(size|ma[ßs]s?|diameter|durchmesser|dia|直径|尺寸|размер|диаметр)",),
-    ),
+    ("acceleration", r"^acc|accel|beschl|ускор|加速度|vibration|振动"),
+    ("force", r"force|kraft|сила|усили|^f[ _]?[xyz]?$|切削力|力$"),
+    ("current", r"current|strom|^i([ _]?[quvwdxyz0-9]?)$|ток|电流|電流|^amp(ere)?s?$"),
+    ("voltage", r"volt|spannung|^u[ _]?\d*$|^v[ _]?\d+$|напряж|电压|電圧"),
+    ("flow", r"flow|durchfluss|volumenstrom|расход|流量"),
+    ("frequency", r"freq|частота|频率|周波数|^f[ _]?hz"),
+    ("position", r"pos(ition)?(?![a-z])|position|actual|^ist|位置|координ|coord|stroke|travel|行程"),
+    ("amplitude", r"ampl|振幅|амплит"),
+    ("size", r"^(size|ma[ßs]s?|diameter|durchmesser|dia|直径|尺寸|размер|диаметр)"),
 )
-"""Role and regular expressions, any of which found in the name speaks for it."""
+"""Role and a regular expression; where it is found in the name it speaks for the role."""
 
-
-_PATTERNS = tuple((role, re.compile("|".join(words), re.IGNORECASE)) for role, words in ROLE_WORDS)
+_PATTERNS = tuple((role, re.compile(words, re.IGNORECASE)) for role, words in _WORDS)
 _PLACES = re.compile(
     r"spindle|spindel|bearing|lager|column|st[äa]nder|s[äa]ule|bed|bett|table|tisch|motor|coolant|k[üu]hl|oil|[öo]l\b|nut|mutter|"
     r"screw|housing|geh[äa]use|head(stock)?|nose|front|rear|vorn|hinten|wall|gear|getriebe|tank|hydraul|chiller|guide|"
@@ -302,6 +81,8 @@ _UNIT_ROLES: tuple[tuple[str, str], ...] = (
 _AXIS = re.compile(
     r"(?<![A-Za-z])(?:[dDeEuU]|delta|Delta|Δ|δ|disp|err|pos)?[ _.-]?(?P<axis>[XYZABCUVWxyz])(?:[ _-]?\d)?(?![A-Za-z])"
 )
+
+_ALONG_AN_AXIS = ("displacement", "position", "position_command", "velocity", "acceleration", "force")
 
 
 @dataclass(frozen=True)
@@ -318,14 +99,7 @@ class RoleGuess:
 def role_guess(name: str, unit: str | None, values: NDArray[np.float64], role: str | None = None) -> RoleGuess:
     """The role of a column; with `role` given, only its unit and axis are judged.
 
-    Parameters
-    ----------
-    name : str
-        Header without its unit.
-    unit : str or None
-        Unit as a pint name, None if the file names none.
-    values : ndarray
-        Its numbers, to tell a position in mm from an error in mm.
+    `name` is the header without its unit, `unit` a pint name; the numbers tell a position in mm from an error in mm.
     """
     # "T1.2" is the second column called T1
     folded = re.sub(r"(?<=\w)\.\d{1,3}$", "", unicodedata.normalize("NFKC", name).strip())
@@ -383,8 +157,6 @@ def _by_unit(named: list[str], name: str, unit: str, values: NDArray[np.float64]
             if role == "feed_rate" and unit in ("m/s", "mm/s"):
                 role = "velocity"
             return _with_unit(role, name, unit, None, ("role",))
-    if unit == "percent":
-        return RoleGuess(None, unit, None, ("role",), None)
     return RoleGuess(None, unit, None, ("role",), None)
 
 
@@ -414,19 +186,11 @@ def _length(name: str, unit: str, values: NDArray[np.float64], named: list[str])
 def _with_unit(role: str, name: str, unit: str | None, doubt: str | None, guessed: tuple[str, ...]) -> RoleGuess:
     if unit is None or (unit == "1" and CANONICAL_UNITS[role] != "1"):
         unit = CANONICAL_UNITS[role]
-        if role not in ("state",):
+        if role != "state":
             guessed = (*guessed, "unit")
-    axis = (
-        _axis(name)
-        if role in ("displacement", "position", "position_command", "velocity", "acceleration", "force")
-        else None
-    )
+    match = _AXIS.search(name) if role in _ALONG_AN_AXIS else None
+    axis = match["axis"].upper() if match else None
     return RoleGuess(role, unit, axis, (*guessed, *(("axis",) if axis else ())), doubt)
-
-
-def _axis(name: str) -> str | None:
-    match = _AXIS.search(name)
-    return match["axis"].upper() if match else None
 
 
 def _like_temperature(values: NDArray[np.float64]) -> bool:

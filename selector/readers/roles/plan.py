@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -17,7 +17,7 @@ from selector.readers.machine_file import ChannelSection, Machine
 from selector.readers.roles.inferred import RoleGuess, known_unit, role_guess, role_of_numbers
 from selector.readers.roles.names import closest, found_header, name_and_unit
 from selector.readers.runs import TimedRun
-from selector.readers.tables import Column, Overrides
+from selector.readers.tables import Column, Overrides, listed
 from selector.units import ROLES, same_dimension, unit_for_role
 
 Ruling = Literal["header", "declared", "option", "each"]
@@ -48,12 +48,7 @@ def believed(
     correction of the files. Where it holds for some runs, the others were recorded in another unit and say so: their
     headers count. An option is said for this very reading and counts always.
 
-    Parameters
-    ----------
-    declared : str
-        Unit of the machine file or the option.
-    printed : mapping of run to unit or None
-        Known unit in the header of each run; None or "1" where there is none.
+    `printed` has the known unit in the header of each run, None or "1" where there is none.
     """
     other = {run: unit for run, unit in printed.items() if unit not in (None, "1", declared) and unit is not None}
     units = dict.fromkeys(printed, declared)
@@ -80,7 +75,7 @@ def _finding(members: Sequence[Dispute]) -> Finding:
     by_unit: dict[str, list[str]] = {}
     for run, unit in first.printed:
         by_unit.setdefault(unit, []).append(run)
-    said = "; ".join(f"{unit} in {_listed(runs)}" for unit, runs in by_unit.items())
+    said = "; ".join(f"{unit} in {listed(runs, 6)}" for unit, runs in by_unit.items())
     where = Where(
         channel=names[0] if len(names) == 1 else None, run=first.printed[0][0] if len(first.printed) == 1 else None
     )
@@ -127,11 +122,7 @@ def _named(names: Sequence[str], roles: set[str]) -> str:
     if len(names) == 1:
         return f"channel {names[0]!r}"
     kind = f"{next(iter(roles)).replace('_', ' ')} " if len(roles) == 1 else ""
-    return f"{len(names)} {kind}channels ({_listed(names)})"
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names[:6]) + (" …" if len(names) > 6 else "")
+    return f"{len(names)} {kind}channels ({listed(names, 6)})"
 
 
 def doubtful_role(name: str, guess: RoleGuess) -> Finding:
@@ -266,19 +257,7 @@ def _declared(runs: Sequence[TimedRun], machine: Machine, overrides: Overrides) 
             continue
         if not headers:
             raise missing_everywhere(runs, name, wanted)
-        absent = [run.name for run in runs if run.name not in headers]
-        if absent:
-            findings.append(
-                FINDINGS.finding(
-                    "channel-missing-in-run",
-                    f"Channel {name!r} (column {wanted!r}) is missing in run(s) {', '.join(absent[:8])}; its "
-                    f"samples there "
-                    "are missing values.",
-                    Where(channel=name),
-                    {"runs": absent, "column": wanted},
-                    action="leave-out-stretch",
-                )
-            )
+        findings += _missing_in_runs(name, headers, runs, column=wanted)
         channels.append(_planned(name, section, headers, runs, overrides, findings, strict=True))
     if lacking:
         findings.append(
@@ -298,11 +277,26 @@ def _declared(runs: Sequence[TimedRun], machine: Machine, overrides: Overrides) 
             FINDINGS.finding(
                 "columns-ignored",
                 f"{len(ignored)} column(s) of the files are not in the machine file and were not read: "
-                f"{', '.join(list(ignored)[:10])}" + (" …" if len(ignored) > 10 else "") + ".",
+                f"{listed(ignored, 10)}.",
                 evidence={"columns": list(ignored)[:200]},
             )
         )
     return Plan(tuple(channels), ignored, tuple(findings))
+
+
+def _missing_in_runs(
+    name: str, headers: Mapping[str, str], runs: Sequence[TimedRun], column: str | None = None
+) -> Iterator[Finding]:
+    absent = [run.name for run in runs if run.name not in headers]
+    if absent:
+        yield FINDINGS.finding(
+            "channel-missing-in-run",
+            f"Channel {name!r}{'' if column is None else f' (column {column!r})'} is missing in run(s) "
+            f"{', '.join(absent[:8])}; its samples there are missing values.",
+            Where(channel=name),
+            {"runs": absent} | ({} if column is None else {"column": column}),
+            action="leave-out-stretch",
+        )
 
 
 def _inferred(runs: Sequence[TimedRun], overrides: Overrides) -> Plan:
@@ -321,68 +315,52 @@ def _inferred(runs: Sequence[TimedRun], overrides: Overrides) -> Plan:
     channels: list[Planned] = []
     undeclared: dict[str, str] = {}
     for name, headers in names.items():
-        planned = _planned_or_none(name, headers, runs, overrides, findings)
-        if planned is None:
+        try:
+            planned = _planned(name, ChannelSection(), headers, runs, overrides, findings, strict=False)
+        except _NoRoleError:
             undeclared[name] = "its role could not be inferred"
             continue
         channels.append(planned)
-        absent = [run.name for run in runs if run.name not in headers]
-        if absent:
-            findings.append(
-                FINDINGS.finding(
-                    "channel-missing-in-run",
-                    f"Channel {name!r} is missing in run(s) {', '.join(absent[:8])}; its samples there are missing "
-                    f"values.",
-                    Where(channel=name),
-                    {"runs": absent},
-                    action="leave-out-stretch",
-                )
-            )
+        findings += _missing_in_runs(name, headers, runs)
     if not channels:
         for name, headers in names.items():
             findings += _by_numbers(name, headers, runs, overrides, channels)
         undeclared = {}
     texts = list(dict.fromkeys(text for run in runs for text in run.texts))
+    findings += _of_columns(texts, list(auxiliary), [c for c in channels if c.guessed], list(undeclared))
+    return Plan(tuple(channels), undeclared, tuple(findings))
+
+
+def _of_columns(
+    texts: list[str], auxiliary: list[str], guessed: list[Planned], undeclared: list[str]
+) -> Iterator[Finding]:
+    """What is to be said of columns that no machine file declares."""
     if texts:
-        findings.append(
-            FINDINGS.finding(
-                "text-columns",
-                f"Column(s) {', '.join(texts[:8])} hold text; they were not read.",
-                evidence={"columns": texts[:200]},
-            )
+        yield FINDINGS.finding(
+            "text-columns",
+            f"Column(s) {', '.join(texts[:8])} hold text; they were not read.",
+            evidence={"columns": texts[:200]},
         )
     if auxiliary:
-        findings.append(
-            FINDINGS.finding(
-                "auxiliary-columns",
-                f"Column(s) {', '.join(list(auxiliary)[:8])} number the samples or are further clocks; they are no "
-                f"channels.",
-                evidence={"columns": list(auxiliary)},
-            )
+        yield FINDINGS.finding(
+            "auxiliary-columns",
+            f"Column(s) {', '.join(auxiliary[:8])} number the samples or are further clocks; they are no channels.",
+            evidence={"columns": auxiliary},
         )
-    guessed = [c for c in channels if c.guessed]
     if guessed:
-        shown = ", ".join(f"{c.name}: {c.role} [{next(iter(c.units.values()))}]" for c in guessed[:12])
-        findings.append(
-            FINDINGS.finding(
-                "roles-guessed",
-                f"No machine file says what the channels are; they were guessed from names, units and numbers: {shown}"
-                + (" …" if len(guessed) > 12 else "")
-                + ".",
-                evidence={c.name: {"role": c.role, "guessed": list(c.guessed)} for c in guessed},
-            )
+        shown = listed((f"{c.name}: {c.role} [{next(iter(c.units.values()))}]" for c in guessed), 12)
+        yield FINDINGS.finding(
+            "roles-guessed",
+            f"No machine file says what the channels are; they were guessed from names, units and numbers: {shown}.",
+            evidence={c.name: {"role": c.role, "guessed": list(c.guessed)} for c in guessed},
         )
     if undeclared:
-        findings.append(
-            FINDINGS.finding(
-                "columns-without-role",
-                f"Nothing tells what {len(undeclared)} column(s) measure; they were not read: "
-                f"{', '.join(list(undeclared)[:10])}" + (" …" if len(undeclared) > 10 else "") + ".",
-                evidence={"columns": list(undeclared)[:200]},
-                action="leave-out-channel",
-            )
+        yield FINDINGS.finding(
+            "columns-without-role",
+            f"Nothing tells what {len(undeclared)} column(s) measure; they were not read: {listed(undeclared, 10)}.",
+            evidence={"columns": undeclared[:200]},
+            action="leave-out-channel",
         )
-    return Plan(tuple(channels), undeclared, tuple(findings))
 
 
 def _by_numbers(
@@ -390,7 +368,7 @@ def _by_numbers(
 ) -> list[Finding]:
     """Where no column at all can be told by its name: a role by the numbers, so that there is something to correct."""
     first = next(run for run in runs if run.name in headers)
-    role = role_of_numbers(_column(first, headers[first.name]).values)
+    role = role_of_numbers(first.by_header[headers[first.name]].values)
     told: list[Finding] = []
     section = ChannelSection(role=role)
     planned = _planned(name, section, headers, runs, overrides, told, strict=False)
@@ -403,15 +381,6 @@ def _by_numbers(
         "say what it is in a machine file: column, role and unit of this channel",
     )
     return [*told, finding]
-
-
-def _planned_or_none(
-    name: str, headers: dict[str, str], runs: Sequence[TimedRun], overrides: Overrides, findings: list[Finding]
-) -> Planned | None:
-    try:
-        return _planned(name, ChannelSection(), headers, runs, overrides, findings, strict=False)
-    except _NoRoleError:
-        return None
 
 
 class _NoRoleError(InputError):
@@ -429,10 +398,10 @@ def _planned(
     strict: bool,
 ) -> Planned:
     with_channel = [run for run in runs if run.name in headers]
-    columns = {run.name: _column(run, headers[run.name]) for run in with_channel}
+    columns = {run.name: run.by_header[headers[run.name]] for run in with_channel}
     first = columns[with_channel[0].name]
-    asked_role = _asked(overrides.roles, name, first.header) or section.role
-    option = _asked(overrides.units, name, first.header)
+    asked_role = overrides.roles.get(name, overrides.roles.get(first.header)) or section.role
+    option = overrides.units.get(name, overrides.units.get(first.header))
     asked_unit = option or section.unit
     in_file = {run: _unit_in_file(column, findings, run) for run, column in columns.items()}
     sample = np.concatenate([column.values[:5000] for column in columns.values()][:5])
@@ -498,14 +467,6 @@ def _unit_in_file(column: Column, findings: list[Finding], run: str) -> str | No
             )
         )
     return known
-
-
-def _column(run: TimedRun, header: str) -> Column:
-    return run.by_header[header]
-
-
-def _asked(values: Mapping[str, str], name: str, header: str) -> str | None:
-    return values.get(name, values.get(header))
 
 
 def _is_auxiliary(column: Column) -> bool:

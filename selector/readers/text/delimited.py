@@ -21,7 +21,7 @@ from selector.readers.clock.rates import Rate, one_clock
 from selector.readers.clock.stamps import numeric_clock
 from selector.readers.finding_table import FINDINGS
 from selector.readers.layout import Layout, column_kinds, layout
-from selector.readers.tables import Column, Overrides, Table, checked_size, checked_width, unique_headers
+from selector.readers.tables import Column, Overrides, Table, checked_size, checked_width, reading_of, unique_headers
 from selector.readers.text.encodings import decoded
 from selector.readers.text.lines import body
 from selector.readers.text.sniffing import Dialect, cells_of, decimal_doubts, dialect, is_comment
@@ -33,10 +33,7 @@ _UNIT_LABELS = ("unit", "einheit")
 def paired_headings(rows: Sequence[Sequence[str]], n_columns: int) -> tuple[list[str], list[str | None]] | None:
     """Names and units if the header rows say ``Name, T1, Name, T2, ...``: the columns are time, value, time, value.
 
-    Parameters
-    ----------
-    rows : sequence of rows of cells
-        Those above the first sample.
+    `rows` are those above the first sample.
     """
     if n_columns < 4 or n_columns % 2:
         return None
@@ -79,7 +76,6 @@ def on_one_clock(table: Table) -> Table:
     return replace(table, columns=columns, findings=(*table.findings, *told), lines=None, time_s=time_s, start=moment)
 
 
-MAX_TEXT_BYTES = 2_000_000_000
 _LONGEST_LINE = 4_000_000
 _HEAD_LINES = 6_000
 
@@ -106,13 +102,6 @@ def read_delimited(path: Path, data: bytes, overrides: Overrides) -> list[Table]
         The text holds no table of numbers, or the header and the lines do not fit together.
     """
     where = path.name
-    if len(data) > MAX_TEXT_BYTES:
-        raise ReadError(
-            f"{len(data) / 1e9:.1f} GB of text",
-            expected=f"at most {MAX_TEXT_BYTES / 1e9:.0f} GB",
-            where=where,
-            advice="store the recording as Parquet (it is then read piece by piece), or split it into runs",
-        )
     text = decoded(data, where, overrides.encoding)
     _refuse_markup(text.utf8, where)
     declared, utf8, skipped = _declared_separator(text.utf8)
@@ -129,7 +118,6 @@ def read_delimited(path: Path, data: bytes, overrides: Overrides) -> list[Table]
         utf8[offset:],
         sheet.layout.first + 1 + skipped,
         sheet.dialect,
-        sheet.dialect.n_columns,
         headings,
         where,
         remarks_last=sheet.kinds[-1] in ("text", "empty") and n_columns == sheet.dialect.n_columns,
@@ -155,20 +143,19 @@ def read_delimited(path: Path, data: bytes, overrides: Overrides) -> list[Table]
             numbers += [c for c in cells[position][:200].to_pylist() if c]
     if unnamed:
         raise _unnamed_columns(sheet, n_columns, unnamed, where)
-    findings += (
-        decimal_doubts([n.strip(' "') for n in numbers], sheet.dialect, where) if overrides.decimal is None else []
-    )
+    if overrides.decimal is None:
+        findings += decimal_doubts([n.strip(' "') for n in numbers], sheet.dialect, where)
     first_line = sheet.layout.first + 1 + skipped
-    reading: dict[str, Any] = {
-        "format": "delimited",
-        "encoding": text.encoding,
-        "separator": sheet.dialect.shown_separator,
-        "decimal": sheet.dialect.decimal,
-        "skipped_rows": skipped + (sheet.layout.first if sheet.layout.names is None else sheet.layout.names),
-        "unit_row": sheet.layout.units is not None,
-        "header_row": None if sheet.layout.names is None else sheet.layout.names + 1 + skipped,
-        "first_data_row": first_line,
-    }
+    reading = reading_of(
+        "delimited",
+        encoding=text.encoding,
+        separator=sheet.dialect.shown_separator,
+        decimal=sheet.dialect.decimal,
+        skipped_rows=skipped + (sheet.layout.first if sheet.layout.names is None else sheet.layout.names),
+        unit_row=sheet.layout.units is not None,
+        header_row=None if sheet.layout.names is None else sheet.layout.names + 1 + skipped,
+        first_data_row=first_line,
+    )
     if sheet.layout.names is None:
         findings.append(no_header_finding(where, headers))
     table = Table(path.stem, path, tuple(columns), reading, tuple(findings), samples.lines)
@@ -202,7 +189,6 @@ def _quoted_line_ends(utf8: bytes) -> tuple[bytes, int]:
     i = 0
     while i < min(len(head) - 1, 100):
         if head[i].count(b'"') % 2:
-            piece = b" ".join(head[i : i + 6])
             for length in range(2, 7):
                 piece = b" ".join(head[i : i + length])
                 if piece.count(b'"') % 2 == 0 and i + length < len(head):
@@ -299,9 +285,8 @@ def _first_lines(utf8: bytes, where: str) -> list[str]:
 def _inner_lines(utf8: bytes, raw: list[str]) -> list[str]:
     """Lines from inside of the file, where samples are: from its middle and before its end."""
     if len(raw) < _HEAD_LINES:
-        usable = [line for line in raw if line.strip() and not is_comment(line)] or [
-            line for line in raw if line.strip()
-        ]
+        told = [line for line in raw if line.strip()]
+        usable = [line for line in told if not is_comment(line)] or told
         n = len(usable)
         if n <= 3:
             return usable[-1:] if n < 3 else usable[-2:]
@@ -357,13 +342,8 @@ def _headers(
     count = len(names)
     headers, repeated = unique_headers(names, where)
     findings += repeated
-    return (
-        headers,
-        _row(sheet, sheet.layout.units, count),
-        _row(sheet, sheet.layout.description, count),
-        count,
-        findings,
-    )
+    units, descriptions = (_row(sheet, index, count) for index in (sheet.layout.units, sheet.layout.description))
+    return headers, units, descriptions, count, findings
 
 
 def _row(sheet: _Sheet, index: int | None, count: int) -> list[str | None]:

@@ -68,10 +68,10 @@ def decoded(data: bytes, where: str, encoding: str | None = None) -> Decoded:
         return _forced(data, encoding, where)
     for bom, name in _BOMS:
         if data.startswith(bom):
-            return _as_utf8(data[len(bom) :], name, where, "strict")
+            return _as_utf8(data[len(bom) :], name, where)
     wide = _without_bom_wide(data)
     if wide is not None:
-        return _as_utf8(data, wide, where, "strict")
+        return _as_utf8(data, wide, where)
     _checked_text(data, where)
     if data.isascii():
         return Decoded(_line_ends(data), "ascii", ())
@@ -80,7 +80,7 @@ def decoded(data: bytes, where: str, encoding: str | None = None) -> Decoded:
         return Decoded(_line_ends(data), "utf-8", ())
     except UnicodeDecodeError as error:
         if error.start >= len(data) - 3 and error.reason == "unexpected end of data":
-            return _as_utf8(data, "utf-8", where, "replace")
+            return _as_utf8(data, "utf-8", where)
     return _guessed(data, where)
 
 
@@ -95,13 +95,13 @@ def _guessed(data: bytes, where: str) -> Decoded:
             continue
         scores[name] = likeness(texts[name])
     if not scores:
-        return _as_utf8(data, "cp1252", where, "replace")
+        return _as_utf8(data, "cp1252", where)
     # a tie goes to the earlier candidate; with too little evidence (a lone degree sign) cp1252 is the commonest
     best = max(scores, key=lambda name: (scores[name], -_CANDIDATES.index(name)))
     rivals = [
         name for name in scores if name != best and scores[name] > scores[best] - 3.0 and texts[name] != texts[best]
     ]
-    result = _as_utf8(data, best, where, "replace")
+    result = _as_utf8(data, best, where)
     shown = " ".join(texts[best].split())[:80]
     finding = FINDINGS.finding(
         "encoding-guessed",
@@ -176,9 +176,10 @@ def _is_common_ideograph(character: str) -> bool:
 
 
 def _non_ascii_lines(data: bytes) -> bytes:
-    lines = [line for line in re.split(rb"[\r\n]+", data[: 1 << 21]) if not line.isascii()]
-    if not lines:
-        lines = [line for line in re.split(rb"[\r\n]+", data) if not line.isascii()]
+    for part in (data[: 1 << 21], data):
+        lines = [line for line in re.split(rb"[\r\n]+", part) if not line.isascii()]
+        if lines:
+            break
     distinct = list(dict.fromkeys(line[:4000] for line in lines[:2000]))
     return b"\n".join(distinct[:50])
 
@@ -236,23 +237,19 @@ def _forced(data: bytes, encoding: str, where: str) -> Decoded:
     return Decoded(_line_ends(text.lstrip("\ufeff").encode("utf-8", "replace")), name, ())
 
 
-def _as_utf8(data: bytes, encoding: str, where: str, errors: str) -> Decoded:
-    findings: list[Finding] = []
+def _as_utf8(data: bytes, encoding: str, where: str) -> Decoded:
+    findings: tuple[Finding, ...] = ()
     try:
         text = data.decode(encoding)
     except UnicodeDecodeError as error:
         text = data.decode(encoding, "replace")
         line = data[: error.start].count(b"\n") + 1
-        findings.append(
-            FINDINGS.finding(
-                "undecodable-bytes",
-                f"Some bytes of {where} are not valid {encoding}, first in line {line}; they are shown as \ufffd.",
-                evidence={"encoding": encoding, "line": line},
-            )
-        )
+        told = f"Some bytes of {where} are not valid {encoding}, first in line {line}; they are shown as \ufffd."
+        evidence = {"encoding": encoding, "line": line}
+        findings = (FINDINGS.finding("undecodable-bytes", told, evidence=evidence),)
     utf8 = text.lstrip("\ufeff").encode("utf-8", "replace")
     _checked_text(utf8, where)
-    return Decoded(_line_ends(utf8), encoding, tuple(findings))
+    return Decoded(_line_ends(utf8), encoding, findings)
 
 
 def _line_ends(utf8: bytes) -> bytes:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,11 +26,21 @@ class Body:
     findings: tuple[Finding, ...]  #: Ragged, repeated and cut lines
 
 
+@dataclass(frozen=True)
+class _SetAside:
+    """Numbers of the lines that are not plain samples."""
+
+    ragged: list[int] = field(default_factory=list)
+    too_long: list[int] = field(default_factory=list)
+    repeated: list[int] = field(default_factory=list)
+    comments: list[int] = field(default_factory=list)
+    remarks: list[int] = field(default_factory=list)
+
+
 def body(
     text: bytes,
     first_line: int,
     dialect: Dialect,
-    n_columns: int,
     headings: Sequence[str],
     where: str,
     *,
@@ -38,18 +48,8 @@ def body(
 ) -> Body:
     """The samples of a file.
 
-    Parameters
-    ----------
-    text : bytes
-        UTF-8 from the first sample on.
-    first_line : int
-        Its line number in the file, from 1.
-    n_columns : int
-        Cells that a line has to have.
-    headings : sequence of str
-        Header lines; where they are met again inside the body they are left out.
-    remarks_last : bool
-        Whether the last column holds free text, in which the separator may stand.
+    `text` is UTF-8 from the first sample on, which is line `first_line` of the file, from 1; `headings` are left out
+    where they are met again. `remarks_last`: the last column holds free text, in which the separator may stand.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def body(
         More than half of the lines do not have the right number of cells.
     """
     cut_off = bool(text) and not text.endswith(b"\n")
-    separator = dialect.separator
+    separator, n_columns = dialect.separator, dialect.n_columns
     if separator in ("blank", "blanks"):
         text = _tabbed(text, separator)
         separator = "\t"
@@ -77,60 +77,58 @@ def body(
     found = np.searchsorted(marks, ends) - np.searchsorted(marks, starts) + 1
     numbers = first_line + np.arange(len(ends), dtype=np.int64)
     empty = ends == starts
-    odd_start = np.isin(buffer[np.minimum(starts, len(buffer) - 1)], np.frombuffer(b"#%/! \t", np.uint8))
+    initial = buffer[np.minimum(starts, len(buffer) - 1)]
+    odd_start = np.isin(initial, np.frombuffer(b"#%/! \t", np.uint8))
     heading_set = {heading.strip() for heading in headings if heading.strip()}
     heading_lengths = {len(h.encode()) for h in heading_set}
     suspect = (found != n_columns) | odd_start | unbalanced
     if heading_set:
         length = ends - starts
-        suspect |= (
-            (length >= min(heading_lengths)) & (length <= max(heading_lengths) + 4) & ~_digit_start(buffer, starts)
-        )
+        digit_start = np.isin(initial, np.frombuffer(b"0123456789-", np.uint8))
+        suspect |= (length >= min(heading_lengths)) & (length <= max(heading_lengths) + 4) & ~digit_start
     suspect &= ~empty
     keep = ~empty & ~suspect
     replaced: dict[int, bytes] = {}
-    ragged: list[int] = []
-    too_long: list[int] = []
-    repeated: list[int] = []
-    comments: list[int] = []
-    remarks: list[int] = []
+    aside = _SetAside()
     n_filled = int((~empty).sum())
     for i in np.flatnonzero(suspect):
         line = text[starts[i] : ends[i]].decode("utf-8", "replace")
         if not line.strip() or not line.strip(separator + " \t"):
             continue
         if line.strip() in heading_set:
-            repeated.append(int(numbers[i]))
+            aside.repeated.append(int(numbers[i]))
             continue
         if is_comment(line):
-            comments.append(int(numbers[i]))
+            aside.comments.append(int(numbers[i]))
             continue
         if unbalanced[i]:
             line = line.replace('"', "")
         elif found[i] == n_columns:
             keep[i] = True
             continue
-        cells = _trimmed(cells_of(line, separator, dialect.quoted), n_columns)
+        cells = cells_of(line, separator, dialect.quoted)
+        while len(cells) > n_columns and not cells[-1]:
+            cells.pop()
         if len(cells) > n_columns and remarks_last:
             cells = [*cells[: n_columns - 1], " ".join(cells[n_columns - 1 :])]
         if len(cells) > n_columns:
-            too_long.append(int(numbers[i]))
+            aside.too_long.append(int(numbers[i]))
             continue
         if len(cells) == 1 and n_columns > 1 and cell_kind(cells[0], dialect.decimal) == "text":
-            remarks.append(int(numbers[i]))
+            aside.remarks.append(int(numbers[i]))
             continue
         if len(cells) < n_columns:
-            ragged.append(int(numbers[i]))
+            aside.ragged.append(int(numbers[i]))
             if cut_off and i == len(ends) - 1:
                 continue
         replaced[int(i)] = separator.join(
             _quoted(cell, separator) if dialect.quoted else cell for cell in cells + [""] * (n_columns - len(cells))
         ).encode()
         keep[i] = True
-    if len(ragged) + len(too_long) > 0.5 * n_filled and n_filled > 3:
+    wrong = aside.ragged + aside.too_long
+    if len(wrong) > 0.5 * n_filled and n_filled > 3:
         raise ReadError(
-            f"{len(ragged) + len(too_long)} of {n_filled} lines do not have {n_columns} cells "
-            f"(first: line {(ragged + too_long)[0]})",
+            f"{len(wrong)} of {n_filled} lines do not have {n_columns} cells (first: line {wrong[0]})",
             expected=f"{n_columns} cells set apart by {dialect.shown_separator!r} on every line",
             where=where,
             advice="name the separator and the decimal mark (--separator, --decimal), or export with ';' between "
@@ -138,9 +136,7 @@ def body(
         )
     kept = np.flatnonzero(keep)
     clean = _joined(text, starts, ends, kept, replaced)
-    findings = _told(
-        where, n_columns, ragged, too_long, repeated, comments, remarks, cut_off and not bool(keep[-1:].all())
-    )
+    findings = _told(where, n_columns, aside, cut_off and not bool(keep[-1:].all()))
     return Body(clean, separator, numbers[kept], tuple(findings))
 
 
@@ -163,65 +159,44 @@ def _joined(
     return b"".join(pieces)
 
 
-def _told(
-    where: str,
-    n_columns: int,
-    ragged: list[int],
-    too_long: list[int],
-    repeated: list[int],
-    comments: list[int],
-    remarks: list[int],
-    last_cut: bool,
-) -> list[Finding]:
-    findings: list[Finding] = []
-    if ragged:
-        findings.append(
-            FINDINGS.finding(
-                "ragged-rows",
-                f"{len(ragged)} line(s) of {where} have fewer than {n_columns} cells ({shown_lines(ragged)}); the "
-                f"cells "
-                "that are not there are missing values."
-                + (" The last line is cut off and was left out." if last_cut else ""),
-                evidence={"lines": ragged[:50], "count": len(ragged)},
-            )
+def _told(where: str, n_columns: int, aside: _SetAside, last_cut: bool) -> Iterator[Finding]:
+    def evidence(lines: list[int]) -> dict[str, object]:
+        return {"lines": lines[:50], "count": len(lines)}
+
+    if lines := aside.ragged:
+        yield FINDINGS.finding(
+            "ragged-rows",
+            f"{len(lines)} line(s) of {where} have fewer than {n_columns} cells ({shown_lines(lines)}); the cells "
+            "that are not there are missing values."
+            + (" The last line is cut off and was left out." if last_cut else ""),
+            evidence=evidence(lines),
         )
-    if too_long:
-        findings.append(
-            FINDINGS.finding(
-                "overlong-rows",
-                f"{len(too_long)} line(s) of {where} have more than {n_columns} cells ({shown_lines(too_long)}) and "
-                f"were "
-                "left out, because it is not known which cell belongs to which channel.",
-                evidence={"lines": too_long[:50], "count": len(too_long)},
-                action="leave-out-stretch",
-            )
+    if lines := aside.too_long:
+        yield FINDINGS.finding(
+            "overlong-rows",
+            f"{len(lines)} line(s) of {where} have more than {n_columns} cells ({shown_lines(lines)}) and were left "
+            "out, because it is not known which cell belongs to which channel.",
+            evidence=evidence(lines),
+            action="leave-out-stretch",
         )
-    if repeated:
-        findings.append(
-            FINDINGS.finding(
-                "repeated-header",
-                f"The header of {where} is repeated at {shown_lines(repeated)}; these lines were left out.",
-                evidence={"lines": repeated[:50], "count": len(repeated)},
-            )
+    if lines := aside.repeated:
+        yield FINDINGS.finding(
+            "repeated-header",
+            f"The header of {where} is repeated at {shown_lines(lines)}; these lines were left out.",
+            evidence=evidence(lines),
         )
-    if remarks:
-        findings.append(
-            FINDINGS.finding(
-                "text-lines",
-                f"{len(remarks)} line(s) of {where} are text, no samples ({shown_lines(remarks)}); they are left out.",
-                evidence={"lines": remarks[:50], "count": len(remarks)},
-            )
+    if lines := aside.remarks:
+        yield FINDINGS.finding(
+            "text-lines",
+            f"{len(lines)} line(s) of {where} are text, no samples ({shown_lines(lines)}); they are left out.",
+            evidence=evidence(lines),
         )
-    if comments:
-        findings.append(
-            FINDINGS.finding(
-                "comment-lines",
-                f"{len(comments)} comment line(s) between the samples of {where} were left out "
-                f"({shown_lines(comments)}).",
-                evidence={"lines": comments[:50], "count": len(comments)},
-            )
+    if lines := aside.comments:
+        yield FINDINGS.finding(
+            "comment-lines",
+            f"{len(lines)} comment line(s) between the samples of {where} were left out ({shown_lines(lines)}).",
+            evidence=evidence(lines),
         )
-    return findings
 
 
 def shown_lines(lines: Sequence[int]) -> str:
@@ -237,18 +212,6 @@ def _tabbed(text: bytes, separator: str) -> bytes:
     pattern = rb"[ \t\x0b\x0c]+" if separator == "blank" else rb"[ ]{2,}|[ ]*\t[ ]*"
     text = re.sub(rb"(?m)^[ \t\x0b\x0c]+|[ \t\x0b\x0c]+$", b"", text.replace(b"\xc2\xa0", b" "))
     return re.sub(pattern, b"\t", text)
-
-
-def _digit_start(buffer: NDArray[np.uint8], starts: NDArray[np.int64]) -> NDArray[np.bool_]:
-    initial = buffer[np.minimum(starts, len(buffer) - 1)]
-    out: NDArray[np.bool_] = ((initial >= 48) & (initial <= 57)) | (initial == 45)
-    return out
-
-
-def _trimmed(cells: list[str], n_columns: int) -> list[str]:
-    while len(cells) > n_columns and not cells[-1]:
-        cells = cells[:-1]
-    return cells
 
 
 def _quoted(cell: str, separator: str) -> str:

@@ -62,14 +62,8 @@ def dialect(
 ) -> Dialect:
     """The dialect under which most cells of the sample lines are numbers and most lines have the same count.
 
-    Parameters
-    ----------
-    body : sequence of str
-        Lines from inside the file, without comments and empty lines.
-    head : sequence of str
-        The first lines; a line of words with the same count of cells speaks for a separator.
-    separator, decimal : str or None
-        What the user named.
+    `body` are lines from inside the file, without comments and empty lines; of the first lines, `head`, one of words
+    with the same count of cells speaks for a separator. `separator` and `decimal` are what the user named.
 
     Raises
     ------
