@@ -21,7 +21,7 @@ from selector.diagnosis.evidence.naming import input_fault_effect, named_effect,
 from selector.diagnosis.evidence.practical_size import is_small, of_practical_size, told_of_small
 from selector.diagnosis.evidence.recalibration import Recalibrated, recalibrated, whole_record_names
 from selector.diagnosis.evidence.response import Bench, bench_of
-from selector.diagnosis.evidence.search import Search, Standing, numbers, search
+from selector.diagnosis.evidence.search import Search, Standing, numbers, search, unseen_rms
 from selector.diagnosis.matching.usable import (
     diagnosis_of_copy,
     told_of_copies,
@@ -421,9 +421,15 @@ def _stands(effect: NamedEffect, found: Search, structures: Sequence[Structure])
 
 
 def _confirmed(comparison: Comparison, found: Search, id_: str) -> NamedEffect:
-    """The named effect; suspected only, where it ought to show on held-out rows and gains nothing there."""
+    """The named effect; suspected only, where it ought to show on held-out rows and gains nothing there.
+
+    A trifle of the mismatch has to make the error itself smaller there: the filter may make much of what is quick.
+    """
     effect = named_effect(comparison, found, id_)
-    return _doubted(effect) if confirmation(comparison, found, id_).refutes else effect
+    bench, of = found.benches[effect.channel], numbers(found.named, effect.channel)
+    without_it = [v for v in of if v != found.named[id_][effect.channel]]
+    is_lost = effect.share < _LEAST and unseen_rms(bench, of) >= unseen_rms(bench, without_it)
+    return _doubted(effect) if is_lost or confirmation(comparison, found, id_).refutes else effect
 
 
 def _doubted(effect: NamedEffect) -> NamedEffect:

@@ -111,6 +111,9 @@ def held_out_faults(
         quiet = _rms(left[bench.fitted])
         if held.sum() < 40 or _rms(left[held]) < _AS_QUIET * quiet:
             continue
+        if _rms(left[held]) > _rms(bench.target[held]):
+            # it is the fit that does not carry so far
+            continue
         rest = _rest(comparison, response, left)
         there, _ = bench_of(rest, response, local)
         there = there.with_noise(bench.noise)

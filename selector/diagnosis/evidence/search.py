@@ -408,10 +408,10 @@ def _by_transfer(
         if times[main] == 1.0:
             continue
         bench, base = benches[main], numbers(others, main)
-        without_it, own = _unseen(bench, base), _unseen(bench, [*base, of[main]])
+        without_it, own = unseen_rms(bench, base), unseen_rms(bench, [*base, of[main]])
         enough = without_it - _AS_GOOD * (without_it - own)
         good = {
-            other: _unseen(bench, [*base, one.tested[main].best])
+            other: unseen_rms(bench, [*base, one.tested[main].best])
             for other, one in beside.items()
             if other != id_
             and main in one.responses
@@ -429,7 +429,7 @@ def _by_transfer(
     return named, alike
 
 
-def _unseen(bench: Bench, named: Sequence[int]) -> float:
+def unseen_rms(bench: Bench, named: Sequence[int]) -> float:
     """Root mean square of the unseen rows beside candidates; of the fitted ones, where nothing is kept for that."""
     left = bench.residual(named)
     held = np.isfinite(left) & ~bench.fitted
