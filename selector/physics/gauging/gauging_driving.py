@@ -25,8 +25,9 @@ from selector.physics.gauging.gauging_channels import (
     recorded_channels,
     undecided_findings,
 )
-from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation, Progress, model_findings
+from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation, model_findings
 from selector.physics.gauging.process import Noise, Surface
+from selector.physics.simulation_kind import Progress
 from selector.recording import Channel, Recording
 from selector.types import Vector
 

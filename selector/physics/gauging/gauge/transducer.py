@@ -170,13 +170,6 @@ STEPS_PER_ROUND, STEPS_PER_KNOT = 50_000, 1000
 
 def packed(transducer: Transducer, relative_tolerance: float) -> Vector:
     """Parameters of the compiled swing; the filter is the transducer's own, time 0 a zero crossing of the supply."""
-    if not 0.0 < relative_tolerance <= 1e-2:
-        raise InputError(
-            f"{relative_tolerance:g}",
-            expected="a number above 0, at most 0.01",
-            where="relative_tolerance",
-            advice="leave it out",
-        )
     magnet, probe, generator = transducer.electromagnet, transducer.probe, transducer.generator
     p = np.zeros(at.PARAMETERS)
     mains = 2.0 * math.pi * magnet.frequency_hz
