@@ -64,7 +64,7 @@ def histogram() -> go.Figure:
 def trade_off() -> go.Figure:
     total = BIAS_UM**2 + SD_UM**2
     best = (float(TIMES_S[np.argmin(total)]), float(total.min()))
-    return filter_trade_off(TIMES_S, BIAS_UM, SD_UM, best, (0.4, 3.0), "Computed", (TIMES_S[::30], SD_UM[::30] ** 2))
+    return filter_trade_off(TIMES_S, BIAS_UM, SD_UM, best, (0.4, 3.0), "Computed")
 
 
 def waveform(force: float = 2.0) -> go.Figure:

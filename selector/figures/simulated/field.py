@@ -36,20 +36,8 @@ def machine_field(
 ) -> go.Figure:
     """Temperature of the surface beside its deformation, which is scaled so that it can be seen; the scale is stated.
 
-    The picture can be turned with the mouse.
-
-    Parameters
-    ----------
-    nodes_m : ndarray of shape (n_nodes, 3)
-        Places of the nodes [m], Z upwards.
-    triangles : ndarray of shape (n_triangles, 3)
-        Nodes of the triangles of the surface.
-    temperature_degc : ndarray of shape (n_nodes,)
-    deformation_um : ndarray of shape (n_nodes, 3)
-    title : str
-        When this is, and under which load.
-    places_m : mapping of str to (x, y, z), optional
-        Sensors [m], drawn on the surface that is nearest.
+    The picture can be turned with the mouse. Nodes are at `nodes_m` (n_nodes, 3), `triangles` (n_triangles, 3) make the
+    surface; `places_m` are sensors [m], drawn on the surface that is nearest.
     """
     nodes, corners = np.unique(triangles, return_inverse=True)
     corners = corners.reshape(triangles.shape)

@@ -402,7 +402,6 @@ def filter_trade_off(
     best: tuple[float, float],
     present: tuple[float, float],
     title: str,
-    checked: tuple[Vector, Vector] | None = None,
 ) -> go.Figure:
     """Bias², variance and their sum over the time constant of the filter, both on logarithmic axes.
 
@@ -414,8 +413,6 @@ def filter_trade_off(
         The best filter, and the one of the gauge with its own threshold [s], [µm²].
     title : str
         Plain text, as `style.label` makes it.
-    checked : (time_constant_s, mean_square_um2) or None
-        Mean square errors by Monte Carlo at some of them [s], [µm²].
     """
     bias2, variance = bias_um**2, sd_um**2
     total = bias2 + variance
@@ -432,12 +429,6 @@ def filter_trade_off(
             x=(1e3 * time_constant_s[seen]).astype(np.float32), y=values[seen].astype(np.float32), mode="lines",
             name=name, line={"color": colour, "width": width, "dash": dash},
             hovertemplate=f"%{{x:.4g}} ms: %{{y:.4g}} µm²<extra>{name}</extra>",
-        )  # fmt: skip
-    if checked is not None:
-        drawn.add_scatter(
-            x=(1e3 * checked[0]).astype(np.float32), y=checked[1].astype(np.float32), mode="markers",
-            name="Monte Carlo", marker={"color": "#ffffff", "size": 9, "line": {"color": style.INK, "width": 1.6}},
-            hovertemplate="%{x:.4g} ms: %{y:.4g} µm²<extra>Monte Carlo</extra>",
         )  # fmt: skip
     for (at_s, value), name, colour, symbol in (
         (best, "best", style.CHOSEN, "star"),

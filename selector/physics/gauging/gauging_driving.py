@@ -132,21 +132,10 @@ def driven_runs(
 ) -> DrivenGauging:
     """What the gauge shows of every run of a recording: voltage, size, and which stage it would be in.
 
-    The recorded allowance, or size counted from the nominal one, drives it. Where only the feed was recorded, the
-    allowance begins at what the recorded gauge says, else at the mean one of the file, and falls as the file says of
-    wheel and lag. The surface begins at
-    angle 0. The stage is what the model's relay would have commanded, without its noise; nothing follows from it.
-
-    Parameters
-    ----------
-    model : GaugingModel
-        What is driven. Of its stages only the thresholds count.
-    recording : Recording
-        Runs with an allowance or a feed; how channels are found: `gauging_channels.recorded_channels`.
-    seed : int, optional
-        Of noise; without one there is none.
-    progress : callable, optional
-        Told how many runs of how many are done, and which is next.
+    The recorded allowance, or size counted from the nominal one, drives it; `gauging_channels.recorded_channels` finds
+    it. Where only the feed was recorded, the allowance begins at what the recorded gauge says, else at the mean one of
+    the file, and falls as the file says of wheel and lag. The surface begins at angle 0. The stage is what the model's
+    relay would have commanded, without its noise; nothing follows from it. Without a `seed` there is no noise.
 
     Raises
     ------

@@ -186,14 +186,8 @@ class GaugingModel:
     ) -> GaugingSimulation:
         """The parts of the file, ground and gauged one after the other.
 
-        Parameters
-        ----------
-        run : str
-            Name of the run if there is one; several are called ``"part 1"`` and so on, and ``"waveform"``.
-        seed : int, optional
-            Of noise and spread; default: that of the file.
-        progress : callable, optional
-            Told how many parts of how many are done, and what is being done.
+        `run` is the name of the run if there is one; several are called ``"part 1"`` and so on, and ``"waveform"``.
+        `seed` is of noise and spread; default: that of the file.
 
         Raises
         ------
@@ -319,18 +313,14 @@ _SHORT = 0.5
 """Share of the last stage that a filter takes at most that somebody could have meant."""
 
 
-def model_findings(model: GaugingModel) -> tuple[Finding, ...]:
-    """What is odd before a part is ground; none of it stops a simulation."""
-    return tuple(_found(model))
-
-
 def mattering_um(model: GaugingModel) -> float:
     """Error of size that is worth a word: a tenth of the tolerance, 1 µm without one [µm]."""
     tolerance = model.values.tolerance
     return _SHIFT_UM if tolerance is None else _SHIFT_SHARE * (tolerance.upper_um - tolerance.lower_um)
 
 
-def _found(model: GaugingModel) -> Iterator[Finding]:
+def model_findings(model: GaugingModel) -> Iterator[Finding]:
+    """What is odd before a part is ground; none of it stops a simulation."""
     yield from unlikely_values(model.file)
     curve = model.characteristic
     if curve is not None:

@@ -156,15 +156,7 @@ def size_findings(
 ) -> tuple[Finding, ...]:
     """Noise and surfaces that trip the relay early, low capability, sizes off what is wanted, a better filter.
 
-    Parameters
-    ----------
-    model : GaugingModel
-    formula, sizes : SizeDistribution, FinishedSizes
-        By first passage; by Monte Carlo.
-    capability : Capability or None
-        Of these sizes.
-    settings : tuple of Setting
-        What other thresholds and filters give, as parts were ground with them.
+    `formula` is by first passage, `sizes` are by Monte Carlo; `settings` are what other thresholds and filters give.
     """
     by_name = {one.name: one for one in settings}
     return (

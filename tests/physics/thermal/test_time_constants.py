@@ -13,7 +13,7 @@ from selector.physics.thermal.network.network import Network, Node, Surface
 def block(*films: FilmLaw) -> HeatMachine:
     """One body of 10 kJ/K with 1 m² at every film: its time constant is 10 000/Σh."""
     surfaces = tuple(Surface(law.film, "block", 1.0) for law in films)
-    network = Network((Node("block", 1e4, "", None, {}),), (), surfaces, ())
+    network = Network((Node("block", 1e4),), (), surfaces, ())
     return HeatMachine(network.heat_system(), Laws((), films), ("block",))
 
 

@@ -420,12 +420,6 @@ def test_matrices_that_make_heat_on_the_way_are_refused():
 @pytest.mark.parametrize(
     ("options", "found"),
     [
-        ({"start_degc": None}, "no start temperature"),
-        ({"start_state": [20.0] * 3}, "two starts"),
-        ({"start_degc": None, "start_state": [20.0] * 2}, r"a start state of shape \(2,\)"),
-        ({"start_degc": float("nan")}, "a start without a number"),
-        ({"step_s": 0.0}, "step_s = 0"),
-        ({"step_s": float("nan")}, "step_s = nan"),
         ({"time_s": [0.0, 20000.0]}, "time_s reaches 20000 s"),
         ({"time_s": [-1.0]}, "time_s reaches -1 s"),
         ({"time_s": [5.0, 1.0]}, "runs backwards"),

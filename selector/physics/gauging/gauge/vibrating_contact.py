@@ -78,14 +78,8 @@ def simulate_transducer(
     Steps are as long as the tolerance allows; touches are located in time. The supply is V0·sin(ω0·time_s). Relay and
     its noise are left to what compares the smoothed voltage.
 
-    Parameters
-    ----------
-    allowance_um : array-like of shape (n_samples,), or one number
-        At the samples; straight between them [µm].
-    time_s : array-like of shape (n_samples,)
-        Increasing [s].
-    start
-        None: at rest, or pushed back to the surface; the coil is switched on at the first sample.
+    `allowance_um` is one number, or one a sample, straight between them [µm]. Without a `start` the probe is at rest,
+    or pushed back to the surface, and the coil is switched on at the first sample.
 
     Raises
     ------
@@ -165,7 +159,6 @@ class SteadySwing:
     stroke_um: float
     highest_um: float
     rounds: int  #: After how many periods of the pull it repeats; 0: never
-    touches: float  #: Touches in a period of the pull
     state: GaugeState  #: At a zero crossing of the supply that rises
 
 
@@ -228,7 +221,6 @@ def steady_swing(transducer: Transducer, allowance_um: float | None, *, start: G
         stroke_um=1e6 * float(out[:, 4].max() - out[:, 5].min()),
         highest_um=1e6 * float(out[:, 4].max()),
         rounds=repeats,
-        touches=float(out[:, 6].mean()),
         state=GaugeState(float(state[0]), float(state[1]), None, float(state[2]), mean_v),
     )
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from selector.physics.thermal.modes.fit import STEP, Fit, columns, expectations, limits, searched
+from selector.physics.thermal.modes.fit import STEP, Fit, columns, expectations, limits, searched, slopes
 from selector.physics.thermal.modes.thermal_test import ModeData
 from selector.types import Vector
 
@@ -65,11 +65,7 @@ def _nuisances(fit: Fit, data: ModeData, left: Vector) -> Vector:
 
 def expected_rows(fit: Fit, width: int) -> Vector:
     """Derivative of what is known without the tests, shape (n_rows, width), for a `jacobian` of that many columns."""
-    moves = []
-    for i in range(len(fit.theta)):
-        moved = fit.theta.copy()
-        moved[i] += STEP
-        moves.append((expectations(fit.spec, moved) - expectations(fit.spec, fit.theta)) / STEP)
+    moves = slopes(lambda theta: expectations(fit.spec, theta), fit.theta, range(len(fit.theta)))
     usual = np.zeros((len(moves[0]), width))
     usual[:, : len(moves)] = np.column_stack(moves)
     n_columns, n_responses = fit.solution.coefficients.shape

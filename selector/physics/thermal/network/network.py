@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from types import MappingProxyType
 
 import numpy as np
 
-from selector.errors import InputError
 from selector.physics.thermal.network.heat_system import HeatSystem
 
 
@@ -18,13 +16,8 @@ class Node:
 
     name: str  #: Unique in its network
     heat_capacity_j_per_k: float  #: Mass times specific heat [J/K], above 0
-    place: str = ""  #: Where it is, in the user's words
-    xyz_m: tuple[float, float, float] | None = None  #: Its position [m]
     #: Displacement → what 1 K of this node adds to it [µm/K]
     expansion_um_per_k: Mapping[str, float] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "expansion_um_per_k", MappingProxyType(dict(self.expansion_um_per_k)))
 
 
 @dataclass(frozen=True)
@@ -59,61 +52,13 @@ class HeatShare:
 
 @dataclass(frozen=True)
 class Network:
-    """Nodes with what links, wets and heats them.
-
-    Raises
-    ------
-    InputError
-        If a name is empty, repeated or unknown, a node is linked to itself, or a number is missing or has a sign
-        that it cannot have.
-    """
+    """Nodes with what links, wets and heats them; a file that describes it has been checked."""
 
     #: nodes, links, surfaces and heat_shares: Its parts
     nodes: tuple[Node, ...]
     links: tuple[Link, ...] = ()
     surfaces: tuple[Surface, ...] = ()
     heat_shares: tuple[HeatShare, ...] = ()
-
-    def __post_init__(self) -> None:
-        for name in ("nodes", "links", "surfaces", "heat_shares"):
-            object.__setattr__(self, name, tuple(getattr(self, name)))
-        if not self.nodes:
-            _refuse("no nodes", "at least one node", "network", "describe the parts of the machine as nodes")
-        names = [node.name for node in self.nodes]
-        for node in self.nodes:
-            where = f"node {node.name!r}"
-            if not node.name or names.count(node.name) > 1:
-                _refuse("a name that is empty or used twice", "a name of its own", where, "rename one of the nodes")
-            _require_above_zero(node.heat_capacity_j_per_k, "heat_capacity_j_per_k", where)
-            for displacement, value in node.expansion_um_per_k.items():
-                if not np.isfinite(value):
-                    _refuse(f"expansion {value} for {displacement!r}", "a number [µm/K]", where, "correct the value")
-        for link in self.links:
-            where = f"link {link.first!r} – {link.second!r}"
-            self._require_node(link.first, where)
-            self._require_node(link.second, where)
-            if link.first == link.second:
-                _refuse("a node linked to itself", "two different nodes", where, "correct one of the names")
-            _require_above_zero(link.conductance_w_per_k, "conductance_w_per_k", where)
-        for surface in self.surfaces:
-            where = f"film {surface.film!r} on node {surface.node!r}"
-            self._require_node(surface.node, where)
-            _require_above_zero(surface.area_m2, "area_m2", where)
-        totals: dict[str, float] = {}
-        for share in self.heat_shares:
-            where = f"source {share.source!r} on node {share.node!r}"
-            self._require_node(share.node, where)
-            _require_above_zero(share.share, "share", where)
-            totals[share.source] = totals.get(share.source, 0.0) + share.share
-        for source, total in totals.items():
-            # shares are written with a few decimals
-            if abs(total - 1.0) > 1e-6:
-                _refuse(
-                    f"shares that make {total:g}",
-                    "shares that make 1",
-                    f"source {source!r}",
-                    "give all of its heat to nodes; heat that never enters the machine belongs in the law's watts",
-                )
 
     def heat_system(self) -> HeatSystem:
         """The network as matrices: one state and one probe a node, named like it."""
@@ -142,16 +87,6 @@ class Network:
             states=tuple(names),
         )
 
-    def _require_node(self, name: str, where: str) -> None:
-        known = [node.name for node in self.nodes]
-        if name not in known:
-            _refuse(
-                f"no node called {name!r}",
-                "one of " + ", ".join(known[:20]) + (" …" if len(known) > 20 else ""),
-                where,
-                "correct the name, or add the node",
-            )
-
 
 def _columns(
     entries: Sequence[tuple[str, int, float]], n: int
@@ -161,12 +96,3 @@ def _columns(
     for name, k, value in entries:
         found.setdefault(name, np.zeros(n))[k] += value
     return found
-
-
-def _require_above_zero(value: float, name: str, where: str) -> None:
-    if not (np.isfinite(value) and value > 0):
-        _refuse(f"{name} = {value:g}", "a number above 0", where, "correct the value, or leave this part out")
-
-
-def _refuse(found: str, expected: str, where: str, advice: str) -> None:
-    raise InputError(found, expected=expected, where=where, advice=advice)

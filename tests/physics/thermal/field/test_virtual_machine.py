@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from selector.errors import InputError, OptionError
+from selector.errors import InputError
 from selector.physics.thermal.field.virtual_machine import (
     MAX_RPM,
     SENSORS,
@@ -174,8 +174,6 @@ def test_virtual_sensors_anywhere():
 
 
 def test_bad_options_are_told():
-    with pytest.raises(OptionError, match="linear, convection or everything"):
-        virtual_machining_centre("all")
     with pytest.raises(InputError, match="away"):
         virtual_machining_centre(refinement=0.2, sensors={"roof": (0.0, 0.0, 3.0)})
 
