@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -209,7 +209,7 @@ def _complete(recording: Recording, run: str, channel: str) -> tuple[Vector, lis
             where="recorded course",
             advice="leave this run out, or give the channel its values",
         )
-    found = _clock(run, channel, time_s)
+    found = list(_clock(run, channel, time_s))
     if not seen.all():
         missing = np.flatnonzero(~seen)
         found.append(
@@ -226,29 +226,26 @@ def _complete(recording: Recording, run: str, channel: str) -> tuple[Vector, lis
     return values, found
 
 
-def _clock(run: str, channel: str, time_s: Vector) -> list[Finding]:
+def _clock(run: str, channel: str, time_s: Vector) -> Iterator[Finding]:
     steps = np.diff(time_s)
     period_s = float(np.median(steps))
     gaps = np.flatnonzero(steps > _GAP * period_s)
     where = Where(channel=channel, run=run)
     if len(gaps):
         longest = int(gaps[np.argmax(steps[gaps])])
-        return [
-            FINDINGS.finding(
-                "recorded-gap",
-                f"The clock of {run} has {len(gaps)} gaps, the longest of {steps[longest]:.4g} s at "
-                f"{time_s[longest] - time_s[0]:.6g} s, where others are {period_s:.4g} s: {channel} was taken to go "
-                "straight over them.",
-                where,
-                {"gaps": len(gaps), "longest_s": float(steps[longest]), "period_s": period_s},
-                "do not trust what the gauge shows after them for some times T_Φ",
-            )
-        ]
+        yield FINDINGS.finding(
+            "recorded-gap",
+            f"The clock of {run} has {len(gaps)} gaps, the longest of {steps[longest]:.4g} s at "
+            f"{time_s[longest] - time_s[0]:.6g} s, where others are {period_s:.4g} s: {channel} was taken to go "
+            "straight over them.",
+            where,
+            {"gaps": len(gaps), "longest_s": float(steps[longest]), "period_s": period_s},
+            "do not trust what the gauge shows after them for some times T_Φ",
+        )
+        return
     stray = float(np.abs(time_s - np.linspace(time_s[0], time_s[-1], len(time_s))).max() / period_s)
-    if stray <= _EVEN:
-        return []
-    return [
-        FINDINGS.finding(
+    if stray > _EVEN:
+        yield FINDINGS.finding(
             "recorded-clock-jitter",
             f"Times of {run} stray by up to {stray:.1%} of their period of {period_s:.4g} s; {channel} was taken at "
             "its own times, straight between them.",
@@ -257,7 +254,6 @@ def _clock(run: str, channel: str, time_s: Vector) -> list[Finding]:
             "nothing, if the clock was read when the values were",
             level="info",
         )
-    ]
 
 
 def _by_feed(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -155,7 +155,7 @@ def characteristic(transducer: Transducer, allowances_um: Vector | None = None) 
         rounds=np.array([swing.rounds for swing in fallen], dtype=np.int64),
         free_amplitude_um=amplitude_um,
         touch_um=touch_um,
-        findings=_findings(fallen, risen, free.voltage_v),
+        findings=tuple(_findings(fallen, risen, free.voltage_v)),
     )
 
 
@@ -210,29 +210,24 @@ def _edge(wrong: Callable[[Vector], NDArray[np.bool_]], right_um: float, end_um:
     return float(right)
 
 
-def _findings(fallen: Sequence[SteadySwing], risen: Sequence[SteadySwing], most_v: float) -> tuple[Finding, ...]:
-    told = []
+def _findings(fallen: Sequence[SteadySwing], risen: Sequence[SteadySwing], most_v: float) -> Iterator[Finding]:
     irregular = [swing for swing in fallen if swing.rounds == 0]
     if irregular:
         worst = max(swing.voltage_sd_v for swing in irregular)
-        told.append(
-            FINDINGS.finding(
-                "irregular-swing",
-                f"{_at(irregular)} the impacts never repeat: mean voltages over {IRREGULAR_ROUNDS} periods of the "
-                f"pull, or fewer, are known to {1e3 * worst:.2g} mV only, and the smoothed voltage wanders.",
-                evidence={"allowance_um": [swing.allowance_um for swing in irregular], "voltage_sd_v": worst},
-            )
+        yield FINDINGS.finding(
+            "irregular-swing",
+            f"{_at(irregular)} the impacts never repeat: mean voltages over {IRREGULAR_ROUNDS} periods of the "
+            f"pull, or fewer, are known to {1e3 * worst:.2g} mV only, and the smoothed voltage wanders.",
+            evidence={"allowance_um": [swing.allowance_um for swing in irregular], "voltage_sd_v": worst},
         )
     several = [swing for swing in fallen if swing.rounds > 1]
     if several:
         most = max(swing.rounds for swing in several)
-        told.append(
-            FINDINGS.finding(
-                "swing-of-several-rounds",
-                f"{_at(several)} the swing repeats only after {'2' if most == 2 else f'2 to {most}'} periods of the "
-                "pull: the probe does not touch in every one alike.",
-                evidence={"allowance_um": [swing.allowance_um for swing in several], "rounds": most},
-            )
+        yield FINDINGS.finding(
+            "swing-of-several-rounds",
+            f"{_at(several)} the swing repeats only after {'2' if most == 2 else f'2 to {most}'} periods of the "
+            "pull: the probe does not touch in every one alike.",
+            evidence={"allowance_um": [swing.allowance_um for swing in several], "rounds": most},
         )
     other = [
         (down, up)
@@ -241,15 +236,12 @@ def _findings(fallen: Sequence[SteadySwing], risen: Sequence[SteadySwing], most_
     ]
     if other:
         apart = max(abs(down.voltage_v - up.voltage_v) for down, up in other)
-        told.append(
-            FINDINGS.finding(
-                "two-swings",
-                f"{_at([down for down, _ in other])} two swings can last, up to {apart:.3g} V apart: the voltage "
-                "depends on where the allowance came from. Shown is what comes of a larger one.",
-                evidence={"allowance_um": [down.allowance_um for down, _ in other], "apart_v": apart},
-            )
+        yield FINDINGS.finding(
+            "two-swings",
+            f"{_at([down for down, _ in other])} two swings can last, up to {apart:.3g} V apart: the voltage "
+            "depends on where the allowance came from. Shown is what comes of a larger one.",
+            evidence={"allowance_um": [down.allowance_um for down, _ in other], "apart_v": apart},
         )
-    return tuple(told)
 
 
 def _at(swings: Sequence[SteadySwing]) -> str:

@@ -206,19 +206,16 @@ def round_s(transducer: Transducer) -> float:
 
 def refusal(ended: int, transducer: Transducer) -> InputError:
     """Why a swing could not go on."""
-    if ended == at.MAGNET_REACHED:
+    gaps_m = {
+        at.MAGNET_REACHED: ("electromagnet", transducer.electromagnet.gap_m or 0.0),
+        at.CORE_REACHED: ("generator", transducer.generator.gap_m),
+    }
+    if ended in gaps_m:
+        part, gap_m = gaps_m[ended]
         return InputError(
-            "the probe swings across the air gap of the electromagnet"
-            f" ({1e3 * (transducer.electromagnet.gap_m or 0.0):g} mm)",
+            f"the probe swings across the air gap of the {part} ({1e3 * gap_m:g} mm)",
             expected="a swing that stays off the core",
-            where="electromagnet.gap_m",
-            advice="widen the gap, stiffen the probe, or lower voltage_v or force_n_per_a2",
-        )
-    if ended == at.CORE_REACHED:
-        return InputError(
-            f"the probe swings across the air gap of the generator ({1e3 * transducer.generator.gap_m:g} mm)",
-            expected="a swing that stays off the core",
-            where="generator.gap_m",
+            where=f"{part}.gap_m",
             advice="widen the gap, stiffen the probe, or lower voltage_v or force_n_per_a2",
         )
     return InputError(

@@ -14,7 +14,7 @@ from selector.physics.thermal.field.machine import FieldMachine, field_machine
 from selector.physics.thermal.field.mesh import Point
 from selector.physics.thermal.network.heat_system import Contact, HeatSystem, joined
 from selector.physics.thermal.network.laws import Conditions, FilmLaw, HeatLaw, Laws, film_coefficients, summed
-from selector.physics.thermal.network.network import HeatShare, Network, Node, Surface
+from selector.physics.thermal.network.network import Network
 from selector.physics.thermal.network.reduction import TOLERANCE, projected, reduced_basis
 from selector.physics.thermal.network.transient import HeatHistory, simulate_heat
 from selector.types import Vector
@@ -45,12 +45,9 @@ def machine_laws(physics: Physics = "everything") -> Laws:
 def parts_beside() -> tuple[Network, tuple[Contact, ...]]:
     """Hydraulic unit and coolant tank as a network, and the contact of the hydraulic line with the headstock."""
     network = Network(
-        nodes=(
-            Node("hydraulic unit", 22e3),
-            Node("coolant tank", 400e3),
-        ),
-        surfaces=(Surface("hydraulic unit", "hydraulic unit", 0.75), Surface("coolant tank", "coolant tank", 1.0)),
-        heat_shares=(HeatShare("hydraulic pump", "hydraulic unit"),),
+        {"hydraulic unit": 22e3, "coolant tank": 400e3},
+        area_m2={"hydraulic unit": {"hydraulic unit": 0.75}, "coolant tank": {"coolant tank": 1.0}},
+        shares={"hydraulic pump": {"hydraulic unit": 1.0}},
     )
     return network, (Contact("hydraulic line", "hydraulic unit", 3.0),)
 

@@ -11,7 +11,7 @@ from selector.physics.thermal.file.model_file import FieldFile, ModesFile, Netwo
 from selector.physics.thermal.modes.modes import ModalModel, SpeedLaw
 from selector.physics.thermal.network.heat_system import HeatSystem, time_constants_s
 from selector.physics.thermal.network.laws import Conditions, FilmLaw, HeatLaw, Laws, film_coefficients, summed
-from selector.physics.thermal.network.network import HeatShare, Link, Network, Node, Surface
+from selector.physics.thermal.network.network import Network
 from selector.types import Vector
 
 Point = tuple[float, float, float]
@@ -60,18 +60,11 @@ def heat_machine(file: NetworkFile | FieldFile, built: HeatMachine | None = None
 def network_machine(file: NetworkFile) -> HeatMachine:
     """The network of a model file: one probe a node, one displacement for every name among the expansions."""
     network = Network(
-        nodes=tuple(
-            Node(name, node.heat_capacity_j_per_k, node.expansion_um_per_k) for name, node in file.nodes.items()
-        ),
-        links=tuple(Link(*link.between, link.conductance_w_per_k) for link in file.links),
-        surfaces=tuple(
-            Surface(name, node, area) for name, film in file.films.items() for node, area in film.area_m2.items()
-        ),
-        heat_shares=tuple(
-            HeatShare(name, node, share)
-            for name, source in file.sources.items()
-            for node, share in source.shares.items()
-        ),
+        {name: node.heat_capacity_j_per_k for name, node in file.nodes.items()},
+        [(*link.between, link.conductance_w_per_k) for link in file.links],
+        {name: film.area_m2 for name, film in file.films.items()},
+        {name: source.shares for name, source in file.sources.items()},
+        {name: node.expansion_um_per_k for name, node in file.nodes.items()},
     )
     laws = Laws(
         tuple(

@@ -36,8 +36,7 @@ class Body:
     @cached_property
     def rows(self) -> Array:
         """Probes, then displacements, shape (n_rows, n)."""
-        rows = [*self.system.probes.values(), *self.system.displacements.values()]
-        return np.array(rows, dtype=np.float64).reshape(len(rows), self.system.size)
+        return self._table([*self.system.probes.values(), *self.system.displacements.values()])
 
     @cached_property
     def soft(self) -> NDArray[np.intp]:
@@ -51,8 +50,7 @@ class Body:
     def lubricants(self) -> Lubricants:
         """What the soft laws' heat follows."""
         laws = [self.laws.heat[k] for k in self.soft]
-        rows = [self.system.probes[law.at] for law in laws]
-        at = np.array(rows, dtype=np.float64).reshape(len(rows), self.system.size)
+        at = self._table([self.system.probes[law.at] for law in laws])
         zero = np.array([law.softening_degc for law in laws], dtype=np.float64)
         return Lubricants(
             rows=at,
@@ -63,19 +61,19 @@ class Body:
     @cached_property
     def heat_loads(self) -> Array:
         """Share of every state in the heat of a law, shape (n, n_heat_laws)."""
-        loads = [self.system.sources[law.source] for law in self.laws.heat]
-        return np.array(loads, dtype=np.float64).reshape(len(loads), self.system.size).T
+        return self._table([self.system.sources[law.source] for law in self.laws.heat]).T
 
     @cached_property
     def film_loads(self) -> Array:
         """a_f of the surface of every film law, shape (n, n_film_laws)."""
-        loads = [self.system.film_loads[law.film] for law in self.laws.films]
-        return np.array(loads, dtype=np.float64).reshape(len(loads), self.system.size).T
+        return self._table([self.system.film_loads[law.film] for law in self.laws.films]).T
 
     @cached_property
     def film_rows(self) -> Array:
         """uniformᵀ·A_f of the surface of every film law: what integrates a temperature over it."""
-        rows = [np.asarray(self.system.films[law.film].T @ self.system.uniform) for law in self.laws.films]
+        return self._table([np.asarray(self.system.films[law.film].T @ self.system.uniform) for law in self.laws.films])
+
+    def _table(self, rows: list[Vector]) -> Array:
         return np.array(rows, dtype=np.float64).reshape(len(rows), self.system.size)
 
     def steady_heat_w(self, held: Interval) -> Vector:

@@ -186,4 +186,4 @@ def test_every_source_and_film_has_a_law(machine):
     # the hydraulic line is where the oil's heat enters, and has none of its own
     assert set(machine.system.sources) - heated == {"hydraulic line"}
     assert {law.film for law in laws.films} == set(machine.system.films)
-    assert {node.name for node in network.nodes} == {"hydraulic unit", "coolant tank"}
+    assert set(network.heat_capacity_j_per_k) == {"hydraulic unit", "coolant tank"}
