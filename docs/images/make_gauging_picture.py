@@ -23,7 +23,8 @@ from selector.figures import style
 from selector.physics.gauging.grinding.finished_sizes import finished_sizes
 from selector.physics.gauging.process import Noise
 from selector.physics.gauging.sizes.size_distribution import size_distribution
-from selector.physics.gauging.sizes.trade_off import mean_square_errors, trade_off
+from selector.physics.gauging.sizes.trade_off import trade_off
+from selector.telling.simulated.gauging_pictures import size_density
 
 PARTS, CHECKED = 4000, 7
 BIAS, VARIANCE, TOTAL, SIMULATED = style.RESIDUAL, style.PREDICTED, style.INK, style.BEFORE
@@ -38,7 +39,12 @@ def page() -> str:
     setup = replace(BASE, grinding=replace(GRINDING, feed_sd=0.05), noise=Noise(0.5, 30.0))
     found = trade_off(setup, time_constants_s=np.geomspace(0.003, 0.8, 60))
     at = np.geomspace(0.003, 0.8, CHECKED)
-    squares, errors = mean_square_errors(setup, at, parts=PARTS, seed=1, threads=2)
+    wrong_um = [
+        finished_sizes(setup.with_filter(one), PARTS, seed=1, threads=2).finished_um - setup.wanted_um
+        for one in at.tolist()
+    ]
+    squares = np.array([np.mean(one**2) for one in wrong_um])
+    errors = np.array([np.std(one**2) / np.sqrt(len(one)) for one in wrong_um])
     restless = replace(BASE, noise=Noise(2.0, 100.0))
     sizes = finished_sizes(restless, 20_000, seed=1, threads=2).size_um
     drawn = make_subplots(
@@ -74,7 +80,7 @@ def page() -> str:
         ("G eq. 25", "linear", BIAS, "dash"),
         ("first passage", "first-passage", VARIANCE, "solid"),
     ):
-        size, density = size_distribution(restless, method=method).density()  # type: ignore[arg-type]
+        size, density = size_density(size_distribution(restless, method=method))  # type: ignore[arg-type]
         drawn.add_scatter(
             x=size - 2.0, y=density, name=name, line={"color": colour, "width": 2.5, "dash": dash}, legend="legend2",
             row=2, col=1,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
 import numpy as np
@@ -14,27 +14,24 @@ from selector.errors import InputError
 
 def require_positive(values: object, *names: str) -> None:
     """Raises InputError, naming the first of these fields that is not above 0; None is allowed."""
-    for name in names:
-        value = getattr(values, name)
-        if value is not None and not (math.isfinite(value) and value > 0):
-            raise InputError(f"{value:g}", expected="a number above 0", where=name, advice="correct this parameter")
+    _require(values, names, lambda value: value > 0, "a number above 0")
 
 
 def require_not_negative(values: object, *names: str) -> None:
     """Raises InputError, naming the first of these fields that is not 0 or more; None is allowed."""
-    for name in names:
-        value = getattr(values, name)
-        if value is not None and not (math.isfinite(value) and value >= 0):
-            raise InputError(f"{value:g}", expected="0 or more", where=name, advice="correct this parameter")
+    _require(values, names, lambda value: value >= 0, "0 or more")
 
 
 def require_finite(values: object, *names: str) -> None:
     """Raises InputError, naming the first of these fields that is not finite; None is allowed."""
+    _require(values, names, lambda value: True, "a finite number")
+
+
+def _require(values: object, names: Iterable[str], fits: Callable[[float], bool], expected: str) -> None:
     for name in names:
-        if not math.isfinite(getattr(values, name)):
-            raise InputError(
-                f"{getattr(values, name):g}", expected="a finite number", where=name, advice="correct this parameter"
-            )
+        value = getattr(values, name)
+        if value is not None and not (math.isfinite(value) and fits(value)):
+            raise InputError(f"{value:g}", expected=expected, where=name, advice="correct this parameter")
 
 
 def keep_arrays(values: object, *names: str) -> None:

@@ -48,15 +48,21 @@ class Fit:
     high: float | None = None  #: Most, whatever the value is
     up_to: float | None = None  #: The number may be 0, which switches something off; how far at least it may go up
     either_sign: float | None = None  #: The number may have either sign; how far at least it may go
+    at_zero: float | None = None  #: How far a number may go that is 0, in place of a tenth to ten times
+    around: float | None = None  #: How far to both sides, in place of a tenth to ten times
 
     def bounds(self, value: float) -> tuple[float, float]:
         """Lower and upper bound, always around the value."""
         low, high = sorted((value / _TIMES, value * _TIMES))
+        if self.around is not None:
+            low, high = value - self.around, value + self.around
         if self.up_to is not None:
             low, high = 0.0, max(self.up_to, _TIMES * value)
         if self.either_sign is not None:
             high = max(self.either_sign, _TIMES * abs(value))
             low = -high
+        if value == 0.0 and self.at_zero is not None:
+            low, high = (0.0 if self.either_sign is None else -self.at_zero), self.at_zero
         low, high = (low if self.low is None else self.low), (high if self.high is None else self.high)
         return min(low, value), max(high, value)
 
@@ -72,33 +78,28 @@ class Usual:
     )  #: Another unit → how many of the unit of the key it is
 
 
-def numbers_of(section: Any, path: Key = ()) -> Iterator[Number]:
-    """Every number in a model file, a section of it or a dataclass that says where a fit may look for it."""
-    for name, value, said in _members(section):
-        here = (*path, name)
-        fit = next((one for one in said if isinstance(one, Fit)), None)
-        if _has_members(value):
-            yield from numbers_of(value, here)
-        elif isinstance(value, Mapping):
-            for key, inner in value.items():
-                if _has_members(inner):
-                    yield from numbers_of(inner, (*here, key))
-        elif isinstance(value, tuple | list):
-            for position, inner in enumerate(value):
-                if _has_members(inner):
-                    yield from numbers_of(inner, (*here, position))
-        elif fit is not None and isinstance(value, float | int):
-            low, high = fit.bounds(float(value))
-            yield Number(here, float(value), low, high, unit_in(said))
+def numbers_of(value: Any, path: Key = (), said: Iterable[Any] = ()) -> Iterator[Number]:
+    """Every number in a model file, a part of it or a dataclass that says where a fit may look for it.
+
+    `said` stands at the value itself, if it is not a section.
+    """
+    if isinstance(value, BaseModel) or dataclasses.is_dataclass(value):
+        for name, inner, told in _members(value):
+            yield from numbers_of(inner, (*path, name), told)
+    elif isinstance(value, Mapping):
+        for key, inner in value.items():
+            yield from numbers_of(inner, (*path, key), said)
+    elif isinstance(value, tuple | list):
+        for position, inner in enumerate(value):
+            yield from numbers_of(inner, (*path, position), said)
+    elif isinstance(value, float | int):
+        for fit in (one for one in said if isinstance(one, Fit)):
+            yield Number(path, float(value), *fit.bounds(float(value)), unit_in(said))
 
 
 def unit_in(said: Iterable[Any]) -> str:
     """The unit among what a field says; "1" if none."""
     return next((one.text for one in said if isinstance(one, Unit)), "1")
-
-
-def _has_members(value: Any) -> bool:
-    return isinstance(value, BaseModel) or dataclasses.is_dataclass(value)
 
 
 def _members(section: Any) -> Iterator[tuple[str, Any, tuple[Any, ...]]]:

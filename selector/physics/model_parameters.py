@@ -110,17 +110,8 @@ def file_with(
 ) -> _File:
     """The model file with other values of some parameters, checked as if it were read.
 
-    Parameters
-    ----------
-    file : model file
-    values : mapping of str to float
-        Name of a parameter → its value.
-    numbers : iterable of Number
-        All parameters of the file.
-    checked : callable
-        Plain values, and ``where`` → the file.
-    plain : mapping, optional
-        Its plain values, if they are more than the file says.
+    `values` are by the names of the parameters, `checked` makes a file of plain values; `plain` are those of the file,
+    if they are more than it says.
 
     Raises
     ------
@@ -187,16 +178,8 @@ def unlikely_numbers(
 ) -> Iterator[Finding]:
     """Warnings on numbers of a model file that no machine has; each with the unit that was perhaps meant.
 
-    Parameters
-    ----------
-    values : mapping
-        The file's sections as plain values.
-    usual : mapping of str to UsualRange
-        Section and key, as in ``probe.mass_kg``, or a key of sections that the file names → what is usual.
-    unit_of_key : callable
-        Key → its unit; "1" for none.
-    channel_of : callable, optional
-        Place in the file → the channel or axis that it is about, if it is about one.
+    `usual` is by section and key, as in ``probe.mass_kg``, or by a key of sections that the file names; `channel_of`
+    gives the channel or axis that a place in the file is about, if it is about one.
     """
     for path in numbers_in(values, ()):
         names = [part for part in path if isinstance(part, str)]

@@ -98,12 +98,7 @@ _LONGEST = 200
 def bracket_slip(text: str, is_array: Callable[[str], bool]) -> tuple[str, str, str, int] | None:
     """(found, expected, advice, line) of a section that TOML cannot put beside one of the same name, or None.
 
-    Parameters
-    ----------
-    text : str
-        A model file that TOML refuses.
-    is_array : callable
-        Name of a section, as in ``grinding.stages`` → whether there may be several of it.
+    `is_array` says of a name, as in ``grinding.stages``, whether there may be several sections of it.
     """
     seen: Counter[tuple[str, str]] = Counter()
     last: dict[str, int] = {}

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from selector.physics.model_fields import said_of, unit_in
 from selector.physics.thermal.file import model_file as schema
-from selector.physics.thermal.file.parameters import unit_of_key
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "thermal-model.md"
 
@@ -32,7 +32,6 @@ SECTIONS = {
     "`[[gauges]]`": schema.Gauge,
     "`[bounds]`": None,
 }
-UNITS_BY_ENDING = {"_min": "min", "_nm": "N·m", "_k": "K", "xyz": "m", "geometry": "m", "spacing_m": "m"}
 
 
 def tables() -> dict[str, dict[str, tuple[str, str, str]]]:
@@ -80,9 +79,9 @@ def test_every_key_is_explained_and_no_other(heading):
     for key, (unit, default, meaning) in rows.items():
         assert default == default_text(fields[key]), key
         assert meaning.strip(), key
-        expected = unit_of_key(key)
+        expected = unit_in(said_of(fields[key]))
         if expected == "1":
-            expected = next((u for ending, u in UNITS_BY_ENDING.items() if key.endswith(ending)), "–")
+            expected = "–"
         if heading == "A sine" and key in ("mean", "amplitude"):
             expected = "that of the course"
         assert unit == expected, key

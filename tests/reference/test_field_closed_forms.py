@@ -10,17 +10,16 @@ from scipy import sparse
 from scipy.linalg import expm
 from scipy.sparse.linalg import spsolve
 
-from selector.physics.thermal.field import (
+from selector.physics.thermal.field.mesh import Block, block_mesh
+from selector.physics.thermal.field.solvers import direct_solver, rigid_motions
+from selector.physics.thermal.field.thermoelasticity import (
     MATERIALS,
-    Block,
-    block_mesh,
     conduction_matrices,
+    elastic_matrices,
     elasticity,
     film,
     surface_source,
 )
-from selector.physics.thermal.field.solvers import direct_solver, rigid_motions
-from selector.physics.thermal.field.thermoelasticity import elastic_matrices
 
 IRON = MATERIALS["cast iron"]
 

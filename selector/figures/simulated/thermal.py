@@ -27,23 +27,17 @@ def inputs_and_displacements(recording: Recording, run: str, inputs: Sequence[st
     acting = [recording.channel(name) for name in inputs]
     moving = [recording.channel(name) for name in recording.with_role("displacement") if name not in inputs]
     panels = []
-    for axis, chosen, height in (
-        ("speed [r/min]", [c for c in acting if c.role == "spindle_speed"], 110),
-        ("air, coolant [°C]", [c for c in acting if c.role in ("ambient", "temperature")], 110),
+    for axis, roles, least in (
+        ("speed [r/min]", ("spindle_speed",), 0.0),
+        ("air, coolant [°C]", ("ambient", "temperature"), None),
     ):
-        if chosen:
-            panels.append(Panel(axis, _lines(recording, run, chosen, steps=True), height, least=_zero_of(axis)))
+        if chosen := [channel for channel in acting if channel.role in roles]:
+            panels.append(Panel(axis, _lines(recording, run, chosen, steps=True), 110, least=least))
     for channel in acting:
         if channel.role == "state":
             unit = "[N·m]" if "N·m" in (channel.place or "") else "[0, 1]"
-            panels.append(
-                Panel(
-                    unit,  # the name stands beside the line
-                    _lines(recording, run, [channel], steps=True),
-                    70,
-                    least=0.0,
-                )
-            )
+            # the name stands beside the line
+            panels.append(Panel(unit, _lines(recording, run, [channel], steps=True), 70, least=0.0))
     panels.append(Panel("displacement [µm]", _lines(recording, run, moving), 300, least=0.0))
     most, at_s, um = largest_displacement(recording, run)
     unit, seconds = style.time_unit(float(time_s[-1]))
@@ -147,10 +141,6 @@ def _lines(recording: Recording, run: str, channels: Sequence[Channel], *, steps
         )
         for k, channel in enumerate(channels)
     ]
-
-
-def _zero_of(axis: str) -> float | None:
-    return 0.0 if axis.startswith("speed") else None
 
 
 def _rise(recording: Recording, run: str, name: str) -> float:

@@ -95,17 +95,6 @@ def gauging_settings(
 
     The filters are the best ones of the trade-off, by formula. What no file may say is left out, such as thresholds
     that do not rise or that the gauge does not show, and settings with which more parts miss a threshold.
-
-    Parameters
-    ----------
-    model : GaugingModel
-        As it is.
-    present : FinishedSizes
-        Its parts.
-    filters : TradeOff
-        Of it.
-    sizes_of : callable
-        Parts of another model of this kind.
     """
     bench = _Bench(model, present, sizes_of)
     ends = (float(filters.time_constant_s[0]), float(filters.time_constant_s[-1]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,8 +25,9 @@ from selector.physics.gauging.gauging_channels import (
     recorded_channels,
     undecided_findings,
 )
-from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation, Progress, model_findings
+from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation, model_findings
 from selector.physics.gauging.process import Noise, Surface
+from selector.physics.simulation_kind import Progress
 from selector.recording import Channel, Recording
 from selector.types import Vector
 
@@ -131,21 +132,10 @@ def driven_runs(
 ) -> DrivenGauging:
     """What the gauge shows of every run of a recording: voltage, size, and which stage it would be in.
 
-    The recorded allowance, or size counted from the nominal one, drives it. Where only the feed was recorded, the
-    allowance begins at what the recorded gauge says, else at the mean one of the file, and falls as the file says of
-    wheel and lag. The surface begins at
-    angle 0. The stage is what the model's relay would have commanded, without its noise; nothing follows from it.
-
-    Parameters
-    ----------
-    model : GaugingModel
-        What is driven. Of its stages only the thresholds count.
-    recording : Recording
-        Runs with an allowance or a feed; how channels are found: `gauging_channels.recorded_channels`.
-    seed : int, optional
-        Of noise; without one there is none.
-    progress : callable, optional
-        Told how many runs of how many are done, and which is next.
+    The recorded allowance, or size counted from the nominal one, drives it; `gauging_channels.recorded_channels` finds
+    it. Where only the feed was recorded, the allowance begins at what the recorded gauge says, else at the mean one of
+    the file, and falls as the file says of wheel and lag. The surface begins at angle 0. The stage is what the model's
+    relay would have commanded, without its noise; nothing follows from it. Without a `seed` there is no noise.
 
     Raises
     ------
@@ -219,7 +209,7 @@ def _complete(recording: Recording, run: str, channel: str) -> tuple[Vector, lis
             where="recorded course",
             advice="leave this run out, or give the channel its values",
         )
-    found = _clock(run, channel, time_s)
+    found = list(_clock(run, channel, time_s))
     if not seen.all():
         missing = np.flatnonzero(~seen)
         found.append(
@@ -236,29 +226,26 @@ def _complete(recording: Recording, run: str, channel: str) -> tuple[Vector, lis
     return values, found
 
 
-def _clock(run: str, channel: str, time_s: Vector) -> list[Finding]:
+def _clock(run: str, channel: str, time_s: Vector) -> Iterator[Finding]:
     steps = np.diff(time_s)
     period_s = float(np.median(steps))
     gaps = np.flatnonzero(steps > _GAP * period_s)
     where = Where(channel=channel, run=run)
     if len(gaps):
         longest = int(gaps[np.argmax(steps[gaps])])
-        return [
-            FINDINGS.finding(
-                "recorded-gap",
-                f"The clock of {run} has {len(gaps)} gaps, the longest of {steps[longest]:.4g} s at "
-                f"{time_s[longest] - time_s[0]:.6g} s, where others are {period_s:.4g} s: {channel} was taken to go "
-                "straight over them.",
-                where,
-                {"gaps": len(gaps), "longest_s": float(steps[longest]), "period_s": period_s},
-                "do not trust what the gauge shows after them for some times T_Φ",
-            )
-        ]
+        yield FINDINGS.finding(
+            "recorded-gap",
+            f"The clock of {run} has {len(gaps)} gaps, the longest of {steps[longest]:.4g} s at "
+            f"{time_s[longest] - time_s[0]:.6g} s, where others are {period_s:.4g} s: {channel} was taken to go "
+            "straight over them.",
+            where,
+            {"gaps": len(gaps), "longest_s": float(steps[longest]), "period_s": period_s},
+            "do not trust what the gauge shows after them for some times T_Φ",
+        )
+        return
     stray = float(np.abs(time_s - np.linspace(time_s[0], time_s[-1], len(time_s))).max() / period_s)
-    if stray <= _EVEN:
-        return []
-    return [
-        FINDINGS.finding(
+    if stray > _EVEN:
+        yield FINDINGS.finding(
             "recorded-clock-jitter",
             f"Times of {run} stray by up to {stray:.1%} of their period of {period_s:.4g} s; {channel} was taken at "
             "its own times, straight between them.",
@@ -267,7 +254,6 @@ def _clock(run: str, channel: str, time_s: Vector) -> list[Finding]:
             "nothing, if the clock was read when the values were",
             level="info",
         )
-    ]
 
 
 def _by_feed(

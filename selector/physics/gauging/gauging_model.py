@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
@@ -24,7 +24,7 @@ from selector.physics.gauging.file.model_file import (
 from selector.physics.gauging.file.parameters import parameters, with_parameters
 from selector.physics.gauging.finding_table import FINDINGS
 from selector.physics.gauging.gauge.characteristic import Characteristic, characteristic, linear_gauge
-from selector.physics.gauging.gauge.threshold import RippleCrest, removal_rate_um_per_s, threshold_v, wear_share
+from selector.physics.gauging.gauge.threshold import RippleCrest, stage_thresholds_v
 from selector.physics.gauging.gauge.transducer import LinearGauge, Transducer
 from selector.physics.gauging.gauge.vibrating_contact import GaugeMotion
 from selector.physics.gauging.gauging_channels import (
@@ -48,10 +48,9 @@ from selector.physics.model_fields import unlikely_values
 from selector.physics.model_parameters import Parameter
 from selector.physics.model_text import key_text
 from selector.physics.model_values import refused
+from selector.physics.simulation_kind import Progress
 from selector.recording import Channel, Recording
 from selector.types import Vector
-
-Progress = Callable[[int, int, str], None]
 
 WAVEFORM_RUN = "waveform"
 
@@ -150,16 +149,7 @@ class GaugingModel:
     @cached_property
     def advised_thresholds_v(self) -> tuple[float, ...]:
         """Thresholds of eq. 23 for the mean feed and a fresh wheel, by the line at the end of each stage [V]."""
-        made, last = self.values, len(self.stage_gauges) - 1
-        return tuple(
-            threshold_v(
-                gauge,
-                stage.until_um,
-                removal_rate_um_per_s(stage.feed_um_per_s, wear_share(made.grinding)),
-                made.relay.delay_s + (made.grinding.lag_s if number == last else 0.0),
-            )
-            for number, (gauge, stage) in enumerate(zip(self.stage_gauges, made.grinding.stages, strict=True))
-        )
+        return stage_thresholds_v(self.stage_gauges, self.values.grinding, self.values.relay)
 
     @cached_property
     def setup(self) -> GaugedGrinding:
@@ -196,14 +186,8 @@ class GaugingModel:
     ) -> GaugingSimulation:
         """The parts of the file, ground and gauged one after the other.
 
-        Parameters
-        ----------
-        run : str
-            Name of the run if there is one; several are called ``"part 1"`` and so on, and ``"waveform"``.
-        seed : int, optional
-            Of noise and spread; default: that of the file.
-        progress : callable, optional
-            Told how many parts of how many are done, and what is being done.
+        `run` is the name of the run if there is one; several are called ``"part 1"`` and so on, and ``"waveform"``.
+        `seed` is of noise and spread; default: that of the file.
 
         Raises
         ------
@@ -277,8 +261,8 @@ class GaugingModel:
         return pd.DataFrame(columns, index=pd.Index(seen.time_s - seen.time_s[0], name="time_s"))
 
 
-def gauging_model(file: GaugingFile, columns: Mapping[str, Any] | None = None) -> GaugingModel:
-    """The gauging that a model file describes, ready to run; `columns` is for models that refer to some, this does not.
+def gauging_model(file: GaugingFile) -> GaugingModel:
+    """The gauging that a model file describes, ready to run.
 
     Raises
     ------
@@ -329,18 +313,14 @@ _SHORT = 0.5
 """Share of the last stage that a filter takes at most that somebody could have meant."""
 
 
-def model_findings(model: GaugingModel) -> tuple[Finding, ...]:
-    """What is odd before a part is ground; none of it stops a simulation."""
-    return tuple(_found(model))
-
-
 def mattering_um(model: GaugingModel) -> float:
     """Error of size that is worth a word: a tenth of the tolerance, 1 µm without one [µm]."""
     tolerance = model.values.tolerance
     return _SHIFT_UM if tolerance is None else _SHIFT_SHARE * (tolerance.upper_um - tolerance.lower_um)
 
 
-def _found(model: GaugingModel) -> Iterator[Finding]:
+def model_findings(model: GaugingModel) -> Iterator[Finding]:
+    """What is odd before a part is ground; none of it stops a simulation."""
     yield from unlikely_values(model.file)
     curve = model.characteristic
     if curve is not None:

@@ -24,7 +24,7 @@ from selector.physics.gauging.gauging_advice import (
     off_text,
     volts_text,
 )
-from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation, Progress, mattering_um
+from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation, mattering_um
 from selector.physics.gauging.grinding.finished_sizes import FinishedSizes, finished_sizes
 from selector.physics.gauging.grinding.part_plan import FEWEST_SIZES, feeds_s, longest_step_s, steps_in
 from selector.physics.gauging.process import mean_surface_um, smoothed_surface
@@ -33,6 +33,7 @@ from selector.physics.gauging.sizes.first_passage import relay_law
 from selector.physics.gauging.sizes.mean_course import on_line
 from selector.physics.gauging.sizes.size_distribution import SizeDistribution, size_distribution
 from selector.physics.gauging.sizes.trade_off import TradeOff, trade_off
+from selector.physics.simulation_kind import Progress
 
 _TURNS = 2048
 _EARLY_SHARE = 0.1
@@ -155,15 +156,7 @@ def size_findings(
 ) -> tuple[Finding, ...]:
     """Noise and surfaces that trip the relay early, low capability, sizes off what is wanted, a better filter.
 
-    Parameters
-    ----------
-    model : GaugingModel
-    formula, sizes : SizeDistribution, FinishedSizes
-        By first passage; by Monte Carlo.
-    capability : Capability or None
-        Of these sizes.
-    settings : tuple of Setting
-        What other thresholds and filters give, as parts were ground with them.
+    `formula` is by first passage, `sizes` are by Monte Carlo; `settings` are what other thresholds and filters give.
     """
     by_name = {one.name: one for one in settings}
     return (

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from selector.findings import Finding, Where
+from selector.physics.simulation_kind import Progress
 from selector.physics.thermal.file.model_file import InputsSection
 from selector.physics.thermal.finding_table import FINDINGS
 from selector.physics.thermal.network.laws import Conditions
@@ -20,8 +21,6 @@ _START_K = 1.0
 """What a machine that stood for a night may differ from its hall."""
 
 _START_SAMPLES = 5
-
-Progress = Callable[[int, int, str], None]
 
 
 def driven_runs(
@@ -132,7 +131,7 @@ def _not_recorded(name: str, runs: list[str], recording: Recording, otherwise: C
     )  # fmt: skip
 
 
-def _other_start(answer: Recording, recording: Recording) -> list[Finding]:
+def _other_start(answer: Recording, recording: Recording) -> Iterator[Finding]:
     """Runs whose recorded thermometers began elsewhere than the model, which starts with one temperature."""
     shared = [name for name in answer.with_role("temperature") if name in recording.with_role("temperature")]
     off_k: dict[str, float] = {}
@@ -144,29 +143,24 @@ def _other_start(answer: Recording, recording: Recording) -> list[Finding]:
             worst = float(gaps[np.argmax(np.abs(gaps))])
             if abs(worst) > _START_K:
                 off_k[run] = worst
-    if not off_k:
-        return []
-    worst_run = max(off_k, key=lambda run: abs(off_k[run]))
-    return [
-        FINDINGS.finding(
+    if off_k:
+        worst_run = max(off_k, key=lambda run: abs(off_k[run]))
+        yield FINDINGS.finding(
             "start-differs",
             f"{len(off_k)} of {len(answer.runs)} runs did not begin at the temperature at which the model starts: in "
             f"{worst_run} a thermometer read {off_k[worst_run]:+.1f} K against it.",
             Where(run=worst_run if len(off_k) == 1 else None),
             {"largest_difference_k": off_k},
         )
-    ]
 
 
-def _not_compared(model: FileModel, matched: dict[str, Channel], recording: Recording) -> list[Finding]:
+def _not_compared(model: FileModel, matched: dict[str, Channel], recording: Recording) -> Iterator[Finding]:
     """What of the simulation has no recorded counterpart, if anything."""
     recorded = set(recording.channels)
     alone = [output.name for output in model.outputs if matched[output.name] not in recorded]
-    if not alone:
-        return []
-    none = len(alone) == len(model.outputs)
-    return [
-        FINDINGS.finding(
+    if alone:
+        none = len(alone) == len(model.outputs)
+        yield FINDINGS.finding(
             "output-not-recorded",
             ("None" if none else f"{len(alone)}") + f" of the {len(model.outputs)} outputs of the model "
             + ("has a recorded channel of its name or axis." if none else "have no recorded channel: ")
@@ -174,5 +168,4 @@ def _not_compared(model: FileModel, matched: dict[str, Channel], recording: Reco
             evidence={"outputs": alone},
             suggestion="call sensors and gauges of the model file as the channels of the recording are called",
             level="warning" if none else "info",
-        )
-    ]  # fmt: skip
+        )  # fmt: skip

@@ -13,15 +13,11 @@ from numpy.typing import NDArray
 
 from selector.errors import InputError, ModelFileError, OptionError
 from selector.physics.model_text import key_text, unknown_name
-from selector.physics.thermal.field import (
-    MATERIALS,
-    BlockMesh,
-    MachineGeometry,
-    elasticity,
-    probe_row,
-    sensor_candidates,
-)
+from selector.physics.thermal.field.candidates import sensor_candidates
+from selector.physics.thermal.field.geometry import MachineGeometry
 from selector.physics.thermal.field.machine import foot_springs
+from selector.physics.thermal.field.mesh import BlockMesh, probe_row
+from selector.physics.thermal.field.thermoelasticity import MATERIALS, elasticity
 from selector.physics.thermal.field.virtual_machine import (
     SENSORS,
     Physics,
@@ -37,23 +33,9 @@ from selector.physics.thermal.network.transient import simulate_heat
 from selector.physics.thermal.schedule import condensed
 from selector.types import Vector
 
-SENSOR_NAMES = tuple(SENSORS)
-"""The thermometers of the shipped machine."""
-
-Point = tuple[float, float, float]
-
 _HEAT_KEYS = ("on_w", "turning_w", "coolant_w", "speed_w", "torque_share", "softening_per_k")
 _FILM_KEYS = ("still_w_per_m2_k", "speed_w_per_m2_k")
-
-
-def place_of_sensor() -> dict[str, str]:
-    """Thermometer of the shipped machine → where it sits, in words."""
-    return {name: sensor.place for name, sensor in SENSORS.items()}
-
-
-def xyz_of_sensor() -> dict[str, Point]:
-    """Thermometer of the shipped machine → its place [m]."""
-    return {name: sensor.xyz_m for name, sensor in SENSORS.items()}
+_LENGTHS = [length.name for length in dataclasses.fields(MachineGeometry)]
 
 
 def laws_of(file: FieldFile) -> Laws:
@@ -110,13 +92,12 @@ def system_of(file: FieldFile, laws: Laws) -> HeatSystem:
         have, or a length is not one of its.
     """
     settings = file.field
-    lengths = [part.name for part in dataclasses.fields(MachineGeometry)]
-    _require_known(settings.geometry, lengths, "length", "field", "geometry")
+    _require_known(settings.geometry, _LENGTHS, "length", "field", "geometry")
     anywhere = {s.name: s.xyz for s in file.sensors if s.at is None and s.xyz is not None}
     for number, sensor in enumerate(file.sensors):
         if sensor.name not in anywhere and (sensor.at or sensor.name) not in SENSORS:
             _refuse_name("place", sensor.at or sensor.name, list(SENSORS), ("sensors", number, "at"))
-    machine = _shipped(settings.physics, tuple(sorted(settings.geometry.items())), settings.refinement)
+    machine = _shipped_of(file)
     for number, gauge in enumerate(file.gauges):
         if (gauge.of or gauge.name) not in machine.full.displacements:
             known = list(machine.full.displacements)
@@ -150,11 +131,15 @@ def _shipped(physics: Physics, geometry: tuple[tuple[str, float], ...], refineme
     return FieldBody(machine.full, machine.basis, machine.field.mesh)
 
 
+def _shipped_of(file: FieldFile) -> FieldBody:
+    settings = file.field
+    return _shipped(settings.physics, tuple(sorted(settings.geometry.items())), settings.refinement)
+
+
 def field_of(file: FieldFile, laws: Laws) -> FieldBody:
     """The body that `system_of` reduces, with the shipped thermometers; at once after it."""
-    settings = file.field
-    machine = _shipped(settings.physics, tuple(sorted(settings.geometry.items())), settings.refinement)
-    return machine._replace(basis=_basis(machine, settings.physics, laws))
+    machine = _shipped_of(file)
+    return machine._replace(basis=_basis(machine, file.field.physics, laws))
 
 
 def _basis(machine: FieldBody, physics: Physics, laws: Laws) -> Vector:
@@ -191,12 +176,7 @@ def with_candidates(file: FieldFile) -> FieldFile:
     wanted = file.candidates
     if wanted is None:
         return file
-    lengths = [part.name for part in dataclasses.fields(MachineGeometry)]
-    for name in file.field.geometry:
-        if name not in lengths:
-            found, expected, advice = unknown_name("length", name, lengths)
-            where = f"key {key_text(('field', 'geometry', name))}"
-            raise ModelFileError(found, expected=expected, where=where, advice=advice)
+    _require_known(file.field.geometry, _LENGTHS, "length", "field", "geometry")
     try:
         places = sensor_candidates(MachineGeometry(**file.field.geometry), wanted.spacing_m, wanted.surfaces)
     except OptionError as error:

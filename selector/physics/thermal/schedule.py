@@ -16,21 +16,31 @@ from selector.physics.thermal.network.laws import Conditions
 from selector.recording import Recording
 from selector.types import Vector
 
-NAMES = ("spindle_speed", "torque", "ambient", "coolant_on", "coolant", "machine_on")
-"""Names of the conditions as inputs of a model and as channels of a recording."""
 
-_KEYS = ("spindle_speed_rpm", "torque_nm", "ambient_degc", "coolant_on", "coolant_degc", "machine_on")
-_FIELDS = ("spindle_speed", "torque", "ambient_degc", "coolant_on", "coolant_degc", "machine_on")
-_RESTING = (0.0, 0.0, 20.0, 0.0, 20.0, 1.0)
-_ROLES = {"spindle_speed": "spindle_speed", "ambient": "ambient"}
-_LIMITS: Mapping[str, tuple[float, float]] = {
-    "spindle_speed": (0.0, 1e6),
-    "torque": (-1e9, 1e9),
-    "ambient": (-100.0, 1000.0),
-    "coolant_on": (0.0, 1.0),
-    "coolant": (-100.0, 1000.0),
-    "machine_on": (0.0, 1.0),
+@dataclass(frozen=True)
+class Condition:
+    """Something that is done to a machine."""
+
+    key: str  #: In ``[conditions]`` of a model file
+    field: str  #: Of `Conditions`
+    resting: float  #: For a model that does not know it
+    limits: tuple[float, float]  #: What is physical
+    #: role and place: Of its channel
+    role: str
+    place: str | None = None
+
+
+CONDITIONS: Mapping[str, Condition] = {
+    "spindle_speed": Condition("spindle_speed_rpm", "spindle_speed", 0.0, (0.0, 1e6), "spindle_speed"),
+    "torque": Condition("torque_nm", "torque", 0.0, (-1e9, 1e9), "state", "torque of the spindle [N·m]"),
+    "ambient": Condition("ambient_degc", "ambient_degc", 20.0, (-100.0, 1000.0), "ambient", "hall"),
+    "coolant_on": Condition("coolant_on", "coolant_on", 0.0, (0.0, 1.0), "state", "coolant: 0 off, 1 on"),
+    "coolant": Condition("coolant_degc", "coolant_degc", 20.0, (-100.0, 1000.0), "temperature", "coolant"),
+    "machine_on": Condition("machine_on", "machine_on", 1.0, (0.0, 1.0), "state", "machine: 0 off, 1 on"),
 }
+"""By their names as inputs of a model and as channels of a recording; the order is that of `Conditions`."""
+
+_KNOWN_BY_ROLE = ("spindle_speed", "ambient")
 
 
 @dataclass(frozen=True)
@@ -43,13 +53,13 @@ class Driven:
 
 
 def condition(conditions: Conditions, name: str) -> Vector:
-    """The values of one of `NAMES`, shape (n_samples,)."""
-    values: Vector = getattr(conditions, _FIELDS[NAMES.index(name)])
+    """The values of one of `CONDITIONS`, shape (n_samples,)."""
+    values: Vector = getattr(conditions, CONDITIONS[name].field)
     return values
 
 
 def held_at(conditions: Conditions, name: str, time_s: Vector) -> Vector:
-    """The value of one of `NAMES` that is held at each time [s], shape (n_times,)."""
+    """The value of one of `CONDITIONS` that is held at each time [s], shape (n_times,)."""
     rows = np.clip(np.searchsorted(conditions.time_s, time_s, side="right") - 1, 0, None)
     return condition(conditions, name)[rows]
 
@@ -73,14 +83,13 @@ def scheduled(
     InputError
         A condition is outside what is physical, or `columns` lacks one.
     """
-    courses = {name: getattr(section, key, rest) for name, key, rest in zip(NAMES, _KEYS, _RESTING, strict=True)}
     stepwise: dict[str, tuple[Vector, Vector]] = {}
-    for name, key in zip(NAMES, _KEYS, strict=True):
-        course = courses[name]
+    for name, about in CONDITIONS.items():
+        course = getattr(section, about.key, about.resting)
         if name == "spindle_speed" and cyclogram is not None:
             stepwise[name] = (cyclogram.start_s, cyclogram.speed_rpm)
         elif isinstance(course, Column):
-            stepwise[name] = _column(key, course, columns)
+            stepwise[name] = _column(about.key, course, columns)
         elif isinstance(course, tuple):
             steps = np.array(course, dtype=np.float64)
             stepwise[name] = (steps[:, 0] * 60.0, steps[:, 1])
@@ -93,9 +102,9 @@ def scheduled(
     time_s = np.r_[changes[(changes > 0.0) & (changes < duration_s)], duration_s]
     time_s = np.r_[0.0, time_s]
     values = {name: _held(start, course, time_s) for name, (start, course) in stepwise.items()}
-    for name, key in zip(NAMES, _KEYS, strict=True):
-        _within_limits(name, values[name], f"key conditions.{key}")
-    return Conditions(time_s, *(values[name] for name in NAMES))
+    for name, about in CONDITIONS.items():
+        _within_limits(name, values[name], f"key conditions.{about.key}")
+    return Conditions(time_s, *values.values())
 
 
 def driven(recording: Recording, run: str, inputs: InputsSection, otherwise: Conditions) -> Driven:
@@ -115,7 +124,7 @@ def driven(recording: Recording, run: str, inputs: InputsSection, otherwise: Con
         raise _unusable(f"a single sample in run {run!r}", "two samples or more", "leave this run out")
     values: dict[str, Vector] = {}
     channels: dict[str, str] = {}
-    for name in NAMES:
+    for name in CONDITIONS:
         channel = _channel(recording, name, getattr(inputs, name))
         course = None if channel is None else recording.values(run, [channel])[:, 0]
         if channel is None or course is None or not np.isfinite(course).any():
@@ -128,14 +137,14 @@ def driven(recording: Recording, run: str, inputs: InputsSection, otherwise: Con
         values[name] = _without_gaps(course)
         channels[channel] = name
         _within_limits(name, values[name], f"channel {channel!r} of run {run!r}")
-    absent = tuple(name for name in NAMES if name not in channels.values())
+    absent = tuple(name for name in CONDITIONS if name not in channels.values())
     if "spindle_speed" in absent and np.ptp(otherwise.spindle_speed) > 0:
         raise _unusable(
             f"no spindle speed in run {run!r}, and a schedule of its own in the model file",
             "a channel with the role spindle_speed",
             "give the channel this role in the machine file, or name it in [inputs] of the model file",
         )
-    return Driven(Conditions(time_s, *(values[name] for name in NAMES)), channels, absent)
+    return Driven(Conditions(time_s, *values.values()), channels, absent)
 
 
 def condensed(conditions: Conditions, step_s: float) -> Conditions:
@@ -153,7 +162,7 @@ def condensed(conditions: Conditions, step_s: float) -> Conditions:
     total = np.add.reduceat(length, first)
     means = [
         np.r_[np.add.reduceat(values[:-1] * length, first) / total, values[-1]]
-        for values in (condition(conditions, name) for name in NAMES)
+        for values in (condition(conditions, name) for name in CONDITIONS)
     ]
     return Conditions(np.r_[time_s[first], time_s[-1]], *means)
 
@@ -164,11 +173,11 @@ def _channel(recording: Recording, name: str, asked: str | None) -> str | None:
             found = f"no channel {asked!r}, which the model file names in inputs.{name}"
             raise _unusable(found, "one of " + ", ".join(recording.names), "correct the name")
         return asked
-    if name not in _ROLES:
+    if name not in _KNOWN_BY_ROLE:
         return name if name in recording.names else None
-    known = recording.with_role(_ROLES[name])
+    known = recording.with_role(name)
     if len(known) > 1 and name not in known:
-        found = f"{len(known)} channels with the role {_ROLES[name]} ({', '.join(known)})"
+        found = f"{len(known)} channels with the role {name} ({', '.join(known)})"
         raise _unusable(found, "one, or one that is named", f'write {name} = "{known[0]}" under [inputs]')
     return name if name in known else known[0] if known else None
 
@@ -209,7 +218,7 @@ def _without_gaps(values: Vector) -> Vector:
 
 
 def _within_limits(name: str, values: Vector, where: str) -> None:
-    low, high = _LIMITS[name]
+    low, high = CONDITIONS[name].limits
     wrong = ~((values >= low) & (values <= high))
     if wrong.any():
         expected = "0 (off) to 1 (on)" if name in ("coolant_on", "machine_on") else f"{low:g} to {high:g}"

@@ -20,7 +20,7 @@ from selector.physics.thermal.modes.cyclogram import Cyclogram
 from selector.physics.thermal.modes.modes import ModalModel
 from selector.physics.thermal.network.laws import Conditions
 from selector.physics.thermal.network.transient import simulate_heat
-from selector.physics.thermal.schedule import condensed, held_at, lagged, read_out
+from selector.physics.thermal.schedule import CONDITIONS, condensed, held_at, lagged, read_out
 from selector.recording import Channel, Recording
 from selector.types import Vector
 from selector.units import CANONICAL_UNITS
@@ -30,14 +30,6 @@ ALWAYS_RECORDED = ("spindle_speed", "ambient")
 
 _COLD_DEGC, _HOT_DEGC = -50.0, 200.0
 _AXES = ("X", "Y", "Z", "A", "B", "C")
-_INPUT_ROLES = {
-    "spindle_speed": ("spindle_speed", None),
-    "torque": ("state", "torque of the spindle [N·m]"),
-    "ambient": ("ambient", "hall"),
-    "coolant_on": ("state", "coolant: 0 off, 1 on"),
-    "coolant": ("temperature", "coolant"),
-    "machine_on": ("state", "machine: 0 off, 1 on"),
-}
 
 
 @dataclass(frozen=True)
@@ -54,7 +46,7 @@ class FileModel:
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """Names of the conditions that act on it, of `schedule.NAMES`."""
+        """Names of the conditions that act on it, of `schedule.CONDITIONS`."""
         if isinstance(self.machine, ModalModel):
             return ("spindle_speed",)
         laws = self.machine.laws
@@ -103,18 +95,9 @@ class FileModel:
     ) -> Recording:
         """The conditions that act on the model and its outputs, as a recording of one run.
 
-        Parameters
-        ----------
-        conditions : Conditions
-            What is done to the machine, to the end of the run.
-        time_s : ndarray of shape (n_times,), optional
-            Times of the samples [s]; default: every `period_s` of the file.
-        run : str
-            Name of the run.
-        seed : int, optional
-            Of the instruments' noise; default: that of the file.
-        instruments : bool
-            Noise and resolution; without them only the lag of the thermometers remains.
+        `time_s`, shape (n_times,), is of the samples [s]; default: every `period_s` of the file. `seed` is of the
+        instruments' noise; default: that of the file. Without `instruments` there is neither noise nor resolution, only
+        the lag of the thermometers.
 
         Raises
         ------
@@ -261,9 +244,9 @@ def simulation_findings(simulated: Recording) -> tuple[Finding, ...]:
 
 
 def input_channel(name: str) -> Channel:
-    """The channel that holds a condition, by its name in `schedule.NAMES`."""
-    role, place = _INPUT_ROLES[name]
-    return Channel(name, role, CANONICAL_UNITS[role], place)
+    """The channel that holds a condition, by its name in `schedule.CONDITIONS`."""
+    about = CONDITIONS[name]
+    return Channel(name, about.role, CANONICAL_UNITS[about.role], about.place)
 
 
 def _machine(file: ModelFile, built: HeatMachine | None = None) -> HeatMachine | ModalModel:

@@ -48,16 +48,9 @@ def prediction_account(
 ) -> Account:
     """All that is told of a prediction.
 
-    Parameters
-    ----------
-    prediction : Prediction
-        One that was read from its JSON has no duty cycle; what it lacks is left out, and told.
-    description : mapping, optional
-        How the tests were read, as `selector describe` says it.
-    provenance : mapping, optional
-        ``machine``: its name; ``runs``: file and SHA-256 of every run; further facts are shown as they are.
-    drawn : bool
-        For a page, with its drawings.
+    A prediction that was read from its JSON has no duty cycle; what it lacks is left out, and told. `description` says
+    how the tests were read, as `selector describe` does; `provenance` has ``machine``: its name, ``runs``: file and
+    SHA-256 of every run, and further facts, which are shown as they are. A page is `drawn`, with its drawings.
     """
     described, provenance, cyclogram = description or {}, provenance or {}, prediction.cyclogram
     drawings: Mapping[str, Sequence[Block]] = {}
@@ -166,9 +159,9 @@ def _instruction(prediction: Prediction, name: str) -> str:
 
 def _beginning(program: CorrectionProgram) -> str:
     number, operation = next((k, one) for k, one in enumerate(program.operations, start=1) if len(one.times_s) > 1)
-    after = (float(operation.times_s[1]) - operation.start_s) / 60
+    after_s = float(operation.times_s[1]) - operation.start_s
     where = f" of operation {number}" if len(program.operations) > 1 else ""
-    return f"first by {number_text(float(operation.corrections_um[1]))} µm after {_minutes(after)} min{where}"
+    return f"first by {number_text(float(operation.corrections_um[1]))} µm after {_down(after_s):g} min{where}"
 
 
 def _amounts(operation: Operation) -> str:
@@ -177,7 +170,7 @@ def _amounts(operation: Operation) -> str:
         operation.corrections_um[1:].tolist(), (operation.times_s[1:] - operation.start_s).tolist(), strict=True
     )
     told = [
-        f"{amount} µm after {listed([_minutes(time_s / 60) for _, time_s in group])} min"
+        f"{amount} µm after {listed([f'{_down(time_s):g}' for _, time_s in group])} min"
         for amount, group in groupby(steps, key=lambda step: f"{step[0]:.3g}".replace("-", "−"))
     ]
     return "by " + ", ".join(told)
@@ -226,11 +219,6 @@ def _index(prediction: Prediction, name: str) -> int:
 
 def _times(count: int) -> str:
     return {1: "once", 2: "twice"}.get(count, f"{count} times")
-
-
-def _minutes(minutes: float) -> str:
-    # down, so that a correction read from here is never late
-    return f"{math.floor(minutes * 10 + 1e-6) / 10:g}"
 
 
 _ASK = (

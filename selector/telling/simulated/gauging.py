@@ -11,7 +11,7 @@ from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulati
 from selector.physics.gauging.gauging_summary import GaugingSummary
 from selector.physics.gauging.grinding.finished_sizes import FinishedSizes
 from selector.physics.gauging.process import Tolerance
-from selector.physics.gauging.sizes.capability import Capability
+from selector.physics.gauging.sizes.capability import CONFIDENCE, Capability
 from selector.physics.gauging.sizes.size_distribution import SizeDistribution, size_distribution
 from selector.telling.account import Account, Captioned, Table, Verdict, section, table
 from selector.telling.numbers import NONE, listed, ms_text
@@ -163,7 +163,7 @@ def sizes_table(summary: GaugingSummary, linear: SizeDistribution, wanted_um: fl
 
 def capability_table(one: Capability) -> Table:
     """Cp and Cpk with intervals, and shares out of tolerance."""
-    level = f"{100 * one.confidence:.3g} %"
+    level = f"{100 * CONFIDENCE:.3g} %"
     rows = [
         ("Cp", number_text(one.cp), f"{number_text(one.cp_low)} to {number_text(one.cp_high)}"),
         ("Cpk", number_text(one.cpk), f"{number_text(one.cpk_low)} to {number_text(one.cpk_high)}"),
@@ -455,7 +455,7 @@ def _formula(one: SizeDistribution) -> dict[str, Any]:
 def _capability_data(one: Capability) -> dict[str, Any]:
     return {
         "parts": one.count,
-        "confidence": one.confidence,
+        "confidence": CONFIDENCE,
         "cp": one.cp,
         "cp_interval": [one.cp_low, one.cp_high],
         "cpk": one.cpk,

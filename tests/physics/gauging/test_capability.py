@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from selector.errors import InputError
 from selector.physics.gauging.process import Tolerance
 from selector.physics.gauging.sizes.capability import capability
 
@@ -105,10 +104,3 @@ def test_sizes_without_spread_have_no_capability():
     assert capability([1.0], LIMITS) is None
     assert capability([], LIMITS) is None
     assert capability([0.1 + 0.2, 0.3], LIMITS) is None
-
-
-def test_what_is_no_sample_is_refused():
-    with pytest.raises(InputError, match="1 of 3 sizes are no numbers"):
-        capability([0.0, math.nan, 1.0], LIMITS)
-    with pytest.raises(InputError, match="confidence"):
-        capability([0.0, 1.0], LIMITS, confidence=1.0)

@@ -15,7 +15,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import ndtri
 
-from selector.errors import InputError
 from selector.physics.gauging.gauge.characteristic import Characteristic
 from selector.physics.gauging.gauge.threshold import RippleCrest, voltage_rate_sd_v_per_s
 from selector.physics.gauging.gauge.transducer import Relay
@@ -342,23 +341,3 @@ def test_nothing_random_is_exact():
     for one in both(set_up()):
         assert one.mean_um == pytest.approx(2.0, abs=1e-6)
         assert one.sd_um == 0.0
-        with pytest.raises(InputError, match="do not differ"):
-            one.density()
-
-
-def test_density_and_shares_hold_together():
-    one = size_distribution(set_up(noise=Noise(1.0, 100.0)))
-    at, density = one.density()
-    width = at[1] - at[0]
-    # the outermost 1.6e-4 at each end are not in the table
-    assert density.sum() * width == pytest.approx(1.0, abs=5e-4)
-    below = np.interp([at[30] - width / 2, at[80] + width / 2], one.size_um, one.probability)
-    assert below[0] == pytest.approx(density[:30].sum() * width, abs=5e-4)
-    assert 1.0 - below[1] == pytest.approx(density[81:].sum() * width, abs=5e-4)
-
-
-def test_what_is_no_method_is_refused():
-    with pytest.raises(InputError, match="first-passage"):
-        size_distribution(set_up(), method="exact")  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="parts"):
-        size_distribution(set_up(), parts=0)

@@ -75,7 +75,7 @@ def test_the_command_acts_at_the_size_wanted(until, rate, filter_s, gain, delay_
 
 def test_thresholds_of_stages_take_delay_wear_and_the_run_on_of_the_last():
     grinding = Grinding(100.0, (Stage(22.0, 30.0), Stage(4.4, 2.0)), wheel_wear=0.1, lag_s=0.3)
-    first, last = stage_thresholds_v(GAUGE, grinding, Relay(0.02))
+    first, last = stage_thresholds_v((GAUGE, GAUGE), grinding, Relay(0.02))
     assert first == pytest.approx(threshold_v(GAUGE, 30.0, 20.0, 0.02), rel=1e-14)
     assert last == pytest.approx(threshold_v(GAUGE, 2.0, 4.0, 0.32), rel=1e-14)
     assert first < last  # the voltage rises while the allowance falls
@@ -93,7 +93,6 @@ def test_variance_is_the_integral_of_the_spectrum():
     # as exact as the quadrature
     assert voltage_variance_v2(GAUGE, noise) == pytest.approx(variance, rel=1e-8)
     assert voltage_rate_sd_v_per_s(GAUGE, noise) == pytest.approx(math.sqrt(of_rate), rel=1e-6)
-    assert voltage_variance_v2(GAUGE, noise, Relay(0.0, 0.003)) == pytest.approx(variance + 9e-6, rel=1e-8)
 
 
 def test_wear_grows_until_the_wheel_is_dressed():
@@ -107,11 +106,5 @@ def test_wear_grows_until_the_wheel_is_dressed():
 
 @pytest.mark.parametrize("wrong", [0.0, -1.0, math.nan, math.inf])
 def test_a_feed_that_removes_nothing_is_refused(wrong):
-    for refused in (
-        lambda: removal_rate_um_per_s(wrong),
-        lambda: threshold_v(GAUGE, 0.0, wrong),
-    ):
-        with pytest.raises(InputError, match="above 0"):
-            refused()
     with pytest.raises(InputError, match="feed_um_per_s"):
         Stage(wrong, 0.0)

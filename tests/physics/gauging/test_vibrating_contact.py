@@ -218,27 +218,6 @@ def test_what_cannot_go_on_is_refused_by_name(changed, where):
     assert refused.value.where == where
 
 
-@pytest.mark.parametrize(
-    ("allowance", "time", "where"),
-    [
-        (0.0, [0.0], "time_s"),
-        (0.0, [0.0, 1.0, 1.0], "time_s"),
-        (0.0, [0.0, np.nan], "time_s"),
-        ([0.0, 1.0, 2.0], [0.0, 1.0], "allowance_um"),
-        ([0.0, np.nan], [0.0, 1.0], "allowance_um"),
-    ],
-)
-def test_courses_that_do_not_fit_are_refused(allowance, time, where):
-    with pytest.raises(InputError) as refused:
-        simulate_transducer(TRANSDUCER, allowance, time)
-    assert refused.value.where == where
-
-
-def test_a_tolerance_of_nothing_is_refused():
-    with pytest.raises(InputError, match="relative_tolerance"):
-        simulate_transducer(TRANSDUCER, 0.0, [0.0, 0.1], relative_tolerance=0.0)
-
-
 def test_the_force_of_a_contact_that_leaves_fast_is_0_and_not_a_pull():
     force = contact_force_n(TRANSDUCER.contact, np.array([1e-6, 1e-6, -1e-6]), np.array([0.0, -1.0, 0.1]))
     # 9.5e9 · 1e-9

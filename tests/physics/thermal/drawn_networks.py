@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from selector.physics.thermal.network.laws import Conditions, FilmLaw, HeatLaw, Laws
-from selector.physics.thermal.network.network import HeatShare, Link, Network, Node, Surface
+from selector.physics.thermal.network.network import Network
 
 
 def decades(low, high):
@@ -19,20 +19,21 @@ def networks(draw, max_nodes=7):
     """A connected network: a source on the first node at least, air on the last one, coolant on some."""
     n = draw(st.integers(1, max_nodes))
     # a probe's tip to a bed of several tonnes
-    nodes = [Node(f"n{k}", draw(decades(1, 6)), expansion_um_per_k={"Z": draw(st.floats(-10, 10))}) for k in range(n)]
-    links = [Link(f"n{k}", f"n{draw(st.integers(0, k - 1))}", draw(decades(-1, 3))) for k in range(1, n)]
+    capacity, expansion = {}, {}
+    for k in range(n):
+        capacity[f"n{k}"] = draw(decades(1, 6))
+        expansion[f"n{k}"] = {"Z": draw(st.floats(-10, 10))}
+    links = [(f"n{k}", f"n{draw(st.integers(0, k - 1))}", draw(decades(-1, 3))) for k in range(1, n)]
     extra = draw(st.lists(st.tuples(st.integers(0, n - 1), st.integers(0, n - 1), decades(-1, 3)), max_size=4))
-    links += [Link(f"n{a}", f"n{b}", g) for a, b, g in extra if a != b]
+    links += [(f"n{a}", f"n{b}", g) for a, b, g in extra if a != b]
     wet = draw(st.sets(st.integers(0, n - 1)))
-    surfaces = [Surface("air", f"n{k}", draw(decades(-2, 1))) for k in sorted(wet | {n - 1})]
-    surfaces += [Surface("wash", f"n{k}", draw(decades(-2, 0))) for k in sorted(draw(st.sets(st.integers(0, n - 1))))]
+    areas = {"air": {f"n{k}": draw(decades(-2, 1)) for k in sorted(wet | {n - 1})}}
+    washed = sorted(draw(st.sets(st.integers(0, n - 1))))
+    if washed:
+        areas["wash"] = {f"n{k}": draw(decades(-2, 0)) for k in washed}
     share = draw(st.floats(0.05, 0.95))
-    shares = [
-        HeatShare("friction", "n0", share),
-        HeatShare("friction", f"n{n - 1}", 1 - share),
-        HeatShare("motor", "n0"),
-    ]
-    return Network(tuple(nodes), tuple(links), tuple(surfaces), tuple(shares))
+    friction = {"n0": share, f"n{n - 1}": 1 - share} if n > 1 else {"n0": 1.0}
+    return Network(capacity, links, areas, {"friction": friction, "motor": {"n0": 1.0}}, expansion)
 
 
 @st.composite
@@ -50,7 +51,7 @@ def laws_of(draw, network, softening=False):
         HeatLaw("motor", on_w=draw(st.floats(0, 200)), torque_share=draw(st.floats(0, 0.2))),
     )
     films = [FilmLaw("air", draw(st.floats(1, 15)), draw(st.floats(0, 20)), exponent=0.7)]
-    if "wash" in {surface.film for surface in network.surfaces}:
+    if "wash" in network.area_m2:
         films.append(FilmLaw("wash", draw(st.floats(50, 800)), while_coolant=True, fluid="coolant"))
     return Laws(heat, tuple(films))
 

@@ -126,18 +126,6 @@ def test_what_is_left_of_another_curve_is_the_error_of_the_prediction():
     assert np.abs(left).max() == pytest.approx(16.0)
 
 
-@pytest.mark.parametrize("tolerance", [0.0, -1.0, np.nan, np.inf])
-def test_tolerances_that_cannot_be_used(tolerance):
-    with pytest.raises(InputError, match="tolerance"):
-        correction_program(np.array([0.0, 60]), np.array([0.0, 1]), [60.0], tolerance)
-
-
-@pytest.mark.parametrize("operations", [[], [0.0], [-5.0], [60.0, np.nan], [np.inf]])
-def test_operations_that_cannot_be_used(operations):
-    with pytest.raises(InputError, match="operations"):
-        correction_program(np.array([0.0, 600]), np.array([0.0, 1]), operations, 10.0)
-
-
 @pytest.mark.parametrize(
     ("time", "displacement", "said"),
     [

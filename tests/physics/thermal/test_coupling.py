@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selector.errors import InputError
 from selector.physics.thermal.network.heat_system import Contact, HeatSystem, joined
 from selector.physics.thermal.network.reduction import factorised
 from tests.physics.thermal.reductions import reduced, reduction_error
@@ -70,22 +69,3 @@ def test_the_joined_body_can_be_reduced(machine):
     assert small.size < 100
     # 1e-3: ten times the tolerance of the fields, at a scale between theirs
     assert max(reduction_error(whole, small, sets, [800.0, np.inf]).values()) < 1e-3
-
-
-@pytest.mark.parametrize(
-    ("contact", "words"),
-    [
-        (Contact("chain", "nose", 1.0), "'chain'"),
-        (Contact("bearing", "wheel", 1.0), "'wheel'"),
-        (Contact("bearing", "nose", 0.0), "0 W/K"),
-        (Contact("bearing", "nose", float("nan")), "nan W/K"),
-    ],
-)
-def test_bad_contacts_are_told(machine, contact, words):
-    with pytest.raises(InputError, match=words):
-        joined(machine, shaft(), [contact])
-
-
-def test_names_in_both_are_told(machine):
-    with pytest.raises(InputError, match="sources bearing, motor, nut"):
-        joined(machine, machine, [])

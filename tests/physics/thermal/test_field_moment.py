@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from selector.errors import InputError
-from selector.physics.thermal.field import MachineGeometry, probe_row
+from selector.physics.thermal.field.geometry import MachineGeometry
 from selector.physics.thermal.field.machine import displacement_readings
+from selector.physics.thermal.field.mesh import probe_row
 from selector.physics.thermal.field_model import field_moment, field_of, laws_of
 from selector.physics.thermal.file.model_file import FieldFile, parsed_model_file
 from selector.physics.thermal.schedule import scheduled

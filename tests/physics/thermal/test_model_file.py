@@ -29,7 +29,16 @@ from selector.physics.thermal.file.model_file import (
 from selector.physics.thermal.file.parameters import model_findings, parameters, with_parameters
 from selector.physics.thermal.modes.cyclogram import Cyclogram
 from selector.physics.thermal.network.transient import simulate_heat
-from selector.physics.thermal.schedule import NAMES, condensed, condition, driven, held_at, lagged, read_out, scheduled
+from selector.physics.thermal.schedule import (
+    CONDITIONS,
+    condensed,
+    condition,
+    driven,
+    held_at,
+    lagged,
+    read_out,
+    scheduled,
+)
 from selector.physics.thermal.thermal_model import simulation_findings, thermal_model
 from selector.recording import Channel, Recording
 
@@ -360,7 +369,7 @@ def test_gaps_hold_the_last_value_and_rotation_has_no_sign():
     gaps[10:20] = np.nan
     drive = driven(recording_of(n=gaps), "r1", InputsSection(), own_conditions(checked_model_file(ONE_NODE)))
     np.testing.assert_array_equal(drive.conditions.spindle_speed, speed)
-    assert set(drive.not_recorded) == set(NAMES) - {"spindle_speed", "ambient"}
+    assert set(drive.not_recorded) == set(CONDITIONS) - {"spindle_speed", "ambient"}
 
 
 def test_samples_closer_than_a_step_drive_as_their_mean():
@@ -374,7 +383,7 @@ def test_samples_closer_than_a_step_drive_as_their_mean():
     fewer = condensed(drive, 60.0)
     assert len(fewer.time_s) == 121
     assert fewer.time_s[-1] == drive.time_s[-1]
-    for name in NAMES:
+    for name in CONDITIONS:
         # the integral over the run is kept: sums of 7200 numbers of up to 1000, rounded at 1e-16
         before = np.sum(condition(drive, name)[:-1] * np.diff(drive.time_s))
         after = np.sum(condition(fewer, name)[:-1] * np.diff(fewer.time_s))

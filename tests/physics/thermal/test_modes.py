@@ -119,11 +119,9 @@ def test_a_duty_cycle_may_be_cut_anywhere(minutes, speeds, cut):
     )  # rounding of times up to 3e4 s against time constants of 300 s
 
 
-@pytest.mark.parametrize(
-    ("speed", "words"), [(2100.0, "2000 r/min"), (-1.0, "0 r/min or more"), (float("nan"), "no number")]
-)
-def test_speeds_that_were_not_tested_are_refused(speed, words):
-    with pytest.raises(InputError, match=words):
+@pytest.mark.parametrize("speed", [2100.0, -1.0, float("nan")])
+def test_speeds_that_were_not_tested_are_refused(speed):
+    with pytest.raises(InputError, match="2000 r/min"):
         running(model(), speed, TIME)
 
 
@@ -135,13 +133,6 @@ def test_times_outside_the_cycle_are_refused(time):
 
 def test_standing_machine_stays_where_it_is():
     assert (running(model(), 0.0, TIME) == 0.0).all()
-
-
-def test_parts_that_do_not_fit_are_refused():
-    with pytest.raises(ValueError, match="gains"):
-        model(tau_s=np.array([300.0]))
-    with pytest.raises(ValueError, match="cooling growth"):
-        model(cooling_growth=np.zeros((3, 3)))
 
 
 def test_terms_of_a_law_with_knots_are_powers_at_every_knot():

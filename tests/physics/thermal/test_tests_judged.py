@@ -41,10 +41,10 @@ def repeats(tests, error_um):
 
 
 def test_nothing_is_told_of_good_tests(tests):
-    assert movement_findings(tests, RESPONSES) == []
-    assert warm_start_findings(tests, RESPONSES) == []
-    assert contradiction_findings(tests, repeats(tests, [0.2, 0.3, 0.2]), RESPONSES) == []
-    assert speed_findings(tests, Cyclogram.of_segments((60, 1000), (60, 0))) == []
+    assert list(movement_findings(tests, RESPONSES)) == []
+    assert list(warm_start_findings(tests, RESPONSES)) == []
+    assert list(contradiction_findings(tests, repeats(tests, [0.2, 0.3, 0.2]), RESPONSES)) == []
+    assert list(speed_findings(tests, Cyclogram.of_segments((60, 1000), (60, 0)))) == []
 
 
 @pytest.mark.parametrize("level", [0.0, 5.3])
@@ -73,20 +73,20 @@ def test_warm_starts_are_named(tests):
 
 def test_a_reversed_gauge_is_named(tests):
     turned = [replace(tests[0], displacement_um=-tests[0].displacement_um), *tests[1:]]
-    found = contradiction_findings(turned, repeats(turned, [0.2] * 3), ["Z"])
+    found = list(contradiction_findings(turned, repeats(turned, [0.2] * 3), ["Z"]))
     assert [(f.id, f.where.run, f.where.channel) for f in found] == [("run-contradicts-others", tests[0].run, "Z")]
 
 
 def test_a_run_far_beyond_the_others_is_named(tests):
-    found = contradiction_findings(tests, repeats(tests, [0.2, 30.0, 0.3]), ["Z"])
+    found = list(contradiction_findings(tests, repeats(tests, [0.2, 30.0, 0.3]), ["Z"]))
     assert [f.where.run for f in found] == [tests[1].run]
 
 
 def test_speeds_that_the_tests_say_little_about(tests):
     other = Cyclogram.of_segments((60, 1000), (60, 2000))
     assert [f.id for f in speed_findings(tests[2:], other)] == ["one-speed-tested"]
-    assert speed_findings(tests[2:], Cyclogram.of_segments((60, 2000), (60, 0))) == []
-    slow = speed_findings(tests, Cyclogram.of_segments((60, 1.5)))
+    assert list(speed_findings(tests[2:], Cyclogram.of_segments((60, 2000), (60, 0)))) == []
+    slow = list(speed_findings(tests, Cyclogram.of_segments((60, 1.5))))
     assert [f.id for f in slow] == ["slower-than-tests"]
     assert "1.5 r/min" in slow[0].statement
     assert "800 r/min" in slow[0].statement

@@ -7,13 +7,12 @@ import numpy as np
 from selector.physics.thermal.file.systems import HeatMachine, slowest_time_constants
 from selector.physics.thermal.modes.modes import ModalModel, SpeedLaw
 from selector.physics.thermal.network.laws import Conditions, FilmLaw, Laws
-from selector.physics.thermal.network.network import Network, Node, Surface
+from selector.physics.thermal.network.network import Network
 
 
 def block(*films: FilmLaw) -> HeatMachine:
     """One body of 10 kJ/K with 1 m² at every film: its time constant is 10 000/Σh."""
-    surfaces = tuple(Surface(law.film, "block", 1.0) for law in films)
-    network = Network((Node("block", 1e4, "", None, {}),), (), surfaces, ())
+    network = Network({"block": 1e4}, area_m2={law.film: {"block": 1.0} for law in films})
     return HeatMachine(network.heat_system(), Laws((), films), ("block",))
 
 

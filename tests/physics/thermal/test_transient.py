@@ -14,20 +14,17 @@ from scipy.linalg import expm
 from selector.errors import InputError
 from selector.physics.thermal.network.heat_system import HeatSystem
 from selector.physics.thermal.network.laws import Conditions, FilmLaw, HeatLaw, Laws
-from selector.physics.thermal.network.network import HeatShare, Link, Network, Node, Surface
+from selector.physics.thermal.network.network import Network
 from selector.physics.thermal.network.transient import simulate_heat
 from tests.physics.thermal.drawn_networks import courses, laws_of, networks
 from tests.physics.thermal.heat_balances import rates
 
 HEADSTOCK = Network(
-    (
-        Node("bearing", 2000.0, expansion_um_per_k={"Z": 1.0}),
-        Node("housing", 30000.0, expansion_um_per_k={"Z": 3.0}),
-        Node("column", 2e5, expansion_um_per_k={"Z": -1.0}),
-    ),
-    (Link("bearing", "housing", 20.0), Link("housing", "column", 15.0)),
-    (Surface("walls", "housing", 0.5), Surface("walls", "column", 2.0)),
-    (HeatShare("friction", "bearing"),),
+    {"bearing": 2000.0, "housing": 30000.0, "column": 2e5},
+    [("bearing", "housing", 20.0), ("housing", "column", 15.0)],
+    {"walls": {"housing": 0.5, "column": 2.0}},
+    {"friction": {"bearing": 1.0}},
+    {"bearing": {"Z": 1.0}, "housing": {"Z": 3.0}, "column": {"Z": -1.0}},
 )
 FRICTION = HeatLaw("friction", speed_w=100.0, exponent=1.5)
 SOFTENING = dataclasses.replace(FRICTION, softening_per_k=0.02, at="bearing")
@@ -42,7 +39,7 @@ def history(heat, conditions=SHIFT, *, time_s=(0.0, 1800.0, 3600.0, 3700.0, 1080
 
 
 def one_node():
-    return Network((Node("block", 5000.0),), (), (Surface("air", "block", 0.5),), (HeatShare("heater", "block"),))
+    return Network({"block": 5000.0}, area_m2={"air": {"block": 0.5}}, shares={"heater": {"block": 1.0}})
 
 
 def test_one_node_warms_with_one_exponential():
@@ -58,9 +55,7 @@ def test_one_node_warms_with_one_exponential():
 
 def test_two_nodes_follow_their_closed_form():
     c1, c2, g, h = 800.0, 20000.0, 12.0, 6.0
-    network = Network(
-        (Node("a", c1), Node("b", c2)), (Link("a", "b", g),), (Surface("air", "b", 1.0),), (HeatShare("q", "a"),)
-    )
+    network = Network({"a": c1, "b": c2}, [("a", "b", g)], {"air": {"b": 1.0}}, {"q": {"a": 1.0}})
     laws = Laws((HeatLaw("q", on_w=50.0),), (FilmLaw("air", h),))
     at = np.linspace(0, 20000, 41)
     found = simulate_heat(
@@ -127,7 +122,7 @@ def test_nothing_gets_warmer_than_what_warms_it(data):
     """Maximum principle: without heat, temperatures stay between the coldest and the warmest of start and fluids."""
     network, conditions = data.draw(networks()), data.draw(courses(quiet=True))
     laws = data.draw(laws_of(network))
-    start = np.array([data.draw(st.floats(0, 60)) for _ in network.nodes])
+    start = np.array([data.draw(st.floats(0, 60)) for _ in network.heat_capacity_j_per_k])
     at = np.linspace(0, conditions.time_s[-1], 50)
     found = simulate_heat(
         network.heat_system(), laws, conditions, time_s=at, step_s=100.0, start_state=start, method="exact"
@@ -157,10 +152,10 @@ def test_heat_cools_nothing(data):
 def test_reciprocity_at_every_instant(data):
     """1 W in node i warms node j as 1 W in node j warms node i, at every time."""
     network = data.draw(networks())
-    names = [node.name for node in network.nodes]
+    names = list(network.heat_capacity_j_per_k)
     pair = [data.draw(st.sampled_from(names)) for _ in range(2)]
-    shares = tuple(HeatShare(f"in {k}", name) for k, name in enumerate(pair))
-    system = dataclasses.replace(network, heat_shares=shares).heat_system()
+    shares = {f"in {k}": {name: 1.0} for k, name in enumerate(pair)}
+    system = dataclasses.replace(network, shares=shares).heat_system()
     films = (FilmLaw("air", 8.0),)
     at = [1.0, 30.0, 1000.0, 50000.0]
     rise = [
@@ -250,9 +245,7 @@ def test_between_implicit_steps_the_readings_stay_of_second_order():
 
 
 def test_steps_far_longer_than_the_quickest_time_constant_do_not_ring():
-    network = Network(
-        (Node("tip", 1.0), Node("body", 1e5)), (Link("tip", "body", 50.0),), (Surface("air", "body", 1.0),), ()
-    )
+    network = Network({"tip": 1.0, "body": 1e5}, [("tip", "body", 50.0)], {"air": {"body": 1.0}})
     found = simulate_heat(
         network.heat_system(), Laws((), (FilmLaw("air", 10.0),)), Conditions.held([0.0, 6000.0]),
         time_s=np.arange(0.0, 6001.0, 100.0), step_s=100.0, start_state=[80.0, 20.0], method="implicit",
@@ -293,7 +286,7 @@ def test_switched_off_terms_leave_the_simpler_machine():
     nearly = dataclasses.replace(SOFTENING, softening_per_k=1e-9)
     np.testing.assert_allclose(history(nearly, step_s=5.0).probe_degc, plain, atol=1e-5)
     # a washed surface without coolant is a dry one
-    washed = dataclasses.replace(HEADSTOCK, surfaces=(*HEADSTOCK.surfaces, Surface("wash", "column", 1.0)))
+    washed = dataclasses.replace(HEADSTOCK, area_m2={**HEADSTOCK.area_m2, "wash": {"column": 1.0}})
     dry = simulate_heat(
         washed.heat_system(), Laws((FRICTION,), (WALLS, FilmLaw("wash", 500.0, while_coolant=True, fluid="coolant"))),
         SHIFT, time_s=[0.0, 1800.0, 3600.0, 3700.0, 10800.0], step_s=10.0, start_degc=22.0,
@@ -420,12 +413,6 @@ def test_matrices_that_make_heat_on_the_way_are_refused():
 @pytest.mark.parametrize(
     ("options", "found"),
     [
-        ({"start_degc": None}, "no start temperature"),
-        ({"start_state": [20.0] * 3}, "two starts"),
-        ({"start_degc": None, "start_state": [20.0] * 2}, r"a start state of shape \(2,\)"),
-        ({"start_degc": float("nan")}, "a start without a number"),
-        ({"step_s": 0.0}, "step_s = 0"),
-        ({"step_s": float("nan")}, "step_s = nan"),
         ({"time_s": [0.0, 20000.0]}, "time_s reaches 20000 s"),
         ({"time_s": [-1.0]}, "time_s reaches -1 s"),
         ({"time_s": [5.0, 1.0]}, "runs backwards"),

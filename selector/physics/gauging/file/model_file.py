@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 from pydantic import Field
 
@@ -27,6 +27,7 @@ from selector.physics.gauging.grinding.part_plan import (
     too_long,
 )
 from selector.physics.gauging.process import Grinding, Noise, Stage, Surface, Tolerance
+from selector.physics.model_fields import Fit, Unit
 from selector.physics.model_text import (
     MOST_SAMPLES,
     Bounds,
@@ -91,7 +92,7 @@ class RunSection(Entry):
 class ThresholdsSection(Entry):
     """``[thresholds]``: voltages of the relay, where they are not those of eq. 23."""
 
-    volts: Annotated[tuple[Signed, ...], Field(min_length=1, max_length=MOST_STAGES)]
+    volts: Annotated[tuple[Signed, ...], Field(min_length=1, max_length=MOST_STAGES), Unit("V"), Fit()]
 
 
 class RecordedSection(Entry):
@@ -464,15 +465,5 @@ def _of_thresholds(file: GaugingFile) -> Iterator[Contradiction]:
 FAMILY: ModelFamily[GaugingFile] = ModelFamily(
     "gauging", KINDS, contradictions, page="docs/reference/gauging-model.md", examples="fixtures/gauging"
 )
-read_model_file = FAMILY.read
-"""The model file at a path, see `ModelFamily.read`."""
-
-
-def parsed_model_file(text: str, *, where: str = "model file") -> GaugingFile:
-    """The model file with this content, see `ModelFamily.parsed`."""
-    return FAMILY.parsed(text, where=where)
-
-
-def checked_model_file(values: Mapping[str, Any], *, where: str = "model file") -> GaugingFile:
-    """The model file with these sections as plain values, see `ModelFamily.checked`."""
-    return FAMILY.checked(values, where=where)
+read_model_file, parsed_model_file, checked_model_file = FAMILY.read, FAMILY.parsed, FAMILY.checked
+"""The model file at a path, of a text, and of plain values; see `ModelFamily`."""

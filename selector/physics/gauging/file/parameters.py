@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from selector.physics.gauging.file.model_file import GaugingFile, checked_model_file, file_parts
-from selector.physics.model_fields import Fit, numbers_of
+from selector.physics.model_fields import numbers_of
 from selector.physics.model_parameters import Number, Parameter, file_with, parameters_of
-
-_VOLTS = Fit()
 
 
 def parameters(file: GaugingFile) -> dict[str, Parameter]:
@@ -40,5 +38,4 @@ def _numbers(file: GaugingFile) -> Iterator[Number]:
         if turns and (grooved or not str(number.path[-1]).startswith("groove_")):
             yield number
     yield from numbers_of(parts.noise, ("noise",))
-    for place, volts in enumerate(file.thresholds.volts if file.thresholds is not None else ()):
-        yield Number(("thresholds", "volts", place), volts, *_VOLTS.bounds(volts), "V")
+    yield from numbers_of(file.thresholds, ("thresholds",))

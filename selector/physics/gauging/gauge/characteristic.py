@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -46,20 +46,8 @@ class Characteristic:
     findings: tuple[Finding, ...] = ()  #: Swings that never repeat or are not the only one
 
     def __post_init__(self) -> None:
-        allowance, voltage = (np.array(values, dtype=np.float64) for values in (self.allowance_um, self.voltage_v))
-        if (
-            allowance.ndim != 1 or allowance.shape != voltage.shape or len(allowance) < 2
-            or not np.isfinite([allowance, voltage]).all() or (np.diff(allowance) <= 0).any()
-        ):  # fmt: skip
-            raise InputError(
-                f"allowances of shape {allowance.shape} and voltages of shape {voltage.shape}",
-                expected="two or more finite pairs, the allowances increasing",
-                where="allowance_um",
-                advice="sort the points and keep one an allowance",
-            )
-        for name, values in (("allowance_um", allowance), ("voltage_v", voltage)):
+        for values in (self.allowance_um, self.voltage_v):
             values.flags.writeable = False
-            object.__setattr__(self, name, values)
 
     @cached_property
     def _curve(self) -> PchipInterpolator:
@@ -134,44 +122,27 @@ class Characteristic:
         return np.asarray(self.allowance_um[piece] + 0.5 * (below + above), dtype=np.float64)
 
 
-def characteristic(
-    transducer: Transducer,
-    allowances_um: ArrayLike | None = None,
-    *,
-    points: int = POINTS,
-    relative_tolerance: float = 1e-8,
-) -> Characteristic:
+def characteristic(transducer: Transducer, allowances_um: Vector | None = None) -> Characteristic:
     """Steady swings at allowances, come to from larger ones as in grinding; once more upwards, to find other swings.
 
-    Without `allowances_um`: `points` of them, from a little below the first touch to where the probe's rest position
-    or the end of A = A0 − x is; they are closer where the swing begins to touch.
+    Without increasing `allowances_um`: `POINTS` of them, from a little below the first touch to where the probe's rest
+    position or the end of A = A0 − x is; they are closer where the swing begins to touch.
 
     Raises
     ------
     InputError
-        If the free swing reaches a core, or allowances do not increase.
+        If the free swing reaches a core.
     """
-    free = steady_swing(transducer, None, relative_tolerance=relative_tolerance)
+    free = steady_swing(transducer, None)
     rest_um, amplitude_um = 1e6 * transducer.rest_gap_m, 0.5 * free.stroke_um
     touch_um = rest_um - free.highest_um
-    allowance = (
-        _usual_allowances(touch_um, amplitude_um, rest_um, points)
-        if allowances_um is None
-        else np.array(allowances_um, dtype=np.float64)
-    )
-    if allowance.ndim != 1 or len(allowance) < 2 or not (np.diff(allowance) > 0).all():
-        raise InputError(
-            f"{allowance.size} allowances that do not increase",
-            expected="two or more allowances, each larger than the one before",
-            where="allowances_um",
-            advice="sort them, or leave them out",
-        )
+    allowance = _usual_allowances(touch_um, amplitude_um, rest_um) if allowances_um is None else allowances_um
     fallen: list[SteadySwing] = []
     risen: list[SteadySwing] = []
     for swings, order in ((fallen, allowance[::-1]), (risen, allowance)):
         start = free.state
         for at_um in order:
-            swing = steady_swing(transducer, float(at_um), start=start, relative_tolerance=relative_tolerance)
+            swing = steady_swing(transducer, float(at_um), start=start)
             start = swing.state
             swings.append(swing)
     fallen.reverse()
@@ -184,14 +155,14 @@ def characteristic(
         rounds=np.array([swing.rounds for swing in fallen], dtype=np.int64),
         free_amplitude_um=amplitude_um,
         touch_um=touch_um,
-        findings=_findings(fallen, risen, free.voltage_v),
+        findings=tuple(_findings(fallen, risen, free.voltage_v)),
     )
 
 
-def _usual_allowances(touch_um: float, amplitude_um: float, rest_um: float, points: int) -> Vector:
+def _usual_allowances(touch_um: float, amplitude_um: float, rest_um: float) -> Vector:
     end = max(rest_um, touch_um + amplitude_um) + 0.01 * amplitude_um
     before = [touch_um - 0.05 * amplitude_um, touch_um]
-    return np.concatenate([before, touch_um + (end - touch_um) * np.linspace(0.0, 1.0, points - 1)[1:] ** 1.5])
+    return np.concatenate([before, touch_um + (end - touch_um) * np.linspace(0.0, 1.0, POINTS - 1)[1:] ** 1.5])
 
 
 def linear_gauge(characteristic: Characteristic, at_um: float, time_constant_s: float) -> LinearGauge:
@@ -215,33 +186,13 @@ def linear_gauge(characteristic: Characteristic, at_um: float, time_constant_s: 
 
 
 def linear_range_um(characteristic: Characteristic, gauge: LinearGauge, tolerance_um: float) -> tuple[float, float]:
-    """Allowances around that of the line between which it is wrong by at most a tolerance of size [µm].
-
-    Raises
-    ------
-    InputError
-        If the tolerance is not above 0, or the line is wrong by more where it should touch.
-    """
-    if not tolerance_um > 0:
-        raise InputError(
-            f"{tolerance_um:g} µm",
-            expected="a number above 0",
-            where="tolerance_um",
-            advice="give the error of size that does not matter",
-        )
+    """Allowances around that of the line between which it is wrong by at most a tolerance of size [µm]."""
 
     def wrong(at_um: Vector) -> NDArray[np.bool_]:
         line = gauge.bias_v + gauge.gain_v_per_um * at_um
         return np.abs(characteristic.voltage_at(at_um) - line) > tolerance_um * abs(gauge.gain_v_per_um)
 
     middle = gauge.allowance_um
-    if wrong(np.array([middle]))[0]:
-        raise InputError(
-            f"a line that is off by more than {tolerance_um:g} µm at {gauge.allowance_um:g} µm itself",
-            expected="a line that touches the characteristic",
-            where="gauge",
-            advice="take linear_gauge at this allowance",
-        )
     low, high = (_edge(wrong, middle, float(end)) for end in characteristic.allowance_um[[0, -1]])
     return low, high
 
@@ -259,29 +210,24 @@ def _edge(wrong: Callable[[Vector], NDArray[np.bool_]], right_um: float, end_um:
     return float(right)
 
 
-def _findings(fallen: Sequence[SteadySwing], risen: Sequence[SteadySwing], most_v: float) -> tuple[Finding, ...]:
-    told = []
+def _findings(fallen: Sequence[SteadySwing], risen: Sequence[SteadySwing], most_v: float) -> Iterator[Finding]:
     irregular = [swing for swing in fallen if swing.rounds == 0]
     if irregular:
         worst = max(swing.voltage_sd_v for swing in irregular)
-        told.append(
-            FINDINGS.finding(
-                "irregular-swing",
-                f"{_at(irregular)} the impacts never repeat: mean voltages over {IRREGULAR_ROUNDS} periods of the "
-                f"pull, or fewer, are known to {1e3 * worst:.2g} mV only, and the smoothed voltage wanders.",
-                evidence={"allowance_um": [swing.allowance_um for swing in irregular], "voltage_sd_v": worst},
-            )
+        yield FINDINGS.finding(
+            "irregular-swing",
+            f"{_at(irregular)} the impacts never repeat: mean voltages over {IRREGULAR_ROUNDS} periods of the "
+            f"pull, or fewer, are known to {1e3 * worst:.2g} mV only, and the smoothed voltage wanders.",
+            evidence={"allowance_um": [swing.allowance_um for swing in irregular], "voltage_sd_v": worst},
         )
     several = [swing for swing in fallen if swing.rounds > 1]
     if several:
         most = max(swing.rounds for swing in several)
-        told.append(
-            FINDINGS.finding(
-                "swing-of-several-rounds",
-                f"{_at(several)} the swing repeats only after {'2' if most == 2 else f'2 to {most}'} periods of the "
-                "pull: the probe does not touch in every one alike.",
-                evidence={"allowance_um": [swing.allowance_um for swing in several], "rounds": most},
-            )
+        yield FINDINGS.finding(
+            "swing-of-several-rounds",
+            f"{_at(several)} the swing repeats only after {'2' if most == 2 else f'2 to {most}'} periods of the "
+            "pull: the probe does not touch in every one alike.",
+            evidence={"allowance_um": [swing.allowance_um for swing in several], "rounds": most},
         )
     other = [
         (down, up)
@@ -290,15 +236,12 @@ def _findings(fallen: Sequence[SteadySwing], risen: Sequence[SteadySwing], most_
     ]
     if other:
         apart = max(abs(down.voltage_v - up.voltage_v) for down, up in other)
-        told.append(
-            FINDINGS.finding(
-                "two-swings",
-                f"{_at([down for down, _ in other])} two swings can last, up to {apart:.3g} V apart: the voltage "
-                "depends on where the allowance came from. Shown is what comes of a larger one.",
-                evidence={"allowance_um": [down.allowance_um for down, _ in other], "apart_v": apart},
-            )
+        yield FINDINGS.finding(
+            "two-swings",
+            f"{_at([down for down, _ in other])} two swings can last, up to {apart:.3g} V apart: the voltage "
+            "depends on where the allowance came from. Shown is what comes of a larger one.",
+            evidence={"allowance_um": [down.allowance_um for down, _ in other], "apart_v": apart},
         )
-    return tuple(told)
 
 
 def _at(swings: Sequence[SteadySwing]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,6 @@ from numpy.typing import ArrayLike
 from scipy.special import exprel
 
 from selector.errors import InputError
-from selector.physics.checks import require_positive
 from selector.physics.gauging.gauge.transducer import LinearGauge, Relay
 from selector.physics.gauging.process import Grinding, Noise
 from selector.types import Vector
@@ -36,25 +36,8 @@ def wear_share(grinding: Grinding, part: int = 0) -> float:
     return share
 
 
-def removal_rate_um_per_s(feed_um_per_s: float, wear: float = 0.0) -> float:
-    """How fast the allowance falls, a = feed/(1 + wear) (G eq. 1) [µm/s]; `wear` is the wheel's loss over its removal.
-
-    Raises InputError if nothing is removed: a feed of 0 or less, or a wear that is no share.
-    """
-    if not (math.isfinite(feed_um_per_s) and feed_um_per_s > 0):
-        raise InputError(
-            f"a feed of {feed_um_per_s:g} µm/s",
-            expected="a feed above 0: without it the allowance does not fall and no threshold is reached",
-            where="feed_um_per_s",
-            advice="give the infeed of this stage",
-        )
-    if not 0 <= wear < 1:
-        raise InputError(
-            f"{wear:g}: the wheel loses more than it removes",
-            expected="a share from 0 to below 1",
-            where="wheel_wear",
-            advice="give the loss of radius over the removed allowance",
-        )
+def removal_rate_um_per_s(feed_um_per_s: float, wear: float) -> float:
+    """How fast the allowance falls, a = feed/(1 + wear) (G eq. 1) [µm/s]; `wear`: loss of the wheel over removal."""
     return feed_um_per_s / (1.0 + wear)
 
 
@@ -111,16 +94,15 @@ def threshold_v(gauge: LinearGauge, until_um: float, rate_um_per_s: float, delay
     the springs still hold is taken off after the feed stands.
     """
     ahead_s = gauge.time_constant_s + delay_s
-    return gauge.bias_v + gauge.gain_v_per_um * (until_um + _rate(rate_um_per_s) * ahead_s)
+    return gauge.bias_v + gauge.gain_v_per_um * (until_um + rate_um_per_s * ahead_s)
 
 
-def stage_thresholds_v(gauge: LinearGauge, grinding: Grinding, relay: Relay | None = None) -> tuple[float, ...]:
-    """Thresholds of all stages by eq. 23 for a freshly dressed wheel, relay delay and run-on of the springs included.
+def stage_thresholds_v(gauges: Sequence[LinearGauge], grinding: Grinding, relay: Relay) -> tuple[float, ...]:
+    """Thresholds by eq. 23 for a freshly dressed wheel, relay delay and run-on of the springs included.
 
-    A stage that is too short for the transient of the one before ends early or late; `mean_voltage_v` tells by how
-    much.
+    `gauges` has the line of each stage. A stage that is too short for the transient of the one before ends early or
+    late; `mean_voltage_v` tells by how much.
     """
-    delay_s = 0.0 if relay is None else relay.delay_s
     wear = wear_share(grinding)
     last = len(grinding.stages) - 1
     return tuple(
@@ -128,19 +110,18 @@ def stage_thresholds_v(gauge: LinearGauge, grinding: Grinding, relay: Relay | No
             gauge,
             stage.until_um,
             removal_rate_um_per_s(stage.feed_um_per_s, wear),
-            delay_s + (grinding.lag_s if number == last else 0.0),
+            relay.delay_s + (grinding.lag_s if number == last else 0.0),
         )
-        for number, stage in enumerate(grinding.stages)
+        for number, (gauge, stage) in enumerate(zip(gauges, grinding.stages, strict=True))
     )
 
 
-def voltage_variance_v2(gauge: LinearGauge, noise: Noise, relay: Relay | None = None) -> float:
-    """Variance of the compared voltage: D_x·K²/(1 + β·T_Φ) (G eq. 25), plus that of the relay's own noise [V²].
+def voltage_variance_v2(gauge: LinearGauge, noise: Noise) -> float:
+    """Variance of the smoothed voltage: D_x·K²/(1 + β·T_Φ) (G eq. 25) [V²].
 
     A lag of the removal does not change it: the noise is in what the gauge sees, not in what the wheel removes.
     """
-    white = 0.0 if relay is None else relay.noise_v**2
-    return (noise.sd_um * gauge.gain_v_per_um) ** 2 / (1.0 + noise.rate_per_s * gauge.time_constant_s) + white
+    return (noise.sd_um * gauge.gain_v_per_um) ** 2 / (1.0 + noise.rate_per_s * gauge.time_constant_s)
 
 
 def voltage_rate_sd_v_per_s(gauge: LinearGauge, noise: Noise) -> float:
@@ -153,18 +134,6 @@ def voltage_rate_sd_v_per_s(gauge: LinearGauge, noise: Noise) -> float:
     return abs(gauge.gain_v_per_um) * noise.sd_um * math.sqrt(beta / (filter_s * (1.0 + beta * filter_s)))
 
 
-def _rate(rate_um_per_s: float) -> float:
-    """The rate itself, if it is one at which an allowance falls."""
-    if not (math.isfinite(rate_um_per_s) and rate_um_per_s > 0):
-        raise InputError(
-            f"an allowance that falls at {rate_um_per_s:g} µm/s",
-            expected="a rate above 0",
-            where="rate_um_per_s",
-            advice="give the feed of this stage; without it no threshold is ever reached",
-        )
-    return rate_um_per_s
-
-
 @dataclass(frozen=True, eq=False)
 class RippleCrest:
     """Peaks of the ripple over allowances that stay."""
@@ -174,23 +143,6 @@ class RippleCrest:
     crest_v: Vector
     time_constant_s: float  #: T_Φ of the filter behind which that is [s]
     frequency_hz: float  #: Of the rectified swing, at which the ripple is [Hz]
-
-    def __post_init__(self) -> None:
-        require_positive(self, "time_constant_s", "frequency_hz")
-        allowance, crest = (np.array(values, dtype=np.float64) for values in (self.allowance_um, self.crest_v))
-        if (
-            allowance.ndim != 1 or allowance.shape != crest.shape or len(allowance) < 2
-            or not np.isfinite([allowance, crest]).all() or (np.diff(allowance) <= 0).any() or (crest < 0).any()
-        ):  # fmt: skip
-            raise InputError(
-                f"allowances of shape {allowance.shape} and crests of shape {crest.shape}",
-                expected="two or more finite pairs, the allowances increasing, no crest below 0",
-                where="crest_v",
-                advice="sort the points and keep one an allowance",
-            )
-        for name, values in (("allowance_um", allowance), ("crest_v", crest)):
-            values.flags.writeable = False
-            object.__setattr__(self, name, values)
 
     def crest_at(self, allowance_um: ArrayLike, time_constant_s: float) -> Vector:
         """Peaks behind a filter of this T_Φ, shape of `allowance_um` [V]; beyond the points that of the nearest one.

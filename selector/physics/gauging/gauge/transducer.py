@@ -170,13 +170,6 @@ STEPS_PER_ROUND, STEPS_PER_KNOT = 50_000, 1000
 
 def packed(transducer: Transducer, relative_tolerance: float) -> Vector:
     """Parameters of the compiled swing; the filter is the transducer's own, time 0 a zero crossing of the supply."""
-    if not 0.0 < relative_tolerance <= 1e-2:
-        raise InputError(
-            f"{relative_tolerance:g}",
-            expected="a number above 0, at most 0.01",
-            where="relative_tolerance",
-            advice="leave it out",
-        )
     magnet, probe, generator = transducer.electromagnet, transducer.probe, transducer.generator
     p = np.zeros(at.PARAMETERS)
     mains = 2.0 * math.pi * magnet.frequency_hz
@@ -213,19 +206,16 @@ def round_s(transducer: Transducer) -> float:
 
 def refusal(ended: int, transducer: Transducer) -> InputError:
     """Why a swing could not go on."""
-    if ended == at.MAGNET_REACHED:
+    gaps_m = {
+        at.MAGNET_REACHED: ("electromagnet", transducer.electromagnet.gap_m or 0.0),
+        at.CORE_REACHED: ("generator", transducer.generator.gap_m),
+    }
+    if ended in gaps_m:
+        part, gap_m = gaps_m[ended]
         return InputError(
-            "the probe swings across the air gap of the electromagnet"
-            f" ({1e3 * (transducer.electromagnet.gap_m or 0.0):g} mm)",
+            f"the probe swings across the air gap of the {part} ({1e3 * gap_m:g} mm)",
             expected="a swing that stays off the core",
-            where="electromagnet.gap_m",
-            advice="widen the gap, stiffen the probe, or lower voltage_v or force_n_per_a2",
-        )
-    if ended == at.CORE_REACHED:
-        return InputError(
-            f"the probe swings across the air gap of the generator ({1e3 * transducer.generator.gap_m:g} mm)",
-            expected="a swing that stays off the core",
-            where="generator.gap_m",
+            where=f"{part}.gap_m",
             advice="widen the gap, stiffen the probe, or lower voltage_v or force_n_per_a2",
         )
     return InputError(

@@ -9,8 +9,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from selector.errors import InputError
-from selector.physics.checks import require_finite
 from selector.physics.gauging.gauge import _swing as at
 from selector.physics.gauging.gauge.transducer import (
     FAR_M,
@@ -25,6 +23,9 @@ from selector.physics.gauging.gauge.transducer import (
 )
 from selector.types import Matrix, Vector
 
+RELATIVE_TOLERANCE = 1e-8
+"""Error of a step as a share of the free swing."""
+
 
 @dataclass(frozen=True)
 class GaugeState:
@@ -37,11 +38,6 @@ class GaugeState:
     #: generator_v and smoothed_v: u, S [V]; u does not matter where the generator has no time constant
     generator_v: float = 0.0
     smoothed_v: float = 0.0
-
-    def __post_init__(self) -> None:
-        require_finite(self, "probe_m", "probe_m_per_s", "generator_v", "smoothed_v")
-        if self.current_a is not None:
-            require_finite(self, "current_a")
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,30 +71,23 @@ def simulate_transducer(
     time_s: ArrayLike,
     *,
     start: GaugeState | None = None,
-    relative_tolerance: float = 1e-8,
+    relative_tolerance: float = RELATIVE_TOLERANCE,
 ) -> GaugeMotion:
     """What goes on in a gauge while the allowance changes; see docs/explanation/vibrating-contact-gauge.md.
 
     Steps are as long as the tolerance allows; touches are located in time. The supply is V0·sin(ω0·time_s). Relay and
     its noise are left to what compares the smoothed voltage.
 
-    Parameters
-    ----------
-    allowance_um : array-like of shape (n_samples,), or one number
-        At the samples; straight between them [µm].
-    time_s : array-like of shape (n_samples,)
-        Increasing [s].
-    start
-        None: at rest, or pushed back to the surface; the coil is switched on at the first sample.
-    relative_tolerance
-        Error of a step as a share of the free swing.
+    `allowance_um` is one number, or one a sample, straight between them [µm]. Without a `start` the probe is at rest,
+    or pushed back to the surface, and the coil is switched on at the first sample.
 
     Raises
     ------
     InputError
-        If shapes do not fit, the probe reaches a core, or nothing can follow contact or generator.
+        If the probe reaches a core, or nothing can follow contact or generator.
     """
-    time, allowance = _checked(time_s, allowance_um)
+    time = np.array(time_s, dtype=np.float64)
+    allowance = np.broadcast_to(np.asarray(allowance_um, dtype=np.float64), time.shape)
     plane = transducer.rest_gap_m - 1e-6 * allowance
     p = packed(transducer, relative_tolerance)
     p[at.PHASE] = math.fmod(p[at.PHASE] - p[at.MAINS] * time[0], 2.0 * math.pi)
@@ -137,27 +126,6 @@ def contact_force_n(contact: Contact, overlap_m: Vector, overlap_m_per_s: Vector
     return elastic * np.maximum(1.0 + contact.damping_s_per_m * overlap_m_per_s, 0.0)
 
 
-def _checked(time_s: ArrayLike, allowance_um: ArrayLike) -> tuple[Vector, Vector]:
-    time, allowance = np.array(time_s, dtype=np.float64), np.array(allowance_um, dtype=np.float64)
-    if time.ndim != 1 or len(time) < 2 or not np.isfinite(time).all() or (np.diff(time) <= 0).any():
-        raise InputError(
-            "times that do not increase, or fewer than two",
-            expected="at least two times, each after the one before",
-            where="time_s",
-            advice="sort the times and keep one sample a time",
-        )
-    if allowance.ndim == 0:
-        allowance = np.full(len(time), float(allowance))
-    if allowance.shape != time.shape or not np.isfinite(allowance).all():
-        raise InputError(
-            f"allowances of shape {allowance.shape}" + ("" if np.isfinite(allowance).all() else " with missing values"),
-            expected=f"one finite number, or {len(time)}, one a sample",
-            where="allowance_um",
-            advice="give the allowance at the times",
-        )
-    return time, allowance
-
-
 MOST_ROUNDS_TO_REPEAT = 8
 """A swing that does not repeat within so many rounds counts as irregular."""
 IRREGULAR_ROUNDS = 400
@@ -191,7 +159,6 @@ class SteadySwing:
     stroke_um: float
     highest_um: float
     rounds: int  #: After how many periods of the pull it repeats; 0: never
-    touches: float  #: Touches in a period of the pull
     state: GaugeState  #: At a zero crossing of the supply that rises
 
 
@@ -221,13 +188,7 @@ class _Rounds(NamedTuple):
         return float(np.max(np.abs(a[..., :2] - b[..., :2]) / self.p[at.SCALES : at.SCALES + 2]))
 
 
-def steady_swing(
-    transducer: Transducer,
-    allowance_um: float | None,
-    *,
-    start: GaugeState | None = None,
-    relative_tolerance: float = 1e-8,
-) -> SteadySwing:
+def steady_swing(transducer: Transducer, allowance_um: float | None, *, start: GaugeState | None = None) -> SteadySwing:
     """The swing that lasts, come to from `start`; an allowance of None: a workpiece out of reach.
 
     Rounds are run until they repeat within 3e-7 of the free swing; Newton's method on the states of a round is tried
@@ -239,7 +200,7 @@ def steady_swing(
         If the probe reaches a core, or nothing can follow contact or generator.
     """
     plane = FAR_M if allowance_um is None else transducer.rest_gap_m - 1e-6 * allowance_um
-    p = packed(transducer, relative_tolerance)
+    p = packed(transducer, RELATIVE_TOLERANCE)
     widen_scales(p, 0.0, 0.0, plane)
     summing = p.copy()
     summing[at.RATE], summing[at.LEAK] = 1.0 / round_s(transducer), 0.0
@@ -260,7 +221,6 @@ def steady_swing(
         stroke_um=1e6 * float(out[:, 4].max() - out[:, 5].min()),
         highest_um=1e6 * float(out[:, 4].max()),
         rounds=repeats,
-        touches=float(out[:, 6].mean()),
         state=GaugeState(float(state[0]), float(state[1]), None, float(state[2]), mean_v),
     )
 

@@ -36,19 +36,10 @@ def voltage_course(
     """Smoothed voltage at the samples of an allowance that goes straight from one to the next [V].
 
     It begins as if the first allowance had stood for long. What the filter is fed goes straight between points of an
-    even grid, which is the samples and others between them, at most `finest_s` apart; grooves count by the part of the
-    way around each of them that they take.
+    even grid, which is the samples and others between them, at most `finest_s` [s] apart; grooves count by the part of
+    the way around each of them that they take.
 
-    Parameters
-    ----------
-    voltage_at : callable
-        Allowances seen [µm] → voltage of the characteristic [V].
-    filter_s, finest_s : float
-        T_Φ; what shows filter, grooves and turns [s].
-    time_s, allowance_um : ndarray of shape (n_samples,)
-        Increasing [s]; [µm].
-    seen : SeenSurface
-        What the gauge meets besides.
+    `voltage_at` is the characteristic, `filter_s` T_Φ [s].
 
     Raises
     ------

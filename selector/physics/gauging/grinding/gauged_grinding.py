@@ -4,12 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
-from selector.errors import InputError
+from selector.physics.gauging.gauge.characteristic import Characteristic
 from selector.physics.gauging.gauge.threshold import (
     RippleCrest,
     removal_rate_um_per_s,
@@ -19,7 +15,6 @@ from selector.physics.gauging.gauge.threshold import (
 )
 from selector.physics.gauging.gauge.transducer import LinearGauge, Relay
 from selector.physics.gauging.process import Grinding, Noise, Surface
-from selector.types import Vector
 
 MOST_FEED_SD = 0.25
 """Spread of a feed over parts beyond which some part would hardly be fed at all."""
@@ -29,31 +24,9 @@ _CREST_ROUNDS = 3
 """Peaks change with the allowance by less than a hundredth of what the voltage does."""
 
 
-class VoltageCurve(Protocol):
-    """A characteristic: voltage against allowance, from the least allowance that it knows to the largest."""
-
-    @property
-    def allowance_um(self) -> Vector:
-        """Increasing allowances [µm]."""
-
-    @property
-    def voltage_v(self) -> Vector:
-        """Voltage at each of them [V]."""
-
-    def voltage_at(self, allowance_um: NDArray[np.float64]) -> Vector:
-        """Voltage at these allowances [V]."""
-
-
 @dataclass(frozen=True)
 class GaugedGrinding:
-    """Grinding that a gauge stops.
-
-    Raises
-    ------
-    InputError
-        If the gauge does not answer to the allowance, the thresholds are not one a stage, or the feed spreads so much
-        that some part would not be fed.
-    """
+    """Grinding that a gauge stops."""
 
     gauge: LinearGauge  #: T_Φ, and the line by which thresholds and formulas go
     grinding: Grinding
@@ -61,36 +34,15 @@ class GaugedGrinding:
     surface: Surface = field(default_factory=Surface)
     noise: Noise = field(default_factory=Noise)
     #: What the gauge shows in a simulation; beyond its ends it stays as it is there. None: the line.
-    characteristic: VoltageCurve | None = None
+    characteristic: Characteristic | None = None
     thresholds_v: tuple[float, ...] = ()  #: One a stage [V]; empty: those of G eq. 23, which then stand here
     #: Ripple of the smoothed voltage: the relay compares its peaks. None: there is none.
     crest: RippleCrest | None = None
 
     def __post_init__(self) -> None:
-        if self.gauge.gain_v_per_um == 0:
-            raise InputError(
-                "0 V/µm: the gauge shows the same voltage at any allowance",
-                expected="a gain other than 0",
-                where="gain_v_per_um",
-                advice="give the slope of the characteristic at the size wanted",
-            )
-        if self.grinding.feed_sd > MOST_FEED_SD:
-            raise InputError(
-                f"{self.grinding.feed_sd:g}: some parts would not be fed at all",
-                expected=f"a share up to {MOST_FEED_SD:g}",
-                where="feed_sd",
-                advice="give the spread from part to part as a share of the feed, 0.05 for 5 %",
-            )
         if not self.thresholds_v:
-            object.__setattr__(self, "thresholds_v", stage_thresholds_v(self.gauge, self.grinding, self.relay))
-        wrong = [value for value in self.thresholds_v if not math.isfinite(value)]
-        if wrong or len(self.thresholds_v) != len(self.grinding.stages):
-            raise InputError(
-                f"{wrong[0]:g} V" if wrong else f"{len(self.thresholds_v)} for {len(self.grinding.stages)} stages",
-                expected="one voltage a stage",
-                where="thresholds_v",
-                advice="give as many as there are stages, or none: they then follow from the sizes wanted",
-            )
+            gauges = (self.gauge,) * len(self.grinding.stages)
+            object.__setattr__(self, "thresholds_v", stage_thresholds_v(gauges, self.grinding, self.relay))
 
     @property
     def wanted_um(self) -> float:

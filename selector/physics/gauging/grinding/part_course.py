@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.errors import InputError
 from selector.physics.gauging.gauge.transducer import Transducer
 from selector.physics.gauging.gauge.vibrating_contact import GaugeMotion, GaugeState, simulate_transducer
 from selector.physics.gauging.grinding._part_kernel import (
@@ -24,7 +23,7 @@ from selector.physics.gauging.grinding._part_kernel import (
 )
 from selector.physics.gauging.grinding.finished_sizes import part_seeds
 from selector.physics.gauging.grinding.gauged_grinding import GaugedGrinding
-from selector.physics.gauging.grinding.part_plan import default_period_s, part_plan
+from selector.physics.gauging.grinding.part_plan import part_plan
 from selector.types import Vector
 
 _SETTLING, _LAGS, _LEAST_ROWS = 3.0, 7.0, 3
@@ -49,35 +48,28 @@ class PartCourse:
     at_once: bool
 
 
-def part_course(
-    setup: GaugedGrinding, part: int = 0, *, seed: int = 0, period_s: float | None = None, steps: int | None = None
-) -> PartCourse:
-    """The part of this number, the first being 0, as `finished_sizes` with the same seed and steps grinds it.
+def part_course(setup: GaugedGrinding, part: int = 0, *, seed: int = 0, period_s: float) -> PartCourse:
+    """The part of this number, the first being 0, as `finished_sizes` with the same seed grinds it.
 
-    Samples are `period_s` apart (None: T_Φ/8); how often it is looked at does not change the part. Between two steps
+    Samples are `period_s` apart; how often it is looked at does not change the part. Between two steps
     the noise that the gauge sees goes straight.
 
-    Raises InputError as that does, and for a period that is not above 0.
+    Raises InputError as that does.
     """
-    period = default_period_s(setup) if period_s is None else period_s
-    if not (math.isfinite(period) and period > 0):
-        raise InputError(
-            f"{period:g} s", expected="a sampling period above 0", where="period_s", advice="some part of T_Φ will do"
-        )
-    plan = part_plan(setup, part + 1, steps)
+    plan = part_plan(setup, part + 1)
     number, seeds = np.array([part]), part_seeds(seed, part + 1)[part:]
     size, duration, state = np.empty(1), np.empty(1), np.empty(1, dtype=np.int64)
     ends = np.zeros((1, len(plan.feed)))
-    grind(plan, number, seeds, size, duration, ends, state, np.empty((0, COLUMNS)), period)
+    grind(plan, number, seeds, size, duration, ends, state, np.empty((0, COLUMNS)), period_s)
     tripped = bool(state[0] != NEVER)
     after_s = _SETTLING * plan.filter_s + _LAGS * plan.lag_s if tripped else 0.0
-    rows = max(int((duration[0] + after_s) / period) + 1, _LEAST_ROWS if tripped else 1)
+    rows = max(int((duration[0] + after_s) / period_s) + 1, _LEAST_ROWS if tripped else 1)
     record = np.empty((rows, COLUMNS))
-    grind(plan, number, seeds, size, duration, ends, state, record, period)
+    grind(plan, number, seeds, size, duration, ends, state, record, period_s)
     stage = record[:, STAGE].astype(np.int64)
     stages_done = int(np.count_nonzero(ends[0])) if not tripped else len(plan.feed)
     columns = [record[:, column].copy() for column in (ALLOWANCE, SEEN, VOLTAGE, FEED)]
-    time_s = np.asarray(np.arange(rows) * period, dtype=np.float64)
+    time_s = np.asarray(np.arange(rows) * period_s, dtype=np.float64)
     for values in (time_s, stage, *columns):
         values.flags.writeable = False
     return PartCourse(

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -87,18 +88,11 @@ def too_long(of_feeds: float, of_thresholds: float, parts: int) -> tuple[str, st
     return None
 
 
-DEFAULT_PERIODS = 8.0
-"""Samples of a course in T_Φ where nothing is said."""
-
 TABLE = 4096
 """Points of a characteristic, evenly spread, between which the loop goes straight."""
 
-
-def default_period_s(setup: GaugedGrinding) -> float:
-    """Sampling period that resolves the filter, of two significant digits [s]."""
-    wanted = setup.gauge.time_constant_s / DEFAULT_PERIODS
-    digits = 1 - math.floor(math.log10(wanted))
-    return round(wanted, digits)
+_NO_TABLE = np.empty(0), 0.0, 1.0
+"""That of a line, and of a voltage without ripple."""
 
 
 def steps_per_filter(setup: GaugedGrinding) -> int:
@@ -117,12 +111,9 @@ def steps_per_part(setup: GaugedGrinding, steps: int | None = None) -> float:
 def part_plan(setup: GaugedGrinding, parts: int, steps: int | None = None) -> Plan:
     """The numbers for the loop; `steps` in T_Φ, None: as many as resolve what happens in it.
 
-    Raises InputError for no parts, a wheel that wears too much before it is dressed, or more steps than can be waited
-    for.
+    Raises InputError for a wheel that wears too much before it is dressed, or more steps than can be waited for.
     """
     grinding, gauge, surface = setup.grinding, setup.gauge, setup.surface
-    if parts < 1:
-        raise InputError(f"{parts} parts", expected="1 or more", where="parts", advice="say how many parts to grind")
     most_worn = min(parts, grinding.dress_every) if grinding.dress_every > 0 else parts
     slower = 1.0 + wear_share(grinding, most_worn - 1)
     step_s = gauge.time_constant_s / (steps_per_filter(setup) if steps is None else steps)
@@ -132,8 +123,13 @@ def part_plan(setup: GaugedGrinding, parts: int, steps: int | None = None) -> Pl
     if wrong is not None:
         where, found, expected = wrong
         raise InputError(found, expected=expected, where=where, advice=STEPS_ADVICE[where])
-    table, start, step = _table(setup)
-    crest, crest_from, crest_step = _crest_table(setup)
+    curve, ripple = setup.characteristic, setup.crest
+    table, start, step = _NO_TABLE if curve is None else _tabulated(curve.allowance_um, curve.voltage_at)
+    crest, crest_from, crest_step = (
+        _NO_TABLE
+        if ripple is None
+        else _tabulated(ripple.allowance_um, partial(ripple.crest_at, time_constant_s=gauge.time_constant_s))
+    )
     turn_s = 60.0 / surface.workpiece_rpm if surface.workpiece_rpm > 0 else 0.0
     numbers: dict[str, float] = {
         "table_from": start,
@@ -176,23 +172,10 @@ def part_plan(setup: GaugedGrinding, parts: int, steps: int | None = None) -> Pl
     )
 
 
-def _table(setup: GaugedGrinding) -> tuple[Vector, float, float]:
-    """The characteristic at even distances, where they begin, and how far apart they are; empty for a line."""
-    if setup.characteristic is None:
-        return np.empty(0), 0.0, 1.0
-    allowance = setup.characteristic.allowance_um
-    at = np.linspace(allowance[0], allowance[-1], TABLE)
-    return np.ascontiguousarray(setup.characteristic.voltage_at(at)), float(at[0]), float(at[1] - at[0])
-
-
-def _crest_table(setup: GaugedGrinding) -> tuple[Vector, float, float]:
-    """The same of the peak of the ripple behind the filter."""
-    if setup.crest is None:
-        return np.empty(0), 0.0, 1.0
-    allowance = setup.crest.allowance_um
-    at = np.linspace(allowance[0], allowance[-1], TABLE)
-    crest = np.ascontiguousarray(setup.crest.crest_at(at, setup.gauge.time_constant_s))
-    return crest, float(at[0]), float(at[1] - at[0])
+def _tabulated(allowance_um: Vector, values_at: Callable[[Vector], Vector]) -> tuple[Vector, float, float]:
+    """Values at even allowances of this range, where they begin, and how far apart they are."""
+    at = np.linspace(allowance_um[0], allowance_um[-1], TABLE)
+    return np.ascontiguousarray(values_at(at)), float(at[0]), float(at[1] - at[0])
 
 
 def _steps_until(setup: GaugedGrinding, step_s: float, ends_um: list[float]) -> float:

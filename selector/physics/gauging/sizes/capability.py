@@ -9,11 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import special
 
-from selector.errors import InputError
 from selector.physics.gauging.process import Tolerance
 
 LOW_SHARE, HIGH_SHARE = 0.00135, 0.99865
 """Quantiles of a normal distribution at ± 3 standard deviations, by which ISO 22514-2 measures any other."""
+
+CONFIDENCE = 0.95
+"""Of the intervals, two-sided."""
 
 LEAST_PARTS = 2
 LEAST_PARTS_OF_QUANTILES = math.ceil(1.0 / LOW_SHARE)
@@ -28,7 +30,6 @@ class Capability:
     #: mean_um and sd_um: [µm]
     mean_um: float
     sd_um: float
-    confidence: float  #: Of the intervals, two-sided
     #: cp, cp_low and cp_high: (U − L)/6·sd; its interval is that of the standard deviation of normal sizes (chi-square)
     cp: float
     cp_low: float
@@ -52,23 +53,9 @@ class Capability:
     share_outside_high: float
 
 
-def capability(size_um: ArrayLike, tolerance: Tolerance, *, confidence: float = 0.95) -> Capability | None:
-    """Capability from finished sizes, shape (n_parts,) [µm]; None where they do not differ, or are fewer than two.
-
-    Raises InputError for sizes that are no numbers, or a confidence that is not between 0 and 1.
-    """
+def capability(size_um: ArrayLike, tolerance: Tolerance) -> Capability | None:
+    """Capability from finished sizes, shape (n_parts,) [µm]; None where they do not differ, or are fewer than two."""
     sizes = np.asarray(size_um, dtype=np.float64).ravel()
-    if not np.isfinite(sizes).all():
-        raise InputError(
-            f"{int(np.count_nonzero(~np.isfinite(sizes)))} of {len(sizes)} sizes are no numbers",
-            expected="finite sizes",
-            where="size_um",
-            advice="leave out the parts that have no size",
-        )
-    if not 0.0 < confidence < 1.0:
-        raise InputError(
-            f"{confidence:g}", expected="a share between 0 and 1", where="confidence", advice="0.95 for 95 %"
-        )
     count = len(sizes)
     mean, sd = (float(sizes.mean()), float(sizes.std(ddof=1))) if count >= LEAST_PARTS else (0.0, 0.0)
     # the rounding of equal sizes is no spread
@@ -77,7 +64,7 @@ def capability(size_um: ArrayLike, tolerance: Tolerance, *, confidence: float = 
     width = tolerance.upper_um - tolerance.lower_um
     cp = width / (6.0 * sd)
     cpk = min(tolerance.upper_um - mean, mean - tolerance.lower_um) / (3.0 * sd)
-    alpha = 1.0 - confidence
+    alpha = 1.0 - CONFIDENCE
     chi_low, chi_high = (float(special.chdtri(count - 1, above)) for above in (1 - alpha / 2, alpha / 2))
     half = float(special.ndtri(1 - alpha / 2)) * math.sqrt(1.0 / (9.0 * count) + cpk**2 / (2.0 * (count - 1)))
     outside = int(np.count_nonzero((sizes < tolerance.lower_um) | (sizes > tolerance.upper_um)))
@@ -85,7 +72,7 @@ def capability(size_um: ArrayLike, tolerance: Tolerance, *, confidence: float = 
     high = float(special.betaincinv(outside + 1, count - outside, 1 - alpha / 2)) if outside < count else 1.0
     by_quantiles = _by_quantiles(sizes, tolerance)
     return Capability(
-        count, mean, sd, confidence,
+        count, mean, sd,
         cp, cp * math.sqrt(chi_low / (count - 1)), cp * math.sqrt(chi_high / (count - 1)),
         cpk, cpk - half, cpk + half,
         by_quantiles[0], by_quantiles[1],

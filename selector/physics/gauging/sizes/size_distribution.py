@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from selector.errors import InputError
 from selector.physics.gauging.gauge.threshold import voltage_variance_v2, wear_share
 from selector.physics.gauging.grinding._part_kernel import LEAST_FEED
 from selector.physics.gauging.grinding.gauged_grinding import GaugedGrinding
@@ -95,35 +94,13 @@ class SizeDistribution:
     linear_holds: bool
     passage_holds: bool  #: Whether those by first passage may be trusted: see `_passage_holds`
 
-    def density(self) -> tuple[Vector, Vector]:
-        """Sizes and the density of the parts there, shapes (n_points,) [µm], [1/µm].
-
-        Raises InputError if the sizes do not differ.
-        """
-        if self.sd_um == 0 or self.size_um[-1] <= self.size_um[0]:
-            raise InputError(
-                "sizes that do not differ", expected="a spread", where="sd_um", advice="draw the mean as a line"
-            )
-        edges = np.linspace(self.size_um[0], self.size_um[-1], 121)
-        share = np.interp(edges, self.size_um, self.probability)
-        return (edges[:-1] + edges[1:]) / 2.0, np.diff(share) / np.diff(edges)
-
 
 def size_distribution(setup: GaugedGrinding, *, method: Method = "first-passage", parts: int = 1) -> SizeDistribution:
     """Finished sizes by formula, of a batch of `parts` with its wear (1: as at the first part).
 
     The gauge is its line, the noise stationary. The linear method also takes the last stage to be long against T_Φ and
     lag; the other has the mean transient.
-
-    Raises InputError for a method that is none, no parts, or a wheel that wears too much before it is dressed.
     """
-    if method not in ("linear", "first-passage") or parts < 1:
-        raise InputError(
-            f"method {method!r} and {parts} parts",
-            expected="'linear' or 'first-passage', and 1 part or more",
-            where="method" if parts >= 1 else "parts",
-            advice="correct it",
-        )
     line = on_line(setup)
     lot, early, white, relay_um = _lot(line, method, parts), *_of_relay(setup, method)
     at, weight = lot.sizes()

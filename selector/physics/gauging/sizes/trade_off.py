@@ -14,8 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
-from selector.errors import InputError
-from selector.physics.gauging.grinding.finished_sizes import finished_sizes
 from selector.physics.gauging.grinding.gauged_grinding import GaugedGrinding
 from selector.physics.gauging.sizes.size_distribution import curvature_um, size_moments_um
 from selector.types import Vector
@@ -65,17 +63,8 @@ def trade_off(
 
     `time_constants_s` increase [s]; None: up to a third of the last stage, which has to be long against its filter.
     `parts` is the batch whose wear counts.
-
-    Raises InputError for time constants that are not above 0 and increasing, and as `size_distribution` does.
     """
     filters = _default_filters(setup) if time_constants_s is None else np.array(time_constants_s, dtype=np.float64)
-    if filters.ndim != 1 or len(filters) < 2 or not (filters > 0).all() or not (np.diff(filters) > 0).all():
-        raise InputError(
-            f"{filters.size} time constants",
-            expected="two or more above 0, increasing",
-            where="time_constants_s",
-            advice="sort them, and leave out 0: without a filter noise has no rate",
-        )
 
     def moments(filter_s: float | None) -> tuple[float, float]:
         """Bias and standard deviation; None: as it is."""
@@ -100,37 +89,6 @@ def trade_off(
         setup.gauge.time_constant_s, *present,
         best_s in ends or steady_s in ends,
     )  # fmt: skip
-
-
-def centred_threshold_v(setup: GaugedGrinding, *, parts: int = 1) -> float:
-    """Voltage of the last command that makes the mean size the wanted one, by first passage on the line [V]."""
-    mean, _ = size_moments_um(setup, parts=parts)
-    off = mean + curvature_um(setup) - setup.wanted_um
-    return setup.thresholds_v[-1] - setup.gauge.gain_v_per_um * off
-
-
-def mean_square_errors(
-    setup: GaugedGrinding,
-    time_constants_s: ArrayLike,
-    *,
-    parts: int = 1000,
-    seed: int = 0,
-    threads: int = 1,
-) -> tuple[Vector, Vector]:
-    """Mean square error of the size with these filters and thresholds of eq. 23, by Monte Carlo; its standard error.
-
-    Shapes of `time_constants_s` [µm²]; the check on bias and deviation. Parts that are given up do not count.
-    """
-    filters = np.asarray(time_constants_s, dtype=np.float64)
-    means, errors = np.empty(filters.shape), np.empty(filters.shape)
-    for at, filter_s in np.ndenumerate(filters):
-        other = setup.with_filter(float(filter_s))
-        sizes = finished_sizes(other, parts, seed=seed, threads=threads)
-        bias = sizes.mean_um - setup.wanted_um
-        squares = (sizes.finished_um - setup.wanted_um) ** 2
-        means[at] = bias**2 + float(sizes.finished_um.var())
-        errors[at] = squares.std() / np.sqrt(len(squares))
-    return means, errors
 
 
 def _default_filters(setup: GaugedGrinding) -> Vector:

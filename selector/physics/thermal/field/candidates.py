@@ -85,14 +85,8 @@ def sensor_candidates(
     Every flat face is divided evenly; a place is left out if its foot does not fit on the face, if there is no room
     in front of it, or if it is nearer to an earlier place, on another face, than half the spacing.
 
-    Parameters
-    ----------
-    geometry : MachineGeometry, optional
-        Lengths; the defaults if left out.
-    spacing_m : float
-        Distance between neighbours on a face [m], about.
-    surfaces : sequence of str
-        Names of surfaces as `surfaces.surfaces` gives them, but for those inside.
+    `spacing_m` is about the distance between neighbours on a face [m]; `surfaces` are named as `geometry.surfaces` has
+    them, but for those inside.
 
     Raises
     ------

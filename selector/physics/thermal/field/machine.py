@@ -85,18 +85,8 @@ def field_machine(
     `Y_lower` and `Y_upper` on a test bar (rigid, cold) in the spindle, `Y` their mean. X and Z are those of the
     middle of the spindle face.
 
-    Parameters
-    ----------
-    geometry : MachineGeometry, optional
-        Lengths; the defaults if left out.
-    refinement : float
-        No cell is longer than 40 mm / refinement: 1 gives about 20 000 nodes, 0.2 8 000, 1.25 50 000.
-    probes : mapping of str to three floats
-        Places of virtual sensors [m], in the body or at most 30 mm outside.
-    materials : mapping of str to Material
-        Constants of the materials that `machine_blocks` names.
-    foot_n_per_m : tuple of three floats
-        Stiffness of each of the six feet along X, Y, Z [N/m].
+    No cell is longer than 40 mm / refinement: 1 gives about 20 000 nodes, 0.2 8 000, 1.25 50 000. `probes` are places
+    of virtual sensors [m], in the body or at most 30 mm outside.
 
     Raises
     ------

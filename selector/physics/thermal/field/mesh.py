@@ -122,11 +122,6 @@ def block_mesh(blocks: Sequence[Block], cell_m: float | Point) -> BlockMesh:
 
     The faces of all blocks give the lines of a tensor grid, divided so that no cell is longer than `cell_m` [m] (one
     length, or one for each axis).
-
-    Raises
-    ------
-    OptionError
-        If the cells would be of no or negative size, or nothing is left of the body.
     """
     sizes = (cell_m, cell_m, cell_m) if isinstance(cell_m, int | float) else cell_m
     lines = [_lines(blocks, axis, float(size)) for axis, size in enumerate(sizes)]
@@ -143,10 +138,6 @@ def block_mesh(blocks: Sequence[Block], cell_m: float | Point) -> BlockMesh:
 
 
 def _lines(blocks: Sequence[Block], axis: int, cell_m: float) -> Vector:
-    if not cell_m > 0 or not np.isfinite(cell_m):
-        raise OptionError(
-            f"cells of {cell_m:g} m", expected="a length above 0 m", where="mesh", advice="give a larger cell"
-        )
     faces = np.unique(np.round([(block.low_m[axis], block.high_m[axis]) for block in blocks], 9))
     pieces = [
         np.linspace(low, high, max(1, int(np.ceil((high - low) / cell_m - 1e-9))), endpoint=False)
@@ -160,10 +151,6 @@ def _mesh_of_cells(lines: Sequence[Vector], paint: Indices, kinds: Sequence[tupl
     from skfem import ElementHex1
 
     solid = np.argwhere(paint >= 0)
-    if not len(solid):
-        raise OptionError(
-            "blocks that leave no body", expected="at least one solid block", where="mesh", advice="add a block"
-        )
     corners = solid[:, None, :] + ElementHex1.doflocs.astype(np.int64)[None]
     shape = tuple(len(line) for line in lines)
     used, cells = np.unique(np.ravel_multi_index(tuple(np.moveaxis(corners, 2, 0)), shape), return_inverse=True)

@@ -9,13 +9,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from selector.errors import OptionError
 from selector.physics.thermal.field.geometry import MachineGeometry
 from selector.physics.thermal.field.machine import FieldMachine, field_machine
 from selector.physics.thermal.field.mesh import Point
 from selector.physics.thermal.network.heat_system import Contact, HeatSystem, joined
-from selector.physics.thermal.network.laws import Conditions, FilmLaw, HeatLaw, Laws, film_coefficients
-from selector.physics.thermal.network.network import HeatShare, Network, Node, Surface
+from selector.physics.thermal.network.laws import Conditions, FilmLaw, HeatLaw, Laws, film_coefficients, summed
+from selector.physics.thermal.network.network import Network
 from selector.physics.thermal.network.reduction import TOLERANCE, projected, reduced_basis
 from selector.physics.thermal.network.transient import HeatHistory, simulate_heat
 from selector.types import Vector
@@ -38,19 +37,7 @@ def machine_laws(physics: Physics = "everything") -> Laws:
 
     ``"linear"`` keeps every film at its coefficient for 1500 r/min and every lubricant as thick as at 20 °C: then heat
     is a function of the speed alone, and temperatures are linear in it.
-
-    Raises
-    ------
-    OptionError
-        If `physics` is none of the three.
     """
-    if physics not in ("linear", "convection", "everything"):
-        raise OptionError(
-            f"physics {physics!r}",
-            expected="linear, convection or everything",
-            where="virtual machining centre",
-            advice="choose one of the three",
-        )
     softening = _SOFTENING_PER_K if physics == "everything" else 0.0
     return Laws(heat=_heat(softening), films=_films(moving=physics != "linear"))
 
@@ -58,12 +45,9 @@ def machine_laws(physics: Physics = "everything") -> Laws:
 def parts_beside() -> tuple[Network, tuple[Contact, ...]]:
     """Hydraulic unit and coolant tank as a network, and the contact of the hydraulic line with the headstock."""
     network = Network(
-        nodes=(
-            Node("hydraulic unit", 22e3, "hydraulic unit, oil", (-0.55, 0.10, 0.60)),
-            Node("coolant tank", 400e3, "coolant tank", (0.70, 0.90, 0.25)),
-        ),
-        surfaces=(Surface("hydraulic unit", "hydraulic unit", 0.75), Surface("coolant tank", "coolant tank", 1.0)),
-        heat_shares=(HeatShare("hydraulic pump", "hydraulic unit"),),
+        {"hydraulic unit": 22e3, "coolant tank": 400e3},
+        area_m2={"hydraulic unit": {"hydraulic unit": 0.75}, "coolant tank": {"coolant tank": 1.0}},
+        shares={"hydraulic pump": {"hydraulic unit": 1.0}},
     )
     return network, (Contact("hydraulic line", "hydraulic unit", 3.0),)
 
@@ -242,21 +226,13 @@ def virtual_machining_centre(
 ) -> VirtualMachine:
     """The machine meshed, assembled, joined with the parts beside it and reduced; takes some ten seconds.
 
-    Parameters
-    ----------
-    physics : {"linear", "convection", "everything"}
-        Constant films and lubricants, films that grow with the speed, or lubricants that soften as well.
-    geometry, refinement
-        See `field_machine`.
-    sensors : mapping of str to three floats, optional
-        Virtual sensors [m]; left out: the 37 of `SENSORS`.
-    tolerance : float
-        See `reduced_basis`.
+    `sensors` are places of virtual sensors [m]; left out: the 37 of `SENSORS`. `geometry` and `refinement` are those
+    of `field_machine`, `tolerance` that of `reduced_basis`.
 
     Raises
     ------
     InputError
-        If an option has no meaning or a sensor is not on the machine.
+        If a sensor is not on the machine.
     """
     laws = machine_laws(physics)
     places = {name: sensor.xyz_m for name, sensor in SENSORS.items()} if sensors is None else dict(sensors)
@@ -278,9 +254,7 @@ def film_sets(laws: Laws) -> tuple[dict[str, float], ...]:
     corners = Conditions.held(np.arange(4.0), spindle_speed=[0.0, MAX_RPM] * 2, coolant_on=[0.0, 0.0, 1.0, 1.0])
     sets = []
     for row in film_coefficients(laws, corners):
-        total: dict[str, float] = {}
-        for law, value in zip(laws.films, row, strict=True):
-            total[law.film] = total.get(law.film, 0.0) + float(value)
+        total = summed([law.film for law in laws.films], row)
         if total not in sets:
             sets.append(total)
     return tuple(sets)

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, StrictBool, Tag
 
 from selector.errors import ModelFileError
+from selector.physics.model_fields import Fit, Unit
 from selector.physics.model_text import (
     MOST_SAMPLES,
     Bounds,
@@ -38,9 +39,22 @@ MOST_NODES = 300
 MOST_SENSORS = 1000
 """Thermometers of a model, candidates among them."""
 
-Exponent = Annotated[float, limited(0, 4)]
-Degrees = Annotated[float, limited(-100, 1000)]
-Speed = Annotated[float, limited(1e-3, 1e6)]
+Exponent = Annotated[float, limited(0, 4), Fit(low=0.0, high=4.0)]
+Degrees = Annotated[float, limited(-100, 1000), Unit("°C")]
+FittedDegrees = Annotated[Degrees, Fit(around=30.0)]
+Speed = Annotated[float, limited(1e-3, 1e6), Unit("r/min")]
+Heat = Annotated[float, limited(-1e9, 1e9), Unit("W"), Fit(at_zero=1.0)]
+Power = Annotated[NonNegative, Unit("W"), Fit(at_zero=1.0)]
+FilmCoefficient = Annotated[NonNegative, Unit("W/(m²·K)"), Fit(at_zero=1.0)]
+Softening = Annotated[float, limited(0, 1), Unit("1/K"), Fit(at_zero=1.0)]
+TorqueShare = Annotated[Share, Fit(low=0.0, high=1.0)]
+Place = Annotated[Point, Unit("m")]
+Lag = Annotated[NonNegative, Unit("s")]
+Kelvins = Annotated[float, limited(0, 100), Unit("K")]
+Micrometres = Annotated[float, limited(0, 1e4), Unit("µm")]
+Duration = Annotated[float, limited(0, 1e6, above=True)]
+
+_EITHER_WAY = Fit(either_sign=0.0, at_zero=1.0)
 
 
 class Sine(Entry):
@@ -48,8 +62,8 @@ class Sine(Entry):
 
     mean: Signed
     amplitude: Signed
-    period_min: Positive = 1440.0
-    phase_min: Signed = 0.0
+    period_min: Annotated[Positive, Unit("min")] = 1440.0
+    phase_min: Annotated[Signed, Unit("min")] = 0.0
 
 
 Step = tuple[Annotated[float, limited(0, 1e9)], Signed]
@@ -87,28 +101,28 @@ class ModelSection(Entry):
 class RunSection(Entry):
     """``[run]``: how long, how often, how finely, and from which state."""
 
-    duration_min: Annotated[float, limited(0, 1e6, above=True)]
-    period_s: Annotated[float, limited(0, 1e6, above=True)] = 60.0
-    step_s: Annotated[float, limited(0, 1e6, above=True)] = 10.0
-    start_degc: Degrees | None = None
+    duration_min: Annotated[Duration, Unit("min")]
+    period_s: Annotated[Duration, Unit("s")] = 60.0
+    step_s: Annotated[Duration, Unit("s")] = 10.0
+    start_degc: FittedDegrees | None = None
     seed: Seed = 0
 
 
 class ConditionsSection(Entry):
     """``[conditions]``: what is done to the machine."""
 
-    spindle_speed_rpm: Course
-    torque_nm: Course = 0.0
-    ambient_degc: Course = 20.0
+    spindle_speed_rpm: Annotated[Course, Unit("r/min")]
+    torque_nm: Annotated[Course, Unit("N·m")] = 0.0
+    ambient_degc: Annotated[Course, Unit("°C")] = 20.0
     coolant_on: Course = 0.0
-    coolant_degc: Course = 20.0
+    coolant_degc: Annotated[Course, Unit("°C")] = 20.0
     machine_on: Course = 1.0
 
 
 class SpeedOnly(Entry):
     """``[conditions]`` of thermal modes, which know the spindle speed only."""
 
-    spindle_speed_rpm: Course
+    spindle_speed_rpm: Annotated[Course, Unit("r/min")]
 
 
 class InputsSection(Entry):
@@ -128,10 +142,10 @@ class Sensor(Entry):
     name: Name
     at: Name | None = None
     place: Name | None = None
-    xyz: Point | None = None
-    lag_s: NonNegative = 0.0
-    noise_k: Annotated[float, limited(0, 100)] = 0.0
-    resolution_k: Annotated[float, limited(0, 100)] = 0.0
+    xyz: Place | None = None
+    lag_s: Lag = 0.0
+    noise_k: Kelvins = 0.0
+    resolution_k: Kelvins = 0.0
 
 
 class Gauge(Entry):
@@ -141,28 +155,26 @@ class Gauge(Entry):
     of: Name | None = None
     axis: Name | None = None
     zeroed: StrictBool = True
-    noise_um: Annotated[float, limited(0, 1e4)] = 0.0
-    resolution_um: Annotated[float, limited(0, 1e4)] = 0.0
+    noise_um: Micrometres = 0.0
+    resolution_um: Micrometres = 0.0
 
 
 class Node(Entry):
     """``[nodes.NAME]``."""
 
-    heat_capacity_j_per_k: Positive
+    heat_capacity_j_per_k: Annotated[Positive, Unit("J/K"), Fit()]
     place: Name | None = None
-    xyz: Point | None = None
-    expansion_um_per_k: Annotated[dict[Name, Signed], Field(max_length=20)] = Field(default_factory=dict)
+    xyz: Place | None = None
+    expansion_um_per_k: Annotated[dict[Name, Signed], Field(max_length=20), Unit("µm/K"), _EITHER_WAY] = Field(
+        default_factory=dict
+    )
 
 
 class Link(Entry):
     """``[[links]]``."""
 
     between: Annotated[tuple[Name, Name], Field()]
-    conductance_w_per_k: Positive
-
-
-Heat = Annotated[float, limited(-1e9, 1e9)]
-Softening = Annotated[float, limited(0, 1)]
+    conductance_w_per_k: Annotated[Positive, Unit("W/K"), Fit()]
 
 
 class NodeSource(Entry):
@@ -172,12 +184,12 @@ class NodeSource(Entry):
         dict[Name, Annotated[float, limited(0, 1, above=True)]], Field(min_length=1, max_length=MOST_NODES)
     ]
     on_w: Heat = 0.0
-    turning_w: NonNegative = 0.0
+    turning_w: Power = 0.0
     coolant_w: Heat = 0.0
-    speed_w: NonNegative = 0.0
+    speed_w: Power = 0.0
     reference_rpm: Speed = 1000.0
     exponent: Exponent = 1.0
-    torque_share: Share = 0.0
+    torque_share: TorqueShare = 0.0
     softening_per_k: Softening = 0.0
     softening_degc: Degrees = 20.0
     at: Name | None = None
@@ -186,26 +198,26 @@ class NodeSource(Entry):
 class NodeFilm(Entry):
     """``[films.NAME]`` of a network: the area of every node that it wets, and its law, see `laws.FilmLaw`."""
 
-    area_m2: Annotated[dict[Name, Positive], Field(min_length=1, max_length=MOST_NODES)]
-    still_w_per_m2_k: NonNegative
-    speed_w_per_m2_k: NonNegative = 0.0
+    area_m2: Annotated[dict[Name, Positive], Field(min_length=1, max_length=MOST_NODES), Unit("m²"), Fit()]
+    still_w_per_m2_k: FilmCoefficient
+    speed_w_per_m2_k: FilmCoefficient = 0.0
     reference_rpm: Speed = 1000.0
     exponent: Exponent = 1.0
     while_coolant: StrictBool = False
     fluid: Literal["ambient", "coolant", "fixed"] = "ambient"
-    fixed_degc: Degrees = 20.0
+    fixed_degc: FittedDegrees = 20.0
 
 
 class FieldSource(Entry):
     """``[sources.NAME]`` of the field machine: what is said takes the place of the shipped law, key by key."""
 
     on_w: Heat | None = None
-    turning_w: NonNegative | None = None
+    turning_w: Power | None = None
     coolant_w: Heat | None = None
-    speed_w: NonNegative | None = None
+    speed_w: Power | None = None
     reference_rpm: Speed | None = None
     exponent: Exponent | None = None
-    torque_share: Share | None = None
+    torque_share: TorqueShare | None = None
     softening_per_k: Softening | None = None
     softening_degc: Degrees | None = None
 
@@ -213,8 +225,8 @@ class FieldSource(Entry):
 class FieldFilm(Entry):
     """``[films.NAME]`` and ``[coolant_films.NAME]`` of the field machine, key by key as `FieldSource`."""
 
-    still_w_per_m2_k: NonNegative | None = None
-    speed_w_per_m2_k: NonNegative | None = None
+    still_w_per_m2_k: FilmCoefficient | None = None
+    speed_w_per_m2_k: FilmCoefficient | None = None
     reference_rpm: Speed | None = None
     exponent: Exponent | None = None
 
@@ -222,12 +234,15 @@ class FieldFilm(Entry):
 class ModesSection(Entry):
     """``[modes]``: time constants shared by all displacements, steady gains per tested speed and mode."""
 
-    tau_s: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=20)]
+    tau_s: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=20), Unit("s"), Fit()]
     speed_rpm: Annotated[tuple[Speed, ...], Field(min_length=1, max_length=200)]
     gains_um: Annotated[
-        dict[Name, Annotated[tuple[tuple[Signed, ...], ...], Field(max_length=200)]], Field(min_length=1, max_length=20)
+        dict[Name, Annotated[tuple[tuple[Signed, ...], ...], Field(max_length=200)]],
+        Field(min_length=1, max_length=20),
+        Unit("µm"),
+        _EITHER_WAY,
     ]
-    exponent: Annotated[float, limited(0, 4, above=True)] = 1.0
+    exponent: Annotated[float, limited(0, 4, above=True), Fit(low=0.0, high=4.0)] = 1.0
 
 
 class FieldSection(Entry):
@@ -235,13 +250,13 @@ class FieldSection(Entry):
 
     physics: Literal["linear", "convection", "everything"] = "everything"
     refinement: Annotated[float, limited(0.1, 2.0)] = 1.0
-    geometry: Annotated[dict[str, Signed], Field(max_length=100)] = Field(default_factory=dict)
+    geometry: Annotated[dict[str, Signed], Field(max_length=100), Unit("m")] = Field(default_factory=dict)
 
 
 class CandidatesSection(Entry):
     """``[candidates]`` of the field machine: thermometers spread over its surfaces, see `field.sensor_candidates`."""
 
-    spacing_m: Annotated[float, limited(0.03, 10)] = 0.3
+    spacing_m: Annotated[float, limited(0.03, 10), Unit("m")] = 0.3
     surfaces: Annotated[tuple[Name, ...], Field(min_length=1, max_length=100)] = (
         "headstock",
         "motor",
@@ -249,9 +264,9 @@ class CandidatesSection(Entry):
         "saddle",
         "bed",
     )
-    lag_s: NonNegative = 0.0
-    noise_k: Annotated[float, limited(0, 100)] = 0.0
-    resolution_k: Annotated[float, limited(0, 100)] = 0.0
+    lag_s: Lag = 0.0
+    noise_k: Kelvins = 0.0
+    resolution_k: Kelvins = 0.0
 
 
 class _Common(Entry):
@@ -410,28 +425,16 @@ def _of_names(file: ModelFile) -> Iterator[Contradiction]:
     if not isinstance(file, ModesFile):
         entries += [(("sensors", number, "name"), sensor.name) for number, sensor in enumerate(file.sensors)]
     entries += [(("gauges", number, "name"), gauge.name) for number, gauge in enumerate(file.gauges)]
-    taken = set(RECORDED_CONDITIONS)
+    # the channels that hold the conditions of a simulation
+    taken = {"time_s", *InputsSection.model_fields}
     for key, name in entries:
         if name in taken:
             yield key, f"a second channel called {name!r}", "a name for each channel", "give it another name"
         taken.add(name)
 
 
-RECORDED_CONDITIONS = ("time_s", "spindle_speed", "ambient", "torque", "coolant_on", "coolant", "machine_on")
-"""Names of the channels that hold the conditions of a simulation; sensors and gauges have others."""
-
 FAMILY: ModelFamily[ModelFile] = ModelFamily(
     "thermal", KINDS, contradictions, page="docs/reference/thermal-model.md", examples="fixtures/thermal"
 )
-read_model_file = FAMILY.read
-"""The model file at a path, see `ModelFamily.read`."""
-
-
-def parsed_model_file(text: str, *, where: str = "model file") -> ModelFile:
-    """The model file with this content, see `ModelFamily.parsed`."""
-    return FAMILY.parsed(text, where=where)
-
-
-def checked_model_file(values: Mapping[str, Any], *, where: str = "model file") -> ModelFile:
-    """The model file with these sections as plain values, see `ModelFamily.checked`."""
-    return FAMILY.checked(values, where=where)
+read_model_file, parsed_model_file, checked_model_file = FAMILY.read, FAMILY.parsed, FAMILY.checked
+"""The model file at a path, of a text, and of plain values; see `ModelFamily`."""

@@ -3,33 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 from selector.findings import Finding, Where
-from selector.physics.model_parameters import Number, Parameter, file_with, numbers_in, parameters_of, value_at
+from selector.physics.model_fields import numbers_of
+from selector.physics.model_parameters import Number, Parameter, file_with, numbers_in, parameters_of
 from selector.physics.model_text import Key, plain_values
 from selector.physics.thermal.file.model_file import FieldFile, ModelFile, NetworkFile, checked_model_file
 from selector.physics.thermal.finding_table import FINDINGS
 
-_UNITS = (
-    ("_j_per_k", "J/K"), ("_w_per_m2_k", "W/(m²·K)"), ("_w_per_k", "W/K"), ("_um_per_k", "µm/K"), ("_per_k", "1/K"),
-    ("_m2", "m²"), ("_rpm", "r/min"), ("_degc", "°C"), ("_um", "µm"), ("_w", "W"), ("_s", "s"),
-)  # fmt: skip
-_FIXED = ("reference_rpm", "speed_rpm", "softening_degc", "xyz", "shares")
-"""Numbers that say where others are counted from, which a fit could not tell apart, or that must add up to 1."""
-
-_SECTIONS = ("nodes", "links", "films", "coolant_films", "sources", "modes")
-_TIMES = 10.0
-_DEGREES = 30.0
+_SECTIONS = ("nodes", "links", "films", "coolant_films", "sources", "modes", "run")
 
 
 def parameters(file: ModelFile) -> dict[str, Parameter]:
     """The physics of a model file as named numbers; what the file does not say (switched off) is no parameter.
 
     Names are the keys of the file: ``nodes.column.heat_capacity_j_per_k``, ``links.bed~column.conductance_w_per_k``,
-    ``films.hall.still_w_per_m2_k``, ``modes.gains_um.Z.2000 rpm.mode 1``, ``run.start_degc``. Bounds are a tenth and
-    ten times the value, 0 to 4 for exponents, 0 to 1 for `torque_share`, ±30 K for temperatures, unless ``[bounds]``
-    says otherwise. Errors as `parameters_of`.
+    ``films.hall.still_w_per_m2_k``, ``modes.gains_um.Z.2000 rpm.mode 1``, ``run.start_degc``. Bounds are
+    those of the fields, unless ``[bounds]`` says otherwise. Errors as `parameters_of`.
     """
     return parameters_of(file, _numbers(file))
 
@@ -40,10 +32,14 @@ def with_parameters(file: ModelFile, values: Mapping[str, float]) -> ModelFile:
 
 
 def _numbers(file: ModelFile) -> Iterator[Number]:
+    """Those that the file says, and of the field machine those of the laws that it does not mention, too."""
     values = _complete_values(file)
-    for name, path in _paths(file, values).items():
-        value = float(value_at(values, path))
-        yield Number(path, value, *_bounds(path, value), unit_of_key(_key(path)), name)
+    whole = FieldFile.model_validate(values) if isinstance(file, FieldFile) else file
+    known = {one.path: one for one in numbers_of(whole)}
+    for section in _SECTIONS:
+        for path in numbers_in(values.get(section, {}), (section,)):
+            if path in known:
+                yield replace(known[path], name=_name(file, path))
 
 
 def _complete_values(file: ModelFile) -> dict[str, Any]:
@@ -54,18 +50,6 @@ def _complete_values(file: ModelFile) -> dict[str, Any]:
 
         values |= law_sections(file)
     return values
-
-
-def _paths(file: ModelFile, values: Mapping[str, Any]) -> dict[str, Key]:
-    """Name of a parameter → where its number stands in the plain values."""
-    found: dict[str, Key] = {}
-    for section in _SECTIONS:
-        for path in numbers_in(values.get(section, {}), (section,)):
-            if not any(part in _FIXED for part in path):
-                found[_name(file, path)] = path
-    if file.run.start_degc is not None:
-        found["run.start_degc"] = ("run", "start_degc")
-    return found
 
 
 def _name(file: ModelFile, path: Key) -> str:
@@ -80,38 +64,6 @@ def _name(file: ModelFile, path: Key) -> str:
         if path[1] == "gains_um" and isinstance(head[-1], int):
             parts[-2] = speeds[head[-1]]
     return ".".join(parts)
-
-
-def _key(path: Key) -> str:
-    """The key that carries the unit: the last one that is not the name of a node or a displacement."""
-    words = [part for part in path[1:] if isinstance(part, str)]
-    ends = tuple(end for end, _ in _UNITS)
-    return next((word for word in reversed(words) if word.endswith(ends)), words[-1])
-
-
-def unit_of_key(key: str) -> str:
-    """The unit that the name of a key carries; "1" if none.
-
-    >>> unit_of_key("still_w_per_m2_k"), unit_of_key("exponent")
-    ('W/(m²·K)', '1')
-    """
-    return next((unit for end, unit in _UNITS if key.endswith(end)), "1")
-
-
-def _bounds(path: Key, value: float) -> tuple[float, float]:
-    key = _key(path)
-    if key.endswith("exponent"):
-        return 0.0, max(4.0, value)
-    if key == "torque_share":
-        return 0.0, 1.0
-    if key.endswith("_degc"):
-        return value - _DEGREES, value + _DEGREES
-    if value == 0.0:
-        return (-1.0, 1.0) if key.endswith(("_um", "_um_per_k")) else (0.0, 1.0)
-    if key.endswith(("_um", "_um_per_k")):
-        return -_TIMES * abs(value), _TIMES * abs(value)
-    low, high = sorted((value / _TIMES, value * _TIMES))
-    return low, high
 
 
 def model_findings(file: ModelFile) -> tuple[Finding, ...]:

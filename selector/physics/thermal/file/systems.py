@@ -9,9 +9,9 @@ import numpy as np
 
 from selector.physics.thermal.file.model_file import FieldFile, ModesFile, NetworkFile
 from selector.physics.thermal.modes.modes import ModalModel, SpeedLaw
-from selector.physics.thermal.network.heat_system import HeatSystem, eigenmodes
-from selector.physics.thermal.network.laws import Conditions, FilmLaw, HeatLaw, Laws, film_coefficients
-from selector.physics.thermal.network.network import HeatShare, Link, Network, Node, Surface
+from selector.physics.thermal.network.heat_system import HeatSystem, time_constants_s
+from selector.physics.thermal.network.laws import Conditions, FilmLaw, HeatLaw, Laws, film_coefficients, summed
+from selector.physics.thermal.network.network import Network
 from selector.types import Vector
 
 Point = tuple[float, float, float]
@@ -43,32 +43,28 @@ def heat_machine(file: NetworkFile | FieldFile, built: HeatMachine | None = None
         return network_machine(file)
     # scikit-fem comes in with the field machine, which most model files do not need
     from selector.physics.thermal import field_model
+    from selector.physics.thermal.field.virtual_machine import SENSORS
 
     laws = field_model.laws_of(file)
     if built is not None:
         return replace(built, laws=laws)
-    system = field_model.system_of(file, laws)
     return HeatMachine(
-        system, laws, field_model.SENSOR_NAMES, field_model.place_of_sensor(), field_model.xyz_of_sensor()
+        field_model.system_of(file, laws),
+        laws,
+        tuple(SENSORS),
+        {name: sensor.place for name, sensor in SENSORS.items()},
+        {name: sensor.xyz_m for name, sensor in SENSORS.items()},
     )
 
 
 def network_machine(file: NetworkFile) -> HeatMachine:
     """The network of a model file: one probe a node, one displacement for every name among the expansions."""
     network = Network(
-        nodes=tuple(
-            Node(name, node.heat_capacity_j_per_k, node.place or "", node.xyz, node.expansion_um_per_k)
-            for name, node in file.nodes.items()
-        ),
-        links=tuple(Link(*link.between, link.conductance_w_per_k) for link in file.links),
-        surfaces=tuple(
-            Surface(name, node, area) for name, film in file.films.items() for node, area in film.area_m2.items()
-        ),
-        heat_shares=tuple(
-            HeatShare(name, node, share)
-            for name, source in file.sources.items()
-            for node, share in source.shares.items()
-        ),
+        {name: node.heat_capacity_j_per_k for name, node in file.nodes.items()},
+        [(*link.between, link.conductance_w_per_k) for link in file.links],
+        {name: film.area_m2 for name, film in file.films.items()},
+        {name: source.shares for name, source in file.sources.items()},
+        {name: node.expansion_um_per_k for name, node in file.nodes.items()},
     )
     laws = Laws(
         tuple(
@@ -124,7 +120,7 @@ def slowest_time_constants(machine: HeatMachine | ModalModel, conditions: Condit
     for name, (speed, coolant) in corners.items():
         films = _films(machine.laws, conditions, speed, coolant)
         if films not in seen:
-            found[name] = eigenmodes(machine.system, films).tau_s[:SLOWEST]
+            found[name] = time_constants_s(machine.system, films)[:SLOWEST]
         seen.append(films)
     return found
 
@@ -133,7 +129,4 @@ def _films(laws: Laws, conditions: Conditions, speed_rpm: float, coolant_on: flo
     """Film → coefficient [W/(m²·K)] while this is held."""
     count = len(conditions.time_s)
     held = replace(conditions, spindle_speed=np.full(count, speed_rpm), coolant_on=np.full(count, coolant_on))
-    total: dict[str, float] = {}
-    for law, value in zip(laws.films, film_coefficients(laws, held)[0].tolist(), strict=True):
-        total[law.film] = total.get(law.film, 0.0) + value
-    return total
+    return summed([law.film for law in laws.films], film_coefficients(laws, held)[0])

@@ -152,8 +152,6 @@ class ModalFit:
     heldout_um: Vector | None
     warm: tuple[str, ...]  #: Runs that do not begin at rest and cold
     with_hall: bool  #: Whether the hall temperature drives the same modes
-    #: Modes, film, and error on left-out stretches relative to the best, of everything that was tried
-    candidates: tuple[tuple[int, str, float], ...]
     findings: tuple[Finding, ...]  #: What a user should know
 
 
@@ -177,7 +175,6 @@ def choose_modes(tests: Sequence[ThermalTest], responses: Sequence[str]) -> Moda
 
 def _chosen(tests: Sequence[ThermalTest], responses: Sequence[str]) -> ModalFit:
     data = mode_data(tests)
-    _check_responses(data, responses)
     spec = ModeSpec(1, _sweep_law(data), free_starts=_idle_runs(data))
     spec = replace(spec, with_hall=_hall_drives(spec, data))
     tried, best = _swept(spec, data)
@@ -359,25 +356,15 @@ def _hall_drives(spec: ModeSpec, data: ModeData) -> bool:
     return float(difference.mean()) < -max(NO_WORSE, 2.0 * float(difference.std(ddof=1)) / np.sqrt(len(difference)))
 
 
-def _check_responses(data: ModeData, responses: Sequence[str]) -> None:
-    if data.counts.shape[1] != len(responses):
-        raise ValueError(f"{len(responses)} responses for {data.counts.shape[1]} columns of displacements")
-
-
 def _finished(
     tests: Sequence[ThermalTest], responses: Sequence[str], data: ModeData, fit: Fit, tried: list[tuple[Fit, Vector]]
 ) -> ModalFit:
     order = np.argsort(fit.tau_s)
-    intervals = tau_intervals(fit, data)
+    low, high = (bound[order] for bound in tau_intervals(fit, data))
     folds = speed_folds(data)
     errors = law_errors(fit, data, folds) if folds else _scores(fit, data)
     heldout = np.sqrt(np.mean(errors**2, axis=0))
-    best = min(float(np.log(scores).mean()) for _, scores in tried)
-    candidates = tuple(
-        (one.spec.n_modes, one.spec.film, float(np.exp(np.log(scores).mean() - best))) for one, scores in tried
-    )
     squares = data.counts * fit.solution.left_out_um**2
-    low, high = intervals.low_s[order], intervals.high_s[order]
     return ModalFit(
         model=fit.model(data, responses),
         tau_low_s=low,
@@ -386,6 +373,5 @@ def _finished(
         heldout_um=heldout,
         warm=tuple(tests[run].run for run in fit.spec.free_starts),
         with_hall=fit.spec.with_hall,
-        candidates=candidates,
         findings=tuple(choice_findings(tests, data, fit, tried, low, high, heldout, responses)),
     )

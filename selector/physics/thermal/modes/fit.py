@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -297,11 +297,8 @@ def searched(
         return np.r_[found.residual.ravel(), shrunk.ravel(), expectations(spec, theta)]
 
     def derivative(part: Vector) -> Vector:
-        theta, known = at(part), []
-        for i in free:
-            moved = theta.copy()
-            moved[i] += STEP
-            known.append((expectations(spec, moved) - expectations(spec, theta)) / STEP)
+        theta = at(part)
+        known = slopes(lambda moved: expectations(spec, moved), theta, free)
         return np.vstack([derivative_of(spec, data, theta, weights, free), np.column_stack(known)])
 
     result = least_squares(
@@ -311,6 +308,16 @@ def searched(
     theta = start.copy()
     theta[free] = result.x
     return fit_at(spec, data, theta, weights)
+
+
+def slopes(function: Callable[[Vector], Vector], theta: Vector, free: Iterable[int]) -> list[Vector]:
+    """Derivatives of a function of the searched parameters by some of them, by forward differences."""
+    here, found = function(theta), []
+    for i in free:
+        moved = theta.copy()
+        moved[i] += STEP
+        found.append((function(moved) - here) / STEP)
+    return found
 
 
 def expectations(spec: ModeSpec, theta: Vector) -> Vector:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from selector.physics.thermal.modes.fit import STEP, Fit, columns, expectations, limits, searched
+from selector.physics.thermal.modes.fit import STEP, Fit, columns, expectations, limits, searched, slopes
 from selector.physics.thermal.modes.thermal_test import ModeData
 from selector.types import Vector
 
@@ -65,11 +64,7 @@ def _nuisances(fit: Fit, data: ModeData, left: Vector) -> Vector:
 
 def expected_rows(fit: Fit, width: int) -> Vector:
     """Derivative of what is known without the tests, shape (n_rows, width), for a `jacobian` of that many columns."""
-    moves = []
-    for i in range(len(fit.theta)):
-        moved = fit.theta.copy()
-        moved[i] += STEP
-        moves.append((expectations(fit.spec, moved) - expectations(fit.spec, fit.theta)) / STEP)
+    moves = slopes(lambda theta: expectations(fit.spec, theta), fit.theta, range(len(fit.theta)))
     usual = np.zeros((len(moves[0]), width))
     usual[:, : len(moves)] = np.column_stack(moves)
     n_columns, n_responses = fit.solution.coefficients.shape
@@ -139,16 +134,6 @@ LOOSE = 1.2
 """A standard error of log τ above this is not followed: the interval spans more than a factor of 100."""
 
 
-@dataclass(frozen=True)
-class Intervals:
-    """Confidence intervals of the time constants."""
-
-    #: low_s and high_s: (n_modes,): Bounds [s] in the order of the fit; NaN where the tests set none
-    low_s: Vector
-    high_s: Vector
-    resemblance: float  #: Factor by which neighbouring residuals that resemble each other widen the variance
-
-
 def resemblance(fit: Fit, data: ModeData) -> float:
     """1 + 2 Σ ρ_k of the weighted residuals within runs, up to the first pair of lags that adds nothing; at least 1."""
     total = np.zeros(60)
@@ -164,8 +149,11 @@ def resemblance(fit: Fit, data: ModeData) -> float:
     return max(1.0, 2.0 * float(pairs[:last].sum()) - 1.0)
 
 
-def tau_intervals(fit: Fit, data: ModeData) -> Intervals:
-    """Intervals in which the sum of squares stays within what chance explains, other parameters fitted anew."""
+def tau_intervals(fit: Fit, data: ModeData) -> tuple[Vector, Vector]:
+    """Bounds [s] between which the sum of squares stays within what chance explains, other parameters fitted anew.
+
+    Lower and upper ones, of shape (n_modes,) in the order of the fit; NaN where the tests set none.
+    """
     modes = fit.spec.n_modes
     derivative = jacobian(fit, data, own_zeros=False)
     rows = np.vstack([derivative, expected_rows(fit, derivative.shape[1])])
@@ -174,8 +162,8 @@ def tau_intervals(fit: Fit, data: ModeData) -> Intervals:
     scaled = rows / size
     covariance = np.linalg.inv(scaled.T @ scaled + 1e-12 * np.eye(len(size))) / np.outer(size, size)
     n_free = max(int((fit.weights > 0).sum()) - derivative.shape[1], 1)
-    widening = resemblance(fit, data)
-    variance = max(fit.cost / n_free, 1e-12) * widening
+    # neighbouring residuals that resemble each other widen it
+    variance = max(fit.cost / n_free, 1e-12) * resemblance(fit, data)
     allowed = variance * float(chi2.ppf(CONFIDENCE, 1))
     low, high = np.full(modes, np.nan), np.full(modes, np.nan)
     bounds = limits(fit.spec, data)
@@ -187,7 +175,7 @@ def tau_intervals(fit: Fit, data: ModeData) -> Intervals:
         for sign, out in ((-1.0, low), (1.0, high)):
             edge = _edge(fit, data, k, sign * step, slope, allowed, (float(bounds[0][k]), float(bounds[1][k])))
             out[k] = np.exp(edge) if edge is not None else np.nan
-    return Intervals(low, high, widening)
+    return low, high
 
 
 def _edge(

@@ -78,11 +78,6 @@ class ModalModel:
                 values = np.diag(values)
             values.setflags(write=False)
             object.__setattr__(self, name, values)
-        modes = len(self.tau_s)
-        if self.gains_um.shape != (self.law.size, modes, len(self.responses)):
-            raise ValueError(f"gains of shape {self.gains_um.shape} do not fit the law, modes and responses")
-        if self.cooling_growth.shape != (modes, modes):
-            raise ValueError(f"cooling growth of shape {self.cooling_growth.shape} for {modes} modes")
 
     def states_at(self, cyclogram: Cyclogram, time_s: Vector, start: Vector | None = None) -> Vector:
         """States x, shape (n_times, n_modes, n_terms), exact between changes of speed.

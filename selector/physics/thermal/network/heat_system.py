@@ -1,4 +1,4 @@
-"""Heat conduction of a machine as matrices: the common form, two bodies as one, and its eigenmodes."""
+"""Heat conduction of a machine as matrices: the common form, two bodies as one, and its time constants."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, sparse
 
-from selector.errors import InputError
 from selector.types import Matrix, Vector
 
 SystemMatrix = NDArray[np.float64] | sparse.csr_array
@@ -71,28 +70,11 @@ def joined(body: HeatSystem, parts: HeatSystem, contacts: Sequence[Contact]) -> 
     Every point of the surface conducts to the node: K gains G·diag(b), −G·b and G, where b is the source's share at
     the states (never negative). A film or a displacement that both have is the sum of both; sources and probes have
     names of their own.
-
-    Raises
-    ------
-    InputError
-        If a contact names what does not exist or does not conduct, or a source or a probe is in both.
     """
-    for kind in ("sources", "probes"):
-        twice = sorted(set(getattr(body, kind)) & set(getattr(parts, kind)))
-        if twice:
-            _refuse(f"{kind} {', '.join(twice)} in both bodies", "names of their own", "rename them in one body")
     n, m = body.size, parts.size
     diagonal, between, ends = np.zeros(n), np.zeros((n, m)), np.zeros(m)
     for contact in contacts:
-        if contact.source not in body.sources:
-            _refuse(f"a contact with {contact.source!r}", "one of " + ", ".join(body.sources), "correct the source")
-        if contact.node not in parts.states:
-            _refuse(f"a contact with {contact.node!r}", "one of " + ", ".join(parts.states), "correct the node")
         conductance, share = contact.conductance_w_per_k, body.sources[contact.source]
-        if not (conductance > 0 and np.isfinite(conductance)):
-            _refuse(f"a contact of {conductance:g} W/K", "more than 0", f"correct the contact with {contact.node!r}")
-        if share.min() < 0:
-            _refuse(f"source {contact.source!r} with negative shares", "a surface or a volume", "choose another source")
         node = parts.states.index(contact.node)
         diagonal += conductance * share
         between[:, node] -= conductance * share
@@ -131,39 +113,17 @@ def _apart(one: Mapping[str, Vector], other: Mapping[str, Vector], n: int, m: in
     return of_body | {name: _both(None, row, n, m) for name, row in other.items()}
 
 
-def _refuse(found: str, expected: str, advice: str) -> None:
-    raise InputError(found, expected=expected, where="contacts of two bodies", advice=advice)
+def time_constants_s(system: HeatSystem, film_w_per_m2_k: Mapping[str, float]) -> Vector:
+    """Time constants [s] at given film coefficients, longest first; infinite for a part that no fluid reaches.
 
-
-@dataclass(frozen=True)
-class Eigenmodes:
-    """Solutions of (K + Σ h_f·A_f)·v = λ·C·v, slowest first."""
-
-    rate_per_s: Vector  #: (n,): λ [1/s]; 0 for a part that no fluid reaches
-    shapes: Matrix  #: (n, n): One mode a column, vᵀ·C·v = 1
-
-    @property
-    def tau_s(self) -> Vector:
-        """Time constants 1/λ [s], longest first; infinite for a part that no fluid reaches."""
-        with np.errstate(divide="ignore"):
-            return np.asarray(1.0 / self.rate_per_s)
-
-
-def eigenmodes(system: HeatSystem, film_w_per_m2_k: Mapping[str, float]) -> Eigenmodes:
-    """Eigenmodes of a system at given film coefficients (a film that is not named has none).
-
-    All n modes of the dense symmetric problem: meant for networks and reduced systems, up to some thousand states.
-
-    Raises
-    ------
-    KeyError
-        If a film is named that the system does not have.
+    All n of the dense symmetric problem (K + Σ h_f·A_f)·v = λ·C·v, 1/λ: meant for networks and reduced systems, up to
+    some thousand states. A film that is not named has none.
     """
-    stiffness = dense(conductance(system, film_w_per_m2_k))
-    rate, shapes = linalg.eigh(stiffness, dense(system.capacity))
+    rate = linalg.eigh(dense(conductance(system, film_w_per_m2_k)), dense(system.capacity))[0]
     # what rounding leaves of a rate of zero, relative to the fastest
     rate[rate < 4 * np.finfo(float).eps * len(rate) * rate[-1]] = 0.0
-    return Eigenmodes(rate, shapes)
+    with np.errstate(divide="ignore"):
+        return np.asarray(1.0 / rate)
 
 
 def conductance(system: HeatSystem, film_w_per_m2_k: Mapping[str, float]) -> NDArray[np.float64] | sparse.csr_array:

@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from selector.errors import InputError
-from selector.physics.thermal.network.heat_system import HeatSystem
 from selector.types import Array, Matrix, Vector
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """What is done to the machine: values at `time_s`, each held until the next time (C: stepwise load).
-
-    Raises
-    ------
-    InputError
-        If there are fewer than two times, if they do not increase, or a value is missing or has no meaning.
-    """
+    """What is done to the machine: values at `time_s`, each held until the next time (C: stepwise load)."""
 
     time_s: Vector  #: (n_samples,): Increasing [s]; the last is the end
     #: spindle_speed, torque, ambient_degc, coolant_on, coolant_degc and machine_on: (n_samples,): [r/min], [N·m], [°C],
@@ -33,30 +27,10 @@ class Conditions:
     machine_on: Vector
 
     def __post_init__(self) -> None:
-        time = np.array(self.time_s, dtype=np.float64)
-        if time.ndim != 1 or len(time) < 2:
-            _refuse(f"{time.size} times", "at least two: a start and an end", "add the time at which the run ends")
-        for name in ("time_s", "spindle_speed", "torque", "ambient_degc", "coolant_on", "coolant_degc", "machine_on"):
-            values = np.array(getattr(self, name), dtype=np.float64)
-            if values.shape != time.shape:
-                _refuse(f"{values.size} values of {name} for {time.size} times", "one value for every time", _FILL)
-            if not np.isfinite(values).all():
-                row = int(np.argmax(~np.isfinite(values))) + 1
-                _refuse(f"no number for {name} in row {row}", "a number in every row", _FILL)
-            # derivatives are taken at "off" and "on", a little to both sides
-            odd = (values < -1e-4) | (values > 1 + 1e-4)
-            if name in ("coolant_on", "machine_on") and odd.any():
-                row = int(np.argmax(odd)) + 1
-                _refuse(f"{name} = {values[row - 1]:g} in row {row}", "0 (off) to 1 (on)", "write 0 or 1")
+        for name, given in vars(self).items():
+            values = np.array(given, dtype=np.float64)
             values.setflags(write=False)
             object.__setattr__(self, name, values)
-        if (np.diff(time) <= 0).any():
-            row = int(np.argmax(np.diff(time) <= 0)) + 2
-            _refuse(
-                f"time {time[row - 1]:g} s after {time[row - 2]:g} s",
-                "times that increase",
-                "keep one row a time, sorted",
-            )
 
     @classmethod
     def held(
@@ -73,19 +47,8 @@ class Conditions:
         """Conditions in which what is given as one number stays the same for all times."""
         time = np.array(time_s, dtype=np.float64)
 
-        def column(value: ArrayLike) -> Vector:
-            values = np.array(value, dtype=np.float64)
-            return np.full(time.shape, values) if values.ndim == 0 else values
-
-        return cls(
-            time,
-            column(spindle_speed),
-            column(torque),
-            column(ambient_degc),
-            column(coolant_on),
-            column(coolant_degc),
-            column(machine_on),
-        )
+        columns = (spindle_speed, torque, ambient_degc, coolant_on, coolant_degc, machine_on)
+        return cls(time, *(np.broadcast_to(np.asarray(one, dtype=np.float64), time.shape) for one in columns))
 
 
 @dataclass(frozen=True)
@@ -137,11 +100,12 @@ class Laws:
     films: tuple[FilmLaw, ...]
 
 
-_FILL = "fill the gaps before simulating"
-
-
-def _refuse(found: str, expected: str, advice: str) -> None:
-    raise InputError(found, expected=expected, where="operating conditions", advice=advice)
+def summed(names: Iterable[str], amounts: Iterable[float]) -> dict[str, float]:
+    """Name → sum of the amounts of all laws that have it."""
+    total: dict[str, float] = {}
+    for name, amount in zip(names, amounts, strict=True):
+        total[name] = total.get(name, 0.0) + float(amount)
+    return total
 
 
 def film_coefficients(laws: Laws, conditions: Conditions) -> Matrix:
@@ -178,57 +142,6 @@ def heat_parts(laws: Laws, conditions: Conditions) -> tuple[Matrix, Matrix]:
     return _table(firm, len(turns_per_s)), _table(lubricant, len(turns_per_s))
 
 
-def require_known_places(laws: Laws, system: HeatSystem) -> None:
-    """Refuse laws of sources, films, fluids and probes that do not exist, and film coefficients below zero.
-
-    Raises
-    ------
-    InputError
-        With the name that is unknown and those that are known.
-    """
-    for heat in laws.heat:
-        where = f"the law of the source {heat.source!r}"
-        if heat.source not in system.sources:
-            raise _unknown("source", heat.source, tuple(system.sources), where)
-        if heat.softening_per_k != 0.0 and heat.at not in system.probes:
-            raise _unknown("probe", heat.at, tuple(system.probes), where)
-        _require_finite(heat, where)
-        if heat.softening_per_k < 0:
-            raise InputError(
-                f"softening_per_k = {heat.softening_per_k:g}",
-                expected="0 or more",
-                where=where,
-                advice="friction falls as a lubricant warms: write the coefficient without a sign",
-            )
-    for film in laws.films:
-        where = f"the law of the surface {film.film!r}"
-        if film.film not in system.films:
-            raise _unknown("surface", film.film, tuple(system.films), where)
-        if film.fluid not in ("ambient", "coolant", "fixed"):
-            raise _unknown("fluid", film.fluid, ("ambient", "coolant", "fixed"), where)
-        _require_finite(film, where)
-        if film.still_w_per_m2_k < 0 or film.speed_w_per_m2_k < 0:
-            raise InputError(
-                f"a film coefficient of {min(film.still_w_per_m2_k, film.speed_w_per_m2_k):g} W/(m²·K)",
-                expected="0 or more",
-                where=where,
-                advice="a warm surface gives heat to a cool fluid: write the coefficient without a sign",
-            )
-
-
-def _require_finite(law: HeatLaw | FilmLaw, where: str) -> None:
-    for name, value in vars(law).items():
-        if isinstance(value, float | int) and not np.isfinite(value):
-            raise InputError(f"{name} = {value}", expected="a number", where=where, advice="correct the law")
-    if law.reference_rpm <= 0 or law.exponent < 0:
-        raise InputError(
-            f"reference_rpm = {law.reference_rpm:g}, exponent = {law.exponent:g}",
-            expected="a reference speed above 0 and an exponent of 0 or more",
-            where=where,
-            advice="give the speed at which the law has the stated heat or film coefficient",
-        )
-
-
 def _power_of_speed(conditions: Conditions, law: HeatLaw | FilmLaw) -> Vector:
     """(n / reference)^exponent, 0 at standstill whatever the exponent."""
     speed = np.abs(conditions.spindle_speed)
@@ -237,15 +150,6 @@ def _power_of_speed(conditions: Conditions, law: HeatLaw | FilmLaw) -> Vector:
 
 def _table(columns: list[Vector], rows: int) -> Matrix:
     return np.column_stack(columns) if columns else np.zeros((rows, 0))
-
-
-def _unknown(kind: str, name: str, known: tuple[str, ...], where: str) -> InputError:
-    return InputError(
-        f"no {kind} called {name!r}",
-        expected="one of " + (", ".join(known) or "those of the machine (there are none)"),
-        where=where,
-        advice=f"correct the name, or add the {kind} to the machine",
-    )
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from scipy import linalg, sparse
-from scipy.sparse.linalg import splu
+from scipy import linalg
 
 from selector.errors import InputError
 from selector.physics.thermal.network.heat_system import HeatSystem, SystemMatrix
+from selector.physics.thermal.network.stepping import factorised as solver_of
 from selector.types import Array
 
 TIME_SCALES_S = (20.0, 90.0, 400.0, 2000.0, 10000.0, np.inf)
@@ -34,25 +34,21 @@ def reduced_basis(
     to norm one; the principal directions of all of them are kept down to `tolerance`. The uniform field is the first
     and exact, so that a machine at the temperature of the hall stays there. One factorisation per h and τ.
 
-    Parameters
-    ----------
-    system : HeatSystem
-        Usually a finite-element field; n states.
-    film_coefficients : sequence of mappings
-        Sets of film coefficients [W/(m²·K)] that the machine works with, by film; a film that is not named has 0.
-    time_scales_s : sequence of float
-        τ [s], positive; infinite = steady state.
-    tolerance : float
-        Relative norm of what is left out, between 0 and 1.
-    max_states : int, optional
-        At most so many fields, the most important ones.
+    `film_coefficients` are the sets [W/(m²·K)] that the machine works with, by film; a film that is not named has 0.
+    `time_scales_s` are τ [s], infinite for the steady state. `tolerance` is the relative norm of what is left out.
 
     Raises
     ------
     InputError
-        If a film is unknown, a coefficient is negative, or a steady state is asked for where no film takes heat away.
+        If a steady state is asked for where no film takes heat away.
     """
-    _check(system, film_coefficients, time_scales_s, tolerance)
+    if np.isinf(max(time_scales_s)) and not all(any(one.values()) for one in film_coefficients):
+        raise InputError(
+            "no film that takes heat away, but a steady state",
+            expected="a film coefficient above 0 in every set",
+            where="model reduction",
+            advice="give a film a coefficient, or leave the infinite time scale out",
+        )
     loads = np.column_stack([*system.sources.values(), *system.film_loads.values(), *system.displacements.values()])
     loads = loads[:, np.any(loads != 0, axis=0)]
     unit = system.uniform / np.sqrt(system.uniform @ (system.capacity @ system.uniform))
@@ -103,18 +99,8 @@ def projected(system: HeatSystem, basis: Array) -> HeatSystem:
 
 def factorised(system: HeatSystem, coefficients: Mapping[str, float], tau_s: float) -> Callable[[Array], Array]:
     """Solves (C/τ + K + Σ h_f·A_f)·x = g for columns g; infinite τ: the steady state."""
-    if not sparse.issparse(system.capacity):
-        matrix = _operator(system, coefficients, tau_s)
-        factor = linalg.cho_factor(np.asarray(matrix))
-        return lambda loads: np.asarray(linalg.cho_solve(factor, loads))
-    # symmetric positive definite: an ordering for A + Aᵀ and no pivoting keep the factor sparse
-    lu = splu(
-        sparse.csc_matrix(_operator(system, coefficients, tau_s)),
-        permc_spec="MMD_AT_PLUS_A",
-        diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True},
-    )
-    return lambda loads: np.asarray(lu.solve(np.ascontiguousarray(loads)))
+    solver = solver_of(_operator(system, coefficients, tau_s))
+    return lambda loads: np.asarray(solver.solve(np.ascontiguousarray(loads)))
 
 
 def _operator(system: HeatSystem, coefficients: Mapping[str, float], tau_s: float) -> SystemMatrix:
@@ -137,34 +123,3 @@ def _without(fields: Array, basis: Array, capacity: SystemMatrix) -> Array:
 def _congruent(matrix: SystemMatrix, basis: Array) -> Array:
     small = np.asarray(basis.T @ (matrix @ basis))
     return (small + small.T) / 2
-
-
-def _check(
-    system: HeatSystem,
-    film_coefficients: Sequence[Mapping[str, float]],
-    time_scales_s: Sequence[float],
-    tolerance: float,
-) -> None:
-    if not film_coefficients or not len(time_scales_s):
-        _refuse("no film coefficients or no time scales", "at least one set and one scale", "name what to be exact for")
-    if not 0 <= tolerance < 1:
-        _refuse(f"tolerance {tolerance:g}", "a number from 0 to below 1", f"leave it at {TOLERANCE:g}")
-    for tau_s in time_scales_s:
-        if not tau_s > 0:
-            _refuse(f"time scale {tau_s:g} s", "positive times", "give seconds; infinity is the steady state")
-    for coefficients in film_coefficients:
-        for name, coefficient in coefficients.items():
-            if name not in system.films:
-                _refuse(f"film {name!r}", "one of " + ", ".join(system.films), "correct the name of the film")
-            if not (coefficient >= 0 and np.isfinite(coefficient)):
-                _refuse(f"{coefficient:g} W/(m²·K) for film {name!r}", "0 or more", "correct the coefficient")
-        if np.isinf(max(time_scales_s)) and not any(coefficients.values()):
-            _refuse(
-                "no film that takes heat away, but a steady state",
-                "a film coefficient above 0 in every set",
-                "give a film a coefficient, or leave the infinite time scale out",
-            )
-
-
-def _refuse(found: str, expected: str, advice: str) -> None:
-    raise InputError(found, expected=expected, where="model reduction", advice=advice)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy import linalg, sparse
 
 from selector.physics.thermal.network.heat_system import HeatSystem, SystemMatrix, conductance, dense
-from selector.physics.thermal.network.laws import Laws, Lubricants
+from selector.physics.thermal.network.laws import Laws, Lubricants, summed
 from selector.types import Array, Vector
 
 
@@ -36,8 +36,7 @@ class Body:
     @cached_property
     def rows(self) -> Array:
         """Probes, then displacements, shape (n_rows, n)."""
-        rows = [*self.system.probes.values(), *self.system.displacements.values()]
-        return np.array(rows, dtype=np.float64).reshape(len(rows), self.system.size)
+        return self._table([*self.system.probes.values(), *self.system.displacements.values()])
 
     @cached_property
     def soft(self) -> NDArray[np.intp]:
@@ -51,8 +50,7 @@ class Body:
     def lubricants(self) -> Lubricants:
         """What the soft laws' heat follows."""
         laws = [self.laws.heat[k] for k in self.soft]
-        rows = [self.system.probes[law.at] for law in laws]
-        at = np.array(rows, dtype=np.float64).reshape(len(rows), self.system.size)
+        at = self._table([self.system.probes[law.at] for law in laws])
         zero = np.array([law.softening_degc for law in laws], dtype=np.float64)
         return Lubricants(
             rows=at,
@@ -63,19 +61,19 @@ class Body:
     @cached_property
     def heat_loads(self) -> Array:
         """Share of every state in the heat of a law, shape (n, n_heat_laws)."""
-        loads = [self.system.sources[law.source] for law in self.laws.heat]
-        return np.array(loads, dtype=np.float64).reshape(len(loads), self.system.size).T
+        return self._table([self.system.sources[law.source] for law in self.laws.heat]).T
 
     @cached_property
     def film_loads(self) -> Array:
         """a_f of the surface of every film law, shape (n, n_film_laws)."""
-        loads = [self.system.film_loads[law.film] for law in self.laws.films]
-        return np.array(loads, dtype=np.float64).reshape(len(loads), self.system.size).T
+        return self._table([self.system.film_loads[law.film] for law in self.laws.films]).T
 
     @cached_property
     def film_rows(self) -> Array:
         """uniformᵀ·A_f of the surface of every film law: what integrates a temperature over it."""
-        rows = [np.asarray(self.system.films[law.film].T @ self.system.uniform) for law in self.laws.films]
+        return self._table([np.asarray(self.system.films[law.film].T @ self.system.uniform) for law in self.laws.films])
+
+    def _table(self, rows: list[Vector]) -> Array:
         return np.array(rows, dtype=np.float64).reshape(len(rows), self.system.size)
 
     def steady_heat_w(self, held: Interval) -> Vector:
@@ -86,10 +84,8 @@ class Body:
 
     def conductance(self, held: Interval) -> SystemMatrix:
         """K + Σ h_f·A_f [W/K] with the film coefficients of an interval."""
-        films: dict[str, float] = {}
-        for law, value in zip(self.laws.films, held.film_w_per_m2_k, strict=True):
-            films[law.film] = films.get(law.film, 0.0) + float(value)
-        return conductance(self.system, films)
+        films = [law.film for law in self.laws.films]
+        return conductance(self.system, summed(films, held.film_w_per_m2_k))
 
 
 @dataclass(frozen=True)
@@ -129,6 +125,11 @@ def _largest(matrix: Any) -> float:
     """Largest entry without its sign."""
     entries: Array = matrix.data if sparse.issparse(matrix) else matrix  # type: ignore[attr-defined]
     return float(np.max(np.abs(entries), initial=0.0))
+
+
+def _by_step(times_s: Vector, ends_s: Vector) -> list[Vector]:
+    """Increasing times by the step that they are in; what rounding puts behind the last end is in the last step."""
+    return np.split(times_s, np.searchsorted(times_s, ends_s[:-1], "right"))
 
 
 _CACHE_BYTES = 64e6
@@ -178,8 +179,7 @@ class ExactStepper:
         depends = bool(np.any(nominal))
         steps = max(1, int(np.ceil(held.duration_s / self._step_s * (1 - 1e-12)))) if depends else 1
         ends = held.duration_s * np.arange(1, steps + 1) / steps
-        read_until, keep_until = np.searchsorted(read_s, ends, "right"), np.searchsorted(keep_s, ends, "right")
-        read_until[-1], keep_until[-1] = len(read_s), len(keep_s)
+        reads, keeps = _by_step(read_s, ends), _by_step(keep_s, ends)
         fluid = modal.film_loads @ (held.film_w_per_m2_k * held.fluid_rise)
         step = held.duration_s / steps
         factors = modal.factors(step)
@@ -189,7 +189,6 @@ class ExactStepper:
         lubricant_per_watt = modal.lubricants @ per_watt
         integral, heat = np.zeros(len(z)), held.duration_s * steady
         read, kept = [np.zeros((0, len(modal.rows)))], [np.zeros((0, len(z)))]
-        first_read = first_keep = 0
         for k in range(steps):
             load, slope = steady_load, None
             if depends:
@@ -202,15 +201,12 @@ class ExactStepper:
                 slope = modal.heat_loads[:, soft] @ ((after - before) / step)
                 ahead, area = ahead + factors.slope_end * slope, area + factors.slope_area * slope
                 heat[soft] += 0.5 * step * (before + after)
-            if read_until[k] > first_read:
-                at = read_s[first_read : read_until[k]] - step * k
+            if len(reads[k]):
+                at = reads[k] - step * k
                 at_end = len(at) == 1 and at[0] == step
                 read.append((modal.rows @ ahead)[None] if at_end else _at(modal.rate, z, load, slope, at, modal.rows))
-                first_read = read_until[k]
-            if keep_until[k] > first_keep:
-                at = keep_s[first_keep : keep_until[k]] - step * k
-                kept.append(_at(modal.rate, z, load, slope, at, modal.shapes))
-                first_keep = keep_until[k]
+            if len(keeps[k]):
+                kept.append(_at(modal.rate, z, load, slope, keeps[k] - step * k, modal.shapes))
             integral += area
             z = ahead
         return Advance(modal.shapes @ z, np.concatenate(read), np.concatenate(kept), modal.film_rows @ integral, heat)
@@ -307,9 +303,8 @@ class ImplicitStepper:
         steps = max(1, int(np.ceil(held.duration_s / self._step_s * (1 - 1e-12))))
         # steps that differ by rounding share a factorisation
         step = float(f"{held.duration_s / steps:.13g}")
-        ends = step * np.arange(1, steps + 1)
-        read_until, keep_until = np.searchsorted(read_s, ends, "right"), np.searchsorted(keep_s, ends, "right")
-        read_until[-1], keep_until[-1] = len(read_s), len(keep_s)
+        ends = np.asarray(step * np.arange(1, steps + 1), dtype=np.float64)
+        reads, keeps = _by_step(read_s, ends), _by_step(keep_s, ends)
         solve, per_watt = self._solver(held, step)
         lubricants, soft = body.lubricants, body.soft
         lubricant_per_watt = lubricants.rows @ per_watt
@@ -319,7 +314,6 @@ class ImplicitStepper:
         load = GAMMA * step * (body.film_loads @ (held.film_w_per_m2_k * held.fluid_rise) + body.heat_loads @ steady)
         film, heat = np.zeros(len(body.film_rows)), step * steps * steady
         read, kept = [np.zeros((0, len(body.rows)))], [np.zeros((0, len(rise)))]
-        first_read = first_keep = 0
         stored = capacity @ rise
 
         def stage(right: Vector, weight: float) -> Vector:
@@ -334,14 +328,11 @@ class ImplicitStepper:
             inner = stage(stored + load, 1.0 - GAMMA)
             gained = capacity @ inner - stored
             ahead = stage(stored + (1.0 - GAMMA) / GAMMA * gained + load, GAMMA)
-            if read_until[k] > first_read:
-                at = (read_s[first_read : read_until[k]] - step * k) / step
+            if len(reads[k]):
+                at = (reads[k] - step * k) / step
                 read.append(_parabola(at) @ (np.array([rise, inner, ahead]) @ body.rows.T))
-                first_read = read_until[k]
-            if keep_until[k] > first_keep:
-                at = (keep_s[first_keep : keep_until[k]] - step * k) / step
-                kept.append(_parabola(at) @ np.array([rise, inner, ahead]))
-                first_keep = keep_until[k]
+            if len(keeps[k]):
+                kept.append(_parabola((keeps[k] - step * k) / step) @ np.array([rise, inner, ahead]))
             film += body.film_rows @ (step * ((1.0 - GAMMA) * inner + GAMMA * ahead))
             rise, stored = ahead, capacity @ ahead
         return Advance(rise, np.concatenate(read), np.concatenate(kept), film, heat)

@@ -18,7 +18,7 @@ from selector.physics.thermal.network.laws import (
     film_coefficients,
     fluid_degc,
     heat_parts,
-    require_known_places,
+    summed,
 )
 from selector.physics.thermal.network.stepping import (
     Body,
@@ -93,31 +93,18 @@ def simulate_heat(
 ) -> HeatHistory:
     """Temperatures and displacements of a machine under given conditions.
 
-    Parameters
-    ----------
-    system, laws, conditions
-        The body, how it is heated and cooled, and what is done to it, from ``conditions.time_s[0]`` to its end.
-    time_s, keep_states_at_s : array-like
-        Times [s] of the readings, and of the states to keep; increasing, within the conditions.
-    step_s : float
-        Longest internal step [s]. The exact stepper needs steps only where heat depends on temperature.
-    start_degc, start_state
-        Temperature at the start [°C] everywhere, or of every state; give one of the two.
-    reference_degc : float
-        Displacements are zero when the body has this temperature everywhere.
-    method : {"auto", "exact", "implicit"}
-        Stepper; "auto" takes the exact one where the eigenmodes of all its film coefficients cost little.
+    It starts with `start_degc` [°C] everywhere or with `start_state`. Readings are at `time_s` [s], states are kept at
+    `keep_states_at_s` [s]; both increase, within the conditions. Displacements are zero where the body has
+    `reference_degc` everywhere. `step_s` is the longest internal step [s]; the exact stepper needs steps only where
+    heat depends on temperature, and is taken by "auto" where the eigenmodes of all film coefficients cost little.
 
     Raises
     ------
     InputError
-        If a time is outside the conditions, a law names what the system does not have, or the start is not given.
+        If a time is outside the conditions.
     """
-    require_known_places(laws, system)
-    start = _start(system, start_degc, start_state)
+    start = np.array(start_state, dtype=np.float64) if start_degc is None else start_degc * system.uniform
     read, keep = _times(time_s, conditions, "time_s"), _times(keep_states_at_s, conditions, "keep_states_at_s")
-    if not (np.isfinite(step_s) and step_s > 0):
-        raise InputError(f"step_s = {step_s}", expected="a step above 0 s", where="simulation", advice="try 10 s")
     weights = system.capacity @ system.uniform
     datum = float(weights @ start / (weights @ system.uniform))
     body = Body(system, laws, datum)
@@ -160,8 +147,8 @@ def simulate_heat(
         end_state=rise + datum * system.uniform,
         balance=EnergyBalance(
             stored,
-            _summed([law.source for law in laws.heat], heat_j),
-            _summed([law.film for law in laws.films], film_j),
+            summed([law.source for law in laws.heat], heat_j),
+            summed([law.film for law in laws.films], film_j),
         ),
         method=chosen,
     )
@@ -190,25 +177,6 @@ def _method(body: Body, intervals: Sequence[Interval]) -> Literal["exact", "impl
     return "exact" if sets * (2e-4 + 4e-9 * size**3) <= _EIGEN_SECONDS or sets == 1 else "implicit"
 
 
-def _start(system: HeatSystem, start_degc: float | None, start_state: ArrayLike | None) -> Vector:
-    if (start_degc is None) == (start_state is None):
-        raise InputError(
-            "no start temperature" if start_degc is None else "two starts",
-            expected="start_degc or start_state",
-            where="simulation",
-            advice="give the temperature of the whole machine at the start, or the end_state of a run before",
-        )
-    start = start_degc * system.uniform if start_degc is not None else np.array(start_state, dtype=np.float64)
-    if start.shape != (system.size,) or not np.isfinite(start).all():
-        raise InputError(
-            f"a start state of shape {start.shape}" if start.shape != (system.size,) else "a start without a number",
-            expected=f"{system.size} temperatures",
-            where="simulation",
-            advice="take the end_state of a run of the same system, or give start_degc",
-        )
-    return start
-
-
 def _times(asked: ArrayLike, conditions: Conditions, name: str) -> Vector:
     times = np.array(asked, dtype=np.float64)
     begin, end = float(conditions.time_s[0]), float(conditions.time_s[-1])
@@ -228,10 +196,3 @@ def _times(asked: ArrayLike, conditions: Conditions, name: str) -> Vector:
             advice="let the conditions last as long as the simulation",
         )
     return np.clip(times, begin, end)
-
-
-def _summed(names: Sequence[str], amounts: Vector) -> dict[str, float]:
-    total: dict[str, float] = {}
-    for name, amount in zip(names, amounts, strict=True):
-        total[name] = total.get(name, 0.0) + float(amount)
-    return total

@@ -96,29 +96,17 @@ def correction_program(
     and the times are exact on it, so that the drift exceeds the tolerance nowhere, also between samples. None is
     inserted at the end of an operation.
 
-    Parameters
-    ----------
-    time_s, displacement_um : ndarray of shape (n_samples,)
-        The curve [s], [µm]; times increase and cover the operations.
-    operations_s : sequence of float
-        Lengths of the operations [s], the first from 0 s on.
-    tolerance_um : float
-        Tolerance [µm].
-    resolution_s : float, optional
-        Corrections come only at whole multiples of this time [s] after the start of the operation, before the tolerance
-        is reached and never after; they take off the drift that there is at that time.
+    `operations_s` are the lengths of the operations [s], the first from 0 s on. With `resolution_s` corrections come
+    only at whole multiples of this time [s] after the start of the operation, before the tolerance is reached and never
+    after; they take off the drift that there is at that time.
 
     Raises
     ------
     InputError
-        If tolerance, operations or curve cannot be used, more than `MOST_CORRECTIONS` would be needed, or the drift
-        grows by more than the tolerance within `resolution_s`.
+        If the curve cannot be used, more than `MOST_CORRECTIONS` would be needed, or the drift grows by more than the
+        tolerance within `resolution_s`.
     """
-    lengths = _checked_lengths(operations_s)
-    _require_positive(tolerance_um, "tolerance", "a drift [µm]", "give the tolerance in µm, e.g. 10")
-    if resolution_s is not None:
-        _require_positive(resolution_s, "resolution", "a time [s]", "give a time, e.g. one minute, or leave it out")
-    ends = np.cumsum(lengths)
+    ends = np.cumsum(operations_s)
     time, displacement = _checked_curve(time_s, displacement_um, float(ends[-1]))
     with np.errstate(over="ignore"):
         needed = float(np.abs(np.diff(displacement)).sum() / tolerance_um)
@@ -211,23 +199,6 @@ def _extremes(t: Vector, d: Vector, edges: Vector, at_edges: Vector) -> tuple[Ve
     np.minimum.at(low, cell, d)
     np.maximum.at(high, cell, d)
     return low, high
-
-
-def _checked_lengths(operations_s: Sequence[float]) -> Vector:
-    lengths = np.array(list(operations_s), dtype=np.float64)
-    if lengths.ndim != 1 or not len(lengths) or not (np.isfinite(lengths) & (lengths > 0)).all():
-        raise InputError(
-            f"operations of {', '.join(f'{length / 60:g}' for length in lengths.ravel()) or 'no'} min",
-            expected="at least one operation, each with a length above 0",
-            where="operations",
-            advice="give the length of every operation, one after the other",
-        )
-    return lengths
-
-
-def _require_positive(value: float, where: str, expected: str, advice: str) -> None:
-    if not (np.isfinite(value) and value > 0):
-        raise InputError(f"{value:g}", expected=f"{expected} above 0", where=where, advice=advice)
 
 
 def _checked_curve(time_s: Vector, displacement_um: Vector, end_s: float) -> tuple[Vector, Vector]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -22,16 +23,10 @@ GROWS = 1.05
 
 @dataclass
 class _Told:
-    """What had to be done beyond following a characteristic, and when [s]; tables of the characteristics used."""
+    """Tables of the characteristics used; finding → when [s] more had to be done than to follow a characteristic."""
 
     tables: dict[float, tuple[Vector, Vector]] = field(default_factory=dict)
-
-    additional: list[float] = field(default_factory=list)
-    other_side: list[float] = field(default_factory=list)
-    several_entries: list[float] = field(default_factory=list)
-    scaled: list[float] = field(default_factory=list)
-    assumed: list[float] = field(default_factory=list)
-    beyond: list[float] = field(default_factory=list)
+    starts: dict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
 
 
 def piecewise_displacement_um(
@@ -88,16 +83,16 @@ def _running(curve: Characteristics, speed: float, present: float, at: Vector, s
     entries = _crossings(grid, table, present)
     if len(entries):
         if len(entries) > 1 and np.ptp(table[(grid >= entries[0]) & (grid <= entries[-1])]) > 3.0 * curve.noise_um:
-            told.several_entries.append(start)
+            told.starts["entry-not-unique"].append(start)
         if entries[0] + at[-1] > 1.05 * tested_s:
-            told.beyond.append(start)
+            told.starts["characteristic-extended"].append(start)
         piece = curve.heating_um(speed, entries[0] + at)
         # the entry stands on a chord of the table
         return np.asarray(piece + (present - float(curve.heating_um(speed, entries[:1])[0])))
     if present * steady < 0:
-        told.other_side.append(start)
+        told.starts["displacement-on-other-side"].append(start)
         return np.asarray(curve.heating_um(speed, at) + present * _fading(curve, present, at, start, told))
-    told.additional.append(start)
+    told.starts["additional-operation"].append(start)
     return np.asarray(steady + (present - steady) * _fading(curve, present, at, start, told))
 
 
@@ -119,7 +114,7 @@ def _fading(curve: Characteristics, present: float, at: Vector, start: float, to
     """A cooling curve from its beginning, scaled to begin at 1."""
     number = _nearest_cooling(curve, present)
     if number is None:
-        told.assumed.append(start)
+        told.starts["cooling-assumed"].append(start)
         fastest = float(curve.speeds_rpm[-1])
         steady = float(curve.heating_um(fastest, np.array([np.inf]))[0])
         grid = np.geomspace(1.0, 12.0 * float(curve.tau_s[-1]), 200)
@@ -128,7 +123,7 @@ def _fading(curve: Characteristics, present: float, at: Vector, start: float, to
         return np.asarray(1.0 - curve.heating_um(fastest, at) / steady)
     begin = float(curve.cooling_starts_um[number])
     if abs(present) > 1.02 * abs(begin):
-        told.scaled.append(start)
+        told.starts["cooling-scaled"].append(start)
     return np.asarray(curve.cooling_curve_um(number, at) / begin)
 
 
@@ -153,49 +148,37 @@ def _crossings(grid: Vector, table: Vector, level: float) -> Vector:
 
 
 _STATEMENTS = {
-    "additional": (
-        "additional-operation",
+    "additional-operation": (
         "{response} is beyond all of the characteristic at {times}: the steady level was approached along a cooling "
-        "curve.",
+        "curve."
     ),
-    "other_side": (
-        "displacement-on-other-side",
+    "displacement-on-other-side": (
         "{response} is on the other side of zero than the characteristic at {times}: what is left of it was let fade "
-        "along a cooling curve beside the new characteristic.",
+        "along a cooling curve beside the new characteristic."
     ),
-    "several_entries": (
-        "entry-not-unique",
+    "entry-not-unique": (
         "The characteristic of {response} turns back and has the present displacement more than once at {times}: it "
-        "was entered where it has it first.",
+        "was entered where it has it first."
     ),
-    "scaled": (
-        "cooling-scaled",
-        "{response} is beyond the beginning of every recorded cooling at {times}: the largest was scaled.",
+    "cooling-scaled": (
+        "{response} is beyond the beginning of every recorded cooling at {times}: the largest was scaled."
     ),
-    "assumed": (
-        "cooling-assumed",
+    "cooling-assumed": (
         "There is no recorded cooling that {response} can follow at {times}: it was taken to be the heating at the "
-        "fastest speed upside down, or where that turns back, one exponential.",
+        "fastest speed upside down, or where that turns back, one exponential."
     ),
-    "beyond": (
-        "characteristic-extended",
-        "{response} is followed further than the test at that speed lasted, from {times} on.",
-    ),
+    "characteristic-extended": "{response} is followed further than the test at that speed lasted, from {times} on.",
 }
 
 
-def _findings(curve: Characteristics, told: _Told) -> list[Finding]:
-    found: list[Finding] = []
-    for kind, (name, statement) in _STATEMENTS.items():
-        times = sorted(set(getattr(told, kind)))
+def _findings(curve: Characteristics, told: _Told) -> Iterator[Finding]:
+    for name, statement in _STATEMENTS.items():
+        times = sorted(set(told.starts[name]))
         if times:
             shown = ", ".join(f"{time / 60:.4g}" for time in times[:6]) + (" …" if len(times) > 6 else "") + " min"
-            found.append(
-                FINDINGS.finding(
-                    name,
-                    statement.format(response=curve.response, times=shown),
-                    Where(channel=curve.response),
-                    {"times_s": times},
-                )
+            yield FINDINGS.finding(
+                name,
+                statement.format(response=curve.response, times=shown),
+                Where(channel=curve.response),
+                {"times_s": times},
             )
-    return found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -188,7 +188,7 @@ def predict(
         residual, heldout = fit.residual_um, fit.heldout_um
         # said above, about the speeds of this duty cycle
         findings += [one for one in fit.findings if one.id != ONE_TESTED_SPEED]
-        findings += [*_longer_than_tests(usable, cyclogram)]
+        findings += _longer_than_tests(usable, cyclogram)
         time = _times(lambda t: fit.model.displacement_um(cyclogram, t), cyclogram, operations_s)
         displacement = fit.model.displacement_um(cyclogram, time)
         mode_um = fit.model.mode_displacement_um(cyclogram, time)
@@ -280,18 +280,15 @@ def _times(course: Callable[[Vector], Vector], cyclogram: Cyclogram, operations_
     return np.asarray(time)
 
 
-def _longer_than_tests(tests: Sequence[ThermalTest], cyclogram: Cyclogram) -> list[Finding]:
+def _longer_than_tests(tests: Sequence[ThermalTest], cyclogram: Cyclogram) -> Iterator[Finding]:
     longest = max(float(test.time_s[-1] - test.time_s[0]) for test in tests)
-    if cyclogram.end_s <= 1.5 * longest:
-        return []
-    return [
-        FINDINGS.finding(
+    if cyclogram.end_s > 1.5 * longest:
+        yield FINDINGS.finding(
             "longer-than-tests",
             f"The duty cycle lasts {cyclogram.end_s / 3600:.3g} h, the longest test {longest / 3600:.3g} h: slower "
             "parts of the warming than the tests could show are not in the prediction.",
             Where(), {"cycle_s": cyclogram.end_s, "longest_test_s": longest},
-        )
-    ]  # fmt: skip
+        )  # fmt: skip
 
 
 def _of_program(
@@ -300,35 +297,26 @@ def _of_program(
     tolerance_um: float | None,
     responses: Sequence[str],
     heldout: Vector | None,
-) -> list[Finding]:
-    findings: list[Finding] = []
+) -> Iterator[Finding]:
     if tolerance_um is None:
-        findings.append(
-            FINDINGS.finding(
-                "usual-tolerance", f"No tolerance was given; {USUAL_TOLERANCE_UM:g} µm was taken.",
-            )
+        yield FINDINGS.finding(
+            "usual-tolerance", f"No tolerance was given; {USUAL_TOLERANCE_UM:g} µm was taken.",
         )  # fmt: skip
     if operations_s is None:
-        findings.append(
-            FINDINGS.finding(
-                "one-operation", "No operations were given; the whole duty cycle is one, with one zero.",
-            )
+        yield FINDINGS.finding(
+            "one-operation", "No operations were given; the whole duty cycle is one, with one zero.",
         )  # fmt: skip
     elif float(np.sum(operations_s)) < cyclogram.end_s * (1.0 - 1e-12):
         end = float(np.sum(operations_s))
-        findings.append(
-            FINDINGS.finding(
-                "operations-end-early",
-                f"The operations end at {end / 60:g} min, the duty cycle at {cyclogram.end_s / 60:g} min: there are no "
-                "corrections after them.",
-                Where(from_s=end, to_s=cyclogram.end_s),
-            )
+        yield FINDINGS.finding(
+            "operations-end-early",
+            f"The operations end at {end / 60:g} min, the duty cycle at {cyclogram.end_s / 60:g} min: there are no "
+            "corrections after them.",
+            Where(from_s=end, to_s=cyclogram.end_s),
         )  # fmt: skip
-    findings.append(
-        FINDINGS.finding(
-            "sign-not-verified",
-            "Corrections are counted as the gauge counted in the tests: each is a displacement to be subtracted.",
-        )
+    yield FINDINGS.finding(
+        "sign-not-verified",
+        "Corrections are counted as the gauge counted in the tests: each is a displacement to be subtracted.",
     )  # fmt: skip
     allowed_um = USUAL_TOLERANCE_UM if tolerance_um is None else tolerance_um
     for r, name in enumerate(responses):
@@ -338,17 +326,14 @@ def _of_program(
             if error is None
             else f"what was left out of the fit was predicted to {error:.2g} µm (RMS)"
         )
-        findings.append(
-            FINDINGS.finding(
-                "drift-beyond-tolerance",
-                f"The program keeps the predicted {name} within the tolerance; the true one leaves it by as much as "
-                f"the prediction is wrong: {known}. Largest errors are larger, most of all in pauses that no test has.",
-                Where(channel=name), {"heldout_um": error},
-                "record one run like the duty cycle and compare" + ("" if error else "; try --method modal as well"),
+        yield FINDINGS.finding(
+            "drift-beyond-tolerance",
+            f"The program keeps the predicted {name} within the tolerance; the true one leaves it by as much as "
+            f"the prediction is wrong: {known}. Largest errors are larger, most of all in pauses that no test has.",
+            Where(channel=name), {"heldout_um": error},
+            "record one run like the duty cycle and compare" + ("" if error else "; try --method modal as well"),
             level="warning" if error is None or error > LARGE_ERROR * allowed_um else "info",
-            )
         )  # fmt: skip
-    return findings
 
 
 def _at(values: Vector | None, r: int) -> float | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -189,7 +189,7 @@ FAR_BEYOND = 4.0
 """A run whose residual is this many times the median of the others' contradicts them."""
 
 
-def movement_findings(tests: Sequence[ThermalTest], responses: Sequence[str]) -> list[Finding]:
+def movement_findings(tests: Sequence[ThermalTest], responses: Sequence[str]) -> Iterator[Finding]:
     """A warning for every response in which slow movement cannot be told from the noise.
 
     Raises
@@ -197,7 +197,6 @@ def movement_findings(tests: Sequence[ThermalTest], responses: Sequence[str]) ->
     InputError
         If a response does not move at all in any of the tests.
     """
-    findings = []
     for r, name in enumerate(responses):
         courses = [_read(test, r)[1] for test in tests]
         largest = max(float(np.ptp(course)) for course in courses)
@@ -211,23 +210,19 @@ def movement_findings(tests: Sequence[ThermalTest], responses: Sequence[str]) ->
         moved, free = np.sum([_slow_part(course) for course in courses], axis=0)
         if moved <= float(chi2.ppf(CERTAIN, max(free, 1.0))):
             noise = float(np.median([_noise_um(course) for course in courses]))
-            findings.append(
-                FINDINGS.finding(
-                    "no-thermal-movement",
-                    f"In {name} no thermal movement was found above the noise of {noise:.2g} µm: what is predicted for "
-                    "it is noise.",
-                    Where(channel=name), {"noise_um": noise},
-                )
+            yield FINDINGS.finding(
+                "no-thermal-movement",
+                f"In {name} no thermal movement was found above the noise of {noise:.2g} µm: what is predicted for "
+                "it is noise.",
+                Where(channel=name), {"noise_um": noise},
             )  # fmt: skip
-    return findings
 
 
-def warm_start_findings(tests: Sequence[ThermalTest], responses: Sequence[str]) -> list[Finding]:
+def warm_start_findings(tests: Sequence[ThermalTest], responses: Sequence[str]) -> Iterator[Finding]:
     """A warning for every run that cools to the other side of where it started: it did not begin cold.
 
     Judged by the response that moves most; other axes may turn back beyond their start by themselves.
     """
-    findings = []
     for test in tests:
         r = int(np.argmax([float(np.ptp(_read(test, k)[1])) for k in range(len(responses))]))
         time, course, speed = _read(test, r)
@@ -241,19 +236,16 @@ def warm_start_findings(tests: Sequence[ThermalTest], responses: Sequence[str]) 
         top = float(np.mean(course[max(0, last - few) : last]))
         fallen = (start - end) * np.sign(top - start)
         if fallen > max(IN_NOISE * _noise_um(course), WARM * float(np.ptp(course))):
-            findings.append(
-                FINDINGS.finding(
-                    "run-begins-warm",
-                    f"Run {test.run} cools to {fallen:.3g} µm beyond where {responses[r]} started: it did not begin "
-                    "cold, or something else moves it. Predictions take starts to be cold, so they are too small.",
-                    Where(channel=responses[r], run=test.run, from_s=float(time[0]), to_s=float(time[-1])),
-                    {"beyond_start_um": float(fallen)},
-                )
+            yield FINDINGS.finding(
+                "run-begins-warm",
+                f"Run {test.run} cools to {fallen:.3g} µm beyond where {responses[r]} started: it did not begin "
+                "cold, or something else moves it. Predictions take starts to be cold, so they are too small.",
+                Where(channel=responses[r], run=test.run, from_s=float(time[0]), to_s=float(time[-1])),
+                {"beyond_start_um": float(fallen)},
             )  # fmt: skip
-    return findings
 
 
-def speed_findings(tests: Sequence[ThermalTest], cyclogram: Cyclogram) -> list[Finding]:
+def speed_findings(tests: Sequence[ThermalTest], cyclogram: Cyclogram) -> Iterator[Finding]:
     """What the tested speeds do not say about those of the duty cycle.
 
     Raises
@@ -263,58 +255,46 @@ def speed_findings(tests: Sequence[ThermalTest], cyclogram: Cyclogram) -> list[F
     """
     levels = np.array(mode_data(tests).levels_rpm)
     speeds = np.unique(cyclogram.speed_rpm[cyclogram.speed_rpm > 0])
-    findings = []
     others = speeds[np.abs(speeds - levels[-1]) > SAME_SPEED * levels[-1]]
     if len(levels) == 1 and len(others):
-        findings.append(
-            FINDINGS.finding(
-                "one-speed-tested",
-                f"Only {levels[0]:.6g} r/min was tested; the duty cycle has {others[0]:.6g} r/min too. How heat grows "
-                "with the speed is then an assumption: errors up to half of the displacement were seen.",
-                Where(), {"levels_rpm": levels.tolist(), "speeds_rpm": others.tolist()},
-            )
+        yield FINDINGS.finding(
+            "one-speed-tested",
+            f"Only {levels[0]:.6g} r/min was tested; the duty cycle has {others[0]:.6g} r/min too. How heat grows "
+            "with the speed is then an assumption: errors up to half of the displacement were seen.",
+            Where(), {"levels_rpm": levels.tolist(), "speeds_rpm": others.tolist()},
         )  # fmt: skip
     slow = speeds[speeds < 0.5 * levels[0]]
     if len(slow):
-        findings.append(
-            FINDINGS.finding(
-                "slower-than-tests",
-                f"The duty cycle has {slow[0]:.6g} r/min, less than half of the slowest tested speed, {levels[0]:.6g} "
-                "r/min: what is predicted there rests on the law of the speed. Were the speeds written as meant?",
-                Where(), {"speeds_rpm": slow.tolist(), "slowest_tested_rpm": float(levels[0])},
-            )
+        yield FINDINGS.finding(
+            "slower-than-tests",
+            f"The duty cycle has {slow[0]:.6g} r/min, less than half of the slowest tested speed, {levels[0]:.6g} "
+            "r/min: what is predicted there rests on the law of the speed. Were the speeds written as meant?",
+            Where(), {"speeds_rpm": slow.tolist(), "slowest_tested_rpm": float(levels[0])},
         )  # fmt: skip
-    return findings
 
 
 def contradiction_findings(
     tests: Sequence[ThermalTest], repeats: Sequence[RepeatedTest], responses: Sequence[str]
-) -> list[Finding]:
+) -> Iterator[Finding]:
     """A warning for every run that heats the other way than most, or is repeated far worse than the others."""
-    findings = []
     for r, name in enumerate(responses):
         opposite = _opposite(tests, r)
         worse = {} if opposite else _worse(repeats, r)
         for run in opposite:
-            findings.append(
-                FINDINGS.finding(
-                    "run-contradicts-others",
-                    f"In run {run} heating moves {name} the other way than in "
-                    + ("the other run." if len(opposite) == len(tests) == 2 else "most of the other runs."),
-                    Where(channel=name, run=run),
-                )
+            yield FINDINGS.finding(
+                "run-contradicts-others",
+                f"In run {run} heating moves {name} the other way than in "
+                + ("the other run." if len(opposite) == len(tests) == 2 else "most of the other runs."),
+                Where(channel=name, run=run),
             )  # fmt: skip
         for run, (error, usual) in worse.items():
-            findings.append(
-                FINDINGS.finding(
-                    "run-contradicts-others",
-                    f"Run {run} is repeated with an error of {error:.2g} µm RMS in {name}, the others with "
-                    f"{usual:.2g} µm: it contradicts them.",
-                    Where(channel=name, run=run), {"residual_um": error, "others_um": usual},
-                    "look at that run (gauge, speed, start from cold), or leave it out",
-                )
+            yield FINDINGS.finding(
+                "run-contradicts-others",
+                f"Run {run} is repeated with an error of {error:.2g} µm RMS in {name}, the others with "
+                f"{usual:.2g} µm: it contradicts them.",
+                Where(channel=name, run=run), {"residual_um": error, "others_um": usual},
+                "look at that run (gauge, speed, start from cold), or leave it out",
             )  # fmt: skip
-    return findings
 
 
 def _opposite(tests: Sequence[ThermalTest], r: int) -> list[str]:

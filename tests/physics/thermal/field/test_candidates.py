@@ -10,16 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selector.errors import OptionError
-from selector.physics.thermal.field import (
-    ACCESSIBLE,
-    MachineGeometry,
-    block_mesh,
-    machine_blocks,
-    machine_outline,
-    sensor_candidates,
-)
-from selector.physics.thermal.field.candidates import FOOT_M, MOST_CANDIDATES, ROOM_M
-from selector.physics.thermal.field.geometry import surfaces
+from selector.physics.thermal.field import machine_outline
+from selector.physics.thermal.field.candidates import ACCESSIBLE, FOOT_M, MOST_CANDIDATES, ROOM_M, sensor_candidates
+from selector.physics.thermal.field.geometry import MachineGeometry, machine_blocks, surfaces
+from selector.physics.thermal.field.mesh import block_mesh
 from selector.physics.thermal.file.model_file import MOST_SENSORS, CandidatesSection
 
 OUTWARD = {

@@ -12,10 +12,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selector.errors import InputError, OptionError
-from selector.physics.thermal.field import MATERIALS, MachineGeometry, block_mesh, field_machine, machine_blocks
-from selector.physics.thermal.field.geometry import feet, heated_parts, heated_surfaces, surfaces
+from selector.physics.thermal.field import field_machine
+from selector.physics.thermal.field.geometry import (
+    MachineGeometry,
+    feet,
+    heated_parts,
+    heated_surfaces,
+    machine_blocks,
+    surfaces,
+)
 from selector.physics.thermal.field.machine import CELL_M, displacement_readings
+from selector.physics.thermal.field.mesh import block_mesh
 from selector.physics.thermal.field.solvers import direct_solver, rigid_motions
+from selector.physics.thermal.field.thermoelasticity import MATERIALS
 
 COARSE = 0.2
 ONE_ALPHA = {name: replace(material, expansion_per_k=11e-6) for name, material in MATERIALS.items()}

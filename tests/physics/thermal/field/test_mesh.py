@@ -8,14 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selector.errors import InputError, OptionError
-from selector.physics.thermal.field import (
+from selector.physics.thermal.field.mesh import VOID, Block, block_mesh, probe_row
+from selector.physics.thermal.field.thermoelasticity import (
     MATERIALS,
-    VOID,
-    Block,
-    block_mesh,
     conduction_matrices,
     film,
-    probe_row,
     surface_source,
     volume_source,
 )
@@ -98,14 +95,6 @@ def test_later_blocks_take_the_room_of_earlier_ones_and_void_cuts():
     assert block_mesh(corner_to_corner, 0.05).pieces() == 2
 
 
-@pytest.mark.parametrize("cell_m", [0.0, -0.1, np.nan, np.inf])
-def test_cells_without_size_are_refused(cell_m):
-    with pytest.raises(OptionError, match="larger cell"):
-        block_mesh([Block("bar", "steel", (0.0, 0.0, 0.0), (0.5, 0.1, 0.1))], cell_m)
-
-
-def test_blocks_inside_out_and_no_block_are_refused():
+def test_blocks_inside_out_are_refused():
     with pytest.raises(OptionError, match="high corner above the low one"):
         Block("bar", "steel", (0.0, 0.0, 0.0), (0.5, 0.0, 0.1))
-    with pytest.raises(OptionError, match="no body"):
-        block_mesh([Block(VOID, "", (0.0, 0.0, 0.0), (0.5, 0.1, 0.1))], 0.1)

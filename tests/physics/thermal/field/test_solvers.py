@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from selector.physics.thermal.field import MATERIALS, Block, block_mesh, conduction_matrices, elasticity
+from selector.physics.thermal.field.mesh import Block, block_mesh
 from selector.physics.thermal.field.solvers import MULTIGRID_TOLERANCE, nested_dissection, rigid_motions
-from selector.physics.thermal.field.thermoelasticity import elastic_matrices
+from selector.physics.thermal.field.thermoelasticity import MATERIALS, conduction_matrices, elastic_matrices, elasticity
 
 
 def angle():
