@@ -81,10 +81,7 @@ def period_of(source: RunSource) -> float | None:
 def other_sampling(model: ModelFile, recording: Recording, *, is_guarded: bool = False) -> Iterator[Finding]:
     """Runs that are sampled otherwise than those of the model; none where its file does not say how these were.
 
-    Parameters
-    ----------
-    is_guarded : bool
-        Whether the model is run with its guard, whose limits of change are in seconds, too.
+    `is_guarded`: the model is run with its guard, whose limits of change are in seconds, too.
     """
     fitted_s = model.provenance.period_s
     if fitted_s is None:
@@ -186,15 +183,9 @@ def apply_model(
     """Predictions of a model for every run of a recording, compared with the recorded displacement where there is one.
 
     Readings that mean a broken sensor (break codes, limits of the model file) count as missing, with a finding.
-
-    Parameters
-    ----------
-    model : ModelFile
-    recording : Recording
-    start_readings : mapping of run to mapping of input to reading, optional
-        Readings at the start of a run, for inputs that are rises. Default: the first finite reading.
-    displacement_start : mapping of run to mapping of output to float, optional
-        Displacement [µm] that counts as zero. Default: 0, or `displacement_starts` if the output itself is a rise.
+    `start_readings`: per run and input, for inputs that are rises; default: the first finite reading.
+    `displacement_start`: per run and output, what counts as zero [µm]; default: 0, or `displacement_starts` if the
+    output is a rise.
 
     Raises
     ------

@@ -39,12 +39,6 @@ class Evaluator:
 
     A reading that is not a finite number is missing: outputs that need it are NaN, the memory of its sensor waits, and
     time goes on for it when readings come back. A start reading that is not given is the first reading.
-
-    Parameters
-    ----------
-    model : ModelFile or Fallback
-    start_readings : mapping of str to float, optional
-        Readings at the start of the run, [unit of the input].
     """
 
     def __init__(self, model: Equations, start_readings: Mapping[str, float] | None = None) -> None:
@@ -106,17 +100,9 @@ def evaluate(
 ) -> dict[str, Array]:
     """The outputs [µm] of a run, the same bits as `Evaluator` gives sample by sample.
 
-    Parameters
-    ----------
-    model : ModelFile or Fallback
-    time_s : array of shape (n_samples,)
-        Strictly increasing [s].
-    readings : mapping of str to array of shape (n_samples,)
-        Per input, [unit of the input]; what is not finite is missing.
-    start_readings : mapping of str to float, optional
-        Per input; default the first finite reading.
-    positions_m : mapping of str to array of shape (n_samples,), optional
-        Per axis [m]; default every axis at its reference.
+    `time_s`, and every series of readings [unit of the input] and of positions [m], have the shape (n_samples,); a
+    reading that is not finite is missing. Default of the start readings: the first finite ones; of the positions: the
+    reference.
 
     Raises
     ------

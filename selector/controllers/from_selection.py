@@ -41,15 +41,9 @@ def model_file_of(
 ) -> ModelFile:
     """The model file of a selection: all responses, with ranges, rate limits, validation and test vectors.
 
-    Parameters
-    ----------
-    channels : tuple of Channel
-        Those of the recording, for roles, units and places.
-    source : RunSource, optional
-        The recording; gives the sampling period, and the fastest change of each sensor, of which five times (at least
-        1 K/min) is the limit.
-    date : str, optional
-        ISO date to write into the file; the clock is never read.
+    `channels` are those of the recording, for roles, units and places; `source`, the recording, gives the sampling
+    period and the fastest change of each sensor, of which five times (at least 1 K/min) is the limit; `date` is written
+    as it is.
     """
     by_name = {channel.name: channel for channel in channels}
     recipe = selection.recipe

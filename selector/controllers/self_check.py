@@ -150,14 +150,7 @@ def check_vectors(
 
     ``start`` (start readings not given), ``corners`` of the valid ranges (all of them for up to five inputs, else each
     input alone and all together), ``ramp`` (up, hold, back at uneven steps as long as the slowest memory), and, if
-    given, up to 50 samples of a recording.
-
-    Parameters
-    ----------
-    model : ModelFile
-        Its own test vectors are not looked at.
-    recorded : tuple of time_s [s] and readings per input, optional
-        Rows with a missing reading are left out.
+    `recorded` (times [s] and readings per input) is given, up to 50 of its samples that miss no reading.
     """
     start = {item.name: START_DEGC for item in model.inputs if item.reference == "rise"}
     corners = list(_corners(model.inputs))

@@ -37,20 +37,7 @@ def usable_readings(
 ) -> tuple[dict[str, Array], tuple[Finding, ...]]:
     """Readings per input with NaN where they are not temperatures (or speeds, …) at all, and what was found.
 
-    Parameters
-    ----------
-    model : ModelFile
-    run : str
-        For the findings.
-    time_s : ndarray of shape (n_samples,)
-    readings : mapping of str to ndarray of shape (n_samples,)
-        Per input, [unit of the input].
-
-    Returns
-    -------
-    dict of str to ndarray, tuple of Finding
-        Findings ``sensor-looks-broken`` (kinds missing, break-code, out-of-limits, jump, stuck) and
-        ``missing-readings``.
+    Findings ``sensor-looks-broken`` (kinds missing, break-code, out-of-limits, jump, stuck) and ``missing-readings``.
     """
     usable: dict[str, Array] = {}
     findings: list[Finding] = []

@@ -75,17 +75,9 @@ def rounding_errors(
     It holds for readings that both take for good, model and fallbacks alike, and one restart. What a dead band or a
     slew limit makes of the difference is not in it, and nothing is larger than twice the clamp.
 
-    Parameters
-    ----------
-    model : ModelFile
-    largest_readings : mapping of str to float, optional
-        Largest magnitude of a reading that is used, start readings included; default: `largest_reading`.
-    calls_per_s : int
-        1 = time is counted without an error.
-    roundoff : float
-        Largest relative rounding of an operation and of a literal; default: binary32.
-    shortest_s : float
-        Between two readings that are looked at.
+    `largest_readings`: largest magnitude of a reading that is used, start readings included; default:
+    `largest_reading`. `calls_per_s`: 1 = time is counted without an error. `roundoff`: of an operation and of a
+    literal, relative. `shortest_s`: between two readings that are looked at.
     """
     readings = {item.name: largest_reading(item) for item in model.inputs} | dict(largest_readings or {})
     single = _errors(model, readings, calls_per_s, roundoff, shortest_s)

@@ -46,15 +46,7 @@ _STEPS_S += tuple(hours * 3600.0 for hours in (2, 4, 6, 12, 24, 48, 120, 240, 10
 
 
 class RunAxis:
-    """Where every sample stands.
-
-    Attributes
-    ----------
-    starts_s : tuple of float
-        Start of every run on the axis [s].
-    end_s : float
-        End of the axis [s].
-    """
+    """Where every sample stands; starts of all runs, and the end of the axis [s]."""
 
     def __init__(self, comparison: Comparison) -> None:
         self._comparison = comparison

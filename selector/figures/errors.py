@@ -50,16 +50,7 @@ def run_errors_title(response: str, runs: Sequence[RunError], kind: str) -> str:
 
 
 def run_errors_picture(response: str, runs: Sequence[RunError], title: str) -> go.Figure:
-    """The frame for the errors of these runs; `run_error_changes` fills it.
-
-    Parameters
-    ----------
-    response : str
-    runs : sequence of RunError
-        Their names, and whether a largest error is known, are taken.
-    title : str
-        Plain text, as `style.label` makes it.
-    """
+    """The frame for the errors of these runs; `run_error_changes` fills it."""
     n = len(runs)
     drawn = style.figure(title, _ROOM_PX + max(_LEAST_PX, _RUN_PX * n))
     rows = list(range(n))
@@ -162,18 +153,9 @@ def set_errors_picture(response: str, height: int) -> go.Figure:
 def set_error_changes(
     everywhere: Sequence[SetError], cut: Sequence[SetError], taken: SetError, before_um: float
 ) -> Changes:
-    """The sets in the frame of `set_errors_picture`.
+    """The sets in the frame of `set_errors_picture`: the best of each size among all sensors, and among those of a cut.
 
-    Parameters
-    ----------
-    everywhere : sequence of SetError
-        The best of each size among all sensors.
-    cut : sequence of SetError
-        The best of each size among the representatives of a cut.
-    taken : SetError
-        Gets a ring.
-    before_um : float
-        The error without any sensor [µm].
+    The set that is `taken` gets a ring; `before_um` is the error without any sensor.
     """
     last = max(len(one.sensors) for one in (*everywhere, *cut, taken)) + 0.5
     values = [one.error_um for one in (*everywhere, *cut, taken)] + [before_um]

@@ -109,13 +109,7 @@ def error_against_sensors(selection: Selection, response: str) -> go.Figure:
 
 
 def measured_and_predicted(selection: Selection, response: str, runs: Sequence[str] | None = None) -> go.Figure:
-    """Measured and predicted displacement of each left-out run, with the residual below; thinned for drawing.
-
-    Parameters
-    ----------
-    runs : sequence of str, optional
-        Which runs to draw, in this order; all by default.
-    """
+    """Measured and predicted displacement of left-out runs (default: all), the residual below; thinned for drawing."""
     j = list(selection.models).index(response)
     traces: dict[str, list[Trace]] = {}
     for trace in selection.proof.traces:

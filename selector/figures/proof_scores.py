@@ -35,18 +35,7 @@ def confusion_matrix(
     cases: Sequence[int],
     right: Sequence[Sequence[str]],
 ) -> go.Figure:
-    """What was put in against what was said, as a share of the cases of each row.
-
-    Parameters
-    ----------
-    true, said : sequence of str
-        Rows and columns.
-    counts : ndarray of int of shape (n_true, n_said)
-    cases : sequence of int
-        Cases of every row.
-    right : sequence of sequence of str
-        Of every row the columns that are right.
-    """
+    """What was put in (rows) against what was said (columns), as a share of the cases of a row."""
     counts = counts.reshape(len(true), len(said))
     share = counts / np.maximum(np.asarray(cases, dtype=np.float64), 1.0)[:, None]
     is_right = np.array([[name in row for name in said] for row in right]).reshape(counts.shape)
@@ -91,14 +80,8 @@ def power_by_effect(
 ) -> go.Figure:
     """How often each effect was found at each strength d′, with the oracle's chance as dotted lines.
 
-    Parameters
-    ----------
-    found : mapping of str to mapping of float to Share
-        Id → strength → share that was named, or in a set.
-    oracle : mapping of float to float
-        Strength → chance that somebody finds it who knows the course of the effect.
-    all_effects : mapping of float to Share
-        Strength → share over all effects together.
+    `found`: id → strength → share that was named, or in a set; `oracle`: strength → chance that somebody finds it who
+    knows the course of the effect.
     """
     strengths = sorted(oracle)
     told = ", ".join(f"{100 * all_effects[d].value:.0f} % at d′ = {d:g}" for d in strengths if d in all_effects)

@@ -71,13 +71,8 @@ def other_than_exported(
 ) -> tuple[str, ...]:
     """What is asked otherwise now than when the files in the folder `files` were written, in the words of the fields.
 
-    Parameters
-    ----------
-    files, model : Path
-        Folder of the files, and the model file that would be exported now.
-    asked : Export
-    now, then : sequence of str
-        The command that is asked now, and the one that wrote the files; None: another session wrote them.
+    `model` is the file that would be exported now; without `then`, the command that wrote the files, another session
+    did.
     """
     here, there = model_at(model), model_at(files / MODEL)
     if here is None or there is None:

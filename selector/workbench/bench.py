@@ -30,16 +30,7 @@ _COMPARED = {"simulation", "model"}
 
 
 class Bench:
-    """The state of one study.
-
-    Parameters
-    ----------
-    folder : Path
-        The study folder; it exists. What is in it is taken up: study file, recordings, machine file, results.
-    files : sequence of Path
-        Recordings elsewhere, which are read where they are.
-    machine : Path or None
-        Machine file; None: that of the study file, or of the folder, if there is one.
+    """The state of one study: its folder, with all that is in it, and recordings elsewhere, read where they are.
 
     Raises
     ------

@@ -54,16 +54,7 @@ def _wishes(
 def choose(
     bench: Bench, page: str, ids: Sequence[dict[str, str]], uses: Sequence[str], costs: Sequence[str | None]
 ) -> None:
-    """Takes over the rows of a page's table, if there are any.
-
-    Parameters
-    ----------
-    page : str
-        ``ID`` of the page, with which the ids of the fields begin.
-    ids : sequence of mapping
-        Of the fields for the use, ``{"type": …, "sensor": name}``.
-    uses, costs : sequences of str
-        An empty cost is 1.
+    """Takes over the rows of a page's table, if there are any; the ids of its fields begin with `page`. No cost is 1.
 
     Raises
     ------

@@ -46,17 +46,10 @@ class Corrected:
 
 
 class GuardedModel:
-    """A model with its guard and its state.
+    """A model with its guard and its state; ranges and references of its own inputs hold in its fallbacks, too.
 
-    Parameters
-    ----------
-    model : ModelFile
-        Ranges and references of its own inputs hold in its fallbacks, too.
-    number : callable
-        ``float`` (IEEE 754 binary64) or ``numpy.float32`` (binary32).
-    start_readings : mapping of str to float, optional
-        Start readings that the control kept; default: the first reading that is good and stays so for
-        `recover_after_s`.
+    `number` is ``float`` (IEEE 754 binary64) or ``numpy.float32`` (binary32); `start_readings` are those that the
+    control kept; default: the first reading that is good and stays so for `recover_after_s`.
     """
 
     def __init__(
@@ -100,24 +93,15 @@ class GuardedModel:
         is_wanted: bool = True,
         test_um: Mapping[str, float] | None = None,
     ) -> Corrected:
-        """The correction after `dt_s` more seconds.
+        """The correction after `dt_s` more seconds; what is no time, or more than 10⁶ s, counts as 0.
 
-        Parameters
-        ----------
-        dt_s : float
-            Since the last call [s]; what is no time, or more than 10⁶ s, counts as 0.
-        readings : mapping of str to float
-            Per input, [unit of the input]; anything, NaN and infinity included.
-        positions_m : mapping of str to float, optional
-            Per axis [m]; what is missing or no number stays where it was last.
-        is_ready : bool
-            Drives on and axis referenced. Without, there is no correction at once.
-        is_wanted : bool
-            The operator's switch. Without, the correction is ramped to zero.
-        test_um : mapping of str to float, optional
-            Per output [µm], for the sign test: while one is a number other than 0, its output goes there, the others
-            to zero, whatever sensors and operator say. Only after a call in which all were 0 and the axis was ready,
-            and for `longest_test_s`: what was forgotten there ramps the correction to zero.
+        Readings [unit of the input] may be anything, NaN and infinity included. A position [m] that is missing or no
+        number stays where it was last. Without `is_ready` (drives on and axis referenced) there is no correction at
+        once; without `is_wanted` (the operator's switch) it is ramped to zero.
+
+        `test_um` is for the sign test: while one is a number other than 0 [µm], its output goes there, the others to
+        zero, whatever sensors and operator say. Only after a call in which all were 0 and the axis was ready, and for
+        `longest_test_s`: what was forgotten there ramps the correction to zero.
         """
         number = self._number
         with np.errstate(all="ignore"):

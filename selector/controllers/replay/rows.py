@@ -64,14 +64,7 @@ def called(
 ) -> Answers:
     """What an object gives whose attributes are the inputs and outputs of a program, called row by row.
 
-    Parameters
-    ----------
-    program, call
-        The object, and what runs it once.
-    prefix : str
-        Before the names of the attributes.
-    number : callable
-        Type of its real inputs.
+    `call` runs it once; `prefix` stands before the names of the attributes; `number` is the type of its real inputs.
     """
     found = Answers.empty(len(rows), len(model.outputs), len(model.inputs), len(axes_of(model)))
     readings, positions = rows.readings.tolist(), rows.positions_m.tolist()

@@ -66,15 +66,7 @@ def sinumerik_export(
 ) -> Exported:
     """SCL in REAL, the setting data in their units, and a table of what to set on the control.
 
-    Parameters
-    ----------
-    model : ModelFile
-    is_sign_verified : bool
-        A person has seen that a positive correction moves the axis towards +.
-    velocity_mm_per_min : float
-        MD32000 of the slowest corrected axis [mm/min].
-    factor : float
-        MD32760, from 0 to 0.1.
+    `velocity_mm_per_min` is MD32000 of the slowest corrected axis, `factor` MD32760, from 0 to 0.1.
     """
     head = head_lines(model, is_sign_verified=is_sign_verified)
     step, slope = step_mm(velocity_mm_per_min, factor), largest_slope(velocity_mm_per_min, factor)

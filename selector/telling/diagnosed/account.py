@@ -67,19 +67,9 @@ def diagnosis_account(
 ) -> Account:
     """What is told of a diagnosis: the answer and what to do, where, how much better, why, and what it misses.
 
-    Parameters
-    ----------
-    found : Diagnosis
-    title : str, optional
-        Heading.
-    description : mapping, optional
-        How the recordings were read, as `selector describe` says it.
-    provenance : mapping, optional
-        ``machine``: its name; ``runs``: file and SHA-256 of every run; further facts are shown as they are.
-    drawn : bool
-        Whether the drawings are made, for a page.
-    is_alone : bool
-        Whether it was read from its JSON, without its recordings, which a page has to say.
+    `description`: how the recordings were read, as `selector describe` says it; `provenance`: the ``machine``, file and
+    SHA-256 of the ``runs``, further facts as they are. `drawn`: for a page; `is_alone`: read from its JSON, without its
+    recordings, which a page has to say.
     """
     told, described = provenance or {}, description or {}
     drawings: Mapping[str, Sequence[Block]] = {}

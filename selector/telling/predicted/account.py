@@ -46,19 +46,7 @@ def prediction_account(
     *,
     drawn: bool = False,
 ) -> Account:
-    """All that is told of a prediction.
-
-    Parameters
-    ----------
-    prediction : Prediction
-        One that was read from its JSON has no duty cycle; what it lacks is left out, and told.
-    description : mapping, optional
-        How the tests were read, as `selector describe` says it.
-    provenance : mapping, optional
-        ``machine``: its name; ``runs``: file and SHA-256 of every run; further facts are shown as they are.
-    drawn : bool
-        For a page, with its drawings.
-    """
+    """All that is told of a prediction; `drawn`: for a page. That one from its JSON has no duty cycle is told, too."""
     described, provenance, cyclogram = description or {}, provenance or {}, prediction.cyclogram
     drawings: Mapping[str, Sequence[Block]] = {}
     if drawn:
