@@ -116,12 +116,9 @@ def _is_break_code(item: Input, values: Array, codes: tuple[float, ...]) -> Mask
 
 
 def _is_beyond_limits(item: Input, values: Array) -> Mask:
-    beyond = np.zeros(len(values), dtype=np.bool_)
-    if item.reading_min is not None:
-        beyond |= values < item.reading_min
-    if item.reading_max is not None:
-        beyond |= values > item.reading_max
-    return beyond
+    low = -np.inf if item.reading_min is None else item.reading_min
+    high = np.inf if item.reading_max is None else item.reading_max
+    return (values < low) | (values > high)
 
 
 def _broken_finding(

@@ -14,8 +14,8 @@ from functools import cache
 
 import numpy as np
 
+from selector.controllers.evaluator import axes_of
 from selector.controllers.model_file import ModelFile
-from selector.controllers.program.guarded_program import axes_of
 from selector.controllers.replay.parts import held, rows_at, sampled_rows
 from selector.controllers.replay.rows import Answers, Rows
 from selector.controllers.writers.fanuc import (

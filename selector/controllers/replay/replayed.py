@@ -15,11 +15,11 @@ from selector.controllers.application import (
     position_channels,
     require_channels,
 )
+from selector.controllers.evaluator import axes_of
 from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.codes import Mode, SensorCode
 from selector.controllers.guard.decided import is_turned
 from selector.controllers.model_file import ModelFile
-from selector.controllers.program.guarded_program import axes_of
 from selector.controllers.replay.parts import TIME_STEP_S, Part
 from selector.controllers.replay.rows import Answers, Rows, reference_answers
 from selector.controllers.sensor_check import SLIGHT_SHARE, unit_of_difference
@@ -340,7 +340,7 @@ def _of_runs(proof: Replay, *, has_guard: bool) -> Iterator[Finding]:
             )
         yield from (_beyond(run.run, one, has_guard=has_guard) for one in run.beyond_valid)
         for name, of in run.accuracy.items():
-            if of.rmse_um is not None and of.before_rmse_um is not None and of.rmse_um > of.before_rmse_um:
+            if of.is_worse:
                 yield FINDINGS.finding(
                     "worse-than-nothing",
                     f"Run {run.run}: the program makes {name} worse: RMS error {of.rmse_um:.3g} µm with it, "

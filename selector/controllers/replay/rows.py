@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from selector.controllers.evaluator import axes_of
 from selector.controllers.guard.guarded_model import GuardedModel, Number
 from selector.controllers.model_file import ModelFile
-from selector.controllers.program.guarded_program import axes_of, guarded_program
+from selector.controllers.program.guarded_program import guarded_program
 from selector.types import Array
 
 Flags = NDArray[np.bool_]

@@ -6,10 +6,11 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from selector.controllers.evaluator import axes_of
 from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.codes import Mode
 from selector.controllers.model_file import ModelFile, Output, kept_sha256
-from selector.controllers.program.guarded_program import axes_of, guarded_program
+from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import Program, Variable, plain
 from selector.controllers.writers.c99 import c_core, c_members
 from selector.controllers.writers.exported import Exported, heading, sign_test
