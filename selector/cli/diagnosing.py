@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -22,33 +23,30 @@ if TYPE_CHECKING:
 
     from selector.diagnosis.answer import Diagnosis
 
-_SIMULATION = "What it is compared with"
+_of_simulation = partial(typer.Option, rich_help_panel="What it is compared with")
 
 Simulation = Annotated[
     list[Path] | None,
-    typer.Option(
+    _of_simulation(
         "--simulation",
         metavar="PATH",
         help="Simulated runs, named as the recorded ones: a folder, or a file; repeat.",
-        rich_help_panel=_SIMULATION,
     ),
 ]
 Model = Annotated[
     Path | None,
-    typer.Option(
+    _of_simulation(
         "--model",
         metavar="MODEL.toml|UNIT.fmu",
         help="Instead: a model file of `selector simulate`, or an FMU; the recordings drive it, and it is refitted.",
-        rich_help_panel=_SIMULATION,
     ),
 ]
 SimulationTimeUnit = Annotated[
     str | None,
-    typer.Option(
+    _of_simulation(
         "--simulation-time-unit",
         metavar="UNIT",
         help="Unit of the time in the simulated files, if it is another one and not written there.",
-        rich_help_panel=_SIMULATION,
     ),
 ]
 Responses = Annotated[

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from selector.physics.thermal.prediction.prediction import Prediction
     from selector.telling.account import Account
 
-_PROGRAM = "Correction program"
+_of_program = partial(typer.Option, rich_help_panel="Correction program")
 
 Responses = Annotated[
     list[str] | None,
@@ -36,23 +37,18 @@ MethodName = Annotated[
 ]
 Operations = Annotated[
     str | None,
-    typer.Option(
-        "--operations", metavar="MIN,MIN,...", help="Lengths of the operations in minutes.", rich_help_panel=_PROGRAM
-    ),
+    _of_program("--operations", metavar="MIN,MIN,...", help="Lengths of the operations in minutes."),
 ]
 Tolerance = Annotated[
     float | None,
-    typer.Option(
-        "--tolerance", metavar="µm", help="Drift that is allowed between corrections.", rich_help_panel=_PROGRAM
-    ),
+    _of_program("--tolerance", metavar="µm", help="Drift that is allowed between corrections."),
 ]
 Resolution = Annotated[
     float | None,
-    typer.Option(
+    _of_program(
         "--resolution",
         metavar="MIN",
         help="Corrections only at whole multiples of these minutes, never late. Default: exact times.",
-        rich_help_panel=_PROGRAM,
     ),
 ]
 

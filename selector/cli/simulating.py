@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from selector.cli.shared import showing
-from selector.cli.shared.files import require_page_place
 from selector.cli.shared.progress import counted_progress
 from selector.cli.shared.showing import AsJson
 from selector.cli.shared.simulation_files import (
@@ -21,6 +20,7 @@ from selector.cli.shared.simulation_files import (
     own_destination,
     require_free_folder,
     require_inputs_for_machine,
+    require_page_place,
     write_simulation,
 )
 from selector.cli.shared.source import MachineFile

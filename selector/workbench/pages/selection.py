@@ -13,10 +13,11 @@ from dash.development.base_component import Component
 from selector.errors import OptionError
 from selector.recording import SENSOR_ROLES
 from selector.selection import Options
-from selector.workbench import parts, typed, wished
+from selector.workbench import parts, typed
 from selector.workbench.asked_again import other_than_asked
 from selector.workbench.bench import Bench
 from selector.workbench.commands import SELECTION, option_arguments
+from selector.workbench.pages import wished
 from selector.workbench.typed import FIELDS
 
 ID, TITLE = "selection", "Selection"

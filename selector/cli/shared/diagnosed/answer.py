@@ -97,7 +97,7 @@ def _of_model(
     from selector.cli.shared.diagnosed.model import diagnosed_model
     from selector.cli.shared.recordings_used import without_folders
 
-    done = diagnosed_model(model, reading.recording, asked.responses, asked.holdout, asked.seed, asked.false_alarm, say)
+    done = diagnosed_model(model, reading.recording, asked, say)
     answer = dataclasses.replace(done.answer, findings=without_folders((*reading.findings, *done.answer.findings)))
     return answer, done.improved
 

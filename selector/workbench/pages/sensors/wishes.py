@@ -10,8 +10,9 @@ from dash import ALL, Input, Output, State, dcc, html
 from dash.development.base_component import Component
 
 from selector.errors import OptionError
-from selector.workbench import parts, typed, wished
+from selector.workbench import parts, typed
 from selector.workbench.bench import Bench
+from selector.workbench.pages import wished
 from selector.workbench.pages.sensors.machine import ID, sensors_of
 
 _FARTHEST_M = 1e6
