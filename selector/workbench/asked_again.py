@@ -16,7 +16,7 @@ from selector.errors import InputError
 from selector.readers import Overrides
 from selector.selection import Options
 from selector.study import STUDY_FILE, SelectSection, overrides_of, path_at, read_study, select_section
-from selector.workbench.commands import Export
+from selector.workbench.commands import Export, option_of
 from selector.workbench.typed import FIELDS
 
 
@@ -44,7 +44,7 @@ def other_than_asked(answer: Path, options: Options, overrides: Overrides, runs:
 def _title(name: str) -> str:
     if name == "responses":
         return FIELDS["--response"]
-    return FIELDS.get(f"--{name.strip('_').replace('_', '-')}", name)
+    return FIELDS.get(option_of(name), name)
 
 
 MODEL, SHEET = "model.json", "commissioning.html"

@@ -132,6 +132,11 @@ def choice(name: Any, options: Sequence[str], value: str | None, **more: Any) ->
     )
 
 
+def typed_text(name: Any, value: str | None, **more: Any) -> Component:
+    """A text that is heard of when its field is left, or with Enter."""
+    return dcc.Input(id=name, value=value, type="text", debounce=True, **more)
+
+
 def field(title: str, control: Component, note: str = "") -> Component:
     """A control with its title, and a note below it."""
     below = [html.Span(note, className="about")] if note else []

@@ -231,7 +231,7 @@ def test_tables_are_downloaded_as_csv_that_no_spreadsheet_runs(bench, client):
     channels = list(reading.recording.channels)
     hostile = dataclasses.replace(channels[0], place="=HYPERLINK(1)")
     recording = dataclasses.replace(reading.recording, channels=(hostile, *channels[1:]))
-    bench._material = dataclasses.replace(bench.material, reading=dataclasses.replace(reading, recording=recording))
+    bench.material = dataclasses.replace(bench.material, reading=dataclasses.replace(reading, recording=recording))
     bench.choose(must=(hostile.name,), cost={hostile.name: 2.5})
     answer = client.get("/tables/sensors.csv", base_url="http://127.0.0.1:8050")
     assert answer.headers["Content-Disposition"] == "attachment; filename=sensors.csv"

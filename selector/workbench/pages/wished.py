@@ -30,6 +30,14 @@ def cost_of(options: Options, name: str) -> str:
     return f"{options.cost.get(name, 1.0):.12g}"
 
 
+def controls(options: Options, page: str, name: str) -> list[Component]:
+    """The fields for use and cost of a sensor in a page's table."""
+    return [
+        parts.choice({"type": f"{page}-use", "sensor": name}, USES, use_of(options, name)),
+        parts.typed_text({"type": f"{page}-cost", "sensor": name}, cost_of(options, name)),
+    ]
+
+
 def _wishes(
     names: Sequence[str],
     uses: Sequence[str],
