@@ -16,11 +16,10 @@ from selector.figures.errors import RunError
 from selector.readers import machine as machine_file
 from selector.recording import Channel
 from selector.selection import Exploration, Options
-from selector.workbench import wished
 from selector.workbench.access import Access
 from selector.workbench.bench import Bench
 from selector.workbench.page import page
-from selector.workbench.pages import sensors
+from selector.workbench.pages import sensors, wished
 from selector.workbench.pages.sensors import machine, pictures
 from tests.patience import wait_for
 from tests.workbench import studies
