@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -79,13 +78,7 @@ def run_errors_picture(response: str, runs: Sequence[RunError], title: str) -> g
     )
     drawn.update_layout(margin={"r": 120})
     drawn.update_xaxes(title_text=f"error of {style.label(response)} [µm]", rangemode="tozero")
-    drawn.update_yaxes(
-        range=[n - 0.5, -0.5],
-        tickvals=rows,
-        ticktext=[style.label(one.name) for one in runs],
-        showgrid=False,
-        ticks="",
-    )
+    drawn.update_yaxes(**style.rows_of([style.label(one.name) for one in runs]))
     return drawn
 
 
@@ -171,20 +164,7 @@ def set_error_changes(
         changes["data", k, "y"] = [one.error_um for one in sets]
         changes["data", k, "text"] = [style.listed(one.sensors) for one in sets]
         changes["data", k, "customdata"] = [list(one.sensors) for one in sets]
-    for key, value in _value_axis(values).items():
+    known = [value for value in values if value > 0] or [1.0]
+    for key, value in style.log_axis(0.85 * min(known), 1.15 * max(known)).items():
         changes["layout", "yaxis", key] = value
     return changes
-
-
-def _value_axis(values: Sequence[float]) -> dict[str, object]:
-    """A logarithmic axis that holds them, with ticks at 1, 2, 5 of each power of ten."""
-    known = [value for value in values if value > 0] or [1.0]
-    low, high = 0.85 * min(known), 1.15 * max(known)
-    ticks = [digit * 10.0**power for power in range(-4, 7) for digit in (1, 2, 5)]
-    shown = [tick for tick in ticks if low <= tick <= high]
-    return {
-        "type": "log",
-        "range": [math.log10(low), math.log10(high)],
-        "tickvals": shown,
-        "ticktext": [f"{tick:g}" for tick in shown],
-    }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -26,6 +27,12 @@ class Share:
     value: float
     low: float
     high: float
+
+
+def _interval(shares: Sequence[Share], **more: float) -> dict[str, Any]:
+    """Error bars."""
+    above, below = [one.high - one.value for one in shares], [one.value - one.low for one in shares]
+    return {"type": "data", "symmetric": False, "array": above, "arrayminus": below, **more}
 
 
 def confusion_matrix(
@@ -96,14 +103,7 @@ def power_by_effect(
         drawn.add_scatter(
             x=[share.value for _, share in at],
             y=[i + offset for i, _ in at],
-            error_x={
-                "type": "data",
-                "symmetric": False,
-                "array": [share.high - share.value for _, share in at],
-                "arrayminus": [share.value - share.low for _, share in at],
-                "thickness": 1.2,
-                "width": 0,
-            },
+            error_x=_interval([share for _, share in at], thickness=1.2, width=0),
             mode="markers",
             name=f"d′ = {d_prime:g}",
             marker={"color": colour, "size": 9},
@@ -131,12 +131,7 @@ def reliability(confidence: Sequence[float], right: Sequence[Share], counts: Seq
     drawn.add_scatter(
         x=list(confidence),
         y=[share.value for share in right],
-        error_y={
-            "type": "data",
-            "symmetric": False,
-            "array": [share.high - share.value for share in right],
-            "arrayminus": [share.value - share.low for share in right],
-        },
+        error_y=_interval(right),
         mode="lines+markers",
         name="named effects",
         line={"color": style.PREDICTED},
@@ -193,20 +188,11 @@ def answerers_compared(
             width=0.36,
             name=text,
             marker={"color": colour},
-            error_x={
-                "type": "data",
-                "symmetric": False,
-                "array": [shares[name].high - shares[name].value for name in names],
-                "arrayminus": [shares[name].value - shares[name].low for name in names],
-                "thickness": 1.2,
-            },
+            error_x=_interval([shares[name] for name in names], thickness=1.2),
             hovertemplate=f"{text}: %{{x:.1%}}<extra></extra>",
         )
     drawn.update_xaxes(title_text="share of cases [–]", range=[0.0, 1.02], tickformat=".0%")
-    drawn.update_yaxes(
-        tickvals=list(range(len(names))), ticktext=[style.label(name) for name in names],
-        range=[len(names) - 0.5, -0.5], ticks="", showgrid=False,
-    )  # fmt: skip
+    drawn.update_yaxes(**style.rows_of([style.label(name) for name in names]))
     return drawn
 
 

@@ -38,7 +38,7 @@ from selector.telling.account import (
     table,
 )
 from selector.telling.numbers import NONE, share_text, span_text
-from selector.telling.wording import label_of
+from selector.telling.wording import label_text
 
 MOST_PLACES = 60
 UNTESTED = "not testable here"
@@ -47,11 +47,6 @@ _LEFT_OUT = (
     "this record would not have shown: diagnosis.json does not hold them. With the study.toml of the diagnosis beside "
     "it, and its recordings unchanged, they are made again."
 )
-_LABELS = {
-    "simulated": "Simulated data: the recordings come from a computer model, not from a machine.",
-    "reconstructed": "Reconstructed data: the recordings were made to agree with printed results; they are not "
-    "measurements.",
-}
 Drawings = Mapping[str, Sequence[Block]]
 """Section of an account → its drawings; empty unless a page is made."""
 
@@ -105,9 +100,9 @@ def diagnosis_account(
                 link="Detectability",
             ),
             section("findings", "All findings", Remarks(remarks_of(found.findings)), link="Findings"),
-            _origin(found, told, described),
+            section("origin", "Origin", *origin.origin_parts(described, {**told, "seed": found.seed})),
         ),
-        label=_LABELS.get(label_of(title or "", told, described) or "", ""),
+        label=label_text("the recordings", title or "", told, described),
         verdict="good" if found.verdict == "nothing-missing" else "bad",
         data=found.as_dict(),
         footer=f"The same {'result gives' if is_alone else 'files and options give'} the same bytes.",
@@ -144,16 +139,6 @@ def _evidence(found: Diagnosis, drawings: Drawings) -> Section | None:
         _captioned("Effects that were tested", _tested(found), on_screen=False),
         _captioned("Not testable with this record", _untested(found), on_screen=False),
         link="Evidence",
-    )
-
-
-def _origin(found: Diagnosis, told: Mapping[str, Any], described: Mapping[str, Any]) -> Section | None:
-    return section(
-        "origin",
-        "Origin",
-        *(Captioned(caption, one, on_screen=False) for caption, one in origin.reading_tables(described)),
-        _captioned("Files", origin.files_table(told), on_screen=False),
-        _captioned("Also known", origin.remaining_table({**told, "seed": found.seed}), on_screen=False),
     )
 
 
