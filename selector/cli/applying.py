@@ -67,7 +67,7 @@ def apply(
     if not as_json:
         _show(console, application)
     if out is not None:
-        console.print(f"wrote {out}", markup=False)
+        showing.show_written(console, out)
 
 
 def _says_the_same(said: Finding, finding: Finding) -> bool:

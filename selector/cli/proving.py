@@ -137,4 +137,4 @@ def _tell(outcomes: tuple[Outcome, ...], is_exam: bool, out: Path | None, consol
     else:
         showing.show_account(console, proof_account(page, result))
     if out is not None:
-        console.print(f"wrote {out}: score.json, cases.csv, report.html", markup=False)
+        showing.show_written(console, out, ("score.json", "cases.csv", "report.html"))

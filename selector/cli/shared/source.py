@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args
 
@@ -128,43 +128,58 @@ class Source:
 def with_source(command: Callable[..., None], runs: Any = None) -> Callable[..., None]:
     """A command whose first parameter is a `Source`, with one command-line parameter for each field of it.
 
-    A command that has a parameter `from_study`, or names its recordings by an option (`runs`, annotated as that), can
-    do without them and may get a `Source` without runs.
+    So has every further parameter that is annotated as a dataclass of options. A command that has a parameter
+    `from_study`, or names its recordings by an option (`runs`, annotated as that), can do without them and may get a
+    `Source` without runs.
 
     >>> @with_source
     ... def count(source, quiet: bool = False): ...
     >>> list(inspect.signature(count).parameters)[:3]
     ['runs', 'machine', 'quiet']
     """
-    hints = inspect.get_annotations(Source, eval_str=True)
-    own = [
-        part.replace(kind=inspect.Parameter.KEYWORD_ONLY)
-        for part in list(inspect.signature(command, eval_str=True).parameters.values())[1:]
-    ]
-    if any(part.name == "from_study" for part in own):
-        hints["runs"] = RunsOrStudy
-    elif runs is not None:
-        hints["runs"] = runs
+    own: list[inspect.Parameter] = []
+    together: dict[str, type] = {}
+    for part in list(inspect.signature(command, eval_str=True).parameters.values())[1:]:
+        if isinstance(part.annotation, type) and is_dataclass(part.annotation):
+            together[part.name] = part.annotation
+            own += _one_by_one(part.annotation)
+        else:
+            own.append(part.replace(kind=inspect.Parameter.KEYWORD_ONLY))
     # the recordings have no default, unless a study may name them
-    defaults: dict[str, Any] = {field.name: field.default for field in fields(Source)}
-    defaults["runs"] = inspect.Parameter.empty if hints["runs"] is Runs else None
-    shared = [
-        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=hints[name], default=default)
-        for name, default in defaults.items()
-    ]
+    named, *shared = _one_by_one(Source)
+    if any(part.name == "from_study" for part in own):
+        named = named.replace(annotation=RunsOrStudy, default=None)
+    elif runs is not None:
+        named = named.replace(annotation=runs, default=None)
 
     @functools.wraps(command)
     def spread(**values: Any) -> None:
+        for name, kind in together.items():
+            values[name] = kind(**{field.name: values.pop(field.name) for field in fields(kind)})
         said = {part.name: values.pop(part.name) for part in shared}
-        command(Source(**{**said, "runs": said["runs"] or []}), **values)
+        command(Source(values.pop("runs") or [], **said), **values)
 
     # RUN... takes all words that are left, so what a command itself takes by position stands before it;
     # how files are read comes last on the help page
     leading = [part for part in own if _is_argument(part.annotation) or (runs is not None and _is_needed(part))]
-    parameters = [*leading, *shared[:2], *(part for part in own if part not in leading), *shared[2:]]
+    parameters = [*leading, named, shared[0], *(part for part in own if part not in leading), *shared[1:]]
     spread.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     spread.__annotations__ = {part.name: part.annotation for part in parameters}
     return spread
+
+
+def _one_by_one(kind: Any) -> list[inspect.Parameter]:
+    """A parameter for each field of a dataclass."""
+    hints = inspect.get_annotations(kind, eval_str=True)
+    return [
+        inspect.Parameter(
+            field.name,
+            inspect.Parameter.KEYWORD_ONLY,
+            annotation=hints[field.name],
+            default=inspect.Parameter.empty if field.default is MISSING else field.default,
+        )
+        for field in fields(kind)
+    ]
 
 
 def _is_argument(annotation: Any) -> bool:

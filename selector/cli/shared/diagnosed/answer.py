@@ -78,7 +78,7 @@ def _compared(source: Source, recorded: Reading, asked: Asked) -> tuple[Comparis
             where="--simulation",
             advice="add --simulation PATH with a folder, or once for each file; or --model MODEL.toml",
         )
-    simulated = simulated_reading(asked.simulation, recorded, source.overrides(), asked.time_unit)
+    simulated = simulated_reading(asked.simulation, recorded, source.overrides(), asked.simulation_time_unit)
     comparison = comparison_of(
         recorded.recording, simulated.recording, responses=asked.responses or None, holdout=asked.holdout
     )
