@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from selector.cli.shared.asked.selection import Responses
 from selector.errors import OptionError
 
 if TYPE_CHECKING:
@@ -17,10 +18,6 @@ if TYPE_CHECKING:
 
 _of_program = partial(typer.Option, rich_help_panel="Correction program")
 
-Responses = Annotated[
-    list[str] | None,
-    typer.Option("--response", metavar="NAME", help="Displacement to predict; repeat. Default: all there are."),
-]
 Cycle = Annotated[
     Path, typer.Option("--cycle", metavar="CYCLE.csv", help="Duty cycle: time_s,spindle_speed, one row a change.")
 ]
