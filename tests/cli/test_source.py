@@ -49,7 +49,13 @@ def test_a_command_gets_the_options_as_one_value():
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"date_order": "ymdh"}, {"period_s": 0.0}, {"period_s": float("nan")}, {"period_s": float("inf")}, {"units": ["T1"]}],
+    [
+        {"date_order": "ymdh"},
+        {"period_s": 0.0},
+        {"period_s": float("nan")},
+        {"period_s": float("inf")},
+        {"units": ["T1"]},
+    ],
     ids=str,
 )
 def test_options_that_cannot_be_used(wrong):
