@@ -22,7 +22,6 @@ from selector.cli import (
     effects,
     exporting,
     models,
-    patent,
     predicting,
     proving,
     reading,
@@ -114,7 +113,7 @@ _command("report", reporting.report)
 _command("effects", effects.effects)
 _command("prove", proving.prove)
 _command("workbench", workbench.workbench)
-_command("audit-patent", patent.audit_patent)
+_command("audit-patent", demo.audit_patent)
 
 
 def exit_status(arguments: Sequence[str] | None = None) -> int:

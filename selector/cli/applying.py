@@ -67,7 +67,7 @@ def apply(
     if not as_json:
         _show(console, application)
     if out is not None:
-        console.print(f"wrote {out}", markup=False)
+        showing.show_written(console, out)
 
 
 def _says_the_same(said: Finding, finding: Finding) -> bool:
@@ -91,7 +91,7 @@ def _only(levels: Mapping[str, Mapping[str, float]], names: list[str]) -> dict[s
 
 def _without_start(levels: Mapping[str, Mapping[str, float]], rises: list[str]) -> Iterator[Finding]:
     """Sensors that have no reading at the start of a run: their rise counts from a later time."""
-    from selector.cli.finding_table import FINDINGS
+    from selector.cli.shared.finding_table import FINDINGS
 
     for run, found in levels.items():
         for name in rises:
@@ -107,7 +107,7 @@ def _without_start(levels: Mapping[str, Mapping[str, float]], rises: list[str]) 
 
 def _not_zeroed(starts: Mapping[str, Mapping[str, float]]) -> Iterator[Finding]:
     """Displacements whose start was taken as their zero, which the predictions then count from too."""
-    from selector.cli.finding_table import FINDINGS
+    from selector.cli.shared.finding_table import FINDINGS
 
     for run, found in starts.items():
         for name, start_um in found.items():

@@ -1,4 +1,4 @@
-"""`demo`: the main job on the recordings that come with the program."""
+"""`demo` and `audit-patent`: the main job on the recordings that come with the program, and the patent they are of."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from selector.atomic_file import folder_written_whole
 from selector.cli.selecting import study, write_results
 from selector.cli.shared import showing
 from selector.cli.shared.progress import progress_bar
+from selector.cli.shared.showing import AsJson
 from selector.cli.shared.source import Source
 
 
@@ -46,8 +47,7 @@ def demo(
                 selection, material = study(Source(runs=[shipped(name)]), options, progress)
             console.rule(headings[name])
             account = selection_account(selection, material.description)
-            showing.show_account(console, account)
-            showing.show_findings(console, selection.findings)
+            showing.show_answer(console, account, selection.findings)
             (folder / name).mkdir()
             write_results(selection, account, material, folder / name)
             selections.append(selection)
@@ -59,3 +59,22 @@ def demo(
         write_report(selections, folder / "report.html", title="selector demo", description=descriptions)
     console.rule()
     typer.echo(out / "report.html")
+
+
+def audit_patent(as_json: AsJson = False) -> None:
+    """Checks every number that patent CN1868666 prints: printed value, our value, agrees or contradicts, and why.
+
+    Contradictions are news about the patent, not about this program: the exit code is 0 all the same.
+    """
+    from selector.audit import audit_patent as audited
+    from selector.audit import audit_table_text
+
+    lines = audited()
+    if as_json:
+        verdicts = Counter(line.verdict for line in lines)
+        showing.print_json(
+            {"schema": "selector.patent-audit/1", "verdicts": verdicts, "lines": [line.as_dict() for line in lines]}
+        )
+        return
+    console = showing.screen()
+    console.print(audit_table_text(lines, width=console.width), markup=False, soft_wrap=True)

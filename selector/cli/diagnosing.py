@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -17,57 +17,6 @@ from selector.cli.shared.showing import AsJson
 from selector.cli.shared.source import Source, with_source
 from selector.cli.shared.studying import AcceptChanges, StudyPath, hashes, opened_study, repeated_words, told_if_no_text
 
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from selector.diagnosis.answer import Diagnosis
-
-_SIMULATION = "What it is compared with"
-
-Simulation = Annotated[
-    list[Path] | None,
-    typer.Option(
-        "--simulation",
-        metavar="PATH",
-        help="Simulated runs, named as the recorded ones: a folder, or a file; repeat.",
-        rich_help_panel=_SIMULATION,
-    ),
-]
-Model = Annotated[
-    Path | None,
-    typer.Option(
-        "--model",
-        metavar="MODEL.toml|UNIT.fmu",
-        help="Instead: a model file of `selector simulate`, or an FMU; the recordings drive it, and it is refitted.",
-        rich_help_panel=_SIMULATION,
-    ),
-]
-SimulationTimeUnit = Annotated[
-    str | None,
-    typer.Option(
-        "--simulation-time-unit",
-        metavar="UNIT",
-        help="Unit of the time in the simulated files, if it is another one and not written there.",
-        rich_help_panel=_SIMULATION,
-    ),
-]
-Responses = Annotated[
-    list[str] | None,
-    typer.Option("--response", metavar="NAME", help="Channel to compare; repeat. Default: all that are simulated."),
-]
-HoldOut = Annotated[
-    str,
-    typer.Option(
-        "--holdout",
-        metavar="last|RUN|SHARE",
-        help="What nothing is fitted to: the last run (of a single one its last 30 %), a run, or a share of every run.",
-    ),
-]
-Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Of the draws of noise.")]
-FalseAlarm = Annotated[
-    float,
-    typer.Option("--false-alarm", metavar="P", help="Allowed probability of naming something where nothing is."),
-]
 Out = Annotated[
     Path | None,
     typer.Option(
@@ -85,15 +34,10 @@ Out = Annotated[
 def diagnose(
     source: Source,
     context: typer.Context,
+    *,
     from_study: StudyPath = None,
     accept_changes: AcceptChanges = False,
-    simulation: Simulation = None,
-    model: Model = None,
-    simulation_time_unit: SimulationTimeUnit = None,
-    response: Responses = None,
-    holdout: HoldOut = "last",
-    seed: Seed = 0,
-    false_alarm: FalseAlarm = 0.02,
+    asked: Asked,
     out: Out = None,
     as_json: AsJson = False,
 ) -> None:
@@ -105,7 +49,6 @@ def diagnose(
     """
     console = showing.screen(as_json)
     opened = opened_study(from_study, source, context, accept_changes=accept_changes, console=console)
-    asked = Asked(simulation, model, simulation_time_unit, response, holdout, seed, false_alarm)
     if opened is not None:
         source, asked = opened.source, asked_of(opened)
     require_usable(asked)
@@ -136,16 +79,11 @@ def diagnose(
     if as_json:
         showing.print_json(found.as_dict())
     else:
-        _show(console, found)
+        from selector.telling.diagnosed.account import diagnosis_account
+
+        showing.show_answer(console, diagnosis_account(found), found.findings)
     showing.show_findings(console, beside_recordings(answer.recorded.findings))
     if out is not None:
-        console.print(f"wrote {out}: {', '.join(written)}", markup=False)
+        showing.show_written(console, out, written)
         if opened is not None and opened.study.results:
             console.print(repeated_words(opened.study, results), markup=False)
-
-
-def _show(console: Console, found: Diagnosis) -> None:
-    from selector.telling.diagnosed.account import diagnosis_account
-
-    showing.show_account(console, diagnosis_account(found))
-    showing.show_findings(console, found.findings)

@@ -88,6 +88,5 @@ def export(
         showing.print_json(exported.as_dict())
         return
     console = showing.screen()
-    showing.show_account(console, exported.sheet)
-    showing.show_findings(console, exported.findings)
-    console.print(f"wrote {exported.folder}: {', '.join(exported.files)}", markup=False)
+    showing.show_answer(console, exported.sheet, exported.findings)
+    showing.show_written(console, exported.folder, exported.files)

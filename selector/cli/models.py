@@ -85,4 +85,4 @@ def card(
     read = read_model(model)
     refuse_to_replace_input(out, [model], "--out")
     write_account(model_card_account(read), out)
-    showing.screen().print(f"wrote {out}", markup=False)
+    showing.show_written(showing.screen(), out)

@@ -2,60 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from selector.atomic_file import folder_written_whole, require_writable_folder
 from selector.cli.shared import showing
+from selector.cli.shared.asked.prediction import Asked
 from selector.cli.shared.files import refuse_folder_of_inputs, written_folder
 from selector.cli.shared.showing import AsJson
 from selector.cli.shared.source import Source, with_source
-from selector.errors import OptionError
 
 if TYPE_CHECKING:
     from selector.physics.thermal.prediction.prediction import Prediction
     from selector.telling.account import Account
-
-_PROGRAM = "Correction program"
-
-Responses = Annotated[
-    list[str] | None,
-    typer.Option("--response", metavar="NAME", help="Displacement to predict; repeat. Default: all there are."),
-]
-Cycle = Annotated[
-    Path, typer.Option("--cycle", metavar="CYCLE.csv", help="Duty cycle: time_s,spindle_speed, one row a change.")
-]
-MethodName = Annotated[
-    str,
-    typer.Option(
-        "--method", metavar="modal|piecewise", help="Thermal modes, or pieces of the measured characteristics."
-    ),
-]
-Operations = Annotated[
-    str | None,
-    typer.Option(
-        "--operations", metavar="MIN,MIN,...", help="Lengths of the operations in minutes.", rich_help_panel=_PROGRAM
-    ),
-]
-Tolerance = Annotated[
-    float | None,
-    typer.Option(
-        "--tolerance", metavar="µm", help="Drift that is allowed between corrections.", rich_help_panel=_PROGRAM
-    ),
-]
-Resolution = Annotated[
-    float | None,
-    typer.Option(
-        "--resolution",
-        metavar="MIN",
-        help="Corrections only at whole multiples of these minutes, never late. Default: exact times.",
-        rich_help_panel=_PROGRAM,
-    ),
-]
-
 
 Out = Annotated[
     Path | None,
@@ -71,12 +32,7 @@ Out = Annotated[
 @with_source
 def predict(
     source: Source,
-    cycle: Cycle,
-    response: Responses = None,
-    method: MethodName = "modal",
-    operations: Operations = None,
-    tolerance: Tolerance = None,
-    resolution: Resolution = None,
+    asked: Asked,
     out: Out = None,
     as_json: AsJson = False,
 ) -> None:
@@ -94,26 +50,25 @@ def predict(
     from selector.readers.heating_tests import heating_tests
     from selector.telling.predicted.account import prediction_account
 
-    lengths_s = _operations(operations)
-    _require_positive(tolerance, "--tolerance", "a drift in µm above 0", "e.g. --tolerance 10")
-    _require_positive(resolution, "--resolution", "minutes above 0", "e.g. --resolution 1, or leave it out")
+    lengths_s = asked.operations_s()
+    asked.require_usable()
     if out is not None:
         require_writable_folder(out, "--out")
-        refuse_folder_of_inputs(out, [cycle, *source.machine_files, *source.runs])
-    steps = read_cycle(cycle)
+        refuse_folder_of_inputs(out, [asked.cycle, *source.machine_files, *source.runs])
+    steps = read_cycle(asked.cycle)
     cyclogram, of_cycle = cyclogram_of_rows(steps.time_s, steps.speed_rpm, lengths_s)
     reading = source.reading()
     if out is not None:
         refuse_folder_of_inputs(out, [run.file for run in reading.runs])
-    recording, responses, of_recording = heating_tests(reading, response or ())
+    recording, responses, of_recording = heating_tests(reading, asked.response or ())
     prediction = predicted(
         thermal_tests(recording, responses),
         responses,
         cyclogram,
-        method=_method(method),
+        method=asked.kind(),
         operations_s=lengths_s,
-        tolerance_um=tolerance,
-        resolution_s=None if resolution is None else 60.0 * resolution,
+        tolerance_um=asked.tolerance,
+        resolution_s=None if asked.resolution is None else 60.0 * asked.resolution,
         told=(*of_recording, *of_cycle),
     )
     told_of_tests = {**provenance_of(reading), "duty cycle": steps.file}
@@ -123,44 +78,9 @@ def predict(
     if as_json:
         showing.print_json(account.data)
     else:
-        showing.show_account(console, account)
-        showing.show_findings(console, prediction.findings)
+        showing.show_answer(console, account, prediction.findings)
     if out is not None:
-        console.print(f"wrote {out}: {', '.join(written)}", markup=False)
-
-
-def _method(text: str) -> Literal["modal", "piecewise"]:
-    if text == "modal":
-        return "modal"
-    if text == "piecewise":
-        return "piecewise"
-    raise OptionError(
-        repr(text), expected="modal or piecewise", where="--method", advice="leave it out for the modal method"
-    )
-
-
-def _operations(text: str | None) -> list[float] | None:
-    """Lengths in seconds, of minutes separated by commas."""
-    if text is None:
-        return None
-    lengths = []
-    for part in text.split(","):
-        try:
-            minutes = float(part)
-        except ValueError:
-            minutes = math.nan
-        if not (math.isfinite(minutes) and minutes > 0):
-            raise OptionError(
-                f"{part.strip()!r} in {text[:60]!r}", expected="minutes above 0, separated by commas",
-                where="--operations", advice="e.g. --operations 60,60,45.5",
-            )  # fmt: skip
-        lengths.append(60.0 * minutes)
-    return lengths
-
-
-def _require_positive(value: float | None, where: str, expected: str, advice: str) -> None:
-    if value is not None and not (math.isfinite(value) and value > 0):
-        raise OptionError(f"{value:g}", expected=expected, where=where, advice=advice)
+        showing.show_written(console, out, written)
 
 
 def _write(prediction: Prediction, account: Account, out: Path) -> list[str]:

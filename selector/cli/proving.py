@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,36 +18,31 @@ if TYPE_CHECKING:
 
     from selector.proof.runner import Outcome
 
-_WHICH = "Which cases"
+_which = partial(typer.Option, rich_help_panel="Which cases")
 
 Families = Annotated[
     list[str] | None,
-    typer.Option(
-        "--families", metavar="NAME", help="Family of scenarios; repeat. Default: all.", rich_help_panel=_WHICH
-    ),
+    _which("--families", metavar="NAME", help="Family of scenarios; repeat. Default: all."),
 ]
 Names = Annotated[
     list[str] | None,
-    typer.Option(
-        "--scenarios", metavar="PATTERN", help="Only scenarios such as 'thermal.*'; repeat.", rich_help_panel=_WHICH
-    ),
+    _which("--scenarios", metavar="PATTERN", help="Only scenarios such as 'thermal.*'; repeat."),
 ]
 Strengths = Annotated[
     str,
-    typer.Option("--strengths", metavar="D,D,…", help="What an oracle could detect, d′.", rich_help_panel=_WHICH),
+    _which("--strengths", metavar="D,D,…", help="What an oracle could detect, d′."),
 ]
 Seeds = Annotated[
     str | None,
-    typer.Option(
+    _which(
         "--seeds",
         metavar="FROM:TO|N,N",
         help="Seeds, TO not included. Default: 0:5, with --exam 10000:10005.",
-        rich_help_panel=_WHICH,
     ),
 ]
 Exam = Annotated[
     bool,
-    typer.Option("--exam", metavar="", help="Seeds from 10000 on, which nobody develops with.", rich_help_panel=_WHICH),
+    _which("--exam", metavar="", help="Seeds from 10000 on, which nobody develops with."),
 ]
 Rivals = Annotated[
     list[str] | None,
@@ -55,16 +51,13 @@ Rivals = Annotated[
 Jobs = Annotated[
     int | None, typer.Option("--jobs", metavar="N", min=1, help="Processes. Default: as many as there are cores.")
 ]
-List = Annotated[
-    bool, typer.Option("--list", metavar="", help="Print the names of the scenarios and stop.", rich_help_panel=_WHICH)
-]
+List = Annotated[bool, _which("--list", metavar="", help="Print the names of the scenarios and stop.")]
 Recordings = Annotated[
     Path | None,
-    typer.Option(
+    _which(
         "--recordings",
         metavar="DIR",
         help="Also real recordings from elsewhere: DIR holds silverbox, cascaded_tanks, ace_thermal.",
-        rich_help_panel=_WHICH,
     ),
 ]
 Cases = Annotated[
@@ -144,4 +137,4 @@ def _tell(outcomes: tuple[Outcome, ...], is_exam: bool, out: Path | None, consol
     else:
         showing.show_account(console, proof_account(page, result))
     if out is not None:
-        console.print(f"wrote {out}: score.json, cases.csv, report.html", markup=False)
+        showing.show_written(console, out, ("score.json", "cases.csv", "report.html"))

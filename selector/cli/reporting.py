@@ -62,7 +62,7 @@ def report(
     names = [str(one.path.parent.absolute().name) for one in read]
     page = one_page(pages, title or f"Report: {', '.join(names)}")
     write_whole(out, page.encode("utf-8", "replace"))
-    console.print(f"wrote {out}", markup=False)
+    showing.show_written(console, out)
 
 
 def _page(result: Result, say: Say) -> str:

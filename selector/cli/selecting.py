@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from selector.atomic_file import folder_written_whole, require_writable_folder
-from selector.cli.shared import selection_options as asks
 from selector.cli.shared import showing
+from selector.cli.shared.asked.selection import Asked, Date, date_of
 from selector.cli.shared.progress import progress_bar
 from selector.cli.shared.showing import AsJson
 from selector.cli.shared.source import Source, with_source
@@ -47,26 +47,12 @@ Out = Annotated[
 def select(
     source: Source,
     context: typer.Context,
+    *,
     from_study: StudyPath = None,
     accept_changes: AcceptChanges = False,
-    response: asks.Responses = None,
-    level: asks.Levels = None,
-    rounds: asks.Rounds = 1,
-    max_sensors: asks.MaxSensors = 5,
-    absolute_similarity: asks.Absolute = False,
-    must: asks.Must = None,
-    never: asks.Never = None,
-    cost: asks.Cost = None,
-    tolerance: asks.Tolerance = None,
-    degree: asks.Degree = 1,
-    interactions: asks.Interactions = False,
-    memory: asks.Memory = False,
-    reference: asks.Reference = "rise",
-    ridge: asks.Ridge = False,
-    condition: asks.Conditions = None,
-    seed: asks.Seed = 0,
+    asked: Asked,
     out: Out = None,
-    date: asks.Date = None,
+    date: Date = None,
     as_json: AsJson = False,
 ) -> None:
     """Chooses the sensors to keep, fits one model per displacement and proves it on runs that it has not seen.
@@ -78,19 +64,14 @@ def select(
     from selector.telling.selected.account import selection_account
 
     console = showing.screen(as_json)
-    asked = opened_study(from_study, source, context, accept_changes=accept_changes, console=console)
-    if asked is not None:
+    opened = opened_study(from_study, source, context, accept_changes=accept_changes, console=console)
+    if opened is not None:
         from selector.study import options_of
 
-        source, date = asked.source, asked.study.date
-        options = options_of(asked.study, where=str(asked.place))
+        source, date = opened.source, opened.study.date
+        options = options_of(opened.study, where=str(opened.place))
     else:
-        options = asks.options_of(
-            response=response, level=level, rounds=rounds, max_sensors=max_sensors, degree=degree,
-            interactions=interactions, memory=memory, reference=reference, absolute_similarity=absolute_similarity,
-            must=must, never=never, cost=cost, tolerance=tolerance, ridge=ridge, condition=condition, seed=seed,
-        )  # fmt: skip
-        date = asks.date_of(date)
+        options, date = asked.options(), date_of(date)
     if out is not None:
         require_writable_folder(out, "--out")
     written: list[str] = []
@@ -98,7 +79,7 @@ def select(
         selection, material = study(source, options, progress)
         # what is neither written nor shown is not worked out
         tell = partial(selection_account, selection, material.description, date=date)
-        with _results_folder(out, asked) as folder:
+        with _results_folder(out, opened) as folder:
             account = None if folder is None else tell(drawn=True)
             if folder is not None and account is not None:
                 from selector.telling import write_account
@@ -111,26 +92,25 @@ def select(
                 written = ["selection.json", "model.json", "report.html"]
                 with told_if_no_text(console):
                     files = recording_entries(out, source, material.files, material.machine_file)
-                    written += write_study_beside(folder, out, source, files, opened=asked, select=options, date=date)
+                    written += write_study_beside(folder, out, source, files, opened=opened, select=options, date=date)
     if as_json:
         showing.print_json(selection.as_dict())
     else:
-        showing.show_account(console, account or tell())
-        showing.show_findings(console, selection.findings)
+        showing.show_answer(console, account or tell(), selection.findings)
     showing.show_findings(console, material.beside)
     if out is not None:
-        console.print(f"wrote {out}: {', '.join(written)}", markup=False)
-    if asked is not None and asked.study.results:
-        console.print(repeated_words(asked.study, found), markup=False)
+        showing.show_written(console, out, written)
+    if opened is not None and opened.study.results:
+        console.print(repeated_words(opened.study, found), markup=False)
 
 
 @contextmanager
-def _results_folder(out: Path | None, asked: OpenedStudy | None) -> Iterator[Path | None]:
+def _results_folder(out: Path | None, opened: OpenedStudy | None) -> Iterator[Path | None]:
     """Where results are written: what becomes `out`, or a folder that goes again if they are only to be compared."""
     if out is not None:
         with folder_written_whole(out) as folder:
             yield folder
-    elif asked is not None and asked.study.results:
+    elif opened is not None and opened.study.results:
         with tempfile.TemporaryDirectory() as temporary:
             yield Path(temporary)
     else:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from selector.cli.shared import showing
-from selector.cli.shared.files import require_page_place
 from selector.cli.shared.progress import counted_progress
 from selector.cli.shared.showing import AsJson
 from selector.cli.shared.simulation_files import (
@@ -21,6 +20,7 @@ from selector.cli.shared.simulation_files import (
     own_destination,
     require_free_folder,
     require_inputs_for_machine,
+    require_page_place,
     write_simulation,
 )
 from selector.cli.shared.source import MachineFile
@@ -53,21 +53,17 @@ def simulate_command(kind: SimulationKind) -> Callable[..., None]:
         "report": Annotated[Path | None, typer.Option("--report", metavar="REPORT.html", help=kind.report_help)],
         "as_json": AsJson,
     }
-    switches = {"as_json", *(option.name for option in kind.options if option.kind is bool)}
+    # None where nothing is said of these
+    defaults: dict[str, Any] = {"model": inspect.Parameter.empty, "out": inspect.Parameter.empty, "as_json": False}
+    defaults |= {option.name: False for option in kind.options if option.kind is bool}
 
     def command(**given: Any) -> None:
         _simulate(kind, asked={name: given.pop(name) for name in own}, **given)
 
-    needed = ("model", "out")
     command.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
         [
-            inspect.Parameter(
-                name,
-                inspect.Parameter.KEYWORD_ONLY,
-                annotation=annotation,
-                default=inspect.Parameter.empty if name in needed else False if name in switches else None,
-            )
-            for name, annotation in typed.items()
+            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=told, default=defaults.get(name))
+            for name, told in typed.items()
         ]
     )
     command.__annotations__ = typed
@@ -145,8 +141,7 @@ def _simulate(
 
 def _show(account: Account, summary: Mapping[str, Any]) -> None:
     console = showing.screen()
-    showing.show_account(console, account)
-    showing.show_findings(console, summary["findings"])
+    showing.show_answer(console, account, summary["findings"])
     *tables, machine_file = summary["files"]
     written = str(tables[0]) if len(tables) == 1 else f"{len(tables)} files to {tables[0].parent}"
     console.print(f"wrote {written}, and {machine_file}", markup=False, soft_wrap=True)

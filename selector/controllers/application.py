@@ -14,9 +14,9 @@ import numpy as np
 import pandas as pd
 
 from selector.atomic_file import write_whole
-from selector.controllers.evaluator import evaluate, first_finite
+from selector.controllers.evaluator import axes_of, evaluate, first_finite
 from selector.controllers.finding_table import FINDINGS
-from selector.controllers.model_file import Input, ModelFile, Output
+from selector.controllers.model_file import ModelFile, Output
 from selector.controllers.sensor_check import outside_valid_range, time_share, usable_readings
 from selector.csv_text import defused
 from selector.errors import OptionError, RecordingError, UnitError
@@ -81,10 +81,7 @@ def period_of(source: RunSource) -> float | None:
 def other_sampling(model: ModelFile, recording: Recording, *, is_guarded: bool = False) -> Iterator[Finding]:
     """Runs that are sampled otherwise than those of the model; none where its file does not say how these were.
 
-    Parameters
-    ----------
-    is_guarded : bool
-        Whether the model is run with its guard, whose limits of change are in seconds, too.
+    `is_guarded`: the model is run with its guard, whose limits of change are in seconds, too.
     """
     fitted_s = model.provenance.period_s
     if fitted_s is None:
@@ -148,6 +145,11 @@ class Accuracy:
         left, before = recorded_um[both] - predicted_um[both], recorded_um[both]
         return cls(_rms(left), _largest(left), _rms(before), _largest(before), int(both.sum()))
 
+    @property
+    def is_worse(self) -> bool:
+        """Whether the error is larger with compensation than without."""
+        return self.rmse_um is not None and self.before_rmse_um is not None and self.rmse_um > self.before_rmse_um
+
     def as_dict(self) -> dict[str, float | None]:
         """The four figures of the contract."""
         return {key: value for key, value in vars(self).items() if key != "n_samples"}
@@ -186,15 +188,9 @@ def apply_model(
     """Predictions of a model for every run of a recording, compared with the recorded displacement where there is one.
 
     Readings that mean a broken sensor (break codes, limits of the model file) count as missing, with a finding.
-
-    Parameters
-    ----------
-    model : ModelFile
-    recording : Recording
-    start_readings : mapping of run to mapping of input to reading, optional
-        Readings at the start of a run, for inputs that are rises. Default: the first finite reading.
-    displacement_start : mapping of run to mapping of output to float, optional
-        Displacement [µm] that counts as zero. Default: 0, or `displacement_starts` if the output itself is a rise.
+    `start_readings`: per run and input, for inputs that are rises; default: the first finite reading.
+    `displacement_start`: per run and output, what counts as zero [µm]; default: 0, or `displacement_starts` if the
+    output is a rise.
 
     Raises
     ------
@@ -309,18 +305,14 @@ def require_channels(model: ModelFile, recording: Recording) -> None:
             f"[channels.{absent[0]}]; the recording has: {', '.join(recording.names)}",
         )
     for item in model.inputs:
-        _require_role(item, recording)
+        role = recording.channel(item.name).role
+        # an ambient sensor is a temperature sensor by another name
+        if role != item.role and not (role in SENSOR_ROLES and item.role in SENSOR_ROLES):
+            raise _role_error(item.name, role, item.role)
     for output in model.outputs:
         if output.name in names and recording.channel(output.name).role != "displacement":
             raise _role_error(output.name, recording.channel(output.name).role, "displacement")
     position_channels(model, recording)
-
-
-def _require_role(item: Input, recording: Recording) -> None:
-    role = recording.channel(item.name).role
-    # an ambient sensor is a temperature sensor by another name
-    if role != item.role and not (role in SENSOR_ROLES and item.role in SENSOR_ROLES):
-        raise _role_error(item.name, role, item.role)
 
 
 def _role_error(name: str, found: str, expected: str) -> UnitError:
@@ -341,10 +333,7 @@ def position_channels(model: ModelFile, recording: Recording) -> dict[str, str]:
         There is no such channel.
     """
     channels = {}
-    for output in model.outputs:
-        if output.position is None:
-            continue
-        axis = output.position.axis
+    for axis in axes_of(model):
         fitting = [
             channel.name
             for role in ("position", "position_command")
@@ -390,11 +379,7 @@ def _without_displacement(runs: tuple[str, ...], recorded: Mapping[str, list[Arr
 
 def _worse_than_nothing(overall: Mapping[str, Accuracy]) -> Iterator[Finding]:
     for name, figures in overall.items():
-        if (
-            figures.rmse_um is not None
-            and figures.before_rmse_um is not None
-            and figures.rmse_um > figures.before_rmse_um
-        ):
+        if figures.is_worse:
             yield FINDINGS.finding(
                 "worse-than-nothing",
                 f"The model makes {name} worse: RMS error {figures.rmse_um:.3g} µm with compensation, "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from fractions import Fraction
 from typing import Any, Protocol
 
@@ -34,17 +34,16 @@ class Equations(Protocol):
         """The displacements."""
 
 
+def axes_of(model: Equations) -> tuple[str, ...]:
+    """The axes whose position a model needs, in the order of their numbers in programs."""
+    return tuple(dict.fromkeys(output.position.axis for output in model.outputs if output.position is not None))
+
+
 class Evaluator:
     """One sample after another: the executable meaning of `selector.model/1`.
 
     A reading that is not a finite number is missing: outputs that need it are NaN, the memory of its sensor waits, and
     time goes on for it when readings come back. A start reading that is not given is the first reading.
-
-    Parameters
-    ----------
-    model : ModelFile or Fallback
-    start_readings : mapping of str to float, optional
-        Readings at the start of the run, [unit of the input].
     """
 
     def __init__(self, model: Equations, start_readings: Mapping[str, float] | None = None) -> None:
@@ -75,21 +74,26 @@ class Evaluator:
                     value = lagged + dt_s / (state.tau_s + dt_s) * (value - lagged)
                 self._memory[state.name] = (time_s, value)
             z[state.name] = (value - state.centre) / state.scale
-        result = {}
-        for output in self._model.outputs:
-            y = polynomial(output.intercept, output.terms, z)
-            if output.position is not None and positions_m is not None:
-                slope = polynomial(output.position.intercept, output.position.terms, z)
-                y = y + slope * (positions_m[output.position.axis] - output.position.reference_m)
-            result[output.name] = y
-        return result
+        return {output.name: _displacement(output, z, positions_m) for output in self._model.outputs}
 
 
-def polynomial(intercept: float, terms: Iterable[Term], z: Mapping[str, Any]) -> Any:
-    """The sum intercept + Σ coefficient · Π z^power, powers by repeated multiplication, from left to right."""
-    total = intercept
+def _displacement(output: Output, z: Mapping[str, Any], positions_m: Mapping[str, Any] | None) -> Any:
+    at_reference, part = polynomial(output.intercept, output.terms, z), output.position
+    if part is None or positions_m is None:
+        return at_reference
+    return at_reference + polynomial(part.intercept, part.terms, z) * (positions_m[part.axis] - part.reference_m)
+
+
+def polynomial(
+    intercept: float, terms: Iterable[Term], z: Mapping[str, Any], number: Callable[[float], Any] = float
+) -> Any:
+    """The sum intercept + Σ coefficient · Π z^power, powers by repeated multiplication, from left to right.
+
+    `number` makes what is calculated with of intercept and coefficients.
+    """
+    total = number(intercept)
     for term in terms:
-        product = term.coefficient
+        product = number(term.coefficient)
         for name, power in term.powers.items():
             for _ in range(power):
                 product = product * z[name]
@@ -106,17 +110,9 @@ def evaluate(
 ) -> dict[str, Array]:
     """The outputs [µm] of a run, the same bits as `Evaluator` gives sample by sample.
 
-    Parameters
-    ----------
-    model : ModelFile or Fallback
-    time_s : array of shape (n_samples,)
-        Strictly increasing [s].
-    readings : mapping of str to array of shape (n_samples,)
-        Per input, [unit of the input]; what is not finite is missing.
-    start_readings : mapping of str to float, optional
-        Per input; default the first finite reading.
-    positions_m : mapping of str to array of shape (n_samples,), optional
-        Per axis [m]; default every axis at its reference.
+    `time_s`, and every series of readings [unit of the input] and of positions [m], have the shape (n_samples,); a
+    reading that is not finite is missing. Default of the start readings: the first finite ones; of the positions: the
+    reference.
 
     Raises
     ------
@@ -125,11 +121,11 @@ def evaluate(
     """
     time = np.asarray(time_s, dtype=np.float64)
     table = {item.name: _series(item.name, readings, time) for item in model.inputs}
-    axes = {output.position.axis for output in model.outputs if output.position is not None}
-    positions = None if positions_m is None else {axis: _series(axis, positions_m, time) for axis in axes}
+    positions = None if positions_m is None else {axis: _series(axis, positions_m, time) for axis in axes_of(model)}
     if time.ndim != 1 or not bool(np.all(np.diff(time) > 0)):
         raise _unusable("time that repeats, runs backwards or is missing", "strictly increasing time")
-    start = _starts(model, table, start_readings)
+    start = {name: first_finite(values) for name, values in table.items()}
+    start |= {name: float(value) for name, value in (start_readings or {}).items()}
     memory: dict[str, tuple[float, float]] = {}
     result = {output.name: np.empty(len(time)) for output in model.outputs}
     # overflow gives inf and NaN, as it does in Evaluator
@@ -137,12 +133,9 @@ def evaluate(
         for first in range(0, len(time), BLOCK_SAMPLES):
             block = slice(first, first + BLOCK_SAMPLES)
             z = _scaled(model, time[block], {name: values[block] for name, values in table.items()}, start, memory)
+            at = None if positions is None else {axis: values[block] for axis, values in positions.items()}
             for output in model.outputs:
-                y = polynomial(output.intercept, output.terms, z)
-                if output.position is not None and positions is not None:
-                    slope = polynomial(output.position.intercept, output.position.terms, z)
-                    y = y + slope * (positions[output.position.axis][block] - output.position.reference_m)
-                result[output.name][block] = y
+                result[output.name][block] = _displacement(output, z, at)
     return result
 
 
@@ -189,18 +182,6 @@ def _lagged(time_s: Array, x: Array, state: State, memory: dict[str, tuple[float
     lagged[there] = levels
     memory[state.name] = (float(time_s[there[-1]]), level)
     return lagged
-
-
-def _starts(
-    model: Equations, readings: Mapping[str, Array], start_readings: Mapping[str, float] | None
-) -> dict[str, float]:
-    start = {}
-    for item in model.inputs:
-        if start_readings is not None and item.name in start_readings:
-            start[item.name] = float(start_readings[item.name])
-        else:
-            start[item.name] = first_finite(readings[item.name])
-    return start
 
 
 def first_finite(values: Array) -> float:

@@ -51,12 +51,8 @@ def correction_of(found: Diagnosis) -> tuple[ModelFile | None, tuple[Finding, ..
 
     Its terms are temperatures, hall and spindle speed, at once and behind first-order lags, as a control computes them.
     They are fitted to the courses of the correction, not to the recordings again. Where they can follow it the
-    recalibration of the simulation is in them; where they cannot, only its offset is, and that is said.
-
-    Returns
-    -------
-    tuple
-        The file, or None if nothing thermal was named or no such terms follow it; and what is to be said of it.
+    recalibration of the simulation is in them; where they cannot, only its offset is, and that is said. No file if
+    nothing thermal was named or no such terms follow it.
     """
     comparison = found.comparison
     effects = [effect for effect in found.effects if effect.id.startswith("thermal.")]

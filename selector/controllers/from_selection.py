@@ -41,26 +41,19 @@ def model_file_of(
 ) -> ModelFile:
     """The model file of a selection: all responses, with ranges, rate limits, validation and test vectors.
 
-    Parameters
-    ----------
-    channels : tuple of Channel
-        Those of the recording, for roles, units and places.
-    source : RunSource, optional
-        The recording; gives the sampling period, and the fastest change of each sensor, of which five times (at least
-        1 K/min) is the limit.
-    date : str, optional
-        ISO date to write into the file; the clock is never read.
+    `channels` are those of the recording, for roles, units and places; `source`, the recording, gives the sampling
+    period and the fastest change of each sensor, of which five times (at least 1 K/min) is the limit; `date` is written
+    as it is.
     """
     by_name = {channel.name: channel for channel in channels}
     recipe = selection.recipe
     scaling = next(iter(selection.models.values())).scaling
-    position = {name: i for i, name in enumerate(scaling.variables)}
     rise = selection.options.reference == "rise"
     seen = {} if source is None else seen_readings(source, recipe.sensors)
 
     def input_of(name: str) -> Input:
-        channel, i = by_name[name], position[name]
-        ranges = [model.valid_range[i] for model in selection.models.values()]
+        channel = by_name[name]
+        ranges = [model.valid_range[scaling.variables.index(name)] for model in selection.models.values()]
         is_sensor = name in recipe.sensors
         of = seen.get(name)
         has_range = of is not None and channel.unit == "degC" and of.lowest <= of.highest
@@ -69,8 +62,7 @@ def model_file_of(
             role=cast(Any, channel.role),
             unit=channel.unit,
             reference="rise" if rise and is_sensor else "absolute",
-            centre=scaling.centre[i],
-            scale=scaling.scale[i],
+            **_scaled(scaling, name),
             valid_min=min(low for low, _ in ranges),
             valid_max=max(high for _, high in ranges),
             rate_limit_per_min=None if of is None else max(RATE_MARGIN * of.fastest_per_min, LEAST_RATE_PER_MIN),
@@ -147,54 +139,46 @@ def _fallback(
 ) -> Fallback:
     """A fallback of a selection, with the ranges of the model's own inputs."""
     scaling = next(iter(of.models.values())).scaling
-    at = {name: i for i, name in enumerate(scaling.variables)}
+    own = (item for item in inputs if item.name in of.recipe.design.inputs)
     return Fallback(
         without=(of.without,),
-        inputs=tuple(
-            item.model_copy(update={"centre": scaling.centre[at[item.name]], "scale": scaling.scale[at[item.name]]})
-            for item in inputs
-            if item.name in of.recipe.design.inputs
-        ),
+        inputs=tuple(item.model_copy(update=_scaled(scaling, item.name)) for item in own),
         states=_states(of.recipe, scaling),
         outputs=_outputs(of.models, channels, rise=rise),
     )
 
 
+def _scaled(scaling: Scaling, name: str) -> dict[str, float]:
+    at = scaling.variables.index(name)
+    return {"centre": scaling.centre[at], "scale": scaling.scale[at]}
+
+
 def _states(recipe: Recipe, scaling: Scaling) -> tuple[State, ...]:
-    at = {name: i for i, name in enumerate(scaling.variables)}
     return tuple(
-        State(
-            name=lag.name,
-            source=lag.source,
-            tau_s=lag.tau_s,
-            centre=scaling.centre[at[lag.name]],
-            scale=scaling.scale[at[lag.name]],
-        )
+        State(name=lag.name, source=lag.source, tau_s=lag.tau_s, **_scaled(scaling, lag.name))
         for lag in recipe.design.lags
     )
 
 
 def _outputs(models: Mapping[str, FittedModel], channels: dict[str, Channel], *, rise: bool) -> tuple[Output, ...]:
-    return tuple(_output(model, channels[name], rise=rise) for name, model in models.items())
-
-
-def _output(model: FittedModel, channel: Channel, *, rise: bool) -> Output:
-    errors = np.sqrt(np.maximum(np.diag(model.covariance), 0.0))
-    return Output(
-        name=model.response,
-        axis=channel.axis,
-        reference="rise" if rise else "absolute",
-        intercept=float(model.coefficients[0]),
-        intercept_standard_error=float(errors[0]),
-        terms=tuple(
-            Term(
-                powers=dict(term.powers),
-                coefficient=float(model.coefficients[1 + i]),
-                standard_error=float(errors[1 + i]),
+    outputs = []
+    for name, model in models.items():
+        coefficients = model.coefficients.tolist()
+        errors = np.sqrt(np.maximum(np.diag(model.covariance), 0.0)).tolist()
+        outputs.append(
+            Output(
+                name=model.response,
+                axis=channels[name].axis,
+                reference="rise" if rise else "absolute",
+                intercept=coefficients[0],
+                intercept_standard_error=errors[0],
+                terms=tuple(
+                    Term(powers=dict(term.powers), coefficient=coefficient, standard_error=error)
+                    for term, coefficient, error in zip(model.terms, coefficients[1:], errors[1:], strict=True)
+                ),
             )
-            for i, term in enumerate(model.terms)
-        ),
-    )
+        )
+    return tuple(outputs)
 
 
 def _limits(selection: Selection, name: str) -> OutputLimits:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal, Never
 
@@ -106,6 +106,11 @@ class PositionPart(_Closed):
     intercept: Number = Field(description="[um/m]")
     terms: Terms = ()
 
+    @property
+    def reach_m(self) -> float:
+        """Largest distance of a valid position from the reference."""
+        return max(abs(self.valid_min_m - self.reference_m), abs(self.valid_max_m - self.reference_m))
+
 
 class Output(_Closed):
     """One displacement: intercept + Σ terms [µm] (+ the position-dependent part)."""
@@ -126,6 +131,11 @@ class Output(_Closed):
     intercept_standard_error: NonNegative | None = None
     terms: Terms = ()
     position: PositionPart | None = None
+
+    @property
+    def all_terms(self) -> tuple[Term, ...]:
+        """Those of the position-dependent part, too."""
+        return self.terms if self.position is None else (*self.terms, *self.position.terms)
 
 
 class OutputLimits(_Closed):
@@ -167,6 +177,11 @@ class Guard(_Closed):
     new_start_after_s: Positive | None = Field(
         default=None, description="with keep-start: a standstill longer than this takes new start readings"
     )
+
+    @property
+    def last_resort(self) -> Literal["hold", "ramp-to-zero"]:
+        """What a bad sensor leads to where there is no fallback for it."""
+        return self.without_fallback if self.on_fault == "fallback" else self.on_fault
 
 
 class Fallback(_Closed):
@@ -511,13 +526,17 @@ def kept_sha256(model: ModelFile) -> str:
 
     A correction that is turned round is that of the same displacement.
     """
-    against: Sign = "correction = -displacement"
+    return equations_sha256(with_signs(model, lambda _: "correction = -displacement"))
 
-    def unsigned(of: Sequence[Output]) -> tuple[Output, ...]:
-        return tuple(output.model_copy(update={"sign": against}) for output in of)
 
-    fallbacks = tuple(one.model_copy(update={"outputs": unsigned(one.outputs)}) for one in model.fallbacks)
-    return equations_sha256(model.model_copy(update={"outputs": unsigned(model.outputs), "fallbacks": fallbacks}))
+def with_signs(model: ModelFile, sign: Callable[[Output], Sign]) -> ModelFile:
+    """The model, and its fallbacks, with other signs of their corrections."""
+
+    def signed(of: ModelFile | Fallback) -> tuple[Output, ...]:
+        return tuple(output.model_copy(update={"sign": sign(output)}) for output in of.outputs)
+
+    fallbacks = tuple(one.model_copy(update={"outputs": signed(one)}) for one in model.fallbacks)
+    return model.model_copy(update={"outputs": signed(model), "fallbacks": fallbacks})
 
 
 def _model_file_error(error: ValidationError, where: str) -> ModelFileError:

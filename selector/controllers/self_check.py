@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from selector.controllers.evaluator import Equations, Evaluator
+from selector.controllers.evaluator import Equations, Evaluator, polynomial
 from selector.controllers.finding_table import FINDINGS
-from selector.controllers.model_file import CheckVector, Input, ModelFile, Output, OutputLimits, Term, read_model
+from selector.controllers.model_file import CheckVector, Input, ModelFile, Output, OutputLimits, read_model
 from selector.findings import Finding
 
 DAY_S = 86_400.0
@@ -150,14 +150,7 @@ def check_vectors(
 
     ``start`` (start readings not given), ``corners`` of the valid ranges (all of them for up to five inputs, else each
     input alone and all together), ``ramp`` (up, hold, back at uneven steps as long as the slowest memory), and, if
-    given, up to 50 samples of a recording.
-
-    Parameters
-    ----------
-    model : ModelFile
-        Its own test vectors are not looked at.
-    recorded : tuple of time_s [s] and readings per input, optional
-        Rows with a missing reading are left out.
+    `recorded` (times [s] and readings per input) is given, up to 50 of its samples that miss no reading.
     """
     start = {item.name: START_DEGC for item in model.inputs if item.reference == "rise"}
     corners = list(_corners(model.inputs))
@@ -185,29 +178,17 @@ def output_bound_um(model: Equations, output: Output) -> float:
     The sum of the largest magnitudes of the terms: never too small, usually too large. Lagged inputs stay inside the
     range of their source. A position-dependent part counts at the far end of its valid positions.
     """
-    bound = _polynomial_bound(model, output.intercept, output.terms)
-    part = output.position
-    if part is not None:
-        reach_m = max(abs(part.valid_min_m - part.reference_m), abs(part.valid_max_m - part.reference_m))
-        bound += _polynomial_bound(model, part.intercept, part.terms) * reach_m
-    return bound if math.isfinite(bound) else math.inf
-
-
-def _polynomial_bound(model: Equations, intercept: float, terms: tuple[Term, ...]) -> float:
     ranges = {item.name: (item.valid_min, item.valid_max) for item in model.inputs}
     largest = {}
     for item in model.inputs:
         largest[item.name] = max(abs((x - item.centre) / item.scale) for x in ranges[item.name])
     for state in model.states:
         largest[state.name] = max(abs((x - state.centre) / state.scale) for x in ranges[state.source])
-    bound = abs(intercept)
-    for term in terms:
-        size = abs(term.coefficient)
-        for name, power in term.powers.items():
-            for _ in range(power):
-                size = size * largest[name]
-        bound += size
-    return bound
+    bound: float = polynomial(output.intercept, output.terms, largest, abs)
+    part = output.position
+    if part is not None:
+        bound += polynomial(part.intercept, part.terms, largest, abs) * part.reach_m
+    return bound if math.isfinite(bound) else math.inf
 
 
 def _vector(
@@ -350,7 +331,7 @@ def _range_findings(model: ModelFile) -> Iterator[Finding]:
                 f"{item.name} was {low:g} throughout: the model does not know what a change of it does.",
                 evidence=evidence,
             )
-        elif not low <= item.centre <= high and any(item.name in term.powers for term in _all_terms(model)):
+        elif not low <= item.centre <= high and item.name in _in_terms(model):
             yield FINDINGS.finding(
                 "centre-outside-valid-range",
                 f"{item.name}: the centre {item.centre:g} is outside the valid range {low:g} … {high:g}.",
@@ -359,7 +340,7 @@ def _range_findings(model: ModelFile) -> Iterator[Finding]:
 
 
 def _unused_findings(model: ModelFile) -> Iterator[Finding]:
-    used = {name for term in _all_terms(model) for name in term.powers}
+    used = _in_terms(model)
     used |= {state.source for state in model.states if state.name in used}
     for name in (*(item.name for item in model.inputs), *(state.name for state in model.states)):
         if name not in used:
@@ -368,8 +349,5 @@ def _unused_findings(model: ModelFile) -> Iterator[Finding]:
             )
 
 
-def _all_terms(model: ModelFile) -> Iterator[Term]:
-    for output in model.outputs:
-        yield from output.terms
-        if output.position is not None:
-            yield from output.position.terms
+def _in_terms(model: ModelFile) -> set[str]:
+    return {name for output in model.outputs for term in output.all_terms for name in term.powers}

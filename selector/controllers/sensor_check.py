@@ -37,20 +37,7 @@ def usable_readings(
 ) -> tuple[dict[str, Array], tuple[Finding, ...]]:
     """Readings per input with NaN where they are not temperatures (or speeds, …) at all, and what was found.
 
-    Parameters
-    ----------
-    model : ModelFile
-    run : str
-        For the findings.
-    time_s : ndarray of shape (n_samples,)
-    readings : mapping of str to ndarray of shape (n_samples,)
-        Per input, [unit of the input].
-
-    Returns
-    -------
-    dict of str to ndarray, tuple of Finding
-        Findings ``sensor-looks-broken`` (kinds missing, break-code, out-of-limits, jump, stuck) and
-        ``missing-readings``.
+    Findings ``sensor-looks-broken`` (kinds missing, break-code, out-of-limits, jump, stuck) and ``missing-readings``.
     """
     usable: dict[str, Array] = {}
     findings: list[Finding] = []
@@ -129,12 +116,9 @@ def _is_break_code(item: Input, values: Array, codes: tuple[float, ...]) -> Mask
 
 
 def _is_beyond_limits(item: Input, values: Array) -> Mask:
-    beyond = np.zeros(len(values), dtype=np.bool_)
-    if item.reading_min is not None:
-        beyond |= values < item.reading_min
-    if item.reading_max is not None:
-        beyond |= values > item.reading_max
-    return beyond
+    low = -np.inf if item.reading_min is None else item.reading_min
+    high = np.inf if item.reading_max is None else item.reading_max
+    return (values < low) | (values > high)
 
 
 def _broken_finding(

@@ -14,14 +14,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from selector.controllers.evaluator import Equations
+from selector.controllers.evaluator import Equations, polynomial
 from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.codes import LARGEST_NUMBER, SAMPLE_S
 from selector.controllers.guard.decided import DecidedLimits, decided_limits
-from selector.controllers.model_file import Input, ModelFile, Output, Term
+from selector.controllers.model_file import Input, ModelFile, Output
 from selector.findings import Finding
 
 WORTH_A_WARNING_UM = 0.01
@@ -75,17 +76,9 @@ def rounding_errors(
     It holds for readings that both take for good, model and fallbacks alike, and one restart. What a dead band or a
     slew limit makes of the difference is not in it, and nothing is larger than twice the clamp.
 
-    Parameters
-    ----------
-    model : ModelFile
-    largest_readings : mapping of str to float, optional
-        Largest magnitude of a reading that is used, start readings included; default: `largest_reading`.
-    calls_per_s : int
-        1 = time is counted without an error.
-    roundoff : float
-        Largest relative rounding of an operation and of a literal; default: binary32.
-    shortest_s : float
-        Between two readings that are looked at.
+    `largest_readings`: largest magnitude of a reading that is used, start readings included; default:
+    `largest_reading`. `calls_per_s`: 1 = time is counted without an error. `roundoff`: of an operation and of a
+    literal, relative. `shortest_s`: between two readings that are looked at.
     """
     readings = {item.name: largest_reading(item) for item in model.inputs} | dict(largest_readings or {})
     single = _errors(model, readings, calls_per_s, roundoff, shortest_s)
@@ -264,33 +257,21 @@ def _level(x: _Value, tau_s: float, calls_per_s: int, unit: float, shortest_s: f
 
 
 def _of_output(output: Output, limits: DecidedLimits, z: Mapping[str, _Value], unit: float) -> LargestError:
-    clamp, part = limits.clamp_um, output.position
-    displacement = _polynomial(output.intercept, output.terms, z, unit)
+    clamp, part, literal = limits.clamp_um, output.position, partial(_Value.literal, unit=unit)
+    displacement: _Value = polynomial(output.intercept, output.terms, z, literal)
     own = displacement.limited(-clamp, clamp)
     slope, whole = _Value(0.0, 0.0, 0.0, unit), own
     if part is not None and limits.reach_m > 0.0:
         slope_clamp = limits.slope_clamp_um_per_m
-        steep = _polynomial(part.intercept, part.terms, z, unit)
-        left = (_Value.literal(clamp, unit) - _Value(0.0, clamp, own.error, unit)).over(limits.reach_m)
+        steep: _Value = polynomial(part.intercept, part.terms, z, literal)
+        left = (literal(clamp) - _Value(0.0, clamp, own.error, unit)).over(limits.reach_m)
         steepest = max(steep.error, left.error, _of_literal(slope_clamp, unit))
         if not steep.is_passed_on:
             steepest = math.inf
         slope = _Value(-slope_clamp, slope_clamp, steepest, unit)
         place = _Value(part.valid_min_m, part.valid_max_m, 0.0, unit).rounded()
-        away = place.limited(part.valid_min_m, part.valid_max_m) - _Value.literal(part.reference_m, unit)
+        away = place.limited(part.valid_min_m, part.valid_max_m) - literal(part.reference_m)
         whole = (_Value(-clamp, clamp, own.error, unit) + slope * away).limited(-clamp, clamp)
     if not (displacement.is_passed_on and math.isfinite(slope.error)):
         return LargestError(math.inf, math.inf, math.inf)
     return LargestError(whole.error * _OF_BOUND, own.error * _OF_BOUND, slope.error * _OF_BOUND)
-
-
-def _polynomial(intercept: float, terms: tuple[Term, ...], z: Mapping[str, _Value], unit: float) -> _Value:
-    """In the order of the program."""
-    total = _Value.literal(intercept, unit)
-    for term in terms:
-        product = _Value.literal(term.coefficient, unit)
-        for name, power in term.powers.items():
-            for _ in range(power):
-                product = product * z[name]
-        total = total + product
-    return total

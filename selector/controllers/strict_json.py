@@ -65,22 +65,13 @@ class _Refused:
 def parsed_json(
     text: str, *, where: str, most_entries: int = LARGEST_COLLECTION, most_values: int = LARGEST_DOCUMENT
 ) -> Any:
-    """The value of a JSON text.
-
-    Parameters
-    ----------
-    text : str
-    where : str
-        Names the text in messages.
-    most_entries, most_values : int
-        Of one array or object; of the whole text.
+    """The value of a JSON text; `where` names it in messages.
 
     Raises
     ------
     ModelFileError
         The text is not JSON, is nested too deep, repeats a key, or holds a number that is not finite or not exact or
-        a collection that is too large;
-        `where` and the JSON path say the place.
+        a collection that is too large; `where` and the JSON path say the place.
     """
     try:
         value = json.loads(

@@ -22,39 +22,14 @@ _GAP = 0.015
 _WIDTH_PX = 780.0
 _TICK_PX, _NAME_PX = 46.0, 60.0
 _STEPS_S: tuple[float, ...] = (
-    0.01,
-    0.02,
-    0.05,
-    0.1,
-    0.2,
-    0.5,
-    1,
-    2,
-    5,
-    10,
-    20,
-    30,
-    60,
-    120,
-    300,
-    600,
-    1200,
-    1800,
-    3600,
+    *(0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30),
+    *(minutes * 60.0 for minutes in (1, 2, 5, 10, 20, 30)),
+    *(hours * 3600.0 for hours in (1, 2, 4, 6, 12, 24, 48, 120, 240, 1000)),
 )
-_STEPS_S += tuple(hours * 3600.0 for hours in (2, 4, 6, 12, 24, 48, 120, 240, 1000))
 
 
 class RunAxis:
-    """Where every sample stands.
-
-    Attributes
-    ----------
-    starts_s : tuple of float
-        Start of every run on the axis [s].
-    end_s : float
-        End of the axis [s].
-    """
+    """Where every sample stands; starts of all runs, and the end of the axis [s]."""
 
     def __init__(self, comparison: Comparison) -> None:
         self._comparison = comparison

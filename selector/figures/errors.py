@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -50,16 +49,7 @@ def run_errors_title(response: str, runs: Sequence[RunError], kind: str) -> str:
 
 
 def run_errors_picture(response: str, runs: Sequence[RunError], title: str) -> go.Figure:
-    """The frame for the errors of these runs; `run_error_changes` fills it.
-
-    Parameters
-    ----------
-    response : str
-    runs : sequence of RunError
-        Their names, and whether a largest error is known, are taken.
-    title : str
-        Plain text, as `style.label` makes it.
-    """
+    """The frame for the errors of these runs; `run_error_changes` fills it."""
     n = len(runs)
     drawn = style.figure(title, _ROOM_PX + max(_LEAST_PX, _RUN_PX * n))
     rows = list(range(n))
@@ -88,13 +78,7 @@ def run_errors_picture(response: str, runs: Sequence[RunError], title: str) -> g
     )
     drawn.update_layout(margin={"r": 120})
     drawn.update_xaxes(title_text=f"error of {style.label(response)} [µm]", rangemode="tozero")
-    drawn.update_yaxes(
-        range=[n - 0.5, -0.5],
-        tickvals=rows,
-        ticktext=[style.label(one.name) for one in runs],
-        showgrid=False,
-        ticks="",
-    )
+    drawn.update_yaxes(**style.rows_of([style.label(one.name) for one in runs]))
     return drawn
 
 
@@ -162,18 +146,9 @@ def set_errors_picture(response: str, height: int) -> go.Figure:
 def set_error_changes(
     everywhere: Sequence[SetError], cut: Sequence[SetError], taken: SetError, before_um: float
 ) -> Changes:
-    """The sets in the frame of `set_errors_picture`.
+    """The sets in the frame of `set_errors_picture`: the best of each size among all sensors, and among those of a cut.
 
-    Parameters
-    ----------
-    everywhere : sequence of SetError
-        The best of each size among all sensors.
-    cut : sequence of SetError
-        The best of each size among the representatives of a cut.
-    taken : SetError
-        Gets a ring.
-    before_um : float
-        The error without any sensor [µm].
+    The set that is `taken` gets a ring; `before_um` is the error without any sensor.
     """
     last = max(len(one.sensors) for one in (*everywhere, *cut, taken)) + 0.5
     values = [one.error_um for one in (*everywhere, *cut, taken)] + [before_um]
@@ -189,20 +164,7 @@ def set_error_changes(
         changes["data", k, "y"] = [one.error_um for one in sets]
         changes["data", k, "text"] = [style.listed(one.sensors) for one in sets]
         changes["data", k, "customdata"] = [list(one.sensors) for one in sets]
-    for key, value in _value_axis(values).items():
+    known = [value for value in values if value > 0] or [1.0]
+    for key, value in style.log_axis(0.85 * min(known), 1.15 * max(known)).items():
         changes["layout", "yaxis", key] = value
     return changes
-
-
-def _value_axis(values: Sequence[float]) -> dict[str, object]:
-    """A logarithmic axis that holds them, with ticks at 1, 2, 5 of each power of ten."""
-    known = [value for value in values if value > 0] or [1.0]
-    low, high = 0.85 * min(known), 1.15 * max(known)
-    ticks = [digit * 10.0**power for power in range(-4, 7) for digit in (1, 2, 5)]
-    shown = [tick for tick in ticks if low <= tick <= high]
-    return {
-        "type": "log",
-        "range": [math.log10(low), math.log10(high)],
-        "tickvals": shown,
-        "ticktext": [f"{tick:g}" for tick in shown],
-    }

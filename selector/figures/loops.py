@@ -40,16 +40,8 @@ def displacement_loops(
     """Displacement over the reading of each sensor; where the way back is another one, the loop has a width.
 
     The width is the largest difference of the displacement between the way up to a run's highest reading and the way
-    down from it, at the same reading, see `loop_width_um`. At most `MOST_SENSORS` sensors are drawn.
-
-    Parameters
-    ----------
-    sensors : sequence of str
-    response : str
-    runs : sequence of LoopShown
-        Drawn as they are: thin them first.
-    rise : bool
-        Whether readings are differences to the start of the run.
+    down from it, at the same reading, see `loop_width_um`. At most `MOST_SENSORS` sensors are drawn; runs as they are:
+    thin them first. `rise`: readings are differences to the start of the run.
     """
     shown = [("Δ" if rise else "") + style.label(name, 14) for name in sensors[:MOST_SENSORS]]
     widest = [_widest(runs, j) for j in range(len(shown))]
@@ -176,18 +168,9 @@ def validity_pairs(
     most `POINTS` samples are judged and drawn, evenly spaced, and at most `MOST_PAIRS` pairs, those of the first
     inputs.
 
-    Parameters
-    ----------
-    hull : ValidityHull
-        Of the training samples, as a `Selection` has it.
-    axes : sequence of (str, str)
-        Its variables and their units, two at least.
-    samples : ndarray of shape (n_samples, n_inputs)
-        In the unit of the inputs, e.g. another run.
-    beyond : ndarray of shape (n_samples,), optional
-        Distance of each sample to what is known, in standard deviations; default: to the hull.
-    known : str
-        What that is, for the title.
+    `hull` is that of the training samples, `axes` its variables and their units, two at least; `samples` have the shape
+    (n_samples, n_inputs), `beyond` is the distance of each to what is `known`, in standard deviations; default: to the
+    hull.
     """
     keep = np.unique(np.linspace(0, len(samples) - 1, min(POINTS, len(samples))).astype(np.int64))
     shown = samples[keep]

@@ -63,16 +63,7 @@ def coefficients_title(response: str, terms: Sequence[TermShown]) -> str:
 
 
 def coefficients_picture(response: str, height: int, title: str) -> go.Figure:
-    """The frame of the coefficients of one response; `coefficient_changes` fills it.
-
-    Parameters
-    ----------
-    response : str
-    height : int
-        Height of the picture [px].
-    title : str
-        Plain text, as `style.label` makes it.
-    """
+    """The frame of the coefficients of one response; `coefficient_changes` fills it."""
     drawn = style.figure(title, height)
     for text, colour in (("coefficient, 95 % interval", style.PREDICTED), ("cannot be told from zero", style.MUTED)):
         drawn.add_scatter(
@@ -156,16 +147,7 @@ def faults_title(faults: Sequence[FaultGain]) -> str:
 
 
 def faults_picture(responses: Sequence[str], height: int, title: str) -> go.Figure:
-    """The frame of the faults of sensors; `fault_changes` fills it.
-
-    Parameters
-    ----------
-    responses : sequence of str
-    height : int
-        Height of the picture [px].
-    title : str
-        Plain text, as `style.label` makes it.
-    """
+    """The frame of the faults of sensors; `fault_changes` fills it."""
     drawn = style.figure(title, height)
     columns = [(response, text) for response in responses for _, text in _FAULTS]
     drawn.add_heatmap(

@@ -66,18 +66,7 @@ def stacked(
 ) -> go.Figure:
     """Panels one above the other; hovering and zooming go through all of them.
 
-    Parameters
-    ----------
-    title : str
-        Plain text, as `style.label` makes it.
-    panels : sequence of Panel
-        From top to bottom.
-    end_s : float
-        End of the time axis [s].
-    marks_s : sequence of float
-        Times [s] of dotted lines through all panels.
-    spans_s : sequence of (float, float)
-        Stretches of time [s] that are shaded in all panels.
+    Dotted lines go through all panels at `marks_s`, and the stretches of time `spans_s` are shaded.
     """
     heights = [max(panel.height_px, _LABEL_PX * sum(bool(line.name) for line in panel.lines)) for panel in panels]
     inside = sum(heights) + _GAP_PX * (len(panels) - 1)

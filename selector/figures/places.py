@@ -33,13 +33,8 @@ def sensor_places(
 ) -> go.Figure:
     """Front and side view of the machine with every sensor of known place; the kept ones stand out.
 
-    Parameters
-    ----------
-    selection : Selection
-    places_m : mapping of str to (x, y, z)
-        Coordinates [m], Z upwards; sensors that are not named here are not drawn, nor those far off the outline.
-    outline_m : sequence of ndarray of shape (n_points, 3), optional
-        Lines of the machine's body [m], e.g. `machine_outline` of the thermal field.
+    Coordinates [m], Z upwards; sensors without a place, or far off the outline, are not drawn. `outline_m`: lines of
+    the machine's body, each of shape (n_points, 3), e.g. `machine_outline` of the thermal field.
     """
     known = [i for i, name in enumerate(selection.sensors) if name in places_m]
     there = [i for i in known if _at_the_machine(places_m[selection.sensors[i]], outline_m)]
@@ -70,19 +65,9 @@ def machine_picture(
 ) -> go.Figure:
     """Front and side view of a machine with places of sensors; `machine_changes` colours them.
 
-    Parameters
-    ----------
-    names : sequence of str
-    points_m : ndarray of shape (n_sensors, 3)
-        Coordinates [m], Z upwards.
-    outline_m : sequence of ndarray of shape (n_points, 3)
-        Lines of the machine's body [m].
-    title : str
-        Plain text, as `style.label` makes it; none: room for the legend only.
-    photos : mapping of str to str
-        ``"front view"``, ``"side view"`` → address of a picture that fills this view.
-    longest : int
-        Letters of a name beside its place.
+    `points_m` has the shape (n_sensors, 3), Z upwards; `outline_m` are lines of the machine's body. Without a title
+    there is room for the legend only. `photos`: ``"front view"``, ``"side view"`` → address of a picture that fills
+    this view.
     """
     everything = np.vstack([points_m, *outline_m]) if len(points_m) or outline_m else np.zeros((1, 3))
     low, high = everything.min(axis=0), everything.max(axis=0)

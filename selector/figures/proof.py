@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -33,7 +32,7 @@ def error_against_sensors(selection: Selection, response: str) -> go.Figure:
     j = list(selection.models).index(response)
     sizes = [point.n_sensors for point in proof.curve]
     error = [point.rmse_um[j] for point in proof.curve]
-    spread = [_or_zero(point.standard_error_um[j]) for point in proof.curve]
+    spread = np.nan_to_num([point.standard_error_um[j] for point in proof.curve], posinf=0.0, neginf=0.0).tolist()
     ways = proof.baselines_um[response]
     size, achieved = len(selection.chosen), proof.rmse_um(response)
     than = "against" if achieved < ways["none"] else "no better than the"
@@ -109,13 +108,7 @@ def error_against_sensors(selection: Selection, response: str) -> go.Figure:
 
 
 def measured_and_predicted(selection: Selection, response: str, runs: Sequence[str] | None = None) -> go.Figure:
-    """Measured and predicted displacement of each left-out run, with the residual below; thinned for drawing.
-
-    Parameters
-    ----------
-    runs : sequence of str, optional
-        Which runs to draw, in this order; all by default.
-    """
+    """Measured and predicted displacement of left-out runs (default: all), the residual below; thinned for drawing."""
     j = list(selection.models).index(response)
     traces: dict[str, list[Trace]] = {}
     for trace in selection.proof.traces:
@@ -162,15 +155,4 @@ def _value_axis(values: Sequence[float]) -> dict[str, object]:
     low, high = min(values, default=0.0), max(values, default=1.0)
     if low <= 0 or high / low < _ONE_FROM:
         return {"rangemode": "tozero"}
-    ticks = [digit * 10.0**power for power in range(-4, 7) for digit in (1, 2, 5)]
-    shown = [tick for tick in ticks if 0.8 * low <= tick <= 1.25 * high]
-    return {
-        "type": "log",
-        "range": [math.log10(0.8 * low), math.log10(1.25 * high)],
-        "tickvals": shown,
-        "ticktext": [f"{tick:g}" for tick in shown],
-    }
-
-
-def _or_zero(value: float) -> float:
-    return value if math.isfinite(value) else 0.0
+    return style.log_axis(0.8 * low, 1.25 * high)

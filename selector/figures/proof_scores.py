@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -28,6 +29,12 @@ class Share:
     high: float
 
 
+def _interval(shares: Sequence[Share], **more: float) -> dict[str, Any]:
+    """Error bars."""
+    above, below = [one.high - one.value for one in shares], [one.value - one.low for one in shares]
+    return {"type": "data", "symmetric": False, "array": above, "arrayminus": below, **more}
+
+
 def confusion_matrix(
     true: Sequence[str],
     said: Sequence[str],
@@ -35,18 +42,7 @@ def confusion_matrix(
     cases: Sequence[int],
     right: Sequence[Sequence[str]],
 ) -> go.Figure:
-    """What was put in against what was said, as a share of the cases of each row.
-
-    Parameters
-    ----------
-    true, said : sequence of str
-        Rows and columns.
-    counts : ndarray of int of shape (n_true, n_said)
-    cases : sequence of int
-        Cases of every row.
-    right : sequence of sequence of str
-        Of every row the columns that are right.
-    """
+    """What was put in (rows) against what was said (columns), as a share of the cases of a row."""
     counts = counts.reshape(len(true), len(said))
     share = counts / np.maximum(np.asarray(cases, dtype=np.float64), 1.0)[:, None]
     is_right = np.array([[name in row for name in said] for row in right]).reshape(counts.shape)
@@ -91,14 +87,8 @@ def power_by_effect(
 ) -> go.Figure:
     """How often each effect was found at each strength d′, with the oracle's chance as dotted lines.
 
-    Parameters
-    ----------
-    found : mapping of str to mapping of float to Share
-        Id → strength → share that was named, or in a set.
-    oracle : mapping of float to float
-        Strength → chance that somebody finds it who knows the course of the effect.
-    all_effects : mapping of float to Share
-        Strength → share over all effects together.
+    `found`: id → strength → share that was named, or in a set; `oracle`: strength → chance that somebody finds it who
+    knows the course of the effect.
     """
     strengths = sorted(oracle)
     told = ", ".join(f"{100 * all_effects[d].value:.0f} % at d′ = {d:g}" for d in strengths if d in all_effects)
@@ -113,14 +103,7 @@ def power_by_effect(
         drawn.add_scatter(
             x=[share.value for _, share in at],
             y=[i + offset for i, _ in at],
-            error_x={
-                "type": "data",
-                "symmetric": False,
-                "array": [share.high - share.value for _, share in at],
-                "arrayminus": [share.value - share.low for _, share in at],
-                "thickness": 1.2,
-                "width": 0,
-            },
+            error_x=_interval([share for _, share in at], thickness=1.2, width=0),
             mode="markers",
             name=f"d′ = {d_prime:g}",
             marker={"color": colour, "size": 9},
@@ -148,12 +131,7 @@ def reliability(confidence: Sequence[float], right: Sequence[Share], counts: Seq
     drawn.add_scatter(
         x=list(confidence),
         y=[share.value for share in right],
-        error_y={
-            "type": "data",
-            "symmetric": False,
-            "array": [share.high - share.value for share in right],
-            "arrayminus": [share.value - share.low for share in right],
-        },
+        error_y=_interval(right),
         mode="lines+markers",
         name="named effects",
         line={"color": style.PREDICTED},
@@ -210,20 +188,11 @@ def answerers_compared(
             width=0.36,
             name=text,
             marker={"color": colour},
-            error_x={
-                "type": "data",
-                "symmetric": False,
-                "array": [shares[name].high - shares[name].value for name in names],
-                "arrayminus": [shares[name].value - shares[name].low for name in names],
-                "thickness": 1.2,
-            },
+            error_x=_interval([shares[name] for name in names], thickness=1.2),
             hovertemplate=f"{text}: %{{x:.1%}}<extra></extra>",
         )
     drawn.update_xaxes(title_text="share of cases [–]", range=[0.0, 1.02], tickformat=".0%")
-    drawn.update_yaxes(
-        tickvals=list(range(len(names))), ticktext=[style.label(name) for name in names],
-        range=[len(names) - 0.5, -0.5], ticks="", showgrid=False,
-    )  # fmt: skip
+    drawn.update_yaxes(**style.rows_of([style.label(name) for name in names]))
     return drawn
 
 

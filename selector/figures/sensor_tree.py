@@ -65,14 +65,8 @@ def tree_title(cut: CutShown) -> str:
 def tree_picture(tree: Dendrogram, title: str, height: int | None = None) -> go.Figure:
     """The frame of a tree; `tree_changes` fills it.
 
-    Parameters
-    ----------
-    tree : Dendrogram
-    title : str
-        Plain text, as `style.label` makes it.
-    height : int, optional
-        Height of the picture [px]; by default every sensor has a line of its own. With a height the names are points
-        of a line of text, which is drawn again in half the time that labels of an axis take.
+    By default every sensor has a line of its own. With a height [px] the names are points of a line of text, which is
+    drawn again in half the time that labels of an axis take.
     """
     n = len(tree.leaf_order)
     drawn = style.figure(title, _ROOM_PX + max(_SENSOR_PX * n, _LEAST_PX) if height is None else height)
@@ -160,13 +154,7 @@ def add_step_marks(drawn: go.Figure) -> None:
 
 
 def step_changes(cut: CutShown, first: float, end: float) -> Changes:
-    """The range of λ with these groups as a band, and λ itself as a line.
-
-    Parameters
-    ----------
-    first, end : float
-        Where the axis begins, and where it puts λ = 1, see `level_span`.
-    """
+    """The range of λ with these groups as a band, and λ itself as a line; the ends are those of `level_span`."""
     start = max(float(style.nines(cut.low)), first) if cut.low > -1 else first
     stop = min(float(style.nines(cut.high)), end) if cut.high < 1 else end
     at = min(float(style.nines(cut.level)), end)

@@ -197,6 +197,30 @@ def changed(drawn: go.Figure, changes: Changes) -> go.Figure:
     return drawn
 
 
+def rows_of(names: Sequence[str]) -> dict[str, Any]:
+    """An axis with a row for each of these labels, from top to bottom, without marks of its own."""
+    n = len(names)
+    return {
+        "range": [n - 0.5, -0.5],
+        "tickvals": list(range(n)),
+        "ticktext": list(names),
+        "showgrid": False,
+        "ticks": "",
+    }
+
+
+def log_axis(low: float, high: float) -> dict[str, Any]:
+    """A logarithmic axis over these values, with ticks at 1, 2, 5 of each power of ten."""
+    ticks = [digit * 10.0**power for power in range(-4, 7) for digit in _STEPS]
+    shown = [tick for tick in ticks if low <= tick <= high]
+    return {
+        "type": "log",
+        "range": [math.log10(low), math.log10(high)],
+        "tickvals": shown,
+        "ticktext": [f"{tick:g}" for tick in shown],
+    }
+
+
 _MOST_DECADES = 3.7
 """Above so many powers of ten there is room for these alone."""
 

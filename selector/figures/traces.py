@@ -37,18 +37,7 @@ def beside_each_other(
     value_range: Sequence[float],
     residual_range: Sequence[float],
 ) -> go.Figure:
-    """All runs in two columns, the same scales everywhere; samples are drawn as they come, see `telling_samples`.
-
-    Parameters
-    ----------
-    title : str
-        Plain text, as `style.label` makes it.
-    runs : sequence of Traced
-    response : str
-        Name of the displacement.
-    value_range, residual_range : sequence of two floats
-        Ends of the axes [µm], as `common_ranges` gives them.
-    """
+    """All runs in two columns, the same scales everywhere; samples are drawn as they come, see `telling_samples`."""
     columns = 1 if len(runs) == 1 else 2
     rows = max(1, math.ceil(len(runs) / columns))
     drawn = style.figure(title, 90 + _ROW_PX * rows)
@@ -148,11 +137,7 @@ def replayed_run(
 ) -> go.Figure:
     """Recorded displacement of one run and what is left of it with the correction of the program.
 
-    Parameters
-    ----------
-    run, output : str
-    time_s, correction_um, recorded_um : ndarray of shape (n_samples,)
-        Recorded displacement NaN where there is none: then the correction alone is drawn.
+    Recorded displacement is NaN where there is none: then the correction alone is drawn.
     """
     stride = max(1, -(-len(time_s) // MOST_POINTS))
     hours, correction, recorded = (of[::stride] for of in (time_s / 3600.0, correction_um, recorded_um))

@@ -163,15 +163,8 @@ def detection_probability(d_prime: ArrayLike, *, false_alarm: float = 0.01, n_lo
     """Chance that a matched filter finds an effect of unknown size and sign.
 
     The squared statistic of the filter is χ² with one degree of freedom, non-central by d′² where the effect is there
-    (S. M. Kay, Fundamentals of Statistical Signal Processing II, 1998, section 7.4.2).
-
-    Parameters
-    ----------
-    d_prime : array_like
-    false_alarm : float
-        Of all looks together.
-    n_looks : int
-        Effects that are tried, each with its own course; Bonferroni.
+    (S. M. Kay, Fundamentals of Statistical Signal Processing II, 1998, section 7.4.2). The false alarm is that of all
+    `n_looks` together: effects that are tried, each with its own course (Bonferroni).
     """
     threshold = chi2.isf(false_alarm / n_looks, 1)
     return np.asarray(ncx2.sf(threshold, 1, np.square(np.asarray(d_prime, dtype=np.float64))))

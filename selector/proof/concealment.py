@@ -112,22 +112,16 @@ def d_prime(
     nuisances: Mapping[str, Matrix],
     starts: Sequence[int],
 ) -> float:
-    """Norm of an effect in units of the noise, over the fitted rows of all responses together.
+    """Norm of an effect in units of the noise, over the fitted rows (`fitted_starts`) of all responses together.
 
     d′² = Σ |(I − P) W e|², with W the whitening of the response's noise and P the projection on its whitened nuisances
-    (recalibration, and the repeated course of cycle-locked noise): the separation, in standard deviations, of the
-    statistic of a matched filter with the effect on and off (S. M. Kay, Fundamentals of Statistical Signal Processing
-    II, section 4.4). Whitening goes by second moments, for heavy tails too.
+    (what may be fitted without new physics, e.g. `recalibration`, and the repeated course of cycle-locked noise): the
+    separation, in standard deviations, of the statistic of a matched filter with the effect on and off (S. M. Kay,
+    Fundamentals of Statistical Signal Processing II, section 4.4). Whitening goes by second moments, for heavy tails
+    too.
 
-    Parameters
-    ----------
-    effect_courses : mapping of str to ndarray of shape (n_rows,)
-        Response → course of the effect [unit of the response].
-    noise : mapping of str to Noise
-    nuisances : mapping of str to ndarray of shape (n_rows, n_nuisances)
-        Response → columns that may be fitted without new physics, e.g. `recalibration`.
-    starts : sequence of int
-        First row of every run, and last of all the number of rows; only `fitted_starts` of them count.
+    Courses, noise and nuisances are told by response, courses in its unit; `starts` are the first row of every run, and
+    last of all the number of rows.
     """
     rows = fitted_starts(starts)
     total = 0.0

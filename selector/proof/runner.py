@@ -126,16 +126,10 @@ def outcomes(
 ) -> tuple[Outcome, ...]:
     """Hold the exam: one outcome for every question and answerer, in the order of the questions.
 
-    The outcomes but for their `seconds` are the same for every number of processes: a case depends on nothing but its
-    question. A case that raises is an outcome with the verdict `FAILED`. Only judged outcomes come back from the
-    processes, so that memory does not grow with their number.
-
-    Parameters
-    ----------
-    n_jobs : int
-        Processes; 1 = this one.
-    progress : callable (done, total, Outcome), optional
-        Called after every outcome, in the order in which they are ready.
+    The outcomes but for their `seconds` are the same for every number of processes (`n_jobs`; 1 = this one): a case
+    depends on nothing but its question. A case that raises is an outcome with the verdict `FAILED`. Only judged
+    outcomes come back from the processes, so that memory does not grow with their number. `progress` is called after
+    every outcome, in the order in which they are ready: done, total, outcome.
 
     Raises
     ------

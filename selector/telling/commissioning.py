@@ -46,19 +46,7 @@ def commissioning_account(
     findings: Sequence[Finding],
     is_sign_verified: bool,
 ) -> Account:
-    """What is told to the person who puts a program on a control, to be printed and signed.
-
-    Parameters
-    ----------
-    model : ModelFile
-        As the program has it.
-    program : Exported
-    target : Target
-    replay : Replay or None
-        The proof; None if none was asked for, or possible.
-    findings : sequence of Finding
-    is_sign_verified : bool
-    """
+    """What is told to the person who puts a program on a control, to be printed and signed."""
     turned = _turned(model)
     label = (
         f"Turned round in this program: {turned}. The correction is the displacement itself, as the control was found "

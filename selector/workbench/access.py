@@ -78,13 +78,7 @@ class Access:
 def guard(server: Flask, access: Access, scripts: Sequence[str] = ()) -> None:
     """Lets only requests in that `access` does not refuse, and sends every answer with strict headers.
 
-    Parameters
-    ----------
-    server : Flask
-        The server, before its first request.
-    access : Access
-    scripts : sequence of str
-        Hashes of the scripts that stand in the page itself, as a Content-Security-Policy names them.
+    `scripts` are hashes of the scripts in the page itself, as a Content-Security-Policy names them.
     """
     policy = (
         f"default-src 'none'; script-src 'self' {' '.join(scripts)}; style-src 'self' 'unsafe-inline'; "

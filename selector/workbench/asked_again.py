@@ -16,7 +16,7 @@ from selector.errors import InputError
 from selector.readers import Overrides
 from selector.selection import Options
 from selector.study import STUDY_FILE, SelectSection, overrides_of, path_at, read_study, select_section
-from selector.workbench.commands import Export
+from selector.workbench.commands import Export, option_of
 from selector.workbench.typed import FIELDS
 
 
@@ -44,7 +44,7 @@ def other_than_asked(answer: Path, options: Options, overrides: Overrides, runs:
 def _title(name: str) -> str:
     if name == "responses":
         return FIELDS["--response"]
-    return FIELDS.get(f"--{name.strip('_').replace('_', '-')}", name)
+    return FIELDS.get(option_of(name), name)
 
 
 MODEL, SHEET = "model.json", "commissioning.html"
@@ -71,13 +71,8 @@ def other_than_exported(
 ) -> tuple[str, ...]:
     """What is asked otherwise now than when the files in the folder `files` were written, in the words of the fields.
 
-    Parameters
-    ----------
-    files, model : Path
-        Folder of the files, and the model file that would be exported now.
-    asked : Export
-    now, then : sequence of str
-        The command that is asked now, and the one that wrote the files; None: another session wrote them.
+    `model` is the file that would be exported now; without `then`, the command that wrote the files, another session
+    did.
     """
     here, there = model_at(model), model_at(files / MODEL)
     if here is None or there is None:

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 from selector.readers import Machine, Overrides, guessed_clock, write_machine_file
-from selector.selection import Options
 from selector.study import DiagnoseSection, diagnose_section
 from selector.workbench import commands
 from selector.workbench.corrections import placed
@@ -30,16 +29,7 @@ _COMPARED = {"simulation", "model"}
 
 
 class Bench:
-    """The state of one study.
-
-    Parameters
-    ----------
-    folder : Path
-        The study folder; it exists. What is in it is taken up: study file, recordings, machine file, results.
-    files : sequence of Path
-        Recordings elsewhere, which are read where they are.
-    machine : Path or None
-        Machine file; None: that of the study file, or of the folder, if there is one.
+    """The state of one study: its folder, with all that is in it, and recordings elsewhere, read where they are.
 
     Raises
     ------
@@ -51,29 +41,27 @@ class Bench:
         self.folder = folder
         self.jobs = Jobs(folder, on_end=lambda _: self.changed())
         self._lock = threading.RLock()
-        self._revision = 0
+        #: Grows with every change of what pages show, jobs' progress excepted
+        self.revision = 0
         self._asked = 0
         self._started = -1, 0
-        self._is_reading = self._has_reader = False
+        #: Whether recordings are being read; `material` is that of before
+        self.is_reading = False
+        self._has_reader = False
         saved = asked_in(folder)
         asked = saved or Asked()
         named = [file.resolve() for file in files]
         there = dict.fromkeys([*asked.runs, *named, *files_in(folder / RECORDINGS)])
         self._loaded = [Loaded(path, saved is None or path in asked.runs or path in named) for path in there]
         own = folder / MACHINE
-        self._machine = machine.resolve() if machine is not None else asked.machine or (own if own.is_file() else None)
-        self._overrides = asked.overrides
-        self._options = asked.options
+        self.machine = machine.resolve() if machine is not None else asked.machine or (own if own.is_file() else None)
+        self.overrides = asked.overrides  #: What the user decides instead of the reader
+        self.options = asked.options  #: What is asked of a selection
         self._diagnosis = asked.diagnosis
-        self._export = asked.export
-        self._material = Material()
+        self.export = asked.export  #: What is asked of an export
+        self.material = Material()  #: What was read, and found
         self.live = Live(self.changed)
         self._results: dict[Path, tuple[float, dict[str, Any]]] = {}
-
-    @property
-    def revision(self) -> int:
-        """Grows with every change of what pages show, jobs' progress excepted."""
-        return self._revision
 
     @property
     def loaded(self) -> tuple[Loaded, ...]:
@@ -92,21 +80,6 @@ class Bench:
         return files_in(self.folder / SIMULATION)
 
     @property
-    def machine(self) -> Path | None:
-        """The machine file."""
-        return self._machine
-
-    @property
-    def overrides(self) -> Overrides:
-        """What the user decides instead of the reader."""
-        return self._overrides
-
-    @property
-    def options(self) -> Options:
-        """What is asked of a selection."""
-        return self._options
-
-    @property
     def diagnosis(self) -> DiagnoseSection:
         """What is asked of a diagnosis; what is compared with is what the study folder holds: runs, or one model."""
         files = self.simulated
@@ -114,21 +87,6 @@ class Bench:
         if len(models) == len(files) == 1:
             return self._diagnosis.model_copy(update={"model": f"{SIMULATION}/{models[0]}"})
         return self._diagnosis.model_copy(update={"simulation": (SIMULATION,) if files else ()})
-
-    @property
-    def export(self) -> commands.Export:
-        """What is asked of an export."""
-        return self._export
-
-    @property
-    def material(self) -> Material:
-        """What was read, and found."""
-        return self._material
-
-    @property
-    def is_reading(self) -> bool:
-        """Whether recordings are being read; `material` is that of before."""
-        return self._is_reading
 
     def add(self, path: Path) -> None:
         """Takes a recording up and reads all of them."""
@@ -155,12 +113,7 @@ class Bench:
             An option has a value that cannot be used.
         """
         with self._lock:
-            options = dataclasses.replace(self._options, **changes)
-            if options == self._options:
-                return False
-            self._options = options
-            self.changed()
-            return True
+            return self._taken("options", dataclasses.replace(self.options, **changes))
 
     def choose_diagnosis(self, **changes: Any) -> bool:
         """Changes options of the diagnosis; whether any is different now.
@@ -172,21 +125,19 @@ class Bench:
         """
         with self._lock:
             asked = diagnose_section(self.folder, **{**self._diagnosis.model_dump(exclude=_COMPARED), **changes})
-            if asked == self._diagnosis:
-                return False
-            self._diagnosis = asked
-            self.changed()
-            return True
+            return self._taken("_diagnosis", asked)
 
     def choose_export(self, **changes: Any) -> bool:
         """Changes what is asked of an export; whether anything is different now."""
         with self._lock:
-            asked = dataclasses.replace(self._export, **changes)
-            if asked == self._export:
-                return False
-            self._export = asked
-            self.changed()
-            return True
+            return self._taken("export", dataclasses.replace(self.export, **changes))
+
+    def _taken(self, name: str, asked: object) -> bool:
+        if asked == getattr(self, name):
+            return False
+        setattr(self, name, asked)
+        self.changed()
+        return True
 
     def drop_simulated(self, path: Path) -> None:
         """Removes the copy of a simulated run from the study folder."""
@@ -200,7 +151,7 @@ class Bench:
         Those that were refused are tried again.
         """
         with self._lock:
-            self._overrides = overrides
+            self.overrides = overrides
             self._loaded = [one if one.problem is None else Loaded(one.path) for one in self._loaded]
         self.read()
 
@@ -214,20 +165,20 @@ class Bench:
         """
         with self._lock:
             self._asked += 1
-            self._is_reading = True
+            self.is_reading = True
             number = self._asked
         try:
-            reading, findings = inspected(self.used, machine, self._overrides)
+            reading, findings = inspected(self.used, machine, self.overrides)
             own = self.folder / MACHINE
             if own.exists():
                 own.replace(own.with_name(MACHINE_BEFORE))
             write_machine_file(machine, own, guessed_clock=guessed_clock(reading))
             with self._lock:
-                self._machine = own
+                self.machine = own
                 self._publish(Material(0, dataclasses.replace(reading, machine_file=str(own)), findings))
         finally:
             with self._lock:
-                self._is_reading = self._asked != number
+                self.is_reading = self._asked != number
                 self.changed()
 
     def place(self, places_m: Mapping[str, tuple[float, float, float]]) -> None:
@@ -240,16 +191,16 @@ class Bench:
         """
         with self._lock:
             own = self.folder / MACHINE
-            reading = placed(self._material.reading, places_m, own)
-            self._machine = own
-            self._material = dataclasses.replace(self._material, reading=reading)
+            reading = placed(self.material.reading, places_m, own)
+            self.machine = own
+            self.material = dataclasses.replace(self.material, reading=reading)
             self.changed()
 
     def read(self) -> None:
         """Reads the recordings in use, in a thread of its own; what an earlier reading finds is forgotten."""
         with self._lock:
             self._asked += 1
-            self._is_reading = True
+            self.is_reading = True
             self.changed()
             if not self._has_reader:
                 self._has_reader = True
@@ -260,27 +211,27 @@ class Bench:
         while True:
             with self._lock:
                 number = self._asked
-            loaded, material = as_far_as_readable(self.loaded, self._machine, self._overrides)
+            loaded, material = as_far_as_readable(self.loaded, self.machine, self.overrides)
             with self._lock:
                 if number != self._asked:
                     continue
                 self._loaded = [loaded.get(one.path, one) for one in self._loaded]
                 self._publish(material)
-                self._is_reading = self._has_reader = False
+                self.is_reading = self._has_reader = False
                 return
 
     def _publish(self, material: Material) -> None:
-        self._material = dataclasses.replace(material, number=self._material.number + 1)
+        self.material = dataclasses.replace(material, number=self.material.number + 1)
         self.changed()
 
     def source_arguments(self) -> tuple[str, ...]:
         """The recordings in use, as the words of a command line."""
-        return commands.source_arguments(self.folder, self.used, self._machine, self._overrides)
+        return commands.source_arguments(self.folder, self.used, self.machine, self.overrides)
 
     def save(self) -> Path:
         """Writes the study file of the study folder, see `saved_study.save`."""
-        asked = Asked(self.used, self._machine, self._overrides, self._options, self.diagnosis, self._export)
-        return save(self.folder, asked, self._material.reading, self.simulated)
+        asked = Asked(self.used, self.machine, self.overrides, self.options, self.diagnosis, self.export)
+        return save(self.folder, asked, self.material.reading, self.simulated)
 
     def start(self, title: str, command: Sequence[str], out: Path | None = None) -> Job:
         """Runs a command, the words after ``selector``, in the study folder; `out` is the folder it writes.
@@ -291,9 +242,9 @@ class Bench:
             number, revision = self._started
             last = self.jobs.all[number] if number >= 0 else None
             is_same = last is not None and not last.is_over and last.command == tuple(command)
-            if last is None or not is_same or revision != self._revision:
+            if last is None or not is_same or revision != self.revision:
                 last = self.jobs.start(title, command, out)
-                self._started = last.number, self._revision
+                self._started = last.number, self.revision
             return last
 
     def result(self, relative: str) -> dict[str, Any] | None:
@@ -312,4 +263,4 @@ class Bench:
     def changed(self) -> None:
         """Something that pages show is different now, e.g. a file of the study folder."""
         with self._lock:
-            self._revision += 1
+            self.revision += 1

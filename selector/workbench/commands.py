@@ -6,7 +6,7 @@ import os
 import shlex
 import subprocess
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 
 from selector.controllers.writers.targets import TARGETS
@@ -48,30 +48,14 @@ class Export:
         return f"export-{self.target}"
 
 
-_READING = {
-    "encoding": "--encoding",
-    "separator": "--separator",
-    "decimal": "--decimal",
-    "header_row": "--header-row",
-    "sheet": "--sheet",
-    "time_column": "--time-column",
-    "time_unit": "--time-unit",
-    "date_order": "--date-order",
-    "period_s": "--period-s",
-}
-_FLAGS = {
-    "interactions": "--interactions",
-    "memory": "--memory",
-    "absolute_similarity": "--absolute-similarity",
-    "ridge": "--ridge",
-}
-_VALUES = {
-    "max_sensors": "--max-sensors",
-    "degree": "--degree",
-    "reference": "--reference",
-    "tolerance": "--tolerance",
-    "seed": "--seed",
-}
+_READING = tuple(field.name for field in fields(Overrides) if field.name not in ("units", "roles", "partial"))
+_FLAGS = ("interactions", "memory", "absolute_similarity", "ridge")
+_VALUES = ("max_sensors", "degree", "reference", "tolerance", "seed")
+
+
+def option_of(name: str) -> str:
+    """The option of the command line that is called like a field."""
+    return f"--{name.strip('_').replace('_', '-')}"
 
 
 def source_arguments(
@@ -84,10 +68,10 @@ def source_arguments(
 def _reading_words(folder: Path, machine: Path | None, overrides: Overrides) -> Iterator[str]:
     if machine is not None:
         yield from ("--machine", told_path(folder, machine))
-    for name, option in _READING.items():
+    for name in _READING:
         value = getattr(overrides, name)
         if value is not None:
-            yield from (option, f"{value:.12g}" if isinstance(value, float) else str(value))
+            yield from (option_of(name), f"{value:.12g}" if isinstance(value, float) else str(value))
     for name, unit in overrides.units.items():
         yield from ("--unit", f"{name}={unit}")
     for name, role in overrides.roles.items():
@@ -107,13 +91,11 @@ def _option_words(options: Options) -> Iterator[str]:
         yield from ("--lambda", repr(level))
     if options.rounds > max(1, len(options.levels or ())):
         yield from ("--rounds", str(options.rounds))
-    for name, option in _VALUES.items():
+    for name in _VALUES:
         value = getattr(options, name)
         if value != getattr(default, name):
-            yield from (option, repr(value) if isinstance(value, float) else str(value))
-    for name, option in _FLAGS.items():
-        if getattr(options, name):
-            yield option
+            yield from (option_of(name), repr(value) if isinstance(value, float) else str(value))
+    yield from (option_of(name) for name in _FLAGS if getattr(options, name))
     for name in options.must:
         yield from ("--must", name)
     for name in options.never:
@@ -130,13 +112,9 @@ def diagnosis_arguments(asked: DiagnoseSection) -> tuple[str, ...]:
     words = [word for path in asked.simulation for word in ("--simulation", path)]
     words += [] if asked.model is None else ["--model", asked.model]
     words += [word for name in asked.responses for word in ("--response", name)]
-    for name, option in (
-        ("simulation_time_unit", "--simulation-time-unit"),
-        ("holdout", "--holdout"),
-        ("seed", "--seed"),
-    ):
+    for name in ("simulation_time_unit", "holdout", "seed"):
         if getattr(asked, name) != getattr(default, name):
-            words += [option, str(getattr(asked, name))]
+            words += [option_of(name), str(getattr(asked, name))]
     if asked.false_alarm != default.false_alarm:
         words += ["--false-alarm", repr(asked.false_alarm)]
     return tuple(words)

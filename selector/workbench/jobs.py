@@ -55,12 +55,7 @@ class Job:
 class Jobs:
     """The commands of one study, in the order in which they were started; safe to be used by several threads.
 
-    Parameters
-    ----------
-    folder : Path
-        Working folder of the commands.
-    on_end : callable
-        Called after a job has ended, with it, in the thread that ran it.
+    `on_end` is called after a job has ended, with it, in the thread that ran it.
     """
 
     def __init__(self, folder: Path, on_end: Callable[[Job], None] = lambda job: None) -> None:

@@ -49,10 +49,7 @@ class View:
 class Live:
     """The exploration of the recordings on the bench; it is made in a thread, and kept until they change.
 
-    Parameters
-    ----------
-    on_ready : callable
-        Called when an exploration that was asked for is there, or cannot be made.
+    `on_ready` is called when an exploration that was asked for is there, or cannot be made.
     """
 
     def __init__(self, on_ready: Callable[[], None]) -> None:
@@ -70,14 +67,7 @@ class Live:
     ) -> Exploration | None:
         """The exploration of these recordings with these wishes; None: it is being made, or there is nothing to read.
 
-        Parameters
-        ----------
-        number : int
-            Another one for each reading.
-        reading : Reading or None
-        options : Options
-        faults : sequence of Finding
-            What is to be left out.
+        Each reading has another `number`; `faults` are left out.
 
         Raises
         ------

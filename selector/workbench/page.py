@@ -16,11 +16,11 @@ from dash.development.base_component import Component
 from selector import __version__
 from selector.errors import InputError, ReadError
 from selector.telling.page import TEMPLATES
-from selector.workbench import parts, wished
+from selector.workbench import parts
 from selector.workbench.access import RESULT_POLICY, UPLOAD, Access, CheckedDash, answer_refusals, guard, tell
 from selector.workbench.bench import Bench
 from selector.workbench.commands import command_words
-from selector.workbench.pages import diagnosis, export, recordings, selection, sensors
+from selector.workbench.pages import diagnosis, export, recordings, selection, sensors, wished
 from selector.workbench.study_folder import RECORDINGS, UPLOADS, inside, stored, trouble_with
 
 PAGES: tuple[ModuleType, ...] = (recordings, sensors, selection, diagnosis, export)

@@ -132,6 +132,11 @@ def choice(name: Any, options: Sequence[str], value: str | None, **more: Any) ->
     )
 
 
+def typed_text(name: Any, value: str | None, **more: Any) -> Component:
+    """A text that is heard of when its field is left, or with Enter."""
+    return dcc.Input(id=name, value=value, type="text", debounce=True, **more)
+
+
 def field(title: str, control: Component, note: str = "") -> Component:
     """A control with its title, and a note below it."""
     below = [html.Span(note, className="about")] if note else []
@@ -175,16 +180,7 @@ def download(relative: str, text: str) -> Component:
 def showing_what_counts(
     boxes: Sequence[Any], sent: Sequence[str | None], counts: Callable[[], Sequence[str]]
 ) -> Iterator[None]:
-    """Around what takes typed texts over: afterwards the fields show what counts; what was refused stays there.
-
-    Parameters
-    ----------
-    boxes : sequence of ids
-    sent : sequence of str
-        What stood in them.
-    counts : callable
-        What is to stand in them.
-    """
+    """Around what takes typed texts over: afterwards the fields show what counts; what was refused stays there."""
     yield
     follow(boxes, sent, [None] * len(boxes), counts())
 
@@ -228,23 +224,8 @@ def register_start(
     """The button ``{page}-start`` puts the page's command, which writes `folder`, into the queue.
 
     It first takes over what stands in the page's fields: the browser sends the end of typing and the click together,
-    and what was refused is refused again instead of what counted before being started.
-
-    Parameters
-    ----------
-    app, bench
-    page : str
-        ``ID`` of the page.
-    title : str
-        Of the job.
-    command : callable
-        The words after ``selector``; None: something is missing.
-    folder : callable
-        Folder of the results in the study folder.
-    missing : callable
-        What is said when something is missing.
-    forms : sequence of Form
-        The page's fields.
+    and what was refused is refused again instead of what counted before being started. Where there is no command,
+    `missing` says what is missing.
     """
     places = [place for form in forms for place in (*form.fields, *form.beside)]
 
@@ -271,18 +252,9 @@ def register_answer(
 ) -> None:
     """``{page}-answer`` shows what the last job with this title said and wrote.
 
-    What is shown stays as it is, opened details too, where nothing of it is different; ``{page}-answered`` tells.
-
-    Parameters
-    ----------
-    app, bench, page, title
-        As `register_start`.
-    sheet : callable
-        The page of the results, relative to the study folder; when it is written anew, there is another answer.
-    answered : callable
-        The results, from a stamp that tells this sheet from another one; None: there are none.
-    is_open : bool
-        Whether all that the command said is seen at once.
+    What is shown stays as it is, opened details too, where nothing of it is different; ``{page}-answered`` tells. There
+    is another answer when `sheet`, the page of the results, is written anew; `answered` shows the results, from a stamp
+    that tells this sheet from another one. `is_open`: all that the command said is seen at once.
     """
 
     @app.callback(

@@ -39,16 +39,7 @@ class Material:
 def as_far_as_readable(
     recordings: Iterable[Loaded], machine: Path | None, overrides: Overrides
 ) -> tuple[dict[Path, Loaded], Material]:
-    """The recordings, marked where they are refused even alone; and what was read from those in use that are not.
-
-    Parameters
-    ----------
-    recordings : iterable of Loaded
-    machine : Path or None
-        Machine file.
-    overrides : Overrides
-        What the user decides instead of the reader.
-    """
+    """The recordings, marked where they are refused even alone; and what was read from those in use that are not."""
     loaded = {one.path: one for one in recordings}
     used = [path for path, one in loaded.items() if one.is_used]
     material = _read_together(used, machine, overrides)
@@ -111,11 +102,7 @@ _LINES, _SIGNS = 8, 240
 def excerpt(file: str | Path, reading: Mapping[str, Any]) -> str:
     """The first lines of a text table as they stand there; empty for other formats, or when it cannot be opened.
 
-    Parameters
-    ----------
-    file : path
-    reading : mapping
-        How it was read, see `selector.readers.Reading`; its encoding is used.
+    `reading`: how it was read, see `selector.readers.Reading`; its encoding is used.
     """
     encoding = reading.get("encoding")
     if reading.get("format") != "delimited" or not encoding:

@@ -32,18 +32,8 @@ def serve(
 ) -> None:
     """Serves the workbench at 127.0.0.1 until Ctrl-C or SIGTERM; then jobs are ended, and nothing is half written.
 
-    Parameters
-    ----------
-    files : sequence of Path
-        Recordings that are loaded at the start, or folders of them; they are read where they are.
-    machine : Path or None
-        Machine file.
-    folder : Path or None
-        Study folder; None: a new one in the current folder. What is in it is taken up.
-    port : int
-        Port; 0: any that is free.
-    when_ready : callable
-        Called with the address, token included, when the page can be opened.
+    Recordings are read where they are, and what is in the study folder is taken up; without one there is a new one in
+    the current folder. Port 0 is any that is free; `when_ready` gets the address, token included.
 
     Raises
     ------

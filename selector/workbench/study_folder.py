@@ -87,15 +87,7 @@ def files_in(folder: Path) -> tuple[Path, ...]:
 def stored(folder: Path, said: str, read: Callable[[int], bytes], length: int | None) -> Path:
     """Writes a file that a browser sends into `folder` under a safe, free name; whole or not at all.
 
-    Parameters
-    ----------
-    folder : Path
-    said : str
-        The name that the browser says.
-    read : callable
-        Gives the next bytes, at most so many; none at the end.
-    length : int or None
-        Bytes that were announced.
+    `read` gives the next bytes, at most so many, none at the end; `length` bytes were announced.
 
     Raises
     ------

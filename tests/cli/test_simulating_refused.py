@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from selector.cli import exit_status
-from selector.cli.shared.files import named_as_asked
+from selector.cli.shared.simulation_files import named_as_asked
 from selector.errors import OptionError
 
 MODEL = """

@@ -43,13 +43,19 @@ def test_a_command_gets_the_options_as_one_value():
     assert twice
     assert source.runs == [Path("r1.csv"), Path("runs")]
     assert source.machine == Path("m.toml")
-    assert source.unit == ["T1=degF", "Z=mm"]
+    assert source.units == ["T1=degF", "Z=mm"]
     assert source.encoding is None
 
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"date_order": "ymdh"}, {"period": 0.0}, {"period": float("nan")}, {"period": float("inf")}, {"unit": ["T1"]}],
+    [
+        {"date_order": "ymdh"},
+        {"period_s": 0.0},
+        {"period_s": float("nan")},
+        {"period_s": float("inf")},
+        {"units": ["T1"]},
+    ],
     ids=str,
 )
 def test_options_that_cannot_be_used(wrong):

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from selector.controllers import Input, Output, OutputLimits, Term, read_model
+from selector.controllers.evaluator import axes_of
 from selector.controllers.guard import decided_limits
-from selector.controllers.program.guarded_program import axes_of, guarded_program
+from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.replay.compiled import c_answers, compiler, python_answers
 from selector.controllers.replay.rows import Answers, Rows, reference_answers
 from selector.controllers.writers.c99 import c_export, c_files

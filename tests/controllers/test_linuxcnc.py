@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from selector.controllers import Input, ModelFile, Output, PositionPart, Term, read_model
-from selector.controllers.program.guarded_program import axes_of
+from selector.controllers.evaluator import axes_of
 from selector.controllers.replay import halrun_executed
 from selector.controllers.replay.halrun_executed import (
     INSTALL,

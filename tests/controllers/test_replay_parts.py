@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from selector.controllers import Guard, Input, ModelFile, Output, OutputLimits, PositionPart, Term
+from selector.controllers.evaluator import axes_of
 from selector.controllers.guard import with_decided_limits
 from selector.controllers.model_file import read_model
-from selector.controllers.program.guarded_program import axes_of
 from selector.controllers.replay.compiled import compiler
 from selector.controllers.replay.halrun_executed import INSTALL, missing_program
 from selector.controllers.replay.parts import places_m, straight_line_um

@@ -14,11 +14,11 @@ from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.replay.rows import reference_answers
 from selector.controllers.replay.structured_text_executed import executable
 from selector.controllers.writers.sinumerik import (
+    LARGEST_SLOPE,
     SETTINGS,
-    largest_slope,
+    STEP_MM,
     setting_data_program,
     sinumerik_export,
-    step_mm,
 )
 from selector.controllers.writers.structured_text import LONGEST_NAME
 from tests.controllers import hostile
@@ -42,16 +42,15 @@ def with_outputs(model, **changes):
     return model.model_copy(update={"outputs": (first.model_copy(update=changes), second), "fallbacks": fallbacks})
 
 
-def settings(model, **options):
-    return list(csv.DictReader(io.StringIO(sinumerik_export(model, **options).files[SETTINGS])))
+def settings(model):
+    return list(csv.DictReader(io.StringIO(sinumerik_export(model).files[SETTINGS])))
 
 
 def test_the_worked_example_of_the_manual():
     # 10 000 mm/min, MD32760 = 0.01, interpolation cycle 12 ms: 0.02 mm a cycle; slope 0.02 mm / 2 mm
-    assert step_mm() == pytest.approx(0.02, rel=1e-12)
-    assert step_mm(10_000.0, 0.01, 0.012) == step_mm()
-    assert largest_slope() == pytest.approx(0.01, rel=1e-12)
-    assert np.degrees(np.arctan(largest_slope())) == pytest.approx(0.57, abs=0.005)
+    assert pytest.approx(0.02, rel=1e-12) == STEP_MM
+    assert pytest.approx(0.01, rel=1e-12) == LARGEST_SLOPE
+    assert np.degrees(np.arctan(LARGEST_SLOPE)) == pytest.approx(0.57, abs=0.005)
 
 
 @needs_parser
@@ -114,21 +113,19 @@ def test_what_happens_without_an_alarm_is_said():
 
 
 @pytest.mark.parametrize(
-    ("model", "options", "ids"),
+    ("model", "ids"),
     [
-        (hostile.model(), {}, []),
-        (limited(slew_um_per_s=1666.0, slope_clamp_um_per_m=9999.0), {}, []),
-        (limited(slew_um_per_s=1667.0), {}, ["step-spread-silently"]),
-        (limited(slope_clamp_um_per_m=10_001.0), {}, ["slope-clipped-silently"]),
-        (limited(slew_um_per_s=1667.0, slope_clamp_um_per_m=10_001.0), {"factor": 0.1}, []),
-        (limited(slew_um_per_s=100.0), {"velocity_mm_per_min": 500.0}, ["step-spread-silently"]),
-        (with_outputs(hostile.model(), axis=None), {}, ["axis-not-named"]),
-        (with_outputs(hostile.model(), axis="Y", position=None), {}, ["axis-corrected-twice"]),
-        (with_outputs(hostile.model(), axis="X"), {}, ["position-of-another-axis"]),
+        (hostile.model(), []),
+        (limited(slew_um_per_s=1666.0, slope_clamp_um_per_m=9999.0), []),
+        (limited(slew_um_per_s=1667.0), ["step-spread-silently"]),
+        (limited(slope_clamp_um_per_m=10_001.0), ["slope-clipped-silently"]),
+        (with_outputs(hostile.model(), axis=None), ["axis-not-named"]),
+        (with_outputs(hostile.model(), axis="Y", position=None), ["axis-corrected-twice"]),
+        (with_outputs(hostile.model(), axis="X"), ["position-of-another-axis"]),
     ],
 )
-def test_what_the_control_cannot_take_is_found(model, options, ids):
-    *found, of_z, of_y = sinumerik_export(model, **options).findings
+def test_what_the_control_cannot_take_is_found(model, ids):
+    *found, of_z, of_y = sinumerik_export(model).findings
     assert [finding.id for finding in found] == ids
     assert all(finding.suggestion for finding in found)
     assert of_z.id == of_y.id == "single-precision-bound"

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from selector.controllers import Guard, Input, Output, State, Term, read_model
-from selector.controllers.program.guarded_program import axes_of, guarded_program
+from selector.controllers.evaluator import axes_of
+from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import Negative, Real, Variable
 from selector.controllers.replay.rows import Answers, Rows, reference_answers
 from selector.controllers.replay.structured_text_executed import (

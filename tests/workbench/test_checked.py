@@ -117,8 +117,8 @@ def test_values_of_wrong_kinds_are_neither_kept_nor_a_failure(app, client, bench
         assert answer.status_code in (200, 204), (request, answer.text)
         assert of_right_kinds(bench), (request, kept(bench))
         assert not (bench.folder / "machine.toml").exists(), request
-        bench._options, bench._overrides = Options(), Overrides()
-        bench._diagnosis, bench._export = DiagnoseSection(), Export()
+        bench.options, bench.overrides = Options(), Overrides()
+        bench._diagnosis, bench.export = DiagnoseSection(), Export()
 
 
 @pytest.mark.parametrize(

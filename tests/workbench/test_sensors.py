@@ -16,11 +16,10 @@ from selector.figures.errors import RunError
 from selector.readers import machine as machine_file
 from selector.recording import Channel
 from selector.selection import Exploration, Options
-from selector.workbench import wished
 from selector.workbench.access import Access
 from selector.workbench.bench import Bench
 from selector.workbench.page import page
-from selector.workbench.pages import sensors
+from selector.workbench.pages import sensors, wished
 from selector.workbench.pages.sensors import machine, pictures
 from tests.patience import wait_for
 from tests.workbench import studies
@@ -231,7 +230,7 @@ def test_tables_are_downloaded_as_csv_that_no_spreadsheet_runs(bench, client):
     channels = list(reading.recording.channels)
     hostile = dataclasses.replace(channels[0], place="=HYPERLINK(1)")
     recording = dataclasses.replace(reading.recording, channels=(hostile, *channels[1:]))
-    bench._material = dataclasses.replace(bench.material, reading=dataclasses.replace(reading, recording=recording))
+    bench.material = dataclasses.replace(bench.material, reading=dataclasses.replace(reading, recording=recording))
     bench.choose(must=(hostile.name,), cost={hostile.name: 2.5})
     answer = client.get("/tables/sensors.csv", base_url="http://127.0.0.1:8050")
     assert answer.headers["Content-Disposition"] == "attachment; filename=sensors.csv"

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from selector.cli.finding_table import FINDINGS
+from selector.cli.shared.finding_table import FINDINGS
 from selector.cli.shared.source import Source
 from selector.findings import Finding, Where
 from selector.quality import StreamWithoutFaults, file_copies, inspect, without_faults

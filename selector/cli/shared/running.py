@@ -33,15 +33,7 @@ _stopped = ["stopped. Nothing was written."]
 
 
 def exit_status(app: typer.Typer, arguments: Sequence[str] | None = None) -> int:
-    """The exit code of one command line; messages about errors are written to stderr.
-
-    Parameters
-    ----------
-    app : typer.Typer
-        The tree of commands.
-    arguments : sequence of str, optional
-        Command line without the program's name; default ``sys.argv[1:]``.
-    """
+    """The exit code of one command line (default: ``sys.argv``); messages about errors are written to stderr."""
     del _stopped[1:]
     try:
         result = _command(app)(args=arguments, standalone_mode=False, prog_name="selector")

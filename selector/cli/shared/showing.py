@@ -135,6 +135,17 @@ def show_account(console: Console, account: Account) -> None:
                 console.print(_harmless(lead + block.text), "", sep="\n", markup=False)
 
 
+def show_answer(console: Console, account: Account, findings: Iterable[Finding]) -> None:
+    """What an account says, and the findings of the answer."""
+    show_account(console, account)
+    show_findings(console, findings)
+
+
+def show_written(console: Console, place: PurePath, names: Iterable[str] = ()) -> None:
+    """Which file was written, or which ones to a folder."""
+    console.print(f"wrote {place}: {', '.join(names)}" if names else f"wrote {place}", markup=False)
+
+
 def show_captioned(
     console: Console, told: Captioned, otherwise: str = "", *, most: int | None = None, noted: set[str] | None = None
 ) -> None:

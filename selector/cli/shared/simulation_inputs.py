@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from selector.cli.finding_table import FINDINGS
+from selector.cli.shared.finding_table import FINDINGS
 from selector.errors import InputError, ModelFileError, ReadError, UnitError
 from selector.findings import Finding, Where
 from selector.physics.simulation_kind import DutyCycle

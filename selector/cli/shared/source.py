@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable
-from dataclasses import Field, dataclass, fields
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from selector.readers import Overrides, Reading
 
 READING_PANEL = "How the files are read (what is not said is inferred and shown)"
+_of_reading = functools.partial(typer.Option, rich_help_panel=READING_PANEL)
 
 Runs = Annotated[
     list[Path],
@@ -32,62 +33,24 @@ MachineFile = Annotated[
     Path | None,
     typer.Option("--machine", metavar="M.toml", help="Machine file: columns, roles and units of the channels."),
 ]
-Encoding = Annotated[
-    str | None,
-    typer.Option("--encoding", metavar="NAME", help="Text encoding, e.g. cp1251.", rich_help_panel=READING_PANEL),
-]
-Separator = Annotated[
-    str | None,
-    typer.Option("--separator", metavar="CHAR", help="Column separator, or `tab`.", rich_help_panel=READING_PANEL),
-]
-Decimal = Annotated[
-    str | None,
-    typer.Option("--decimal", metavar="CHAR", help="Decimal mark: `.` or `,`.", rich_help_panel=READING_PANEL),
-]
-TimeColumn = Annotated[
-    str | None, typer.Option("--time-column", metavar="NAME", help="Column of the time.", rich_help_panel=READING_PANEL)
-]
-TimeUnit = Annotated[
-    str | None,
-    typer.Option("--time-unit", metavar="UNIT", help="Unit of the time, or `datetime`.", rich_help_panel=READING_PANEL),
-]
+Encoding = Annotated[str | None, _of_reading("--encoding", metavar="NAME", help="Text encoding, e.g. cp1251.")]
+Separator = Annotated[str | None, _of_reading("--separator", metavar="CHAR", help="Column separator, or `tab`.")]
+Decimal = Annotated[str | None, _of_reading("--decimal", metavar="CHAR", help="Decimal mark: `.` or `,`.")]
+TimeColumn = Annotated[str | None, _of_reading("--time-column", metavar="NAME", help="Column of the time.")]
+TimeUnit = Annotated[str | None, _of_reading("--time-unit", metavar="UNIT", help="Unit of the time, or `datetime`.")]
 HeaderRow = Annotated[
     int | None,
-    typer.Option(
-        "--header-row",
-        metavar="N",
-        min=0,
-        help="Line with the channels' names, counted from 1; 0 if there is none.",
-        rich_help_panel=READING_PANEL,
+    _of_reading(
+        "--header-row", metavar="N", min=0, help="Line with the channels' names, counted from 1; 0 if there is none."
     ),
 ]
-DateOrder = Annotated[
-    str | None,
-    typer.Option("--date-order", metavar="ORDER", help="`dmy`, `mdy` or `ymd`.", rich_help_panel=READING_PANEL),
-]
+DateOrder = Annotated[str | None, _of_reading("--date-order", metavar="ORDER", help="`dmy`, `mdy` or `ymd`.")]
 Period = Annotated[
-    float | None,
-    typer.Option(
-        "--period-s",
-        metavar="SECONDS",
-        help="Sampling period of recordings without a time.",
-        rich_help_panel=READING_PANEL,
-    ),
+    float | None, _of_reading("--period-s", metavar="SECONDS", help="Sampling period of recordings without a time.")
 ]
-Sheet = Annotated[
-    str | None,
-    typer.Option(
-        "--sheet", metavar="NAME", help="Excel sheet, TDMS group, MAT variable.", rich_help_panel=READING_PANEL
-    ),
-]
-Units = Annotated[
-    list[str] | None,
-    typer.Option("--unit", metavar="CHANNEL=UNIT", help="Unit of a channel; repeat.", rich_help_panel=READING_PANEL),
-]
-Roles = Annotated[
-    list[str] | None,
-    typer.Option("--role", metavar="CHANNEL=ROLE", help="Role of a channel; repeat.", rich_help_panel=READING_PANEL),
-]
+Sheet = Annotated[str | None, _of_reading("--sheet", metavar="NAME", help="Excel sheet, TDMS group, MAT variable.")]
+Units = Annotated[list[str] | None, _of_reading("--unit", metavar="CHANNEL=UNIT", help="Unit of a channel; repeat.")]
+Roles = Annotated[list[str] | None, _of_reading("--role", metavar="CHANNEL=ROLE", help="Role of a channel; repeat.")]
 
 
 @dataclass(frozen=True)
@@ -104,9 +67,9 @@ class Source:
     time_column: TimeColumn = None
     time_unit: TimeUnit = None
     date_order: DateOrder = None
-    period: Period = None
-    unit: Units = None
-    role: Roles = None
+    period_s: Period = None
+    units: Units = None
+    roles: Roles = None
 
     @property
     def machine_files(self) -> tuple[Path, ...]:
@@ -156,70 +119,67 @@ class Source:
         """
         from selector.readers import Overrides
 
-        return Overrides(
-            encoding=self.encoding,
-            separator=self.separator,
-            decimal=self.decimal,
-            header_row=self.header_row,
-            sheet=self.sheet,
-            time_column=self.time_column,
-            time_unit=self.time_unit,
-            date_order=_one_of(self.date_order, ("dmy", "mdy", "ymd"), "--date-order"),
-            period_s=_positive(self.period, "--period-s"),
-            units=pairs(self.unit, "--unit"),
-            roles=pairs(self.role, "--role"),
-        )
+        said = {name: value for name, value in vars(self).items() if name not in ("runs", "machine")}
+        _one_of(self.date_order, ("dmy", "mdy", "ymd"), "--date-order")
+        _positive(self.period_s, "--period-s")
+        return Overrides(**said | {"units": pairs(self.units, "--unit"), "roles": pairs(self.roles, "--role")})
 
 
 def with_source(command: Callable[..., None], runs: Any = None) -> Callable[..., None]:
     """A command whose first parameter is a `Source`, with one command-line parameter for each field of it.
 
-    A command that has a parameter `from_study`, or names its recordings by an option (`runs`, annotated as that), can
-    do without them and may get a `Source` without runs.
+    So has every further parameter that is annotated as a dataclass of options. A command that has a parameter
+    `from_study`, or names its recordings by an option (`runs`, annotated as that), can do without them and may get a
+    `Source` without runs.
 
     >>> @with_source
     ... def count(source, quiet: bool = False): ...
     >>> list(inspect.signature(count).parameters)[:3]
     ['runs', 'machine', 'quiet']
     """
-    hints = inspect.get_annotations(Source, eval_str=True)
-    own = [
-        part.replace(kind=inspect.Parameter.KEYWORD_ONLY)
-        for part in list(inspect.signature(command, eval_str=True).parameters.values())[1:]
-    ]
+    own: list[inspect.Parameter] = []
+    together: dict[str, type] = {}
+    for part in list(inspect.signature(command, eval_str=True).parameters.values())[1:]:
+        if isinstance(part.annotation, type) and is_dataclass(part.annotation):
+            together[part.name] = part.annotation
+            own += _one_by_one(part.annotation)
+        else:
+            own.append(part.replace(kind=inspect.Parameter.KEYWORD_ONLY))
+    # the recordings have no default, unless a study may name them
+    named, *shared = _one_by_one(Source)
     if any(part.name == "from_study" for part in own):
-        hints["runs"] = RunsOrStudy
+        named = named.replace(annotation=RunsOrStudy, default=None)
     elif runs is not None:
-        hints["runs"] = runs
-    shared = [
-        inspect.Parameter(
-            field.name,
-            inspect.Parameter.KEYWORD_ONLY,
-            annotation=hints[field.name],
-            default=_default_of(field, hints["runs"]),
-        )
-        for field in fields(Source)
-    ]
+        named = named.replace(annotation=runs, default=None)
 
     @functools.wraps(command)
     def spread(**values: Any) -> None:
+        for name, kind in together.items():
+            values[name] = kind(**{field.name: values.pop(field.name) for field in fields(kind)})
         said = {part.name: values.pop(part.name) for part in shared}
-        command(Source(**{**said, "runs": said["runs"] or []}), **values)
+        command(Source(values.pop("runs") or [], **said), **values)
 
     # RUN... takes all words that are left, so what a command itself takes by position stands before it;
     # how files are read comes last on the help page
     leading = [part for part in own if _is_argument(part.annotation) or (runs is not None and _is_needed(part))]
-    parameters = [*leading, *shared[:2], *(part for part in own if part not in leading), *shared[2:]]
+    parameters = [*leading, named, shared[0], *(part for part in own if part not in leading), *shared[1:]]
     spread.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     spread.__annotations__ = {part.name: part.annotation for part in parameters}
     return spread
 
 
-def _default_of(field: Field[Any], runs: Any) -> Any:
-    """The default of a command-line parameter; the recordings have none, unless a study may name them."""
-    if field.name != "runs":
-        return field.default
-    return inspect.Parameter.empty if runs is Runs else None
+def _one_by_one(kind: Any) -> list[inspect.Parameter]:
+    """A parameter for each field of a dataclass."""
+    hints = inspect.get_annotations(kind, eval_str=True)
+    return [
+        inspect.Parameter(
+            field.name,
+            inspect.Parameter.KEYWORD_ONLY,
+            annotation=hints[field.name],
+            default=inspect.Parameter.empty if field.default is MISSING else field.default,
+        )
+        for field in fields(kind)
+    ]
 
 
 def _is_argument(annotation: Any) -> bool:
@@ -260,7 +220,7 @@ def pairs(values: list[str] | None, option: str) -> dict[str, str]:
     return found
 
 
-def _one_of(value: str | None, choices: tuple[str, ...], option: str) -> str | None:
+def _one_of(value: str | None, choices: tuple[str, ...], option: str) -> None:
     if value is not None and value not in choices:
         raise OptionError(
             f"{value!r}",
@@ -268,10 +228,9 @@ def _one_of(value: str | None, choices: tuple[str, ...], option: str) -> str | N
             where=option,
             advice=f"choose one, or leave {option} out",
         )
-    return value
 
 
-def _positive(value: float | None, option: str) -> float | None:
+def _positive(value: float | None, option: str) -> None:
     if value is not None and not 0 < value < float("inf"):
         raise OptionError(
             f"{value}",
@@ -279,4 +238,3 @@ def _positive(value: float | None, option: str) -> float | None:
             where=option,
             advice="e.g. --period-s 60 for one a minute",
         )
-    return value

@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -24,24 +25,22 @@ STUDY = "--study"
 BESIDE_STUDY = frozenset({"from_study", "accept_changes", "out", "as_json"})
 """What may be said together with a study; all else is in it."""
 
-_PANEL = "Do a study again"
+_of_study = partial(typer.Option, rich_help_panel="Do a study again")
 
 StudyPath = Annotated[
     Path | None,
-    typer.Option(
+    _of_study(
         STUDY,
         metavar="STUDY",
         help="Instead of RUN... and options: a study.toml, or a folder with one; what it asks is done again.",
-        rich_help_panel=_PANEL,
     ),
 ]
 AcceptChanges = Annotated[
     bool,
-    typer.Option(
+    _of_study(
         "--accept-changes",
         metavar="",
         help="Go on with recordings that changed, are missing or were added since the study was written.",
-        rich_help_panel=_PANEL,
     ),
 ]
 
@@ -219,22 +218,13 @@ def source_of_study(study: Study, folder: Path) -> Source:
     from selector.study import path_at
     from selector.study.inputs import present
 
-    reading = study.reading
     named = study.recordings.machine
     return Source(
         runs=list(present(study, folder)),
         machine=None if named is None else path_at(named, folder),
-        encoding=reading.encoding,
-        separator=reading.separator,
-        decimal=reading.decimal,
-        header_row=reading.header_row,
-        sheet=reading.sheet,
-        time_column=reading.time_column,
-        time_unit=reading.time_unit,
-        date_order=reading.date_order,
-        period=reading.period_s,
-        unit=_as_options(reading.units),
-        role=_as_options(reading.roles),
+        **study.reading.model_dump(exclude={"units", "roles"}),
+        units=_as_options(study.reading.units),
+        roles=_as_options(study.reading.roles),
     )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.codes import LONGEST_S, TEST_S
-from selector.controllers.model_file import Fallback, ModelFile, Output, OutputLimits, Sign
+from selector.controllers.model_file import ModelFile, Output, OutputLimits, Sign, with_signs
 from selector.controllers.self_check import output_bound_um
 from selector.errors import OptionError
 from selector.findings import Finding
@@ -48,10 +48,7 @@ def decided_limits(model: ModelFile) -> tuple[dict[str, DecidedLimits], tuple[Fi
     decided, findings = {}, []
     for output in model.outputs:
         limits = given.get(output.name, OutputLimits(output=output.name))
-        part = output.position
-        reach_m = 0.0
-        if part is not None:
-            reach_m = max(abs(part.valid_min_m - part.reference_m), abs(part.valid_max_m - part.reference_m))
+        reach_m = 0.0 if output.position is None else output.position.reach_m
         clamp_um = limits.clamp_um or _open_clamp_um(model, output)
         slope_clamp = 0.0 if reach_m == 0.0 else limits.slope_clamp_um_per_m or clamp_um / reach_m
         slew = limits.slew_um_per_s or CAUTIOUS_SLEW_UM_PER_S
@@ -143,10 +140,4 @@ def with_turned_signs(model: ModelFile, outputs: Collection[str]) -> ModelFile:
                 advice="correct the name",
             )
 
-    def turned(of: ModelFile | Fallback) -> tuple[Output, ...]:
-        return tuple(
-            output.model_copy(update={"sign": WITH}) if output.name in outputs else output for output in of.outputs
-        )
-
-    fallbacks = tuple(one.model_copy(update={"outputs": turned(one)}) for one in model.fallbacks)
-    return model.model_copy(update={"outputs": turned(model), "fallbacks": fallbacks})
+    return with_signs(model, lambda output: WITH if output.name in outputs else output.sign)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from selector.controllers.evaluator import Equations
+from selector.controllers.evaluator import Equations, polynomial
 from selector.controllers.guard.codes import (
     GAP_STEPS_LOG2,
     LARGEST_NUMBER,
@@ -25,7 +25,7 @@ from selector.controllers.guard.codes import (
 from selector.controllers.guard.correction import AxisPosition, Correction
 from selector.controllers.guard.decided import decided_limits, longest_test_s, valid_positions_m
 from selector.controllers.guard.sensor_watch import SensorWatch
-from selector.controllers.model_file import ModelFile, Output, Term
+from selector.controllers.model_file import Input, ModelFile, State
 
 Number = Callable[[float], Any]
 
@@ -46,17 +46,10 @@ class Corrected:
 
 
 class GuardedModel:
-    """A model with its guard and its state.
+    """A model with its guard and its state; ranges and references of its own inputs hold in its fallbacks, too.
 
-    Parameters
-    ----------
-    model : ModelFile
-        Ranges and references of its own inputs hold in its fallbacks, too.
-    number : callable
-        ``float`` (IEEE 754 binary64) or ``numpy.float32`` (binary32).
-    start_readings : mapping of str to float, optional
-        Start readings that the control kept; default: the first reading that is good and stays so for
-        `recover_after_s`.
+    `number` is ``float`` (IEEE 754 binary64) or ``numpy.float32`` (binary32); `start_readings` are those that the
+    control kept; default: the first reading that is good and stays so for `recover_after_s`.
     """
 
     def __init__(
@@ -100,24 +93,15 @@ class GuardedModel:
         is_wanted: bool = True,
         test_um: Mapping[str, float] | None = None,
     ) -> Corrected:
-        """The correction after `dt_s` more seconds.
+        """The correction after `dt_s` more seconds; what is no time, or more than 10⁶ s, counts as 0.
 
-        Parameters
-        ----------
-        dt_s : float
-            Since the last call [s]; what is no time, or more than 10⁶ s, counts as 0.
-        readings : mapping of str to float
-            Per input, [unit of the input]; anything, NaN and infinity included.
-        positions_m : mapping of str to float, optional
-            Per axis [m]; what is missing or no number stays where it was last.
-        is_ready : bool
-            Drives on and axis referenced. Without, there is no correction at once.
-        is_wanted : bool
-            The operator's switch. Without, the correction is ramped to zero.
-        test_um : mapping of str to float, optional
-            Per output [µm], for the sign test: while one is a number other than 0, its output goes there, the others
-            to zero, whatever sensors and operator say. Only after a call in which all were 0 and the axis was ready,
-            and for `longest_test_s`: what was forgotten there ramps the correction to zero.
+        Readings [unit of the input] may be anything, NaN and infinity included. A position [m] that is missing or no
+        number stays where it was last. Without `is_ready` (drives on and axis referenced) there is no correction at
+        once; without `is_wanted` (the operator's switch) it is ramped to zero.
+
+        `test_um` is for the sign test: while one is a number other than 0 [µm], its output goes there, the others to
+        zero, whatever sensors and operator say. Only after a call in which all were 0 and the axis was ready, and for
+        `longest_test_s`: what was forgotten there ramps the correction to zero.
         """
         number = self._number
         with np.errstate(all="ignore"):
@@ -225,9 +209,9 @@ class GuardedModel:
                 output.aim_at_zero()
         elif self._follows != Mode.HOLD:
             at = max(0, self._follows - Mode.FALLBACK + 1)
-            z = self._equations[at].z(self._watches, self._lagged)
-            for output, equations in zip(self._outputs, self._equations[at].outputs, strict=True):
-                output.aim(*equations.displacement(z))
+            found = self._equations[at].displacements(self._watches, self._lagged)
+            for output, (displacement, slope) in zip(self._outputs, found, strict=True):
+                output.aim(displacement, slope)
 
     def _gain(self, tau_s: Any, since_s: Any, *, is_gap: bool) -> Any:
         """Share of the way to x that a memory goes (backward Euler); over a standstill in equal steps."""
@@ -243,14 +227,12 @@ class GuardedModel:
         if self._equations[0].can_be_used(self._watches):
             self._held_s = self._zero
             return int(Mode.MODEL)
-        on_fault: str = self._guard.on_fault
-        if on_fault == "fallback":
+        if self._guard.on_fault == "fallback":
             for k, equations in enumerate(self._equations[1:]):
                 if equations.can_be_used(self._watches):
                     self._held_s = self._zero
                     return Mode.FALLBACK + k
-            on_fault = self._guard.without_fallback
-        if on_fault == "ramp-to-zero":
+        if self._guard.last_resort == "ramp-to-zero":
             return int(Mode.RAMP_TO_ZERO)
         self._held_s = min(self._held_s + self._since_sample_s, self._longest_s)
         if self._hold_at_most_s is not None and self._held_s > self._hold_at_most_s:
@@ -259,45 +241,27 @@ class GuardedModel:
 
 
 class _Scaled:
-    """The numbers of a model or a fallback in one number type."""
+    """A model or a fallback, calculated in one number type."""
 
     def __init__(self, of: Equations, number: Number) -> None:
-        self._inputs = [(item.name, number(item.centre), number(item.scale)) for item in of.inputs]
-        self._states = [(s.name, (s.source, s.tau_s), number(s.centre), number(s.scale)) for s in of.states]
-        self.outputs = [_Displacement(output, number) for output in of.outputs]
+        self._of, self._number = of, number
+        variables: tuple[Input | State, ...] = (*of.inputs, *of.states)
+        self._scaling = {item.name: (number(item.centre), number(item.scale)) for item in variables}
 
     def can_be_used(self, watches: Mapping[str, SensorWatch]) -> bool:
-        return all(watches[name].is_believed for name, _, _ in self._inputs)
+        return all(watches[item.name].is_believed for item in self._of.inputs)
 
-    def z(self, watches: Mapping[str, SensorWatch], lagged: Mapping[tuple[str, float], Any]) -> dict[str, Any]:
-        z = {name: (watches[name].x - centre) / scale for name, centre, scale in self._inputs}
-        for name, key, centre, scale in self._states:
-            z[name] = (lagged[key] - centre) / scale
-        return z
-
-
-class _Displacement:
-    def __init__(self, output: Output, number: Number) -> None:
-        part = output.position
-        self._zero = number(0.0)
-        self._own = number(output.intercept), _numbers(output.terms, number)
-        self._slope = None if part is None else (number(part.intercept), _numbers(part.terms, number))
-
-    def displacement(self, z: Mapping[str, Any]) -> tuple[Any, Any]:
-        """(at the reference position, slope)."""
-        return _sum(*self._own, z), self._zero if self._slope is None else _sum(*self._slope, z)
-
-
-def _numbers(terms: Sequence[Term], number: Number) -> list[tuple[Any, list[tuple[str, int]]]]:
-    return [(number(term.coefficient), list(term.powers.items())) for term in terms]
-
-
-def _sum(intercept: Any, terms: Sequence[tuple[Any, list[tuple[str, int]]]], z: Mapping[str, Any]) -> Any:
-    total = intercept
-    for coefficient, powers in terms:
-        product = coefficient
-        for name, power in powers:
-            for _ in range(power):
-                product = product * z[name]
-        total = total + product
-    return total
+    def displacements(
+        self, watches: Mapping[str, SensorWatch], lagged: Mapping[tuple[str, float], Any]
+    ) -> list[tuple[Any, Any]]:
+        """Per output, (at the reference position, slope)."""
+        values = {item.name: watches[item.name].x for item in self._of.inputs}
+        values |= {state.name: lagged[state.source, state.tau_s] for state in self._of.states}
+        z = {name: (values[name] - centre) / scale for name, (centre, scale) in self._scaling.items()}
+        found = []
+        for output in self._of.outputs:
+            part, slope = output.position, self._number(0.0)
+            if part is not None:
+                slope = polynomial(part.intercept, part.terms, z, self._number)
+            found.append((polynomial(output.intercept, output.terms, z, self._number), slope))
+        return found

@@ -22,21 +22,9 @@ Number = Callable[[float], Any]
 class SensorWatch:
     """State of one sensor. All numbers are of the type `number`.
 
-    Attributes
-    ----------
-    code : SensorCode
-    x : number
-        What the model gets (a rise or a reading, inside its valid range); as last believed.
-    since_s : number
-        Since x was believed last.
-    start : number or None
-        Start reading; taken with the first good reading, and again until it is believed.
-    has_memory : bool
-        It has been believed since its start.
-    begins : bool
-        Memory begins with the x of this sample.
-    is_new : bool
-        Not believed since the control started.
+    `x` is what the model gets (a rise or a reading, inside its valid range), as last believed `since_s` ago; `start` is
+    taken with the first good reading, and again until it is believed. `has_memory`: believed since its start; `begins`:
+    memory begins with the x of this sample; `is_new`: not believed since the control started.
     """
 
     def __init__(self, item: Input, guard: Guard, number: Number, start: float | None) -> None:

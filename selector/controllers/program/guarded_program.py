@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from selector.controllers.evaluator import Equations
+from selector.controllers.evaluator import Equations, axes_of
 from selector.controllers.guard.codes import (
     GAP_STEPS_LOG2,
     LARGEST_NUMBER,
@@ -15,7 +15,7 @@ from selector.controllers.guard.codes import (
     SensorCode,
 )
 from selector.controllers.guard.decided import decided_limits, longest_test_s, valid_positions_m
-from selector.controllers.model_file import ModelFile, Output, Term
+from selector.controllers.model_file import ModelFile
 from selector.controllers.program.language import Expression, Flag, Program, Real, Variable, Writing, is_code
 from selector.controllers.program.statements import NO_READING, SlewedCorrection, WatchedSensor
 
@@ -28,11 +28,6 @@ def guarded_program(model: ModelFile) -> Program:
     sensors are numbered as the model's inputs, tests and corrections as its outputs, positions as `axes_of`.
     """
     return _Guarded(model).program()
-
-
-def axes_of(model: ModelFile) -> tuple[str, ...]:
-    """The axes whose position a model needs, in the order of their numbers."""
-    return tuple(dict.fromkeys(output.position.axis for output in model.outputs if output.position is not None))
 
 
 class _Guarded:
@@ -218,10 +213,7 @@ class _Guarded:
         w, guard, model = self._w, self._model.guard, self._model
         w.assign(self._follows, Mode.MODEL)
         with w.when(~self._can_be_used(model)):
-            on_fault: str = guard.on_fault
-            if on_fault == "fallback":
-                on_fault = guard.without_fallback
-            w.assign(self._follows, Mode.RAMP_TO_ZERO if on_fault == "ramp-to-zero" else Mode.HOLD)
+            w.assign(self._follows, Mode.RAMP_TO_ZERO if guard.last_resort == "ramp-to-zero" else Mode.HOLD)
             if guard.on_fault == "fallback":
                 for k in reversed(range(len(model.fallbacks))):
                     with w.when(self._can_be_used(model.fallbacks[k])):
@@ -261,7 +253,7 @@ class _Guarded:
     def _aimed(self, of: Equations) -> None:
         w = self._w
         z: dict[str, Variable] = {}
-        used = {name for output in of.outputs for term in _terms(output) for name in term.powers}
+        used = {name for output in of.outputs for term in output.all_terms for name in term.powers}
         for item in (one for one in of.inputs if one.name in used):
             z[item.name] = w.variable(f"z_{len(z) + 1}")
             w.assign(z[item.name], (self._sensors[item.name].x - item.centre) / item.scale)
@@ -270,10 +262,6 @@ class _Guarded:
             w.assign(z[state.name], (self._levels[state.source, state.tau_s] - state.centre) / state.scale)
         for one, output in zip(self._outputs, of.outputs, strict=True):
             one.aimed(output, z)
-
-
-def _terms(output: Output) -> tuple[Term, ...]:
-    return output.terms if output.position is None else (*output.terms, *output.position.terms)
 
 
 def _duration(w: Writing, to: Variable, of: Variable) -> None:

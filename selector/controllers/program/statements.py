@@ -311,14 +311,7 @@ class SlewedCorrection:
                 w.assign(along.aim, steep)
 
     def moved(self, mode: Variable, slewed: Variable, at: Mapping[str, Variable], back: Mapping[str, Variable]) -> None:
-        """One call goes by.
-
-        Parameters
-        ----------
-        mode, slewed : Variable
-        at, back : mapping of str to Variable
-            Per axis, its position, and whether that was lost and is there again.
-        """
+        """One call goes by; per axis, `at` is its position, and `back` says that it was lost and is there again."""
         w, limits, along = self._w, self._limits, self._along
         switched_off, is_test = is_code(mode, Mode.SWITCHED_OFF), is_code(mode, Mode.TEST)
         w.remark(f"correction of {self._name}: no faster than the slew limit")

@@ -19,7 +19,6 @@ from pathlib import Path
 import numpy as np
 
 from selector.controllers.model_file import ModelFile
-from selector.controllers.program.guarded_program import axes_of
 from selector.controllers.replay.rows import Answers, Rows
 from selector.controllers.writers.linuxcnc import NAME, Pin, component, input_pins, output_pins
 from selector.errors import NotExecutableError, OptionError
@@ -63,18 +62,7 @@ def halrun_answers(model: ModelFile, rows: Rows, files: Mapping[str, str] | None
     OptionError
         Too many rows or sensors for one session, or LinuxCNC refuses the component.
     """
-    columns = halrun_columns(model, rows, files=files)
-    found = Answers.empty(len(rows), len(model.outputs), len(model.inputs), len(axes_of(model)))
-    for k in range(len(model.outputs)):
-        found.correction_um[:, k] = columns[f"correction_{k + 1}"]
-        found.k0_um[:, k] = columns[f"k0_{k + 1}"]
-        found.slope_um_per_m[:, k] = columns.get(f"slope_{k + 1}", 0.0)
-    found.mode[:] = columns["mode"]
-    for k in range(len(model.inputs)):
-        found.sensors[:, k] = columns[f"sensor_{k + 1}"]
-    for k in range(len(axes_of(model))):
-        found.axes[:, k] = columns[f"axis_{k + 1}"]
-    return found
+    return Answers.of_outputs(halrun_columns(model, rows, files=files), model)
 
 
 def halrun_columns(
@@ -233,21 +221,14 @@ def _chunks(pins: list[Pin]) -> list[list[Pin]]:
 
 
 def _write_streams(model: ModelFile, rows: Rows, streamed: list[Pin], folder: Path) -> None:
+    columns = rows.columns(len(model.outputs))
+    columns |= {"is_enabled": rows.is_ready, "restart": np.cumsum(rows.is_restart), "standstill": rows.standstill_s}
+    columns |= {name: 1000.0 * column for name, column in columns.items() if name.startswith("position_")}
     # 0 on the pin dt means the period of the thread; time that does not go on is sent as negative time
-    dt_s = np.where(rows.dt_s == 0.0, -1.0, rows.dt_s)
-    columns: dict[str, list[object]] = {
-        "dt": dt_s.tolist(),
-        "is_enabled": rows.is_ready.astype(int).tolist(),
-        "is_wanted": rows.is_wanted.astype(int).tolist(),
-        "restart": np.cumsum(rows.is_restart.astype(int)).tolist(),
-        "standstill": rows.standstill_s.tolist(),
-    }
-    columns |= {f"reading_{k + 1}": rows.readings[:, k].tolist() for k in range(len(model.inputs))}
-    columns |= {f"position_{k + 1}": (1000.0 * rows.positions_m[:, k]).tolist() for k in range(len(axes_of(model)))}
-    tests_um = rows.tests_um(len(model.outputs))
-    columns |= {f"test_um_{k + 1}": tests_um[:, k].tolist() for k in range(len(model.outputs))}
+    columns["dt"] = np.where(rows.dt_s == 0.0, -1.0, rows.dt_s)
     for k, pins in enumerate(_chunks(streamed)):
-        table = zip(*(map(repr, columns[one.name]) for one in pins), strict=True)
+        whole = ((columns[one.name].astype(float if one.hal_type == "float" else int)).tolist() for one in pins)
+        table = zip(*(map(repr, column) for column in whole), strict=True)
         (folder / f"in{k}.txt").write_text("\n".join(map(" ".join, table)) + "\n", encoding="ascii")
 
 

@@ -14,8 +14,8 @@ from functools import cache
 
 import numpy as np
 
+from selector.controllers.evaluator import axes_of
 from selector.controllers.model_file import ModelFile
-from selector.controllers.program.guarded_program import axes_of
 from selector.controllers.replay.parts import held, rows_at, sampled_rows
 from selector.controllers.replay.rows import Answers, Rows
 from selector.controllers.writers.fanuc import (
@@ -54,21 +54,10 @@ class MacroError(ValueError):
 
 
 class MacroB:
-    """A macro with its variables, which stay from call to call.
+    """A macro, from ``%`` to ``%``, with its variables, which stay from call to call; one that is not there is vacant.
 
-    Parameters
-    ----------
-    text : str
-        From ``%`` to ``%``.
-
-    Attributes
-    ----------
-    variables : dict of int to float
-        What is not in it is vacant.
-    modal : dict of int to float
-        #4003 (90 or 91) and #4006 (20 or 21); a control that has no such group lacks it.
-    offsets : dict of str to float
-        Per axis, what G10 wrote to the external work offset [mm, or inch].
+    `modal` has #4003 (90 or 91) and #4006 (20 or 21), unless the control has no such group; `offsets` per axis what G10
+    wrote to the external work offset [mm, or inch].
 
     Raises
     ------

@@ -10,13 +10,12 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.controllers.evaluator import evaluate
+from selector.controllers.evaluator import axes_of, evaluate
 from selector.controllers.guard.codes import LARGEST_NUMBER, LONGEST_S, LONGEST_STEP_S, SAMPLE_S, SensorCode
 from selector.controllers.guard.decided import decided_limits, is_turned
 from selector.controllers.model_file import ModelFile
-from selector.controllers.program.guarded_program import axes_of
 from selector.controllers.replay.rows import Answers, Rows, reference_answers
-from selector.controllers.single_precision import SINGLE, LargestError, rounding_errors
+from selector.controllers.single_precision import SINGLE, rounding_errors
 from selector.controllers.writers.fanuc import LONGEST_PAUSE_S
 from selector.controllers.writers.fixed_point import fixed_point_bound_um
 from selector.types import Array
@@ -25,8 +24,7 @@ from selector.types import Array
 def without_fallbacks(model: ModelFile) -> ModelFile:
     """The guard of the fixed-point program: no fallback models, no sensor that stands still is found."""
     guard = model.guard
-    on_fault = guard.without_fallback if guard.on_fault == "fallback" else guard.on_fault
-    changes = {"on_fault": on_fault, "stuck_after_s": None}
+    changes = {"on_fault": guard.last_resort, "stuck_after_s": None}
     return model.model_copy(update={"guard": guard.model_copy(update=changes), "fallbacks": ()})
 
 
@@ -165,7 +163,26 @@ class Part:
 
 def rounding_um(model: ModelFile, rows: Rows, whole: Answers, *, roundoff: float = SINGLE) -> dict[str, float]:
     """The a-priori bound for these readings, a dead band that is passed a sample earlier or later, and the slew."""
-    return {name: of.correction_um for name, of in _rounding(model, rows, whole, roundoff).items()}
+    sampled = sampled_rows(rows)
+    used = whole.sensors[sampled] <= SensorCode.LIMITED
+    sizes = np.max(np.abs(rows.readings[sampled]), axis=0, where=used, initial=0.0).tolist()
+    largest = dict(zip((item.name for item in model.inputs), sizes, strict=True))
+    limits, _ = decided_limits(model)
+    shortest_s = float(np.min(np.diff(np.cumsum(rows.dt_s)[sampled]), initial=LONGEST_S))
+    found = {}
+    for k, (name, of) in enumerate(rounding_errors(model, largest, 1, roundoff, shortest_s).items()):
+        limit = limits[name]
+        # each of two aims is less than a dead band away from where its model wants it
+        band = 2.0 * limit.dead_band_um
+        slewing = _slewing_um(whole.k0_um[:, k], rows, limit.own_slew_um_per_s, limit.clamp_um, roundoff)
+        k0_um, slope = of.k0_um + band + slewing, of.slope_um_per_m
+        if limit.reach_m > 0.0:
+            slewing = _slewing_um(
+                whole.slope_um_per_m[:, k], rows, limit.slope_slew_um_per_m_s, limit.slope_clamp_um_per_m, roundoff
+            )
+            slope += band / limit.reach_m + slewing
+        found[name] = of.correction_um + (k0_um - of.k0_um + (slope - of.slope_um_per_m) * limit.reach_m)
+    return found
 
 
 def units_in_single_um(model: ModelFile, rows: Rows, _whole: Answers) -> dict[str, float]:
@@ -208,32 +225,6 @@ def farthest_m(model: ModelFile, rows: Rows) -> dict[str, float]:
         else float(np.max(np.abs(places[:, axes.index(o.position.axis)] - o.position.reference_m), initial=0.0))
         for o in model.outputs
     }
-
-
-def _rounding(model: ModelFile, rows: Rows, whole: Answers, roundoff: float) -> dict[str, LargestError]:
-    sampled = sampled_rows(rows)
-    used = whole.sensors[sampled] <= SensorCode.LIMITED
-    sizes = np.max(np.abs(rows.readings[sampled]), axis=0, where=used, initial=0.0).tolist()
-    largest = dict(zip((item.name for item in model.inputs), sizes, strict=True))
-    limits, _ = decided_limits(model)
-    shortest_s = float(np.min(np.diff(np.cumsum(rows.dt_s)[sampled]), initial=LONGEST_S))
-    found = {}
-    for k, (name, of) in enumerate(rounding_errors(model, largest, 1, roundoff, shortest_s).items()):
-        limit = limits[name]
-        # each of two aims is less than a dead band away from where its model wants it
-        band = 2.0 * limit.dead_band_um
-        k0_um = (
-            of.k0_um + band + _slewing_um(whole.k0_um[:, k], rows, limit.own_slew_um_per_s, limit.clamp_um, roundoff)
-        )
-        slope = of.slope_um_per_m
-        if limit.reach_m > 0.0:
-            slewing = _slewing_um(
-                whole.slope_um_per_m[:, k], rows, limit.slope_slew_um_per_m_s, limit.slope_clamp_um_per_m, roundoff
-            )
-            slope += band / limit.reach_m + slewing
-        extra = k0_um - of.k0_um + (slope - of.slope_um_per_m) * limit.reach_m
-        found[name] = LargestError(of.correction_um + extra, k0_um, slope)
-    return found
 
 
 def _slewing_um(course: Array, rows: Rows, slew: float, size: float, roundoff: float) -> float:

@@ -15,11 +15,11 @@ from selector.controllers.application import (
     position_channels,
     require_channels,
 )
+from selector.controllers.evaluator import axes_of
 from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.codes import Mode, SensorCode
 from selector.controllers.guard.decided import is_turned
-from selector.controllers.model_file import ModelFile
-from selector.controllers.program.guarded_program import axes_of
+from selector.controllers.model_file import Input, ModelFile
 from selector.controllers.replay.parts import TIME_STEP_S, Part
 from selector.controllers.replay.rows import Answers, Rows, reference_answers
 from selector.controllers.sensor_check import SLIGHT_SHARE, unit_of_difference
@@ -86,11 +86,7 @@ class ExecutedPart:
 class BeyondValid:
     """An input that was beyond its valid range, which the guard takes for the end of the range."""
 
-    input: str
-    unit: str
-    is_rise: bool  #: The range is one of the rise
-    valid_min: float
-    valid_max: float
+    input: Input
     share_of_samples: float
 
 
@@ -241,9 +237,7 @@ def _beyond_valid(model: ModelFile, whole: Answers) -> Iterator[BeyondValid]:
     for item, codes in zip(model.inputs, whole.sensors.T, strict=True):
         share = float(np.mean(codes == SensorCode.LIMITED)) if len(codes) else 0.0
         if share > 0.0:
-            is_rise = item.reference == "rise"
-            unit = unit_of_difference(item) if is_rise else item.unit
-            yield BeyondValid(item.name, unit, is_rise, item.valid_min, item.valid_max, share)
+            yield BeyondValid(item, share)
 
 
 def faulty_share(telling: Answers, whole: Answers) -> float:
@@ -340,7 +334,7 @@ def _of_runs(proof: Replay, *, has_guard: bool) -> Iterator[Finding]:
             )
         yield from (_beyond(run.run, one, has_guard=has_guard) for one in run.beyond_valid)
         for name, of in run.accuracy.items():
-            if of.rmse_um is not None and of.before_rmse_um is not None and of.rmse_um > of.before_rmse_um:
+            if of.is_worse:
                 yield FINDINGS.finding(
                     "worse-than-nothing",
                     f"Run {run.run}: the program makes {name} worse: RMS error {of.rmse_um:.3g} µm with it, "
@@ -352,16 +346,18 @@ def _of_runs(proof: Replay, *, has_guard: bool) -> Iterator[Finding]:
 
 
 def _beyond(run: str, of: BeyondValid, *, has_guard: bool) -> Finding:
+    item, is_rise = of.input, of.input.reference == "rise"
+    unit = unit_of_difference(item) if is_rise else item.unit
     did = "The program took the end of the range" if has_guard else "This control has no range and extrapolates"
     return FINDINGS.finding(
         "outside-valid-range",
-        f"Run {run}: {of.input} was beyond {of.valid_min:.4g} … {of.valid_max:.4g} {of.unit}, where the model has seen "
-        f"it{' rise' if of.is_rise else ''}, in {of.share_of_samples:.1%} of the samples. {did}.",
-        Where(channel=of.input, run=run),
+        f"Run {run}: {item.name} was beyond {item.valid_min:.4g} … {item.valid_max:.4g} {unit}, where the model has "
+        f"seen it{' rise' if is_rise else ''}, in {of.share_of_samples:.1%} of the samples. {did}.",
+        Where(channel=item.name, run=run),
         {
-            "valid_min": of.valid_min,
-            "valid_max": of.valid_max,
-            "unit": of.unit,
+            "valid_min": item.valid_min,
+            "valid_max": item.valid_max,
+            "unit": unit,
             "share_of_samples": of.share_of_samples,
         },
         level="info" if of.share_of_samples < SLIGHT_SHARE else "warning",

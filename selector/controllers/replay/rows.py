@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from selector.controllers.evaluator import axes_of
 from selector.controllers.guard.guarded_model import GuardedModel, Number
 from selector.controllers.model_file import ModelFile
-from selector.controllers.program.guarded_program import axes_of
+from selector.controllers.program.guarded_program import guarded_program
 from selector.types import Array
 
 Flags = NDArray[np.bool_]
@@ -38,6 +39,13 @@ class Rows:
         """What is commanded for the sign test, zeros if nothing is; of shape (n_rows, n_outputs)."""
         return np.zeros((len(self), n_outputs)) if self.test_um is None else self.test_um
 
+    def columns(self, n_outputs: int) -> dict[str, NDArray[Any]]:
+        """Every input of a guarded program by its name."""
+        tables = {"reading": self.readings, "position": self.positions_m, "test_um": self.tests_um(n_outputs)}
+        numbered = {f"{name}_{k}": column for name, table in tables.items() for k, column in enumerate(table.T, 1)}
+        single = ("dt_s", "standstill_s", "is_ready", "is_wanted", "is_restart")
+        return {name: getattr(self, name) for name in single} | numbered
+
 
 @dataclass(frozen=True, eq=False)
 class Answers:
@@ -58,44 +66,38 @@ class Answers:
         codes = np.zeros((n_rows, 1 + n_inputs + n_axes), dtype=np.int64)
         return cls(real[0], real[1], real[2], codes[:, 0], codes[:, 1 : 1 + n_inputs], codes[:, 1 + n_inputs :])
 
+    @classmethod
+    def of_outputs(cls, columns: Mapping[str, NDArray[Any]], model: ModelFile) -> Answers:
+        """From the outputs of a guarded program by their names; the slope is 0 where it has none."""
+        n_rows, n_axes = len(columns["mode"]), len(axes_of(model))
+        found = cls.empty(n_rows, len(model.outputs), len(model.inputs), n_axes)
+        tables = {"correction": found.correction_um, "k0": found.k0_um, "sensor": found.sensors, "axis": found.axes}
+        for name, table in tables.items():
+            for k in range(table.shape[1]):
+                table[:, k] = columns[f"{name}_{k + 1}"]
+        for k in range(len(model.outputs)):
+            found.slope_um_per_m[:, k] = columns.get(f"slope_{k + 1}", 0.0)
+        found.mode[:] = columns["mode"]
+        return found
+
 
 def called(
     program: Any, call: Callable[[], None], model: ModelFile, rows: Rows, prefix: str, number: Number
 ) -> Answers:
     """What an object gives whose attributes are the inputs and outputs of a program, called row by row.
 
-    Parameters
-    ----------
-    program, call
-        The object, and what runs it once.
-    prefix : str
-        Before the names of the attributes.
-    number : callable
-        Type of its real inputs.
+    `call` runs it once; `prefix` stands before the names of the attributes; `number` is the type of its real inputs.
     """
-    found = Answers.empty(len(rows), len(model.outputs), len(model.inputs), len(axes_of(model)))
-    readings, positions = rows.readings.tolist(), rows.positions_m.tolist()
-    tests = rows.tests_um(len(model.outputs)).tolist()
+    names = [variable.name for variable in guarded_program(model).of("output")]
+    given = {prefix + name: column.tolist() for name, column in rows.columns(len(model.outputs)).items()}
+    found = []
     for k in range(len(rows)):
-        for name in ("dt_s", "standstill_s"):
-            setattr(program, prefix + name, number(getattr(rows, name)[k]))
-        for name in ("is_ready", "is_wanted", "is_restart"):
-            setattr(program, prefix + name, bool(getattr(rows, name)[k]))
-        for i, value in enumerate(readings[k], 1):
-            setattr(program, f"{prefix}reading_{i}", number(value))
-        for i, value in enumerate(positions[k], 1):
-            setattr(program, f"{prefix}position_{i}", number(value))
-        for i, value in enumerate(tests[k], 1):
-            setattr(program, f"{prefix}test_um_{i}", number(value))
+        for name, column in given.items():
+            setattr(program, name, column[k] if isinstance(column[k], bool) else number(column[k]))
         call()
-        for i in range(len(model.outputs)):
-            found.correction_um[k, i] = getattr(program, f"{prefix}correction_{i + 1}")
-            found.k0_um[k, i] = getattr(program, f"{prefix}k0_{i + 1}")
-            found.slope_um_per_m[k, i] = getattr(program, f"{prefix}slope_{i + 1}", 0.0)
-        found.mode[k] = getattr(program, f"{prefix}mode")
-        found.sensors[k] = [getattr(program, f"{prefix}sensor_{i + 1}") for i in range(len(model.inputs))]
-        found.axes[k] = [getattr(program, f"{prefix}axis_{i + 1}") for i in range(found.axes.shape[1])]
-    return found
+        found.append([getattr(program, prefix + name) for name in names])
+    table = np.array(found, dtype=np.float64).reshape(len(rows), len(names))
+    return Answers.of_outputs(dict(zip(names, table.T, strict=True)), model)
 
 
 def reference_answers(model: ModelFile, rows: Rows, number: Number = float) -> Answers:

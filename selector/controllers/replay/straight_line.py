@@ -7,9 +7,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from selector.controllers.evaluator import first_finite
+from selector.controllers.evaluator import axes_of, first_finite
 from selector.controllers.model_file import ModelFile
-from selector.controllers.program.guarded_program import axes_of
 from selector.controllers.replay.parts import places_m
 from selector.controllers.replay.rows import Answers, Rows
 from selector.controllers.replay.structured_text_executed import executable

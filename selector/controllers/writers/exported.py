@@ -62,18 +62,9 @@ def sign_test(
 ) -> SignTest:
     """The test by the inputs for it of a generated program.
 
-    Parameters
-    ----------
-    model : ModelFile
-    before, after : str
-    command, shown : callable
-        From the number of the output (from 1) and the commanded value [µm] to what a person sets, and sees.
-    direction : float
-        −1 where what is commanded has the sign of the displacement.
-    by : str, optional
-        Default: the program does.
-    has_slew : bool
-        Whether what is commanded comes no faster than the slew limit.
+    `command` and `shown` make from the number of the output (from 1) and the commanded value [µm] what a person sets
+    and sees; `direction` is −1 where what is commanded has the sign of the displacement; `by` says what commands, if it
+    is not the program; `has_slew`: what is commanded comes no faster than the slew limit.
     """
     limits, _ = decided_limits(model)
     lines = []

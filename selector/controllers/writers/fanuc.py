@@ -86,13 +86,7 @@ def _with_point(text: str) -> str:
     return text if "." in text else f"{text}."
 
 
-def on_fault(model: ModelFile) -> str:
-    """What the macro does with a bad sensor."""
-    guard = model.guard
-    return guard.without_fallback if guard.on_fault == "fallback" else guard.on_fault
-
-
-def left_out_of_macro(model: ModelFile, has_begun: int) -> Iterator[str]:
+def left_out_of_macro(model: ModelFile) -> Iterator[str]:
     """What the macro does not do, for its head and its finding."""
     guard = model.guard
     if any(item.rate_limit_per_min is not None for item in model.inputs):
@@ -103,12 +97,12 @@ def left_out_of_macro(model: ModelFile, has_begun: int) -> Iterator[str]:
         yield "while one sensor is bad or has to recover, all wait"
     if guard.on_fault == "fallback":
         yield f"no fallback models, with a bad sensor it does {guard.without_fallback}"
-    if guard.hold_at_most_s is not None and on_fault(model) == "hold":
+    if guard.hold_at_most_s is not None and guard.last_resort == "hold":
         yield "it holds the last value for ever"
     if any(item.reference == "rise" for item in model.inputs):
         yield "a control that was off for less than 10 minutes is not noticed, the time counts as a call"
     if guard.restart == "new-start" or guard.new_start_after_s is not None:
-        yield f"new start readings only with #{has_begun} = 0"
+        yield f"new start readings only with #{_HAS_BEGUN} = 0"
     for output in model.outputs:
         if output.position is not None:
             yield f"position-dependent part of {output.name}: the work offset is the same at every position"
@@ -160,16 +154,16 @@ def offset_asked(axes: Collection[str]) -> Iterator[str]:
         yield f"IF[[#{_GROUP_3}-90.]*[#{_GROUP_3}-91.]NE0.]GOTO{_NO_UVW}"
 
 
-def offset_written(corrections: Mapping[str, int], end: int) -> Iterator[str]:
+def offset_written(corrections: Mapping[str, int]) -> Iterator[str]:
     """Per axis the correction [µm] of a variable, in absolute values; G90 and G91 are as before afterwards."""
     yield from remarks("external work offset")
     yield f"IF[#{_GROUP_3}NE91.]GOTO{_WRITE}"
     yield "G90"
     yield f"N{_WRITE}"
     yield from (f"G10L2P0{axis}[#{variable}/#{_UNITS}]" for axis, variable in corrections.items())
-    yield f"IF[#{_GROUP_3}NE91.]GOTO{end}"
+    yield f"IF[#{_GROUP_3}NE91.]GOTO{_END}"
     yield "G91"
-    yield f"GOTO{end}"
+    yield f"GOTO{_END}"
     yield f"N{_NO_UNIT}"
     yield "#3000=101(NEITHER INCH NOR MM)"
     if set(corrections) & set("UVW"):
@@ -222,7 +216,7 @@ def fanuc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
         Too many variables, an output without a linear axis, two outputs of one axis, or a number out of reach.
     """
     names = macro_variables(model)
-    left_out = list(left_out_of_macro(model, _HAS_BEGUN))
+    left_out = list(left_out_of_macro(model))
     first, tests, corrections = model.outputs[0].name, list(names.tests.values()), list(names.corrections.values())
     _, open_limits = decided_limits(model)
     return Exported(
@@ -337,7 +331,7 @@ def _program(model: ModelFile, names: MacroVariables, left_out: Sequence[str], *
     lines += _tested(limits, names, longest_test_s(model))
     for k, output in enumerate(model.outputs):
         lines += _moved(output, axes[output.name], limits[output.name], names, _FIRST_TESTED + k)
-    lines += [*offset_written(written, _END), f"N{_END}", "M99", "%"]
+    lines += [*offset_written(written), f"N{_END}", "M99", "%"]
     return "\n".join(lines) + "\n"
 
 
@@ -480,7 +474,7 @@ def _aimed(output: Output, limits: DecidedLimits, names: MacroVariables) -> Iter
 
 
 def _faulted(model: ModelFile, names: MacroVariables) -> Iterator[str]:
-    is_ramped = on_fault(model) == "ramp-to-zero"
+    is_ramped = model.guard.last_resort == "ramp-to-zero"
     yield f"GOTO{_MOVE}"
     yield f"N{_FAULT}"
     yield f"#{_GOOD_FOR}={_NOT_GOOD}"

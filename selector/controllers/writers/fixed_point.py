@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from fractions import Fraction
 
+from selector.controllers.evaluator import axes_of
 from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.codes import LONGEST_S, LONGEST_STEP_S, SAMPLE_S, Mode, SensorCode
 from selector.controllers.guard.decided import (
@@ -16,7 +17,6 @@ from selector.controllers.guard.decided import (
     valid_positions_m,
 )
 from selector.controllers.model_file import ModelFile, Output, PositionPart
-from selector.controllers.program.guarded_program import axes_of
 from selector.controllers.program.language import plain
 from selector.controllers.writers.exported import ExportRefusedError, heading
 from selector.controllers.writers.fixed_point_numbers import (
@@ -261,7 +261,6 @@ class Source:
 
     def _stepped(self) -> Iterator[str]:
         guard = self._model.guard
-        on_fault = guard.without_fallback if guard.on_fault == "fallback" else guard.on_fault
         believed = " && ".join(f"m->sensor_{k} <= {SensorCode.LIMITED:d}" for k in self._index.values())
         yield f"void {INT_NAME}_step({INT_NAME} *m)"
         yield "{"
@@ -292,9 +291,10 @@ class Source:
         yield f"        if (m->mode == {Mode.TEST:d})"
         yield "            m->test_left_ms = m->test_left_ms > m->since_ms ? m->test_left_ms - m->since_ms : 0;"
         yield from (f"        sensor_{k}(m);" for k in self._index.values())
+        otherwise = Mode.RAMP_TO_ZERO if guard.last_resort == "ramp-to-zero" else Mode.HOLD
         yield f"        m->follows = {believed}"
-        yield f"            ? {Mode.MODEL:d} : {Mode.RAMP_TO_ZERO if on_fault == 'ramp-to-zero' else Mode.HOLD:d};"
-        if on_fault == "hold" and guard.hold_at_most_s is not None:
+        yield f"            ? {Mode.MODEL:d} : {otherwise:d};"
+        if guard.last_resort == "hold" and guard.hold_at_most_s is not None:
             yield f"        m->held_ms = m->follows == {Mode.MODEL:d} ? 0 :"
             yield f"            (int32_t)limited((int64_t)m->held_ms + m->since_ms, 0, {milliseconds(LONGEST_S)});"
             yield f"        if (m->held_ms > {milliseconds(guard.hold_at_most_s)})"

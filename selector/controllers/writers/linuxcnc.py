@@ -3,68 +3,17 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass
 
+from selector.controllers.evaluator import axes_of
 from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.codes import Mode
 from selector.controllers.model_file import ModelFile, Output, kept_sha256
-from selector.controllers.program.guarded_program import axes_of, guarded_program
-from selector.controllers.program.language import Program, Variable, plain
+from selector.controllers.program.guarded_program import guarded_program
+from selector.controllers.program.language import Program, plain
 from selector.controllers.writers.c99 import c_core, c_members
 from selector.controllers.writers.exported import Exported, heading, sign_test
 from selector.findings import Finding
-
-
-def memory_files(component: str, kept: Sequence[str], identity_sha256: str) -> dict[str, str]:
-    """``<component>_memory.sh`` and ``<component>_shutdown.hal`` for parameters with these names in C.
-
-    What was saved for another model is left alone: its first sensor may be another one.
-    """
-    parameters = " ".join(name.replace("_", "-") for name in kept)
-    script = f"""\
-#!/bin/sh
-# {component}_memory.sh save | restore: start readings and memory while LinuxCNC is closed.
-# They are in {component}_kept.txt beside the INI file; delete it to take new start readings.
-kept={component}_kept.txt
-model={identity_sha256}
-case "$1" in
-save)
-    {{
-        echo "model $model"
-        echo "saved-at $(date +%s)"
-        for name in {parameters}; do
-            value=$(halcmd -s getp "{component}.$name") || exit 1
-            echo "$name $value"
-        done
-    }} > "$kept.new" && mv "$kept.new" "$kept"
-    ;;
-restore)
-    [ -r "$kept" ] || exit 0
-    if [ "$(head -n 1 "$kept")" != "model $model" ]; then
-        echo "$kept is of another model: start readings are taken anew" >&2
-        exit 0
-    fi
-    while read -r name value; do
-        case "$name" in
-        model) ;;
-        saved-at) halcmd setp {component}.standstill $(($(date +%s) - value)) ;;
-        *) halcmd setp "{component}.$name" "$value" ;;
-        esac || exit 1
-    done < "$kept"
-    halcmd setp {component}.restart 1
-    ;;
-*)
-    echo "usage: $0 save | restore" >&2
-    exit 2
-    ;;
-esac
-"""
-    return {
-        f"{component}_memory.sh": script,
-        f"{component}_shutdown.hal": f"loadusr -w sh {component}_memory.sh save\n",
-    }
-
 
 NAME = "thermcorr"
 
@@ -79,6 +28,56 @@ UNWIRED = 1e30
 
 _LINEAR_AXES, _AXES = "xyzuvw", "xyzabcuvw"
 _HAL_TYPES = {"real": "float", "flag": "bit", "code": "s32"}
+
+
+def memory_files(model: ModelFile) -> dict[str, str]:
+    """``thermcorr_memory.sh`` and ``thermcorr_shutdown.hal``.
+
+    What was saved for another model is left alone: its first sensor may be another one.
+    """
+    parameters = " ".join(one.name.replace("_", "-") for one in guarded_program(model).of("retained"))
+    script = f"""\
+#!/bin/sh
+# {NAME}_memory.sh save | restore: start readings and memory while LinuxCNC is closed.
+# They are in {NAME}_kept.txt beside the INI file; delete it to take new start readings.
+kept={NAME}_kept.txt
+model={kept_sha256(model)}
+case "$1" in
+save)
+    {{
+        echo "model $model"
+        echo "saved-at $(date +%s)"
+        for name in {parameters}; do
+            value=$(halcmd -s getp "{NAME}.$name") || exit 1
+            echo "$name $value"
+        done
+    }} > "$kept.new" && mv "$kept.new" "$kept"
+    ;;
+restore)
+    [ -r "$kept" ] || exit 0
+    if [ "$(head -n 1 "$kept")" != "model $model" ]; then
+        echo "$kept is of another model: start readings are taken anew" >&2
+        exit 0
+    fi
+    while read -r name value; do
+        case "$name" in
+        model) ;;
+        saved-at) halcmd setp {NAME}.standstill $(($(date +%s) - value)) ;;
+        *) halcmd setp "{NAME}.$name" "$value" ;;
+        esac || exit 1
+    done < "$kept"
+    halcmd setp {NAME}.restart 1
+    ;;
+*)
+    echo "usage: $0 save | restore" >&2
+    exit 2
+    ;;
+esac
+"""
+    return {
+        f"{NAME}_memory.sh": script,
+        f"{NAME}_shutdown.hal": f"loadusr -w sh {NAME}_memory.sh save\n",
+    }
 
 
 @dataclass(frozen=True)
@@ -101,7 +100,7 @@ def linuxcnc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expo
         files={
             f"{NAME}.comp": component(model, is_sign_verified=is_sign_verified),
             f"{NAME}.hal": _wiring(model, wired, is_sign_verified=is_sign_verified),
-            **memory_files(NAME, [one.name for one in _kept_pins(guarded_program(model))], kept_sha256(model)),
+            **memory_files(model),
         },
         install=(
             "apt-get install -y linuxcnc-uspace linuxcnc-uspace-dev, if halcompile is missing.",
@@ -160,17 +159,17 @@ def _switched(to: int) -> str:
     )
 
 
-def component(model: ModelFile, *, name: str = NAME, is_sign_verified: bool = False) -> str:
-    """Source of the component for halcompile; `name` must be that of its file."""
+def component(model: ModelFile, *, is_sign_verified: bool = False) -> str:
+    """Source of the component for halcompile."""
     program = guarded_program(model)
     head = [f" * {line}" for line in heading(model, is_sign_verified=is_sign_verified)]
     kept = _kept_pins(program)
     lines = [
         "/*",
         *head,
-        f" * Install: sudo halcompile --install {name}.comp",
+        f" * Install: sudo halcompile --install {NAME}.comp",
         " */",
-        f'component {name} "Thermal correction of axes, by axis.L.eoffset-counts";',
+        f'component {NAME} "Thermal correction of axes, by axis.L.eoffset-counts";',
         *(f"pin in {_declared(one)}" for one in input_pins(model)),
         *(f"pin out {_declared(one)}" for one in output_pins(model)),
         f'param rw s32 ready_after = {READY_PERIODS} "so many calls nothing is corrected after machine on and homed";',
@@ -219,11 +218,8 @@ def output_pins(model: ModelFile) -> list[Pin]:
 
 def _kept_pins(program: Program) -> list[Pin]:
     """What has to outlive LinuxCNC; a change of ``restart`` takes it over."""
-    return [_kept_pin(one) for one in program.of("retained")]
-
-
-def _kept_pin(one: Variable) -> Pin:
-    return Pin(one.name, _HAL_TYPES[one.kind], f"{one.about}; set it, with restart, before the thread starts")
+    said = "set it, with restart, before the thread starts"
+    return [Pin(one.name, _HAL_TYPES[one.kind], f"{one.about}; {said}") for one in program.of("retained")]
 
 
 def _declared(pin: Pin) -> str:

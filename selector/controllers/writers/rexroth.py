@@ -94,13 +94,11 @@ def drive_parameters(model: ModelFile, output: Output) -> DriveParameters:
     own = _line(output, item, physical_coefficients(model)[output.name])
     part = output.position
     slope = (0.0, 0.0) if part is None else _line(output, item, physical_slopes(model)[output.name])
-    reach_m = 0.0
-    if part is not None:
-        if output.axis is not None and part.axis != output.axis:
-            raise _refused(
-                output, f"axis {output.axis} depends on the position of {part.axis}", "the position of the same axis"
-            )
-        reach_m = max(abs(part.valid_min_m - part.reference_m), abs(part.valid_max_m - part.reference_m))
+    if part is not None and output.axis is not None and part.axis != output.axis:
+        raise _refused(
+            output, f"axis {output.axis} depends on the position of {part.axis}", "the position of the same axis"
+        )
+    reach_m = 0.0 if part is None else part.reach_m
     # the reference temperature is where the larger of the two parts is zero
     constant, gain = own if abs(own[1]) >= abs(slope[1]) * reach_m else slope
     if gain == 0.0:
@@ -127,8 +125,7 @@ def _refused(output: Output, found: str, expected: str) -> ExportRefusedError:
 
 
 def _only_temperature(model: Equations, output: Output) -> Input:
-    terms = (*output.terms, *(output.position.terms if output.position is not None else ()))
-    names = dict.fromkeys(name for term in terms for name in term.powers)
+    names = dict.fromkeys(name for term in output.all_terms for name in term.powers)
     used = [item for item in model.inputs if item.name in names]
     if len(used) != 1 or len(names) != 1:
         raise _refused(output, f"it depends on {', '.join(names) or 'nothing'}", "one temperature, without memory")

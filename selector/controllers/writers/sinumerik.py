@@ -6,7 +6,7 @@ and 43920 (Siemens, Function Manual K3 "Compensations"). The PLC (S7-300) has no
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.codes import Mode
@@ -43,46 +43,20 @@ MM_PER_UM, MM_PER_MM_PER_UM_PER_M, MM_PER_M = 0.001, 1e-6, 1000.0
 _SECTIONS: Mapping[Place, str] = {**SECTIONS, "retained": "VAR"}
 
 
-def step_mm(
-    velocity_mm_per_min: float = VELOCITY_MM_PER_MIN, factor: float = ADD_VELO_FACTOR, ipo_s: float = IPO_S
-) -> float:
-    """Largest change of the compensation in one interpolation cycle [mm]; what is more waits for the next cycles."""
-    return velocity_mm_per_min * factor / 60.0 * ipo_s
+STEP_MM = VELOCITY_MM_PER_MIN * ADD_VELO_FACTOR / 60.0 * IPO_S
+"""Largest change of the compensation in one interpolation cycle; what is more waits for the next cycles."""
+LARGEST_SLOPE = STEP_MM / (VELOCITY_MM_PER_MIN / 60.0 * IPO_S)
+"""Largest tan(beta) [mm/mm]: the largest step over the way of the axis in one cycle at its full velocity."""
 
 
-def largest_slope(
-    velocity_mm_per_min: float = VELOCITY_MM_PER_MIN, factor: float = ADD_VELO_FACTOR, ipo_s: float = IPO_S
-) -> float:
-    """Largest tan(beta) [mm/mm]: the largest step over the way of the axis in one cycle at its full velocity."""
-    return step_mm(velocity_mm_per_min, factor, ipo_s) / (velocity_mm_per_min / 60.0 * ipo_s)
-
-
-def sinumerik_export(
-    model: ModelFile,
-    *,
-    is_sign_verified: bool = False,
-    velocity_mm_per_min: float = VELOCITY_MM_PER_MIN,
-    factor: float = ADD_VELO_FACTOR,
-) -> Exported:
-    """SCL in REAL, the setting data in their units, and a table of what to set on the control.
-
-    Parameters
-    ----------
-    model : ModelFile
-    is_sign_verified : bool
-        A person has seen that a positive correction moves the axis towards +.
-    velocity_mm_per_min : float
-        MD32000 of the slowest corrected axis [mm/min].
-    factor : float
-        MD32760, from 0 to 0.1.
-    """
+def sinumerik_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
+    """SCL in REAL, the setting data in their units, and a table of what to set on the control."""
     head = head_lines(model, is_sign_verified=is_sign_verified)
-    step, slope = step_mm(velocity_mm_per_min, factor), largest_slope(velocity_mm_per_min, factor)
     return Exported(
         files={
             f"{NAME}.scl": scl_text(model, is_sign_verified=is_sign_verified),
             SETTING_DATA: _scl(setting_data_program(model), BLOCK_OF_SETTING_DATA, head),
-            SETTINGS: _settings(model, step, slope, factor),
+            SETTINGS: _settings(model),
         },
         install=(
             f"STEP 7: enter {BLOCK} and {BLOCK_OF_SETTING_DATA} with free FB numbers in the symbol table; import both "
@@ -104,9 +78,10 @@ def sinumerik_export(
             ),
         ),
         silently=(
-            f"A step of more than {step:.4g} mm in an interpolation cycle of {IPO_S:g} s (axis of "
-            f"{velocity_mm_per_min:g} mm/min, MD32760 = {factor:g}) is spread over several cycles without an alarm.",
-            f"A slope above {slope:.4g} mm/mm ({slope * 1e6:.0f} um/m) is clipped without an alarm.",
+            f"A step of more than {STEP_MM:.4g} mm in an interpolation cycle of {IPO_S:g} s (axis of "
+            f"{VELOCITY_MM_PER_MIN:g} mm/min, MD32760 = {ADD_VELO_FACTOR:g}) is spread over several cycles without an "
+            "alarm.",
+            f"A slope above {LARGEST_SLOPE:.4g} mm/mm ({LARGEST_SLOPE * 1e6:.0f} um/m) is clipped without an alarm.",
             "Whether a positive value moves the axis towards + or - is decided by its machine data: the sign must be "
             "proved on the machine.",
             "When the PLC stops, the NC goes on with the last values written.",
@@ -114,7 +89,7 @@ def sinumerik_export(
             "stops there; and it clamps neither the sum of both parts nor K0.",
         ),
         findings=(
-            *_limit_findings(model, step, slope, velocity_mm_per_min, factor),
+            *_limit_findings(model),
             *_axis_findings(model),
             *single_precision_findings(model, f"{NAME}.scl"),
         ),
@@ -169,7 +144,7 @@ def _reference_mm(output: Output) -> float:
     return part.reference_m * MM_PER_M if part is not None and has_own_line(output) else 0.0
 
 
-def _settings(model: ModelFile, step: float, slope: float, factor: float) -> str:
+def _settings(model: ModelFile) -> str:
     """One line per datum: comma separated, ASCII."""
     table: list[tuple[str, ...]] = []
     sign = "SIGN: prove on the machine that +0.010 mm in SD43900 moves the axis 10 um towards +"
@@ -180,9 +155,9 @@ def _settings(model: ModelFile, step: float, slope: float, factor: float) -> str
         rows = (
             ("MD32750 $MA_TEMP_COMP_TYPE", "3" if has_line else "1", "",
              "bit 0: position-independent; bit 1: position-dependent; takes effect at power on"),
-            ("MD32760 $MA_COMP_ADD_VELO_FACTOR", f"{factor:g}", "",
-             f"more than {step:.4g} mm per interpolation cycle is spread without alarm; a slope above {slope:.4g} "
-             "mm/mm is clipped without alarm; MD36200 (velocity limit) must allow for it"),
+            ("MD32760 $MA_COMP_ADD_VELO_FACTOR", f"{ADD_VELO_FACTOR:g}", "",
+             f"more than {STEP_MM:.4g} mm per interpolation cycle is spread without alarm; a slope above "
+             f"{LARGEST_SLOPE:.4g} mm/mm is clipped without alarm; MD36200 (velocity limit) must allow for it"),
             ("SD43900 $SA_TEMP_COMP_ABS_VALUE", f"sd43900_{k}", "mm", f"K0 = {source}_{k} [um] x 0.001; {sign}"),
             ("SD43910 $SA_TEMP_COMP_SLOPE", f"sd43910_{k}", "mm/mm",
              f"tan(beta) = slope_{k} [um/m] x 0.000001" if has_line else "0"),
@@ -192,75 +167,53 @@ def _settings(model: ModelFile, step: float, slope: float, factor: float) -> str
     return csv_text(("axis", "datum", "value", "unit", "meaning"), table)
 
 
-def _limit_findings(
-    model: ModelFile, step: float, slope: float, velocity_mm_per_min: float, factor: float
-) -> list[Finding]:
-    findings = []
+def _limit_findings(model: ModelFile) -> Iterator[Finding]:
+    fastest_um_per_s = VELOCITY_MM_PER_MIN * ADD_VELO_FACTOR / 60.0 / MM_PER_UM
+    steepest_um_per_m = LARGEST_SLOPE * 1e6
     for name, limits in decided_limits(model)[0].items():
-        fastest_um_per_s = velocity_mm_per_min * factor / 60.0 / MM_PER_UM
-        if limits.slew_um_per_s > fastest_um_per_s:
-            findings.append(
-                FINDINGS.finding(
-                    "step-spread-silently",
-                    f"The correction of {name} may change by {limits.slew_um_per_s:g} um/s; the control passes on "
-                    f"{fastest_um_per_s:g} um/s ({step:.4g} mm per interpolation cycle) at an axis velocity of "
-                    f"{velocity_mm_per_min:g} mm/min and spreads the rest over later cycles without an alarm.",
-                    evidence={
-                        "output": name,
-                        "slew_um_per_s": limits.slew_um_per_s,
-                        "passed_um_per_s": fastest_um_per_s,
-                    },
-                    suggestion=f"decide with --slew {name}=… below it; a thermal correction needs about 1 um/s",
-                )
+        slew, slope = limits.slew_um_per_s, limits.slope_clamp_um_per_m
+        if slew > fastest_um_per_s:
+            yield FINDINGS.finding(
+                "step-spread-silently",
+                f"The correction of {name} may change by {slew:g} um/s; the control passes on {fastest_um_per_s:g} "
+                f"um/s ({STEP_MM:.4g} mm per interpolation cycle) at an axis velocity of {VELOCITY_MM_PER_MIN:g} "
+                "mm/min and spreads the rest over later cycles without an alarm.",
+                evidence={"output": name, "slew_um_per_s": slew, "passed_um_per_s": fastest_um_per_s},
+                suggestion=f"decide with --slew {name}=… below it; a thermal correction needs about 1 um/s",
             )
-        if limits.slope_clamp_um_per_m > slope * 1e6:
-            findings.append(
-                FINDINGS.finding(
-                    "slope-clipped-silently",
-                    f"The slope of the correction of {name} may be {limits.slope_clamp_um_per_m:g} um/m; the control "
-                    f"clips at {slope * 1e6:g} um/m (MD32760 = {factor:g}) without an alarm.",
-                    evidence={
-                        "output": name,
-                        "slope_clamp_um_per_m": limits.slope_clamp_um_per_m,
-                        "passed_um_per_m": slope * 1e6,
-                    },
-                )
+        if slope > steepest_um_per_m:
+            yield FINDINGS.finding(
+                "slope-clipped-silently",
+                f"The slope of the correction of {name} may be {slope:g} um/m; the control clips at "
+                f"{steepest_um_per_m:g} um/m (MD32760 = {ADD_VELO_FACTOR:g}) without an alarm.",
+                evidence={"output": name, "slope_clamp_um_per_m": slope, "passed_um_per_m": steepest_um_per_m},
             )
-    return findings
 
 
-def _axis_findings(model: ModelFile) -> list[Finding]:
-    findings = []
+def _axis_findings(model: ModelFile) -> Iterator[Finding]:
     taken: dict[str, str] = {}
     for output in model.outputs:
         axis, part = _axis(output), output.position
         if output.axis is None:
-            findings.append(
-                FINDINGS.finding(
-                    "axis-not-named",
-                    f"The model file does not say which axis the displacement {output.name} belongs to; the table "
-                    f"takes {axis} for its name.",
-                    evidence={"output": output.name},
-                )
+            yield FINDINGS.finding(
+                "axis-not-named",
+                f"The model file does not say which axis the displacement {output.name} belongs to; the table takes "
+                f"{axis} for its name.",
+                evidence={"output": output.name},
             )
         if axis in taken:
-            findings.append(
-                FINDINGS.finding(
-                    "axis-corrected-twice",
-                    f"{taken[axis]} and {output.name} both correct axis {axis}, but it has one K0 and one slope: what "
-                    "is written last wins.",
-                    evidence={"axis": axis, "outputs": [taken[axis], output.name]},
-                )
+            yield FINDINGS.finding(
+                "axis-corrected-twice",
+                f"{taken[axis]} and {output.name} both correct axis {axis}, but it has one K0 and one slope: what is "
+                "written last wins.",
+                evidence={"axis": axis, "outputs": [taken[axis], output.name]},
             )
         taken.setdefault(axis, output.name)
         if part is not None and not has_own_line(output):
-            findings.append(
-                FINDINGS.finding(
-                    "position-of-another-axis",
-                    f"The correction of {axis} depends on the position of {part.axis}; the control's straight line "
-                    f"knows only the position of {axis}. The whole correction goes into SD43900 and follows "
-                    f"{part.axis} as often as the PLC writes it, without a slew limit of its own.",
-                    evidence={"output": output.name, "position_axis": part.axis},
-                )
+            yield FINDINGS.finding(
+                "position-of-another-axis",
+                f"The correction of {axis} depends on the position of {part.axis}; the control's straight line knows "
+                f"only the position of {axis}. The whole correction goes into SD43900 and follows {part.axis} as often "
+                "as the PLC writes it, without a slew limit of its own.",
+                evidence={"output": output.name, "position_axis": part.axis},
             )
-    return findings

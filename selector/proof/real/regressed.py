@@ -28,16 +28,8 @@ def regressed(
 ) -> Recording:
     """Ordinary least squares of responses on inputs and a constant, on the runs `fitted`, computed for all runs.
 
-    Parameters
-    ----------
-    recording
-        Its rows without a missing value are fitted.
-    responses, inputs
-        Channels.
-    fitted
-        Runs.
-    of_rises
-        Inputs count from their mean over the first `_START` rows of a run, as displacements do that are zeroed there.
+    Rows without a missing value are fitted. `of_rises`: inputs count from their mean over the first `_START` rows of a
+    run, as displacements do that are zeroed there.
     """
 
     def regressors(run: str) -> Matrix:

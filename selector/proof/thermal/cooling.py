@@ -10,8 +10,7 @@ import numpy as np
 from selector.proof.thermal import hiding
 from selector.proof.thermal.duty import BOTH, Duty, Maker, Omission, with_bath
 from selector.proof.thermal.machine import Heat, Machine
-from selector.proof.thermal.scene import Scene, of, world_of
-from selector.proof.world import Plan, scenario, twin
+from selector.proof.thermal.scene import Scene, of, scenarios_of, thermal_case
 from selector.types import Matrix, Vector
 
 
@@ -31,13 +30,11 @@ def windage(axes: Mapping[str, float] = BOTH, exponent: float = 0.3) -> Maker:
 def rising_film(axes: Mapping[str, float] = BOTH) -> Maker:
     """Film coefficients that grow with the rise above the hall (natural convection, radiation): `size` per 10 K."""
 
-    def make(_generator: np.random.Generator, _tool: Machine, _duties: Sequence[Duty]) -> Omission:
-        def heated(heat: Heat, _duty: Duty, size: float) -> Heat:
-            return replace(heat, natural={**heat.natural, "hall": size})
+    def heated(heat: Heat, _duty: Duty, size: float) -> Heat:
+        return replace(heat, natural={**heat.natural, "hall": size})
 
-        return Omission("thermal.convection", place="headstock", heated=heated, axes=axes)
-
-    return make
+    omission = Omission("thermal.convection", place="headstock", heated=heated, axes=axes)
+    return lambda _generator, _tool, _duties: omission
 
 
 def product(first: str, second: str, axes: Mapping[str, float] = BOTH) -> Maker:
@@ -56,14 +53,9 @@ def product(first: str, second: str, axes: Mapping[str, float] = BOTH) -> Maker:
 
 _N = (of("n"),)
 _CASES = (
-    (
-        Plan(
-            "thermal.convection/windage",
-            "thermal",
-            "single",
-            hidden=("absorbed",),
-            note="The turning spindle stirs the air, which cools it faster at any speed. Offset and gain are fitted.",
-        ),
+    thermal_case(
+        "thermal.convection/windage",
+        "The turning spindle stirs the air, which cools it faster at any speed. Offset and gain are fitted.",
         Scene(
             (windage(),),
             ("intermittent", "steps", "cooling"),
@@ -73,15 +65,11 @@ _CASES = (
             noise="white",
             periods_s=(20.0,),
         ),
+        hidden=("absorbed",),
     ),
-    (
-        Plan(
-            "thermal.convection/natural",
-            "thermal",
-            "single",
-            hidden=("absorbed",),
-            note="Film coefficients grow with the rise above the hall.",
-        ),
+    thermal_case(
+        "thermal.convection/natural",
+        "Film coefficients grow with the rise above the hall.",
         Scene(
             (rising_film(),),
             ("staircase", "intermittent", "steps"),
@@ -90,16 +78,11 @@ _CASES = (
             periods_s=(20.0,),
             hours=(6.0, 8.0),
         ),
+        hidden=("absorbed",),
     ),
-    (
-        Plan(
-            "thermal.convection/one axis",
-            "thermal",
-            "single",
-            hidden=("absorbed",),
-            measures=(hiding.one_axis("Z"),),
-            note="Windage that shows in Z alone.",
-        ),
+    thermal_case(
+        "thermal.convection/one axis",
+        "Windage that shows in Z alone.",
         Scene(
             (windage({"Z": 1.0}, 0.4),),
             ("steps", "intermittent", "cooling"),
@@ -108,15 +91,12 @@ _CASES = (
             noise="heavy",
             periods_s=(20.0,),
         ),
+        hidden=("absorbed",),
+        measures=(hiding.one_axis("Z"),),
     ),
-    (
-        Plan(
-            "thermal.interaction/product",
-            "thermal",
-            "single",
-            hidden=("absorbed",),
-            note="Z follows the product of two temperatures; offset and gain of the simulation were fitted to it.",
-        ),
+    thermal_case(
+        "thermal.interaction/product",
+        "Z follows the product of two temperatures; offset and gain of the simulation were fitted to it.",
         Scene(
             (product("T1", "T4"),),
             ("steps", "intermittent", "warm-up"),
@@ -126,26 +106,17 @@ _CASES = (
             noise="white",
             periods_s=(20.0,),
         ),
+        hidden=("absorbed",),
     ),
-    (
-        Plan(
-            "thermal.interaction/opposed",
-            "thermal",
-            "single",
-            measures=(hiding.opposed,),
-            note="The product of nose and motor temperatures tilts the head: up in Z, back in Y.",
-        ),
+    thermal_case(
+        "thermal.interaction/opposed",
+        "The product of nose and motor temperatures tilts the head: up in Z, back in Y.",
         Scene((product("T6", "T3", {"Z": 1.0, "Y": -0.7}),), ("intermittent", "steps", "warm-up"), _N, must=("T3",)),
+        measures=(hiding.opposed,),
     ),
-    (
-        Plan(
-            "thermal.interaction/one axis",
-            "thermal",
-            "single",
-            hidden=("absorbed",),
-            measures=(hiding.one_axis("Y"),),
-            note="Product of column and headstock temperatures, Y alone; feed is there and known.",
-        ),
+    thermal_case(
+        "thermal.interaction/one axis",
+        "Product of column and headstock temperatures, Y alone; feed is there and known.",
         Scene(
             (product("T4", "T2", {"Y": 1.0}),),
             ("steps", "cooling", "intermittent"),
@@ -155,9 +126,8 @@ _CASES = (
             noise="white",
             periods_s=(15.0, 20.0),
         ),
+        hidden=("absorbed",),
+        measures=(hiding.one_axis("Y"),),
     ),
 )
-SCENARIOS = (
-    *(scenario(plan, world_of(scene)) for plan, scene in _CASES),
-    *(twin(plan, world_of(scene)) for plan, scene in (_CASES[0], _CASES[3])),
-)
+SCENARIOS = scenarios_of(_CASES, 0, 3)

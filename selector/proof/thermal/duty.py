@@ -30,6 +30,10 @@ class Duty:
     def __getitem__(self, name: str) -> Vector:
         return self.courses[name]
 
+    def having(self, **courses: Vector) -> Duty:
+        """The same run with these courses."""
+        return replace(self, courses={**self.courses, **courses})
+
 
 def held(generator: np.random.Generator, n: int, low_min: float, high_min: float, levels: Vector) -> Vector:
     """A course of n steps that keeps a drawn level for a drawn while and never the same twice in a row."""

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from selector.proof.thermal import hiding
 from selector.proof.thermal.duty import BOTH, STEP_S, Duty, Maker, Omission, gated, held, wandering, with_bath
 from selector.proof.thermal.machine import Heat, Machine
-from selector.proof.thermal.scene import STRIDE, Scene, of, warmed, world_of
-from selector.proof.world import HIDDEN_FACTOR, Plan, scenario, twin
+from selector.proof.thermal.scene import STRIDE, Scene, of, scenarios_of, warmed
+from selector.proof.world import HIDDEN_FACTOR, Plan
 from selector.types import Vector
 
 Draw = Callable[[np.random.Generator, int], Vector]
@@ -221,7 +221,4 @@ _CASES = (
         Scene((fixture_of("sun", _sun, 600.0, {"Z": 0.3, "Y": 1.0}),), ("intermittent", "steps", "steps"), _MORE),
     ),
 )
-SCENARIOS = (
-    *(scenario(plan, world_of(scene)) for plan, scene in _CASES),
-    twin(_CASES[0][0], world_of(_CASES[0][1])),
-)
+SCENARIOS = scenarios_of(_CASES, 0)

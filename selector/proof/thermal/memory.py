@@ -10,11 +10,11 @@ from scipy.signal import lfilter
 from selector.proof.thermal import hiding
 from selector.proof.thermal.duty import BOTH, Duty, Maker, Omission
 from selector.proof.thermal.machine import Machine
-from selector.proof.thermal.scene import GRID_S, Scene, of, world_of
-from selector.proof.world import Plan, scenario, twin
+from selector.proof.thermal.scene import GRID_S, Scene, of, scenarios_of, thermal_case
 from selector.types import Matrix, Vector
 
 QUIET_HALL = (21.0, 0.2, 0.03)
+_N = (of("n"),)
 
 
 def member_by(
@@ -59,57 +59,50 @@ def _behind(course: Vector, lag_s: float) -> Vector:
     return np.asarray(lfilter([1.0 - e], [1.0, -e], course))
 
 
-_STATIC = Plan(
-    "thermal.memory/static",
-    "thermal",
-    "single",
-    hidden=("absorbed",),
-    note="A part of the machine is a constant times the temperature of the front bearing, fitted to one warm-up.",
+_CASES = (
+    thermal_case(
+        "thermal.memory/static",
+        "A part of the machine is a constant times the temperature of the front bearing, fitted to one warm-up.",
+        Scene(
+            (member_by("T1"),), ("warm-up", "intermittent", "steps"), hall=QUIET_HALL, noise="white", periods_s=(20.0,)
+        ),
+        hidden=("absorbed",),
+    ),
+    thermal_case(
+        "thermal.memory/tail",
+        "One lag, fitted to the first hours of a warm-up; the slower one shows in the long cooling.",
+        Scene(
+            (member_by("T1", hours=2.5, behind=True),),
+            ("warm-up", "cooling", "steps"),
+            _N,
+            hall=QUIET_HALL,
+            hours=(6.0, 8.0),
+        ),
+        hidden=("absorbed",),
+    ),
+    thermal_case(
+        "thermal.memory/one axis",
+        "Only Y bends late; noise is white.",
+        Scene(
+            (member_by("T6", "scale", {"Y": 1.0}),),
+            ("steps", "warm-up", "intermittent"),
+            _N,
+            noise="white",
+            hall=QUIET_HALL,
+        ),
+        hidden=("absorbed",),
+    ),
+    thermal_case(
+        "thermal.memory/opposed",
+        "The late member acts against the rest in Z and with it in Y; coolant, feed and a cabinet do nothing.",
+        Scene(
+            (member_by("T6", "scale", {"Z": -1.0, "Y": 0.6}),),
+            ("intermittent", "steps", "cooling"),
+            (*_N, of("M8"), of("f"), of("T10")),
+            hall=QUIET_HALL,
+            refitted=True,
+        ),
+        measures=(hiding.opposed,),
+    ),
 )
-_STATIC_SCENE = Scene(
-    (member_by("T1"),), ("warm-up", "intermittent", "steps"), hall=QUIET_HALL, noise="white", periods_s=(20.0,)
-)
-_TAIL = Plan(
-    "thermal.memory/tail",
-    "thermal",
-    "single",
-    hidden=("absorbed",),
-    note="One lag, fitted to the first hours of a warm-up; the slower one shows in the long cooling.",
-)
-_TAIL_SCENE = Scene(
-    (member_by("T1", hours=2.5, behind=True),),
-    ("warm-up", "cooling", "steps"),
-    (of("n"),),
-    hall=QUIET_HALL,
-    hours=(6.0, 8.0),
-)
-_AXIS = Plan(
-    "thermal.memory/one axis", "thermal", "single", hidden=("absorbed",), note="Only Y bends late; noise is white."
-)
-_AXIS_SCENE = Scene(
-    (member_by("T6", "scale", {"Y": 1.0}),),
-    ("steps", "warm-up", "intermittent"),
-    (of("n"),),
-    noise="white",
-    hall=QUIET_HALL,
-)
-_OPPOSED = Plan(
-    "thermal.memory/opposed",
-    "thermal",
-    "single",
-    measures=(hiding.opposed,),
-    note="The late member acts against the rest in Z and with it in Y; coolant, feed and a cabinet do nothing.",
-)
-_OPPOSED_SCENE = Scene(
-    (member_by("T6", "scale", {"Z": -1.0, "Y": 0.6}),),
-    ("intermittent", "steps", "cooling"),
-    (of("n"), of("M8"), of("f"), of("T10")),
-    hall=QUIET_HALL,
-    refitted=True,
-)
-_CASES = ((_STATIC, _STATIC_SCENE), (_TAIL, _TAIL_SCENE), (_AXIS, _AXIS_SCENE), (_OPPOSED, _OPPOSED_SCENE))
-SCENARIOS = (
-    *(scenario(plan, world_of(scene)) for plan, scene in _CASES),
-    twin(_STATIC, world_of(_STATIC_SCENE)),
-    twin(_OPPOSED, world_of(_OPPOSED_SCENE)),
-)
+SCENARIOS = scenarios_of(_CASES, 0, 3)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from selector.proof.thermal.duty import Duty, held
-from selector.proof.thermal.scene import CABINETS, Gauge, Scene, decoy, of, world_of
-from selector.proof.world import Plan, scenario
+from selector.proof.thermal.scene import CABINETS, Gauge, Scene, decoy, of, scenarios_of
+from selector.proof.world import Plan
 from selector.recording import Channel
 
 _MIXED = ("steps", "warm-up", "intermittent")
@@ -27,15 +26,11 @@ def _wrong(name: str, note: str) -> Plan:
 def _shut(generator: np.random.Generator, duties: Sequence[Duty]) -> list[Duty]:
     """The pump's bit follows the programme of the spindle half of the time; no jet is open."""
     return [
-        replace(
-            one,
-            courses={
-                **one.courses,
-                "coolant": np.maximum(
-                    (one["speed"] > 0.0) * held(generator, len(one.time_s), 20.0, 60.0, np.array([0.0, 1.0])),
-                    held(generator, len(one.time_s), 15.0, 90.0, np.array([0.0, 0.0, 1.0])),
-                ),
-            },
+        one.having(
+            coolant=np.maximum(
+                (one["speed"] > 0.0) * held(generator, len(one.time_s), 20.0, 60.0, np.array([0.0, 1.0])),
+                held(generator, len(one.time_s), 15.0, 90.0, np.array([0.0, 0.0, 1.0])),
+            )
         )
         for one in duties
     ]
@@ -130,4 +125,4 @@ _CASES = (
         ),
     ),
 )
-SCENARIOS = tuple(scenario(plan, world_of(scene)) for plan, scene in _CASES)
+SCENARIOS = scenarios_of(_CASES)

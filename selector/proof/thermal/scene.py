@@ -6,10 +6,11 @@ from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
-from selector.proof.case import TrueEffect, Window
+from selector.proof.case import Kind, Scenario, TrueEffect, Window
 from selector.proof.concealment import Noise, d_prime, recalibration, scale_for
 from selector.proof.thermal.duty import (
     BOTH,
@@ -25,7 +26,7 @@ from selector.proof.thermal.duty import (
     with_power,
 )
 from selector.proof.thermal.machine import Heat, Machine, machine, temperatures
-from selector.proof.world import World
+from selector.proof.world import Plan, World, scenario, twin
 from selector.recording import Channel
 from selector.types import Matrix, Vector
 
@@ -101,6 +102,17 @@ def noise_of(generator: np.random.Generator, kind: str) -> Noise:
 def world_of(scene: Scene) -> Callable[[np.random.Generator], World]:
     """Worlds of a scene, each from its generator."""
     return lambda generator: stage_of(scene, generator).world()
+
+
+def thermal_case(name: str, note: str, scene: Scene, *, kind: Kind = "single", **plan: Any) -> tuple[Plan, Scene]:
+    """What is said of a case, see `Plan`, and its scene."""
+    return Plan(name, "thermal", kind, note=note, **plan), scene
+
+
+def scenarios_of(cases: Sequence[tuple[Plan, Scene]], *twins: int) -> tuple[Scenario, ...]:
+    """The scenarios of some cases, and the clean twins of those with these numbers."""
+    made = [(plan, world_of(scene)) for plan, scene in cases]
+    return (*(scenario(plan, world) for plan, world in made), *(twin(*made[k]) for k in twins))
 
 
 def stage_of(scene: Scene, generator: np.random.Generator) -> Stage:

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from selector.proof.thermal.duty import Duty, gated
 from selector.proof.thermal.memory import QUIET_HALL, member_by
-from selector.proof.thermal.scene import Scene, decoy, of, warmed, world_of
+from selector.proof.thermal.scene import Scene, decoy, of, scenarios_of, thermal_case, warmed
 from selector.proof.thermal.sources import feed_watts, source, with_hydraulics
 from selector.proof.thermal.speed import growth, heating
 from selector.proof.thermal.surroundings import changed, chilled, hall, jets
-from selector.proof.world import Plan, scenario
 
 
 def _always_with_spindle(_generator: np.random.Generator, one: Duty) -> np.ndarray:
@@ -27,8 +25,7 @@ def _exhaust(generator: np.random.Generator, duties: Sequence[Duty]) -> list[Dut
         on = gated(generator, len(one.time_s), (250.0, 800.0), (250.0, 800.0))
         rise = warmed(on, 1500.0)
         level = one["hall"][0]
-        courses = {**one.courses, "hydraulics": on, "oil_degc": level + 14.0 * rise, "hall": level + 4.0 * rise}
-        result.append(replace(one, courses=courses))
+        result.append(one.having(hydraulics=on, oil_degc=level + 14.0 * rise, hall=level + 4.0 * rise))
     return result
 
 
@@ -36,13 +33,7 @@ def _one_speed_by_turns(generator: np.random.Generator, duties: Sequence[Duty]) 
     """The spindle turns at one speed or not at all, by turns."""
     highest = max(float(one["speed"].max()) for one in duties)
     return [
-        replace(
-            one,
-            courses={
-                **one.courses,
-                "speed": 0.7 * highest * gated(generator, len(one.time_s), (80.0, 700.0), (200.0, 900.0)),
-            },
-        )
+        one.having(speed=0.7 * highest * gated(generator, len(one.time_s), (80.0, 700.0), (200.0, 900.0)))
         for one in duties
     ]
 
@@ -55,27 +46,20 @@ def _one_speed_wet(generator: np.random.Generator, duties: Sequence[Duty]) -> Se
 
 _N, _F, _M8 = of("n"), of("f"), of("M8")
 _CASES = (
-    (
-        Plan(
-            "several.thermal/memory and feed",
-            "thermal",
-            "several",
-            note="A late member and the heat of a feed drive.",
-        ),
+    thermal_case(
+        "several.thermal/memory and feed",
+        "A late member and the heat of a feed drive.",
         Scene(
             (member_by("T1"), source("nut", feed_watts)),
             ("warm-up", "steps", "intermittent"),
             (_N, _F),
             hall=QUIET_HALL,
         ),
+        kind="several",
     ),
-    (
-        Plan(
-            "several.thermal/hall and growth",
-            "thermal",
-            "several",
-            note="The hall acts slowly, the spindle grows at once.",
-        ),
+    thermal_case(
+        "several.thermal/hall and growth",
+        "The hall acts slowly, the spindle grows at once.",
         Scene(
             (hall(), growth(2.0, {"Z": 1.0})),
             ("steps", "intermittent", "steps"),
@@ -83,14 +67,11 @@ _CASES = (
             knows=("constant hall",),
             hall=(21.0, 0.8, 1.3),
         ),
+        kind="several",
     ),
-    (
-        Plan(
-            "several.thermal/coolant against law of speed",
-            "thermal",
-            "several",
-            note="Coolant takes away heat of which the spindle makes more than the simulation knows.",
-        ),
+    thermal_case(
+        "several.thermal/coolant against law of speed",
+        "Coolant takes away heat of which the spindle makes more than the simulation knows.",
         Scene(
             (jets(), heating({"front bearing": 40.0, "rear bearing": 20.0}, 2.9)),
             ("steps", "intermittent", "staircase"),
@@ -98,14 +79,11 @@ _CASES = (
             law=(0.9, 1.1),
             duties=changed(coolant_degc=chilled),
         ),
+        kind="several",
     ),
-    (
-        Plan(
-            "several.thermal/hall, hydraulics, growth",
-            "thermal",
-            "several",
-            note="Three at once: hall, hydraulic unit, growth of the spindle.",
-        ),
+    thermal_case(
+        "several.thermal/hall, hydraulics, growth",
+        "Three at once: hall, hydraulic unit, growth of the spindle.",
         Scene(
             (hall(), source("hydraulics", lambda one: 90.0 * one["hydraulics"]), growth(2.0, {"Z": 1.0, "Y": 0.3})),
             ("steps", "intermittent", "steps"),
@@ -114,59 +92,42 @@ _CASES = (
             hall=(21.0, 0.8, 1.3),
             duties=with_hydraulics,
         ),
+        kind="several",
     ),
-    (
-        Plan(
-            "thermal.coolant/wrong gain",
-            "thermal",
-            "single",
-            note="The simulation has 20 % too much heat as well; only the coolant is physics.",
-        ),
+    thermal_case(
+        "thermal.coolant/wrong gain",
+        "The simulation has 20 % too much heat as well; only the coolant is physics.",
         Scene((jets(),), ("steps", "intermittent", "steps"), (_N, _M8, of("T8")), gain=1.2, offset_um=-2.0),
     ),
-    (
-        Plan(
-            "thermal.second_source/wrong gain",
-            "thermal",
-            "single",
-            note="The simulation has 20 % too little heat as well; only the feed drive is physics.",
-        ),
+    thermal_case(
+        "thermal.second_source/wrong gain",
+        "The simulation has 20 % too little heat as well; only the feed drive is physics.",
         Scene((source("nut", feed_watts),), ("steps", "warm-up", "intermittent"), (_N, _F), gain=0.8),
     ),
-    (
-        Plan(
-            "thermal.memory/decoy",
-            "thermal",
-            "decoy",
-            note="Two cabinets warmed up like the late member in the first run, and went their own way afterwards.",
-        ),
+    thermal_case(
+        "thermal.memory/decoy",
+        "Two cabinets warmed up like the late member in the first run, and went their own way afterwards.",
         Scene(
             (member_by("T1"),),
             ("warm-up", "intermittent", "steps"),
             (_N, decoy("T10", "control cabinet", 4500.0), decoy("T11", "drive cabinet", 9000.0)),
             hall=QUIET_HALL,
         ),
+        kind="decoy",
     ),
-    (
-        Plan(
-            "thermal.instant_speed/decoy",
-            "thermal",
-            "decoy",
-            note="A feed channel and a cabinet went with the spindle in the first run only.",
-        ),
+    thermal_case(
+        "thermal.instant_speed/decoy",
+        "A feed channel and a cabinet went with the spindle in the first run only.",
         Scene(
             (growth(2.0, {"Z": 1.0, "Y": -0.4}),),
             ("intermittent", "steps", "cooling"),
             (_N, _F, decoy("T10", "control cabinet", 60.0)),
         ),
+        kind="decoy",
     ),
-    (
-        Plan(
-            "undecidable.thermal/one speed",
-            "thermal",
-            "undecidable",
-            note="One speed only: a rear bearing that heats more by speed, or a slower answer to the same heat.",
-        ),
+    thermal_case(
+        "undecidable.thermal/one speed",
+        "One speed only: a rear bearing that heats more by speed, or a slower answer to the same heat.",
         Scene(
             (heating({"rear bearing": 40.0}, 2.0, accept=("thermal.speed_heating", "thermal.memory")),),
             ("steps", "steps", "steps"),
@@ -174,14 +135,11 @@ _CASES = (
             hall=QUIET_HALL,
             duties=_one_speed_by_turns,
         ),
+        kind="undecidable",
     ),
-    (
-        Plan(
-            "undecidable.thermal/wet at one speed",
-            "thermal",
-            "undecidable",
-            note="Coolant runs whenever the spindle does, at one speed: it, cooling by speed, or less heat by speed.",
-        ),
+    thermal_case(
+        "undecidable.thermal/wet at one speed",
+        "Coolant runs whenever the spindle does, at one speed: it, cooling by speed, or less heat by speed.",
         Scene(
             (jets(accept=("thermal.coolant", "thermal.convection", "thermal.speed_heating", "thermal.memory")),),
             ("steps", "steps", "steps"),
@@ -189,14 +147,11 @@ _CASES = (
             hall=QUIET_HALL,
             duties=_one_speed_wet,
         ),
+        kind="undecidable",
     ),
-    (
-        Plan(
-            "undecidable.thermal/exhaust",
-            "thermal",
-            "undecidable",
-            note="The hydraulic unit warms the hall, which follows it alone: its heat at the foot, or the hall's.",
-        ),
+    thermal_case(
+        "undecidable.thermal/exhaust",
+        "The hydraulic unit warms the hall, which follows it alone: its heat at the foot, or the hall's.",
         Scene(
             (hall(accept=("thermal.ambient", "thermal.second_source")),),
             ("steps", "intermittent", "steps"),
@@ -204,6 +159,7 @@ _CASES = (
             knows=("constant hall",),
             duties=_exhaust,
         ),
+        kind="undecidable",
     ),
 )
-SCENARIOS = tuple(scenario(plan, world_of(scene)) for plan, scene in _CASES)
+SCENARIOS = scenarios_of(_CASES)

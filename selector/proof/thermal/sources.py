@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from selector.proof.thermal import hiding
 from selector.proof.thermal.duty import BOTH, STEP_S, Duty, Maker, Omission, gated, held, wandering, with_power
-from selector.proof.thermal.machine import Heat, Machine
-from selector.proof.thermal.scene import Gauge, Scene, of, warmed, world_of
-from selector.proof.world import Plan, scenario, twin
+from selector.proof.thermal.machine import Heat
+from selector.proof.thermal.scene import Gauge, Scene, of, scenarios_of, thermal_case, warmed
 from selector.recording import Channel
 from selector.types import Vector
 
@@ -27,13 +25,11 @@ def source(
 ) -> Maker:
     """Heat at an inlet that the simulation does not have."""
 
-    def make(_generator: np.random.Generator, _tool: Machine, _duties: Sequence[Duty]) -> Omission:
-        def heated(heat: Heat, one: Duty, size: float) -> Heat:
-            return with_power(heat, inlet, size * watts(one))
+    def heated(heat: Heat, one: Duty, size: float) -> Heat:
+        return with_power(heat, inlet, size * watts(one))
 
-        return Omission(id, accept, place=inlet, heated=heated, axes=axes, brief=brief)
-
-    return make
+    omission = Omission(id, accept, place=inlet, heated=heated, axes=axes, brief=brief)
+    return lambda _generator, _tool, _duties: omission
 
 
 def feed_watts(one: Duty) -> Vector:
@@ -49,7 +45,7 @@ def _with_hydraulics(
         for one in duties:
             on = gate(generator, one)
             oil = one["hall"][0] + 2.0 + warmed(14.0 * on, 1500.0) + 0.2 * wandering(generator, len(on), 3000.0)
-            result.append(replace(one, courses={**one.courses, "hydraulics": on, "oil_degc": oil}))
+            result.append(one.having(hydraulics=on, oil_degc=oil))
         return result
 
     return change
@@ -79,7 +75,7 @@ def _follows_spindle(generator: np.random.Generator, duties: Sequence[Duty]) -> 
             feed = 9000.0 * one["speed"] / max(1.0, float(one["speed"].max()))
         else:
             feed = held(generator, len(one.time_s), 10.0, 50.0, np.array([0.0, 3000.0, 6000.0, 9000.0]))
-        result.append(replace(one, courses={**one.courses, "feed": feed}))
+        result.append(one.having(feed=feed))
     return result
 
 
@@ -87,8 +83,7 @@ def _with_cabinet(generator: np.random.Generator, duties: Sequence[Duty]) -> lis
     result = []
     for one in duties:
         load = held(generator, len(one.time_s), 20.0, 70.0, np.array([0.0, 0.5, 1.0]))
-        air = 26.0 + 11.0 * warmed(load, 1200.0)
-        result.append(replace(one, courses={**one.courses, "cabinet_degc": air}))
+        result.append(one.having(cabinet_degc=26.0 + 11.0 * warmed(load, 1200.0)))
     return result
 
 
@@ -100,14 +95,9 @@ _CABINET = Gauge(
     Channel("T10", "temperature", "degC", "control cabinet"), lambda one, _: one["cabinet_degc"], lag_s=60.0
 )
 _CASES = (
-    (
-        Plan(
-            "thermal.second_source/feed",
-            "thermal",
-            "single",
-            hidden=("absorbed",),
-            note="The nut of the Z axis heats the column; offset and gain of the simulation were fitted to that.",
-        ),
+    thermal_case(
+        "thermal.second_source/feed",
+        "The nut of the Z axis heats the column; offset and gain of the simulation were fitted to that.",
         Scene(
             (source("nut", feed_watts),),
             ("warm-up", "steps", "intermittent"),
@@ -116,61 +106,44 @@ _CASES = (
             noise="white",
             periods_s=(20.0,),
         ),
+        hidden=("absorbed",),
     ),
-    (
-        Plan(
-            "thermal.second_source/cabinet",
-            "thermal",
-            "single",
-            measures=(hiding.opposed,),
-            note="A cabinet at the rear wall bends the column; its temperature is recorded.",
-        ),
+    thermal_case(
+        "thermal.second_source/cabinet",
+        "A cabinet at the rear wall bends the column; its temperature is recorded.",
         Scene(
             (source("rear wall", _from_cabinet, {"Z": 1.0, "Y": -1.0}),),
             ("steps", "intermittent", "warm-up"),
             (of("n"), _CABINET, of("T11")),
             duties=_with_cabinet,
         ),
+        measures=(hiding.opposed,),
     ),
-    (
-        Plan(
-            "thermal.second_source/seldom",
-            "thermal",
-            "single",
-            measures=(hiding.seldom("M20"),),
-            note="A hydraulic unit at the column's foot runs for some twenty minutes once in a run.",
-        ),
+    thermal_case(
+        "thermal.second_source/seldom",
+        "A hydraulic unit at the column's foot runs for some twenty minutes once in a run.",
         Scene(
             (source("hydraulics", lambda one: 120.0 * one["hydraulics"], brief=True),),
             ("warm-up", "steps", "intermittent"),
             (of("n"), of("M20"), of("T9")),
             duties=_with_hydraulics(_once),
         ),
+        measures=(hiding.seldom("M20"),),
     ),
-    (
-        Plan(
-            "thermal.second_source/with the spindle",
-            "thermal",
-            "single",
-            measures=(hiding.like_in_first_run(),),
-            note="In the first run feed goes with spindle speed; in the others it has its own programme.",
-        ),
+    thermal_case(
+        "thermal.second_source/with the spindle",
+        "In the first run feed goes with spindle speed; in the others it has its own programme.",
         Scene(
             (source("motor", feed_watts),),
             ("intermittent", "steps", "cooling"),
             (of("n"), of("f")),
             duties=_follows_spindle,
         ),
+        measures=(hiding.like_in_first_run(),),
     ),
-    (
-        Plan(
-            "thermal.second_source/hydraulics",
-            "thermal",
-            "single",
-            hidden=("absorbed",),
-            measures=(hiding.one_axis("Y"),),
-            note="Hydraulics by turns, Y alone; only the temperature of the tank tells; coolant is known.",
-        ),
+    thermal_case(
+        "thermal.second_source/hydraulics",
+        "Hydraulics by turns, Y alone; only the temperature of the tank tells; coolant is known.",
         Scene(
             (source("hydraulics", lambda one: 90.0 * one["hydraulics"], {"Y": 1.0}),),
             ("steps", "intermittent", "steps"),
@@ -180,9 +153,8 @@ _CASES = (
             noise="white",
             periods_s=(20.0,),
         ),
+        hidden=("absorbed",),
+        measures=(hiding.one_axis("Y"),),
     ),
 )
-SCENARIOS = (
-    *(scenario(plan, world_of(scene)) for plan, scene in _CASES),
-    *(twin(plan, world_of(scene)) for plan, scene in (_CASES[0], _CASES[4])),
-)
+SCENARIOS = scenarios_of(_CASES, 0, 4)

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from selector.proof.thermal import hiding
 from selector.proof.thermal.duty import BOTH, STEP_S, Duty, Maker, Omission, with_power
 from selector.proof.thermal.machine import Heat, Machine
-from selector.proof.thermal.scene import STRIDE, Scene, of, world_of
-from selector.proof.world import Plan, scenario, twin
+from selector.proof.thermal.scene import STRIDE, Scene, of, scenarios_of, thermal_case
 from selector.types import Matrix, Vector
 
 
@@ -63,20 +61,15 @@ def sprints(generator: np.random.Generator, duties: Sequence[Duty]) -> list[Duty
             for start in (0.25, 0.6):
                 at = int(len(speed) * (start + generator.uniform(0.0, 0.2)))
                 speed[at : at + int(60.0 * generator.uniform(6.0, 9.0) / STEP_S)] = highest
-        result.append(replace(one, courses={**one.courses, "speed": speed}))
+        result.append(one.having(speed=speed))
     return result
 
 
 _N = (of("n"),)
 _CASES = (
-    (
-        Plan(
-            "thermal.speed_heating/law",
-            "thermal",
-            "single",
-            hidden=("absorbed",),
-            note="Heat grows with a higher power of speed than the simulation has; its gain was fitted to the machine.",
-        ),
+    thermal_case(
+        "thermal.speed_heating/law",
+        "Heat grows with a higher power of speed than the simulation has; its gain was fitted to the machine.",
         Scene(
             (heating({"front bearing": 40.0, "rear bearing": 20.0}, 2.9),),
             ("warm-up", "steps", "staircase"),
@@ -86,31 +79,22 @@ _CASES = (
             noise="white",
             periods_s=(20.0,),
         ),
+        hidden=("absorbed",),
     ),
-    (
-        Plan(
-            "thermal.speed_heating/onset",
-            "thermal",
-            "single",
-            measures=(hiding.seldom("n", 0.6),),
-            note="Churning above 60 % of the highest speed, which is reached in a few sprints only.",
-        ),
+    thermal_case(
+        "thermal.speed_heating/onset",
+        "Churning above 60 % of the highest speed, which is reached in a few sprints only.",
         Scene(
             (heating({"front bearing": 60.0}, 1.0, onset=0.6, brief=True),),
             ("steps", "steps", "intermittent"),
             _N,
             duties=sprints,
         ),
+        measures=(hiding.seldom("n", 0.6),),
     ),
-    (
-        Plan(
-            "thermal.speed_heating/one axis",
-            "thermal",
-            "single",
-            hidden=("absorbed",),
-            measures=(hiding.one_axis("Y"),),
-            note="The rear bearing heats more with speed than the simulation knows; that bends Y alone.",
-        ),
+    thermal_case(
+        "thermal.speed_heating/one axis",
+        "The rear bearing heats more with speed than the simulation knows; that bends Y alone.",
         Scene(
             (heating({"rear bearing": 40.0}, 2.6, axes={"Y": 1.0}),),
             ("steps", "intermittent", "staircase"),
@@ -119,15 +103,12 @@ _CASES = (
             noise="white",
             periods_s=(15.0, 20.0),
         ),
+        hidden=("absorbed",),
+        measures=(hiding.one_axis("Y"),),
     ),
-    (
-        Plan(
-            "thermal.instant_speed/absorbed",
-            "thermal",
-            "single",
-            hidden=("absorbed",),
-            note="The spindle grows with the square of speed; offset and gain of the simulation were fitted to it.",
-        ),
+    thermal_case(
+        "thermal.instant_speed/absorbed",
+        "The spindle grows with the square of speed; offset and gain of the simulation were fitted to it.",
         Scene(
             (growth(2.0, {"Z": 1.0}),),
             ("warm-up", "cooling", "steps"),
@@ -136,16 +117,11 @@ _CASES = (
             noise="white",
             periods_s=(20.0,),
         ),
+        hidden=("absorbed",),
     ),
-    (
-        Plan(
-            "thermal.instant_speed/opposed",
-            "thermal",
-            "single",
-            hidden=("absorbed",),
-            measures=(hiding.opposed,),
-            note="Preload moves the shaft in proportion to speed, out in Z and back in Y.",
-        ),
+    thermal_case(
+        "thermal.instant_speed/opposed",
+        "Preload moves the shaft in proportion to speed, out in Z and back in Y.",
         Scene(
             (growth(1.0, {"Z": 1.0, "Y": -0.8}),),
             ("steps", "intermittent", "cooling"),
@@ -153,19 +129,14 @@ _CASES = (
             noise="white",
             periods_s=(15.0, 20.0),
         ),
+        hidden=("absorbed",),
+        measures=(hiding.opposed,),
     ),
-    (
-        Plan(
-            "thermal.instant_speed/sprints",
-            "thermal",
-            "single",
-            measures=(hiding.seldom("n", 0.6), hiding.one_axis("Z")),
-            note="Growth by the third power of speed, which matters in a few sprints only.",
-        ),
+    thermal_case(
+        "thermal.instant_speed/sprints",
+        "Growth by the third power of speed, which matters in a few sprints only.",
         Scene((growth(3.0, {"Z": 1.0}, brief=True),), ("steps", "steps", "intermittent"), _N, duties=sprints),
+        measures=(hiding.seldom("n", 0.6), hiding.one_axis("Z")),
     ),
 )
-SCENARIOS = (
-    *(scenario(plan, world_of(scene)) for plan, scene in _CASES),
-    *(twin(plan, world_of(scene)) for plan, scene in (_CASES[0], _CASES[3])),
-)
+SCENARIOS = scenarios_of(_CASES, 0, 3)

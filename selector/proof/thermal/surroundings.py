@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from selector.proof.thermal import hiding
 from selector.proof.thermal.duty import BOTH, STEP_S, Duty, Maker, Omission, gated, with_bath
-from selector.proof.thermal.machine import Heat, Machine
-from selector.proof.thermal.scene import Scene, of, warmed, world_of
-from selector.proof.world import Plan, scenario, twin
+from selector.proof.thermal.machine import Heat
+from selector.proof.thermal.scene import Scene, of, scenarios_of, thermal_case, warmed
 from selector.types import Vector
 
 Change = Callable[[np.random.Generator, Sequence[Duty]], Sequence[Duty]]
@@ -20,14 +18,12 @@ Change = Callable[[np.random.Generator, Sequence[Duty]], Sequence[Duty]]
 def hall(axes: Mapping[str, float] = BOTH, *, accept: tuple[str, ...] = (), brief: bool = False) -> Maker:
     """The hall acts on the machine; the simulation has it constant."""
 
-    def make(_generator: np.random.Generator, _tool: Machine, _duties: Sequence[Duty]) -> Omission:
-        def heated(heat: Heat, one: Duty, size: float) -> Heat:
-            start = one["hall"][0]
-            return with_bath(heat, "hall", start + size * (one["hall"] - start), np.ones(len(one.time_s)))
+    def heated(heat: Heat, one: Duty, size: float) -> Heat:
+        start = one["hall"][0]
+        return with_bath(heat, "hall", start + size * (one["hall"] - start), np.ones(len(one.time_s)))
 
-        return Omission("thermal.ambient", accept, place="structure", heated=heated, axes=axes, brief=brief)
-
-    return make
+    omission = Omission("thermal.ambient", accept, place="structure", heated=heated, axes=axes, brief=brief)
+    return lambda _generator, _tool, _duties: omission
 
 
 def jets(
@@ -39,13 +35,11 @@ def jets(
 ) -> Maker:
     """Coolant on nose, headstock and column foot while it runs."""
 
-    def make(_generator: np.random.Generator, _tool: Machine, _duties: Sequence[Duty]) -> Omission:
-        def heated(heat: Heat, one: Duty, size: float) -> Heat:
-            return with_bath(heat, "coolant", one["coolant_degc"], size * by(one))
+    def heated(heat: Heat, one: Duty, size: float) -> Heat:
+        return with_bath(heat, "coolant", one["coolant_degc"], size * by(one))
 
-        return Omission("thermal.coolant", accept, place="headstock nose", heated=heated, axes=axes, brief=brief)
-
-    return make
+    omission = Omission("thermal.coolant", accept, place="headstock nose", heated=heated, axes=axes, brief=brief)
+    return lambda _generator, _tool, _duties: omission
 
 
 def changed(**courses: Callable[[np.random.Generator, Duty], Vector]) -> Change:
@@ -55,7 +49,7 @@ def changed(**courses: Callable[[np.random.Generator, Duty], Vector]) -> Change:
         result = []
         for one in duties:
             for name, course in courses.items():
-                one = replace(one, courses={**one.courses, name: course(generator, one)})
+                one = one.having(**{name: course(generator, one)})
             result.append(one)
         return result
 
@@ -100,14 +94,9 @@ def chilled(generator: np.random.Generator, one: Duty) -> Vector:
 _DRIFT = (21.0, 0.8, 1.3)
 _N = (of("n"),)
 _CASES = (
-    (
-        Plan(
-            "thermal.ambient/absorbed",
-            "thermal",
-            "single",
-            hidden=("absorbed",),
-            note="The hall drifts by a few kelvins; offset and gain of the simulation were fitted to that.",
-        ),
+    thermal_case(
+        "thermal.ambient/absorbed",
+        "The hall drifts by a few kelvins; offset and gain of the simulation were fitted to that.",
         Scene(
             (hall(),),
             ("warm-up", "steps", "intermittent"),
@@ -118,16 +107,11 @@ _CASES = (
             noise="white",
             periods_s=(20.0,),
         ),
+        hidden=("absorbed",),
     ),
-    (
-        Plan(
-            "thermal.ambient/one axis",
-            "thermal",
-            "single",
-            hidden=("small",),
-            measures=(hiding.one_axis("Y"),),
-            note="The hall bends Y alone; coolant and feed are there and known.",
-        ),
+    thermal_case(
+        "thermal.ambient/one axis",
+        "The hall bends Y alone; coolant and feed are there and known.",
         Scene(
             (hall({"Y": 1.0}),),
             ("steps", "intermittent", "cooling"),
@@ -137,15 +121,12 @@ _CASES = (
             noise="white",
             periods_s=(15.0, 20.0),
         ),
+        hidden=("small",),
+        measures=(hiding.one_axis("Y"),),
     ),
-    (
-        Plan(
-            "thermal.ambient/warmed by the machine",
-            "thermal",
-            "single",
-            measures=(hiding.like_in_first_run(),),
-            note="In the first run the hall warms up with the machine; in the others it goes its own way.",
-        ),
+    thermal_case(
+        "thermal.ambient/warmed by the machine",
+        "In the first run the hall warms up with the machine; in the others it goes its own way.",
         Scene(
             (hall(),),
             ("warm-up", "steps", "intermittent"),
@@ -154,15 +135,11 @@ _CASES = (
             hall=(21.0, 0.3, 0.8),
             duties=changed(hall=_heated_hall),
         ),
+        measures=(hiding.like_in_first_run(),),
     ),
-    (
-        Plan(
-            "thermal.ambient/gate",
-            "thermal",
-            "single",
-            measures=(hiding.cold_spells,),
-            note="A gate lets cold air in for a quarter of an hour; the hall is steady otherwise.",
-        ),
+    thermal_case(
+        "thermal.ambient/gate",
+        "A gate lets cold air in for a quarter of an hour; the hall is steady otherwise.",
         Scene(
             (hall(brief=True),),
             ("warm-up", "steps", "steps"),
@@ -171,15 +148,11 @@ _CASES = (
             hall=(21.0, 0.15, 0.02),
             duties=changed(hall=_gate),
         ),
+        measures=(hiding.cold_spells,),
     ),
-    (
-        Plan(
-            "thermal.coolant/small",
-            "thermal",
-            "single",
-            hidden=("small",),
-            note="Chilled coolant; only the state of its pump is recorded.",
-        ),
+    thermal_case(
+        "thermal.coolant/small",
+        "Chilled coolant; only the state of its pump is recorded.",
         Scene(
             (jets(),),
             ("steps", "intermittent", "steps"),
@@ -188,15 +161,11 @@ _CASES = (
             periods_s=(15.0, 20.0),
             duties=changed(coolant_degc=chilled),
         ),
+        hidden=("small",),
     ),
-    (
-        Plan(
-            "thermal.coolant/flow",
-            "thermal",
-            "single",
-            hidden=("absorbed",),
-            note="Flow and tank temperature are recorded; the film goes with flow to the power of 0.6.",
-        ),
+    thermal_case(
+        "thermal.coolant/flow",
+        "Flow and tank temperature are recorded; the film goes with flow to the power of 0.6.",
         Scene(
             (jets(lambda one: (one["flow"] / 20.0) ** 0.6),),
             ("steps", "warm-up", "intermittent"),
@@ -205,39 +174,29 @@ _CASES = (
             noise="white",
             periods_s=(20.0,),
         ),
+        hidden=("absorbed",),
     ),
-    (
-        Plan(
-            "thermal.coolant/seldom",
-            "thermal",
-            "single",
-            measures=(hiding.seldom("M8"),),
-            note="Coolant for some twenty minutes once in a run, not at all in the first.",
-        ),
+    thermal_case(
+        "thermal.coolant/seldom",
+        "Coolant for some twenty minutes once in a run, not at all in the first.",
         Scene(
             (jets(brief=True),),
             ("steps", "intermittent", "steps"),
             (of("n"), of("M8"), of("T8")),
             duties=changed(coolant=_seldom_on, coolant_degc=chilled),
         ),
+        measures=(hiding.seldom("M8"),),
     ),
-    (
-        Plan(
-            "thermal.coolant/with the spindle",
-            "thermal",
-            "single",
-            measures=(hiding.like_in_first_run(),),
-            note="In the first run coolant is on whenever the spindle turns; in the others it has its own programme.",
-        ),
+    thermal_case(
+        "thermal.coolant/with the spindle",
+        "In the first run coolant is on whenever the spindle turns; in the others it has its own programme.",
         Scene(
             (jets(),),
             ("intermittent", "steps", "steps"),
             (of("n"), of("M8")),
             duties=changed(coolant=_with_spindle, coolant_degc=chilled),
         ),
+        measures=(hiding.like_in_first_run(),),
     ),
 )
-SCENARIOS = (
-    *(scenario(plan, world_of(scene)) for plan, scene in _CASES),
-    *(twin(plan, world_of(scene)) for plan, scene in (_CASES[0], _CASES[4])),
-)
+SCENARIOS = scenarios_of(_CASES, 0, 4)

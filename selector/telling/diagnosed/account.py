@@ -38,7 +38,7 @@ from selector.telling.account import (
     table,
 )
 from selector.telling.numbers import NONE, share_text, span_text
-from selector.telling.wording import label_of
+from selector.telling.wording import label_text
 
 MOST_PLACES = 60
 UNTESTED = "not testable here"
@@ -51,11 +51,6 @@ _ALSO = (
     "More is left than noise, so that many shapes fit a part of it. These are too small beside it, or do not hold on "
     "rows that were not fitted: no part of the answer, and nothing to put into the simulation."
 )
-_LABELS = {
-    "simulated": "Simulated data: the recordings come from a computer model, not from a machine.",
-    "reconstructed": "Reconstructed data: the recordings were made to agree with printed results; they are not "
-    "measurements.",
-}
 Drawings = Mapping[str, Sequence[Block]]
 """Section of an account → its drawings; empty unless a page is made."""
 
@@ -71,19 +66,9 @@ def diagnosis_account(
 ) -> Account:
     """What is told of a diagnosis: the answer and what to do, where, how much better, why, and what it misses.
 
-    Parameters
-    ----------
-    found : Diagnosis
-    title : str, optional
-        Heading.
-    description : mapping, optional
-        How the recordings were read, as `selector describe` says it.
-    provenance : mapping, optional
-        ``machine``: its name; ``runs``: file and SHA-256 of every run; further facts are shown as they are.
-    drawn : bool
-        Whether the drawings are made, for a page.
-    is_alone : bool
-        Whether it was read from its JSON, without its recordings, which a page has to say.
+    `description`: how the recordings were read, as `selector describe` says it; `provenance`: the ``machine``, file and
+    SHA-256 of the ``runs``, further facts as they are. `drawn`: for a page; `is_alone`: read from its JSON, without its
+    recordings, which a page has to say.
     """
     told, described = provenance or {}, description or {}
     drawings: Mapping[str, Sequence[Block]] = {}
@@ -120,9 +105,9 @@ def diagnosis_account(
                 link="Detectability",
             ),
             section("findings", "All findings", Remarks(remarks_of(found.findings)), link="Findings"),
-            _origin(found, told, described),
+            section("origin", "Origin", *origin.origin_parts(described, {**told, "seed": found.seed})),
         ),
-        label=_LABELS.get(label_of(title or "", told, described) or "", ""),
+        label=label_text("the recordings", title or "", told, described),
         verdict="good" if found.verdict == "nothing-missing" else "bad",
         data=found.as_dict(),
         footer=f"The same {'result gives' if is_alone else 'files and options give'} the same bytes.",
@@ -168,16 +153,6 @@ def _evidence(found: Diagnosis, drawings: Drawings) -> Section | None:
         _captioned("Effects that were tested", _tested(found), on_screen=False),
         _captioned("Not testable with this record", _untested(found), on_screen=False),
         link="Evidence",
-    )
-
-
-def _origin(found: Diagnosis, told: Mapping[str, Any], described: Mapping[str, Any]) -> Section | None:
-    return section(
-        "origin",
-        "Origin",
-        *(Captioned(caption, one, on_screen=False) for caption, one in origin.reading_tables(described)),
-        _captioned("Files", origin.files_table(told), on_screen=False),
-        _captioned("Also known", origin.remaining_table({**told, "seed": found.seed}), on_screen=False),
     )
 
 

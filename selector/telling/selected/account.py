@@ -54,19 +54,9 @@ def selection_account(
     date: str | None = None,
     drawn: bool = False,
 ) -> Account:
-    """All that is told of a selection.
+    """All that is told of a selection; `drawn`: for a page. Default of the title: the machine's name.
 
-    Parameters
-    ----------
-    selection : Selection
-    description : mapping, optional
-        How the recordings were read, as `selector describe` says it.
-    title : str, optional
-        Default: the machine's name.
-    date : str, optional
-        Shown as it is; the clock is never read, so that equal results give equal bytes.
-    drawn : bool
-        For a page, with its drawings.
+    The date is shown as it is; the clock is never read, so that equal results give equal bytes.
     """
     described = description or {}
     machine = str(selection.provenance.get("machine") or "")
@@ -146,18 +136,8 @@ def write_report(
 ) -> Path:
     """Write the report of one or several selections as one HTML file that needs no network; whole or not at all.
 
-    Parameters
-    ----------
-    selections : Selection or sequence of Selection
-        Several stand one after the other, each under the name of its machine.
-    path : path
-        The file; its folder must exist.
-    title : str, optional
-        The machine's name if nothing is given.
-    description : mapping, or one per selection, optional
-        How the recordings were read, as `selector describe` says it.
-    date : str, optional
-        Shown as it is; the clock is never read, so that equal results give equal bytes.
+    Several stand one after the other, each under the name of its machine. `description`: how the recordings were read,
+    as `selector describe` says it, one per selection. The date is shown as it is; the clock is never read.
 
     Raises
     ------

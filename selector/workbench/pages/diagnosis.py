@@ -45,12 +45,12 @@ def layout(bench: Bench) -> Component:
         ),
         parts.field(
             FIELDS["--holdout"],
-            dcc.Input(id=f"{ID}-holdout", value=_texts(bench)[0], type="text", debounce=True),
+            parts.typed_text(f"{ID}-holdout", _texts(bench)[0]),
             "last, the name of a run, or a share such as 0.3",
         ),
         parts.field(
             FIELDS["--false-alarm"],
-            dcc.Input(id=f"{ID}-false_alarm", value=_texts(bench)[1], type="text", debounce=True),
+            parts.typed_text(f"{ID}-false_alarm", _texts(bench)[1]),
             "probability of naming something where nothing is",
         ),
     ]

@@ -59,7 +59,7 @@ def layout(bench: Bench) -> Component:
     )
     tested = parts.field(
         FIELDS["--tested"],
-        dcc.Input(id=f"{ID}-tested", value=asked.tested, type="text", debounce=True),
+        parts.typed_text(f"{ID}-tested", asked.tested),
         "8 digits or more, from its head; another program, or the other sign, is then not called verified.",
     )
     return html.Div(
@@ -247,9 +247,8 @@ def _limits(
     for number, output in enumerate(outputs):
         name = output["name"]
         clamp, slew = (
-            dcc.Input(
-                id={"type": f"{ID}-{kind}", "output": name}, type="text", debounce=True,
-                value=typed_texts.get((kind, name), text),
+            parts.typed_text(
+                {"type": f"{ID}-{kind}", "output": name}, typed_texts.get((kind, name), text),
                 disabled=not has_guard, placeholder=output[key],
             )
             for kind, key, text in (

@@ -255,9 +255,7 @@ def _way(bench: Bench) -> Component:
     fields = [
         parts.field(
             title,
-            dcc.Input(
-                id=f"{ID}-as-{name}", value=_text(getattr(now, name)), type="text", placeholder=note, debounce=True
-            ),
+            parts.typed_text(f"{ID}-as-{name}", _text(getattr(now, name)), placeholder=note),
         )
         for name, title, note in _READING
     ]
@@ -301,7 +299,7 @@ def _channels(rows: tuple[Row, ...]) -> Component:
             *([row.column] if are_renamed else []),
             parts.choice(_cell("role", row), [*ROLES, NO_CHANNEL], row.role),
             *(
-                dcc.Input(id=_cell(cell, row), value=getattr(row, cell), type="text", className=cell, debounce=True)
+                parts.typed_text(_cell(cell, row), getattr(row, cell), className=cell)
                 for cell in ("unit", "place", "axis")
             ),
             html.Span(", ".join(f"{what} *" for what in row.guessed) or row.reason, className="about"),

@@ -13,10 +13,11 @@ from dash.development.base_component import Component
 from selector.errors import OptionError
 from selector.recording import SENSOR_ROLES
 from selector.selection import Options
-from selector.workbench import parts, typed, wished
+from selector.workbench import parts, typed
 from selector.workbench.asked_again import other_than_asked
 from selector.workbench.bench import Bench
 from selector.workbench.commands import SELECTION, option_arguments
+from selector.workbench.pages import wished
 from selector.workbench.typed import FIELDS
 
 ID, TITLE = "selection", "Selection"
@@ -49,15 +50,10 @@ def layout(bench: Bench) -> Component:
         ),
         parts.field(
             FIELDS["--lambda"],
-            _input(f"{ID}-level", _level_text(bench)),
+            parts.typed_text(f"{ID}-level", _level_text(bench)),
             "auto, a number from 0 to 1, or one for each round: 0.99, 0.95",
         ),
-        *(
-            parts.field(
-                title, dcc.Input(id=f"{ID}-{name}", value=str(getattr(asked, name)), type="text", debounce=True)
-            )
-            for name, title in _NUMBERS
-        ),
+        *(parts.field(title, parts.typed_text(f"{ID}-{name}", str(getattr(asked, name)))) for name, title in _NUMBERS),
         parts.field(FIELDS["--degree"], parts.choice(f"{ID}-degree", ["1", "2", "3"], str(asked.degree))),
         parts.field(FIELDS["--reference"], parts.choice(f"{ID}-reference", ["rise", "absolute"], asked.reference)),
     ]
@@ -217,25 +213,12 @@ def _sensors(bench: Bench) -> Component:
     for channel in reading.recording.channels:
         if channel.role not in SENSOR_ROLES:
             continue
-        name = channel.name
-        use, cost = wished.use_of(asked, name), wished.cost_of(asked, name)
-        rows.append(
-            [
-                html.Span(name, className="name"),
-                channel.place or "",
-                parts.choice({"type": f"{ID}-use", "sensor": name}, wished.USES, use),
-                _input({"type": f"{ID}-cost", "sensor": name}, cost),
-            ]
-        )
+        name = html.Span(channel.name, className="name")
+        rows.append([name, channel.place or "", *wished.controls(bench.options, ID, channel.name)])
     summary = f"Sensors that must or must not be used, and what they cost ({len(rows)} sensors)"
     restricted = bool(asked.must or asked.never or asked.cost)
     table = parts.table(["sensor", "place", "use", "cost"], rows, name="channels sensors")
     return html.Details([html.Summary(summary), table, parts.table_download("sensors")], open=restricted)
-
-
-def _input(name: Any, value: str) -> Component:
-    """A field that is heard of when it is left, or with Enter."""
-    return dcc.Input(id=name, value=value, type="text", debounce=True)
 
 
 def _ticked(bench: Bench) -> list[str]:

@@ -78,7 +78,7 @@ def _compared(source: Source, recorded: Reading, asked: Asked) -> tuple[Comparis
             where="--simulation",
             advice="add --simulation PATH with a folder, or once for each file; or --model MODEL.toml",
         )
-    simulated = simulated_reading(asked.simulation, recorded, source.overrides(), asked.time_unit)
+    simulated = simulated_reading(asked.simulation, recorded, source.overrides(), asked.simulation_time_unit)
     comparison = comparison_of(
         recorded.recording, simulated.recording, responses=asked.responses or None, holdout=asked.holdout
     )
@@ -97,7 +97,7 @@ def _of_model(
     from selector.cli.shared.diagnosed.model import diagnosed_model
     from selector.cli.shared.recordings_used import without_folders
 
-    done = diagnosed_model(model, reading.recording, asked.responses, asked.holdout, asked.seed, asked.false_alarm, say)
+    done = diagnosed_model(model, reading.recording, asked, say)
     answer = dataclasses.replace(done.answer, findings=without_folders((*reading.findings, *done.answer.findings)))
     return answer, done.improved
 

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from selector.errors import OptionError
 
@@ -12,17 +15,62 @@ if TYPE_CHECKING:
     from selector.cli.shared.studying import OpenedStudy
 
 
+_of_simulation = partial(typer.Option, rich_help_panel="What it is compared with")
+
+Simulation = Annotated[
+    list[Path] | None,
+    _of_simulation(
+        "--simulation",
+        metavar="PATH",
+        help="Simulated runs, named as the recorded ones: a folder, or a file; repeat.",
+    ),
+]
+Model = Annotated[
+    Path | None,
+    _of_simulation(
+        "--model",
+        metavar="MODEL.toml|UNIT.fmu",
+        help="Instead: a model file of `selector simulate`, or an FMU; the recordings drive it, and it is refitted.",
+    ),
+]
+SimulationTimeUnit = Annotated[
+    str | None,
+    _of_simulation(
+        "--simulation-time-unit",
+        metavar="UNIT",
+        help="Unit of the time in the simulated files, if it is another one and not written there.",
+    ),
+]
+Responses = Annotated[
+    list[str] | None,
+    typer.Option("--response", metavar="NAME", help="Channel to compare; repeat. Default: all that are simulated."),
+]
+HoldOut = Annotated[
+    str,
+    typer.Option(
+        "--holdout",
+        metavar="last|RUN|SHARE",
+        help="What nothing is fitted to: the last run (of a single one its last 30 %), a run, or a share of every run.",
+    ),
+]
+Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Of the draws of noise.")]
+FalseAlarm = Annotated[
+    float,
+    typer.Option("--false-alarm", metavar="P", help="Allowed probability of naming something where nothing is."),
+]
+
+
 @dataclass(frozen=True)
 class Asked:
     """The options of `diagnose`, one field an option."""
 
-    simulation: list[Path] | None
-    model: Path | None
-    time_unit: str | None
-    responses: list[str] | None
-    holdout: str
-    seed: int
-    false_alarm: float
+    simulation: Simulation = None
+    model: Model = None
+    simulation_time_unit: SimulationTimeUnit = None
+    responses: Responses = None
+    holdout: HoldOut = "last"
+    seed: Seed = 0
+    false_alarm: FalseAlarm = 0.02
 
 
 def asked_of(opened: OpenedStudy) -> Asked:
@@ -40,7 +88,7 @@ def asked_of(opened: OpenedStudy) -> Asked:
     return Asked(
         simulation=[path_at(path, opened.folder) for path in section.simulation] or None,
         model=None if section.model is None else path_at(section.model, opened.folder),
-        time_unit=section.simulation_time_unit,
+        simulation_time_unit=section.simulation_time_unit,
         responses=list(section.responses) or None,
         holdout=section.holdout,
         seed=section.seed,

@@ -139,12 +139,6 @@ def write_diagnosis_study(
         files.append(input_file(asked.model, out, "model"))
     section = diagnose_section(
         out,
-        simulation=asked.simulation or (),
-        model=asked.model,
-        simulation_time_unit=asked.time_unit,
-        responses=tuple(asked.responses or ()),
-        holdout=asked.holdout,
-        seed=asked.seed,
-        false_alarm=asked.false_alarm,
+        **vars(asked) | {"simulation": asked.simulation or (), "responses": tuple(asked.responses or ())},
     )
     return write_study_beside(folder, out, source, files, opened=opened, diagnose=section)

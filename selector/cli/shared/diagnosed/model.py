@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from selector.errors import ModelFileError, OptionError
 
 if TYPE_CHECKING:
+    from selector.cli.shared.diagnosed.asked import Asked
     from selector.diagnosis.open_model.modelled import Modelled
     from selector.diagnosis.open_model.runnable import Runnable
     from selector.physics.simulation_kind import SimulationKind
@@ -24,15 +25,7 @@ Progress = Callable[[int, int, str], None]
 _LINE_S = 10.0
 
 
-def diagnosed_model(
-    model: Path,
-    recording: Recording,
-    responses: list[str] | None,
-    holdout: str,
-    seed: int,
-    false_alarm: float,
-    progress: Progress,
-) -> Modelled:
+def diagnosed_model(model: Path, recording: Recording, asked: Asked, progress: Progress) -> Modelled:
     """The diagnosis of a model file of ours (mode C) or of an FMU (mode B) that the recordings drive.
 
     Raises
@@ -47,10 +40,10 @@ def diagnosed_model(
         return diagnosis_of_model(
             runnable,
             recording,
-            responses=responses or None,
-            holdout=holdout,
-            seed=seed,
-            false_alarm=false_alarm,
+            responses=asked.responses or None,
+            holdout=asked.holdout,
+            seed=asked.seed,
+            false_alarm=asked.false_alarm,
             progress=say,
         )
 

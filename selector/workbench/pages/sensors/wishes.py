@@ -10,8 +10,9 @@ from dash import ALL, Input, Output, State, dcc, html
 from dash.development.base_component import Component
 
 from selector.errors import OptionError
-from selector.workbench import parts, typed, wished
+from selector.workbench import parts, typed
 from selector.workbench.bench import Bench
+from selector.workbench.pages import wished
 from selector.workbench.pages.sensors.machine import ID, sensors_of
 
 _FARTHEST_M = 1e6
@@ -44,7 +45,7 @@ def register(app: dash.Dash, bench: Bench) -> tuple[parts.Form, ...]:
     def _show(_: int, shown: int | None) -> tuple[Any, int]:
         if bench.material.number == shown:
             raise dash.exceptions.PreventUpdate
-        return _table(_rows(bench)), bench.material.number
+        return _table(bench), bench.material.number
 
     wished.register_following(app, ID, lambda: wished.said_of(bench))
     wished.register_following(app, ID, lambda: {name: [text] for name, text in _places(bench).items()}, ["place"])
@@ -77,35 +78,22 @@ def _places_form(bench: Bench) -> parts.Form:
 
 def _places(bench: Bench) -> dict[str, str]:
     """Name → coordinates as they stand in the table."""
-    return {row[0]: row[4] for row in _rows(bench)}
-
-
-def _rows(bench: Bench) -> list[list[str]]:
-    """Name, words for the place, use, cost and coordinates of every sensor."""
-    return [
-        [
-            channel.name,
-            channel.place or "",
-            wished.use_of(bench.options, channel.name),
-            wished.cost_of(bench.options, channel.name),
-            "" if channel.xyz_m is None else ", ".join(f"{v:g}" for v in channel.xyz_m),
-        ]
+    return {
+        channel.name: "" if channel.xyz_m is None else ", ".join(f"{v:g}" for v in channel.xyz_m)
         for channel in sensors_of(bench)
-    ]
+    }
 
 
-def _table(rows: list[list[str]]) -> Component:
+def _table(bench: Bench) -> Component:
+    places = _places(bench)
     shown = [
         [
-            html.Span(name, className="name"),
-            words,
-            parts.choice({"type": f"{ID}-use", "sensor": name}, wished.USES, use),
-            dcc.Input(id={"type": f"{ID}-cost", "sensor": name}, value=cost, type="text", debounce=True),
-            dcc.Input(
-                id={"type": f"{ID}-place", "sensor": name}, value=place, type="text", debounce=True, className="place"
-            ),
+            html.Span(channel.name, className="name"),
+            channel.place or "",
+            *wished.controls(bench.options, ID, channel.name),
+            parts.typed_text({"type": f"{ID}-place", "sensor": channel.name}, places[channel.name], className="place"),
         ]
-        for name, words, use, cost, place in rows
+        for channel in sensors_of(bench)
     ]
     return parts.table(["sensor", "place", "use", "cost", "x, y, z [m]"], shown, name="channels sensors")
 

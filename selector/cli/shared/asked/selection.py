@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import datetime
+from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -74,36 +75,47 @@ Date = Annotated[
 ]
 
 
-def options_of(
-    *,
-    response: Responses,
-    level: Levels,
-    rounds: int,
-    must: Must,
-    never: Never,
-    cost: Cost,
-    condition: Conditions,
-    **alike: Any,
-) -> Options:
-    """The options of a selection; those that have the same form there are handed on.
+@dataclass(frozen=True)
+class Asked:
+    """The options of `select`, one field an option, named as in `selector.selection.Options`."""
 
-    Raises
-    ------
-    OptionError
-        One cannot be used.
-    """
-    from selector.selection import Options
+    responses: Responses = None
+    level: Levels = None
+    rounds: Rounds = 1
+    max_sensors: MaxSensors = 5
+    absolute_similarity: Absolute = False
+    must: Must = None
+    never: Never = None
+    cost: Cost = None
+    tolerance: Tolerance = None
+    degree: Degree = 1
+    interactions: Interactions = False
+    memory: Memory = False
+    reference: Reference = "rise"
+    ridge: Ridge = False
+    conditions: Conditions = None
+    seed: Seed = 0
 
-    return Options(
-        responses=tuple(response or ()),
-        level=_levels(level),
-        rounds=rounds if rounds < 1 else max(rounds, len(level or ())),
-        must=tuple(must or ()),
-        never=tuple(never or ()),
-        cost={name: _number(text, f"--cost {name}") for name, text in pairs(cost, "--cost").items()},
-        conditions=pairs(condition, "--condition"),
-        **alike,
-    )
+    def options(self) -> Options:
+        """The same as options of a selection.
+
+        Raises
+        ------
+        OptionError
+            One cannot be used.
+        """
+        from selector.selection import Options
+
+        read = {
+            "responses": tuple(self.responses or ()),
+            "level": _levels(self.level),
+            "rounds": self.rounds if self.rounds < 1 else max(self.rounds, len(self.level or ())),
+            "must": tuple(self.must or ()),
+            "never": tuple(self.never or ()),
+            "cost": {name: _number(text, f"--cost {name}") for name, text in pairs(self.cost, "--cost").items()},
+            "conditions": pairs(self.conditions, "--condition"),
+        }
+        return Options(**vars(self) | read)
 
 
 def date_of(text: str | None) -> str | None:

@@ -30,6 +30,14 @@ def cost_of(options: Options, name: str) -> str:
     return f"{options.cost.get(name, 1.0):.12g}"
 
 
+def controls(options: Options, page: str, name: str) -> list[Component]:
+    """The fields for use and cost of a sensor in a page's table."""
+    return [
+        parts.choice({"type": f"{page}-use", "sensor": name}, USES, use_of(options, name)),
+        parts.typed_text({"type": f"{page}-cost", "sensor": name}, cost_of(options, name)),
+    ]
+
+
 def _wishes(
     names: Sequence[str],
     uses: Sequence[str],
@@ -54,16 +62,7 @@ def _wishes(
 def choose(
     bench: Bench, page: str, ids: Sequence[dict[str, str]], uses: Sequence[str], costs: Sequence[str | None]
 ) -> None:
-    """Takes over the rows of a page's table, if there are any.
-
-    Parameters
-    ----------
-    page : str
-        ``ID`` of the page, with which the ids of the fields begin.
-    ids : sequence of mapping
-        Of the fields for the use, ``{"type": …, "sensor": name}``.
-    uses, costs : sequences of str
-        An empty cost is 1.
+    """Takes over the rows of a page's table, if there are any; the ids of its fields begin with `page`. No cost is 1.
 
     Raises
     ------

@@ -1,0 +1,1 @@
+"""What may be asked on the command line: the options of one command as one value."""
