@@ -141,8 +141,6 @@ class Diagnosis:
     headline: str = ""
     where: tuple[Place, ...] = ()
     effects: tuple[NamedEffect, ...] = ()
-    #: Shapes that the record has beside what nobody explains, but too small or not borne out: part of no verdict
-    also_seen: tuple[NamedEffect, ...] = ()
     fit: Mapping[str, Fit] = field(default_factory=dict)
     evidence: tuple[Evidence, ...] = ()
     detectable: tuple[Detectable, ...] = ()
@@ -150,6 +148,8 @@ class Diagnosis:
     recalibration: Mapping[str, Mapping[str, Quantity]] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
     seed: int = 0
+    #: Shapes that the record has beside what nobody explains, but too small or not borne out: part of no verdict
+    also_seen: tuple[NamedEffect, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
         """The JSON of the contract `selector.diagnosis/1`."""

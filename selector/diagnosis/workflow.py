@@ -415,6 +415,9 @@ def _stands(effect: NamedEffect, found: Search, structures: Sequence[Structure])
     """
     if effect.share >= _MOST:
         return True
+    if found.misfit.get(effect.channel, 1.0) > 1.0 and not effect.suspected:
+        # structure is expected to be left there; the name has borne the marks of its size
+        return True
     if effect.suspected or found.weights.get(effect.id, {effect.id: 1.0})[effect.id] < _DOUBTFUL:
         return False
     return effect.id not in found.standing or found.standing[effect.id].score >= -2.0 * np.log(structures[0].p_value)

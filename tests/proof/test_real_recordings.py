@@ -29,7 +29,6 @@ from selector.proof.runner import Exam, Outcome, outcomes, questions
 from selector.proof.scenarios import scenarios
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
-PLACE_DEPENDENT = {"drive.pitch_error", "drive.ripple", "drive.varying_stiffness", "drive.varying_damping"}
 
 
 def is_there(name: str) -> pytest.MarkDecorator:
@@ -121,12 +120,10 @@ def test_the_drive_without_dry_friction_lacks_coulomb_friction_and_nothing_else(
 
 def test_the_drive_with_symmetric_friction_has_another_one_in_each_direction():
     found = answered("real.emps/symmetric")
-    assert found.stated.effects[0].id == "drive.asymmetric_friction"
+    assert [effect.id for effect in found.stated.effects] == ["drive.asymmetric_friction"]
     assert found.judged.credits == ("exact",)
-    # the ripple is there, but its phase is another in each record: docs/explanation/real-recordings.md
-    assert set(found.judged.false_names) <= {"drive.backlash", "drive.ripple"}
-    assert found.stated.heldout_after["q"] < 1.85e-6
-    assert found.stated.heldout_after["U"] < 0.07
+    assert found.stated.heldout_after["q"] < 1.7e-6
+    assert found.stated.heldout_after["U"] < 0.09
 
 
 def test_pulses_from_outside_in_one_run_do_not_hide_the_loop_that_another_shows():
@@ -138,19 +135,17 @@ def test_pulses_from_outside_in_one_run_do_not_hide_the_loop_that_another_shows(
     assert np.sqrt(loop.polynomial[-1]) == pytest.approx(natural_per_s, rel=0.15)
 
 
-def test_what_the_pulses_show_is_wind_up_or_dead_time_and_no_proxy_of_position():
+def test_what_the_pulses_show_is_too_little_of_the_mismatch_for_a_name():
     found = answered("real.emps/pulses")
-    named = {effect.id for effect in found.stated.effects}
-    assert named & {"drive.elasticity", "drive.delay"}
-    assert not named & PLACE_DEPENDENT
-    # friction in the first micrometres after a reversal has no better name: docs/explanation/real-recordings.md
-    assert set(found.judged.false_names) <= {"drive.backlash"}
+    # wind-up, dead time and inertia are there, with a few per cent each: docs/explanation/real-recordings.md
+    assert found.stated.verdict == "unexplained"
+    assert not found.stated.effects
 
 
-def test_a_few_thermometers_at_one_instant_leave_memory_out():
+def test_a_few_thermometers_at_one_instant_bear_no_name():
     found = answered("real.vmc37/seven")
-    assert "thermal.memory" in {effect.id for effect in found.stated.effects}
-    assert not found.judged.false_names
+    # memory is there, but fitted to seven thermometers it makes the unseen day worse
+    assert not found.stated.effects
 
 
 @pytest.mark.parametrize("name", ["emps/viscous", "vmc37/all"])

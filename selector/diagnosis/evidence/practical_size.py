@@ -18,7 +18,7 @@ from selector.diagnosis.shapes.force_response import PLACE_ROLES
 from selector.findings import Finding, Where
 from selector.types import Vector
 
-_MOST = 0.5
+_MOST = 0.4
 _CLEARLY = 10.0
 _LITTLE = 0.02
 """Of the movement of what is recorded: a mismatch that is practically none, however significant it is."""

@@ -64,7 +64,7 @@ _TRIFLE = 0.1
 _TENTH = 0.1
 _AS_GOOD = 0.7
 """Of the fall of the unseen error by the named effect: what another one makes of it is about as good."""
-_CLEARLY_BETTER = 0.9
+_CLEARLY_BETTER = 1.1
 _MOST_ALIKE = 3
 _MOST_REFUSED = 8
 _MOST_LIBERAL = 8
@@ -407,26 +407,40 @@ def _by_transfer(
         main = max(of, key=lambda name: beside[id_].tested[name].gain)
         if times[main] == 1.0:
             continue
-        bench, base = benches[main], numbers(others, main)
-        without_it, own = unseen_rms(bench, base), unseen_rms(bench, [*base, of[main]])
-        enough = without_it - _AS_GOOD * (without_it - own)
         good = {
-            other: unseen_rms(bench, [*base, one.tested[main].best])
+            other: _unseen_share(
+                benches, others, of, {name: one.tested[name].best for name in of if name in one.tested}
+            )
             for other, one in beside.items()
             if other != id_
             and main in one.responses
             and one.p_value <= level
-            and adds(bench, base, one.tested[main].best)
+            and adds(benches[main], numbers(others, main), one.tested[main].best)
         }
-        good = {other: good[other] for other in sorted(good, key=lambda one: good[one]) if good[other] < enough}
+        good = {other: good[other] for other in sorted(good, key=lambda one: -good[one]) if good[other] >= _AS_GOOD}
         best = next(iter(good), id_)
-        if best != id_ and good[best] < _CLEARLY_BETTER * own and beside[best].is_the_same_in_all_runs:
+        if best != id_ and good[best] > _CLEARLY_BETTER and beside[best].is_the_same_in_all_runs:
             chosen = {name: beside[best].tested[name].best for name in beside[best].responses}
             named = {best if name == id_ else name: chosen if name == id_ else one for name, one in named.items()}
             alike[best] = (id_, *(other for other in good if other != best))[:_MOST_ALIKE]
         else:
             alike[id_] = tuple(good)[:_MOST_ALIKE]
     return named, alike
+
+
+def _unseen_share(benches: Benches, others: Named, of: Mapping[str, int], rival: Mapping[str, int]) -> float:
+    """How far a rival makes unseen errors fall, in parts of what an effect does: in the response that it does worst.
+
+    Counted are the responses that the effect makes better by a tenth or more.
+    """
+    shares = [0.0] if not rival else []
+    for name, v in of.items():
+        base = numbers(others, name)
+        without_it, own = unseen_rms(benches[name], base), unseen_rms(benches[name], [*base, v])
+        if without_it - own > _TENTH * without_it:
+            left = unseen_rms(benches[name], [*base, rival[name]]) if name in rival else without_it
+            shares.append((without_it - left) / (without_it - own))
+    return min(shares, default=0.0)
 
 
 def unseen_rms(bench: Bench, named: Sequence[int]) -> float:

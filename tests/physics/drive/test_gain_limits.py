@@ -61,6 +61,10 @@ def test_crossings_tell_how_many_poles_grow_with_any_factor(axis, gain, by):
     lying = np.abs(new.real) < 1e-9 * np.abs(new).max()
     if (lying & (np.abs(new) > 1e-6 * np.abs(new).max())).any():
         return
+    # a sampled pole on the negative real axis has no partner to be counted with
+    sample_s = axis.servo.sample_s
+    if sample_s > 0.0 and np.any(np.abs(np.abs(new.imag) * sample_s - np.pi) < 1e-6):
+        return
     between = sum(one.grow for one in crossings if 1.0 < one.factor < by)
     between -= sum(one.grow for one in crossings if by < one.factor < 1.0)
     assert len(growing_poles(new)) == len(growing_poles(poles)) + between

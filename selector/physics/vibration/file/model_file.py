@@ -479,8 +479,12 @@ FAMILY: ModelFamily[VibrationFile] = ModelFamily(
 read_model_file = FAMILY.read
 """The model file at a path, see `ModelFamily.read`."""
 
-parsed_model_file = FAMILY.parsed
-"""The model file with this content, see `ModelFamily.parsed`."""
 
-checked_model_file = FAMILY.checked
-"""The model file with these sections as plain values, see `ModelFamily.checked`."""
+def parsed_model_file(text: str, *, where: str = "model file") -> VibrationFile:
+    """The model file with this content, see `ModelFamily.parsed`."""
+    return FAMILY.parsed(text, where=where)
+
+
+def checked_model_file(values: Mapping[str, Any], *, where: str = "model file") -> VibrationFile:
+    """The model file with these sections as plain values, see `ModelFamily.checked`."""
+    return FAMILY.checked(values, where=where)
