@@ -132,7 +132,8 @@ def test_options_are_judged_as_on_the_command_line(bench):
 
 def test_a_double_click_is_one_job(bench):
     first = bench.start("Long", ("prove", "--jobs", "1", "--out", "proof"))
-    assert bench.start("Long", ("prove", "--jobs", "1", "--out", "proof")) == first
+    # it may have begun meanwhile
+    assert bench.start("Long", ("prove", "--jobs", "1", "--out", "proof")).number == first.number
     assert bench.start("Other", ("prove", "--jobs", "1", "--out", "other")).number == 1
     # the same words mean something else when the machine file was corrected meanwhile
     reading = bench.material.reading
