@@ -13,6 +13,7 @@ from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.evidence.moments import all_moderated, inverse_of
 from selector.diagnosis.evidence.practical_size import noise_floor
 from selector.diagnosis.evidence.response import Bench
+from selector.diagnosis.matching.repeats import rms
 from selector.diagnosis.shapes.residual import least_squares
 from selector.types import Matrix, Vector
 
@@ -41,12 +42,12 @@ def fit_of(
     held = seen & comparison.held_out
     before, middle, after = target, target - recalibrated, target - explained
     # an unseen error below it would be a sign of a wrong floor
-    floor = float(np.nanmin([noise_floor(comparison, bench, named, is_noise=is_noise), _rms(after[held])]))
+    floor = float(np.nanmin([noise_floor(comparison, bench, named, is_noise=is_noise), rms(after[held])]))
     return Fit(
         unit=unit,
-        train=Errors(_rms(before[bench.fitted]), _rms(after[bench.fitted])),
-        heldout=Errors(_rms(before[held]), _rms(after[held]), floor),
-        recalibrated_heldout=_rms(middle[held]),
+        train=Errors(rms(before[bench.fitted]), rms(after[bench.fitted])),
+        heldout=Errors(rms(before[held]), rms(after[held]), floor),
+        recalibrated_heldout=rms(middle[held]),
         gap_closed=_gap(bench, middle, after, floor, held, seed) if named else None,
         placebo_gain=_placebo(comparison, bench, named, middle, floor, held, seed) if named else None,
         before=np.asarray(simulated),
@@ -95,7 +96,7 @@ def _placebo(
     Median and range of the shifts: one that hardly shows where it is fitted may do any harm elsewhere. They are fitted
     by plain least squares, their coefficients moderated as those of the named shapes are.
     """
-    gap = _rms(middle[held]) - floor
+    gap = rms(middle[held]) - floor
     if gap <= 0.02 * floor or not held.any():
         return None
     generator = np.random.default_rng(seed)
@@ -109,7 +110,7 @@ def _placebo(
                 base[rows, own:], int(generator.integers(n // 4, max(3 * n // 4, n // 4 + 1))), axis=0
             )
         beta = _placebo_fit(base[bench.fitted], bench.target[bench.fitted], own, [bench.counts[v] for v in named])
-        gains.append((_rms(middle[held]) - _rms((bench.target - base @ beta)[held])) / gap)
+        gains.append((rms(middle[held]) - rms((bench.target - base @ beta)[held])) / gap)
     low, value, high = (float(share) for share in np.quantile(gains, (0.025, 0.5, 0.975)))
     return Quantity(value, "1", low, high)
 
@@ -120,9 +121,3 @@ def _placebo_fit(base: Matrix, target: Vector, own: int, counts: Sequence[int]) 
     beta = all_moderated(beta, spread * inverse_of(base.T @ base), own, counts)
     beta[:own] = least_squares(base[:, :own], target - base[:, own:] @ beta[own:])
     return beta
-
-
-def _rms(values: Vector) -> float:
-    """Root mean square of what is not missing; NaN where all is."""
-    values = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")

@@ -9,6 +9,7 @@ Bayesian Inference via Coarsening, JASA 114, 2019).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -98,6 +99,4 @@ def tempered(bench: Bench, times: float) -> Bench:
         return bench
     size = float(np.sqrt(times))
     calm = bench.with_noise(NoiseModel(bench.noise.phi, bench.noise.sd * size))
-    if bench.pseudo_target is not None:
-        object.__setattr__(calm, "pseudo_target", bench.pseudo_target / size)
-    return calm
+    return calm if bench.pseudo_target is None else replace(calm, pseudo_target=bench.pseudo_target / size)

@@ -13,15 +13,15 @@ from selector.diagnosis.evidence.naming import named_effect
 from selector.diagnosis.evidence.response import Bench
 from selector.diagnosis.evidence.search import Search, numbers
 from selector.diagnosis.finding_table import FINDINGS
-from selector.diagnosis.matching.repeats import pure_error
+from selector.diagnosis.matching.repeats import pure_error, rms
 from selector.diagnosis.shapes.force_response import PLACE_ROLES
 from selector.findings import Finding, Where
-from selector.types import Vector
 
 _MOST = 0.4
 _CLEARLY = 10.0
 _LITTLE = 0.02
 """Of the movement of what is recorded: a mismatch that is practically none, however significant it is."""
+_LISTED = 0.01
 _SEEN_ONLY = 0.5
 """Confidence of what is only seen, too, at most."""
 _AS_REPEATED = 1.2
@@ -33,9 +33,9 @@ _HIGHEST = np.array([1.0, -3.0, 3.0, -1.0]) / np.sqrt(20.0)
 def of_practical_size(comparison: Comparison, found: Search) -> tuple[Search, tuple[NamedEffect, ...]]:
     """The search with names that matter alone, and those that are only seen, too.
 
-    Where what is left is not noise alone, everything is significant. If all names together explain less than half of
-    what is above the noise, or a mismatch that does not matter, the mismatch is something else. A frozen reading is
-    proved by its equal readings.
+    Where what is left is not noise alone, everything is significant. If all names together explain less than two fifths
+    of what is above the noise, or a mismatch that does not matter, the mismatch is something else. A frozen reading is
+    proved by its equal readings. What explains less than a hundredth is not told of.
     """
     doubted = {
         id_
@@ -44,9 +44,10 @@ def of_practical_size(comparison: Comparison, found: Search) -> tuple[Search, tu
         and all(found.misfit[name] > 1.0 for name in of)
         and (max(_explained(comparison, found)) < _MOST or all(_is_trifle(comparison, found, name) for name in of))
     }
-    also = {**{id_: found.named[id_] for id_ in found.named if id_ in doubted}, **found.small}
+    also = {id_: of for id_, of in {**found.named, **found.small}.items() if id_ in doubted or id_ not in found.named}
     rest = replace(found, named={id_: of for id_, of in found.named.items() if id_ not in doubted})
-    return rest, tuple(_only_seen(comparison, found, id_, of) for id_, of in also.items())
+    seen = (_only_seen(comparison, found, id_, of) for id_, of in also.items())
+    return rest, tuple(effect for effect in seen if effect.share >= _LISTED)
 
 
 def _only_seen(comparison: Comparison, found: Search, id_: str, of: Mapping[str, int]) -> NamedEffect:
@@ -101,7 +102,7 @@ def _of_movement(comparison: Comparison, found: Search, response: str) -> float:
 
 def _left_alone(found: Search, response: str) -> float:
     bench = found.benches[response]
-    return _rms(bench.residual([])[bench.fitted])
+    return rms(bench.residual([])[bench.fitted])
 
 
 def _explained(comparison: Comparison, found: Search) -> Iterator[float]:
@@ -123,17 +124,12 @@ def noise_floor(comparison: Comparison, bench: Bench, named: Sequence[int], *, i
     """
     left = bench.residual(named)
     n, p = int(np.sum(bench.fitted)), bench.raw_base(named).shape[1]
-    floor = _rms(left[bench.fitted]) * float(np.sqrt(n / max(n - p, 1)))
+    floor = rms(left[bench.fitted]) * float(np.sqrt(n / max(n - p, 1)))
     repeated = pure_error(comparison, bench.response)
     if repeated is not None:
         floor = min(floor, repeated)
     elif not is_noise:
         quick = [np.convolve(left[part], _HIGHEST, mode="valid") for part in bench.parts if part.stop - part.start > 3]
-        quick_rms = _rms(np.concatenate(quick)) if quick else np.nan
-        floor = min(floor, quick_rms) if np.isfinite(quick_rms) else floor
+        of_quick = rms(np.concatenate(quick)) if quick else np.nan
+        floor = min(floor, of_quick) if np.isfinite(of_quick) else floor
     return max(floor, bench.rounding)
-
-
-def _rms(values: Vector) -> float:
-    values = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")

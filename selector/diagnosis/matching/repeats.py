@@ -25,7 +25,7 @@ def repeats(comparison: Comparison, response: str) -> tuple[tuple[slice, slice],
             continue
         first, second = (slice(of.start, of.start + min(lengths)) for of in (one, other))
         courses = [comparison.simulated[response], *(comparison.recorded[name] for name in inputs)]
-        if all(_rms(of[first] - of[second]) <= _ALIKE * _rms(of) for of in courses):
+        if all(rms(of[first] - of[second]) <= _ALIKE * rms(of) for of in courses):
             pairs.append((first, second))
     return tuple(pairs)
 
@@ -41,6 +41,7 @@ def pure_error(comparison: Comparison, response: str) -> float | None:
     return float(np.sqrt(squares / n)) if n else None
 
 
-def _rms(values: Vector) -> float:
+def rms(values: Vector) -> float:
+    """Root mean square of what is not missing; NaN where all is."""
     values = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")

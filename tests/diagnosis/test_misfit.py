@@ -1,0 +1,88 @@
+"""Structure that is nobody's: measured where it is, not in noise; and what is named, or only seen, beside it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from selector.diagnosis.effects.catalogue import catalogue
+from selector.diagnosis.evidence.misfit import misfit, tempered
+from selector.diagnosis.evidence.response import bench_of
+from selector.diagnosis.matching.alignment import resolution
+from selector.diagnosis.matching.repeats import pure_error, repeats
+from selector.diagnosis.workflow import diagnosis
+from selector.telling.diagnosed.document import diagnosis_of
+from tests.diagnosis.made import comparison
+
+N = 3 * 600
+TIME = np.tile(np.arange(600), 3)
+
+
+def noise(seed):
+    return np.random.default_rng(seed).standard_normal(N)
+
+
+def wavy(size):
+    """Waves of incommensurable periods, another phase in each run: what no effect of the catalogue makes."""
+    run = np.repeat(np.arange(3), 600)
+    return size * (np.sin(TIME / 17.3 + run) + np.sin(TIME / 41.9 + 2.1 * run) + np.sin(TIME / 89.0 - run))
+
+
+def bench(residual):
+    return bench_of(comparison({"Z": residual}), "Z", catalogue())[0]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_noise_is_no_structure(seed):
+    assert misfit(bench(noise(seed)), [], seed=0) == 1.0
+
+
+def test_structure_counts_for_more_the_more_there_is():
+    # the noise filter of either is that of noise alone
+    filtered = bench(noise(1)).noise
+    times = [misfit(bench(noise(1) + wavy(size)).with_noise(filtered), [], seed=0) for size in (1.0, 3.0)]
+    assert 1.0 < times[0] < times[1]
+
+
+def test_tempered_evidence_is_smaller_by_the_factor():
+    one = bench(noise(2))
+    calm = tempered(one, 4.0)
+    assert calm.white_target == pytest.approx(one.white_target / 2.0)
+    assert calm.white_columns == pytest.approx(one.white_columns / 2.0)
+    assert tempered(one, 1.0) is one
+
+
+def test_runs_of_one_programme_tell_the_noise_and_others_do_not():
+    made = comparison({"Z": noise(3)})
+    first = {name: np.tile(of[:600], 3) for name, of in made.simulated.items()}
+    inputs = {name: np.tile(of[:600], 3) for name, of in made.recorded.items() if name not in first}
+    again = replace(made, simulated=first, recorded=made.recorded | inputs | {"Z": first["Z"] + noise(3)})
+    assert len(repeats(again, "Z")) == 3
+    # 1800 differences: the standard error of a standard deviation of 1 is 0.017
+    assert pure_error(again, "Z") == pytest.approx(1.0, abs=0.07)
+    turned = replace(again, simulated={"Z": np.concatenate([first["Z"][:1200], -first["Z"][1200:]])})
+    assert len(repeats(turned, "Z")) == 1
+    assert pure_error(replace(turned, simulated={"Z": first["Z"] * np.repeat([1.0, 2.0, 3.0], 600)}), "Z") is None
+
+
+@pytest.mark.parametrize("decimals", [2, 3])
+def test_a_grid_that_was_rounded_when_it_was_written_is_one(decimals):
+    counts = np.random.default_rng(4).integers(0, 60, 500)
+    assert resolution(np.round(20.0 + 0.32258 * counts, decimals)) == pytest.approx(0.32258, rel=0.01)
+
+
+def test_readings_on_no_grid_have_no_step():
+    assert resolution(np.random.default_rng(5).uniform(20.0, 30.0, 500)) == 0.0
+    assert resolution(np.random.default_rng(6).normal(size=12)) == 0.0
+
+
+def test_what_is_only_seen_comes_back_from_the_json_and_is_no_part_of_the_verdict():
+    found = diagnosis(comparison({"Z": noise(7) + wavy(4.0)}), seed=0)
+    assert not found.effects
+    document = found.as_dict()
+    assert [one["id"] for one in document["also_seen"]] == [one.id for one in found.also_seen]
+    assert all(one["confidence"] <= 0.5 and one["suspected"] for one in document["also_seen"])
+    assert all(one["share"] >= 0.01 for one in document["also_seen"])
+    assert [one.id for one in diagnosis_of(document).also_seen] == [one.id for one in found.also_seen]
