@@ -7,12 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from selector.diagnosis.answer import NamedEffect
 from selector.diagnosis.effects.catalogue import catalogue
+from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.evidence.misfit import misfit, tempered
 from selector.diagnosis.evidence.response import bench_of
 from selector.diagnosis.matching.alignment import resolution
 from selector.diagnosis.matching.repeats import pure_error, repeats
 from selector.diagnosis.workflow import diagnosis
+from selector.telling.diagnosed.account import diagnosis_account
 from selector.telling.diagnosed.document import diagnosis_of
 from tests.diagnosis.made import comparison
 
@@ -78,11 +81,23 @@ def test_readings_on_no_grid_have_no_step():
     assert resolution(np.random.default_rng(6).normal(size=12)) == 0.0
 
 
-def test_what_is_only_seen_comes_back_from_the_json_and_is_no_part_of_the_verdict():
+def test_structure_of_nobody_is_unexplained_and_bears_no_name():
     found = diagnosis(comparison({"Z": noise(7) + wavy(4.0)}), seed=0)
+    assert found.verdict == "unexplained"
     assert not found.effects
-    document = found.as_dict()
-    assert [one["id"] for one in document["also_seen"]] == [one.id for one in found.also_seen]
-    assert all(one["confidence"] <= 0.5 and one["suspected"] for one in document["also_seen"])
-    assert all(one["share"] >= 0.01 for one in document["also_seen"])
-    assert [one.id for one in diagnosis_of(document).also_seen] == [one.id for one in found.also_seen]
+
+
+def test_what_is_only_seen_comes_back_from_the_json_and_is_shown():
+    found = diagnosis(comparison({"Z": noise(7)}), seed=0)
+    seen = NamedEffect(
+        "thermal.memory", "Z", None, "Z follows past heating.", {"tau_s": Quantity(2400.0, "s")}, 0.5, 1e-6, 0.05,
+        (), "warm up and let it cool", suspected=True,
+    )  # fmt: skip
+    told = replace(found, also_seen=(seen,))
+    assert told.as_dict()["effects"] == []
+    again = diagnosis_of(told.as_dict())
+    assert [(one.id, one.confidence, one.share, one.suspected) for one in again.also_seen] == [
+        ("thermal.memory", 0.5, 0.05, True)
+    ]
+    assert "also-seen" in {section.id for section in diagnosis_account(told).sections}
+    assert "also-seen" not in {section.id for section in diagnosis_account(found).sections}
