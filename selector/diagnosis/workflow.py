@@ -12,13 +12,13 @@ import numpy as np
 from selector.diagnosis.answer import Diagnosis, Evidence, Fit, NamedEffect, Place, Verdict
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
-from selector.diagnosis.effects.effect import Effect, Variant
+from selector.diagnosis.effects.effect import Effect, Quantity, Variant
 from selector.diagnosis.evidence.confirmation import confirmation, held_out_faults, not_ruinous
 from selector.diagnosis.evidence.detectability import detectability
 from selector.diagnosis.evidence.frozen import frozen_and_unnamed, with_frozen, without_frozen
-from selector.diagnosis.evidence.gain import fit_of
+from selector.diagnosis.evidence.gain import fit_of, gap_closed
 from selector.diagnosis.evidence.naming import input_fault_effect, named_effect, unit_of, whole_record_effect
-from selector.diagnosis.evidence.practical_size import is_small, of_practical_size, told_of_small
+from selector.diagnosis.evidence.practical_size import is_small, of_practical_size, seen_only, told_of_small
 from selector.diagnosis.evidence.recalibration import Recalibrated, recalibrated, whole_record_names
 from selector.diagnosis.evidence.response import Bench, bench_of
 from selector.diagnosis.evidence.search import Search, Standing, numbers, search, unseen_rms
@@ -45,6 +45,10 @@ _MOST = 0.5
 _HARM = 1.05
 _SUSPECTED = 0.5
 """What is left of a confidence that another programme does not bear out."""
+_LEAST_CLOSED, _SURELY_LESS = 0.15, 0.5
+"""Of the unseen gap between recalibration and noise: names that close less of it, and surely less, are not what is
+missing if structure is left beside them."""
+_LEAST_SURE = 0.05
 _DOUBTFUL = 0.45
 """Weight below which an effect is no name where structure is left that nothing explains."""
 
@@ -200,7 +204,22 @@ def _tested(state: _State) -> _State:
     found = search(benches, false_alarm=asked.false_alarm, seed=asked.seed)
     found = not_ruinous(comparison, _worth_naming(comparison, found))
     found, also = of_practical_size(comparison, found)
-    return replace(state, untested=untested, search=found, also=also)
+    return replace(state, untested=untested, search=replace(found, closed=_closed(state, found)), also=also)
+
+
+def _closed(state: _State, found: Search) -> dict[str, Quantity]:
+    """How much of the unseen gap the names of a response close together; of each effect where that is most."""
+    closed: dict[str, Quantity] = {}
+    for name, bench in found.benches.items():
+        of, is_noise = numbers(found.named, name), found.misfit[name] == 1.0
+        gap = gap_closed(state.comparison, bench, of, seed=state.asked.seed, is_noise=is_noise) if of else None
+        if gap is not None:
+            closed[name] = gap
+    return {
+        id_: max((closed[name] for name in of), key=lambda gap: gap.value)
+        for id_, of in found.named.items()
+        if all(name in closed for name in of)
+    }
 
 
 def _recalibrated(state: _State) -> _State:
@@ -238,18 +257,42 @@ def _looked_at_what_is_left(state: _State) -> _State:
 def _named(state: _State) -> _State:
     """What the rows that were not fitted bear out, and faults that stand in them alone."""
     confirmed = [_confirmed(state.comparison, state.search, id_) for id_ in state.search.named]
-    return replace(state, effects=(*confirmed, *state.late))
+    largest = max((effect.share for effect in confirmed), default=0.0)
+    kept = [effect for effect in confirmed if _is_sure(effect, state.search, largest)]
+    return replace(_only_seen(state, confirmed, kept), effects=(*kept, *state.late))
+
+
+def _only_seen(state: _State, effects: Sequence[NamedEffect], kept: Sequence[NamedEffect]) -> _State:
+    """With what is not kept among what is seen, too."""
+    left = [effect for effect in effects if all(effect is not one for one in kept)]
+    return replace(state, also=(*state.also, *seen_only(left)))
+
+
+def _is_sure(effect: NamedEffect, found: Search, largest: float) -> bool:
+    """Whether a name is more than a guess, and no trifle that unseen rows lose by beside a name that is none."""
+    is_trifle = effect.share < _TRIFLE * min(largest, _MOST) and _is_lost(effect, found)
+    return effect.confidence >= _LEAST_SURE and not is_trifle
 
 
 def _named_clearly(state: _State) -> _State:
     """Names only where they are clearer than the structure that is left.
 
-    A fault of the data explains all that it concerns, or it is a proxy of what nothing explains.
+    A fault of the data explains all that it concerns, or it is a proxy of what nothing explains. What carries little on
+    unseen rows is no name where structure is left, nor what surely makes them worse.
     """
     doubts = _doubts(state)
+    kept = [effect for effect in state.effects if not _carries_little(effect, state.search, is_doubted=bool(doubts))]
+    state = replace(_only_seen(state, state.effects, kept), effects=tuple(kept))
     if not doubts or any(_stands(effect, state.search, doubts) for effect in state.effects):
         return state
     return replace(state, effects=tuple(effect for effect in state.effects if effect.id == "data.stuck"))
+
+
+def _carries_little(effect: NamedEffect, found: Search, *, is_doubted: bool) -> bool:
+    gap = found.closed.get(effect.id)
+    if gap is None or gap.high is None or effect.id == "data.stuck":
+        return False
+    return gap.value < _LEAST_CLOSED and gap.high < (_SURELY_LESS if is_doubted else 0.0)
 
 
 def _doubts(state: _State) -> Sequence[Structure]:
@@ -429,10 +472,15 @@ def _confirmed(comparison: Comparison, found: Search, id_: str) -> NamedEffect:
     A trifle of the mismatch has to make the error itself smaller there: the filter may make much of what is quick.
     """
     effect = named_effect(comparison, found, id_)
-    bench, of = found.benches[effect.channel], numbers(found.named, effect.channel)
-    without_it = [v for v in of if v != found.named[id_][effect.channel]]
-    is_lost = effect.share < _LEAST and unseen_rms(bench, of) >= unseen_rms(bench, without_it)
+    is_lost = effect.share < _LEAST and _is_lost(effect, found)
     return _doubted(effect) if is_lost or confirmation(comparison, found, id_).refutes else effect
+
+
+def _is_lost(effect: NamedEffect, found: Search) -> bool:
+    """Whether unseen rows are no better with an effect."""
+    bench, of = found.benches[effect.channel], numbers(found.named, effect.channel)
+    without_it = [v for v in of if v != found.named[effect.id][effect.channel]]
+    return unseen_rms(bench, of) >= unseen_rms(bench, without_it)
 
 
 def _doubted(effect: NamedEffect) -> NamedEffect:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from selector.diagnosis.answer import NamedEffect
+from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.evidence.misfit import misfit, tempered
@@ -15,6 +16,7 @@ from selector.diagnosis.evidence.response import bench_of
 from selector.diagnosis.matching.alignment import resolution
 from selector.diagnosis.matching.repeats import pure_error, repeats
 from selector.diagnosis.workflow import diagnosis
+from selector.recording import Channel
 from selector.telling.diagnosed.account import diagnosis_account
 from selector.telling.diagnosed.document import diagnosis_of
 from tests.diagnosis.made import comparison
@@ -101,3 +103,38 @@ def test_what_is_only_seen_comes_back_from_the_json_and_is_shown():
     ]
     assert "also-seen" in {section.id for section in diagnosis_account(told).sections}
     assert "also-seen" not in {section.id for section in diagnosis_account(found).sections}
+
+
+def plunge(late_s):
+    """Two runs of a thermometer that is plunged, recorded by another logger; the second run is held out."""
+    time_s = np.arange(900.0)
+    course = 20.0 - 15.0 / (1.0 + np.exp(-(time_s - 200.0) / 6.0)) + 2.0 * np.sin(time_s / 140.0)
+    late = np.interp(time_s - late_s, time_s, course)
+    recorded = np.tile(late, 2) + 0.02 * np.random.default_rng(8).standard_normal(1800)
+    channels = (Channel("T", "temperature", "degC"),)
+    held_out = np.arange(1800) >= 900
+    of = {"T": recorded}, {"T": np.tile(course, 2)}
+    return Comparison(("r1", "r2"), (0, 900, 1800), np.tile(time_s, 2), channels, *of, ("T",), held_out, {"T": 0.0})
+
+
+def test_a_clock_off_by_more_samples_than_recalibration_takes_is_a_clock():
+    found = diagnosis(plunge(9.0), seed=0)
+    assert [effect.id for effect in found.effects] == ["data.clock"]
+    # tried shifts stand a factor of 1.5 apart, and the size of each is fitted
+    assert found.effects[0].parameters["shift_s"].value == pytest.approx(9.0, abs=1.0)
+
+
+@pytest.mark.parametrize("carried", [1.0, 0.5, 0.1])
+def test_names_are_no_surer_than_what_they_carry_to_unseen_rows(carried):
+    made = comparison({"Z": noise(9)})
+    share = np.where(made.held_out, carried, 1.0)
+    growth = share * made.recorded["n"] / 200.0 + (1.0 - carried) * wavy(4.0) * made.held_out
+    found = diagnosis(replace(made, recorded=made.recorded | {"Z": made.recorded["Z"] + growth}), seed=0)
+    names = {effect.id: effect.confidence for effect in found.effects}
+    if carried == 1.0:
+        assert names["thermal.instant_speed"] > 0.8
+    for effect in found.effects:
+        gap = found.fit[effect.channel].gap_closed
+        assert gap is not None
+        assert effect.confidence <= max(gap.high or 0.0, 0.01)
+    assert carried > 0.3 or max(names.values(), default=0.0) < 0.5

@@ -73,15 +73,20 @@ def not_ruinous(comparison: Comparison, found: Search) -> Search:
 
 
 def _growth(comparison: Comparison, found: Search, id: str, response: str) -> float:  # noqa: A002 - as in the contract
-    """Times by which the held-out error of a response grows with an effect.
+    """Times by which the held-out error of a response grows with an effect; 0 where it takes less than it gives.
 
-    Compared with the simulation without it, recalibrated or as it was given, whichever is nearer.
+    Compared with the simulation without it, recalibrated or as it was given, whichever is nearer. What it gives is the
+    fall of the mean square in the fitted rows.
     """
     bench, named = found.benches[response], numbers(found.named, response)
+    with_it = bench.residual(named)
     without_it = bench.residual([other for other in named if other != found.named[id][response]])
     rows = comparison.held_out & np.isfinite(without_it)
-    after, *before = (float(np.sum(left[rows] ** 2)) for left in (bench.residual(named), without_it, bench.target))
-    return float(np.sqrt(after / min(before))) if min(before) > 0.0 else 0.0
+    if not rows.any():
+        return 0.0
+    after, *before = (float(np.mean(left[rows] ** 2)) for left in (with_it, without_it, bench.target))
+    given = float(np.mean(without_it[bench.fitted] ** 2) - np.mean(with_it[bench.fitted] ** 2))
+    return float(np.sqrt(after / min(before))) if 0.0 < min(before) < after - given else 0.0
 
 
 def _white(bench: Bench, left: Vector) -> Vector:

@@ -18,6 +18,8 @@ from selector.diagnosis.shapes.residual import least_squares
 from selector.types import Matrix, Vector
 
 _DRAWS = 400
+_FAR = 1.2
+"""Times the noise: unseen errors from which on there is a way to go."""
 
 
 def fit_of(
@@ -38,11 +40,9 @@ def fit_of(
     simulated, target = comparison.simulated[bench.response], bench.target
     recalibrated = _recalibration(bench)
     explained = bench.explained(named) if named or recalibrate else np.zeros(len(target))
-    seen = np.isfinite(target)
-    held = seen & comparison.held_out
+    held = np.isfinite(target) & comparison.held_out
     before, middle, after = target, target - recalibrated, target - explained
-    # an unseen error below it would be a sign of a wrong floor
-    floor = float(np.nanmin([noise_floor(comparison, bench, named, is_noise=is_noise), rms(after[held])]))
+    floor = _unseen_floor(comparison, bench, named, after[held], is_noise=is_noise)
     return Fit(
         unit=unit,
         train=Errors(rms(before[bench.fitted]), rms(after[bench.fitted])),
@@ -54,6 +54,24 @@ def fit_of(
         recalibrated=np.asarray(simulated + recalibrated),
         after=np.asarray(simulated + explained),
     )
+
+
+def gap_closed(
+    comparison: Comparison, bench: Bench, named: Sequence[int], *, seed: int, is_noise: bool
+) -> Quantity | None:
+    """Share of the way from the recalibrated unseen error to the noise that the named candidates go, with its interval.
+
+    None where the way is short, as noise may differ by as much from one run to another, or too few rows are unseen.
+    """
+    held = np.isfinite(bench.target) & comparison.held_out
+    middle, after = bench.target - _recalibration(bench), bench.target - bench.explained(named)
+    floor = _unseen_floor(comparison, bench, named, after[held], is_noise=is_noise)
+    return _gap(bench, middle, after, floor, held, seed) if rms(middle[held]) > _FAR * floor else None
+
+
+def _unseen_floor(comparison: Comparison, bench: Bench, named: Sequence[int], left: Vector, *, is_noise: bool) -> float:
+    """The noise floor; an unseen error below it would be a sign of a wrong one."""
+    return float(np.nanmin([noise_floor(comparison, bench, named, is_noise=is_noise), rms(left)]))
 
 
 def _recalibration(bench: Bench) -> Vector:

@@ -146,7 +146,11 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
     confidence = sum(found.weights[id_].values()) * (1.0 - standing.p_value)
     share = float(np.clip(max(shares), 0.0, 1.0))
     if found.misfit.get(main, 1.0) > 1.0:
-        confidence = min(confidence, share if share >= _MOST_OF_IT else _HALF)
+        confidence = min(confidence, share if share >= _MOST_OF_IT else _HALF, found.ahead.get(id_, 1.0))
+    gap = found.closed.get(id_)
+    if gap is not None and gap.high is not None:
+        # no surer than the names are shown to carry on unseen rows
+        confidence = min(confidence, gap.high)
     is_checked = fitted.variant.run is not None or any(_is_held_out(comparison, name) for name in by_response)
     return NamedEffect(
         id=id_,

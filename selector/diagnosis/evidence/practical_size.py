@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from selector.diagnosis.answer import NamedEffect
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.evidence.naming import named_effect
 from selector.diagnosis.evidence.response import Bench
-from selector.diagnosis.evidence.search import Search, numbers
+from selector.diagnosis.evidence.search import Search, numbers, unseen_rms
 from selector.diagnosis.finding_table import FINDINGS
 from selector.diagnosis.matching.repeats import pure_error, rms
 from selector.diagnosis.shapes.force_response import PLACE_ROLES
@@ -46,29 +46,38 @@ def of_practical_size(comparison: Comparison, found: Search) -> tuple[Search, tu
     }
     also = {id_: of for id_, of in {**found.named, **found.small}.items() if id_ in doubted or id_ not in found.named}
     rest = replace(found, named={id_: of for id_, of in found.named.items() if id_ not in doubted})
-    seen = (_only_seen(comparison, found, id_, of) for id_, of in also.items())
-    return rest, tuple(effect for effect in seen if effect.share >= _LISTED)
+    return rest, seen_only(_beside(comparison, found, id_, of) for id_, of in also.items())
 
 
-def _only_seen(comparison: Comparison, found: Search, id_: str, of: Mapping[str, int]) -> NamedEffect:
+def seen_only(effects: Iterable[NamedEffect]) -> tuple[NamedEffect, ...]:
+    """Effects that are seen, too, without being called missing; without those that are too little to be told of."""
+    return tuple(
+        replace(effect, suspected=True, confidence=min(_SEEN_ONLY, effect.confidence), is_fitted=False)
+        for effect in effects
+        if effect.share >= _LISTED
+    )
+
+
+def _beside(comparison: Comparison, found: Search, id_: str, of: Mapping[str, int]) -> NamedEffect:
+    """An effect as it stands beside the named ones."""
     beside = replace(
         found,
         named={**found.named, id_: dict(of)},
         rivals={id_: (), **found.rivals},
         weights={id_: {id_: _SEEN_ONLY}, **found.weights},
     )
-    effect = named_effect(comparison, beside, id_)
-    return replace(effect, suspected=True, confidence=min(_SEEN_ONLY, effect.confidence), is_fitted=False)
+    return named_effect(comparison, beside, id_)
 
 
 def is_small(comparison: Comparison, found: Search, response: str) -> bool:
     """Whether what recalibration leaves of a response is no noise, and too little to matter.
 
-    That is what repeats of a programme differ by as well, or a trifle of what was recorded; of a position in a control
-    loop no share of its way says what matters.
+    That is what repeats of a programme differ by as well, unseen rows too, or a trifle of what was recorded; of a
+    position in a control loop no share of its way says what matters.
     """
     repeated = pure_error(comparison, response)
-    if repeated is not None and _left_alone(found, response) < _AS_REPEATED * repeated:
+    unseen = unseen_rms(found.benches[response], [])
+    if repeated is not None and max(_left_alone(found, response), unseen) < _AS_REPEATED * repeated:
         return True
     return _is_trifle(comparison, found, response)
 

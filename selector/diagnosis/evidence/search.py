@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.evidence.misfit import misfit, tempered
 from selector.diagnosis.evidence.moments import solved
 from selector.diagnosis.evidence.noise import NoiseModel
@@ -62,7 +63,7 @@ _RIVAL = 0.2
 _TRIFLE = 0.1
 """What gains less than this share of the clearest named effect may be what its shape does not fit exactly."""
 _TENTH = 0.1
-_AS_GOOD = 0.7
+_AS_GOOD = 0.6
 """Of the fall of the unseen error by the named effect: what another one makes of it is about as good."""
 _CLEARLY_BETTER = 1.1
 _MOST_ALIKE = 3
@@ -118,6 +119,10 @@ class Search:
     weights: Mapping[str, Mapping[str, float]]
     #: Response → times that the noise of `benches` is larger than that of the fit: what is left is no noise only
     misfit: Mapping[str, float] = field(default_factory=dict)
+    #: Named effect → part of its fall of the unseen error that no effect outside of its set makes, where misfit is
+    ahead: Mapping[str, float] = field(default_factory=dict)
+    #: Named effect → share of the unseen gap between recalibration and noise that it closes with the other names
+    closed: Mapping[str, Quantity] = field(default_factory=dict)
     small: Named = field(default_factory=dict)  #: What is significant beside structure, but too small or not borne out
 
 
@@ -174,10 +179,10 @@ def search(benches: Benches, *, false_alarm: float, seed: int) -> Search:
         named, small = _selected_by_size(benches, noise, times, false_alarm=false_alarm, seed=seed)
     benches, named = _with_own(benches, named, noise, times, false_alarm=false_alarm, seed=seed)
     named, small = _without_small(benches, named, small, times)
-    named, alike = _by_transfer(benches, named, noise, times, level=false_alarm, seed=seed)
+    named, alike, ahead = _by_transfer(benches, named, noise, times, level=false_alarm, seed=seed)
     told = _told(benches, named, noise, seed=seed)
     rivals = {id_: tuple(dict.fromkeys((*of, *alike.get(id_, ())))) for id_, of in told.rivals.items()}
-    return replace(told, rivals=rivals, misfit=times, small=small)
+    return replace(told, rivals=rivals, misfit=times, small=small, ahead=ahead)
 
 
 def _with_own(
@@ -395,19 +400,21 @@ def _told(benches: Benches, named: Named, noise: Mapping[str, Vector], *, seed: 
 
 def _by_transfer(
     benches: Benches, named: Named, noise: Mapping[str, Vector], times: Mapping[str, float], *, level: float, seed: int
-) -> tuple[Named, dict[str, tuple[str, ...]]]:
+) -> tuple[Named, dict[str, tuple[str, ...]], dict[str, float]]:
     """Names that do best on unseen rows where more is left than noise, and for each what does about as well there.
 
-    The likelihood of the fitted rows decides between laws that are all somewhat wrong; their transfer does not.
+    The likelihood of the fitted rows decides between laws that are all somewhat wrong; their transfer does not. The
+    last is how far each name, or its set, is ahead of the next one: 1 where no other makes unseen errors fall.
     """
     alike: dict[str, tuple[str, ...]] = {}
+    ahead: dict[str, float] = {}
     for id_, of in list(named.items()):
         others = without(named, id_)
         beside = standings(benches, others, noise, seed=seed)
         main = max(of, key=lambda name: beside[id_].tested[name].gain)
         if times[main] == 1.0:
             continue
-        good = {
+        falls = {
             other: _unseen_share(
                 benches, others, of, {name: one.tested[name].best for name in of if name in one.tested}
             )
@@ -417,15 +424,18 @@ def _by_transfer(
             and one.p_value <= level
             and adds(benches[main], numbers(others, main), one.tested[main].best)
         }
-        good = {other: good[other] for other in sorted(good, key=lambda one: -good[one]) if good[other] >= _AS_GOOD}
-        best = next(iter(good), id_)
-        if best != id_ and good[best] > _CLEARLY_BETTER and beside[best].is_the_same_in_all_runs:
+        good = [other for other in sorted(falls, key=lambda one: -falls[one]) if falls[other] >= _AS_GOOD]
+        best = good[0] if good else id_
+        if best != id_ and falls[best] > _CLEARLY_BETTER and beside[best].is_the_same_in_all_runs:
             chosen = {name: beside[best].tested[name].best for name in beside[best].responses}
             named = {best if name == id_ else name: chosen if name == id_ else one for name, one in named.items()}
-            alike[best] = (id_, *(other for other in good if other != best))[:_MOST_ALIKE]
+            good = [id_, *(other for other in good if other != best)]
         else:
-            alike[id_] = tuple(good)[:_MOST_ALIKE]
-    return named, alike
+            best = id_
+        alike[best] = tuple(good[:_MOST_ALIKE])
+        rest = [fall for other, fall in falls.items() if other not in (best, *alike[best])]
+        ahead[best] = 1.0 - float(np.clip(max(rest, default=0.0), 0.0, 1.0))
+    return named, alike, ahead
 
 
 def _unseen_share(benches: Benches, others: Named, of: Mapping[str, int], rival: Mapping[str, int]) -> float:

@@ -53,6 +53,10 @@ def _shifted(comparison: Comparison, response: str, course: Vector, slope: Vecto
         (_variant(part, -slope, _LATE) for part in (everywhere, *parts)),
         _by_sizes(comparison, course, slope, parts, sizes),
         _by_hours(comparison, course, everywhere),
+        # recalibration takes a delay by few samples only; a thermometer's clock may be off by more
+        _by_sizes(comparison, course, slope, [everywhere], sizes)
+        if comparison.channel(response).role == "temperature"
+        else (),
     )
 
 
