@@ -119,7 +119,8 @@ def separations(
     bench = found.benches[response]
     is_thinned = short.period_s > 1.5 * comparison.period_s
     noise = _noise(short, bench, numbers(found.named, response), kept) if is_thinned else bench.noise
-    scene = _scene(longer, response, noise, bench.fitted[kept])
+    tested = {one.effect.id: one.effect for of in found.benches.values() for one in of.candidates}
+    scene = _scene(longer, response, noise, bench.fitted[kept], tested)
     base = scene.nuisance
     for id_ in bench.own:
         if id_ not in (effect.id, *rivals) and scene.of(id_):
@@ -155,6 +156,7 @@ class _Scene:
     rows: NDArray[np.intp]
     old: NDArray[np.intp]
     nuisance: Matrix
+    tested: Mapping[str, Effect]  #: What was tested in the record: one's own effects stand in no catalogue
     shapes: dict[str, list[tuple[Variant, Matrix]]]
 
     def white(self, columns: Matrix) -> Matrix:
@@ -164,7 +166,7 @@ class _Scene:
     def of(self, id: str) -> list[tuple[Variant, Matrix]]:  # noqa: A002 - the word of the contract
         """Every shape of an effect, and the same behind the filter."""
         if id not in self.shapes:
-            self.shapes[id] = list(self._made(effect_of(id)))
+            self.shapes[id] = list(self._made(self.tested.get(id) or effect_of(id)))
         return self.shapes[id]
 
     def _made(self, effect: Effect) -> list[tuple[Variant, Matrix]]:
@@ -179,7 +181,9 @@ class _Scene:
         return made
 
 
-def _scene(longer: Comparison, response: str, noise: NoiseModel, fitted: NDArray[np.bool_]) -> _Scene:
+def _scene(
+    longer: Comparison, response: str, noise: NoiseModel, fitted: NDArray[np.bool_], tested: Mapping[str, Effect]
+) -> _Scene:
     target = longer.difference(response)
     n = len(target) - len(fitted)
     counted = np.r_[fitted, np.ones(n, dtype=bool)] & np.isfinite(target)
@@ -190,7 +194,7 @@ def _scene(longer: Comparison, response: str, noise: NoiseModel, fitted: NDArray
     rows = np.flatnonzero(counted & told)
     columns = recalibration_columns(longer, response, counted)[0]
     white = whitened(noise, columns, parts)[rows]
-    return _Scene(longer, response, noise, parts, rows, np.flatnonzero(rows < len(fitted)), white, {})
+    return _Scene(longer, response, noise, parts, rows, np.flatnonzero(rows < len(fitted)), white, tested, {})
 
 
 def _nearest(scene: _Scene, base: Matrix, id_: str, course: Vector) -> Variant | None:
