@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import compress
 from typing import Protocol
 
 import numpy as np
@@ -49,6 +50,8 @@ _LEAST_CLOSED, _SURELY_LESS = 0.15, 0.5
 """Of the unseen gap between recalibration and noise: names that close less of it, and surely less, are not what is
 missing if structure is left beside them."""
 _LEAST_SURE = 0.05
+_MANY = 3
+"""Names from which on any smooth misfit may have been put together from them."""
 _DOUBTFUL = 0.45
 """Weight below which an effect is no name where structure is left that nothing explains."""
 
@@ -259,13 +262,11 @@ def _named(state: _State) -> _State:
     confirmed = [_confirmed(state.comparison, state.search, id_) for id_ in state.search.named]
     largest = max((effect.share for effect in confirmed), default=0.0)
     kept = [effect for effect in confirmed if _is_sure(effect, state.search, largest)]
-    return replace(_only_seen(state, confirmed, kept), effects=(*kept, *state.late))
-
-
-def _only_seen(state: _State, effects: Sequence[NamedEffect], kept: Sequence[NamedEffect]) -> _State:
-    """With what is not kept among what is seen, too."""
-    left = [effect for effect in effects if all(effect is not one for one in kept)]
-    return replace(state, also=(*state.also, *seen_only(left)))
+    if len(kept) >= _MANY:
+        kept = [replace(effect, confidence=min(effect.confidence, _SUSPECTED)) for effect in kept]
+    ids = {effect.id for effect in kept}
+    left = [effect for effect in confirmed if effect.id not in ids]
+    return replace(state, effects=(*kept, *state.late), also=(*state.also, *seen_only(left)))
 
 
 def _is_sure(effect: NamedEffect, found: Search, largest: float) -> bool:
@@ -281,8 +282,12 @@ def _named_clearly(state: _State) -> _State:
     unseen rows is no name where structure is left, nor what surely makes them worse.
     """
     doubts = _doubts(state)
-    kept = [effect for effect in state.effects if not _carries_little(effect, state.search, is_doubted=bool(doubts))]
-    state = replace(_only_seen(state, state.effects, kept), effects=tuple(kept))
+    is_little = [_carries_little(effect, state.search, is_doubted=bool(doubts)) for effect in state.effects]
+    state = replace(
+        state,
+        effects=tuple(effect for effect, little in zip(state.effects, is_little, strict=True) if not little),
+        also=(*state.also, *seen_only(compress(state.effects, is_little))),
+    )
     if not doubts or any(_stands(effect, state.search, doubts) for effect in state.effects):
         return state
     return replace(state, effects=tuple(effect for effect in state.effects if effect.id == "data.stuck"))

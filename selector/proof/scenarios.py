@@ -13,7 +13,7 @@ import selector.proof as proof
 from selector.errors import OptionError
 from selector.proof.case import Scenario
 
-FAMILIES = ("thermal", "drive", "vibration", "gauging", "flow", "data", "real")
+FAMILIES = ("thermal", "drive", "vibration", "gauging", "flow", "data", "imperfect", "real")
 
 
 def scenarios(

@@ -18,8 +18,7 @@ from selector.diagnosis.shapes.force_response import PLACE_ROLES
 from selector.findings import Finding, Where
 
 _MOST = 0.4
-_CLEARLY = 10.0
-_LITTLE = 0.02
+_LITTLE = 0.015
 """Of the movement of what is recorded: a mismatch that is practically none, however significant it is."""
 _LISTED = 0.01
 _SEEN_ONLY = 0.5
@@ -83,7 +82,7 @@ def is_small(comparison: Comparison, found: Search, response: str) -> bool:
 
 
 def _is_trifle(comparison: Comparison, found: Search, response: str) -> bool:
-    if found.misfit[response] < _CLEARLY or comparison.channel(response).role in PLACE_ROLES:
+    if found.misfit[response] == 1.0 or comparison.channel(response).role in PLACE_ROLES:
         return False
     return _of_movement(comparison, found, response) < _LITTLE
 
