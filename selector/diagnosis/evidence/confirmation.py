@@ -22,6 +22,8 @@ _SEEN = 10.0
 A true effect gains about that much, with a standard deviation of twice its root. A loss of as much refutes whatever the
 course: there what is left grows by what was taken for the effect.
 """
+_OFF, _SURELY = 0.25, 4.0
+"""Part by which sizes differ that are another, and standard errors by which they are surely."""
 _RUINED = 1.5
 """Times the held-out error without an effect from which on it is another thing that was taken for it."""
 
@@ -32,25 +34,39 @@ class Confirmation:
 
     gain: float  #: Fall of the whitened sum of squares
     energy: float  #: Whitened sum of squares of its course there
+    fitted_energy: float  #: The same in the rows that it was fitted to
 
     @property
     def refutes(self) -> bool:
-        """Whether it ought to gain there and does not."""
-        return self.gain < -_SEEN or (self.gain <= 0.0 and self.energy > _SEEN)
+        """Whether it ought to gain there and does not, or is of another size there."""
+        return self.gain < -_SEEN or (self.gain <= 0.0 and self.energy > _SEEN) or self.is_of_another_size
+
+    @property
+    def is_of_another_size(self) -> bool:
+        """Whether its size on the held-out rows is surely and clearly another than on those that it was fitted to."""
+        if not (self.energy > 0.0 and self.fitted_energy > 0.0):
+            return False
+        off = 0.5 * (self.gain + self.energy) / self.energy - 1.0
+        error = float(np.sqrt(1.0 / self.energy + 1.0 / self.fitted_energy))
+        return abs(off) > max(_OFF, _SURELY * error)
 
 
 def confirmation(comparison: Comparison, found: Search, id: str) -> Confirmation:  # noqa: A002 - the contract's word
     """Held-out rows without and with an effect, both models fitted to the other rows, all its responses together."""
-    gain = energy = 0.0
+    gain = energy = fitted_energy = 0.0
     for response, v in found.named[id].items():
         bench = found.benches[response]
         rows = comparison.held_out & np.isfinite(bench.target)
         named = numbers(found.named, response)
-        without = _white(bench, bench.residual([other for other in named if other != v]))[rows]
-        with_it = _white(bench, bench.residual(named))[rows]
-        energy += float(np.sum((with_it - without) ** 2))
-        gain += float(np.sum(without**2) - np.sum(with_it**2))
-    return Confirmation(gain, energy)
+        without = _white(bench, bench.residual([other for other in named if other != v]))
+        with_it = _white(bench, bench.residual(named))
+        course = (with_it - without) ** 2
+        energy, fitted_energy = (
+            energy + float(np.sum(course[rows])),
+            fitted_energy + float(np.sum(course[bench.fitted])),
+        )
+        gain += float(np.sum(without[rows] ** 2) - np.sum(with_it[rows] ** 2))
+    return Confirmation(gain, energy, fitted_energy)
 
 
 def not_ruinous(comparison: Comparison, found: Search) -> Search:

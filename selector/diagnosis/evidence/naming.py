@@ -15,6 +15,7 @@ from selector.diagnosis.evidence.moments import solved
 from selector.diagnosis.evidence.recalibration import Recalibrated
 from selector.diagnosis.evidence.response import Bench
 from selector.diagnosis.evidence.search import Search, numbers
+from selector.diagnosis.matching.repeats import rms
 from selector.diagnosis.shapes.input_faults import InputFault
 from selector.diagnosis.shapes.residual import read_by
 from selector.types import Vector
@@ -120,6 +121,7 @@ _UNCHECKED = 0.9
 """What is left of a confidence that nothing held out could bear out."""
 _MOST_OF_IT, _HALF = 0.75, 0.5
 """Share of the mismatch from which a name is as sure as it is large, where structure is left; how sure it is below."""
+_FAR_ABOVE = 4.0
 _INPUT_FAULT = 0.9
 """Confidence of a fault that a channel's own course shows and nothing else explains."""
 
@@ -145,7 +147,7 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
     reading = effect.reading(fitted, comparison)
     confidence = sum(found.weights[id_].values()) * (1.0 - standing.p_value)
     share = float(np.clip(max(shares), 0.0, 1.0))
-    if found.misfit.get(main, 1.0) > 1.0:
+    if found.misfit.get(main, 1.0) > 1.0 or _is_far_above_noise(found, main):
         confidence = min(confidence, share if share >= _MOST_OF_IT else _HALF, found.ahead.get(id_, 1.0))
     gap = found.closed.get(id_)
     if gap is not None and gap.high is not None:
@@ -170,6 +172,13 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
         is_fitted=True,
         sources=fitted.variant.sources,
     )
+
+
+def _is_far_above_noise(found: Search, response: str) -> bool:
+    """Whether what is left is many times its changes from sample to sample: noise that wanders, or nobody's misfit."""
+    bench = found.benches[response]
+    left = bench.residual(numbers(found.named, response))
+    return rms(left[bench.fitted]) > _FAR_ABOVE * bench.quick(left)
 
 
 def _or_what_it_reads(comparison: Comparison, id_: str, response: str, sources: Sequence[str]) -> str:

@@ -25,8 +25,6 @@ _SEEN_ONLY = 0.5
 """Confidence of what is only seen, too, at most."""
 _AS_REPEATED = 1.2
 """Times the pure error of repeats: a simulation that leaves no more is as good as a recording of the machine itself."""
-_HIGHEST = np.array([1.0, -3.0, 3.0, -1.0]) / np.sqrt(20.0)
-"""Third differences: of white noise as large as it, of what bends slowly nothing."""
 
 
 def of_practical_size(comparison: Comparison, found: Search) -> tuple[Search, tuple[NamedEffect, ...]]:
@@ -137,7 +135,5 @@ def noise_floor(comparison: Comparison, bench: Bench, named: Sequence[int], *, i
     if repeated is not None:
         floor = min(floor, repeated)
     elif not is_noise:
-        quick = [np.convolve(left[part], _HIGHEST, mode="valid") for part in bench.parts if part.stop - part.start > 3]
-        of_quick = rms(np.concatenate(quick)) if quick else np.nan
-        floor = min(floor, of_quick) if np.isfinite(of_quick) else floor
+        floor = float(np.nanmin([floor, bench.quick(left)]))
     return max(floor, bench.rounding)
