@@ -18,7 +18,13 @@ from selector.diagnosis.evidence.confirmation import confirmation, held_out_faul
 from selector.diagnosis.evidence.detectability import detectability
 from selector.diagnosis.evidence.frozen import frozen_and_unnamed, with_frozen, without_frozen
 from selector.diagnosis.evidence.gain import fit_of, gap_closed
-from selector.diagnosis.evidence.naming import input_fault_effect, named_effect, unit_of, whole_record_effect
+from selector.diagnosis.evidence.naming import (
+    input_fault_effect,
+    is_far_above_noise,
+    named_effect,
+    unit_of,
+    whole_record_effect,
+)
 from selector.diagnosis.evidence.practical_size import is_small, of_practical_size, seen_only, told_of_small
 from selector.diagnosis.evidence.recalibration import Recalibrated, recalibrated, whole_record_names
 from selector.diagnosis.evidence.response import Bench, bench_of
@@ -270,8 +276,12 @@ def _named(state: _State) -> _State:
 
 
 def _is_sure(effect: NamedEffect, found: Search, largest: float) -> bool:
-    """Whether a name is more than a guess, and no trifle that unseen rows lose by beside a name that is none."""
+    """Whether a name is more than a guess and no trifle.
+
+    That is what unseen rows lose by beside a name that is none, and next to nothing beside much that is left.
+    """
     is_trifle = effect.share < _TRIFLE * min(largest, _MOST) and _is_lost(effect, found)
+    is_trifle |= effect.share < _LEAST and is_far_above_noise(found, effect.channel)
     return effect.confidence >= _LEAST_SURE and not is_trifle
 
 

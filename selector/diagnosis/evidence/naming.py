@@ -122,6 +122,8 @@ _UNCHECKED = 0.9
 _MOST_OF_IT, _HALF = 0.75, 0.5
 """Share of the mismatch from which a name is as sure as it is large, where structure is left; how sure it is below."""
 _FAR_ABOVE = 4.0
+_LIKE_ANYTHING_SLOW = ("data.drift", "data.step", "data.zero")
+"""Faults of one channel that only a second channel tells from what the machine itself does slowly."""
 _INPUT_FAULT = 0.9
 """Confidence of a fault that a channel's own course shows and nothing else explains."""
 
@@ -147,8 +149,9 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
     reading = effect.reading(fitted, comparison)
     confidence = sum(found.weights[id_].values()) * (1.0 - standing.p_value)
     share = float(np.clip(max(shares), 0.0, 1.0))
-    if found.misfit.get(main, 1.0) > 1.0 or _is_far_above_noise(found, main):
-        confidence = min(confidence, share if share >= _MOST_OF_IT else _HALF, found.ahead.get(id_, 1.0))
+    if found.misfit.get(main, 1.0) > 1.0 or is_far_above_noise(found, main):
+        large = share >= _MOST_OF_IT and id_ not in _LIKE_ANYTHING_SLOW
+        confidence = min(confidence, share if large else _HALF, found.ahead.get(id_, 1.0))
     gap = found.closed.get(id_)
     if gap is not None and gap.high is not None:
         # no surer than the names are shown to carry on unseen rows
@@ -174,7 +177,7 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
     )
 
 
-def _is_far_above_noise(found: Search, response: str) -> bool:
+def is_far_above_noise(found: Search, response: str) -> bool:
     """Whether what is left is many times its changes from sample to sample: noise that wanders, or nobody's misfit."""
     bench = found.benches[response]
     left = bench.residual(numbers(found.named, response))

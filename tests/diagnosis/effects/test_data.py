@@ -225,6 +225,14 @@ def test_a_frozen_stretch():
     assert effect_of("data.stuck").testable(comparison, "Y") is not None
 
 
+@pytest.mark.parametrize(("stands", "frozen"), [(5, 5), (9, 0)])
+def test_a_channel_that_stands_more_than_twice_a_run_dwells_by_nature(stands, frozen):
+    comparison = comparison_with(only("Z", None, lambda _, x: x))
+    for first in np.arange(10, 10 + 100 * stands, 100):
+        comparison.recorded["Z"][first : first + 40] = comparison.recorded["Z"][first]
+    assert len(frozen_stretches(comparison, "Z")) == frozen
+
+
 def test_readings_that_return_to_a_limit_are_not_frozen():
     comparison = comparison_with(only("Z", None, lambda _, x: x), noise_um=0.001)
     comparison.recorded["Z"] = np.minimum(comparison.recorded["Z"], 15.0)

@@ -22,6 +22,7 @@ _SURE = 1e-9
 _ABOVE_ROUNDING = 0.75
 """Noise over resolution, above which it is noise; a trend that is rounded looks like at most 0.62."""
 _MOST = 12
+_USUAL = 2
 _STEPS = 6.0
 """Steps of the resolution that the simulation must move while the reading stands, where noise alone proves nothing."""
 _OF_SPAN = 0.05
@@ -70,7 +71,8 @@ def frozen_stretches(comparison: Comparison, response: str, *, surely: bool = Fa
     `surely`: only where noise that is always there is gone, whatever the simulation says.
 
     Either noise that is always there is gone, or the simulation goes on by more than the resolution explains. Readings
-    that come back to the same end of the range are a limit, not a frozen sensor.
+    that come back to the same end of the range are a limit, not a frozen sensor; of a channel that stands more than
+    twice a run, dwells are the nature.
     """
     recorded, simulated = comparison.recorded[response], comparison.simulated[response]
     resolution = comparison.resolution.get(response, 0.0)
@@ -98,6 +100,9 @@ def frozen_stretches(comparison: Comparison, response: str, *, surely: bool = Fa
             continue
         if silent or moved > max(_STEPS * resolution, _OF_SPAN * span, 1e-12 * max(abs(low), abs(high))):
             found.append((length, run, first, last))
+    if len(found) > _USUAL * len(comparison.runs):
+        # a coarse reading dwells by nature
+        return []
     found.sort(key=lambda stretch: (-stretch[0], stretch[2]))
     return [stretch[1:] for stretch in found[:_MOST]]
 
