@@ -87,7 +87,7 @@ FINDINGS = Kinds(
         SWAPPED_CHANNELS: Kind(
             ("warning", "error"),
             "two channels have changed places in one run",
-            "Swap the two columns in the file of that run, or say so in the machine file.",
+            "Say so in the machine file: `swap` in [runs.NAME].",
         ),
         "spike": Kind("warning", "a channel has short outliers", "Look for interference or a loose contact."),
         STEP: Kind(

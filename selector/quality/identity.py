@@ -215,8 +215,7 @@ def _told(relations: Relations, r: int, proof: _Proof, *, acts: bool) -> Iterato
             f"{other.name} by only {difference(proof.after, own)}.",
             Where(channel.name, run),
             {"other": partner.name, "mismatch": proof.before, "mismatch_after_swap": proof.after},
-            f"Swap the two columns in the file of run {run}, or give that run a machine file in which the column of "
-            f"{own.name} is that of {other.name} and the other way round. "
+            f'Say it in the machine file: [runs."{run}"] with swap = [["{own.name}", "{other.name}"]]. '
             + (
                 "Both channels are left out of this run."
                 if acts

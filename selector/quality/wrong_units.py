@@ -28,14 +28,11 @@ class Mistake:
         """The true value behind a recorded one."""
         return (value - self.offset) / self.gain
 
-    def remedy_in_one_run(self, channel: str) -> str:
+    def remedy_in_one_run(self, channel: str, run: str) -> str:
         """What to do about one file: a line of the machine file would hold for all of them."""
         if self.unit is None:
             return f"Correct the file of this run: {self.remedy}."
-        return (
-            f"If so, write the unit into the header of this run's file, after the name of the column: "
-            f"{channel} [{self.unit}]. Then it counts for this file."
-        )
+        return f'If so, say it in the machine file: [runs."{run}".channels."{channel}"] with unit = "{self.unit}".'
 
     def remedy_in_all_runs(self) -> str:
         """What to do about a channel that is so in every run."""
@@ -143,7 +140,7 @@ def _told_temperatures(
                 "mistake": mistake.name,
                 "measured_gain": gain,
             },
-            f"{mistake.remedy_in_one_run(channel.name) if acts else mistake.remedy_in_all_runs()} "
+            f"{mistake.remedy_in_one_run(channel.name, run) if acts else mistake.remedy_in_all_runs()} "
             + ("The channel is left out of this run." if acts else "Nothing is left out."),
             "leave-out-channel" if acts else "none",
             level="error" if acts else "warning",
@@ -232,7 +229,7 @@ def _length_finding(name: str, run: str, mistake: Mistake, span: float, usual: f
         f"by the same factor: this looks like {mistake.name} (factor {mistake.gain:.3g}).",
         Where(name, run),
         {"span_um": span, "usual_span_um": usual, "gain": mistake.gain, "mistake": mistake.name},
-        f"{mistake.remedy_in_one_run(name)} The channel is left out of this run.",
+        f"{mistake.remedy_in_one_run(name, run)} The channel is left out of this run.",
         "leave-out-channel",
         level="error",
     )

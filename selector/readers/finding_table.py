@@ -189,6 +189,13 @@ FINDINGS = Kinds(
             "name another one (--machine) to use that instead",
         ),
         "sensor-break": QUALITY["sensor-break"],
+        "run-not-used": Kind("info", "the machine file leaves a run out"),
+        "run-repaired": Kind("info", "a run was read as the machine file repairs it"),
+        "repair-of-no-run": Kind(
+            "info",
+            "the machine file repairs a run that was not read",
+            "correct the name in [runs.NAME], or leave it for the recordings that have this run",
+        ),
         "run-column": Kind("info", "a column tells several runs of one file apart"),
         "runs-renamed": Kind(
             "info",

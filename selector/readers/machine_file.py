@@ -84,12 +84,59 @@ class ChannelSection(_Entry):
         return value
 
 
+_Second = Annotated[float, Field(ge=0.0, strict=False)]
+Stretch = Annotated[tuple[_Second, _Second], Field(strict=False)]
+WHOLE: tuple[Stretch, ...] = ((0.0, float("inf")),)
+"""The stretch of a whole run; ``"all"`` in the file."""
+
+
+class RunChannelSection(_Entry):
+    """``[runs.RUN.channels.NAME]``: unit in this run only, and stretches to leave out [s from the start of the run]."""
+
+    unit: str | None = None
+    leave_out: Annotated[tuple[Stretch, ...], Field(strict=False)] = ()
+
+    @field_validator("leave_out", mode="before")
+    @classmethod
+    def _all(cls, value: Any) -> Any:
+        if value == "all":
+            return WHOLE
+        if isinstance(value, str):
+            raise ValueError('leave_out is a list of [from_s, to_s], or "all"')
+        return value
+
+    @field_validator("leave_out")
+    @classmethod
+    def _forward(cls, value: tuple[Stretch, ...]) -> tuple[Stretch, ...]:
+        for first, last in value:
+            if not first < last:
+                raise ValueError(f"a stretch ends after it begins, not [{first:g}, {last:g}]")
+        return value
+
+
+class RunSection(_Entry):
+    """``[runs.RUN]``: repairs of one run; the files are never edited."""
+
+    use: bool = True
+    swap: Annotated[tuple[Annotated[tuple[str, str], Field(strict=False)], ...], Field(strict=False)] = ()
+    channels: Annotated[Mapping[str, RunChannelSection], Field(strict=False)] = Field(default_factory=dict)
+
+    @field_validator("swap")
+    @classmethod
+    def _of_two(cls, value: tuple[tuple[str, str], ...]) -> tuple[tuple[str, str], ...]:
+        for first, second in value:
+            if first == second:
+                raise ValueError(f"two channels change places, not {first!r} with itself")
+        return value
+
+
 class Machine(_Entry):
     """A machine file. Round trip: ``machine(path)`` of what ``write_machine_file`` wrote is equal."""
 
     machine: MachineSection = MachineSection()
     time: TimeSection = TimeSection()
     channels: Annotated[Mapping[str, ChannelSection], Field(strict=False)] = Field(default_factory=dict)
+    runs: Annotated[Mapping[str, RunSection], Field(strict=False)] = Field(default_factory=dict)
 
     @field_validator("channels")
     @classmethod
@@ -183,6 +230,17 @@ def machine_text(values: Machine, undeclared: Mapping[str, str] | None = None, g
         lines.append(f"[channels.{toml_key(name)}]")
         content = channel.model_dump(exclude_none=True)
         lines += [f"{key} = {toml_value(value)}" for key, value in content.items()] + [""]
+    for run, section in values.runs.items():
+        content = section.model_dump(exclude_defaults=True, exclude={"channels"})
+        if content or not section.channels:
+            lines.append(f"[runs.{toml_key(run)}]")
+            lines += [f"{key} = {toml_value(value)}" for key, value in content.items()] + [""]
+        for name, repair in section.channels.items():
+            lines.append(f"[runs.{toml_key(run)}.channels.{toml_key(name)}]")
+            content = repair.model_dump(exclude_defaults=True)
+            if repair.leave_out == WHOLE:
+                content["leave_out"] = "all"
+            lines += [f"{key} = {toml_value(value)}" for key, value in content.items()] + [""]
     for name, reason in (undeclared or {}).items():
         shown = " ".join(reason.split())
         lines += [f"# not a channel: {shown}", f"# [channels.{toml_key(name)}]", "# role = ", "# unit = ", ""]
@@ -239,6 +297,7 @@ def _invalid(error: ValidationError, text: str, where: str) -> ReadError:
 
 def _valid_keys(path: tuple[str, ...]) -> list[str]:
     sections: dict[str, type[BaseModel]] = {"machine": MachineSection, "time": TimeSection, "channels": ChannelSection}
+    sections["runs"] = RunChannelSection if path[2:3] == ("channels",) else RunSection
     return list(sections.get(path[0] if path else "", Machine).model_fields)
 
 

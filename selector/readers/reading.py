@@ -21,10 +21,11 @@ from selector.readers.finding_table import FINDINGS
 from selector.readers.machine_file import ChannelSection, Machine, MachineSection, TimeSection
 from selector.readers.machine_file import machine as machine_at
 from selector.readers.roles.plan import Plan, Planned, plan
+from selector.readers.roles.repairs import repaired, used_runs
 from selector.readers.runs import TimedRun, split_runs, timed_run, uniquely_named
 from selector.readers.tables import Overrides
 from selector.recording import Channel, Recording
-from selector.units import CANONICAL_UNITS, to_canonical
+from selector.units import CANONICAL_UNITS
 
 
 def assembled(runs: Sequence[TimedRun], planned: Plan) -> tuple[Recording, list[Finding]]:
@@ -47,8 +48,7 @@ def assembled(runs: Sequence[TimedRun], planned: Plan) -> tuple[Recording, list[
             header = channel.headers.get(run.name)
             if header is None:
                 continue
-            with np.errstate(all="ignore"):
-                values[:, k] = to_canonical(by_header[header], channel.units[run.name], channel.role)
+            values[:, k] = channel.canonical(by_header[header], run.name, run.time_s)
         values[~np.isfinite(values)] = np.nan
         empty = np.isnan(values).all(axis=0)
         if empty.all():
@@ -69,7 +69,7 @@ def assembled(runs: Sequence[TimedRun], planned: Plan) -> tuple[Recording, list[
                 level="warning",
             )
             for name, channel, nothing in zip(names, planned.channels, empty, strict=True)
-            if nothing and run.name in channel.headers
+            if nothing and run.name in channel.headers and run.name not in channel.left_out
         ]
         parts.append(values)
         provenance[run.name] = _provenance(run)
@@ -277,9 +277,10 @@ def read(paths: Sequence[Path], machine: Path | Machine | None = None, overrides
             for whole in tables:
                 timed += [timed_run(table, sha256, options) for table in split_runs(whole, columns)]
         runs, renamed = uniquely_named(timed)
-        planned = plan(runs, declared, overrides)
+        runs, unused = used_runs(runs, declared)
+        planned = repaired(plan(runs, declared, overrides), declared, runs)
         recording, told = assembled(runs, planned)
-    findings += [*renamed, *placed(runs, planned), *planned.findings, *told]
+    findings += [*renamed, *unused, *placed(runs, planned), *planned.findings, *told]
     return Reading(
         recording,
         condensed(findings),
@@ -382,7 +383,8 @@ def machine_of(reading: Reading) -> Machine:
         for c in reading.channels
     }
     name = reading.machine.machine.name if reading.machine is not None else None
-    return Machine(machine=MachineSection(name=name), time=section, channels=channels)
+    runs = reading.machine.runs if reading.machine is not None else {}
+    return Machine(machine=MachineSection(name=name), time=section, channels=channels, runs=runs)
 
 
 def guessed_clock(reading: Reading) -> str | None:

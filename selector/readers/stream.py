@@ -23,10 +23,11 @@ from selector.readers.machine_file import Machine
 from selector.readers.machine_file import machine as machine_at
 from selector.readers.reading import channel_of, condensed, placed, time_options
 from selector.readers.roles.plan import Planned, plan
+from selector.readers.roles.repairs import repaired, used_runs
 from selector.readers.runs import TimedRun, timed_run, uniquely_named
 from selector.readers.tables import Column, Overrides, Table, checked_width, unique_headers
 from selector.recording import Channel
-from selector.units import convert, to_canonical
+from selector.units import convert
 
 LARGE_BYTES = 400_000_000
 """Size of the float64 table beyond which reading piece by piece pays."""
@@ -152,9 +153,7 @@ class ParquetSource:
                         raw = column_of(batch.column(positions[header]))
                         if raw is None or raw.dtype.kind != "f":
                             continue
-                        planned = self._planned[name]
-                        with np.errstate(all="ignore"):
-                            values[:, k] = to_canonical(raw[keep], planned.units[run], planned.role)
+                        values[:, k] = self._planned[name].canonical(raw[keep], run, time_s)
                     del batch
                     if len(time_s):
                         yield time_s, values
@@ -260,11 +259,12 @@ def stream_parquet(
     with quiet(), np.errstate(all="ignore"):
         heads = [timed_run(_head(path), "", options) for path in found.files]
         runs, renamed = uniquely_named(heads)
-        planned = plan(runs, declared, overrides)
+        runs, unused = used_runs(runs, declared)
+        planned = repaired(plan(runs, declared, overrides), declared, runs)
     for run in runs:
         if len(run.clock.columns) > 1 or run.clock.time_of_day or run.clock.unit not in _streamable(run):
             raise _no_stream_clock(run)
-    told = [*found.findings, *renamed, *placed(runs, planned), *planned.findings]
+    told = [*found.findings, *renamed, *unused, *placed(runs, planned), *planned.findings]
     return ParquetSource(runs, planned.channels, condensed(told))
 
 

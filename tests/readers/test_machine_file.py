@@ -8,7 +8,15 @@ from hypothesis import strategies as st
 
 from selector.errors import InputError, ReadError, RecordingError, UnitError
 from selector.readers import Machine, machine, machine_text, write_machine_file
-from selector.readers.machine_file import ChannelSection, MachineSection, TimeSection, machine_from_text
+from selector.readers.machine_file import (
+    WHOLE,
+    ChannelSection,
+    MachineSection,
+    RunChannelSection,
+    RunSection,
+    TimeSection,
+    machine_from_text,
+)
 from selector.units import CANONICAL_UNITS
 
 EXAMPLE = """
@@ -56,6 +64,15 @@ def test_the_example_of_the_contract():
         ("[time\ncolumn = 't'", ReadError, ["TOML", "line 1"]),
         ("[channels.a]\ncolumn = 'x'\n[channels.b]\ncolumn = 'x'", RecordingError, ["line 4", "'a'", "'b'", "'x'"]),
         ("[channels.' ']\nrole = 'state'", ReadError, ["channel name"]),
+        ("[runs.r1]\nuse = 'no'", ReadError, ["line 2", "runs.r1.use"]),
+        ("[runs.r1]\nswp = [['a', 'b']]", ReadError, ["line 2", "'swp'", "'swap'"]),
+        ("[runs.r1]\nswap = [['a', 'a']]", ReadError, ["line 2", "'a'"]),
+        ("[runs.r1]\nswap = [['a', 'b', 'c']]", ReadError, ["line 2", "swap"]),
+        ("[runs.r1.channels.T1]\nunti = 'degF'", ReadError, ["line 2", "'unti'", "'unit'"]),
+        ("[runs.r1.channels.T1]\nleave_out = 'half'", ReadError, ["line 2", "leave_out", "all"]),
+        ("[runs.r1.channels.T1]\nleave_out = [[20, 10]]", ReadError, ["line 2", "leave_out", "[20, 10]"]),
+        ("[runs.r1.channels.T1]\nleave_out = [[-5, 10]]", ReadError, ["line 2", "leave_out"]),
+        ("[runs.r1.channels.T1]\nleave_out = [[nan, 10]]", ReadError, ["line 2", "leave_out"]),
     ],
 )
 def test_mistakes_are_named_with_line_and_nearest_word(text, error, words):
@@ -86,7 +103,13 @@ def machines(draw: st.DrawFn) -> Machine:
         period_s=draw(st.none() | st.floats(1e-9, 1e9)),
         date_order=draw(st.sampled_from([None, "dmy", "mdy", "ymd"])),
     )
-    return Machine(machine=MachineSection(name=draw(TEXT)), time=time, channels=channels)
+    stretches = st.tuples(st.floats(0.0, 1e6), st.floats(1e6 + 1.0, 1e9))
+    left_out = st.just(WHOLE) | st.lists(stretches, max_size=2).map(tuple)
+    repair = st.builds(RunChannelSection, unit=TEXT, leave_out=left_out)
+    swaps = st.lists(st.tuples(NAME, NAME).filter(lambda pair: pair[0] != pair[1]), max_size=2).map(tuple)
+    section = st.builds(RunSection, use=st.booleans(), swap=swaps, channels=st.dictionaries(NAME, repair, max_size=2))
+    runs = draw(st.dictionaries(NAME, section, max_size=2))
+    return Machine(machine=MachineSection(name=draw(TEXT)), time=time, channels=channels, runs=runs)
 
 
 @given(machines())

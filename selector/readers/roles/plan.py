@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from selector.errors import InputError, OptionError, RecordingError
 from selector.findings import Finding, Where
@@ -18,7 +19,7 @@ from selector.readers.roles.inferred import RoleGuess, known_unit, role_guess, r
 from selector.readers.roles.names import closest, found_header, name_and_unit
 from selector.readers.runs import TimedRun
 from selector.readers.tables import Column, Overrides, listed
-from selector.units import ROLES, same_dimension, unit_for_role
+from selector.units import ROLES, same_dimension, to_canonical, unit_for_role
 
 Ruling = Literal["header", "declared", "option", "each"]
 """Who was believed: the header of the run, the machine file, an option; or each header, where nothing is declared."""
@@ -192,6 +193,16 @@ class Planned:
     xyz_m: tuple[float, float, float] | None
     guessed: tuple[str, ...]  #: Which of "role", "unit", "axis", "place" were guessed
     dispute: Dispute | None = None  #: Where headers and machine file, or the headers of the runs, name different units
+    #: Run → stretches [s from its start] that count as missing
+    left_out: dict[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
+
+    def canonical(self, values: NDArray[np.float64], run: str, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Values of a run's file in the unit of the role; NaN where they are left out."""
+        with np.errstate(all="ignore"):
+            result = to_canonical(values, self.units[run], self.role)
+        for first, last in self.left_out.get(run, ()):
+            result = np.where((time_s >= first) & (time_s <= last), np.nan, result)
+        return result
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,123 @@
+"""Repairs of single runs: what ``[runs.NAME]`` of a machine file says is done when the runs are read.
+
+The files are never edited. A repair of a run that is not among those read is told, since its name may be misspelt.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NoReturn
+
+from selector.errors import RecordingError
+from selector.findings import Finding, Where
+from selector.readers.finding_table import FINDINGS
+from selector.readers.machine_file import Machine, RunSection
+from selector.readers.roles.names import closest
+from selector.readers.roles.plan import Plan, Planned
+from selector.readers.runs import TimedRun
+from selector.readers.tables import listed
+from selector.units import unit_for_role
+
+
+def used_runs(runs: Sequence[TimedRun], machine: Machine | None) -> tuple[list[TimedRun], list[Finding]]:
+    """The runs that are to be used, and what there is to say about the others.
+
+    Raises
+    ------
+    RecordingError
+        No run is left.
+    """
+    repairs = {} if machine is None else dict(machine.runs)
+    names = [run.name for run in runs]
+    kept = [run for run in runs if repairs.get(run.name, RunSection()).use]
+    if not kept:
+        raise RecordingError(
+            f"use = false for every run: {listed(names, 8)}",
+            expected="at least one run that is used",
+            where="[runs] of the machine file",
+            advice="take `use = false` away from the runs that are good",
+        )
+    findings = [_left_out(run.name) for run in runs if run not in kept]
+    unknown = [name for name in repairs if name not in names]
+    if unknown:
+        findings.append(
+            FINDINGS.finding(
+                "repair-of-no-run",
+                f"The machine file repairs runs that were not read: {listed(unknown, 8)}. Read were "
+                f"{listed(names, 8)}.",
+                evidence={"repaired": unknown, "read": names[:100]},
+            )
+        )
+    return kept, findings
+
+
+def _left_out(name: str) -> Finding:
+    return FINDINGS.finding(
+        "run-not-used", f"Run {name!r} is left out: the machine file says use = false.", Where(run=name)
+    )
+
+
+def repaired(planned: Plan, machine: Machine | None, runs: Sequence[TimedRun]) -> Plan:
+    """The plan with exchanged cables, units and left-out stretches of the runs that the machine file repairs.
+
+    Raises
+    ------
+    RecordingError
+        A channel is none of the recording, or not in that run.
+    UnitError
+        The unit does not fit the role of the channel.
+    """
+    if machine is None:
+        return planned
+    channels = {
+        one.name: replace(one, headers=dict(one.headers), units=dict(one.units), left_out=dict(one.left_out))
+        for one in planned.channels
+    }
+    findings = list(planned.findings)
+    for run in (run.name for run in runs if run.name in machine.runs):
+        section = machine.runs[run]
+        for first, second in section.swap:
+            one, other = (_in_run(channels, name, run) for name in (first, second))
+            one.headers[run], other.headers[run] = other.headers[run], one.headers[run]
+            one.units[run], other.units[run] = other.units[run], one.units[run]
+        for name, repair in section.channels.items():
+            channel = _in_run(channels, name, run)
+            if repair.unit is not None:
+                where = f"[runs.{run}.channels.{name}] of the machine file"
+                channel.units[run] = unit_for_role(repair.unit, channel.role, where=where)
+            if repair.leave_out:
+                channel.left_out[run] = repair.leave_out
+        if section.swap or section.channels:
+            findings.append(_told(run, section))
+    return replace(planned, channels=tuple(channels.values()), findings=tuple(findings))
+
+
+def _in_run(channels: dict[str, Planned], name: str, run: str) -> Planned:
+    if name not in channels:
+        near = closest(name, list(channels))
+        _refuse(f"no channel {name!r}", (f"{near!r} perhaps; " if near else "") + "one of " + ", ".join(channels), run)
+    if run not in channels[name].headers:
+        _refuse(f"channel {name!r}, which run {run!r} does not have", f"a channel that {run!r} has", run)
+    return channels[name]
+
+
+def _refuse(found: str, expected: str, run: str) -> NoReturn:
+    raise RecordingError(
+        found,
+        expected=expected,
+        where=f"[runs.{run}] of the machine file",
+        advice="correct the name in the machine file",
+    )
+
+
+def _told(run: str, section: RunSection) -> Finding:
+    done = [f"{first} and {second} changed places" for first, second in section.swap]
+    done += [f"{name} is in {repair.unit}" for name, repair in section.channels.items() if repair.unit is not None]
+    done += [f"stretches of {name} are left out" for name, repair in section.channels.items() if repair.leave_out]
+    return FINDINGS.finding(
+        "run-repaired",
+        f"Run {run!r} was read as the machine file repairs it: {'; '.join(done)}.",
+        Where(run=run),
+        section.model_dump(exclude_defaults=True, mode="json"),
+    )
