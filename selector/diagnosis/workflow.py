@@ -55,7 +55,8 @@ _SUSPECTED = 0.5
 _LEAST_CLOSED, _SURELY_LESS = 0.15, 0.5
 """Of the unseen gap between recalibration and noise: names that close less of it, and surely less, are not what is
 missing if structure is left beside them."""
-_LEAST_SURE = 0.05
+_LEAST_SURE, _QUARTER = 0.05, 0.25
+"""Confidence below which a name is a guess, but for what explains as much: transfer may have chosen it."""
 _MANY = 3
 """Names from which on any smooth misfit may have been put together from them."""
 _DOUBTFUL = 0.45
@@ -282,7 +283,7 @@ def _is_sure(effect: NamedEffect, found: Search, largest: float) -> bool:
     """
     is_trifle = effect.share < _TRIFLE * min(largest, _MOST) and _is_lost(effect, found)
     is_trifle |= effect.share < _LEAST and is_far_above_noise(found, effect.channel)
-    return effect.confidence >= _LEAST_SURE and not is_trifle
+    return (effect.confidence >= _LEAST_SURE or effect.share >= _QUARTER) and not is_trifle
 
 
 def _named_clearly(state: _State) -> _State:

@@ -264,8 +264,8 @@ def test_a_machine_file_that_every_header_contradicts_is_a_correction(of_several
     assert read([of_several_units], path).recording.values("Lauf_3", ["PT01"])[0, 0] == pytest.approx(20.0, abs=1e-4)
 
 
-def test_the_unit_in_the_header_of_one_file_counts_where_the_other_files_print_none(of_several_units):
-    """What the finding `wrong-unit` advises for a single file must work, with a machine file and without."""
+def test_what_a_wrong_unit_in_one_run_advises_works_and_so_does_the_header_of_that_file(of_several_units):
+    """With a machine file and without; the other files print no unit."""
     for path in of_several_units.iterdir():
         text = path.read_text(encoding="utf-8")
         for unit in (" [°C]", " [°F]", " [µm]", " [mm]"):
@@ -273,16 +273,22 @@ def test_the_unit_in_the_header_of_one_file_counts_where_the_other_files_print_n
         path.write_text(text, encoding="utf-8")
     told = [f for f in inspect(read([of_several_units]).recording) if f.id == "wrong-unit" and f.where.run == "Lauf_3"]
     assert {f.where.channel for f in told} == {"PT01", "PT02"}
+    path = of_several_units.parent / "own.toml"
+    sections = "".join(f'[channels.{n}]\nrole="temperature"\nunit="degC"\n' for n in ("PT01", "PT02"))
+    repairs = ""
+    for finding in told:
+        section = f'[runs."Lauf_3".channels."{finding.where.channel}"]'
+        assert section in finding.suggestion
+        assert 'unit = "degF"' in finding.suggestion
+        repairs += f'{section}\nunit = "degF"\n'
+    path.write_text(sections + repairs, encoding="utf-8")
+    readings = [read([of_several_units], path)]
+    path.write_text(sections, encoding="utf-8")
     third = of_several_units / "Lauf_3.csv"
     text = third.read_text(encoding="utf-8")
     for finding in told:
-        header = f"{finding.where.channel} [degF]"
-        assert header in finding.suggestion
-        text = text.replace(f",{finding.where.channel}", f",{header}")
+        text = text.replace(f",{finding.where.channel}", f",{finding.where.channel} [degF]")
     third.write_text(text, encoding="utf-8")
-    path = of_several_units.parent / "own.toml"
-    sections = "".join(f'[channels.{n}]\nrole="temperature"\nunit="degC"\n' for n in ("PT01", "PT02"))
-    path.write_text(sections, encoding="utf-8")
-    for reading in (read([of_several_units]), read([of_several_units], path)):
+    for reading in (*readings, read([of_several_units]), read([of_several_units], path)):
         assert reading.recording.values("Lauf_3", ["PT01"])[0, 0] == pytest.approx(20.0, abs=1e-4)
         assert not [f for f in inspect(reading.recording, ["PT01", "PT02"]) if f.id == "wrong-unit"]
