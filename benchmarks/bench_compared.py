@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from selector.models.best_subsets.cross_products import cross_products
+from selector.models.best_subsets.problem import cross_products
 from selector.models.best_subsets.subsets import best_subsets
 from selector.physics.drive.identification import identified_axis_of_servo
 from selector.physics.drive.parts.axis import Servo

@@ -27,10 +27,9 @@ from types import ModuleType
 
 import numpy as np
 
-from selector.models.best_subsets.cross_products import cross_products
+from selector.models.best_subsets.problem import cross_products
 from selector.models.best_subsets.results import SubsetSearch
-from selector.models.best_subsets.sensor_sets import best_sensor_sets
-from selector.models.best_subsets.subsets import best_subsets
+from selector.models.best_subsets.subsets import best_sensor_sets, best_subsets
 
 HERE = Path(__file__).resolve().parent
 N_SAMPLES = 500

@@ -22,7 +22,7 @@ import numpy as np
 from playwright.sync_api import Page, sync_playwright
 
 from selector.models.design import datum_of, rows_of
-from selector.models.validity import fault_gains
+from selector.models.least_squares import fault_gains
 from selector.recording import Recording
 from selector.selection import Exploration, Options
 from selector.selection.candidates import LINEAR, candidates

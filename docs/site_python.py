@@ -14,9 +14,8 @@ PARTS = {
     "sensors": ("Which sensors", "sensors"),
     "models": (
         "Which model",
-        "models.terms models.design models.best_subsets.cross_products models.least_squares"
-        " models.best_subsets.subsets models.best_subsets.sensor_sets models.best_subsets.results"
-        " models.best_subsets.problem models.moments models.validation models.validity",
+        "models.design models.least_squares models.best_subsets.subsets models.best_subsets.results"
+        " models.best_subsets.problem models.moments",
     ),
     "selection": ("The choice, scikit-learn, and the study file", "selection estimators study"),
     "heat": (

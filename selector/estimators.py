@@ -19,7 +19,7 @@ from sklearn.feature_selection import SelectorMixin
 from sklearn.utils.validation import check_consistent_length, check_is_fitted, validate_data
 
 from selector.errors import InputError
-from selector.models.best_subsets.cross_products import cross_products, factor_from_rows
+from selector.models.best_subsets.problem import cross_products, factor_from_rows
 from selector.models.best_subsets.results import CRITERIA, Criterion
 from selector.models.best_subsets.subsets import best_subsets
 from selector.recording import Channel, Recording

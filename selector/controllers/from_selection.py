@@ -23,8 +23,8 @@ from selector.controllers.model_file import (
     Validation,
 )
 from selector.controllers.self_check import check_vectors
+from selector.models.design import Scaling
 from selector.models.least_squares import FittedModel
-from selector.models.terms import Scaling
 from selector.recording import Channel, RunSource
 from selector.selection import Selection
 from selector.selection import fitting as selection_fallbacks

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from selector.figures import style
-from selector.models.validity import ValidityHull
+from selector.models.least_squares import ValidityHull
 from selector.number_text import number_text
 
 MOST_SENSORS = 6

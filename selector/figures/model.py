@@ -11,8 +11,8 @@ import plotly.graph_objects as go
 
 from selector.figures import style
 from selector.figures.style import Changes, changed
-from selector.models.terms import Term
-from selector.models.validity import FaultGain
+from selector.models.design import Term
+from selector.models.least_squares import FaultGain
 from selector.number_text import number_text
 from selector.selection import Selection
 

@@ -10,9 +10,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.models.best_subsets.sensor_sets import best_sensor_sets
-from selector.models.best_subsets.subsets import best_subsets
-from selector.models.validation import within_one_standard_error
+from selector.models.best_subsets.subsets import best_sensor_sets, best_subsets
+from selector.models.moments import within_one_standard_error
 from selector.selection.library import Bench, Shape
 from selector.selection.options import MAX_CANDIDATES, Question
 from selector.sensors.groups import FStatistic, LambdaAxis, lambda_axis

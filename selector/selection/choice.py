@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.models.design import time_constant_grid
-from selector.models.validation import within_one_standard_error
+from selector.models.moments import within_one_standard_error
 from selector.selection.candidates import Candidates, SensorSet, sets_with_terms
 from selector.selection.library import Bench, Shape
 from selector.selection.options import MAX_CANDIDATES, Question

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from selector.findings import Finding, Where
 from selector.models.design import Datum, Rows
-from selector.models.validity import validity_hull
+from selector.models.least_squares import validity_hull
 from selector.selection.choice import Offer
 from selector.selection.finding_table import FINDINGS
 from selector.selection.fitting import evenly

@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 from selector.errors import OptionError
 from selector.findings import Finding
 from selector.models.best_subsets.results import adjusted_r2
-from selector.models.design import Design, datum_of
+from selector.models.design import Design, Scaling, Term, datum_of, physical_transform
+from selector.models.least_squares import FaultGain
 from selector.models.moments import Batches, batches, centred, coefficients, scaling_of, squared_error
-from selector.models.terms import Scaling, Term, physical_transform
-from selector.models.validity import FaultGain
 from selector.recording import RunSource
 from selector.selection.candidates import LINEAR, Candidates, Grouping, Screening, candidates, snapped
 from selector.selection.choice import Choice, tested
@@ -225,7 +224,7 @@ def _parts(
 
 
 def _fault(one: Coefficient, response: str, low: float, high: float, rest: float) -> FaultGain:
-    """What `selector.models.validity.fault_gains` finds over all samples; of a straight line the ends are enough."""
+    """What `fault_gains` finds over all samples; of a straight line the ends are enough."""
     slope = abs(one.per_kelvin_um)
     return FaultGain(one.sensor, response, slope, slope * max(abs(high - rest), abs(low - rest)), slope * (high - low))
 

@@ -10,10 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from selector.models.design import Datum, Design, Rows, rows_of
-from selector.models.least_squares import FittedModel, fit
-from selector.models.terms import Scaling, Term, design_matrix
-from selector.models.validity import validity_hull
+from selector.models.design import Datum, Design, Rows, Scaling, Term, design_matrix, rows_of
+from selector.models.least_squares import FittedModel, fit, validity_hull
 from selector.recording import RunSource
 from selector.selection.choice import Trial
 from selector.selection.library import Shape

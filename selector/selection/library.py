@@ -10,10 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.models.best_subsets.results import adjusted_r2
-from selector.models.design import Columns, Datum, Design, Lag
-from selector.models.moments import Moments, centred, coefficients, moments, scaling_of, squared_error
-from selector.models.terms import Form, Term
-from selector.models.validation import LeaveOneOut, inner_grouping, response_power
+from selector.models.design import Columns, Datum, Design, Form, Lag, Term
+from selector.models.moments import (
+    LeaveOneOut,
+    Moments,
+    centred,
+    coefficients,
+    inner_grouping,
+    moments,
+    response_power,
+    scaling_of,
+    squared_error,
+)
 from selector.recording import RunSource
 
 ROUNDING = 1e-10

@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from selector.errors import OptionError
-from selector.models.design import Reference
-from selector.models.terms import Form
+from selector.models.design import Form, Reference
 from selector.recording import SENSOR_ROLES, RunSource
 
 MAX_ROUNDS = 20

@@ -9,7 +9,7 @@ import numpy as np
 
 from selector.errors import OptionError
 from selector.models.design import Datum, rows_of
-from selector.models.validation import (
+from selector.models.moments import (
     ErrorCurvePoint,
     Grouping,
     HeldOut,

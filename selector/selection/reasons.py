@@ -7,8 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from selector.models.least_squares import FittedModel
-from selector.models.moments import coefficients, squared_error
-from selector.models.validation import MOST_ABOVE_BEST, WORTH_OF_A_SENSOR, response_power
+from selector.models.moments import MOST_ABOVE_BEST, WORTH_OF_A_SENSOR, coefficients, response_power, squared_error
 from selector.selection.candidates import Grouping
 from selector.selection.choice import Choice, Trial
 from selector.selection.library import Bench, Library, Shape

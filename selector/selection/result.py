@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from selector.errors import OptionError
 from selector.findings import Finding
 from selector.models.design import rows_of
-from selector.models.least_squares import FittedModel
-from selector.models.validation import ErrorCurvePoint
-from selector.models.validity import FaultGain, ValidityHull
+from selector.models.least_squares import FaultGain, FittedModel, ValidityHull
+from selector.models.moments import ErrorCurvePoint
 from selector.recording import RunSource, thinned
 from selector.selection.candidates import Grouping
 from selector.selection.fitting import Fallback, Readings, Recipe

@@ -10,11 +10,9 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, WrapValidator
 
 from selector.findings import Finding, Where
-from selector.models.design import Datum, Design, Lag
-from selector.models.least_squares import Diagnostics, FittedModel
-from selector.models.terms import Form, Scaling, Term
-from selector.models.validation import ErrorCurvePoint
-from selector.models.validity import FaultGain, ValidityHull
+from selector.models.design import Datum, Design, Form, Lag, Scaling, Term
+from selector.models.least_squares import Diagnostics, FaultGain, FittedModel, ValidityHull
+from selector.models.moments import ErrorCurvePoint
 from selector.selection.candidates import Grouping, Screening
 from selector.selection.fitting import Readings, Recipe
 from selector.selection.library import Shape

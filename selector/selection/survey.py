@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from selector.errors import OptionError
 from selector.findings import Finding, Where
-from selector.models.design import Columns, Datum, Design
+from selector.models.design import Columns, Datum, Design, Term
 from selector.models.moments import centred, moments, scaling_of
-from selector.models.terms import Term
 from selector.quality.finding_table import WRONG_UNIT
 from selector.recording import RunSource
 from selector.selection.finding_table import FINDINGS, SENSOR_MISSING

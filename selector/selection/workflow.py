@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from selector.findings import Finding
 from selector.models.design import Rows, datum_of, rows_of
-from selector.models.validity import fault_gains, validity_hull
+from selector.models.least_squares import fault_gains, validity_hull
 from selector.quality.finding_table import CONSTANT_CHANNEL
 from selector.recording import RunSource, thinned
 from selector.selection.candidates import candidates

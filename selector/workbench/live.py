@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from selector.errors import InputError
 from selector.findings import Finding
-from selector.models.validity import FaultGain
+from selector.models.least_squares import FaultGain
 from selector.quality import file_copies, without_faults
 from selector.readers import Reading
 from selector.selection import Exploration, Options

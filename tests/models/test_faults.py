@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selector.models.least_squares import fit
-from selector.models.terms import Scaling, Term
-from selector.models.validity import fault_gains
+from selector.models.design import Scaling, Term
+from selector.models.least_squares import fault_gains, fit
 
 X = np.column_stack([np.linspace(0, 10, 101), 5 * np.sin(np.linspace(0, 9, 101))])
 T1, T2 = Term((("T1", 1),)), Term((("T2", 1),))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 
-from selector.models.validity import validity_hull
+from selector.models.least_squares import validity_hull
 
 
 def square():

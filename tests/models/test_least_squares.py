@@ -14,8 +14,8 @@ from statsmodels.stats.stattools import durbin_watson
 
 from selector.errors import OptionError
 from selector.models.best_subsets.results import adjusted_r2
+from selector.models.design import Scaling, design_matrix, polynomial_terms
 from selector.models.least_squares import fit, variance_inflation
-from selector.models.terms import Scaling, design_matrix, polynomial_terms
 
 
 def data(n=200, p=3, seed=0, correlation=0.7):

@@ -7,9 +7,18 @@ import itertools
 import numpy as np
 import pytest
 
-from selector.models.design import Columns, Design, Lag, block_bounds, datum_of, rows_of
+from selector.models.design import (
+    Columns,
+    Design,
+    Lag,
+    Scaling,
+    block_bounds,
+    datum_of,
+    design_matrix,
+    polynomial_terms,
+    rows_of,
+)
 from selector.models.moments import centred, coefficients, moments, scaling_of, squared_error
-from selector.models.terms import Scaling, design_matrix, polynomial_terms
 from selector.recording import thinned
 from tests.models.runs import InPieces, recording
 

@@ -12,11 +12,15 @@ import statsmodels.api as sm
 
 from selector.errors import InputError
 from selector.models.best_subsets import subsets
-from selector.models.best_subsets.cross_products import cross_products, factor_from_rows, rss_from_factor
-from selector.models.best_subsets.problem import Problem, valid_diagonal
+from selector.models.best_subsets.problem import (
+    Problem,
+    cross_products,
+    factor_from_rows,
+    rss_from_factor,
+    valid_diagonal,
+)
 from selector.models.best_subsets.results import adjusted_r2, aicc, best_of, bic, mallows_cp
-from selector.models.best_subsets.sensor_sets import best_sensor_sets
-from selector.models.best_subsets.subsets import best_subsets
+from selector.models.best_subsets.subsets import best_sensor_sets, best_subsets
 from tests.models.subset_cases import best_rss_of_every_size, rss_by_least_squares, warm_machine
 
 # cross-products hold squares: 1e-9 of the total leaves six digits for a condition number of 1e4

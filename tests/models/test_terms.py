@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from selector.errors import OptionError
-from selector.models.terms import Form, Scaling, Term, design_matrix, physical_transform, polynomial_terms
+from selector.models.design import Form, Scaling, Term, design_matrix, physical_transform, polynomial_terms
 
 
 def names(terms):

@@ -5,18 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selector.models import validation
-from selector.models.design import Columns, Datum, Design, rows_of
-from selector.models.moments import moments, scaling_of
-from selector.models.terms import polynomial_terms
-from selector.models.validation import (
+from selector.models.design import Columns, Datum, Design, polynomial_terms, rows_of
+from selector.models.moments import (
     HeldOut,
     LeaveOneOut,
     error_curve_point,
     grouping_by_condition,
     grouping_by_run,
     inner_grouping,
+    moments,
     response_power,
+    scaling_of,
     within_one_standard_error,
 )
 from tests.models.runs import recording
@@ -108,7 +107,7 @@ class TestOneStandardError:
         assert within_one_standard_error(np.array([[1.0, 2.0, 3.0]]), np.ones(3)).tolist() == [True]
 
     def test_a_candidate_within_the_scatter_of_its_differences_is_as_good(self, monkeypatch):
-        monkeypatch.setattr(validation, "WORTH_OF_A_SENSOR", 0.0)
+        monkeypatch.setattr("selector.models.moments.WORTH_OF_A_SENSOR", 0.0)
         best = np.array([1.0, 1.0, 1.0, 1.0])
         noisy = best + np.array([0.06, -0.05, 0.05, -0.04])
         surely_worse = best + 0.05
@@ -138,7 +137,7 @@ class TestOneStandardError:
     def test_two_groups_cannot_excuse_more_than_the_cap(self, monkeypatch):
         errors = np.array([[1.0, 1.0], [3.0, 0.5]])
         assert within_one_standard_error(errors, np.ones(2)).tolist() == [True, False]
-        monkeypatch.setattr(validation, "MOST_ABOVE_BEST", 1.0)
+        monkeypatch.setattr("selector.models.moments.MOST_ABOVE_BEST", 1.0)
         assert within_one_standard_error(errors, np.ones(2)).tolist() == [True, True]
 
 

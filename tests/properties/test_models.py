@@ -10,11 +10,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from selector.models.design import block_bounds, lagged, start_reading
+from selector.models.design import (
+    Scaling,
+    Term,
+    block_bounds,
+    design_matrix,
+    lagged,
+    physical_transform,
+    polynomial_terms,
+    start_reading,
+)
 from selector.models.least_squares import fit
-from selector.models.moments import coefficients, squared_error
-from selector.models.terms import Scaling, Term, design_matrix, physical_transform, polynomial_terms
-from selector.models.validation import within_one_standard_error
+from selector.models.moments import coefficients, squared_error, within_one_standard_error
 
 MODEST = settings(max_examples=30)
 NAMES = ("T1", "T2", "T3")

@@ -9,11 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selector.models.best_subsets._bound import relax, spread_shares
-from selector.models.best_subsets.cross_products import cross_products
-from selector.models.best_subsets.problem import Problem, valid_diagonal
-from selector.models.best_subsets.sensor_sets import best_sensor_sets
-from selector.models.best_subsets.subsets import best_subsets
+from selector.models.best_subsets._algebra import relax, spread_shares
+from selector.models.best_subsets.problem import Problem, cross_products, valid_diagonal
+from selector.models.best_subsets.subsets import best_sensor_sets, best_subsets
 from tests.models.subset_cases import every_rss, rss_by_least_squares
 
 # small integers make ties, duplicates and dependent columns common

@@ -17,9 +17,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from selector.models.design import Scaling, Term, design_matrix
 from selector.models.least_squares import FittedModel, fit
 from selector.models.moments import coefficients
-from selector.models.terms import Scaling, Term, design_matrix
 
 FOLDER = Path(__file__).with_name("nist")
 NAMES = (

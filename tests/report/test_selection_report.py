@@ -16,7 +16,7 @@ import pytest
 
 from selector.errors import OptionError
 from selector.findings import Finding, Where
-from selector.models.terms import design_matrix
+from selector.models.design import design_matrix
 from selector.number_text import number_text
 from selector.telling.numbers import beside_text, given_text, listed, p_text, place_text, span_text, uncertain_text
 from selector.telling.page import account_page

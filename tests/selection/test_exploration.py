@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from selector.errors import OptionError
 from selector.models.design import datum_of, rows_of
-from selector.models.validity import fault_gains
+from selector.models.least_squares import fault_gains
 from selector.recording import Recording
 from selector.selection import Options, select
 from selector.selection.exploration import Exploration, plain_level

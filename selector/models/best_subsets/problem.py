@@ -1,4 +1,4 @@
-"""A subset problem made ready for the compiled search: checked, scaled; and when a search stops early."""
+"""A subset problem made ready for the compiled search: cross-products, checked, scaled; when a search stops early."""
 
 from __future__ import annotations
 
@@ -11,12 +11,86 @@ from numpy.typing import ArrayLike, NDArray
 
 from selector.errors import InputError
 from selector.findings import Finding
-from selector.models.best_subsets import _nodes as nodes
-from selector.models.best_subsets._algebra import FREE, KEPT, PIVOT_TOLERANCE, eliminate
-from selector.models.best_subsets._bound import root_diagonal
-from selector.models.best_subsets._tree import PROOF_TOLERANCE
+from selector.models.best_subsets._algebra import FREE, KEPT, PIVOT_TOLERANCE, eliminate, root_diagonal
+from selector.models.best_subsets._tree import PROOF_TOLERANCE, Scratch, Tree
+from selector.models.best_subsets.results import Statistics
 from selector.models.finding_table import FINDINGS
 from selector.types import Matrix
+
+
+def cross_products(X: ArrayLike, y: ArrayLike, *, intercept: bool = True) -> Matrix:
+    """Cross-products of (X, y) about their means, shape (p + 1, p + 1), the response last.
+
+    A column that is constant up to rounding gets an exact zero. Without an intercept the mean stays in.
+
+    Raises
+    ------
+    InputError
+        The shapes do not fit, or a value is missing or infinite.
+    """
+    rows = _rows(X, y, intercept)
+    return rows.T @ rows
+
+
+def factor_from_rows(X: ArrayLike, y: ArrayLike, *, intercept: bool = True) -> Matrix:
+    """Upper triangular R with R'R = the cross-products, by QR of the centred rows.
+
+    It keeps twice the digits of `cross_products`, whose elements already hold squares.
+    """
+    rows = _rows(X, y, intercept)
+    n = rows.shape[1]
+    factor = np.zeros((n, n))
+    upper = np.asarray(np.linalg.qr(rows, mode="r"))
+    factor[: upper.shape[0]] = upper
+    return _positive_diagonal(factor)
+
+
+def rss_from_factor(factor: Matrix, columns: tuple[int, ...]) -> float:
+    """Residual sum of squares of some columns, by QR of their part of the triangular factor."""
+    part = factor[:, [*columns, factor.shape[1] - 1]]
+    scale = np.linalg.norm(part, axis=0)
+    part = part / np.where(scale > 0.0, scale, 1.0)
+    basis, upper, kept = part[:, :0], part[:, -1].copy(), part[:, :-1]
+    for column in kept.T:
+        rest = column - basis @ (basis.T @ column)
+        rest -= basis @ (basis.T @ rest)
+        length = float(np.linalg.norm(rest))
+        if length > 1e-5:  # the root of the pivot tolerance of the search
+            basis = np.column_stack([basis, rest / length])
+    upper -= basis @ (basis.T @ upper)
+    upper -= basis @ (basis.T @ upper)
+    return float(upper @ upper) * float(scale[-1]) ** 2
+
+
+def _positive_diagonal(factor: Matrix) -> Matrix:
+    signs = np.where(np.diag(factor) < 0.0, -1.0, 1.0)
+    return factor * signs[:, None]
+
+
+def _rows(X: ArrayLike, y: ArrayLike, intercept: bool) -> Matrix:
+    predictors = np.asarray(X, dtype=np.float64)
+    response = np.asarray(y, dtype=np.float64)
+    if predictors.ndim != 2 or response.shape != predictors.shape[:1] or not predictors.size:
+        raise InputError(
+            f"predictors of shape {predictors.shape} and a response of shape {response.shape}",
+            expected="(n_samples, n_columns) and (n_samples,), at least one of each",
+            where="cross products",
+            advice="pass one row per sample",
+        )
+    rows = np.column_stack([predictors, response])
+    if not np.all(np.isfinite(rows)):
+        raise InputError(
+            f"{int(np.sum(~np.isfinite(rows)))} missing or infinite values",
+            expected="finite numbers",
+            where="cross products",
+            advice="leave those samples out before the regression",
+        )
+    if intercept:
+        size = np.max(np.abs(rows), axis=0)
+        rows = rows - rows.mean(axis=0)
+        # the mean of equal numbers may differ from them in the last digits
+        rows[:, np.max(np.abs(rows), axis=0) <= 1e-13 * size] = 0.0
+    return rows
 
 
 @dataclass(frozen=True)
@@ -80,20 +154,20 @@ class Problem:
         """Whether a set may always take one more column."""
         return bool(np.isinf(self.budget))
 
-    def scratch(self) -> nodes.Scratch:
+    def scratch(self) -> Scratch:
         """Work space for the compiled search."""
         p = self.n_columns
-        return nodes.Scratch(
+        return Scratch(
             np.zeros((4, (p + 1) * (p + 2))),
             np.zeros((7, p + 3)),
             np.zeros((4, p + 1), np.int64),
             np.zeros((2, p), np.int8),
         )
 
-    def tree(self, room: int) -> nodes.Tree:
+    def tree(self, room: int) -> Tree:
         """An empty store of open nodes."""
         p = self.n_columns
-        return nodes.Tree(
+        return Tree(
             np.zeros(5, np.int64),
             np.zeros((3, room), np.int64),
             np.zeros(room),
@@ -102,7 +176,7 @@ class Problem:
             np.zeros((room, p), np.float32),
         )
 
-    def larger(self, tree: nodes.Tree) -> nodes.Tree:
+    def larger(self, tree: Tree) -> Tree:
         """The same open nodes with twice the room."""
         room = tree.bound.size
         grown = self.tree(2 * room)
@@ -112,14 +186,17 @@ class Problem:
             getattr(grown, name)[:room] = getattr(tree, name)
         return grown
 
-    def full_rss_and_rank(self) -> tuple[float, int]:
-        """Residual sum of squares with all allowed columns, and how many of them are independent."""
+    def statistics(self) -> tuple[Statistics, float]:
+        """What turns an RSS into the criteria, and the RSS with all allowed columns."""
         p = self.n_columns
         a = np.zeros((p + 1, p + 1))
         a[:p, :p], a[:p, p], a[p, p] = self.gram, self.cross, 1.0
         flat = a.ravel()
         small = eliminate(flat, p + 1, p + 1, p + 1, p, PIVOT_TOLERANCE)
-        return max(float(flat[-1]), 0.0) * self.sst, p - int(small)
+        full_rss = max(float(flat[-1]), 0.0) * self.sst
+        free = self.n_samples - (p - int(small)) - self.intercept
+        variance = full_rss / free if free > 0 else float("nan")
+        return Statistics(self.sst, self.n_samples, self.intercept, variance), full_rss
 
 
 def valid_diagonal(problem: Problem) -> tuple[Matrix, tuple[Finding, ...]]:

@@ -113,7 +113,8 @@ class SubsetSearch:
     findings: tuple[Finding, ...] = ()  #: Constant and linearly dependent columns
 
     def __getstate__(self) -> dict[str, Any]:
-        return _picklable(vars(self))
+        """Read-only views cannot be pickled; what comes back has plain dictionaries in their place."""
+        return {name: dict(of) if isinstance(of, MappingProxyType) else of for name, of in vars(self).items()}
 
     def best(self, criterion: Criterion = "adjusted_r2") -> Subset:
         """The best subset over all sizes: largest adjusted R², or smallest AICc, BIC or Cp; ties to the smaller set.
@@ -136,26 +137,12 @@ class Coverage:
     left: int
 
 
-@dataclass(frozen=True)
-class SensorSetSearch:
-    """The best sensor sets of every number of sensors, best first; fields as in `SubsetSearch`."""
+@dataclass(frozen=True, kw_only=True)
+class SensorSetSearch(SubsetSearch):
+    """The best sensor sets of every number of sensors, best first."""
 
     by_size: Mapping[int, tuple[SensorSet, ...]]
-    proved: bool
-    gap: Mapping[int, float]
-    lower_bound: Mapping[int, float]
     coverage: Mapping[int, Coverage]  #: How every set of each number of sensors was dealt with
-    nodes: int
-    seconds: float
-    findings: tuple[Finding, ...] = ()
-
-    def __getstate__(self) -> dict[str, Any]:
-        return _picklable(vars(self))
-
-
-def _picklable(fields: Mapping[str, Any]) -> dict[str, Any]:
-    """Read-only views cannot be pickled; what comes back has plain dictionaries in their place."""
-    return {name: dict(value) if isinstance(value, MappingProxyType) else value for name, value in fields.items()}
 
 
 S = TypeVar("S", bound=Subset)

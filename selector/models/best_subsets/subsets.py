@@ -1,7 +1,8 @@
-"""Which columns to keep: the exact best subsets of every size, with proof or with the gap that is left.
+"""Which columns, or which sensors, to keep: the exact best sets of every size, with proof or with the gap that is left.
 
-A branch and bound for each size over the perspective relaxation; see docs/explanation/best-subset-search.md. Only
-the cross-products are used, so the cost does not depend on the number of samples.
+Columns: a branch and bound for each size over the perspective relaxation; see docs/explanation/best-subset-search.md.
+Only the cross-products are used, so the cost does not depend on the number of samples. Sensors may bring several
+columns each.
 """
 
 from __future__ import annotations
@@ -15,12 +16,22 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from selector.models.best_subsets import _nodes as nodes
-from selector.models.best_subsets._algebra import DROPPED, KEPT
+from selector.models.best_subsets import _sensor_tree as tree
+from selector.models.best_subsets._algebra import DROPPED, KEPT, insert, set_rss
 from selector.models.best_subsets._start import starting_sets
-from selector.models.best_subsets._tree import DONE, FULL, PROOF_TOLERANCE, search
-from selector.models.best_subsets.cross_products import cross_products, factor_from_rows, rss_from_factor
-from selector.models.best_subsets.problem import CHUNK_WORK, Cancel, Problem, is_set, relative_gap, valid_diagonal
+from selector.models.best_subsets._tree import DONE, FULL, NODES, PROOF_TOLERANCE, Scratch, open_bound, push, search
+from selector.models.best_subsets.problem import (
+    CHUNK_WORK,
+    Cancel,
+    Problem,
+    checked_columns,
+    checked_costs,
+    is_set,
+    relative_gap,
+    require,
+    rss_from_factor,
+    valid_diagonal,
+)
 from selector.models.best_subsets.results import (
     Coverage,
     SearchProgress,
@@ -29,30 +40,7 @@ from selector.models.best_subsets.results import (
     Statistics,
     Subset,
     SubsetSearch,
-    adjusted_r2,
-    aicc,
-    bic,
-    mallows_cp,
 )
-from selector.models.best_subsets.sensor_sets import best_sensor_sets
-
-__all__ = [
-    "Coverage",
-    "SearchProgress",
-    "SensorSet",
-    "SensorSetSearch",
-    "Subset",
-    "SubsetSearch",
-    "adjusted_r2",
-    "aicc",
-    "best_sensor_sets",
-    "best_subsets",
-    "bic",
-    "cross_products",
-    "factor_from_rows",
-    "is_compiled",
-    "mallows_cp",
-]
 
 MAX_OPEN_NODES = 200_000
 """Open nodes of one size held in memory; beyond it the search goes depth first."""
@@ -125,7 +113,7 @@ def best_subsets(
     scratch = problem.scratch()
     floor = max(1, problem.n_must)
     open_sizes = {size: _SizeSearch(problem, size) for size in range(floor, top + 1)}
-    full_rss, rank = problem.full_rss_and_rank()
+    statistics, full_rss = problem.statistics()
     bound = dict.fromkeys(open_sizes, full_rss / problem.sst * (1.0 - PROOF_TOLERANCE))
     visited = dict.fromkeys(open_sizes, 0)
     chunks = 0  # a short look at every size comes first
@@ -136,7 +124,7 @@ def best_subsets(
                 work = CHUNK_WORK if chunks else CHUNK_WORK // 20
                 ended = part.run(problem, diagonal, scratch, best_rss[size], best_state[size], work)
                 visited[size] = part.visited
-                bound[size] = np.inf if ended else max(bound[size], nodes.open_bound(part.tree))
+                bound[size] = np.inf if ended else max(bound[size], open_bound(part.tree))
                 if ended:
                     del open_sizes[size]
                 if progress is not None:
@@ -155,7 +143,6 @@ def best_subsets(
             above = min(bound[size + 1], float(best_rss[size + 1, 0]))
             bound[size] = max(bound[size], above)
     found = [size for size in bound if np.isfinite(best_rss[size, 0])]
-    statistics = Statistics(problem.sst, problem.n_samples, intercept, _variance(problem, full_rss, rank))
     by_size = {
         size: tuple(
             _subset(problem, statistics, state, rss, factor)
@@ -183,17 +170,17 @@ class _SizeSearch:
     def __init__(self, problem: Problem, size: int) -> None:
         self.size = size
         self.tree = problem.tree(64)
-        nodes.push(self.tree, problem.root, np.ones(problem.n_columns + 1), 0.0, 1.0, False)
+        push(self.tree, problem.root, np.ones(problem.n_columns + 1), 0.0, 1.0, False)
 
     @property
     def visited(self) -> int:
-        return int(self.tree.counters[nodes.NODES])
+        return int(self.tree.counters[NODES])
 
     def run(
         self,
         problem: Problem,
         diagonal: NDArray[np.float64],
-        scratch: nodes.Scratch,
+        scratch: Scratch,
         best_rss: NDArray[np.float64],
         best_state: NDArray[np.int8],
         work: int,
@@ -219,12 +206,6 @@ class _SizeSearch:
             self.tree = problem.larger(self.tree)
 
 
-def _variance(problem: Problem, full_rss: float, rank: int) -> float:
-    """Noise variance of the model with every column that may be used; NaN without degrees of freedom."""
-    free = problem.n_samples - rank - problem.intercept
-    return full_rss / free if free > 0 else float("nan")
-
-
 def _subset(
     problem: Problem,
     statistics: Statistics,
@@ -235,3 +216,225 @@ def _subset(
     columns = tuple(int(problem.allowed[j]) for j in np.flatnonzero(state == KEPT))
     total = float(rss) * problem.sst if factor is None else rss_from_factor(factor, columns)
     return Subset(columns, *statistics.of(total, len(columns)))
+
+
+States = NDArray[np.int8]
+
+
+def best_sensor_sets(
+    cross: ArrayLike,
+    n_samples: float,
+    owners: Sequence[Sequence[int]],
+    *,
+    n_sensors: int,
+    max_sensors: int,
+    n_best: int = 1,
+    must: Iterable[int] = (),
+    never: Iterable[int] = (),
+    costs: Sequence[float] | None = None,
+    budget: float | None = None,
+    always: Iterable[int] = (),
+    intercept: bool = True,
+    time_limit_s: float | None = None,
+    progress: Callable[[SearchProgress], None] | None = None,
+    cancel: Cancel | None = None,
+) -> SensorSetSearch:
+    """The exact `n_best` sensor sets of least residual sum of squares for every number of sensors.
+
+    A set of sensors brings every column whose owners are all in it.
+
+    Parameters
+    ----------
+    cross : array of shape (p + 1, p + 1)
+        Cross-products of the columns about their means, response last.
+    n_samples : number
+        Samples behind `cross`; only the criteria depend on it.
+    owners : sequence of p sequences of int
+        Sensors of each column: (1,) for x1², (1, 2) for x1·x2; () is the same as naming the column in `always`.
+    n_sensors, max_sensors : int
+        Sensors there are, and the most that a set may have.
+    must, never, costs, budget
+        As in `best_subsets`, of sensors.
+    always : iterable of int
+        Columns that are in every model.
+    time_limit_s, progress, cancel
+        As in `best_subsets`.
+
+    Raises
+    ------
+    InputError
+        The matrix, an owner, a sensor number or a price cannot be used.
+    """
+    started = time.perf_counter()
+    fixed = set(always)
+    problem = Problem.of(cross, n_samples, fixed, (), None, None, intercept, n_best, np.shape(cross)[0] - 1)
+    p = problem.n_columns
+    require(len(owners) == p, f"owners of {len(owners)} columns", f"one entry for each of the {p} columns")
+    needs = [() if j in fixed else tuple(sorted({int(s) for s in one})) for j, one in enumerate(owners)]
+    checked_columns("owners", (s for one in needs for s in one), n_sensors)
+    kept, forbidden = checked_columns("must", must, n_sensors), checked_columns("never", never, n_sensors)
+    require(not kept & forbidden, f"sensors {sorted(kept & forbidden)} in must and in never", "either of them")
+    prices, limit = checked_costs(costs, budget, n_sensors)
+    candidates = [s for s in range(n_sensors) if s not in kept | forbidden]
+    least, most = max(1, len(kept)), min(max_sensors, len(kept) + len(candidates))
+    require(least <= most, f"max_sensors = {max_sensors}", f"at least {least}, and a sensor that may be used")
+    house = _House(problem, needs, n_sensors, kept)
+    spent = float(prices[sorted(kept)].sum())
+    alone = {s: house.rss({*kept, s}) for s in candidates}
+    ranked = np.array(sorted(candidates, key=lambda s: (alone[s], s)), dtype=np.int64)
+    usable = [j for j, one in enumerate(needs) if not forbidden & set(one)]
+    unusable = set(range(p)) - set(usable)
+    statistics, full_rss = Problem.of(cross, n_samples, (), unusable, None, None, intercept, 1, None).statistics()
+
+    best_rss = {size: np.full(n_best, np.inf) for size in range(least, most + 1)}
+    best_state = {size: np.full((n_best, n_sensors), DROPPED, np.int8) for size in best_rss}
+    coverage: dict[int, Coverage] = {}
+    bound: dict[int, float] = {}
+    visited, stopped = 0, False
+    for size in best_rss:
+        choose = size - len(kept)
+        if choose > 0 and size - 1 in best_rss and np.isfinite(best_rss[size - 1][0]):
+            house.extend(best_state[size - 1][0], candidates, prices, limit, best_rss[size], best_state[size])
+        path = house.path(choose, spent)
+        total = tree.combinations(len(ranked), choose)
+        ended = spent > limit or stopped
+        if choose == 0 and not ended:
+            house.offer(kept, best_rss[size], best_state[size])
+            path.counters[tree.EVALUATED] = 1
+            ended = True
+        while not ended:
+            ended = tree.search_sensors(
+                problem.gram,
+                problem.cross,
+                house.owners,
+                ranked,
+                choose,
+                prices,
+                limit,
+                path,
+                best_rss[size],
+                best_state[size],
+                CHUNK_WORK,
+            )
+            seconds = time.perf_counter() - started
+            if progress is not None:
+                gap = 0.0 if ended else relative_gap(best_rss[size][0], full_rss / problem.sst)
+                nodes = visited + int(path.counters[tree.VISITED])
+                progress(SearchProgress(size - least + ended, len(best_rss), size, gap, nodes, seconds))
+            if not ended and (is_set(cancel) or (time_limit_s is not None and seconds >= time_limit_s)):
+                stopped = True
+                break
+        counters = path.counters
+        visited += int(counters[tree.VISITED])
+        dear = total if spent > limit else int(counters[tree.UNAFFORDABLE])
+        done = int(counters[tree.EVALUATED]), int(counters[tree.BOUNDED]), dear
+        coverage[size] = Coverage(*done, left=total - sum(done))
+        bound[size] = full_rss / problem.sst * (1.0 - 1e-9) if coverage[size].left else np.inf
+    return SensorSetSearch(
+        by_size=MappingProxyType(
+            {
+                size: tuple(
+                    house.sensor_set(state, statistics)
+                    for rss, state in zip(best_rss[size], best_state[size], strict=True)
+                    if np.isfinite(rss)
+                )
+                for size in best_rss
+                if np.isfinite(best_rss[size][0])
+            }
+        ),
+        proved=not stopped,
+        gap=MappingProxyType({size: relative_gap(best_rss[size][0], bound[size]) for size in best_rss}),
+        lower_bound=MappingProxyType(
+            {size: problem.sst * min(float(best_rss[size][0]), bound[size]) for size in best_rss}
+        ),
+        coverage=MappingProxyType(coverage),
+        nodes=visited,
+        seconds=time.perf_counter() - started,
+    )
+
+
+class _House:
+    """Sensors and the columns that they bring, for one problem."""
+
+    def __init__(self, problem: Problem, needs: list[tuple[int, ...]], n_sensors: int, kept: set[int]) -> None:
+        self.problem, self.needs, self.n_sensors, self.kept = problem, needs, n_sensors, kept
+        by_sensor: list[list[int]] = [[] for _ in range(n_sensors)]
+        for j, one in enumerate(needs):
+            for s in one:
+                by_sensor[s].append(j)
+        table = np.full((len(needs), max([1, *map(len, needs)])), -1, dtype=np.int64)
+        for j, one in enumerate(needs):
+            table[j, : len(one)] = one
+        self.owners = tree.Owners(
+            np.cumsum([0, *map(len, by_sensor)]).astype(np.int64),
+            np.array([j for columns in by_sensor for j in columns], dtype=np.int64),
+            table,
+        )
+        p = problem.n_columns
+        self._flat = np.zeros((p + 1) * (p + 2))
+        self._order = np.zeros(p, np.int64)
+        self._factor = np.zeros((p + tree.LANES, p + tree.LANES))
+
+    def columns(self, sensors: Iterable[int]) -> tuple[int, ...]:
+        """Columns that a set of sensors brings, those without owners included."""
+        chosen = set(sensors)
+        return tuple(j for j, one in enumerate(self.needs) if chosen.issuperset(one))
+
+    def rss(self, sensors: Iterable[int]) -> float:
+        """Residual sum of squares of a set of sensors, the total scaled to 1."""
+        state = np.full(self.problem.n_columns, DROPPED, np.int8)
+        state[list(self.columns(sensors))] = KEPT
+        return float(set_rss(self.problem.gram, self.problem.cross, state, self._flat, self._order))
+
+    def offer(self, sensors: Iterable[int], best_rss: NDArray[np.float64], best_state: States) -> None:
+        """Record a set of sensors if it is among the best."""
+        state = np.full(self.n_sensors, DROPPED, np.int8)
+        state[sorted(sensors)] = KEPT
+        insert(best_rss, best_state, state, self.rss(sensors))
+
+    def extend(
+        self,
+        smaller: States,
+        candidates: list[int],
+        prices: NDArray[np.float64],
+        limit: float,
+        best_rss: NDArray[np.float64],
+        best_state: States,
+    ) -> None:
+        """Record every affordable set of one sensor more than a given one."""
+        inside = {int(s) for s in np.flatnonzero(smaller == KEPT)}
+        for s in candidates:
+            if s not in inside and prices[[*inside, s]].sum() <= limit:
+                self.offer({*inside, s}, best_rss, best_state)
+
+    def path(self, choose: int, spent: float) -> tree.Path:
+        """Start of a search: the columns that are in every set are in the factor."""
+        p = self.problem.n_columns
+        path = tree.Path(
+            np.zeros(7, np.int64),
+            np.zeros(choose + 2, np.int64),
+            np.zeros(choose + 2, np.int64),
+            np.ones(choose + 2),
+            np.zeros(choose + 2),
+            np.zeros(self.n_sensors, np.int8),
+            np.zeros(p + tree.LANES, np.int64),
+            self._factor,
+            np.zeros(p + tree.LANES),
+            np.zeros((p + tree.LANES, tree.LANES)),
+            np.zeros((tree.LANES, tree.LANES + 1)),
+            np.zeros(p + tree.LANES, np.int64),
+            np.zeros(self.n_sensors, np.int8),
+        )
+        path.inside[sorted(self.kept)] = 1
+        first = self.columns(self.kept)
+        path.fresh[: len(first)] = first
+        gram, cross = self.problem.gram, self.problem.cross
+        path.count[0], path.rss[0] = tree.joined(gram, cross, path, 0, len(first), 1.0, True, -np.inf)
+        path.spent[0] = spent
+        return path
+
+    def sensor_set(self, state: States, statistics: Statistics) -> SensorSet:
+        """The value that is returned."""
+        sensors = tuple(int(s) for s in np.flatnonzero(state == KEPT))
+        columns = self.columns(sensors)
+        return SensorSet(columns, *statistics.of(self.rss(sensors) * self.problem.sst, len(columns)), sensors=sensors)

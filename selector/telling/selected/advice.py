@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from selector.models.validity import FaultGain
+from selector.models.least_squares import FaultGain
 from selector.number_text import number_text
 from selector.selection import Selection
 from selector.selection.result import PROCEDURE, RunProof

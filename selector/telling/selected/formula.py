@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from selector.models.terms import Term
+from selector.models.design import Term
 from selector.number_text import SUPERSCRIPTS, number_text
 from selector.selection import Selection
 from selector.telling.numbers import NONE, span_text, uncertain_text
