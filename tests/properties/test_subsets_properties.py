@@ -52,15 +52,8 @@ def prepared(columns, response, intercept):
 def test_best_subsets_are_those_of_brute_force(case, n_best, intercept, data):
     columns, response = case
     n, p = columns.shape
-    roles = data.draw(st.lists(st.sampled_from(["free"] * 4 + ["must", "never"]), min_size=p, max_size=p))
+    roles = data.draw(st.lists(st.sampled_from(["free"] * 4 + ["must"]), min_size=p, max_size=p))
     must = [j for j in range(p) if roles[j] == "must"]
-    never = [j for j in range(p) if roles[j] == "never"]
-    if len(never) == p:
-        never = []
-    costs = budget = None
-    if data.draw(st.booleans()):
-        costs = data.draw(st.lists(st.integers(0, 3), min_size=p, max_size=p))
-        budget = data.draw(st.integers(0, 6))
     x, y = prepared(columns, response, intercept)
     total = float(y @ y)
     if total < 1e-9:
@@ -70,22 +63,15 @@ def test_best_subsets_are_those_of_brute_force(case, n_best, intercept, data):
         n,
         n_best=n_best,
         must=must,
-        never=never,
-        costs=costs,
-        budget=budget,
         intercept=intercept,
-        max_size=p - len(never),
+        max_size=p,
     )
     assert found.proved
 
     def allowed(chosen):
-        return (
-            set(must) <= set(chosen)
-            and not set(never) & set(chosen)
-            and (budget is None or sum(costs[j] for j in chosen) <= budget)
-        )
+        return set(must) <= set(chosen)
 
-    for size in range(max(1, len(must)), p - len(never) + 1):
+    for size in range(max(1, len(must)), p + 1):
         truth = every_rss(x, y, size, allowed)[:n_best]
         sets = found.by_size.get(size, ())
         # rounding of the cross-products: 1e-16 of the total, times the inverse of the smallest pivot that counts
@@ -106,13 +92,6 @@ def test_best_sensor_sets_are_those_of_brute_force(case, n_best, data):
     owners = [(j,) for j in range(p)] + pairs + [(0,)]
     always = data.draw(st.sets(st.integers(0, len(owners) - 1), max_size=2))
     must = data.draw(st.sets(st.integers(0, p - 1), max_size=1))
-    never = data.draw(st.sets(st.integers(0, p - 1), max_size=1)) - must
-    if len(never) == p:
-        never = set()
-    costs = budget = None
-    if data.draw(st.booleans()):
-        costs = data.draw(st.lists(st.integers(0, 3), min_size=p, max_size=p))
-        budget = data.draw(st.integers(0, 6))
     x, y = prepared(terms, response, True)
     total = float(y @ y)
     if total < 1e-9:
@@ -125,18 +104,13 @@ def test_best_sensor_sets_are_those_of_brute_force(case, n_best, data):
         max_sensors=p,
         n_best=n_best,
         must=must,
-        never=never,
-        costs=costs,
-        budget=budget,
         always=always,
     )
     assert found.proved
-    for size in range(max(1, len(must)), p - len(never) + 1):
+    for size in range(max(1, len(must)), p + 1):
         truth = []
         for sensors in itertools.combinations(range(p), size):
-            if not must <= set(sensors) or never & set(sensors):
-                continue
-            if budget is not None and sum(costs[s] for s in sensors) > budget:
+            if not must <= set(sensors):
                 continue
             brought = [j for j, own in enumerate(owners) if j in always or set(own) <= set(sensors)]
             truth.append(rss_by_least_squares(x[:, brought], y))
@@ -155,7 +129,7 @@ def test_bound_holds_at_any_shares(case, seed, data):
     if p < 2 or float(y @ y) < 1e-9 or np.linalg.matrix_rank(x, tol=1e-6) < p:
         return
     size = data.draw(st.integers(1, p - 1))
-    problem = Problem.of(cross_products(columns, response), len(y), (), (), None, None, True, 1, p)
+    problem = Problem.of(cross_products(columns, response), len(y), (), True, 1, p)
     diagonal, _ = valid_diagonal(problem)
     matrix = np.zeros((p, p + 1))
     matrix[:, :p], matrix[:, p] = problem.gram, problem.cross

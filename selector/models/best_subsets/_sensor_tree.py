@@ -12,7 +12,7 @@ import numpy as np
 
 from selector.models.best_subsets._algebra import DROPPED, KEPT, PIVOT_TOLERANCE, insert, kernel
 
-DEPTH, NEXT_FREE, WORK, EVALUATED, BOUNDED, UNAFFORDABLE, VISITED = 0, 1, 2, 3, 4, 5, 6
+DEPTH, WORK, EVALUATED, BOUNDED, VISITED = 0, 1, 2, 3, 4
 LANES = 8
 """Columns reduced together: one vector of doubles on current processors."""
 
@@ -28,11 +28,10 @@ class Owners(NamedTuple):
 class Path(NamedTuple):
     """The sensors chosen so far and the factor of their columns."""
 
-    counters: Any  # int64 (7,)
+    counters: Any  # int64 (5,)
     choice: Any  # int64 (depths,): next candidate to try at each depth
     count: Any  # int64 (depths + 1,): columns in the factor at each depth
     rss: Any  # float64 (depths + 1,)
-    spent: Any  # float64 (depths + 1,)
     inside: Any  # int8 (n_sensors,): 1 while a sensor is in the set
     stack: Any  # int64 (n_columns,): columns in the factor
     factor: Any  # float64 (n_columns + LANES, n_columns + LANES), upper triangular
@@ -187,8 +186,6 @@ def search_sensors(
     owners: Any,
     ranked: Any,
     choose: int,
-    costs: Any,
-    budget: float,
     path: Any,
     best_rss: Any,
     best_state: Any,
@@ -196,8 +193,8 @@ def search_sensors(
 ) -> bool:
     """Try every way to add `choose` of the `ranked` sensors to those inside, until done or the work is used up.
 
-    Every set is either evaluated, or lies below a superset whose RSS is not less than the worst of the best, or costs
-    too much; the counters add up to the number of sets. Returns whether it is done.
+    Every set is either evaluated, or lies below a superset whose RSS is not less than the worst of the best; the
+    counters add up to the number of sets. Returns whether it is done.
     """
     n = path.counters
     n[WORK] = work
@@ -216,10 +213,6 @@ def search_sensors(
         path.choice[depth] = i + 1
         sensor = ranked[i]
         below = combinations(m - i - 1, left - 1)
-        spent = path.spent[depth] + costs[sensor]
-        if spent > budget:
-            n[UNAFFORDABLE] += below
-            continue
         n[VISITED] += 1
         path.inside[sensor] = 1
         new = brought(owners, path, sensor)
@@ -238,7 +231,6 @@ def search_sensors(
         held, rss = joined(gram, cross, path, held, new, path.rss[depth], True, -np.inf)
         path.count[depth + 1] = held
         path.rss[depth + 1] = rss
-        path.spent[depth + 1] = spent
         threshold = best_rss[-1] * (1.0 - 1e-9) - 1e-14
         worth = threshold < np.inf and 500.0 * below > 0.2 * float(held + 3 * (m - i)) ** 3
         if worth and superset_rss(gram, cross, owners, path, depth + 1, ranked, i + 1, threshold) >= threshold:

@@ -52,8 +52,6 @@ def descend(
     gram: Any,
     cross: Any,
     root: Any,
-    costs: Any,
-    budget: float,
     state: Any,
     v: Any,
     best_rss: Any,
@@ -66,10 +64,6 @@ def descend(
     `v` is the matrix swept on `state`; both follow the swaps. Columns with ``root == KEPT`` stay. Returns the swaps.
     """
     p = state.size
-    spent = 0.0
-    for j in range(p):
-        if state[j] == KEPT:
-            spent += costs[j]
     several = best_rss.size > 1
     swaps = 0
     while swaps < 4 * p:
@@ -84,7 +78,7 @@ def descend(
             coefficient = v[i, p] / ci
             without = now + v[i, p] * coefficient
             for j in range(p):
-                if state[j] == KEPT or root[j] != FREE or spent - costs[i] + costs[j] > budget:
+                if state[j] == KEPT or root[j] != FREE:
                     continue
                 x = v[i, j]
                 pivot = v[j, j] + x * x / ci
@@ -96,7 +90,7 @@ def descend(
                     best = rss
                     leave = i
                     enter = j
-                if several and rss < best_rss[-1] * (1.0 - 1e-9) and spent <= budget:
+                if several and rss < best_rss[-1] * (1.0 - 1e-9):
                     state[i] = FREE
                     state[j] = KEPT
                     insert(best_rss, best_state, state, set_rss(gram, cross, state, a, order))
@@ -109,14 +103,12 @@ def descend(
             _sweep(v, leave)
             break
         _sweep(v, enter)
-        spent += costs[enter] - costs[leave]
         state[leave] = FREE
         state[enter] = KEPT
         swaps += 1
-    if spent <= budget:
-        rss = set_rss(gram, cross, state, a, order)
-        if rss < best_rss[-1]:
-            insert(best_rss, best_state, state, rss)
+    rss = set_rss(gram, cross, state, a, order)
+    if rss < best_rss[-1]:
+        insert(best_rss, best_state, state, rss)
     return swaps
 
 
@@ -125,8 +117,6 @@ def starting_sets(
     gram: Any,
     cross: Any,
     root: Any,
-    costs: Any,
-    budget: float,
     max_size: int,
     best_rss: Any,
     best_state: Any,
@@ -160,7 +150,7 @@ def starting_sets(
             pace[SIZE] = first
             pace[IMPROVED] = 0
         elif pace[PHASE] == FORWARD:
-            moved = pace[SIZE] < max_size and _step_forward(root, costs, budget, state, v)
+            moved = pace[SIZE] < max_size and _step_forward(root, state, v)
             if moved:
                 pace[SIZE] += 1
             else:
@@ -175,27 +165,23 @@ def starting_sets(
         if moved:
             size = pace[SIZE]
             before = best_rss[size, 0]
-            swaps = descend(gram, cross, root, costs, budget, state, v, best_rss[size], best_state[size], a, order)
+            swaps = descend(gram, cross, root, state, v, best_rss[size], best_state[size], a, order)
             work -= (swaps + 1) * (3 * p * p + 2 * size * (p - size)) + size * size * size // 6
             if best_rss[size, 0] < before:
                 pace[IMPROVED] = 1
     for size in range(first, max_size):
         if best_rss[size, 0] < np.inf and best_rss[size + 1, 0] == np.inf:
-            _fill_up(gram, cross, root, costs, budget, size, state, best_rss, best_state, a, order)
+            _fill_up(gram, cross, root, size, state, best_rss, best_state, a, order)
     return True
 
 
 @kernel
-def _step_forward(root: Any, costs: Any, budget: float, state: Any, v: Any) -> bool:
+def _step_forward(root: Any, state: Any, v: Any) -> bool:
     p = state.size
-    spent = 0.0
-    for j in range(p):
-        if state[j] == KEPT:
-            spent += costs[j]
     enter = -1
     most = -1.0
     for j in range(p):
-        if state[j] != KEPT and root[j] == FREE and v[j, j] > PIVOT_TOLERANCE and spent + costs[j] <= budget:
+        if state[j] != KEPT and root[j] == FREE and v[j, j] > PIVOT_TOLERANCE:
             gain = v[j, p] * v[j, p] / v[j, j]
             if gain > most:
                 most = gain
@@ -227,30 +213,15 @@ def _step_backward(root: Any, state: Any, v: Any) -> bool:
 
 @kernel
 def _fill_up(
-    gram: Any,
-    cross: Any,
-    root: Any,
-    costs: Any,
-    budget: float,
-    size: int,
-    state: Any,
-    best_rss: Any,
-    best_state: Any,
-    a: Any,
-    order: Any,
+    gram: Any, cross: Any, root: Any, size: int, state: Any, best_rss: Any, best_state: Any, a: Any, order: Any
 ) -> None:
-    """A set of the next size: the best of this size and the cheapest column that may still come in."""
-    p = root.size
-    spent = 0.0
+    """A set of the next size: the best of this size and the first column that may still come in."""
     enter = -1
-    for j in range(p):
+    for j in range(root.size):
         state[j] = best_state[size, 0, j]
-        if state[j] == KEPT:
-            spent += costs[j]
-    for j in range(p):
-        if state[j] != KEPT and root[j] == FREE and (enter < 0 or costs[j] < costs[enter]):
+        if enter < 0 and state[j] != KEPT and root[j] == FREE:
             enter = j
-    if enter >= 0 and spent + costs[enter] <= budget:
+    if enter >= 0:
         state[enter] = KEPT
         insert(best_rss[size + 1], best_state[size + 1], state, set_rss(gram, cross, state, a, order))
         state[enter] = DROPPED

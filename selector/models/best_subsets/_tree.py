@@ -129,26 +129,17 @@ def open_bound(tree: Any) -> float:
 
 
 @kernel
-def offer(gram: Any, cross: Any, costs: Any, budget: float, best_rss: Any, best_state: Any, state: Any, w: Any) -> None:
-    """Record a complete set if the budget allows it and it is among the best."""
-    big = w.matrices[WHOLE]
-    order = w.integers[ORDER]
-    spent = 0.0
-    for j in range(state.size):
-        if state[j] == KEPT:
-            spent += costs[j]
-    if spent <= budget:
-        rss = set_rss(gram, cross, state, big, order)
-        if rss < best_rss[-1]:
-            insert(best_rss, best_state, state, rss)
+def offer(gram: Any, cross: Any, best_rss: Any, best_state: Any, state: Any, w: Any) -> None:
+    """Record a complete set if it is among the best."""
+    rss = set_rss(gram, cross, state, w.matrices[WHOLE], w.integers[ORDER])
+    if rss < best_rss[-1]:
+        insert(best_rss, best_state, state, rss)
 
 
 @kernel
 def enumerate_leaves(
     gram: Any,
     cross: Any,
-    costs: Any,
-    budget: float,
     best_rss: Any,
     best_state: Any,
     w: Any,
@@ -196,7 +187,7 @@ def enumerate_leaves(
                 trial[free[i]] = inside
             if n > 1:
                 trial[free[j]] = inside
-            offer(gram, cross, costs, budget, best_rss, best_state, trial, w)
+            offer(gram, cross, best_rss, best_state, trial, w)
 
 
 DONE, PAUSED, FULL = 0, 1, 2
@@ -211,18 +202,7 @@ MIN_PROGRESS = 0.05
 
 
 @kernel
-def expand(
-    gram: Any,
-    cross: Any,
-    size: int,
-    costs: Any,
-    budget: float,
-    root_d: Any,
-    tree: Any,
-    w: Any,
-    best_rss: Any,
-    best_state: Any,
-) -> int:
+def expand(gram: Any, cross: Any, size: int, root_d: Any, tree: Any, w: Any, best_rss: Any, best_state: Any) -> int:
     """Bound the next node: CLOSED, AGAIN (many columns were fixed), or the column to branch on.
 
     What is to be opened stands in the scratch: the state in CURRENT, the shares in Y, bounds and scale in OUTCOME.
@@ -254,21 +234,17 @@ def expand(
         current[j] = tree.state[slot, j]
     n[NODES] += 1
     kept = 0
-    spent = 0.0
     for j in range(p):
         if current[j] == KEPT:
             order[kept] = j
             kept += 1
-            spent += costs[j]
     total = kept
     for j in range(p):
         if current[j] == FREE:
             order[total] = j
             total += 1
     a = size - kept
-    if a < 0 or a > total - kept or spent > budget:
-        return CLOSED
-    if budget < np.inf and not _affordable(costs, budget - spent, current, a, wx):
+    if a < 0 or a > total - kept:
         return CLOSED
     stride = total + 1
     gather(gram, cross, order, total, big, stride)
@@ -293,7 +269,7 @@ def expand(
             if null < 0:
                 null = order[i]
     if nulls > 0 and a > 0:
-        if best_rss.size > 1 or budget < np.inf:
+        if best_rss.size > 1:
             return _carried(tree, w, slot, null, bound0, scale)
         spare = max(0, a - t)
         for i in range(kept, total):
@@ -324,7 +300,7 @@ def expand(
             few = 0
             keep = False
         n[WORK] -= t * t
-        enumerate_leaves(gram, cross, costs, budget, best_rss, best_state, w, w.matrices[which], sp, t, few, r, keep)
+        enumerate_leaves(gram, cross, best_rss, best_state, w, w.matrices[which], sp, t, few, r, keep)
         return CLOSED
     missing = False
     for j in range(t):
@@ -433,30 +409,10 @@ def _chosen(w: Any, t: int, a: int, bound: float, now: float, scale: float, fixe
 
 
 @kernel
-def _affordable(costs: Any, left: float, state: Any, a: int, x: Any) -> bool:
-    """Whether the `a` cheapest free columns fit into what is left of the budget."""
-    t = 0
-    for j in range(state.size):
-        if state[j] == FREE:
-            i = t
-            while i > 0 and x[i - 1] > costs[j]:
-                x[i] = x[i - 1]
-                i -= 1
-            x[i] = costs[j]
-            t += 1
-    cheapest = 0.0
-    for i in range(a):
-        cheapest += x[i]
-    return bool(cheapest <= left + 1e-12 * abs(left))
-
-
-@kernel
 def search(
     gram: Any,
     cross: Any,
     size: int,
-    costs: Any,
-    budget: float,
     root_d: Any,
     tree: Any,
     w: Any,
@@ -480,7 +436,7 @@ def search(
         if n[STACK] == 0 and tree.bound[heap[0]] >= best_rss[-1] * (1.0 - PROOF_TOLERANCE) - 1e-14:
             n[HEAP] = 0
             break
-        column = expand(gram, cross, size, costs, budget, root_d, tree, w, best_rss, best_state)
+        column = expand(gram, cross, size, root_d, tree, w, best_rss, best_state)
         depth_first = n[HEAP] >= capacity - 2 * gram.shape[0] - 8
         # the child that keeps the column comes last: a stack takes it first
         for child in range(0 if column == CLOSED else 1 if column == AGAIN else 2):

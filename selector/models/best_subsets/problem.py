@@ -1,9 +1,8 @@
-"""A subset problem made ready for the compiled search: cross-products, checked, scaled; when a search stops early."""
+"""A subset problem made ready for the compiled search: cross-products, checked, scaled; how far a search is."""
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -95,15 +94,12 @@ def _rows(X: ArrayLike, y: ArrayLike, intercept: bool) -> Matrix:
 
 @dataclass(frozen=True)
 class Problem:
-    """Allowed columns at unit length, response at unit length."""
+    """Columns at unit length, response at unit length."""
 
-    #: gram and cross: (p, p): Only the columns in `allowed`; a constant column is all zero
+    #: gram and cross: (p, p) and (p,): A constant column is all zero
     gram: Matrix
     cross: Matrix
     root: NDArray[np.int8]  #: (p,): KEPT where a column must be in
-    costs: Matrix
-    budget: float
-    allowed: NDArray[np.int64]  #: Number of each column in the caller's matrix
     sst: float
     n_samples: float
     intercept: bool
@@ -115,9 +111,6 @@ class Problem:
         cross: ArrayLike,
         n_samples: float,
         must: Iterable[int],
-        never: Iterable[int],
-        costs: Sequence[float] | None,
-        budget: float | None,
         intercept: bool,
         n_best: int,
         max_size: int | None,
@@ -125,34 +118,23 @@ class Problem:
         """Checked and scaled; see `best_subsets` for the arguments."""
         matrix = checked_cross(cross)
         p = matrix.shape[0] - 1
-        kept, forbidden = checked_columns("must", must, p), checked_columns("never", never, p)
-        require(not kept & forbidden, f"columns {sorted(kept & forbidden)} in must and in never", "either of them")
+        kept = checked_columns("must", must, p)
         require(n_best >= 1, f"n_best = {n_best}", "1 or more")
-        prices, limit = checked_costs(costs, budget, p)
-        allowed = np.array([j for j in range(p) if j not in forbidden], dtype=np.int64)
-        require(len(allowed) > 0, "no column is allowed", "at least one column that is not in never")
-        top = len(allowed) if max_size is None else min(max_size, len(allowed))
-        if max_size is None:
-            top = max(min(top, int(n_samples) - intercept - 1), len(kept), 1)
+        top = max(min(p, int(n_samples) - intercept - 1), len(kept), 1) if max_size is None else min(max_size, p)
         require(top >= max(1, len(kept)), f"max_size = {max_size}", f"at least {max(1, len(kept))}")
-        root = np.array([KEPT if j in kept else FREE for j in allowed], dtype=np.int8)
-        gram, response, sst = scaled(matrix, allowed)
-        return cls(gram, response, root, prices[allowed], limit, allowed, sst, float(n_samples), intercept, top)
+        root = np.array([KEPT if j in kept else FREE for j in range(p)], dtype=np.int8)
+        gram, response, sst = scaled(matrix)
+        return cls(gram, response, root, sst, float(n_samples), intercept, top)
 
     @property
     def n_columns(self) -> int:
-        """Columns that may be used."""
-        return len(self.allowed)
+        """Columns there are."""
+        return len(self.root)
 
     @property
     def n_must(self) -> int:
         """Columns that are in every set."""
         return int(np.sum(self.root == KEPT))
-
-    @property
-    def unconstrained(self) -> bool:
-        """Whether a set may always take one more column."""
-        return bool(np.isinf(self.budget))
 
     def scratch(self) -> Scratch:
         """Work space for the compiled search."""
@@ -187,7 +169,7 @@ class Problem:
         return grown
 
     def statistics(self) -> tuple[Statistics, float]:
-        """What turns an RSS into the criteria, and the RSS with all allowed columns."""
+        """What turns an RSS into the criteria, and the RSS with all columns."""
         p = self.n_columns
         a = np.zeros((p + 1, p + 1))
         a[:p, :p], a[:p, p], a[p, p] = self.gram, self.cross, 1.0
@@ -237,7 +219,7 @@ def _findings(problem: Problem, null: Matrix) -> tuple[Finding, ...]:
     constant = np.diag(problem.gram) <= 0.0
     found = []
     if constant.any():
-        columns = [int(j) for j in problem.allowed[constant]]
+        columns = np.flatnonzero(constant).tolist()
         found.append(
             FINDINGS.finding(
                 "constant-column",
@@ -256,7 +238,7 @@ def _findings(problem: Problem, null: Matrix) -> tuple[Finding, ...]:
                 break
             group |= more
         left -= group
-        columns = sorted(int(problem.allowed[j]) for j in group)
+        columns = sorted(group)
         found.append(
             FINDINGS.finding(
                 "dependent-columns",
@@ -268,14 +250,14 @@ def _findings(problem: Problem, null: Matrix) -> tuple[Finding, ...]:
     return tuple(found)
 
 
-def scaled(matrix: Matrix, allowed: NDArray[np.int64]) -> tuple[Matrix, Matrix, float]:
-    """Cross-products of the allowed columns at unit length, those with the response at unit length, and its square."""
+def scaled(matrix: Matrix) -> tuple[Matrix, Matrix, float]:
+    """Cross-products of the columns at unit length, those with the response at unit length, and its square."""
     sst = float(matrix[-1, -1])
-    squares = np.diag(matrix)[allowed]
+    squares = np.diag(matrix)[:-1]
     factor = np.where(squares > 0.0, 1.0 / np.sqrt(np.where(squares > 0.0, squares, 1.0)), 0.0)
-    gram = matrix[np.ix_(allowed, allowed)] * np.outer(factor, factor)
+    gram = matrix[:-1, :-1] * np.outer(factor, factor)
     np.fill_diagonal(gram, np.where(squares > 0.0, 1.0, 0.0))
-    return gram, matrix[allowed, -1] * factor / np.sqrt(sst), sst
+    return gram, matrix[:-1, -1] * factor / np.sqrt(sst), sst
 
 
 def checked_cross(cross: ArrayLike) -> Matrix:
@@ -299,35 +281,14 @@ def checked_columns(name: str, columns: Iterable[int], p: int) -> set[int]:
     return chosen
 
 
-def checked_costs(costs: Sequence[float] | None, budget: float | None, p: int) -> tuple[Matrix, float]:
-    """Prices (zero if none) and the budget (infinite if none)."""
-    if costs is None:
-        require(budget is None, f"a budget of {budget} without costs", "costs, one of each column")
-        return np.zeros(p), np.inf
-    prices = np.array(costs, dtype=np.float64)
-    require(prices.shape == (p,), f"{prices.size} costs", f"{p}, one of each")
-    require(bool(np.all(prices >= 0.0) and np.all(np.isfinite(prices))), "a negative or missing cost", "0 or more")
-    # sums of prices such as 0.1 must not fail by their last digit
-    return prices, np.inf if budget is None else float(budget) * (1.0 + 1e-12)
-
-
 def require(holds: bool, found: str, expected: str) -> None:
     """Raise an InputError unless it holds."""
     if not holds:
         raise InputError(found, expected=expected, where="subset search", advice="correct this argument of the search")
 
 
-Cancel = threading.Event | Callable[[], bool]
-
 CHUNK_WORK = 30_000_000
-"""Multiplications between two looks at the clock and at `cancel`: about 0.02 s."""
-
-
-def is_set(cancel: Cancel | None) -> bool:
-    """Whether the user wants to stop."""
-    if cancel is None:
-        return False
-    return cancel.is_set() if isinstance(cancel, threading.Event) else bool(cancel())
+"""Multiplications between two looks at the clock: about 0.02 s; Ctrl-C waits no longer."""
 
 
 def relative_gap(best: float, bound: float) -> float:

@@ -85,18 +85,6 @@ class SensorSet(Subset):
 
 
 @dataclass(frozen=True)
-class SearchProgress:
-    """How far a search is: proved of all sizes; the size at work, its relative gap; nodes so far; time [s]."""
-
-    proved_sizes: int
-    sizes: int
-    size: int
-    gap: float
-    nodes: int
-    seconds: float
-
-
-@dataclass(frozen=True)
 class SubsetSearch:
     """The best subsets of every size, best first, and what was proved about them."""
 
@@ -129,11 +117,10 @@ class SubsetSearch:
 
 @dataclass(frozen=True)
 class Coverage:
-    """All sets of one number of sensors: evaluated one by one, excluded by a bound, too expensive, still open."""
+    """All sets of one number of sensors: evaluated one by one, excluded by a bound, still open."""
 
     evaluated: int
     bounded: int
-    unaffordable: int
     left: int
 
 

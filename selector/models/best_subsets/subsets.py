@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
@@ -22,11 +22,8 @@ from selector.models.best_subsets._start import starting_sets
 from selector.models.best_subsets._tree import DONE, FULL, NODES, PROOF_TOLERANCE, Scratch, open_bound, push, search
 from selector.models.best_subsets.problem import (
     CHUNK_WORK,
-    Cancel,
     Problem,
     checked_columns,
-    checked_costs,
-    is_set,
     relative_gap,
     require,
     rss_from_factor,
@@ -34,7 +31,6 @@ from selector.models.best_subsets.problem import (
 )
 from selector.models.best_subsets.results import (
     Coverage,
-    SearchProgress,
     SensorSet,
     SensorSetSearch,
     Statistics,
@@ -59,14 +55,9 @@ def best_subsets(
     max_size: int | None = None,
     n_best: int = 1,
     must: Iterable[int] = (),
-    never: Iterable[int] = (),
-    costs: Sequence[float] | None = None,
-    budget: float | None = None,
     intercept: bool = True,
     factor: NDArray[np.float64] | None = None,
     time_limit_s: float | None = None,
-    progress: Callable[[SearchProgress], None] | None = None,
-    cancel: Cancel | None = None,
 ) -> SubsetSearch:
     """The exact `n_best` subsets of least residual sum of squares of every size.
 
@@ -78,33 +69,29 @@ def best_subsets(
         Samples behind `cross`; only the criteria depend on it.
     max_size : int, optional
         Default: all columns, but no more than leave one degree of freedom.
-    must, never : iterable of int
-        Columns that are in every set, or in none.
-    costs, budget : optional
-        Price of each column, and the most that a set may cost.
+    must : iterable of int
+        Columns that are in every set.
     factor : array of shape (p + 1, p + 1), optional
         `factor_from_rows` of the same samples: the reported RSS are then computed from it, to more digits.
-    time_limit_s, progress, cancel
-        After the time [s], or when `cancel` is set or returns True, the best so far is returned with its gap. The
-        clock and `cancel` are looked at about every 0.02 s; between, no Python runs. KeyboardInterrupt passes through.
+    time_limit_s : float, optional
+        After it the best so far is returned with its gap. The clock is looked at about every 0.02 s; between, no Python
+        runs. KeyboardInterrupt passes through.
 
     Raises
     ------
     InputError
-        The matrix, a column number or a price cannot be used.
+        The matrix or a column number cannot be used.
     """
-    problem = Problem.of(cross, n_samples, must, never, costs, budget, intercept, n_best, max_size)
+    problem = Problem.of(cross, n_samples, must, intercept, n_best, max_size)
     started = time.perf_counter()
     p, top = problem.n_columns, problem.max_size
     best_rss = np.full((p + 1, n_best), np.inf)
     best_state = np.full((p + 1, n_best, p), DROPPED, dtype=np.int8)
-    limits = (problem.costs, problem.budget)
     state, swept, pace = np.zeros(p, np.int8), np.zeros((p + 1, p + 1)), np.zeros(4, np.int64)
-    start = (problem.gram, problem.cross, problem.root, *limits, top, best_rss, best_state, state, swept, pace)
+    start = (problem.gram, problem.cross, problem.root, top, best_rss, best_state, state, swept, pace)
 
     def out_of_time() -> bool:
-        late = time_limit_s is not None and time.perf_counter() - started >= time_limit_s
-        return is_set(cancel) or late
+        return time.perf_counter() - started >= (np.inf if time_limit_s is None else time_limit_s)
 
     stopped = False
     while not stopped and not starting_sets(*start, CHUNK_WORK):
@@ -127,21 +114,15 @@ def best_subsets(
                 bound[size] = np.inf if ended else max(bound[size], open_bound(part.tree))
                 if ended:
                     del open_sizes[size]
-                if progress is not None:
-                    seconds = time.perf_counter() - started
-                    gap = relative_gap(best_rss[size, 0], bound[size])
-                    done = len(bound) - len(open_sizes)
-                    progress(SearchProgress(done, len(bound), size, gap, sum(visited.values()), seconds))
                 stopped = out_of_time()
                 if ended or stopped:
                     break
             if stopped:
                 break
         chunks = max(2 * chunks, 1)
-    if problem.unconstrained:  # adding a column never raises the RSS
-        for size in sorted(bound)[-2::-1]:
-            above = min(bound[size + 1], float(best_rss[size + 1, 0]))
-            bound[size] = max(bound[size], above)
+    # adding a column never raises the RSS
+    for size in sorted(bound)[-2::-1]:
+        bound[size] = max(bound[size], min(bound[size + 1], float(best_rss[size + 1, 0])))
     found = [size for size in bound if np.isfinite(best_rss[size, 0])]
     by_size = {
         size: tuple(
@@ -191,8 +172,6 @@ class _SizeSearch:
                 problem.gram,
                 problem.cross,
                 self.size,
-                problem.costs,
-                problem.budget,
                 diagonal,
                 self.tree,
                 scratch,
@@ -213,7 +192,7 @@ def _subset(
     rss: float,
     factor: NDArray[np.float64] | None,
 ) -> Subset:
-    columns = tuple(int(problem.allowed[j]) for j in np.flatnonzero(state == KEPT))
+    columns = tuple(np.flatnonzero(state == KEPT).tolist())
     total = float(rss) * problem.sst if factor is None else rss_from_factor(factor, columns)
     return Subset(columns, *statistics.of(total, len(columns)))
 
@@ -230,14 +209,8 @@ def best_sensor_sets(
     max_sensors: int,
     n_best: int = 1,
     must: Iterable[int] = (),
-    never: Iterable[int] = (),
-    costs: Sequence[float] | None = None,
-    budget: float | None = None,
     always: Iterable[int] = (),
-    intercept: bool = True,
     time_limit_s: float | None = None,
-    progress: Callable[[SearchProgress], None] | None = None,
-    cancel: Cancel | None = None,
 ) -> SensorSetSearch:
     """The exact `n_best` sensor sets of least residual sum of squares for every number of sensors.
 
@@ -253,39 +226,31 @@ def best_sensor_sets(
         Sensors of each column: (1,) for x1², (1, 2) for x1·x2; () is the same as naming the column in `always`.
     n_sensors, max_sensors : int
         Sensors there are, and the most that a set may have.
-    must, never, costs, budget
-        As in `best_subsets`, of sensors.
-    always : iterable of int
-        Columns that are in every model.
-    time_limit_s, progress, cancel
+    must, always : iterable of int
+        Sensors that are in every set; columns that are in every model.
+    time_limit_s
         As in `best_subsets`.
 
     Raises
     ------
     InputError
-        The matrix, an owner, a sensor number or a price cannot be used.
+        The matrix, an owner or a sensor number cannot be used.
     """
     started = time.perf_counter()
     fixed = set(always)
-    problem = Problem.of(cross, n_samples, fixed, (), None, None, intercept, n_best, np.shape(cross)[0] - 1)
+    problem = Problem.of(cross, n_samples, fixed, True, n_best, np.shape(cross)[0] - 1)
     p = problem.n_columns
     require(len(owners) == p, f"owners of {len(owners)} columns", f"one entry for each of the {p} columns")
     needs = [() if j in fixed else tuple(sorted({int(s) for s in one})) for j, one in enumerate(owners)]
     checked_columns("owners", (s for one in needs for s in one), n_sensors)
-    kept, forbidden = checked_columns("must", must, n_sensors), checked_columns("never", never, n_sensors)
-    require(not kept & forbidden, f"sensors {sorted(kept & forbidden)} in must and in never", "either of them")
-    prices, limit = checked_costs(costs, budget, n_sensors)
-    candidates = [s for s in range(n_sensors) if s not in kept | forbidden]
+    kept = checked_columns("must", must, n_sensors)
+    candidates = [s for s in range(n_sensors) if s not in kept]
     least, most = max(1, len(kept)), min(max_sensors, len(kept) + len(candidates))
     require(least <= most, f"max_sensors = {max_sensors}", f"at least {least}, and a sensor that may be used")
     house = _House(problem, needs, n_sensors, kept)
-    spent = float(prices[sorted(kept)].sum())
     alone = {s: house.rss({*kept, s}) for s in candidates}
     ranked = np.array(sorted(candidates, key=lambda s: (alone[s], s)), dtype=np.int64)
-    usable = [j for j, one in enumerate(needs) if not forbidden & set(one)]
-    unusable = set(range(p)) - set(usable)
-    statistics, full_rss = Problem.of(cross, n_samples, (), unusable, None, None, intercept, 1, None).statistics()
-
+    statistics, full_rss = problem.statistics()
     best_rss = {size: np.full(n_best, np.inf) for size in range(least, most + 1)}
     best_state = {size: np.full((n_best, n_sensors), DROPPED, np.int8) for size in best_rss}
     coverage: dict[int, Coverage] = {}
@@ -294,10 +259,10 @@ def best_sensor_sets(
     for size in best_rss:
         choose = size - len(kept)
         if choose > 0 and size - 1 in best_rss and np.isfinite(best_rss[size - 1][0]):
-            house.extend(best_state[size - 1][0], candidates, prices, limit, best_rss[size], best_state[size])
-        path = house.path(choose, spent)
+            house.extend(best_state[size - 1][0], candidates, best_rss[size], best_state[size])
+        path = house.path(choose)
         total = tree.combinations(len(ranked), choose)
-        ended = spent > limit or stopped
+        ended = stopped
         if choose == 0 and not ended:
             house.offer(kept, best_rss[size], best_state[size])
             path.counters[tree.EVALUATED] = 1
@@ -309,25 +274,18 @@ def best_sensor_sets(
                 house.owners,
                 ranked,
                 choose,
-                prices,
-                limit,
                 path,
                 best_rss[size],
                 best_state[size],
                 CHUNK_WORK,
             )
-            seconds = time.perf_counter() - started
-            if progress is not None:
-                gap = 0.0 if ended else relative_gap(best_rss[size][0], full_rss / problem.sst)
-                nodes = visited + int(path.counters[tree.VISITED])
-                progress(SearchProgress(size - least + ended, len(best_rss), size, gap, nodes, seconds))
-            if not ended and (is_set(cancel) or (time_limit_s is not None and seconds >= time_limit_s)):
+            late = time_limit_s is not None and time.perf_counter() - started >= time_limit_s
+            if late and not ended:
                 stopped = True
                 break
         counters = path.counters
         visited += int(counters[tree.VISITED])
-        dear = total if spent > limit else int(counters[tree.UNAFFORDABLE])
-        done = int(counters[tree.EVALUATED]), int(counters[tree.BOUNDED]), dear
+        done = int(counters[tree.EVALUATED]), int(counters[tree.BOUNDED])
         coverage[size] = Coverage(*done, left=total - sum(done))
         bound[size] = full_rss / problem.sst * (1.0 - 1e-9) if coverage[size].left else np.inf
     return SensorSetSearch(
@@ -392,30 +350,21 @@ class _House:
         state[sorted(sensors)] = KEPT
         insert(best_rss, best_state, state, self.rss(sensors))
 
-    def extend(
-        self,
-        smaller: States,
-        candidates: list[int],
-        prices: NDArray[np.float64],
-        limit: float,
-        best_rss: NDArray[np.float64],
-        best_state: States,
-    ) -> None:
-        """Record every affordable set of one sensor more than a given one."""
+    def extend(self, smaller: States, candidates: list[int], best_rss: NDArray[np.float64], best_state: States) -> None:
+        """Record every set of one sensor more than a given one."""
         inside = {int(s) for s in np.flatnonzero(smaller == KEPT)}
         for s in candidates:
-            if s not in inside and prices[[*inside, s]].sum() <= limit:
+            if s not in inside:
                 self.offer({*inside, s}, best_rss, best_state)
 
-    def path(self, choose: int, spent: float) -> tree.Path:
+    def path(self, choose: int) -> tree.Path:
         """Start of a search: the columns that are in every set are in the factor."""
         p = self.problem.n_columns
         path = tree.Path(
-            np.zeros(7, np.int64),
+            np.zeros(5, np.int64),
             np.zeros(choose + 2, np.int64),
             np.zeros(choose + 2, np.int64),
             np.ones(choose + 2),
-            np.zeros(choose + 2),
             np.zeros(self.n_sensors, np.int8),
             np.zeros(p + tree.LANES, np.int64),
             self._factor,
@@ -430,7 +379,6 @@ class _House:
         path.fresh[: len(first)] = first
         gram, cross = self.problem.gram, self.problem.cross
         path.count[0], path.rss[0] = tree.joined(gram, cross, path, 0, len(first), 1.0, True, -np.inf)
-        path.spent[0] = spent
         return path
 
     def sensor_set(self, state: States, statistics: Statistics) -> SensorSet:
